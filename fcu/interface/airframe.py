@@ -1,0 +1,79 @@
+"""What an airframe is, to the controller that flies it and to the plant that stands in for it.
+
+The schema is shared, the values never: the controller reads what it believes from
+`fcu/octo.toml`, the plant what is true from `sitl_plant/truth.toml`.
+Frame: body Forward-Left-Up, origin at the centre of mass, rotors in the plane z = 0.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fcu.kernel.algebra import Rotors
+
+
+class Airframe(NamedTuple):
+    """Eight rotors and the limits of what they are asked for. SI units, angles in rad."""
+
+    x: Rotors  # rotor positions forward of the centre of mass, m
+    y: Rotors  # rotor positions left of it, m
+    spin: Rotors  # +1 counter-clockwise from above (about +z body), -1 clockwise
+    c_T: float  # thrust over rotor speed squared, N/(rad/s)^2
+    k_Q: float  # drag torque over thrust, m
+    Omega_max: float  # full rotor speed, rad/s
+    rotor_lag: float  # first-order lag of rotor speed, s; may be zero
+    J_m: float  # inertia of one rotor about its axis, kg m^2
+
+
+class AirframeError(ValueError):
+    """An airframe table that cannot be flown: says which key and what was expected."""
+
+
+_NUMBERS = {
+    "thrust_coefficient": "c_T",
+    "torque_to_thrust_m": "k_Q",
+    "full_speed_rad_s": "Omega_max",
+    "lag_s": "rotor_lag",
+    "inertia_kg_m2": "J_m",
+}
+
+
+def airframe(table: dict[str, Any], source: str = "airframe") -> Airframe:
+    """Build an Airframe from the `[rotors]` table of an airframe TOML.
+
+    Raises AirframeError naming `source` and the key, when one is missing or out of range.
+    """
+    for key in ("angle_deg", "spin", "radius_m", *_NUMBERS):
+        if key not in table:
+            raise AirframeError(f"{source}: [rotors] {key} is missing")
+    angles, spins, radius = table["angle_deg"], table["spin"], table["radius_m"]
+    for key, row in (("angle_deg", angles), ("spin", spins)):
+        if not isinstance(row, list) or len(row) != 8:
+            raise AirframeError(f"{source}: [rotors] {key}: expected eight numbers, got {row!r}")
+    if any(s not in (1, -1) for s in spins):
+        raise AirframeError(f"{source}: [rotors] spin: expected 1 (ccw) or -1 (cw), got {spins}")
+    numbers = {name: float(table[key]) for key, name in _NUMBERS.items()}
+    for key, name in _NUMBERS.items():
+        lowest = 0.0 if name in ("rotor_lag", "J_m") else 1e-12
+        if not lowest <= numbers[name] < math.inf:
+            raise AirframeError(f"{source}: [rotors] {key}: expected a positive number")
+    return Airframe(
+        x=Rotors(*[radius * math.cos(math.radians(a)) for a in angles]),
+        y=Rotors(*[radius * math.sin(math.radians(a)) for a in angles]),
+        spin=Rotors(*[float(s) for s in spins]),
+        **numbers,
+    )
+
+
+def load(path: Path) -> dict[str, Any]:
+    """The tables of an airframe TOML. Raises AirframeError when it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise AirframeError(f"{path}: {error.strerror}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise AirframeError(f"{path}: {error}") from error

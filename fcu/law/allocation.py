@@ -1,0 +1,97 @@
+"""From total thrust and torque to eight rotor speeds, and back from speeds to what they achieve.
+
+When not everything fits, torque about roll and pitch comes first (it keeps the vehicle
+upright), then total thrust, then torque about yaw.
+"""
+
+from __future__ import annotations
+
+from fcu.kernel.algebra import (
+    Rotors, Vec3, clip, clip8, greatest, least, minimum, select, sqrt8, total,
+)  # fmt: skip
+from fcu.kernel.compile import kernel
+
+
+@kernel
+def achieved(params, Omega2):
+    """Thrust (N) and torque (N m, B) of rotor speeds squared, by the believed coefficients.
+
+    Paper (32): T is the sum of the rotors' thrusts. A rotor's drag turns the body against
+    its spin.
+    """
+    f = params.c_T * Omega2
+    T = total(f)
+    tau = Vec3(total(params.y * f), -total(params.x * f), -params.k_Q * total(params.spin * f))
+    return T, tau
+
+
+@kernel
+def omega_m(params, Omega):
+    """Sum of rotor speeds signed by spin (rad/s), positive counter-clockwise. Paper (33)."""
+    return total(params.spin * Omega)  # departure 11
+
+
+@kernel
+def allocate(params, T, tau):
+    """Rotor thrusts (N) for a total thrust (N) and torque (N m, B), and 1 if any was given up."""
+    low, high = params.f_min, params.f_max
+
+    # roll and pitch: scaled together, only if their spread alone does not fit
+    tilting = tau.x * params.B_x + tau.y * params.B_y
+    top, bottom = greatest(tilting), least(tilting)
+    k_tilt = minimum(1.0, (high - low) / (top - bottom + 1e-12))
+    tilting = k_tilt * tilting
+
+    # thrust: moved as little as it takes for roll and pitch to fit
+    share = T / 8.0
+    kept = clip(share, low - k_tilt * bottom, high - k_tilt * top)
+    f = Rotors(kept, kept, kept, kept, kept, kept, kept, kept) + tilting
+
+    # yaw: what room is left
+    yawing = tau.z * params.B_z
+    k_yaw = minimum(1.0, room(f, yawing, low, high))
+    f = clip8(f + k_yaw * yawing, low, high)
+
+    gave_up = (k_tilt < 1.0) or (abs(kept - share) > 1e-9) or (k_yaw < 1.0)
+    return f, select(gave_up, 1.0, 0.0)
+
+
+@kernel
+def room(f, change, low, high):
+    """The largest multiple of `change` that keeps every rotor of f inside [low, high]."""
+    return least(
+        Rotors(
+            room1(f.r1, change.r1, low, high), room1(f.r2, change.r2, low, high),
+            room1(f.r3, change.r3, low, high), room1(f.r4, change.r4, low, high),
+            room1(f.r5, change.r5, low, high), room1(f.r6, change.r6, low, high),
+            room1(f.r7, change.r7, low, high), room1(f.r8, change.r8, low, high),
+        )
+    )  # fmt: skip
+
+
+@kernel
+def room1(f, change, low, high):
+    """The same for one rotor."""
+    left = select(change < 0.0, f - low, high - f)
+    return left / (abs(change) + 1e-12)
+
+
+@kernel
+def speed_command(params, thrusts, Omega):
+    """Commanded rotor speeds over full speed, 0 to 1, for thrusts (N) from speeds Omega (rad/s).
+
+    The lag is inverted: a first-order rotor told Omega + kappa (wanted - Omega) gets there
+    kappa times sooner. h^-1 of (7).
+    """
+    wanted = sqrt8((1.0 / params.c_T) * thrusts)
+    command = Omega + params.kappa * (wanted - Omega)  # (7)
+    return clip8((1.0 / params.Omega_max) * command, 0.0, 1.0)
+
+
+@kernel
+def mean_squares(params, Omega_prev, Omega):
+    """Mean of rotor speeds squared over the last tick ((rad/s)^2), from its two ends."""
+    w = params.rotor_mean
+    return w * (Omega_prev * Omega_prev) + (1.0 - w) * (Omega * Omega)
+
+

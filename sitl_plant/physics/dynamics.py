@@ -1,0 +1,156 @@
+"""The rigid body, eight rotors, the air and the ground, integrated. Paper (32), (33).
+
+Classical Runge-Kutta on position, velocity, attitude and body rate; the rotors' first-order
+lag is advanced exactly. `integrate` is pure: (state, command, time) -> state.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fcu.kernel.algebra import Quat, Vec3, cross, norm, select
+from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import matrix, normalised, quaternion_rate, rotate, rotate_back
+from sitl_plant.physics import drag, ground, rotors
+from sitl_plant.physics.types import PlantRecord, PlantState
+from sitl_plant.physics.wind import field
+
+FLYING, DIVERGED, CRASHED = 0.0, 1.0, 2.0
+
+
+class Body(NamedTuple):
+    """The part of the state that Runge-Kutta integrates; also its derivative."""
+
+    r_E: Vec3
+    v_E: Vec3
+    q_EB: Quat
+    w_B: Vec3
+
+
+class Push(NamedTuple):
+    """What acts on the body and does not depend on its motion within a stage."""
+
+    m: float
+    T: float  # N
+    tau_B: Vec3  # N m
+    Omega_m: float  # rad/s
+    v_air_E: Vec3  # m/s
+    w_air_B: Vec3  # rad/s
+
+
+@kernel
+def moved(body, rate, h):
+    """body + h rate."""
+    return Body(
+        body.r_E + h * rate.r_E,
+        body.v_E + h * rate.v_E,
+        body.q_EB + h * rate.q_EB,
+        body.w_B + h * rate.w_B,
+    )
+
+
+@kernel
+def derivative(params, body, push):
+    """Time derivative of the body's state, as a Body. Paper (32), (33)."""
+    R_EB = matrix(body.q_EB)
+    w_B, J = body.w_B, params.J
+
+    # force on the body, Earth axes
+    f_T_E = push.T * R_EB.e3
+    v_a_B = rotate_back(R_EB, body.v_E - push.v_air_E)
+    f_D_E = rotate(R_EB, drag.against(params.c_D, v_a_B))
+    f_G_E, tau_G_B, _ = ground.contact(params.ground, body.r_E, body.v_E, R_EB, w_B)
+    g_E = Vec3(0.0, 0.0, -params.g)
+    v_dot_E = (f_T_E + f_D_E + f_G_E) / push.m + g_E  # (32)
+
+    # torque on the body, body axes
+    J_m = params.airframe.J_m
+    tau_gyro_B = (J_m * push.Omega_m) * Vec3(-w_B.y, w_B.x, 0.0)
+    tau_D_B = drag.against(params.c_tau, w_B - push.w_air_B)
+    tau_B = push.tau_B + tau_gyro_B + tau_D_B + tau_G_B
+    w_dot_B = (tau_B - cross(w_B, J * w_B)) / J  # (33)
+
+    return Body(body.v_E, v_dot_E, quaternion_rate(body.q_EB, w_B), w_dot_B)
+
+
+@kernel
+def mass(params, t):
+    """Mass in force at time t (s), kg."""
+    return select(t >= params.m_time, params.m_after, params.m)
+
+
+@kernel
+def push_at(params, Omega, left, m, t):
+    """What acts at time t with the rotors at Omega (rad/s)."""
+    T, tau_B = rotors.thrust_and_torque(params, Omega, left)
+    wind = params.wind
+    return Push(
+        m, T, tau_B, rotors.omega_m(params, Omega),
+        field.v_air_E(wind, t), field.w_air_B(wind, t),
+    )  # fmt: skip
+
+
+@kernel
+def integrate(params, state, command, t):
+    """The state one step h after time t (s), under commanded rotor speeds over full speed."""
+    h = params.h
+    Omega_c = params.airframe.Omega_max * command.u
+    Omega_0 = select_lagless(params, state.Omega, Omega_c)
+    Omega_half = rotors.lagged(state.Omega, Omega_c, params.decay_half)
+    Omega_1 = rotors.lagged(state.Omega, Omega_c, params.decay)
+
+    # what changes in mid-flight changes at a step, not inside one
+    m, left = mass(params, t), rotors.effectiveness(params, t)
+    push_0 = push_at(params, Omega_0, left, m, t)
+    push_half = push_at(params, Omega_half, left, m, t + 0.5 * h)
+    push_1 = push_at(params, Omega_1, left, m, t + h)
+
+    body = Body(state.r_E, state.v_E, state.q_EB, state.w_B)
+    k1 = derivative(params, body, push_0)
+    k2 = derivative(params, moved(body, k1, 0.5 * h), push_half)
+    k3 = derivative(params, moved(body, k2, 0.5 * h), push_half)
+    k4 = derivative(params, moved(body, k3, h), push_1)
+    sixth, third = h / 6.0, h / 3.0
+    end = moved(moved(moved(moved(body, k1, sixth), k2, third), k3, third), k4, sixth)
+    return PlantState(end.r_E, end.v_E, normalised(end.q_EB), end.w_B, Omega_1)
+
+
+@kernel
+def select_lagless(params, Omega, Omega_c):
+    """Rotor speeds at the start of a step: those of the state, or the command without lag."""
+    lagged = select(params.decay_half > 0.0, 1.0, 0.0)
+    return Omega_c + lagged * (Omega - Omega_c)
+
+
+@kernel
+def ended(params, state, r_start):
+    """FLYING, or DIVERGED (outside the arena, or not a number), or CRASHED (hit the ground)."""
+    away = norm(state.r_E - r_start)
+    inside = (away <= params.arena) and (norm(state.w_B) < 1e6) and (norm(state.v_E) < 1e6)
+    low = state.r_E.z < params.ground.z + params.ground.gear
+    hit = low and (state.v_E.z < -params.ground.impact_max)
+    buried = state.r_E.z < params.ground.z - params.ground.gear
+    return select(inside, select(hit or buried, CRASHED, FLYING), DIVERGED)
+
+
+@kernel
+def record(params, state, t, r_start):
+    """The truth at time t, as a PlantRecord."""
+    R_EB = matrix(state.q_EB)
+    m, left = mass(params, t), rotors.effectiveness(params, t)
+    push = push_at(params, state.Omega, left, m, t)
+    v_a_B = rotate_back(R_EB, state.v_E - push.v_air_E)
+    _, _, touching = ground.contact(params.ground, state.r_E, state.v_E, R_EB, state.w_B)
+    return PlantRecord(
+        t,
+        state,
+        push.v_air_E,
+        push.w_air_B,
+        rotate(R_EB, drag.against(params.c_D, v_a_B)),
+        push.T,
+        push.tau_B,
+        m,
+        params.J,
+        touching,
+        ended(params, state, r_start),
+    )

@@ -1,0 +1,126 @@
+"""From tables a person writes (truth.toml, a mission's [plant] and [wind]) to PlantParams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fcu.interface.airframe import airframe, load
+from fcu.kernel.algebra import Quat, Rotors, Vec3
+from fcu.kernel.rotations import from_euler
+from sitl_plant.physics.types import GroundParams, PlantParams, PlantState, WindParams
+
+G = 9.81  # m/s^2
+NEVER = 1e18  # s: an event that does not happen (finite, so that it can be written as JSON)
+STEP = 0.001  # s: the longest integration step
+
+TRUTH = Path(__file__).resolve().parents[1] / "truth.toml"
+
+
+def _vec(row: Any) -> Vec3:
+    return Vec3(*[float(v) for v in row])
+
+
+def steps_per_tick(rate_hz: float) -> int:
+    """Integration steps in one control period: none longer than STEP."""
+    return math.ceil(1.0 / (rate_hz * STEP) - 1e-9)
+
+
+def wind_params(wind: Mapping[str, Any] | None = None) -> WindParams:
+    """WindParams from a mission's [wind] table; absent keys are still air."""
+    wind = wind or {}
+    zero = (0.0, 0.0, 0.0)
+    at = wind.get("step_at_s")
+    return WindParams(
+        steady=_vec(wind.get("steady_m_s", zero)),
+        amplitude=_vec(wind.get("amplitude_m_s", zero)),
+        frequency=_vec(wind.get("frequency_rad_s", zero)),
+        rotation_amplitude=_vec(wind.get("rotation_amplitude_rad_s", zero)),
+        rotation_frequency=_vec(wind.get("rotation_frequency_rad_s", zero)),
+        step=_vec(wind.get("step_m_s", zero)),
+        step_time=NEVER if at is None else float(at),
+    )
+
+
+def plant_params(
+    believed_rotors: Mapping[str, Any],
+    rate_hz: float,
+    plant: Mapping[str, Any] | None = None,
+    wind: Mapping[str, Any] | None = None,
+    ground_z_m: float = 0.0,
+    arena_m: float = 1000.0,
+    truth: Path = TRUTH,
+) -> PlantParams:
+    """PlantParams for a control rate.
+
+    believed_rotors : the `[rotors]` table the controller believes, from which truth differs.
+    plant, wind : a mission's tables, over those of `truth`.  Raises AirframeError.
+    """
+    tables, plant = load(truth), plant or {}
+    vehicle = {**tables["vehicle"], **{k: v for k, v in plant.items() if v is not None}}
+    rotors = {**believed_rotors, **tables.get("rotors", {})}
+    if plant.get("rotor_lag_s") is not None:
+        rotors["lag_s"] = plant["rotor_lag_s"]
+    true = airframe(rotors, str(truth))
+
+    loss_time, left = [NEVER] * 8, [1.0] * 8
+    for loss in plant.get("rotor_loss") or ():
+        loss_time[loss["rotor"] - 1] = float(loss["at_s"])
+        left[loss["rotor"] - 1] = float(loss["effectiveness"])
+
+    h = 1.0 / (rate_hz * steps_per_tick(rate_hz))
+    lag = true.rotor_lag
+    change = plant.get("mass_change") or {}
+    ground = tables["ground"]
+    return PlantParams(
+        h=h,
+        g=G,
+        m=float(vehicle["mass_kg"]),
+        m_after=float(change.get("mass_kg", vehicle["mass_kg"])),
+        m_time=float(change.get("at_s", NEVER)),
+        J=_vec(vehicle["inertia_kg_m2"]),
+        c_D=_vec(vehicle["drag"]),
+        c_tau=_vec(vehicle["drag_torque"]),
+        airframe=true,
+        decay_half=math.exp(-0.5 * h / lag) if lag > 0.0 else 0.0,
+        decay=math.exp(-h / lag) if lag > 0.0 else 0.0,
+        loss_time=Rotors(*loss_time),
+        effectiveness=Rotors(*left),
+        wind=wind_params(wind),
+        ground=GroundParams(
+            z=float(ground_z_m),
+            gear=float(ground["gear_m"]),
+            stiffness=float(ground["stiffness_n_m"]),
+            damping=float(ground["damping_n_s_m"]),
+            friction=float(ground["friction"]),
+            footprint=float(ground["footprint_m"]),
+            impact_max=float(ground["impact_max_m_s"]),
+        ),
+        arena=float(arena_m),
+    )
+
+
+def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> PlantState:
+    """The state in which a flight begins.
+
+    In the air: at `position_m`, level, rotors at the speed that carries the weight. On the
+    ground (`on_ground`): standing on the gear, rotors stopped.
+    """
+    start = start or {}
+    x, y, z = (float(v) for v in start.get("position_m", (0.0, 0.0, 0.0)))
+    weight = params.m * params.g
+    Omega = math.sqrt(weight / 8.0 / params.airframe.c_T)
+    ground = params.ground
+    if start.get("on_ground"):
+        z = ground.z + ground.gear - weight / ground.stiffness
+        Omega = 0.0
+    q: Quat = from_euler.py_func(0.0, 0.0, math.radians(float(start.get("yaw_deg", 0.0))))
+    return PlantState(
+        r_E=Vec3(x, y, z),
+        v_E=_vec(start.get("velocity_m_s", (0.0, 0.0, 0.0))),
+        q_EB=q,
+        w_B=Vec3(0.0, 0.0, 0.0),
+        Omega=Rotors(*[Omega] * 8),
+    )
