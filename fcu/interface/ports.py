@@ -1,0 +1,83 @@
+"""Every UDP port and MAVLink identity, from the instance number: one table.
+
+Instances run side by side on one machine without meeting. The numbers of the script and
+ground station links are PX4's, so tools find an instance where they look for one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fcu.interface.link import PortBusy, exclusive_socket
+
+INSTANCES = 10
+
+
+class Ports(NamedTuple):
+    """The ports of one instance, each named for the side that binds it, and its identity."""
+
+    plant: int
+    fcu_plant: int
+    fcu_script: int
+    script: int
+    fcu_station: int
+    station: int
+    system_id: int  # MAVLink; the component is 1
+
+
+class _Row(NamedTuple):
+    first: int  # for instance 0
+    step: int  # from one instance to the next
+    owner: str  # who binds it, on which link
+
+
+_TABLE = {
+    "plant": _Row(4560, 1, "plant, plant link"),
+    "fcu_plant": _Row(4660, 1, "flight controller, plant link"),
+    "fcu_script": _Row(14580, 1, "flight controller, script link"),
+    "script": _Row(14540, 1, "ground script, script link"),
+    "fcu_station": _Row(18570, 1, "flight controller, ground station link"),
+    "station": _Row(14550, 0, "ground station, shared by all instances"),
+}
+_BOUND = ("plant", "fcu_plant", "fcu_script", "fcu_station")  # by an instance's two processes
+
+
+class NoFreeInstance(OSError):
+    """Every instance has a port that another process holds."""
+
+
+def ports(instance: int) -> Ports:
+    """The ports and system id of an instance. Raises ValueError unless it is 0 to 9."""
+    if not 0 <= instance < INSTANCES:
+        raise ValueError(f"instance {instance}: expected 0 to {INSTANCES - 1}")
+    numbers = {name: row.first + instance * row.step for name, row in _TABLE.items()}
+    return Ports(**numbers, system_id=instance + 1)
+
+
+def owner(port: str) -> str:
+    """Who binds the port of this name in Ports, and on which link: for error messages."""
+    return _TABLE[port].owner
+
+
+def table() -> str:
+    """The table as text, a line a port, for `--help`."""
+    rows = [f"{row.first}{'+N' if row.step else '':4}{row.owner}" for row in _TABLE.values()]
+    heading = f"UDP ports on loopback, instance N (0 to {INSTANCES - 1}), MAVLink system N+1:"
+    return "\n".join([heading, *(f"  {row}" for row in rows)])
+
+
+def first_free_instance(with_script: bool = False) -> int:
+    """The lowest instance whose ports can all be bound now; raises NoFreeInstance.
+
+    `with_script` asks for the ground script's port too: for a runner that will bind it.
+    """
+    names = (*_BOUND, "script") if with_script else _BOUND
+    for instance in range(INSTANCES):
+        numbers = ports(instance)._asdict()
+        try:
+            for name in names:
+                exclusive_socket(numbers[name], owner(name)).close()
+        except PortBusy:
+            continue
+        return instance
+    raise NoFreeInstance(f"instances 0 to {INSTANCES - 1} all have a port in use")

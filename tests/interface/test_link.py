@@ -1,0 +1,128 @@
+"""UDP on loopback, and the pair in memory."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from fcu.interface.link import Link, PortBusy, UdpLink, memory_pair
+
+PATIENCE_S = 5.0
+
+
+@pytest.fixture
+def opened():
+    links: list[UdpLink] = []
+
+    def open_link(bind_port=0, peer_port=None, name="link"):
+        links.append(UdpLink(bind_port, peer_port, name))
+        return links[-1]
+
+    yield open_link
+    for link in links:
+        link.close()
+
+
+def received(link):
+    assert link.wait(PATIENCE_S)
+    return link.receive()
+
+
+def closed_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return sock.getsockname()[1]
+
+
+def test_two_ends_hear_each_other(opened):
+    a = opened()
+    b = opened(0, a.port)
+    b.send(b"state")
+    assert received(a) == b"state"
+    a.send(b"command")  # to whoever spoke last
+    assert received(b) == b"command"
+
+
+def test_receiving_does_not_block(opened):
+    assert opened().receive() is None
+    assert opened(0, closed_port()).receive() is None
+    assert not opened().wait(0.0)
+
+
+def test_sending_before_anyone_spoke_is_lost(opened):
+    opened().send(b"hello")
+
+
+def test_an_absent_peer_is_not_an_error(opened):
+    link = opened(0, closed_port())
+    for _ in range(3):
+        link.send(b"anyone?")
+        link.wait(0.0)
+        assert link.receive() is None
+
+
+def test_a_peer_may_come_later(opened):
+    port = closed_port()
+    early = opened(0, port)
+    early.send(b"lost")
+    late = opened(port, early.port)
+    early.send(b"found")
+    assert received(late) == b"found"
+    late.send(b"answer")
+    assert received(early) == b"answer"
+
+
+def test_a_stranger_is_not_heard(opened):
+    peer, stranger = opened(), opened()
+    link = opened(0, peer.port)
+    link.send(b"hello")
+    assert received(peer) == b"hello"
+    stranger._socket.sendto(b"stranger", ("127.0.0.1", link.port))
+    peer.send(b"peer")
+    assert received(link) == b"peer"
+    assert link.receive() is None
+
+
+def test_a_busy_port_says_which_and_whose(opened):
+    port = opened().port
+    with pytest.raises(PortBusy, match=rf"{port} \(plant link\)") as caught:
+        UdpLink(port, name="plant link")
+    assert (caught.value.port, caught.value.link) == (port, "plant link")
+    assert isinstance(caught.value, OSError)
+
+
+def test_a_port_that_others_would_share_is_busy_too():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("127.0.0.1", 0))
+        with pytest.raises(PortBusy):
+            UdpLink(other.getsockname()[1])
+
+
+def test_a_closed_port_can_be_had_again(opened):
+    link = opened()
+    port = link.port
+    link.close()
+    assert link.fileno() == -1
+    assert opened(port).port == port
+
+
+def test_only_loopback_is_bound(opened):
+    assert opened()._socket.getsockname()[0] == "127.0.0.1"
+
+
+def test_the_pair_in_memory_has_the_same_face():
+    a, b = memory_pair()
+    links: tuple[Link, Link] = (a, b)
+    a.send(b"1")
+    a.send(b"2")
+    assert b.wait(0.0)
+    assert [end.fileno() for end in links] == [-1, -1]
+    assert (b.receive(), b.receive(), b.receive()) == (b"1", b"2", None)
+    assert not b.wait(PATIENCE_S)
+    b.send(b"3")
+    b.send(b"4")
+    assert a.receive() == b"3"
+    a.close()
+    assert a.receive() is None
