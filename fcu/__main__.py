@@ -1,0 +1,75 @@
+"""`fcu`: the flight controller as a process of its own."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
+
+
+@click.command(epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped, 2 usage, 3 plant link or port.")
+@click.version_option(package_name="m-mrac")
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
+@click.option("--rate", "rate_hz", default=500.0, show_default=True, help="Control rate, Hz.")
+@click.option("--law", type=click.Path(path_type=Path), help="LawParams as JSON, in place of octo.toml and --rate.")  # fmt: skip
+@click.option("--record-fd", type=int, hidden=True)
+@click.option("--lifeline-fd", type=int, hidden=True)
+@click.option("--drop/--wait", default=False, hidden=True)
+def main(
+    instance: int | None,
+    rate_hz: float,
+    law: Path | None,
+    record_fd: int | None,
+    lifeline_fd: int | None,
+    drop: bool,
+) -> None:
+    """Fly the M-MRAC law: wait for a plant on UDP, answer each of its states with a command.
+
+    The plant sets the pace; start it before or after (`sitl-plant`). Ground stations and
+    scripts find the vehicle on PX4's ports.
+    """
+    from fcu.configuration import ConfigurationError, read_law
+    from fcu.interface.link import PortBusy
+    from fcu.interface.tape import Tape
+    from fcu.kernel.buffers import size
+    from fcu.kernel.compile import is_cached
+    from fcu.law.types import Tick
+    from fcu.loop import INFRASTRUCTURE, Loop, say
+
+    try:
+        number = first_free_instance() if instance is None else instance
+        params = read_law(law, rate_hz)
+        tape = Tape(size(Tick), record_fd, wait=not drop)
+        loop = Loop(ports(number), params, tape, lifeline_fd)
+    except PortBusy as error:
+        say(-1, "error", str(error.strerror))
+        sys.exit(INFRASTRUCTURE)
+    except OSError as error:
+        say(-1, "error", str(error))
+        sys.exit(INFRASTRUCTURE)
+    except ConfigurationError as error:
+        raise click.UsageError(str(error)) from error
+
+    def stop(_signal: int, _frame: object) -> None:
+        loop.stopping = True
+
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, stop)
+    if not is_cached("tick"):
+        say(-1, "info", "compiling the law, once for this version (about 15 s)")
+    loop.warm_up()
+    at = ports(number)
+    say(-1, "info", f"instance {number}: waiting for the plant on 127.0.0.1:{at.fcu_plant}")
+    print(json.dumps({"ready": "fcu", "instance": number, **at._asdict()}), flush=True)
+    code = loop.run()
+    print(json.dumps({"ended": "fcu", "exit_code": code, **vars(loop.figures)}), flush=True)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

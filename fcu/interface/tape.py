@@ -1,0 +1,84 @@
+"""Rows of float64 handed to whoever records the flight, a batch at a time, through a pipe.
+
+A row is copied, not converted: the law's tick writes straight into the batch. In lockstep
+the flight waits for its recorder, so a recording is complete. In real time it must not:
+the pipe is then non-blocking, and a batch that does not fit is dropped and counted.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+BATCH = 64  # rows; at 500 Hz an eighth of a second
+PIPE_BYTES = 1 << 20
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class Tape:
+    """The writing end. Without a file descriptor rows are kept no longer than a batch."""
+
+    def __init__(self, width: int, fd: int | None = None, wait: bool = True) -> None:
+        """`width`: float64 in a row. `wait`: block while the pipe is full (lockstep)."""
+        self._batch = np.zeros((BATCH, width))
+        self._rows = [self._batch[i] for i in range(BATCH)]
+        self._next = 0
+        self._fd = fd
+        self._left = b""
+        self.dropped = 0
+        if fd is not None:
+            os.set_blocking(fd, wait)
+            _widen(fd)
+
+    def row(self) -> Row:
+        """The row to write next. It stays valid until the row after next."""
+        return self._rows[self._next]
+
+    def done(self) -> None:
+        """The row has been written."""
+        self._next += 1
+        if self._next == BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand over what there is. Raises BrokenPipeError when nobody reads any more."""
+        if self._next and self._fd is not None:
+            self._write(self._batch[: self._next].tobytes(), self._next)
+        # the last row stays readable: the next tick starts from it
+        if self._next:
+            self._batch[BATCH - 1] = self._batch[self._next - 1]
+        self._next = 0
+
+    def _write(self, data: bytes, rows: int) -> None:
+        assert self._fd is not None
+        if self._left:  # the tail of a batch that half fitted: rows must stay whole
+            try:
+                self._left = self._left[os.write(self._fd, self._left) :]
+            except BlockingIOError:
+                pass
+            if self._left:
+                self.dropped += rows
+                return
+        view = memoryview(data)
+        while view:
+            try:
+                view = view[os.write(self._fd, view) :]
+            except BlockingIOError:
+                if len(view) == len(data):
+                    self.dropped += rows
+                else:
+                    self._left = bytes(view)
+                return
+
+
+def _widen(fd: int) -> None:
+    """A pipe that holds a second or two, where the system lets us."""
+    try:
+        import fcntl
+
+        fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    except (ImportError, AttributeError, OSError):
+        pass

@@ -1,0 +1,256 @@
+"""The flight controller's loop: a state arrives, the law runs, a command goes back.
+
+The plant paces the loop: a tick starts when its state arrives, so there is never a tick of
+delay between a measurement and the command computed from it. Between ticks the ground links
+are served. Nothing here blocks but the wait for the next datagram.
+"""
+
+from __future__ import annotations
+
+import gc
+import select
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcu.ground.port import GroundPort
+from fcu.ground.telemetry import Telemetry
+from fcu.interface.ground_messages import (
+    Command,
+    CommandAck,
+    Result,
+    SetpointMessage,
+    Severity,
+)
+from fcu.interface.link import UdpLink
+from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.interface.ports import Ports, owner
+from fcu.interface.tape import Tape
+from fcu.interface.wire import PlantCodec, WireError
+from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.law import cascade
+from fcu.law.types import LawParams, LawState, Tick
+from fcu.supervisor import Supervisor
+
+WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
+OK, INFRASTRUCTURE = 0, 3
+
+_TICK = columns(Tick)
+_STATE_AT = _TICK.index("state.r_m.x")
+_STATE = slice(_STATE_AT, _STATE_AT + size(LawState))
+_COMMAND_AT = _TICK.index("command.u.r1")
+_COMMAND = slice(_COMMAND_AT, _COMMAND_AT + size(RotorCommand))
+
+
+@dataclass
+class Figures:
+    """What the loop counted, for whoever asks at the end."""
+
+    ticks: int = 0
+    resent: int = 0
+    refused: int = 0  # datagrams of the plant link that were not states
+    cycle_max_us: float = 0.0
+    dropped: int = 0  # recorded rows that did not fit
+
+
+class Loop:
+    """One flight controller, from its first datagram to its end."""
+
+    def __init__(self, ports: Ports, params: LawParams, tape: Tape, lifeline: int | None) -> None:
+        """`lifeline`: a file descriptor whose end of file ends the loop. Raises PortBusy."""
+        self._ports = ports
+        self._params = params
+        self._params_buffer = to_buffer(params)
+        self._tape = tape
+        self._lifeline = lifeline
+        self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
+        self._codec = PlantCodec(ports.system_id)
+        self._ground = [
+            GroundPort(ports.fcu_script, ports.script, ports.system_id, owner("fcu_script")),
+            GroundPort(ports.fcu_station, ports.station, ports.system_id, owner("fcu_station")),
+        ]
+        self.vehicle = Supervisor()
+        self._telemetry = Telemetry(self._ground, self.vehicle, params.spin, params.T_max)
+        self.figures = Figures()
+        self.stopping = False
+        self._setpoint = np.zeros(size(Setpoint))
+        self._flown: Setpoint | None = None
+        self._engaged = cascade.IDLE
+        self._measured = np.zeros(size(VehicleState))
+        self._state = np.zeros(size(LawState))
+        self._answer = b""
+        self._time_us = -1
+        self._heard = 0.0
+        self._exit = OK
+
+    def warm_up(self) -> None:
+        """Compile what a tick needs, by flying one that goes nowhere."""
+        row, state = np.zeros(size(Tick)), np.zeros(size(LawState))
+        measured = np.zeros(size(VehicleState))
+        measured[6] = 1.0
+        for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
+            cascade.tick(
+                0.0, engaged, state, self._params_buffer, self._setpoint, 0.0, measured, row
+            )
+            state = row[_STATE].copy()
+        self._telemetry.tick(0.0, row)
+        self._telemetry = Telemetry(
+            self._ground, self.vehicle, self._params.spin, self._params.T_max
+        )
+
+    def run(self) -> int:
+        """Fly until told to stop; returns the exit code."""
+        poll = select.poll()
+        plant_fd = self._plant.fileno()
+        by_fd = {port.fileno(): port for port in self._ground}
+        for fd in (plant_fd, *by_fd):
+            poll.register(fd, select.POLLIN)
+        if self._lifeline is not None:
+            poll.register(self._lifeline, select.POLLIN | select.POLLHUP)
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        warned = False
+        while not self.stopping:
+            for fd, _ in poll.poll(50):
+                if fd == plant_fd:
+                    self._serve_plant()
+                elif fd in by_fd:
+                    self._serve_ground(by_fd[fd])
+                else:
+                    self.stopping = True  # whoever started us is gone
+            now = time.monotonic()
+            self._telemetry.heartbeat(now)
+            if self._heard:
+                silent = now - self._heard
+                if silent > END_S:
+                    say(self._time_us, "error", f"the plant has been silent for {END_S:.0f} s")
+                    self._exit = INFRASTRUCTURE
+                    break
+                if silent > WARN_S and not warned:
+                    say(self._time_us, "warning", "the plant has been silent for 1 s")
+                warned = silent > WARN_S
+        self._close()
+        return self._exit
+
+    # --- the plant
+
+    def _serve_plant(self) -> None:
+        while (datagram := self._plant.receive()) is not None:
+            started = time.perf_counter()
+            try:
+                time_us = self._codec.parse_state(datagram, self._measured)
+            except WireError as error:
+                self.figures.refused += 1
+                if self.figures.refused == 1:
+                    say(self._time_us, "warning", f"plant link: {error}")
+                continue
+            if not self._heard:
+                say(time_us, "info", "the plant is there")
+            self._heard = time.monotonic()
+            if self._codec.is_hold(datagram):
+                if self._time_us < 0:
+                    self.vehicle.state = self._measured
+                self._flush()  # time stands: what was flown so far is due
+            elif time_us == self._time_us:  # our answer was lost
+                self.figures.resent += 1
+                self._plant.send(self._answer)
+            elif time_us < self._time_us:
+                say(time_us, "error", f"time ran back from {self._time_us * 1e-6:.6f} s")
+                self._exit, self.stopping = INFRASTRUCTURE, True
+                return
+            else:
+                self._time_us = time_us
+                self._tick(time_us)
+                cycle = (time.perf_counter() - started) * 1e6
+                self.figures.cycle_max_us = max(self.figures.cycle_max_us, cycle)
+
+    def _tick(self, time_us: int) -> None:
+        t = time_us * 1e-6
+        vehicle, row = self.vehicle, self._tape.row()
+        happened = vehicle.observe(self._measured, t)
+        if happened:
+            self._telemetry.text(Severity.INFO, happened)
+            say(time_us, "info", happened)
+        if not vehicle.armed or vehicle.setpoint is None:
+            self._engaged = cascade.IDLE
+        elif self._engaged == cascade.IDLE:
+            self._engaged = cascade.TAKE_OVER
+        else:
+            self._engaged = cascade.FLYING
+        if vehicle.setpoint is not self._flown and vehicle.setpoint is not None:
+            self._setpoint[:] = to_buffer(vehicle.setpoint)
+        self._flown = vehicle.setpoint
+        age = (time_us - round(vehicle.set_at * 1e6)) * 1e-6
+        cascade.tick(
+            t, self._engaged, self._state, self._params_buffer, self._setpoint, age,
+            self._measured, row,
+        )  # fmt: skip
+        self._answer = self._codec.pack_controls(time_us, row[_COMMAND], vehicle.armed, True)
+        self._plant.send(self._answer)
+        self._state[:] = row[_STATE]
+        self.figures.ticks += 1
+        self._telemetry.tick(t, row)
+        self._record()
+
+    def _record(self) -> None:
+        try:
+            self._tape.done()
+        except BrokenPipeError:
+            self._unrecorded()
+
+    def _flush(self) -> None:
+        try:
+            self._tape.flush()
+        except BrokenPipeError:
+            self._unrecorded()
+
+    def _unrecorded(self) -> None:
+        say(self._time_us, "error", "nobody records this flight any more")
+        self._exit, self.stopping = INFRASTRUCTURE, True
+
+    # --- the ground
+
+    def _serve_ground(self, port: GroundPort) -> None:
+        t = max(self._time_us, 0) * 1e-6
+        for message, address in port.receive():
+            if isinstance(message, Command):
+                verdict = self.vehicle.command(message, t)
+                port.send(port.codec.pack_command_ack(message, verdict.result), address)
+                if verdict.text:
+                    good = verdict.result is Result.ACCEPTED
+                    self._telemetry.text(
+                        Severity.INFO if good else Severity.WARNING, verdict.text
+                    )
+                    say(self._time_us, "info" if good else "warning", verdict.text)
+            elif isinstance(message, SetpointMessage):
+                # while time stands this is the setpoint of the tick to come
+                verdict = self.vehicle.offer(message, self._next_time(t))
+                if verdict.result is Result.ACCEPTED:
+                    echo = port.codec.pack_position_target(
+                        t, message.numbers, message.type_mask, message.frame
+                    )
+                    port.send(echo, address)
+                else:
+                    self._telemetry.text(Severity.WARNING, verdict.text)
+            elif isinstance(message, CommandAck):
+                continue
+
+    def _next_time(self, t: float) -> float:
+        """When a setpoint that arrives now takes effect: at the next tick."""
+        return 0.0 if self._time_us < 0 else t + self._params.h
+
+    def _close(self) -> None:
+        self._flush()
+        self.figures.dropped = self._tape.dropped
+        self._plant.close()
+        for port in self._ground:
+            port.close()
+
+
+def say(time_us: int, level: str, text: str) -> None:
+    """One line of log an event: simulation time, level, process."""
+    stamp = f"{time_us * 1e-6:10.3f}" if time_us >= 0 else f"{'-':>10}"
+    print(f"{stamp} {level:<7} fcu  {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,165 @@
+"""The two processes of a flight: started, watched, and stopped again, whatever happens."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
+STOP_S = 2.0  # wall: between asking a process to end and ending it
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class InfrastructureError(RuntimeError):
+    """A process died or stalled, or a port was busy: which one, in words."""
+
+
+class Child:
+    """One process: its log in a file, its JSON lines on standard output."""
+
+    def __init__(
+        self, name: str, module: str, arguments: Sequence[str], log: Path, fds: Sequence[int]
+    ) -> None:
+        """`fds`: file descriptors it inherits; they are closed on our side."""
+        self.name = name
+        self._log_path = log
+        self._log: IO[bytes] = log.open("wb")
+        self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            pass_fds=fds,
+            start_new_session=True,  # a Ctrl-C at our terminal is ours to handle
+        )
+        for fd in fds:
+            os.close(fd)
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            try:
+                self._lines.put(json.loads(line))
+            except ValueError:
+                continue
+
+    def wait_ready(self, check: Callable[[], None]) -> None:
+        """Until it says that it is. Raises InfrastructureError. `check` is called meanwhile."""
+        until = time.monotonic() + READY_S
+        while time.monotonic() < until:
+            check()
+            try:
+                if "ready" in self._lines.get(timeout=0.05):
+                    return
+            except queue.Empty:
+                continue
+        raise InfrastructureError(f"the {self.name} was not ready within {READY_S:.0f} s")
+
+    def check(self) -> None:
+        """Raise InfrastructureError if it has ended."""
+        code = self.process.poll()
+        if code is not None:
+            how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+            raise InfrastructureError(f"the {self.name} {how}: {self.last_words()}")
+
+    def last_words(self) -> str:
+        """The last error in its log, or its last line."""
+        try:
+            lines = self._log_path.read_text(errors="replace").strip().splitlines()
+        except OSError:
+            lines = []
+        errors = [line for line in lines if " error " in line]
+        chosen = errors[-1:] or lines[-1:] or ["it left no log"]
+        return " ".join(chosen[0].split())
+
+    def pin(self, cpu: int) -> None:
+        """Run on this core alone, where the system can."""
+        if hasattr(os, "sched_setaffinity"):
+            try:
+                os.sched_setaffinity(self.process.pid, {cpu})
+            except OSError:
+                pass
+
+    def stop(self) -> dict[str, Any]:
+        """End it, kindly and then not; returns what it said last of itself."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            try:
+                self.process.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        self._reader.join(STOP_S)
+        self._log.close()
+        if self.process.stdout is not None and not self._reader.is_alive():
+            self.process.stdout.close()
+        said: dict[str, Any] = {}
+        while not self._lines.empty():
+            line = self._lines.get_nowait()
+            said = line if "ended" in line else said
+        return said
+
+
+class Collector(threading.Thread):
+    """Takes the rows of both processes from their pipes and hands them on as arrays.
+
+    It reads no faster than it hands on, and the pipes make the processes wait for it: in
+    lockstep nothing is lost.
+    """
+
+    def __init__(self, sources: dict[int, tuple[int, Callable[[Rows], None]]]) -> None:
+        """`sources`: file descriptor -> float64 in a row, and where batches of rows go."""
+        super().__init__(daemon=True, name="collector")
+        self._sources = sources
+        self._left = {fd: b"" for fd in sources}
+        self.rows = {fd: 0 for fd in sources}
+        self.error: Exception | None = None
+        self._changed = threading.Condition()
+
+    def run(self) -> None:
+        """Until every pipe is closed at its other end."""
+        open_fds = set(self._sources)
+        while open_fds:
+            for fd in select.select(open_fds, (), ())[0]:
+                data = os.read(fd, 1 << 20)
+                if not data:
+                    open_fds.discard(fd)
+                    os.close(fd)
+                else:
+                    self._take(fd, data)
+            with self._changed:
+                self._changed.notify_all()
+
+    def _take(self, fd: int, data: bytes) -> None:
+        width, hand_on = self._sources[fd]
+        data = self._left[fd] + data
+        n = len(data) // (8 * width)
+        self._left[fd] = data[n * 8 * width :]
+        rows = np.frombuffer(data, dtype="<f8", count=n * width).reshape(n, width)
+        if n and self.error is None:
+            try:
+                hand_on(rows)
+            except Exception as error:  # reported by whoever waits for rows
+                self.error = error
+        self.rows[fd] += n
+
+    def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
+        """Until `done()`, at most the time; it is asked again whenever rows have come."""
+        with self._changed:
+            return self._changed.wait_for(lambda: done() or self.error is not None, timeout_s)

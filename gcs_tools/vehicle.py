@@ -1,0 +1,141 @@
+"""A ground script's view of the vehicle: commands and setpoints over MAVLink, with their answers.
+
+What a user's own script would do, no more: everything here crosses the UDP link.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from fcu.interface.ground_fields import setpoint_numbers
+from fcu.interface.ground_messages import (
+    AutoMode, CommandAck, CommandId, GroundMessage, Heartbeat, LocalPosition, MainMode,
+    PositionTarget, Result, Source, StatusText, SystemStatus,
+)  # fmt: skip
+from fcu.interface.ground_wire import GroundCodec
+from fcu.interface.link import UdpLink
+from fcu.interface.messages import Setpoint
+from fcu.interface.ports import owner, ports
+
+ME = Source(255, 190)  # a ground station, as MAVLink numbers them
+ANSWER_S, TRIES = 0.5, 20  # wall: how long an answer may take, how often to ask
+
+T = TypeVar("T")
+
+
+class VehicleError(RuntimeError):
+    """The vehicle did not answer, or refused: what was asked, and its reason in words."""
+
+
+class Vehicle:
+    """One vehicle, met on its script link."""
+
+    def __init__(self, instance: int) -> None:
+        """Raises PortBusy when another script has the link."""
+        at = ports(instance)
+        self._link = UdpLink(at.script, at.fcu_script, owner("script"))
+        self._codec = GroundCodec(*ME)
+        self._target = Source(at.system_id, 1)
+        self._texts: list[str] = []
+        self.on_wait: Callable[[], None] = lambda: None  # called while waiting; may raise
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._link.close()
+
+    def wait_ready(self, timeout_s: float = 60.0) -> None:
+        """Until the vehicle says that it could arm. Raises VehicleError."""
+        until = time.monotonic() + timeout_s
+        self._link.send(self._codec.pack_ground_heartbeat())
+        while time.monotonic() < until:
+            for message in self.messages(0.2):
+                if isinstance(message, Heartbeat) and message.status >= SystemStatus.STANDBY:
+                    return
+        raise VehicleError(f"no vehicle ready within {timeout_s:.0f} s")
+
+    def messages(self, timeout_s: float) -> list[GroundMessage]:
+        """What arrives within the time: as soon as there is anything, all that is there."""
+        self.on_wait()
+        self._link.wait(timeout_s)
+        heard: list[GroundMessage] = []
+        while (datagram := self._link.receive()) is not None:
+            heard += self._codec.parse(datagram)
+        for message in heard:
+            if isinstance(message, StatusText):
+                self._texts.append(message.text)
+        return heard
+
+    def _ask(self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str) -> T:
+        for _ in range(TRIES):
+            self._link.send(datagram)
+            until = time.monotonic() + ANSWER_S
+            while time.monotonic() < until:
+                for message in self.messages(until - time.monotonic()):
+                    found = answer(message)
+                    if found is not None:
+                        return found
+        raise VehicleError(f"no answer to {what}")
+
+    def command(self, command: CommandId, *params: float) -> None:
+        """Send a command and await its acknowledgement. Raises VehicleError with the reason."""
+        self._texts.clear()
+
+        def answer(message: GroundMessage) -> int | None:
+            mine = isinstance(message, CommandAck) and message.command == command
+            return message.result if mine else None  # type: ignore[union-attr]
+
+        packed = self._codec.pack_command(self._target, command, params)
+        result = self._ask(packed, answer, command.name)
+        if result != Result.ACCEPTED:
+            self.messages(0.1)  # the reason follows the acknowledgement
+            why = "; ".join(self._texts) or Result(result).name
+            raise VehicleError(f"{command.name} refused: {why}")
+
+    def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
+        """Send a setpoint and await its echo: from then on it is what the vehicle flies."""
+        sent = setpoint_numbers(setpoint)
+
+        def answer(message: GroundMessage) -> bool | None:
+            mine = isinstance(message, PositionTarget) and message.numbers == sent
+            return True if mine else None
+
+        packed = self._codec.pack_setpoint(self._target, time_s, setpoint, type_mask)
+        try:
+            self._ask(packed, answer, "a setpoint")
+        except VehicleError as error:
+            why = "; ".join(self._texts)
+            raise VehicleError(f"{error}{': ' + why if why else ''}") from None
+
+    def arm(self) -> None:
+        """Arm. Raises VehicleError."""
+        self.command(CommandId.ARM_DISARM, 1.0)
+
+    def offboard(self) -> None:
+        """Fly the setpoints sent. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.OFFBOARD, AutoMode.NONE)
+
+    def take_off(self, height_m: float) -> None:
+        """Climb by so much from here. Raises VehicleError."""
+        nan = math.nan
+        self.command(CommandId.TAKEOFF, nan, nan, nan, nan, nan, nan, height_m)
+
+    def position(self, timeout_s: float = 5.0) -> LocalPosition:
+        """The next position it reports. Raises VehicleError."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for message in self.messages(0.2):
+                if isinstance(message, LocalPosition):
+                    return message
+        raise VehicleError(f"no position within {timeout_s:.0f} s")
+
+    def heartbeat(self, timeout_s: float = 5.0) -> Heartbeat:
+        """The next heartbeat. Raises VehicleError."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for message in self.messages(0.2):
+                if isinstance(message, Heartbeat):
+                    return message
+        raise VehicleError(f"no heartbeat within {timeout_s:.0f} s")

@@ -1,0 +1,219 @@
+"""A flight over the wire: both processes started, the mission sent as a ground script would.
+
+Simulation time stands whenever the script has something to say. The plant stops at that
+tick, the setpoint is sent, its echo awaited, and time goes on: the wall time a script takes
+cannot leak into the flight.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fcu.configuration import write_law
+from fcu.interface.link import PortBusy
+from fcu.kernel.buffers import columns, size
+from fcu.law.types import Tick
+from gcs_tools.processes import Child, Collector, InfrastructureError, Rows
+from gcs_tools.scenario import Scenario, arrival
+from gcs_tools.vehicle import Vehicle, VehicleError
+from sitl_plant import world as worlds
+from sitl_plant.physics.types import PlantRecord
+from sitl_plant.server import GRANT
+
+STALL_S = 8.0  # wall: neither process complains, and still no tick is flown
+ARRIVAL_CHECK_S = 0.5  # simulation time between looks at whether it has arrived
+
+_FCU = columns(Tick)
+R_C = slice(_FCU.index("setpoint.r_c.x"), _FCU.index("setpoint.r_c.x") + 3)
+
+
+@dataclass
+class Flown:
+    """What a flight left behind."""
+
+    plant: Rows
+    fcu: Rows
+    arrived: bool = False
+    startup_s: float = 0.0
+    wall_time_s: float = 0.0
+    said: dict[str, dict[str, Any]] = field(default_factory=dict)  # each process's last words
+
+
+class WireFlight:
+    """The pair of processes of one flight, and what they have flown so far."""
+
+    def __init__(
+        self,
+        scene: Scenario,
+        folder: Path,
+        instance: int,
+        speed: float | None,
+        on_rows: tuple[Callable[[Rows], None], Callable[[Rows], None]],
+        progress: Callable[[float], None],
+    ) -> None:
+        """`speed` None: as fast as it goes.  `on_rows`: takes plant rows, takes fcu rows.
+
+        `progress` is told the simulation time flown, s.
+        """
+        self._scene = scene
+        self._folder = folder
+        self._instance = instance
+        self._speed = speed
+        self._on_rows = on_rows
+        self._progress = progress
+        self._plant_rows: list[Rows] = []
+        self._fcu_rows: list[Rows] = []
+        self._children: list[Child] = []
+
+    def flown(self) -> Flown:
+        """Everything that has arrived so far."""
+        return Flown(
+            np.concatenate([np.zeros((0, size(PlantRecord))), *self._plant_rows]),
+            np.concatenate([np.zeros((0, size(Tick))), *self._fcu_rows]),
+        )
+
+    def fly(self) -> Flown:
+        """The whole flight. Raises InfrastructureError; what was flown is then in `flown`."""
+        began = time.monotonic()
+        with ExitStack() as stack:
+            control = self._start(stack)
+            vehicle = self._meet(stack)
+            startup = time.monotonic() - began
+            first = time.monotonic()
+            arrived = self._send_setpoints(vehicle, control)
+            wall = time.monotonic() - first
+            said = {child.name: child.stop() for child in self._children}
+            self._collector.join(2.0)
+        flown = self.flown()
+        return Flown(flown.plant, flown.fcu, arrived, startup, wall, said)
+
+    # --- starting
+
+    def _start(self, stack: ExitStack) -> int:
+        scene, folder, N = self._scene, self._folder, str(self._instance)
+        write_law(scene.law, folder / "law.json")
+        worlds.write(scene.world, folder / "world.json")
+        plant_out, plant_in = os.pipe()
+        fcu_out, fcu_in = os.pipe()
+        grants_out, grants_in = os.pipe()
+        life_out, life_in = os.pipe()
+        stack.callback(os.close, life_in)
+        stack.callback(os.close, grants_in)
+        for fd in (life_in, grants_in, plant_out, fcu_out):
+            os.set_inheritable(fd, False)
+        keep = "--wait" if self._speed is None else "--drop"
+        speed = "max" if self._speed is None else str(self._speed)
+        self._collector = Collector(
+            {
+                plant_out: (size(PlantRecord), self._take_plant),
+                fcu_out: (size(Tick), self._take_fcu),
+            }
+        )
+        self._plant_fd, self._fcu_fd = plant_out, fcu_out
+        fcu = Child(
+            "flight controller", "fcu",
+            ["--instance", N, "--law", str(folder / "law.json"), keep,
+             "--record-fd", str(fcu_in), "--lifeline-fd", str(life_out)],
+            folder / "fcu.log", (fcu_in, life_out),
+        )  # fmt: skip
+        stack.callback(fcu.stop)
+        self._children.append(fcu)
+        plant = Child(
+            "plant", "sitl_plant",
+            ["--instance", N, "--world", str(folder / "world.json"), "--speed", speed, keep,
+             "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
+            folder / "plant.log", (plant_in, grants_out),
+        )  # fmt: skip
+        stack.callback(plant.stop)
+        self._children.append(plant)
+        self._collector.start()
+        for child in (fcu, plant):
+            child.wait_ready(self._check)
+        if self._speed is None:
+            for child in (fcu, plant):  # they take turns: on one core no wake-up crosses cores
+                child.pin(self._instance % (os.cpu_count() or 1))
+        return grants_in
+
+    def _meet(self, stack: ExitStack) -> Vehicle:
+        try:
+            vehicle = Vehicle(self._instance)
+        except PortBusy as error:
+            raise InfrastructureError(str(error.strerror)) from error
+        stack.callback(vehicle.close)
+        vehicle.on_wait = self._check
+        try:
+            vehicle.wait_ready()
+            vehicle.set_setpoint(self._scene.sent[0])
+            vehicle.offboard()
+            vehicle.arm()
+        except VehicleError as error:
+            raise InfrastructureError(str(error)) from error
+        return vehicle
+
+    def _check(self) -> None:
+        for child in self._children:
+            child.check()
+
+    # --- flying
+
+    def _send_setpoints(self, vehicle: Vehicle, control: int) -> bool:
+        """Grant time up to each setpoint, send it, and on; whether the vehicle arrived."""
+        scene = self._scene
+        for k, setpoint in list(zip(scene.sent_at.tolist(), scene.sent, strict=True))[1:]:
+            if k >= scene.ticks or not self._fly_to(control, k):
+                return False
+            try:
+                vehicle.set_setpoint(setpoint, k / scene.rate_hz)
+            except VehicleError as error:
+                raise InfrastructureError(str(error)) from error
+        if scene.arrive is None:
+            self._fly_to(control, scene.ticks)
+            return False
+        step = max(1, round(ARRIVAL_CHECK_S * scene.rate_hz))
+        for k in range(int(scene.sent_at[-1]) + step, scene.ticks + step, step):
+            if not self._fly_to(control, min(k, scene.ticks)):
+                return False
+            flown = self.flown()
+            if arrival(scene, flown.plant, flown.fcu, R_C) is not None:
+                return True
+        return False
+
+    def _fly_to(self, control: int, tick: int) -> bool:
+        """Let time run to `tick`; False if the flight has ended before."""
+        os.write(control, GRANT.pack(tick))
+        rows = self._collector.rows
+        seen, since = -1, time.monotonic()
+        while True:
+            self._collector.wait_for(lambda: self._is_over() or min(rows.values()) >= tick, 0.1)
+            if self._collector.error is not None:
+                raise InfrastructureError(str(self._collector.error))
+            flown = rows[self._fcu_fd]
+            self._progress(flown / self._scene.rate_hz)
+            if self._is_over():
+                return False
+            if min(rows.values()) >= tick:
+                return True
+            self._check()
+            if flown != seen:
+                seen, since = flown, time.monotonic()
+            elif time.monotonic() - since > STALL_S:
+                raise InfrastructureError(f"no tick was flown for {STALL_S:.0f} s")
+
+    def _is_over(self) -> bool:
+        return bool(self._plant_rows) and self._plant_rows[-1][-1, -1] != 0.0
+
+    def _take_plant(self, rows: Rows) -> None:
+        self._plant_rows.append(rows)
+        self._on_rows[0](rows)
+
+    def _take_fcu(self, rows: Rows) -> None:
+        self._fcu_rows.append(rows)
+        self._on_rows[1](rows)

@@ -1,0 +1,103 @@
+"""`sitl-plant`: the vehicle and its world as a process of its own."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
+
+
+def _speed(_context: click.Context, _option: click.Parameter, value: str) -> float | None:
+    if value == "max":
+        return None
+    try:
+        speed = float(value)
+    except ValueError:
+        speed = 0.0
+    if not 0.0 < speed < 1e6:
+        raise click.BadParameter(f"expected a number above 0 or max, got {value}")
+    return speed
+
+
+@click.command(
+    epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped or flown, 2 usage, 3 controller link or port."
+)
+@click.version_option(package_name="m-mrac")
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: 0.")
+@click.option("--world", "world_file", type=click.Path(path_type=Path), help="The world as JSON; default: an S1000 on the ground in still air.")  # fmt: skip
+@click.option("--rate", "rate_hz", default=500.0, show_default=True, help="Control rate, Hz, without --world.")  # fmt: skip
+@click.option("--speed", default="1", show_default=True, callback=_speed, help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--record-fd", type=int, hidden=True)
+@click.option("--control-fd", type=int, hidden=True)
+@click.option("--drop/--wait", default=False, hidden=True)
+def main(
+    instance: int | None,
+    world_file: Path | None,
+    rate_hz: float,
+    speed: float | None,
+    record_fd: int | None,
+    control_fd: int | None,
+    drop: bool,
+) -> None:
+    """Be the octocopter: send its state to a flight controller on UDP, fly what comes back.
+
+    Simulation time belongs to this process. It waits for the controller at every tick, so
+    the flight is the same at any speed; start the controller before or after (`fcu`).
+    """
+    from fcu.interface.airframe import AirframeError
+    from fcu.interface.link import PortBusy
+    from fcu.interface.tape import Tape
+    from fcu.kernel.buffers import size
+    from fcu.kernel.compile import is_cached
+    from sitl_plant import world as worlds
+    from sitl_plant.pacing import Pacer
+    from sitl_plant.physics.types import PlantRecord
+    from sitl_plant.server import INFRASTRUCTURE, Server, say
+
+    try:
+        world = worlds.read(world_file) if world_file else worlds.world(rate_hz)
+    except OSError as error:
+        raise click.UsageError(f"{world_file}: {error.strerror}") from error
+    except (AirframeError, ValueError) as error:
+        raise click.UsageError(str(error)) from error
+    try:
+        number = first_free_instance() if instance is None else instance
+        tape = Tape(size(PlantRecord), record_fd, wait=not drop)
+        pacer = Pacer(1.0 / world.rate_hz, speed)
+        server = Server(ports(number), world, tape, pacer, control_fd)
+    except PortBusy as error:
+        say(0.0, "error", str(error.strerror))
+        sys.exit(INFRASTRUCTURE)
+    except OSError as error:
+        say(0.0, "error", str(error))
+        sys.exit(INFRASTRUCTURE)
+
+    def stop(_signal: int, _frame: object) -> None:
+        server.stopping = True
+
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, stop)
+    if not is_cached("advance"):
+        say(0.0, "info", "compiling the plant, once for this version (about 10 s)")
+    server.warm_up()
+    at = ports(number)
+    say(0.0, "info", f"instance {number}: the flight controller is expected on 127.0.0.1:{at.fcu_plant}")  # fmt: skip
+    print(json.dumps({"ready": "plant", "instance": number, **at._asdict()}), flush=True)
+    code = server.run()
+    figures = {
+        **vars(server.figures),
+        "slips": pacer.slips,
+        "lateness": pacer.lateness(),
+        "dropped": tape.dropped,
+    }
+    print(json.dumps({"ended": "plant", "exit_code": code, **figures}), flush=True)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""Simulation time against the wall clock: absolute deadlines, slips counted."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+
+class Pacer:
+    """Holds each tick until its wall-clock deadline; does nothing at full speed.
+
+    A slip is a tick that would start a whole period or more late: it is counted, and the
+    grid moves on by whole periods, so that two ticks never run back to back to catch up.
+    """
+
+    def __init__(self, period_s: float, speed: float | None) -> None:
+        """`speed`: simulated seconds in one of the wall clock; None: as fast as it goes."""
+        self._period = None if speed is None else period_s / speed
+        self._due = 0.0
+        self.slips = 0
+        self._late_us: list[float] = []
+
+    def restart(self) -> None:
+        """Forget the deadline: time was held, and goes on from now."""
+        self._due = 0.0
+
+    def wait(self) -> None:
+        """Until the next tick is due."""
+        if self._period is None:
+            return
+        now = time.monotonic()
+        if self._due == 0.0:
+            self._due = now
+        elif self._due > now:
+            time.sleep(self._due - now)
+            now = time.monotonic()
+        late = now - self._due
+        self._late_us.append(late * 1e6)
+        if late >= self._period:
+            missed = int(late / self._period)
+            self.slips += missed
+            self._due += missed * self._period
+        self._due += self._period
+
+    def lateness(self) -> dict[str, float] | None:
+        """p50, p99 and maximum (us) of how late ticks started; None at full speed."""
+        if not self._late_us:
+            return None
+        late = np.array(self._late_us)
+        return {
+            "p50_us": float(np.percentile(late, 50)),
+            "p99_us": float(np.percentile(late, 99)),
+            "max_us": float(late.max()),
+        }

@@ -1,0 +1,71 @@
+"""One control tick of the plant: what is true, what it reports, and on to the next tick.
+
+`report` is on values, for kernels; `observe` and `advance` are on flat float64 buffers, for
+the edge of a process. PlantState and VehicleState have one layout, so a state buffer is both.
+"""
+
+from __future__ import annotations
+
+from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import packer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import small_rotation
+from sitl_plant.physics import dynamics
+from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
+
+NOISE = 12  # position, velocity, attitude (rotation vector), body rate: three each
+
+unpack_params = unpacker(PlantParams)
+unpack_state = unpacker(PlantState)
+pack_state = packer(PlantState)
+pack_record = packer(PlantRecord)
+_unpack_command = unpacker(RotorCommand)
+_pack_reported = packer(VehicleState)
+
+
+@kernel
+def report(state, noise):
+    """The VehicleState that a PlantState is reported as, with noise float64[12] added.
+
+    m and m/s along Earth axes, rad about body axes, rad/s along body axes.
+    """
+    return VehicleState(
+        state.r_E + Vec3(noise[0], noise[1], noise[2]),
+        state.v_E + Vec3(noise[3], noise[4], noise[5]),
+        state.q_EB * small_rotation(Vec3(noise[6], noise[7], noise[8])),
+        state.w_B + Vec3(noise[9], noise[10], noise[11]),
+        state.Omega,
+    )
+
+
+@kernel
+def observe(params_buffer, state_buffer, t, start_buffer, row):
+    """Write the truth at time t (s) to `row`, a PlantRecord; returns how the flight stands.
+
+    start_buffer : the state in which the flight began, from which the arena is measured.
+    """
+    start = unpack_state(start_buffer)
+    params, state = unpack_params(params_buffer), unpack_state(state_buffer)
+    record = dynamics.record(params, state, t, start.r_E)
+    pack_record(row, record)
+    return record.ended
+
+
+@kernel
+def sense(state_buffer, noise, reported):
+    """Write the noisy report of a state buffer to `reported`, a VehicleState."""
+    _pack_reported(reported, report(unpack_state(state_buffer), noise))
+
+
+@kernel
+def advance(params_buffer, state_buffer, command_buffer, t, steps):
+    """Integrate the state in its buffer over one control period from time t (s).
+
+    command_buffer : RotorCommand.  steps : integration steps in the period.
+    """
+    params, state = unpack_params(params_buffer), unpack_state(state_buffer)
+    command = RotorCommand(_unpack_command(command_buffer).u)
+    for j in range(steps):
+        state = dynamics.integrate(params, state, command, t + j * params.h)
+    pack_state(state_buffer, state)

@@ -1,0 +1,227 @@
+"""The plant's loop: it owns simulation time and waits for the controller at every tick.
+
+A state goes out, the command computed from it comes back, and only then is it integrated.
+A missing answer is asked for again, then ends the run with a named cause; it is never
+replaced by zeros. Whoever started the plant may hold time: a run-until grant on a pipe.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import select
+import struct
+import sys
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.link import UdpLink
+from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.interface.ports import Ports, owner
+from fcu.interface.tape import Tape
+from fcu.interface.wire import PlantCodec, WireError
+from fcu.kernel.buffers import size, to_buffer
+from sitl_plant.pacing import Pacer
+from sitl_plant.physics import dynamics, tick
+from sitl_plant.physics.types import PlantRecord
+from sitl_plant.world import World
+
+RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall: a controller that does not answer
+OK, INFRASTRUCTURE = 0, 3
+GRANT = struct.Struct("<q")  # ticks that may be flown in all
+_NOISE_BLOCK = 4096  # rows drawn at once
+
+Buffer = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@dataclass
+class Figures:
+    """What the loop counted, for whoever asks at the end."""
+
+    ticks: int = 0
+    resent: int = 0
+    refused: int = 0  # datagrams that were not answers
+    ended: float = dynamics.FLYING
+
+
+class Server:
+    """One plant, from its first datagram to its end."""
+
+    def __init__(
+        self, ports: Ports, world: World, tape: Tape, pacer: Pacer, control: int | None
+    ) -> None:
+        """`control`: file descriptor of the grants; None: time runs free. Raises PortBusy."""
+        self._world = world
+        self._tape = tape
+        self.pacer = pacer
+        self._control = control
+        self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
+        self._codec = PlantCodec(ports.system_id, world.params.airframe.spin)
+        self._params = to_buffer(world.params)
+        self._start = to_buffer(world.start)
+        self._state = self._start.copy()
+        self._command = np.zeros(size(RotorCommand))
+        self._reported = np.zeros(size(VehicleState))
+        self._past: deque[Buffer] = deque(maxlen=world.delay_ticks + 1)
+        self._random = np.random.default_rng(world.seed)
+        self._noise = np.zeros((0, tick.NOISE))
+        self._noise_at = 0
+        self._period_us = round(1e6 / world.rate_hz)
+        self._granted = 0 if control is not None else sys.maxsize
+        self._tick = 0
+        self.figures = Figures()
+        self.stopping = False
+
+    def warm_up(self) -> None:
+        """Compile what a tick needs."""
+        state, row = self._start.copy(), np.zeros(size(PlantRecord))
+        tick.observe(self._params, state, 0.0, self._start, row)
+        tick.sense(state, np.zeros(tick.NOISE), self._reported)
+        tick.advance(self._params, state, self._command, 0.0, self._world.steps)
+
+    def run(self) -> int:
+        """Fly until the flight ends or we are told to stop; returns the exit code."""
+        poll = select.poll()
+        poll.register(self._link.fileno(), select.POLLIN)
+        if self._control is not None:
+            os.set_blocking(self._control, False)
+            poll.register(self._control, select.POLLIN | select.POLLHUP)
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        code = OK
+        try:
+            while not self.stopping:
+                if self._tick >= self._granted:
+                    self._hold(poll)
+                    continue
+                if not self._observe():
+                    break
+                self.pacer.wait()
+                if not self._exchange(poll):
+                    code = OK if self.stopping else INFRASTRUCTURE
+                    break
+                t = self._tick * self._period_us * 1e-6
+                tick.advance(self._params, self._state, self._command, t, self._world.steps)
+                self._tick += 1
+                self.figures.ticks += 1
+            self._tape.flush()
+        except BrokenPipeError:
+            say(self._time_s, "error", "nobody records this flight any more")
+            code = INFRASTRUCTURE
+        self._link.close()
+        return code
+
+    @property
+    def _time_s(self) -> float:
+        return self._tick * self._period_us * 1e-6
+
+    def _observe(self) -> bool:
+        """Record the truth of this tick and prepare its report; False if the flight is over."""
+        ended = tick.observe(
+            self._params, self._state, self._time_s, self._start, self._tape.row()
+        )
+        self._tape.done()
+        if ended != dynamics.FLYING:
+            self.figures.ended = ended
+            what = "diverged: left the arena" if ended == dynamics.DIVERGED else "hit the ground"
+            say(self._time_s, "warning", f"the flight ended: {what}")
+            return False
+        self._past.append(self._state.copy())
+        tick.sense(self._past[0], self._next_noise(), self._reported)
+        return True
+
+    def _next_noise(self) -> Buffer:
+        if self._noise_at == len(self._noise):
+            shape = (_NOISE_BLOCK, tick.NOISE)
+            scale = self._world.noise_scale
+            self._noise = (
+                self._random.standard_normal(shape) * scale if scale.any() else np.zeros(shape)
+            )
+            self._noise_at = 0
+        self._noise_at += 1
+        row: Buffer = self._noise[self._noise_at - 1]
+        return row
+
+    def _exchange(self, poll: select.poll) -> bool:
+        """Send the state, wait for the command computed from it; False: there will be none."""
+        time_us = self._tick * self._period_us
+        datagram = self._codec.pack_state(time_us, self._reported)
+        self._link.send(datagram)
+        asked = time.monotonic()
+        waiting, warned, first = asked, False, self.figures.ticks == 0
+        while not self.stopping:
+            for fd, _ in poll.poll(RESEND_S * 1000):
+                if fd == self._control:
+                    self._read_grants()
+                    continue
+                while (answer := self._link.receive()) is not None:
+                    if self._is_answer(answer, time_us):
+                        return True
+            now = time.monotonic()
+            if now - asked >= RESEND_S:
+                asked = now
+                self.figures.resent += 1
+                self._link.send(datagram)
+            silent = now - waiting
+            if silent >= WARN_S and not warned:
+                warned = True
+                say(self._time_s, "info" if first else "warning",
+                    "waiting for the flight controller" if first else
+                    "the flight controller has been silent for 1 s")  # fmt: skip
+            if silent >= END_S and not (first and self._control is None):
+                say(self._time_s, "error",
+                    f"the flight controller has been silent for {END_S:.0f} s")  # fmt: skip
+                return False
+        return False
+
+    def _is_answer(self, datagram: bytes, time_us: int) -> bool:
+        try:
+            answered, _, _ = self._codec.parse_controls(datagram, self._command)
+        except WireError as error:
+            self.figures.refused += 1
+            if self.figures.refused == 1:
+                say(self._time_s, "warning", f"plant link: {error}")
+            return False
+        return answered == time_us
+
+    def _hold(self, poll: select.poll) -> None:
+        """Time stands: tell the recorder where, keep the controller company, await a grant."""
+        self._tape.flush()
+        self.pacer.restart()
+        if self._tick == 0:
+            self._reported[:] = self._state
+        time_us = self._tick * self._period_us
+        while not self.stopping and self._tick >= self._granted:
+            self._link.send(self._codec.pack_hold(time_us, self._reported))
+            until = time.monotonic() + RESEND_S
+            while self._tick >= self._granted and not self.stopping:
+                left = until - time.monotonic()
+                if left <= 0.0:
+                    break
+                for fd, _ in poll.poll(left * 1000):
+                    if fd == self._control:
+                        self._read_grants()
+                    else:
+                        self._link.receive()
+
+    def _read_grants(self) -> None:
+        assert self._control is not None
+        try:
+            data = os.read(self._control, GRANT.size * 64)
+        except BlockingIOError:
+            return
+        if not data:
+            self.stopping = True  # whoever held time is gone
+            return
+        for (granted,) in GRANT.iter_unpack(data[: len(data) // GRANT.size * GRANT.size]):
+            self._granted = granted
+
+
+def say(time_s: float, level: str, text: str) -> None:
+    """One line of log an event: simulation time, level, process."""
+    print(f"{time_s:10.3f} {level:<7} plant {text}", file=sys.stderr, flush=True)
