@@ -42,7 +42,7 @@ def rollout(
     plant = tick.unpack_params(plant_buffer)
     law = cascade.unpack_params(law_buffer)
     start = tick.unpack_state(start_buffer)
-    state, law_state = start, cascade.take_over(law, through_the_wire(tick.report(start, NO_NOISE)))
+    state, law_state = start, cascade.take_over(law, through_the_wire(tick.as_reported(start)))
     first_state = 1  # column of PlantRecord at which its state begins
     sent = 0
     for k in range(n):
@@ -54,7 +54,10 @@ def rollout(
 
         late = max(k - delay, 0)
         shown = tick.unpack_state(plant_rows[late, first_state:]) if delay > 0 else state
-        measured = through_the_wire(tick.report(shown, noise[k] if len(noise) > 0 else NO_NOISE))
+        if len(noise) > 0:
+            measured = through_the_wire(tick.report(shown, noise[k]))
+        else:
+            measured = through_the_wire(tick.as_reported(shown))
 
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= k:
             sent += 1
@@ -74,9 +77,6 @@ def rollout(
         for j in range(steps):
             state = dynamics.integrate(plant, state, received, t + j * plant.h)
     return n
-
-
-NO_NOISE = np.zeros(tick.NOISE)
 
 
 def fly(scene: Scenario) -> tuple[Rows, Rows]:

@@ -28,10 +28,10 @@ def tilt_rate(params, tilt_filter, phi_c, theta_c):
 
 
 @kernel
-def w_c(params, angles, angles_c, rates_c):
+def w_c(params, R_EB, angles, angles_c, rates_c):
     """Commanded body rates p_c, q_c, r_c (rad/s).
 
-    `angles` phi, theta, psi; `angles_c` their commands (rad); `rates_c` the rates of the
+    `angles` phi, theta, psi, those of R_EB; `angles_c` their commands (rad); `rates_c` the rates of the
     commands (rad/s). The printed brackets are differences of derivatives; angle feedback
     needs differences of angles, plus the command's own rate. Paper (40).
     """
@@ -41,8 +41,10 @@ def w_c(params, angles, angles_c, rates_c):
     theta_dot = rates_c.y + c.y * (angles_c.y - theta)
     psi_dot = rates_c.z + c.z * wrap(angles_c.z - angles.z)
 
-    cos_phi, sin_phi = math.cos(phi), math.sin(phi)
-    cos_theta, sin_theta = math.cos(theta), math.sin(theta)
+    # of the angles, read off R_EB
+    sin_theta = -R_EB.e1.z
+    cos_theta = math.sqrt(R_EB.e2.z * R_EB.e2.z + R_EB.e3.z * R_EB.e3.z) + 1e-30
+    sin_phi, cos_phi = R_EB.e2.z / cos_theta, R_EB.e3.z / cos_theta
     return Vec3(
         phi_dot - psi_dot * sin_theta,
         theta_dot * cos_phi + psi_dot * sin_phi * cos_theta,

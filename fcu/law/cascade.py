@@ -121,7 +121,7 @@ def command(state, params, setpoint, measured, v_til, w_til):
     tilt_rate, tilt_filter = attitude.tilt_rate(params, state.tilt_filter, phi_c, theta_c)
     angles_c = Vec3(phi_c, theta_c, setpoint.psi_c)
     rates_c = Vec3(tilt_rate.x, tilt_rate.y, setpoint.psi_dot_c)
-    w_c = attitude.w_c(params, angles, angles_c, rates_c)
+    w_c = attitude.w_c(params, R_EB, angles, angles_c, rates_c)
 
     # rates: demanded torque
     Omega_m = allocation.omega_m(params, Omega)

@@ -80,13 +80,13 @@ def mass(params, t):
 
 
 @kernel
-def push_at(params, Omega, left, m, t):
-    """What acts at time t with the rotors at Omega (rad/s)."""
+def push_at(params, Omega, left, m, at, t):
+    """What acts at time t (s, wind phases `at`) with the rotors at Omega (rad/s)."""
     T, tau_B = rotors.thrust_and_torque(params, Omega, left)
     wind = params.wind
     return Push(
         m, T, tau_B, rotors.omega_m(params, Omega),
-        field.v_air_E(wind, t), field.w_air_B(wind, t),
+        field.v_air_E(wind, at, t), field.w_air_B(wind, at),
     )  # fmt: skip
 
 
@@ -101,9 +101,12 @@ def integrate(params, state, command, t):
 
     # what changes in mid-flight changes at a step, not inside one
     m, left = mass(params, t), rotors.effectiveness(params, t)
-    push_0 = push_at(params, Omega_0, left, m, t)
-    push_half = push_at(params, Omega_half, left, m, t + 0.5 * h)
-    push_1 = push_at(params, Omega_1, left, m, t + h)
+    at_0 = field.phases(params.wind, t)
+    at_half = field.half_step_later(params.wind, at_0)
+    at_1 = field.half_step_later(params.wind, at_half)
+    push_0 = push_at(params, Omega_0, left, m, at_0, t)
+    push_half = push_at(params, Omega_half, left, m, at_half, t + 0.5 * h)
+    push_1 = push_at(params, Omega_1, left, m, at_1, t + h)
 
     body = Body(state.r_E, state.v_E, state.q_EB, state.w_B)
     k1 = derivative(params, body, push_0)
@@ -138,7 +141,7 @@ def record(params, state, t, r_start):
     """The truth at time t, as a PlantRecord."""
     R_EB = matrix(state.q_EB)
     m, left = mass(params, t), rotors.effectiveness(params, t)
-    push = push_at(params, state.Omega, left, m, t)
+    push = push_at(params, state.Omega, left, m, field.phases(params.wind, t), t)
     v_a_B = rotate_back(R_EB, state.v_E - push.v_air_E)
     _, _, touching = ground.contact(params.ground, state.r_E, state.v_E, R_EB, state.w_B)
     return PlantRecord(

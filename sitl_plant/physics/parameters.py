@@ -11,6 +11,7 @@ from fcu.interface.airframe import airframe, load
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.rotations import from_euler
 from sitl_plant.physics.types import GroundParams, PlantParams, PlantState, WindParams
+from sitl_plant.physics.wind.field import Phases, phases
 
 G = 9.81  # m/s^2
 NEVER = 1e18  # s: an event that does not happen (finite, so that it can be written as JSON)
@@ -28,12 +29,16 @@ def steps_per_tick(rate_hz: float) -> int:
     return math.ceil(1.0 / (rate_hz * STEP) - 1e-9)
 
 
-def wind_params(wind: Mapping[str, Any] | None = None) -> WindParams:
-    """WindParams from a mission's [wind] table; absent keys are still air."""
+def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
+    """WindParams from a mission's [wind] table and the integration step h (s).
+
+    Absent keys are still air.
+    """
     wind = wind or {}
     zero = (0.0, 0.0, 0.0)
     at = wind.get("step_at_s")
-    return WindParams(
+    no_turn = Phases(*[Vec3(0.0, 0.0, 0.0)] * 4)
+    params = WindParams(
         steady=_vec(wind.get("steady_m_s", zero)),
         amplitude=_vec(wind.get("amplitude_m_s", zero)),
         frequency=_vec(wind.get("frequency_rad_s", zero)),
@@ -41,7 +46,9 @@ def wind_params(wind: Mapping[str, Any] | None = None) -> WindParams:
         rotation_frequency=_vec(wind.get("rotation_frequency_rad_s", zero)),
         step=_vec(wind.get("step_m_s", zero)),
         step_time=NEVER if at is None else float(at),
+        half_step=no_turn,
     )
+    return params._replace(half_step=phases.py_func(params, 0.5 * h))
 
 
 def plant_params(
@@ -88,7 +95,7 @@ def plant_params(
         decay=math.exp(-h / lag) if lag > 0.0 else 0.0,
         loss_time=Rotors(*loss_time),
         effectiveness=Rotors(*left),
-        wind=wind_params(wind),
+        wind=wind_params(h, wind),
         ground=GroundParams(
             z=float(ground_z_m),
             gear=float(ground["gear_m"]),

@@ -25,6 +25,12 @@ _pack_reported = packer(VehicleState)
 
 
 @kernel
+def as_reported(state):
+    """The VehicleState that a PlantState is reported as, without noise."""
+    return VehicleState(state.r_E, state.v_E, state.q_EB, state.w_B, state.Omega)
+
+
+@kernel
 def report(state, noise):
     """The VehicleState that a PlantState is reported as, with noise float64[12] added.
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from fcu.interface.airframe import Airframe
 from fcu.kernel.algebra import Quat, Rotors, Vec3
+from sitl_plant.physics.wind.field import Phases
 
 
 class WindParams(NamedTuple):
@@ -20,7 +21,8 @@ class WindParams(NamedTuple):
     rotation_amplitude: Vec3  # rad/s, B: air-mass rotation
     rotation_frequency: Vec3  # rad/s
     step: Vec3  # m/s, E: added from step_time on
-    step_time: float  # s; inf: never
+    step_time: float  # s; NEVER without a step
+    half_step: Phases  # what the phases turn by in half an integration step
 
 
 class GroundParams(NamedTuple):
@@ -42,14 +44,14 @@ class PlantParams(NamedTuple):
     g: float  # m/s^2
     m: float  # kg
     m_after: float  # kg, from m_time on
-    m_time: float  # s; inf: never
+    m_time: float  # s; NEVER without
     J: Vec3  # principal moments of inertia, kg m^2
     c_D: Vec3  # quadratic drag, N/(m/s)^2, body axes
     c_tau: Vec3  # quadratic drag torque, N m/(rad/s)^2, body axes
     airframe: Airframe
     decay_half: float  # exp(-h/2 / rotor_lag), 0 without lag
     decay: float  # exp(-h / rotor_lag)
-    loss_time: Rotors  # s from which a rotor has lost effectiveness; inf: never
+    loss_time: Rotors  # s from which a rotor has lost effectiveness; NEVER without
     effectiveness: Rotors  # the fraction of thrust and torque left from then on
     wind: WindParams
     ground: GroundParams

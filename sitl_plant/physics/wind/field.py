@@ -3,29 +3,61 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from fcu.kernel.algebra import Vec3, select
 from fcu.kernel.compile import kernel
 
 
+class Phases(NamedTuple):
+    """Sines and cosines of the wind's phases at one time, axis by axis."""
+
+    sin: Vec3  # of the velocity's sinusoids
+    cos: Vec3
+    rotation_sin: Vec3  # of the rotation's
+    rotation_cos: Vec3
+
+
 @kernel
-def sines(amplitude, frequency, t):
-    """amplitude sin(frequency t), axis by axis."""
-    return Vec3(
-        amplitude.x * math.sin(frequency.x * t),
-        amplitude.y * math.sin(frequency.y * t),
-        amplitude.z * math.sin(frequency.z * t),
+def sin3(a):
+    """Sines of three angles (rad)."""
+    return Vec3(math.sin(a.x), math.sin(a.y), math.sin(a.z))
+
+
+@kernel
+def cos3(a):
+    """Cosines of three angles (rad)."""
+    return Vec3(math.cos(a.x), math.cos(a.y), math.cos(a.z))
+
+
+@kernel
+def phases(wind, t):
+    """Phases at time t (s)."""
+    a, b = t * wind.frequency, t * wind.rotation_frequency
+    return Phases(sin3(a), cos3(a), sin3(b), cos3(b))
+
+
+@kernel
+def half_step_later(wind, at):
+    """Phases half an integration step after `at`, by the addition theorems."""
+    s, c = wind.half_step.sin, wind.half_step.cos
+    rs, rc = wind.half_step.rotation_sin, wind.half_step.rotation_cos
+    return Phases(
+        at.sin * c + at.cos * s,
+        at.cos * c - at.sin * s,
+        at.rotation_sin * rc + at.rotation_cos * rs,
+        at.rotation_cos * rc - at.rotation_sin * rs,
     )
 
 
 @kernel
-def v_air_E(wind, t):
+def v_air_E(wind, at, t):
     """Velocity of the air (m/s, E) at time t (s): steady, plus sinusoids, plus a step."""
     risen = select(t >= wind.step_time, 1.0, 0.0)
-    return wind.steady + sines(wind.amplitude, wind.frequency, t) + risen * wind.step
+    return wind.steady + wind.amplitude * at.sin + risen * wind.step
 
 
 @kernel
-def w_air_B(wind, t):
-    """Rotation of the air mass (rad/s, body axes) at time t (s)."""
-    return sines(wind.rotation_amplitude, wind.rotation_frequency, t)
+def w_air_B(wind, at):
+    """Rotation of the air mass (rad/s, body axes)."""
+    return wind.rotation_amplitude * at.rotation_sin
