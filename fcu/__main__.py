@@ -12,6 +12,9 @@ import click
 from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
 
 
+FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
+
+
 @click.command(epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped, 2 usage, 3 plant link or port.")
 @click.version_option(package_name="m-mrac")
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
@@ -42,7 +45,7 @@ def main(
     from fcu.loop import INFRASTRUCTURE, Loop, say
 
     try:
-        number = first_free_instance() if instance is None else instance
+        number = first_free_instance(*FCU_PORTS) if instance is None else instance
         params = read_law(law, rate_hz)
         tape = Tape(size(Tick), record_fd, wait=not drop)
         loop = Loop(ports(number), params, tape, lifeline_fd)

@@ -28,12 +28,13 @@ def _speed(_context: click.Context, _option: click.Parameter, value: str) -> flo
     epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped or flown, 2 usage, 3 controller link or port."
 )
 @click.version_option(package_name="m-mrac")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: 0.")
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="The world as JSON; default: an S1000 on the ground in still air.")  # fmt: skip
 @click.option("--rate", "rate_hz", default=500.0, show_default=True, help="Control rate, Hz, without --world.")  # fmt: skip
 @click.option("--speed", default="1", show_default=True, callback=_speed, help="Simulated seconds a second, or max.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--control-fd", type=int, hidden=True)
+@click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
 def main(
     instance: int | None,
@@ -42,6 +43,7 @@ def main(
     speed: float | None,
     record_fd: int | None,
     control_fd: int | None,
+    lifeline_fd: int | None,
     drop: bool,
 ) -> None:
     """Be the octocopter: send its state to a flight controller on UDP, fly what comes back.
@@ -66,10 +68,10 @@ def main(
     except (AirframeError, ValueError) as error:
         raise click.UsageError(str(error)) from error
     try:
-        number = first_free_instance() if instance is None else instance
+        number = first_free_instance("plant") if instance is None else instance
         tape = Tape(size(PlantRecord), record_fd, wait=not drop)
         pacer = Pacer(1.0 / world.rate_hz, speed)
-        server = Server(ports(number), world, tape, pacer, control_fd)
+        server = Server(ports(number), world, tape, pacer, control_fd, lifeline_fd)
     except PortBusy as error:
         say(0.0, "error", str(error.strerror))
         sys.exit(INFRASTRUCTURE)

@@ -52,9 +52,19 @@ class Server:
     """One plant, from its first datagram to its end."""
 
     def __init__(
-        self, ports: Ports, world: World, tape: Tape, pacer: Pacer, control: int | None
+        self,
+        ports: Ports,
+        world: World,
+        tape: Tape,
+        pacer: Pacer,
+        control: int | None = None,
+        lifeline: int | None = None,
     ) -> None:
-        """`control`: file descriptor of the grants; None: time runs free. Raises PortBusy."""
+        """`control`: file descriptor of the grants; None: time runs free.
+
+        `lifeline`: a file descriptor whose end of file ends the flight. Raises PortBusy.
+        """
+        self._lifeline = lifeline
         self._world = world
         self._tape = tape
         self.pacer = pacer
@@ -90,6 +100,8 @@ class Server:
         if self._control is not None:
             os.set_blocking(self._control, False)
             poll.register(self._control, select.POLLIN | select.POLLHUP)
+        if self._lifeline is not None:
+            poll.register(self._lifeline, select.POLLIN | select.POLLHUP)
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -156,7 +168,9 @@ class Server:
         waiting, warned, first = asked, False, self.figures.ticks == 0
         while not self.stopping:
             for fd, _ in poll.poll(RESEND_S * 1000):
-                if fd == self._control:
+                if fd == self._lifeline:
+                    self.stopping = True
+                elif fd == self._control:
                     self._read_grants()
                     continue
                 while (answer := self._link.receive()) is not None:

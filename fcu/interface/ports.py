@@ -66,18 +66,29 @@ def table() -> str:
     return "\n".join([heading, *(f"  {row}" for row in rows)])
 
 
-def first_free_instance(with_script: bool = False) -> int:
+def first_free_instance(*names: str) -> int:
     """The lowest instance whose ports can all be bound now; raises NoFreeInstance.
 
-    `with_script` asks for the ground script's port too: for a runner that will bind it.
+    `names`: which of its ports, by their names in Ports; none: all that its two processes bind.
     """
-    names = (*_BOUND, "script") if with_script else _BOUND
     for instance in range(INSTANCES):
-        numbers = ports(instance)._asdict()
-        try:
-            for name in names:
-                exclusive_socket(numbers[name], owner(name)).close()
-        except PortBusy:
-            continue
-        return instance
+        if not busy(instance, *names):
+            return instance
     raise NoFreeInstance(f"instances 0 to {INSTANCES - 1} all have a port in use")
+
+
+def first_running_instance() -> int | None:
+    """The lowest instance that has a flight controller; None if none has."""
+    return next((n for n in range(INSTANCES) if busy(n, "fcu_script")), None)
+
+
+def busy(instance: int, *names: str) -> list[PortBusy]:
+    """Which of an instance's ports (all that its two processes bind, by default) are taken."""
+    numbers = ports(instance)._asdict()
+    taken = []
+    for name in names or _BOUND:
+        try:
+            exclusive_socket(numbers[name], owner(name)).close()
+        except PortBusy as error:
+            taken.append(error)
+    return taken

@@ -6,7 +6,16 @@ import pytest
 
 from fcu.interface import ports as module
 from fcu.interface.link import PortBusy
-from fcu.interface.ports import NoFreeInstance, Ports, first_free_instance, owner, ports, table
+from fcu.interface.ports import (
+    NoFreeInstance,
+    Ports,
+    busy,
+    first_free_instance,
+    first_running_instance,
+    owner,
+    ports,
+    table,
+)
 
 
 def test_instances_zero_and_nine():
@@ -54,27 +63,36 @@ class Machine:
 
 
 @pytest.mark.parametrize(
-    ("busy", "with_script", "free"),
+    ("taken", "names", "free"),
     [
-        (set(), False, 0),
-        ({4560}, False, 1),
-        ({4660, 14581, 18572}, False, 3),
-        ({14540}, False, 0),
-        ({14540}, True, 1),
-        ({14550}, True, 0),
+        (set(), (), 0),
+        ({4560}, (), 1),
+        ({4660, 14581, 18572}, (), 3),
+        ({14540}, (), 0),
+        ({14540}, ("plant", "script"), 1),
+        ({14550}, ("plant", "fcu_plant", "script"), 0),
+        ({4660}, ("plant",), 0),
     ],
 )
-def test_the_first_instance_with_all_its_ports_is_found(monkeypatch, busy, with_script, free):
-    machine = Machine(busy)
+def test_the_first_instance_with_all_its_ports_is_found(monkeypatch, taken, names, free):
+    machine = Machine(taken)
     monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
-    assert first_free_instance(with_script) == free
-    wanted = {
-        ports(free).plant,
-        ports(free).fcu_plant,
-        ports(free).fcu_script,
-        ports(free).fcu_station,
-    }
-    assert wanted <= set(machine.bound)
+    assert first_free_instance(*names) == free
+    wanted = names or ("plant", "fcu_plant", "fcu_script", "fcu_station")
+    assert {ports(free)._asdict()[name] for name in wanted} <= set(machine.bound)
+
+
+def test_a_busy_port_is_named(monkeypatch):
+    machine = Machine({4661})
+    monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
+    assert [error.port for error in busy(1)] == [4661]
+    assert busy(0) == []
+
+
+def test_the_running_instance_is_the_one_with_a_flight_controller(monkeypatch):
+    machine = Machine({14582, 14584})
+    monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
+    assert first_running_instance() == 2
 
 
 def test_no_free_instance_is_an_error(monkeypatch):

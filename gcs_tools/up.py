@@ -1,0 +1,56 @@
+"""`gcs up`: the pair of processes in real time, for a ground station or a script to connect to."""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from fcu.configuration import write_law
+from gcs_tools.processes import Child
+from gcs_tools.scenario import Scenario
+from sitl_plant import world as worlds
+
+
+def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
+    """Run both until interrupted; print `ready` once both are.
+
+    `scene`: whose law and world to fly; None: octo.toml's, standing on the ground.
+    Raises KeyboardInterrupt when told to stop, InfrastructureError when one of them ends.
+    """
+    N = str(instance)
+    law: list[str] = []
+    world: list[str] = []
+    if scene is not None:
+        write_law(scene.law, folder / "law.json")
+        worlds.write(scene.world, folder / "world.json")
+        law = ["--law", str(folder / "law.json")]
+        world = ["--world", str(folder / "world.json")]
+    with ExitStack() as stack:
+        life_out, life_in = os.pipe()
+        stack.callback(os.close, life_in)
+        os.set_inheritable(life_in, False)
+        second_out = os.dup(life_out)
+        fcu = Child(
+            "flight controller", "fcu", ["--instance", N, *law, "--lifeline-fd", str(life_out)],
+            folder / "fcu.log", (life_out,),
+        )  # fmt: skip
+        stack.callback(fcu.stop)
+        plant = Child(
+            "plant", "sitl_plant",
+            ["--instance", N, *world, "--speed", "1", "--lifeline-fd", str(second_out)],
+            folder / "plant.log", (second_out,),
+        )  # fmt: skip
+        stack.callback(plant.stop)
+
+        def check() -> None:
+            for child in (fcu, plant):
+                child.check()
+
+        for child in (fcu, plant):
+            child.wait_ready(check)
+        print(ready, flush=True)
+        while True:
+            check()
+            time.sleep(0.1)
