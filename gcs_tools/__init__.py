@@ -1,0 +1,12 @@
+"""Ground tools. `from gcs_tools import fly` flies a mission and returns its Result."""
+
+from typing import Any
+
+
+def __getattr__(name: str) -> Any:
+    """`fly`, imported when asked for: importing the package stays free."""
+    if name == "fly":
+        from gcs_tools.flying import fly
+
+        return fly
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,6 +6,7 @@ flight by `rollout` and one over UDP are equal to the bit.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,3 +92,8 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     )  # fmt: skip
     ended = plant_rows[rows - 1, -1] != dynamics.FLYING
     return plant_rows[:rows], fcu_rows[: rows - 1 if ended else rows]
+
+
+def warm_up(scene: Scenario) -> None:
+    """Compile, by flying one tick."""
+    fly(replace(scene, ticks=1))

@@ -1,0 +1,196 @@
+"""`gcs`: fly missions, bring a vehicle up, send it somewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import click
+
+from fcu.interface.ports import INSTANCES, first_free_instance, first_running_instance, ports, table
+
+OK, MISSED, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 1, 2, 3, 130
+
+INSTANCE = click.option(
+    "--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: the first free (named)."
+)
+
+
+def _speed(_context: click.Context, _option: click.Parameter, value: str) -> float | None:
+    if value == "max":
+        return None
+    try:
+        speed = float(value)
+    except ValueError:
+        speed = 0.0
+    if not 0.0 < speed < 1e6:
+        raise click.BadParameter(f"expected a number above 0 or max, got {value}")
+    return speed
+
+
+@click.group(epilog=f"\b\n{table()}")
+@click.version_option(package_name="m-mrac")
+def main() -> None:
+    """Ground tools of the M-MRAC flight stack."""
+
+
+@main.command(
+    epilog="\b\nExit codes: 0 every expectation met, 1 one missed, 2 a bad command line or mission\n"
+    "file, 3 a process died or stalled or a port was busy, 130 interrupted; of several\n"
+    "missions the worst. A mission is a file, or the name of one that is shipped."
+)
+@click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
+@click.option("--speed", default="max", show_default=True, callback=_speed, help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), help="Of the noise; default: the mission's.")
+@click.option("--rate", "rate_hz", type=float, help="Control rate, Hz; default: the mission's.")
+@click.option("--out", type=click.Path(path_type=Path), help="The run's folder; default: a new one in runs/.")  # fmt: skip
+@click.option("--junit", type=click.Path(path_type=Path), help="Write a JUnit report here too.")
+@click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission; may be repeated.")  # fmt: skip
+@click.option("--in-process", is_flag=True, help="Fly the same law and plant without sockets.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+@INSTANCE
+def fly(
+    missions: tuple[str, ...],
+    speed: float | None,
+    seed: int | None,
+    rate_hz: float | None,
+    out: Path | None,
+    junit: Path | None,
+    settings: tuple[str, ...],
+    in_process: bool,
+    as_json: bool,
+    instance: int | None,
+) -> None:
+    """Fly each MISSION and judge it.
+
+    Starts a flight controller and a plant, sends the mission over MAVLink as a ground script
+    would, holds what was flown against the mission's [expect], and stops both.
+    """
+    from gcs_tools import present
+    from gcs_tools.flying import UsageError, fly_missions
+
+    try:
+        results = fly_missions(
+            missions,
+            speed=speed,
+            seed=seed,
+            rate_hz=rate_hz,
+            out=out,
+            settings=settings,
+            in_process=in_process,
+            instance=instance,
+            show=present.Quiet() if as_json else present.Terminal(),
+        )
+    except UsageError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(USAGE)
+    if junit is not None:
+        from gcs_tools import result
+
+        try:
+            result.junit(results, junit)
+        except OSError as error:
+            click.echo(f"Error: {junit}: {error.strerror}", err=True)
+            sys.exit(INFRASTRUCTURE)
+    if as_json:
+        click.echo(json.dumps([r.as_dict() for r in results], allow_nan=False, indent=2))
+    sys.exit(max((r.exit_code for r in results), default=OK))
+
+
+@main.command()
+@click.argument("mission", required=False)
+@INSTANCE
+def up(mission: str | None, instance: int | None) -> None:
+    """Run the pair in real time until Ctrl-C, for a ground station or a script.
+
+    With MISSION its law, world and starting point are flown; without, an S1000 stands on
+    the ground in still air.
+    """
+    from fcu.interface.ports import busy
+    from gcs_tools.flying import UsageError, new_folder, prepared
+    from gcs_tools.processes import InfrastructureError
+    from gcs_tools.up import up as run
+
+    try:
+        scene = None if mission is None else prepared(mission)[1]
+        folder = new_folder(None, "up")
+    except UsageError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(USAGE)
+    try:
+        number = first_free_instance() if instance is None else instance
+        if taken := busy(number):
+            raise taken[0]
+    except OSError as error:
+        click.echo(f"Error: {error.strerror or error}", err=True)
+        sys.exit(INFRASTRUCTURE)
+    at = ports(number)
+    ready = (
+        f"ready: instance {number}, MAVLink system {at.system_id}\n"
+        f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
+        f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
+        f"  logs            {folder}"
+    )
+    click.echo("starting (the first time compiles for half a minute) ...", err=True)
+    try:
+        run(scene, folder, number, ready)
+    except InfrastructureError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(INFRASTRUCTURE)
+    except KeyboardInterrupt:
+        click.echo("stopped", err=True)
+        sys.exit(OK)
+
+
+@main.command(context_settings={"ignore_unknown_options": True})
+@click.argument("x", type=float)
+@click.argument("y", type=float)
+@click.argument("z", type=float)
+@click.option("--yaw-deg", type=float, help="From East, counter-clockwise; default: as it is.")
+@click.option("--json", "as_json", is_flag=True, help="Print where it arrived as JSON.")
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: the first that runs.")  # fmt: skip
+def setpoint(
+    x: float, y: float, z: float, yaw_deg: float | None, as_json: bool, instance: int | None
+) -> None:
+    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up."""
+    import math
+
+    from fcu.interface.link import PortBusy
+    from fcu.kernel.algebra import Vec3
+    from gcs_tools.setpoint import distance, fly_to
+    from gcs_tools.vehicle import Vehicle, VehicleError
+
+    if not all(math.isfinite(v) and abs(v) <= 1e5 for v in (x, y, z, yaw_deg or 0.0)):
+        raise click.UsageError("X, Y, Z and --yaw-deg must be finite numbers, at most 1e5")
+    number = first_running_instance() if instance is None else instance
+    if number is None:
+        click.echo("Error: no vehicle is up on this machine (start one: gcs up)", err=True)
+        sys.exit(INFRASTRUCTURE)
+    try:
+        vehicle = Vehicle(number)
+    except PortBusy as error:
+        click.echo(f"Error: {error.strerror}", err=True)
+        sys.exit(INFRASTRUCTURE)
+    target = Vec3(x, y, z)
+    began = time.monotonic()
+    try:
+        here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True))
+    except VehicleError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(INFRASTRUCTURE)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    finally:
+        vehicle.close()
+    away = distance(here.r_E, target)
+    if as_json:
+        said = {"position_m": list(here.r_E), "error_m": away, "wall_s": time.monotonic() - began}
+        click.echo(json.dumps(said, allow_nan=False))
+    else:
+        click.echo(f"there: ({here.r_E.x:.2f}, {here.r_E.y:.2f}, {here.r_E.z:.2f}) m, {away:.2f} m off")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""What a person sees of a flight: progress in simulation time, then the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.table import Table
+from rich.text import Text
+
+from gcs_tools.result import Result
+
+
+class Tell(Protocol):
+    """Told how far a flight is."""
+
+    def __call__(self, time_s: float) -> None:
+        """Simulation time flown, s."""
+
+
+class Show(Protocol):
+    """Where progress and verdicts go."""
+
+    def note(self, text: str) -> None:
+        """Something a person waits for is going on."""
+
+    @contextmanager
+    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+        """A flight is under way."""
+
+    def verdict(self, result: Result, folder: str) -> None:
+        """A flight has been judged."""
+
+
+class Quiet:
+    """Shows nothing: for machine-readable output, and for use from Python."""
+
+    def note(self, text: str) -> None:
+        """Nothing."""
+
+    @contextmanager
+    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+        """Nothing."""
+        yield lambda time_s: None
+
+    def verdict(self, result: Result, folder: str) -> None:
+        """Nothing."""
+
+
+class Terminal:
+    """Progress on standard error, verdicts on standard output."""
+
+    def __init__(self) -> None:
+        self._log = Console(stderr=True, highlight=False)
+        self._out = Console(highlight=False)
+
+    def note(self, text: str) -> None:
+        """One line."""
+        self._log.print(f"[dim]{text}[/dim]")
+
+    @contextmanager
+    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+        """A bar in simulation time."""
+        bar = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(bar_width=40),
+            TaskProgressColumn(),
+            TextColumn("{task.completed:5.1f} / {task.total:.1f} s"),
+            console=self._log,
+            transient=True,
+            disable=not self._log.is_terminal,
+        )
+        with bar:
+            task = bar.add_task(mission, total=duration_s)
+            yield lambda time_s: bar.update(task, completed=time_s)
+
+    def verdict(self, result: Result, folder: str) -> None:
+        """The title, a table of the expectations, and where the run is."""
+        self._out.print(Text(result.title, style="bold"))
+        if result.error:
+            self._out.print(Text(result.error, style="red"))
+        if result.expectations:
+            table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
+            table.add_column("")
+            table.add_column("expected")
+            table.add_column("measured", justify="right")
+            for line in result.expectations:
+                style = "green" if line.passed else "red"
+                value = line.value
+                shown = "-" if value is None else value if isinstance(value, str) else f"{value:.4g}"
+                mark = Text("met" if line.passed else "MISSED", style=style)
+                table.add_row(mark, line.text, Text(shown, style=style))
+            self._out.print(table)
+        speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
+        self._out.print(
+            Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),
+            soft_wrap=True,
+        )
