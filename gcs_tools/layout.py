@@ -1,0 +1,181 @@
+"""Where the doubles of a Protobuf message stand, so that whole batches of messages move at once.
+
+A message of nothing but doubles, all written, has one length and one layout: tags and lengths
+are the same bytes in every message, and each double is eight bytes at a fixed place. So a batch
+is encoded by copying one template and laying columns into it, and decoded by looking at the
+places, once the bytes between them are known to be the template's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorSet
+
+Bytes = np.ndarray[Any, np.dtype[np.uint8]]
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+_FIXED64, _LENGTH_DELIMITED = 1, 2  # Protobuf wire types
+_RECORD = np.dtype(  # an MCAP message record, up to its data
+    [
+        ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
+        ("log_time", "<u8"), ("publish_time", "<u8"),
+    ]
+)  # fmt: skip
+_MESSAGE_OPCODE = 5
+
+
+class LayoutError(ValueError):
+    """A message that is not one of doubles alone, or bytes that are not such a message."""
+
+
+class Layout(NamedTuple):
+    """One Protobuf message with every double written."""
+
+    template: bytes  # with zeros where the doubles go
+    names: tuple[str, ...]  # of the doubles, dotted
+    places: tuple[int, ...]  # of their first bytes
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def _messages(
+    scope: str, found: Iterable[DescriptorProto]
+) -> Iterator[tuple[str, DescriptorProto]]:
+    """Every message, nested ones too, with its full name."""
+    for message in found:
+        name = f"{scope}.{message.name}"
+        yield name, message
+        yield from _messages(name, message.nested_type)
+
+
+def layout(schema: bytes, name: str) -> Layout:
+    """The layout of the message `name` of a serialized FileDescriptorSet.
+
+    Raises LayoutError if there is no such message, or if it has anything but doubles and
+    messages of doubles.
+    """
+    known: dict[str, DescriptorProto] = {}
+    for file in FileDescriptorSet.FromString(schema).file:
+        known |= _messages(f".{file.package}", file.message_type)
+    return _layout(known, f".{name}")
+
+
+def _layout(known: dict[str, DescriptorProto], name: str) -> Layout:
+    if name not in known:
+        raise LayoutError(f"the schema has no message {name.lstrip('.')}")
+    template, names, places = b"", [], []
+    for field in sorted(known[name].field, key=lambda field: int(field.number)):
+        single = field.label == FieldDescriptorProto.LABEL_OPTIONAL
+        if single and field.type == FieldDescriptorProto.TYPE_DOUBLE:
+            template += _varint(field.number << 3 | _FIXED64)
+            names.append(field.name)
+            places.append(len(template))
+            template += bytes(8)
+        elif single and field.type == FieldDescriptorProto.TYPE_MESSAGE:
+            inner = _layout(known, field.type_name)
+            template += _varint(field.number << 3 | _LENGTH_DELIMITED)
+            template += _varint(len(inner.template))
+            names += [f"{field.name}.{inner_name}" for inner_name in inner.names]
+            places += [len(template) + place for place in inner.places]
+            template += inner.template
+        else:
+            raise LayoutError(f"{name.lstrip('.')}.{field.name}: expected a double or a message")
+    return Layout(template, tuple(names), tuple(places))
+
+
+def decode(form: Layout, messages: list[bytes]) -> Rows:
+    """The doubles of `messages`, float64 (n, len(form.names)), to the bit.
+
+    Raises LayoutError for a message that does not have this layout.
+    """
+    length = len(form.template)
+    for i, message in enumerate(messages):
+        if len(message) != length:
+            raise LayoutError(f"message {i} has {len(message)} bytes, expected {length}")
+    data = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), length)
+    at = np.array(form.places)[:, None] + np.arange(8)
+    fixed = np.ones(length, bool)
+    fixed[at] = False
+    wrong = (data[:, fixed] != np.frombuffer(form.template, np.uint8)[fixed]).any(axis=1)
+    if wrong.any():
+        raise LayoutError(f"message {int(wrong.argmax())} has other fields than its schema")
+    return np.ascontiguousarray(data[:, at]).view("<f8")[..., 0].astype(np.float64, copy=False)
+
+
+class _Run(NamedTuple):
+    """Columns that stand side by side in the row and evenly spaced in the message."""
+
+    place: int
+    spacing: int
+    column: int
+    width: int
+
+
+def _runs(places: list[int], columns: list[int]) -> list[_Run]:
+    runs: list[_Run] = []
+    for place, column in zip(places, columns, strict=True):
+        if runs and column == runs[-1].column + runs[-1].width:
+            last = runs[-1]
+            spacing = place - (last.place + (last.width - 1) * last.spacing)
+            if last.width == 1 or spacing == last.spacing:
+                runs[-1] = last._replace(spacing=spacing, width=last.width + 1)
+                continue
+        runs.append(_Run(place, 8, column, 1))
+    return runs
+
+
+class Encoder:
+    """Rows of float64 into MCAP message records: for each row one record on each channel."""
+
+    def __init__(self, forms: list[tuple[int, Layout, list[int]]]) -> None:
+        """`forms`: channel, its layout, and for each double of it the column of the row."""
+        self.channels: list[int] = []
+        self.starts: list[int] = []  # of each channel's record in the bytes of a row
+        template = bytearray()
+        places: list[int] = []
+        columns: list[int] = []
+        for channel, form, of_form in forms:
+            self.channels.append(channel)
+            self.starts.append(len(template))
+            head = np.zeros((), _RECORD)
+            head["opcode"], head["channel"] = _MESSAGE_OPCODE, channel
+            head["length"] = _RECORD.itemsize - 9 + len(form.template)  # after opcode and length
+            template += head.tobytes()
+            places += [len(template) + place for place in form.places]
+            columns += of_form
+            template += form.template
+        self._template = np.frombuffer(bytes(template), np.uint8)
+        self._runs = _runs(places, columns)
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes that one row becomes."""
+        return len(self._template)
+
+    def encode(self, rows: Rows, time_ns: np.ndarray[Any, Any], first: int) -> Bytes:
+        """The records of `rows`, uint8 (n, row_bytes).
+
+        time_ns : uint64 (n,), simulation time.  first : sequence number of the first row.
+        """
+        n = len(rows)
+        out = np.empty((n, self.row_bytes), np.uint8)
+        out[:] = self._template
+        for start in self.starts:
+            head: Any = np.ndarray((n,), _RECORD, out, start, (self.row_bytes,))
+            head["sequence"] = np.arange(first, first + n).astype(np.uint32)
+            head["log_time"] = head["publish_time"] = time_ns
+        for run in self._runs:
+            to: Rows = np.ndarray(
+                (n, run.width), "<f8", out, run.place, (self.row_bytes, run.spacing)
+            )
+            to[:] = rows[:, run.column : run.column + run.width]
+        return out
