@@ -23,7 +23,6 @@ from fcu.interface.ports import busy, first_free_instance
 from fcu.kernel.buffers import to_buffer
 from fcu.law.parameters import ParameterError
 from gcs_tools import expect, metrics, result, rollout
-from gcs_tools.course import last_change_s
 from gcs_tools.mission import Mission, MissionError, load, override
 from gcs_tools.present import Quiet, Show
 from gcs_tools.processes import InfrastructureError
@@ -31,6 +30,7 @@ from gcs_tools.record import Recorder
 from gcs_tools.recording import RecordingError
 from gcs_tools.result import Result
 from gcs_tools.scenario import Scenario, arrival, scenario
+from gcs_tools.trajectory import last_change_s
 from gcs_tools.wire_flight import R_C, Flown, WireFlight
 from sitl_plant.physics import dynamics
 
@@ -51,10 +51,12 @@ def prepared(
     """A mission with its changes, and what it flies. Raises UsageError."""
     try:
         mission = load(name)
-        extra = [f"flight.seed={seed}"] if seed is not None else []
-        extra += [f"flight.rate_hz={rate_hz}"] if rate_hz is not None else []
-        for setting in (*settings, *extra):
+        for setting in settings:
             mission = override(mission, setting)
+        if seed is not None:
+            mission = override(mission, f"flight.seed={seed}", "--seed")
+        if rate_hz is not None:
+            mission = override(mission, f"flight.rate_hz={rate_hz:g}", "--rate")
         return mission, scenario(mission)
     except MissionError as error:
         raise UsageError(str(error)) from error

@@ -16,8 +16,8 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
 from fcu.law.parameters import law_params
 from fcu.law.types import LawParams
-from gcs_tools.course import setpoint_at, setpoint_ticks
 from gcs_tools.mission import Mission
+from gcs_tools.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
 from sitl_plant.world import World, world
 
@@ -60,7 +60,7 @@ def scenario(mission: Mission) -> Scenario:
     airframe, limits = believed()
     chosen = mission.law.model_dump(exclude_none=True)
     start = flight.start.model_dump(exclude_none=True)
-    ticks = [int(k) for k in setpoint_ticks(flight)]
+    ticks = [int(k) for k in setpoint_times(flight)]
     arrive = flight.arrive
     return Scenario(
         law=law_params(airframe, limits, flight.rate_hz, chosen),
