@@ -1,157 +1,260 @@
-"""A mission file: TOML, validated, every refusal with its line, its key and what was expected."""
+"""Missions: a TOML file read, checked, and changed from the command line.
+
+    mission = override(load("paper_nominal"), "law.f_m=1.4")
+
+What is wrong with a file is said with its line, its key and what was expected there.
+"""
 
 from __future__ import annotations
 
+import copy
+import difflib
+import json
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
-from fcu.configuration import OCTO
-from fcu.interface.airframe import load as load_airframe
-from fcu.law.parameters import BOUNDS, DEFAULTS, PRINTED_BOUNDS
-from gcs_tools.locate import explain
-from gcs_tools.mission_schema import MissionFile
+from gcs_tools.mission_fields import Table
+from gcs_tools.mission_flight import Flight
+from gcs_tools.mission_tables import Document, Law, Plant, Wind
+from gcs_tools.toml_lines import KeyPath, lines, nearest
+from gcs_tools.trajectory import last_change_s, setpoint_at, setpoint_times
 
-SHIPPED = (
-    Path(__file__).resolve().parent / "missions",  # in a wheel
-    Path(__file__).resolve().parents[1] / "missions",  # in a checkout
-)
+__all__ = [
+    "Mission", "MissionError", "Value", "folder", "last_change_s", "load", "override",
+    "setpoint_at", "setpoint_times",
+]  # fmt: skip
 
 
 class MissionError(ValueError):
-    """A mission that cannot be flown: file, line, key, what was expected."""
+    """A mission that cannot be flown: file, line, key and what was expected, one line each."""
 
 
 class Value(NamedTuple):
-    """A value in force, and where it came from: default, octo.toml, mission or --set."""
+    """A value in force, and where it came from."""
 
     value: Any
     origin: str
 
 
+@dataclass(frozen=True)
 class Mission:
-    """A valid mission: its tables, its name, and where each value came from."""
+    """A mission file that may be flown."""
 
-    def __init__(self, name: str, source: str, tables: dict[str, Any], text: str = "") -> None:
-        """Raises MissionError."""
-        self.name = name
-        self._source = source
-        self._tables = tables
-        self._text = text
-        self._set: set[str] = set()
-        try:
-            self._file = MissionFile.model_validate(tables)
-        except ValidationError as error:
-            raise MissionError(explain(error, source, text, MissionFile)) from None
-        self.title = self._file.title
-        self.flight = self._file.flight
-        self.law = self._file.law
-        self.wind = self._file.wind
-        self.plant = self._file.plant
+    name: str
+    source: str  # the file, as messages name it
+    title: str
+    flight: Flight
+    law: Law
+    wind: Wind
+    plant: Plant
+    expect: Table
+    given: Mapping[str, Any]  # the tables as written, with what was changed since
+    changed: Mapping[KeyPath, str]  # key -> the option that changed it
 
     def expectations(self) -> dict[str, Any]:
-        """The `[expect]` table: metric -> limit, or a table of limit and window."""
-        return self._file.expect.model_dump(exclude_none=True, by_alias=True)
+        """[expect] as plain values: metric -> { limit or at_least, from, to }, ended -> a word."""
+        return self.expect.model_dump(by_alias=True, exclude_none=True)
 
     def values_in_force(self) -> dict[str, Value]:
-        """Dotted name -> value and origin, of everything that was flown."""
-        found: dict[str, Value] = {}
-        octo = load_airframe(OCTO)
-        for table in ("rotors", "limits"):
-            for key, value in octo[table].items():
-                found[f"airframe.{table}.{key}"] = Value(value, "octo.toml")
-        printed = self.law.prediction == "demanded"
-        defaults = {
-            **{f"law.{k}": v for k, v in DEFAULTS.items()},
-            **{f"law.bounds.{k}": v for k, v in (PRINTED_BOUNDS if printed else BOUNDS).items()},
-        }
-        found.update({k: Value(v, "default") for k, v in defaults.items()})
-        dumped = self._file.model_dump(exclude_none=True, by_alias=True)
-        given = dict(flatten(self._tables))
-        for table in ("flight", "law", "wind", "plant"):
-            for key, value in flatten({table: dumped[table]}):
-                if key in given or key not in found:
-                    origin = "mission" if key in given else "default"
-                    found[key] = Value(value, "--set" if self._is_set(key) else origin)
-        return found
+        """Dotted key -> value and origin, for all that the flight depends on.
 
-    def _is_set(self, key: str) -> bool:
-        return any(key == name or key.startswith(f"{name}.") for name in self._set)
+        Origins: default, octo.toml, truth.toml, mission, or the option that changed it.
+        """
+        from gcs_tools.origins import values_in_force
 
-    def changed(self, key: str, value: Any) -> Mission:
-        """This mission with one value replaced. Raises MissionError."""
-        tables = _copied(self._tables)
-        *path, last = key.split(".")
-        at = tables
-        for name in path:
-            at = at.setdefault(name, {})
-            if not isinstance(at, dict):
-                raise MissionError(f"--set {key}: {name} is a value, not a table")
-        at[last] = value
-        changed = Mission(self.name, f"--set {key}", tables)
-        changed._source, changed._text = self._source, self._text
-        changed._set = {*self._set, key}
-        return changed
+        return values_in_force(self)
 
 
-def _copied(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _copied(v) for k, v in value.items()}
-    return [_copied(v) for v in value] if isinstance(value, list) else value
+# --- finding
 
 
-def flatten(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Dotted name and value of every leaf of nested tables; arrays are leaves."""
-    found: list[tuple[str, Any]] = []
-    for key, value in table.items():
-        name = f"{prefix}{key}"
-        found += flatten(value, f"{name}.") if isinstance(value, dict) else [(name, value)]
-    return found
+def folder() -> Path:
+    """Where the shipped missions are: in the package, or in the checkout it is used from."""
+    package = Path(str(files("gcs_tools")))
+    shipped = package / "missions"
+    return shipped if shipped.is_dir() else package.parent / "missions"
 
 
-def shipped() -> dict[str, Path]:
-    """Name -> file of the missions that come with the package."""
-    folders = [f for f in SHIPPED if f.is_dir()]
-    return {p.stem: p for f in folders for p in sorted(f.glob("*.toml"))}
+def _path(name: str) -> Path:
+    if name.endswith(".toml") or "/" in name or Path(name).is_file():
+        return Path(name)
+    path = folder() / f"{name}.toml"
+    if not path.is_file():
+        known = sorted(p.stem for p in folder().glob("*.toml"))
+        raise MissionError(
+            f"{name}: no such mission{_meant(name, known)}; there are {', '.join(known)}"
+        )
+    return path
 
 
-def load(name: str) -> Mission:
-    """A mission by path, or by the name of a shipped one. Raises MissionError."""
-    path = Path(name)
-    if not path.suffix and not path.exists():
-        known = shipped()
-        if name not in known:
-            raise MissionError(f"{name}: no such mission; shipped are {', '.join(sorted(known))}")
-        path = known[name]
+def _shown(path: Path) -> str:
+    """`path` from the working directory, where it lies below it."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _meant(word: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
+# --- checking
+
+
+def load(name_or_path: str | Path) -> Mission:
+    """A shipped mission by its name, or any by its file. Raises MissionError."""
+    path = _path(str(name_or_path))
+    source = _shown(path)
     try:
         text = path.read_text(encoding="utf-8")
+        given = tomllib.loads(text)
     except OSError as error:
-        raise MissionError(f"{path}: {error.strerror}") from None
+        raise MissionError(f"{source}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise MissionError(f"{path}: not UTF-8 text (byte {error.start})") from None
-    try:
-        tables = tomllib.loads(text)
+        raise MissionError(f"{source}: expected UTF-8 text ({error.reason})") from error
     except tomllib.TOMLDecodeError as error:
-        raise MissionError(f"{path}: not TOML: {error}") from None
-    return Mission(path.stem, str(path), tables, text)
+        at = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        line = (at and at[1]) or len(text.splitlines())
+        raise MissionError(f"{source}:{line}: {str(error)[: at and at.start()]}") from error
+    return _checked(path.stem, source, given, {}, text)
 
 
-def override(mission: Mission, setting: str) -> Mission:
-    """`mission` with TABLE.KEY=VALUE applied. Raises MissionError.
+def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
+    """`mission` with TABLE.KEY=VALUE changed; a VALUE that is not TOML is taken as a word.
 
-    VALUE is read as TOML; what is not TOML is a word (`law.prediction=achieved`).
+    `option` is the origin that the value is reported with. Raises MissionError.
     """
-    key, equals, text = setting.partition("=")
-    key = key.strip()
-    if not equals or "." not in key or not all(key.split(".")):
-        raise MissionError(f"--set {setting}: expected TABLE.KEY=VALUE")
+    key, equals, written = (part.strip() for part in setting.partition("="))
+    if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key) or not written:
+        raise MissionError(f"{option} {setting}: expected TABLE.KEY=VALUE")
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()
-    return mission.changed(key, value)
+        value = tomllib.loads(f"value = {written}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        if not re.fullmatch(r"[A-Za-z_][\w-]*", written):
+            raise MissionError(f"{option} {setting}: expected a TOML value, got {written}") from error
+        value = written
+    *tables, last = names = key.split(".")
+    given: dict[str, Any] = copy.deepcopy(dict(mission.given))
+    table: Any = given
+    for name in tables:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise MissionError(f"{option} {setting}: {name} is not a table")
+    table[last] = value
+    changed = {**mission.changed, tuple(names): option}
+    made = _checked(mission.name, f"{option} {setting}", given, changed)
+    return replace(made, source=mission.source)
 
 
+def _checked(
+    name: str, source: str, given: dict[str, Any], changed: Mapping[KeyPath, str], text: str = ""
+) -> Mission:
+    found = lines(text)
+    try:
+        tables = Document.model_validate(given)
+    except ValidationError as error:
+        raise MissionError("\n".join(_problems(error, source, found))) from error
+    return Mission(
+        name, source, tables.title, tables.flight, tables.law, tables.wind, tables.plant,
+        tables.expect, given, changed,
+    )  # fmt: skip
+
+
+# --- what is wrong, in words
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "finite_number": "a finite number",
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "model_type": "a table",
+    "tuple_type": "an array",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "less_than": "a number < {lt:g}",
+    "less_than_equal": "a number <= {le:g}",
+    "literal_error": "{expected}",
+    "mission": "{expected}",
+}
+_NOTHING = object()
+
+
+def _problems(
+    error: ValidationError, source: str, found: dict[KeyPath, int]
+) -> Iterator[str]:
+    """One line for each problem, in the order of the file."""
+    placed = []
+    for problem in error.errors(include_url=False):
+        path: KeyPath = problem["loc"]
+        context, got = problem.get("ctx", {}), problem["input"]
+        kind = problem["type"]
+        if kind == "mission":
+            path, got = (*path, *context["key"]), context["got"]
+            got = _NOTHING if got is None else got
+        if kind == "extra_forbidden":
+            said = f"no such key{_meant(str(path[-1]), _known(path[:-1]))}"
+        elif kind == "missing":
+            said = "is missing" if isinstance(path[-1], str) else _numbers_missing(path)
+        elif kind == "too_long":
+            said = f"expected {context['max_length']} numbers, got {_written(got)}"
+        else:
+            expected = _EXPECTED.get(kind, problem["msg"]).format(**context)
+            said = f"expected {expected}"
+            said += "" if got is _NOTHING else f", got {_written(got)}"
+        line = nearest(found, path)
+        where = source if line is None else f"{source}:{line}"
+        placed.append((line or 0, f"{where}: {_key(path)}: {said}"))
+    return (text for _, text in sorted(placed, key=lambda item: item[0]))
+
+
+def _numbers_missing(path: KeyPath) -> str:
+    return f"expected a number here, the array has {path[-1]}"
+
+
+def _key(path: KeyPath) -> str:
+    """`[flight] setpoints[0].at_s`; `title` and tables themselves stand alone."""
+    text = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path[1:]).removeprefix(".")
+    if text:
+        return f"[{path[0]}] {text}"
+    return f"[{path[0]}]" if _is_table(Document.model_fields, path[0]) else str(path[0])
+
+
+def _is_table(fields: Mapping[str, Any], name: Any) -> bool:
+    kind = getattr(fields.get(name), "annotation", None)
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _known(path: KeyPath) -> list[str]:
+    """The keys of the table at `path`."""
+    model: Any = Document
+    for name in path:
+        if isinstance(name, str):
+            model = next(iter(_models(model.model_fields[name].annotation)))
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _models(kind: Any) -> Iterator[type[BaseModel]]:
+    """The tables in an annotation: of `X | None`, of `tuple[X, ...]`, annotated or not."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+    for part in getattr(kind, "__args__", ()):
+        yield from _models(part)
+
+
+def _written(value: Any) -> str:
+    """A value as TOML would have it, cut where it is long."""
+    try:
+        text = json.dumps(value)
+    except TypeError:
+        text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,68 @@
+"""What the values of a mission file may be: numbers, ranges, vectors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema,
+)  # fmt: skip
+from pydantic_core import PydanticCustomError
+
+# Hz: those from 100 to 1000 whose period is a whole number of microseconds
+RATES = tuple(rate for rate in range(100, 1001) if 1_000_000 % rate == 0)
+
+
+class Table(BaseModel):
+    """One table: nothing but the keys below, numbers that are numbers and finite."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, validate_by_name=False
+    )
+
+
+def wrong(key: tuple[str | int, ...], expected: str, got: Any = None) -> PydanticCustomError:
+    """What a check across keys raises: the key at fault below the table checked."""
+    return PydanticCustomError(
+        "mission", "{expected}", {"key": key, "expected": expected, "got": got}
+    )
+
+
+def _whole(value: Any) -> Any:
+    """500.0 as 500: a rate on a command line is a float."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _rate(value: int) -> int:
+    if value not in RATES:
+        raise wrong((), f"one of {', '.join(map(str, RATES))}", value)
+    return value
+
+
+def _three(value: Any) -> Any:
+    """One number for all three axes."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return [value] * 3 if number else value
+
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+# TOML has arrays only: lax about that (and that alone), so that values cannot be changed
+Numbers = Annotated[tuple[float, float, float], Field(strict=False)]
+NotNegatives = Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)]
+Positives = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
+Position = Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)]
+OneOrThree = Annotated[Positives, BeforeValidator(_three, json_schema_input_type=float | Positives)]
+Rate = Annotated[
+    int,
+    BeforeValidator(_whole),
+    AfterValidator(_rate),
+    WithJsonSchema({"type": "integer", "enum": list(RATES)}),
+]
+ZERO = (0.0, 0.0, 0.0)
+
+
+def optional(description: str) -> Any:
+    """A key that may be left out, without a default of its own."""
+    return Field(None, description=description)
