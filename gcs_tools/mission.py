@@ -140,7 +140,9 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
         value = tomllib.loads(f"value = {written}")["value"]
     except tomllib.TOMLDecodeError as error:
         if not re.fullmatch(r"[A-Za-z_][\w-]*", written):
-            raise MissionError(f"{option} {setting}: expected a TOML value, got {written}") from error
+            raise MissionError(
+                f"{option} {setting}: expected a TOML value, got {written}"
+            ) from error
         value = written
     *tables, last = names = key.split(".")
     given: dict[str, Any] = copy.deepcopy(dict(mission.given))
@@ -164,9 +166,17 @@ def _checked(
     except ValidationError as error:
         raise MissionError("\n".join(_problems(error, source, found))) from error
     return Mission(
-        name, source, tables.title, tables.flight, tables.law, tables.wind, tables.plant,
-        tables.expect, given, changed,
-    )  # fmt: skip
+        name,
+        source,
+        tables.title,
+        tables.flight,
+        tables.law,
+        tables.wind,
+        tables.plant,
+        tables.expect,
+        given,
+        changed,
+    )
 
 
 # --- what is wrong, in words
@@ -189,9 +199,7 @@ _EXPECTED = {
 _NOTHING = object()
 
 
-def _problems(
-    error: ValidationError, source: str, found: dict[KeyPath, int]
-) -> Iterator[str]:
+def _problems(error: ValidationError, source: str, found: dict[KeyPath, int]) -> Iterator[str]:
     """One line for each problem, in the order of the file."""
     placed = []
     for problem in error.errors(include_url=False):

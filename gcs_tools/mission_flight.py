@@ -5,13 +5,23 @@ Frames: Earth East-North-Up; angles from East, counter-clockwise.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from gcs_tools.mission_fields import (
-    ZERO, Coordinate, NotNegative, Numbers, Position, Positive, Rate, Table, optional, wrong,
-)  # fmt: skip
+    ZERO,
+    Coordinate,
+    NotNegative,
+    Numbers,
+    Position,
+    Positive,
+    Rate,
+    Table,
+    optional,
+    wrong,
+)
 
 
 def _timed(value: Any) -> Any:
@@ -104,12 +114,12 @@ class Flight(Table):
         times = [s.at_s for s in self.setpoints]
         if times and times[0] != 0.0:
             raise wrong(("setpoints", 0, "at_s"), "0 (a flight begins with a setpoint)", times[0])
-        for i, (before, at_s) in enumerate(zip(times, times[1:], strict=False), start=1):
+        for i, (before, at_s) in enumerate(pairwise(times), start=1):
             if at_s <= before:
                 raise wrong(("setpoints", i, "at_s"), f"a time after {before:g}", at_s)
         if times and times[-1] >= self.duration_s:
-            key = ("setpoints", len(times) - 1, "at_s")
-            raise wrong(key, f"a time before duration_s, {self.duration_s:g}", times[-1])
+            last = ("setpoints", len(times) - 1, "at_s")
+            raise wrong(last, f"a time before duration_s, {self.duration_s:g}", times[-1])
         if self.start.on_ground and self.start.velocity_m_s != ZERO:
             raise wrong(("start", "velocity_m_s"), "zero on the ground", self.start.velocity_m_s)
         height = self.start.position_m[2]

@@ -14,9 +14,17 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model, model
 
 from gcs_tools.metrics import METRICS
 from gcs_tools.mission_fields import (
-    ZERO, NotNegative, NotNegatives, Numbers, OneOrThree, Positive, Positives, Table, optional,
+    ZERO,
+    NotNegative,
+    NotNegatives,
+    Numbers,
+    OneOrThree,
+    Positive,
+    Positives,
+    Table,
+    optional,
     wrong,
-)  # fmt: skip
+)
 from gcs_tools.mission_flight import Flight
 
 # --- [law]
@@ -70,7 +78,7 @@ class Law(Table):
 
 
 class Wind(Table):
-    """The air: steady, plus amplitude sin(frequency t) axis by axis, plus a step; and its rotation."""
+    """The air: steady, plus amplitude sin(frequency t), plus a step; and its rotation."""
 
     steady_m_s: Numbers = Field(ZERO, description="velocity of the air, ENU")
     amplitude_m_s: Numbers = Field(ZERO, description="ENU")
@@ -135,7 +143,9 @@ class Plant(Table):
     def _one_loss_a_rotor(self) -> Self:
         for i, loss in enumerate(self.rotor_loss):
             if any(loss.rotor == other.rotor for other in self.rotor_loss[:i]):
-                raise wrong(("rotor_loss", i, "rotor"), "a rotor that is not listed yet", loss.rotor)
+                raise wrong(
+                    ("rotor_loss", i, "rotor"), "a rotor that is not listed yet", loss.rotor
+                )
         return self
 
 
@@ -199,4 +209,4 @@ class Document(Table):
     law: Law = Law()
     wind: Wind = Wind()
     plant: Plant = Plant()
-    expect: Expect = Expect()  # type: ignore[valid-type]
+    expect: Expect = Expect()

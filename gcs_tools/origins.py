@@ -16,7 +16,7 @@ from gcs_tools.toml_lines import KeyPath
 
 
 def values_in_force(mission: Mission) -> dict[str, Value]:
-    """Dotted key -> Value, for [flight], [law], [wind] and [plant]; keys without a value left out."""
+    """Dotted key -> Value, of [flight], [law], [wind], [plant]; without keys that have no value."""
     underneath = {**_believed(), **_law_defaults(mission.law.prediction), **_true()}
     found = {}
     for table in ("flight", "law", "wind", "plant"):
