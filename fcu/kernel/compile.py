@@ -28,9 +28,13 @@ _PACKAGES = ("fcu", "sitl_plant", "gcs_tools")
 
 
 def _sources() -> list[Path]:
-    """Every file that can hold compiled code: those that mention this package."""
+    """Every file that holds compiled code, or the layout of a value that it works on."""
+
+    def takes_part(text: bytes) -> bool:
+        return b"fcu.kernel" in text and (b"@kernel" in text or b"NamedTuple" in text)
+
     files = (p for name in _PACKAGES for p in sorted((_ROOT / name).rglob("*.py")))
-    return [p for p in files if b"fcu.kernel" in p.read_bytes()]
+    return [p for p in files if takes_part(p.read_bytes())]
 
 
 def _fingerprint() -> str:
