@@ -23,18 +23,21 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_ROOT = Path(__file__).resolve().parents[2]
+_KERNEL = Path(__file__).resolve().parent
+_ROOT = _KERNEL.parents[1]
 _PACKAGES = ("fcu", "sitl_plant", "gcs_tools")
 
 
 def _sources() -> list[Path]:
     """Every file that holds compiled code, or the layout of a value that it works on."""
 
-    def takes_part(text: bytes) -> bool:
-        return b"fcu.kernel" in text and (b"@kernel" in text or b"NamedTuple" in text)
+    def takes_part(path: Path) -> bool:
+        text = path.read_bytes()
+        values = b"fcu.kernel" in text and (b"@kernel" in text or b"NamedTuple" in text)
+        return values or path.parent == _KERNEL
 
     files = (p for name in _PACKAGES for p in sorted((_ROOT / name).rglob("*.py")))
-    return [p for p in files if takes_part(p.read_bytes())]
+    return [p for p in files if takes_part(p)]
 
 
 def _fingerprint() -> str:
