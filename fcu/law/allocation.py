@@ -20,7 +20,7 @@ def achieved(params, Omega2):
     its spin.
     """
     f = params.c_T * Omega2
-    T = total(f)
+    T = total(f)  # (32)
     tau = Vec3(total(params.y * f), -total(params.x * f), -params.k_Q * total(params.spin * f))
     return T, tau
 
@@ -28,7 +28,7 @@ def achieved(params, Omega2):
 @kernel
 def omega_m(params, Omega):
     """Sum of rotor speeds signed by spin (rad/s), positive counter-clockwise. Paper (33)."""
-    return total(params.spin * Omega)  # departure 11
+    return total(params.spin * Omega)  # (33) departure 4
 
 
 @kernel
@@ -53,7 +53,7 @@ def allocate(params, T, tau):
     f = clip8(f + k_yaw * yawing, low, high)
 
     gave_up = (k_tilt < 1.0) or (abs(kept - share) > 1e-9) or (k_yaw < 1.0)
-    return f, select(gave_up, 1.0, 0.0)
+    return f, select(gave_up, 1.0, 0.0)  # departure 8
 
 
 @kernel
@@ -84,7 +84,7 @@ def speed_command(params, thrusts, Omega):
     kappa times sooner. h^-1 of (7).
     """
     wanted = sqrt8((1.0 / params.c_T) * thrusts)
-    command = Omega + params.kappa * (wanted - Omega)  # (7)
+    command = Omega + params.kappa * (wanted - Omega)  # (7) departure 8
     return clip8((1.0 / params.Omega_max) * command, 0.0, 1.0)
 
 

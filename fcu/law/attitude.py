@@ -14,7 +14,7 @@ def tilt_rate(params, tilt_filter, phi_c, theta_c):
     """Rate of the tilt command (rad/s; x roll, y pitch, z 0) and its filter one tick on (rad).
 
     The command is not differentiable in closed form; a low-pass of it is. As printed, nothing
-    is fed forward. Departure 9.
+    is fed forward.
     """
     b, h, limit = params.tilt_rate_bandwidth, params.h, params.tilt_rate_max * params.achieved
     phi_f = (tilt_filter.x + h * b * phi_c) / (1.0 + h * b)
@@ -23,7 +23,7 @@ def tilt_rate(params, tilt_filter, phi_c, theta_c):
         clip(b * (phi_c - phi_f), -limit, limit),
         clip(b * (theta_c - theta_f), -limit, limit),
         0.0,
-    )
+    )  # departure 15
     return rate, Vec3(phi_f, theta_f, 0.0)
 
 
@@ -31,9 +31,9 @@ def tilt_rate(params, tilt_filter, phi_c, theta_c):
 def w_c(params, R_EB, angles, angles_c, rates_c):
     """Commanded body rates p_c, q_c, r_c (rad/s).
 
-    `angles` phi, theta, psi, those of R_EB; `angles_c` their commands (rad); `rates_c` the rates of the
-    commands (rad/s). The printed brackets are differences of derivatives; angle feedback
-    needs differences of angles, plus the command's own rate. Paper (40).
+    `angles` phi, theta, psi, those of R_EB; `angles_c` their commands (rad); `rates_c` the
+    rates of the commands (rad/s). The printed brackets are differences of derivatives; angle
+    feedback needs differences of angles, plus the command's own rate. Paper (40).
     """
     c = params.c_angle
     phi, theta = angles.x, angles.y
@@ -49,4 +49,4 @@ def w_c(params, R_EB, angles, angles_c, rates_c):
         phi_dot - psi_dot * sin_theta,
         theta_dot * cos_phi + psi_dot * sin_phi * cos_theta,
         -theta_dot * sin_phi + psi_dot * cos_phi * cos_theta,
-    )  # (40) departure 10
+    )  # (40) departure 2

@@ -145,7 +145,7 @@ def command(state, params, setpoint, measured, v_til, w_til):
         f_c,
         T_d,
         T_a,
-        T_a - T_d,
+        T_a - T_d,  # (9)
         T_c,
         T_achieved,
         angles,

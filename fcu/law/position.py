@@ -17,7 +17,7 @@ def f_c(params, state, setpoint, r, v):
     holds drag alone; as printed, s_v_hat has to find gravity too. Paper (37).
     """
     g_E = Vec3(0.0, 0.0, -params.g * params.achieved)
-    return a_ref(params, setpoint, r, v) - g_E - state.s_v_hat  # (37) departure 5
+    return a_ref(params, setpoint, r, v) - g_E - state.s_v_hat  # (37) departure 12
 
 
 @kernel
@@ -27,7 +27,7 @@ def thrust(params, T_d, e3):
     Achieved: the part of the demand along the actual axis. As printed: its norm, which
     turns a demand that points down into full thrust upwards. Paper (39).
     """
-    T = select(params.achieved > 0.5, dot(T_d, e3), norm(T_d))  # (39) departure 6
+    T = select(params.achieved > 0.5, dot(T_d, e3), norm(T_d))  # (39) departure 13
     return clip(T, params.T_min, params.T_max)
 
 
@@ -35,7 +35,7 @@ def thrust(params, T_d, e3):
 def safe(params, T_d):
     """The demanded force with its vertical part kept off the floor, so that a tilt exists."""
     floor = select(params.achieved > 0.5, params.T_dz_min, -1e300)
-    return Vec3(T_d.x, T_d.y, maximum(T_d.z, floor))  # departure 6
+    return Vec3(T_d.x, T_d.y, maximum(T_d.z, floor))  # departure 13
 
 
 @kernel
@@ -46,9 +46,9 @@ def tilt(params, T_d, cos_psi, sin_psi):
     """
     ahead = T_d.x * cos_psi + T_d.y * sin_psi
     right = T_d.x * sin_psi - T_d.y * cos_psi
-    theta_c = math.atan2(ahead, T_d.z)
+    theta_c = math.atan2(ahead, T_d.z)  # (39) departure 1
     cos_theta = T_d.z / math.sqrt(ahead * ahead + T_d.z * T_d.z + 1e-30)
-    phi_c = math.atan2(right, T_d.z / nonzero(cos_theta))  # (39) departure 7
+    phi_c = math.atan2(right, T_d.z / nonzero(cos_theta))  # (39) departure 1
     phi_star = params.phi_star
     clipped = (abs(phi_c) > phi_star) or (abs(theta_c) > phi_star)
     return (
@@ -70,10 +70,10 @@ def trim(params, state, T_achieved):
 
     Delta_u hides a bias of the thrust from the estimates: square root and lag rectify the
     noise of the rotor command, and an uncalibrated thrust curve does the same. Off while
-    the thrust is saturated, and as printed. Departure 8.
+    the thrust is saturated, and as printed.
     """
     T_c = state.T_c_prev
     inside = (T_c > params.T_min) and (T_c < params.T_max)
     rate = select(inside, params.trim_rate * params.achieved, 0.0)
-    moved = state.T_trim + params.h * rate * (T_c - T_achieved)
+    moved = state.T_trim + params.h * rate * (T_c - T_achieved)  # departure 14
     return clip(moved, -params.trim_max, params.trim_max)

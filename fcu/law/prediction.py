@@ -1,7 +1,7 @@
 """The prediction models: how far the measured velocity and body rate are from the predicted.
 
 Predictor and estimates advance together by backward Euler, in closed form, so the step is
-stable for every gain and every period (departure 2). Each function here solves for the
+stable for every gain and every period (departure 6). Each function here solves for the
 prediction error *after* the tick; `adaptation` then moves the estimates along it, and the
 new prediction is the measurement minus that error.
 
@@ -32,9 +32,9 @@ def velocity_achieved(params, state, v, T_a):
     """
     h, gamma = params.h, params.gamma
     g_E = Vec3(0.0, 0.0, -params.g)
-    e_minus = v - state.v_hat - h * (g_E + state.s_v_hat + T_a / state.m_hat)  # (5) departure 3
+    e_minus = v - state.v_hat - h * (g_E + state.s_v_hat + T_a / state.m_hat)  # (5) departure 10
     c = 1.0 + h * params.lambda_v + h * h * gamma
-    return rank_one(c, h * h * params.gamma_Lambda, T_a, e_minus)
+    return rank_one(c, h * h * params.gamma_Lambda, T_a, e_minus)  # departure 6
 
 
 @kernel
@@ -46,7 +46,7 @@ def velocity_demanded(params, state, v):
     """
     h = params.h
     e_minus = v - state.v_hat - h * (state.f_c_prev + state.s_v_hat)  # (36)
-    return e_minus / (1.0 + h * params.lambda_v)
+    return e_minus / (1.0 + h * params.lambda_v)  # departure 6
 
 
 @kernel
@@ -57,7 +57,7 @@ def couplings(state, w, Omega_m):
         state.c_p1_hat * q * r + state.c_p2_hat * q * Omega_m,
         state.c_q1_hat * p * r + state.c_q2_hat * p * Omega_m,
         state.c_r1_hat * p * q,
-    )  # departure 4
+    )  # (43) departure 3
 
 
 @kernel
@@ -83,17 +83,17 @@ def rates_achieved(params, state, w, w_mean, Omega_m, tau_a):
     h = params.h
     tau_over_J = tau_a / state.J_hat
     known = couplings(state, w_mean, Omega_m)
-    e_minus = w - state.w_hat - h * (known + state.s_w_hat + tau_over_J)  # (5) departure 3
+    e_minus = w - state.w_hat - h * (known + state.s_w_hat + tau_over_J)  # (5) departure 10
     gain = coupling_gain(params, w_mean, Omega_m) + params.gamma_LambdaJ * (tau_a * tau_a)
-    return e_minus / over_one(h * params.lambda_w, h * h * gain)
+    return e_minus / over_one(h * params.lambda_w, h * h * gain)  # departure 6
 
 
 @kernel
 def rates_demanded(params, state, w, w_mean, Omega_m):
     """Rate prediction error (rad/s, B), predicted as printed: with the demanded torque.
 
-    The estimate of inertia starts at zero, where the implicit gain gamma f^2 / J_hat has no
-    value; below J_min the floor stands in for it. Paper (41), (45).
+    The divisor holds the plant's reaction to the estimates of this tick, gamma f^2 / J for
+    inertia. J_hat starts at zero: J_implicit stands in for it while it is small. Paper (41), (45).
     """
     h, J = params.h, state.J_hat
     f = state.f_wc_prev
@@ -102,7 +102,7 @@ def rates_demanded(params, state, w, w_mean, Omega_m):
     floor = params.J_implicit
     J_floored = Vec3(max(J.x, floor), max(J.y, floor), max(J.z, floor))
     gain = coupling_gain(params, w_mean, Omega_m) + params.gamma_J * (f * f) / J_floored
-    return e_minus / over_one(h * params.lambda_w, h * h * gain)
+    return e_minus / over_one(h * params.lambda_w, h * h * gain)  # departure 9
 
 
 @kernel

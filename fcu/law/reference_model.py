@@ -15,14 +15,15 @@ def a_ref(params, setpoint, r, v):
     """
     f_m, zeta_m = params.f_m, params.zeta_m
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
-    return a_c - 2.0 * f_m * zeta_m * (v - v_c) - f_m * f_m * (r - r_c)  # (34) departure 1
+    return a_c - 2.0 * f_m * zeta_m * (v - v_c) - f_m * f_m * (r - r_c)  # (34) departure 5
 
 
 @kernel
 def advance(params, setpoint, r_m, v_m):
     """Position and velocity of the reference model one tick later (m, m/s, E). Paper (34).
 
-    One classical Runge-Kutta step: at the highest f_m allowed its error is below 1e-12 m.
+    One classical Runge-Kutta step: over an 18 m step its error stays below 1e-9 m at f_m = 1
+    rad/s, 1e-6 m at the highest f_m allowed, 10 rad/s (tests/law/test_cascade.py).
     The setpoint is carried along its own velocity within the tick.
     """
     h = params.h
