@@ -8,7 +8,7 @@ Mass and inertia are estimated as m_hat, J_hat (demanded, as printed) or through
 
 from __future__ import annotations
 
-from fcu.kernel.algebra import Vec3, clip, clip3, dot
+from fcu.kernel.algebra import Vec3, clip, clip3, dot, maximum, select
 from fcu.kernel.compile import kernel
 
 
@@ -73,11 +73,17 @@ def c_hat(params, c, regressor, e):
 def held(params, s_v, m, s_w, J):
     """1 while projection holds an estimate at the edge of its set, else 0."""
     bounds = params.bounds
-    edge = (
-        (max(abs(s_v.x), abs(s_v.y), abs(s_v.z)) >= bounds.s_v_max)
-        or (max(abs(s_w.x), abs(s_w.y), abs(s_w.z)) >= bounds.s_w_max)
-        or (m <= bounds.m_min * 1.000001)
-        or (m >= bounds.m_max * 0.999999)
-        or (max(J.x, J.y, J.z) >= bounds.J_max * 0.999999)
+    at_edge = (
+        (greatest3(s_v) >= bounds.s_v_max)
+        | (greatest3(s_w) >= bounds.s_w_max)
+        | (m <= bounds.m_min * 1.000001)
+        | (m >= bounds.m_max * 0.999999)
+        | (greatest3(J) >= bounds.J_max * 0.999999)
     )
-    return 1.0 if edge else 0.0
+    return select(at_edge, 1.0, 0.0)
+
+
+@kernel
+def greatest3(a):
+    """The largest of the absolute values of a Vec3's components."""
+    return maximum(maximum(abs(a.x), abs(a.y)), abs(a.z))

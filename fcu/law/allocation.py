@@ -7,7 +7,16 @@ upright), then total thrust, then torque about yaw.
 from __future__ import annotations
 
 from fcu.kernel.algebra import (
-    Rotors, Vec3, clip, clip8, greatest, least, minimum, select, sqrt8, total,
+    Rotors,
+    Vec3,
+    clip,
+    clip8,
+    greatest,
+    least,
+    minimum,
+    select,
+    sqrt8,
+    total,
 )  # fmt: skip
 from fcu.kernel.compile import kernel
 
@@ -93,5 +102,3 @@ def mean_squares(params, Omega_prev, Omega):
     """Mean of rotor speeds squared over the last tick ((rad/s)^2), from its two ends."""
     w = params.rotor_mean
     return w * (Omega_prev * Omega_prev) + (1.0 - w) * (Omega * Omega)
-
-

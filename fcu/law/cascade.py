@@ -6,6 +6,8 @@ the edge of a process; `rollout` and the real-time loop call the same text.
 
 from __future__ import annotations
 
+import math
+
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3, select
 from fcu.kernel.buffers import packer, unpacker
@@ -108,7 +110,7 @@ def command(state, params, setpoint, measured, v_til, w_til):
     r, v, w, Omega = measured.r_E, measured.v_E, measured.w_B, measured.Omega
     R_EB = matrix(measured.q_EB)
     e3, angles = R_EB.e3, euler(R_EB)
-    cos_theta = (R_EB.e1.x * R_EB.e1.x + R_EB.e1.y * R_EB.e1.y) ** 0.5 + 1e-30
+    cos_theta = math.sqrt(R_EB.e1.x * R_EB.e1.x + R_EB.e1.y * R_EB.e1.y) + 1e-30
     cos_psi, sin_psi = R_EB.e1.x / cos_theta, R_EB.e1.y / cos_theta
 
     # position: demanded force, thrust, tilt
@@ -244,9 +246,5 @@ def tick(t, engaged, state_buffer, params_buffer, setpoint_buffer, age, measured
         if engaged == TAKE_OVER:
             state, rotors, internals = first_step(params, setpoint, measured)
         else:
-            state, rotors, internals = step(
-                _unpack_state(state_buffer), params, setpoint, measured
-            )
+            state, rotors, internals = step(_unpack_state(state_buffer), params, setpoint, measured)
     _pack_tick(row, Tick(t, measured, setpoint, state, internals, rotors, engaged))
-
-

@@ -119,7 +119,9 @@ def law_params(
             raise ParameterError(f"{name}: no such law parameter")
     value = {**DEFAULTS, **given}
     if value["prediction"] not in ("achieved", "demanded"):
-        raise ParameterError(f"prediction: expected achieved or demanded, got {value['prediction']}")
+        raise ParameterError(
+            f"prediction: expected achieved or demanded, got {value['prediction']}"
+        )
     achieved = value["prediction"] == "achieved"
     bounds = {**(BOUNDS if achieved else PRINTED_BOUNDS), **bounds_given}
     gamma = float(value["gamma"])

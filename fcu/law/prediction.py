@@ -13,7 +13,7 @@ With gain lambda, period h, regressor Phi of the unknown parameters and their ga
 
 from __future__ import annotations
 
-from fcu.kernel.algebra import Vec3, dot
+from fcu.kernel.algebra import Vec3, dot, maximum
 from fcu.kernel.compile import kernel
 
 
@@ -100,7 +100,7 @@ def rates_demanded(params, state, w, w_mean, Omega_m):
     known = couplings(state, w_mean, Omega_m)
     e_minus = w - state.w_hat - h * (known + state.s_w_hat + f)  # (41)
     floor = params.J_implicit
-    J_floored = Vec3(max(J.x, floor), max(J.y, floor), max(J.z, floor))
+    J_floored = Vec3(maximum(J.x, floor), maximum(J.y, floor), maximum(J.z, floor))
     gain = coupling_gain(params, w_mean, Omega_m) + params.gamma_J * (f * f) / J_floored
     return e_minus / over_one(h * params.lambda_w, h * h * gain)  # departure 9
 

@@ -48,7 +48,7 @@ def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
         step_time=NEVER if at is None else float(at),
         half_step=no_turn,
     )
-    return params._replace(half_step=phases.py_func(params, 0.5 * h))
+    return params._replace(half_step=phases(params, 0.5 * h))
 
 
 def plant_params(
@@ -123,7 +123,7 @@ def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> 
     if start.get("on_ground"):
         z = ground.z + ground.gear - weight / ground.stiffness
         Omega = 0.0
-    q: Quat = from_euler.py_func(0.0, 0.0, math.radians(float(start.get("yaw_deg", 0.0))))
+    q: Quat = from_euler(0.0, 0.0, math.radians(float(start.get("yaw_deg", 0.0))))
     return PlantState(
         r_E=Vec3(x, y, z),
         v_E=_vec(start.get("velocity_m_s", (0.0, 0.0, 0.0))),
