@@ -221,7 +221,7 @@ def _problems(error: ValidationError, source: str, found: dict[KeyPath, int]) ->
             said += "" if got is _NOTHING else f", got {_written(got)}"
         line = nearest(found, path)
         where = source if line is None else f"{source}:{line}"
-        placed.append((line or 0, f"{where}: {_key(path)}: {said}"))
+        placed.append((line or 0, f"{where}: {_key(path, got)}: {said}"))
     return (text for _, text in sorted(placed, key=lambda item: item[0]))
 
 
@@ -229,17 +229,14 @@ def _numbers_missing(path: KeyPath) -> str:
     return f"expected a number here, the array has {path[-1]}"
 
 
-def _key(path: KeyPath) -> str:
+def _key(path: KeyPath, got: Any) -> str:
     """`[flight] setpoints[0].at_s`; `title` and tables themselves stand alone."""
     text = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path[1:]).removeprefix(".")
     if text:
         return f"[{path[0]}] {text}"
-    return f"[{path[0]}]" if _is_table(Document.model_fields, path[0]) else str(path[0])
-
-
-def _is_table(fields: Mapping[str, Any], name: Any) -> bool:
-    kind = getattr(fields.get(name), "annotation", None)
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
+    known = Document.model_fields.get(str(path[0]))
+    is_table = isinstance(got, dict) if known is None else any(_models(known.annotation))
+    return f"[{path[0]}]" if is_table else str(path[0])
 
 
 def _known(path: KeyPath) -> list[str]:

@@ -20,7 +20,7 @@ def _without_null(node: Any) -> Any:
         return [_without_null(item) for item in node]
     if not isinstance(node, dict):
         return node
-    found = {k: _without_null(v) for k, v in node.items() if not (k == "default" and v is None)}
+    found = {k: _without_null(v) for k, v in node.items() if v is not None}
     choices = [c for c in found.get("anyOf", ()) if c != {"type": "null"}]
     if len(choices) == 1:
         del found["anyOf"]

@@ -1,0 +1,36 @@
+# Every target sets up .venv first; a set-up that is current costs nothing.
+.PHONY: setup fly test check bench schemas
+.DEFAULT_GOAL := setup
+
+# the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
+PYTHON ?= $(firstword $(foreach python,python3 python3.13 python3.12 python3.11,\
+	$(shell $(python) -c 'import sys; 0x30b <= sys.hexversion >> 16 <= 0x30d and print("$(python)")' 2>/dev/null)))
+
+setup: .venv/.installed
+
+.venv/.installed: pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "m-mrac needs Python 3.11, 3.12 or 3.13; found: $$(python3 --version 2>&1)" >&2; exit 1; }
+	@echo "installing into .venv (once; about a minute, from the network) ..."
+	@$(PYTHON) -m venv .venv
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
+		--constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+fly: setup
+	@.venv/bin/gcs fly paper_nominal
+
+test: setup
+	@.venv/bin/pytest -q -n 2 --dist loadfile
+
+check: setup
+	@.venv/bin/ruff check -q .
+	@.venv/bin/ruff format -q --check .
+	@.venv/bin/mypy
+	@.venv/bin/lint-imports
+
+schemas: setup
+	@.venv/bin/python -m gcs_tools.schema docs/schemas
+	@.venv/bin/python -m gcs_tools.mission_schema
+
+bench: setup
+	@.venv/bin/python -m gcs_tools.bench
