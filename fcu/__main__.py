@@ -11,7 +11,6 @@ import click
 
 from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
 
-
 FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
 
 

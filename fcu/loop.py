@@ -221,9 +221,7 @@ class Loop:
                 port.send(port.codec.pack_command_ack(message, verdict.result), address)
                 if verdict.text:
                     good = verdict.result is Result.ACCEPTED
-                    self._telemetry.text(
-                        Severity.INFO if good else Severity.WARNING, verdict.text
-                    )
+                    self._telemetry.text(Severity.INFO if good else Severity.WARNING, verdict.text)
                     say(self._time_us, "info" if good else "warning", verdict.text)
             elif isinstance(message, SetpointMessage):
                 # while time stands this is the setpoint of the tick to come

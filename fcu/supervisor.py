@@ -13,8 +13,18 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.ground_messages import (
-    IGNORE_ACCELERATION, IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_YAW, AutoMode, Command,
-    CommandId, LandedState, MainMode, Result, SetpointMessage, SystemStatus,
+    IGNORE_ACCELERATION,
+    IGNORE_POSITION,
+    IGNORE_VELOCITY,
+    IGNORE_YAW,
+    AutoMode,
+    Command,
+    CommandId,
+    LandedState,
+    MainMode,
+    Result,
+    SetpointMessage,
+    SystemStatus,
 )  # fmt: skip
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3

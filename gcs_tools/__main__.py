@@ -45,9 +45,16 @@ def main() -> None:
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @click.option("--speed", default="max", show_default=True, callback=_speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Of the noise; default: the mission's.")
-@click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's.")
+@click.option(
+    "--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's."
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run's folder; default: a new one in runs/.")  # fmt: skip
-@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write a JUnit report here too.")
+@click.option(
+    "--junit",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write a JUnit report here too.",
+)
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission; may be repeated.")  # fmt: skip
 @click.option("--in-process", is_flag=True, help="Fly the same law and plant without sockets.")
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")

@@ -1,8 +1,8 @@
 """Flying missions: prepared, flown one way or the other, judged, and left on file.
 
-    from gcs_tools import fly
-    result = fly("paper_nominal", settings=["law.f_m=1.4"])
-    assert result.passed
+from gcs_tools import fly
+result = fly("paper_nominal", settings=["law.f_m=1.4"])
+assert result.passed
 """
 
 from __future__ import annotations
@@ -261,7 +261,9 @@ class _Run:
             slips=int(said.get("slips", 0)),
             trajectory_sha256=result.trajectory_sha256(flown.plant) if len(flown.plant) else "",
             versions=versions(),
-            values={k: result.InForce(v.value, v.origin) for k, v in mission.values_in_force().items()},
+            values={
+                k: result.InForce(v.value, v.origin) for k, v in mission.values_in_force().items()
+            },
             expectations=expectations,
             metrics=measured,
             error=error,

@@ -92,7 +92,7 @@ class Flight(Table):
 
     duration_s: Annotated[float, Field(ge=0.01, le=3600.0)]
     rate_hz: Rate = Field(500, description="control ticks a second")
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(1, description="of the noise")
+    seed: Annotated[int, Field(ge=0, lt=2**53)] = Field(1, description="of the noise")
     start: Start = Start()
     ground_z_m: Coordinate = Field(-10.0, description="height of the ground, m")
     arena_m: Positive = Field(100.0, description="farther from the start the flight has diverged")

@@ -90,7 +90,9 @@ class Terminal:
             for line in result.expectations:
                 style = "green" if line.passed else "red"
                 value = line.value
-                shown = "-" if value is None else value if isinstance(value, str) else f"{value:.4g}"
+                shown = (
+                    "-" if value is None else value if isinstance(value, str) else f"{value:.4g}"
+                )
                 mark = Text("met" if line.passed else "MISSED", style=style)
                 table.add_row(mark, line.text, Text(shown, style=style))
             self._out.print(table)

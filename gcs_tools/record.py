@@ -183,7 +183,7 @@ class Recorder:
             self._events_written += 1
         self._events.clear()
         index = [(self._event_channel, times, np.array(offsets, np.uint64))]
-        return Block(builder.end(), index)  # type: ignore[no-untyped-call]
+        return Block(builder.end(), index)
 
     def flush(self) -> None:
         """Write everything recorded so far; whoever records nothing for a while calls this."""

@@ -70,9 +70,7 @@ def rollout(
         else:
             engaged = cascade.FLYING
             law_state, command, internals = cascade.step(law_state, law, setpoint, measured)
-        _pack_tick(
-            fcu_rows[k], Tick(t, measured, setpoint, law_state, internals, command, engaged)
-        )
+        _pack_tick(fcu_rows[k], Tick(t, measured, setpoint, law_state, internals, command, engaged))
 
         received = command_through_the_wire(command)
         for j in range(steps):
@@ -87,7 +85,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     fcu_rows = np.zeros((n, size(Tick)))
     rows = rollout(
         to_buffer(scene.world.params), to_buffer(scene.law), to_buffer(scene.world.start),
-        scene.sent_at, scene.setpoints, scene.noise(n), scene.world.delay_ticks,
+        scene.sent_at, scene.setpoints, scene.noise(n), int(scene.world.delay_ticks),
         scene.world.steps, scene.period_us, n, plant_rows, fcu_rows,
     )  # fmt: skip
     ended = plant_rows[rows - 1, -1] != dynamics.FLYING

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fcu.configuration import believed
+from fcu.interface.airframe import believed
 from fcu.interface.frames import setpoint_through_the_wire
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
@@ -19,7 +19,7 @@ from fcu.law.types import LawParams
 from gcs_tools.mission import Mission
 from gcs_tools.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
-from sitl_plant.world import World, world
+from sitl_plant.physics.world import World, world
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -51,7 +51,7 @@ class Scenario:
         scale = self.world.noise_scale
         if not scale.any():
             return np.zeros((0, tick.NOISE))
-        return np.random.default_rng(self.world.seed).standard_normal((n, tick.NOISE)) * scale
+        return np.random.default_rng(int(self.world.seed)).standard_normal((n, tick.NOISE)) * scale
 
 
 def scenario(mission: Mission) -> Scenario:

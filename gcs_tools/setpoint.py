@@ -6,7 +6,11 @@ import math
 from collections.abc import Callable
 
 from fcu.interface.ground_messages import (
-    IGNORE_ACCELERATION, IGNORE_VELOCITY, IGNORE_YAW, IGNORE_YAW_RATE, LocalPosition,
+    IGNORE_ACCELERATION,
+    IGNORE_VELOCITY,
+    IGNORE_YAW,
+    IGNORE_YAW_RATE,
+    LocalPosition,
 )  # fmt: skip
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3

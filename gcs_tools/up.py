@@ -7,10 +7,9 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from fcu.configuration import write_law
+from fcu.interface import handover
 from gcs_tools.processes import Child
 from gcs_tools.scenario import Scenario
-from sitl_plant import world as worlds
 
 
 def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
@@ -23,8 +22,8 @@ def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
     law: list[str] = []
     world: list[str] = []
     if scene is not None:
-        write_law(scene.law, folder / "law.json")
-        worlds.write(scene.world, folder / "world.json")
+        handover.save(folder / "law.json", scene.law)
+        handover.save(folder / "world.json", scene.world)
         law = ["--law", str(folder / "law.json")]
         world = ["--world", str(folder / "world.json")]
     with ExitStack() as stack:

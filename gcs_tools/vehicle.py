@@ -12,8 +12,18 @@ from typing import TypeVar
 
 from fcu.interface.ground_fields import setpoint_numbers
 from fcu.interface.ground_messages import (
-    AutoMode, CommandAck, CommandId, GroundMessage, Heartbeat, LocalPosition, MainMode,
-    PositionTarget, Result, Source, StatusText, SystemStatus,
+    AutoMode,
+    CommandAck,
+    CommandId,
+    GroundMessage,
+    Heartbeat,
+    LocalPosition,
+    MainMode,
+    PositionTarget,
+    Result,
+    Source,
+    StatusText,
+    SystemStatus,
 )  # fmt: skip
 from fcu.interface.ground_wire import GroundCodec
 from fcu.interface.link import UdpLink

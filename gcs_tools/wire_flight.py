@@ -17,16 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from fcu.configuration import write_law
+from fcu.interface import handover
 from fcu.interface.link import PortBusy
 from fcu.kernel.buffers import columns, size
 from fcu.law.types import Tick
 from gcs_tools.processes import Child, Collector, InfrastructureError, Rows
 from gcs_tools.scenario import Scenario, arrival
 from gcs_tools.vehicle import Vehicle, VehicleError
-from sitl_plant import world as worlds
 from sitl_plant.physics.types import PlantRecord
-from sitl_plant.server import GRANT
 
 STALL_S = 8.0  # wall: neither process complains, and still no tick is flown
 ARRIVAL_CHECK_S = 0.5  # simulation time between looks at whether it has arrived
@@ -99,8 +97,8 @@ class WireFlight:
 
     def _start(self, stack: ExitStack) -> int:
         scene, folder, N = self._scene, self._folder, str(self._instance)
-        write_law(scene.law, folder / "law.json")
-        worlds.write(scene.world, folder / "world.json")
+        handover.save(folder / "law.json", scene.law)
+        handover.save(folder / "world.json", scene.world)
         plant_out, plant_in = os.pipe()
         fcu_out, fcu_in = os.pipe()
         grants_out, grants_in = os.pipe()
@@ -188,7 +186,7 @@ class WireFlight:
 
     def _fly_to(self, control: int, tick: int) -> bool:
         """Let time run to `tick`; False if the flight has ended before."""
-        os.write(control, GRANT.pack(tick))
+        os.write(control, handover.GRANT.pack(tick))
         rows = self._collector.rows
         seen, since = -1, time.monotonic()
         while True:

@@ -52,20 +52,20 @@ def main(
     the flight is the same at any speed; start the controller before or after (`fcu`).
     """
     from fcu.interface.airframe import AirframeError
+    from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
     from fcu.interface.tape import Tape
     from fcu.kernel.buffers import size
     from fcu.kernel.compile import is_cached
-    from sitl_plant import world as worlds
     from sitl_plant.pacing import Pacer
     from sitl_plant.physics.types import PlantRecord
+    from sitl_plant.physics.world import World
+    from sitl_plant.physics.world import world as still_air
     from sitl_plant.server import INFRASTRUCTURE, Server, say
 
     try:
-        world = worlds.read(world_file) if world_file else worlds.world(rate_hz)
-    except OSError as error:
-        raise click.UsageError(f"{world_file}: {error.strerror}") from error
-    except (AirframeError, ValueError) as error:
+        world = load(world_file, World) if world_file else still_air(rate_hz)
+    except (AirframeError, HandoverError) as error:
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance

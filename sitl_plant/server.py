@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import os
 import select
-import struct
 import sys
 import time
 from collections import deque
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.interface.ports import Ports, owner
@@ -28,11 +28,10 @@ from fcu.kernel.buffers import size, to_buffer
 from sitl_plant.pacing import Pacer
 from sitl_plant.physics import dynamics, tick
 from sitl_plant.physics.types import PlantRecord
-from sitl_plant.world import World
+from sitl_plant.physics.world import World
 
 RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall: a controller that does not answer
 OK, INFRASTRUCTURE = 0, 3
-GRANT = struct.Struct("<q")  # ticks that may be flown in all
 _NOISE_BLOCK = 4096  # rows drawn at once
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -76,8 +75,8 @@ class Server:
         self._state = self._start.copy()
         self._command = np.zeros(size(RotorCommand))
         self._reported = np.zeros(size(VehicleState))
-        self._past: deque[Buffer] = deque(maxlen=world.delay_ticks + 1)
-        self._random = np.random.default_rng(world.seed)
+        self._past: deque[Buffer] = deque(maxlen=int(world.delay_ticks) + 1)
+        self._random = np.random.default_rng(int(world.seed))
         self._noise = np.zeros((0, tick.NOISE))
         self._noise_at = 0
         self._period_us = round(1e6 / world.rate_hz)
@@ -134,9 +133,7 @@ class Server:
 
     def _observe(self) -> bool:
         """Record the truth of this tick and prepare its report; False if the flight is over."""
-        ended = tick.observe(
-            self._params, self._state, self._time_s, self._start, self._tape.row()
-        )
+        ended = tick.observe(self._params, self._state, self._time_s, self._start, self._tape.row())
         self._tape.done()
         if ended != dynamics.FLYING:
             self.figures.ended = ended

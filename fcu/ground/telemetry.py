@@ -49,7 +49,7 @@ class Telemetry:
         self._spin = spin
         self._T_max = T_max
         self._heartbeat_due = 0.0
-        self._last_status = -1
+        self._last_status: tuple[bool, int, int, int] | None = None
         streams = (
             Stream(50.0, self._attitude),
             Stream(30.0, self._local_position),
@@ -70,7 +70,7 @@ class Telemetry:
         status = (vehicle.armed, vehicle.main_mode, vehicle.sub_mode, vehicle.status)
         if now < self._heartbeat_due and status == self._last_status:
             return
-        self._heartbeat_due, self._last_status = now + HEARTBEAT_S, status  # type: ignore[assignment]
+        self._heartbeat_due, self._last_status = now + HEARTBEAT_S, status
         for port in self._ports:
             port.broadcast(port.codec.pack_heartbeat(*status))
 

@@ -68,6 +68,18 @@ def airframe(table: dict[str, Any], source: str = "airframe") -> Airframe:
     )
 
 
+OCTO = Path(__file__).resolve().parents[1] / "octo.toml"
+
+
+def believed(path: Path = OCTO) -> tuple[Airframe, dict[str, Any]]:
+    """The airframe the controller believes it flies, and its `[limits]`. Raises AirframeError."""
+    tables = load(path)
+    for table in ("rotors", "limits"):
+        if table not in tables:
+            raise AirframeError(f"{path}: [{table}] is missing")
+    return airframe(tables["rotors"], str(path)), tables["limits"]
+
+
 def load(path: Path) -> dict[str, Any]:
     """The tables of an airframe TOML. Raises AirframeError when it cannot be read."""
     try:

@@ -35,7 +35,8 @@ class Tape:
 
     def row(self) -> Row:
         """The row to write next. It stays valid until the row after next."""
-        return self._rows[self._next]
+        row: Row = self._rows[self._next]
+        return row
 
     def done(self) -> None:
         """The row has been written."""

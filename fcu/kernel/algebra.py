@@ -25,7 +25,7 @@ class Vec3(NamedTuple):
     y: float
     z: float
 
-    def __add__(self, b):  # type: ignore[override]
+    def __add__(self, b):
         return Vec3(self.x + b.x, self.y + b.y, self.z + b.z)
 
     def __sub__(self, b):
@@ -34,10 +34,10 @@ class Vec3(NamedTuple):
     def __neg__(self):
         return Vec3(-self.x, -self.y, -self.z)
 
-    def __mul__(self, b):  # type: ignore[override]
+    def __mul__(self, b):
         return self.times(b) if isinstance(b, Vec3) else self.scaled(b)
 
-    def __rmul__(self, b):  # type: ignore[override]
+    def __rmul__(self, b):
         return self.scaled(b)
 
     def __truediv__(self, b):
@@ -64,16 +64,16 @@ class Quat(NamedTuple):
     y: float
     z: float
 
-    def __add__(self, b):  # type: ignore[override]
+    def __add__(self, b):
         return Quat(self.w + b.w, self.x + b.x, self.y + b.y, self.z + b.z)
 
     def __neg__(self):
         return Quat(-self.w, -self.x, -self.y, -self.z)
 
-    def __mul__(self, b):  # type: ignore[override]
+    def __mul__(self, b):
         return self.times(b) if isinstance(b, Quat) else self.scaled(b)
 
-    def __rmul__(self, b):  # type: ignore[override]
+    def __rmul__(self, b):
         return self.scaled(b)
 
     def times(self, b):
@@ -101,7 +101,7 @@ class Rotors(NamedTuple):
     r7: float
     r8: float
 
-    def __add__(self, b):  # type: ignore[override]
+    def __add__(self, b):
         return Rotors(
             self.r1 + b.r1, self.r2 + b.r2, self.r3 + b.r3, self.r4 + b.r4,
             self.r5 + b.r5, self.r6 + b.r6, self.r7 + b.r7, self.r8 + b.r8,
@@ -113,10 +113,10 @@ class Rotors(NamedTuple):
             self.r5 - b.r5, self.r6 - b.r6, self.r7 - b.r7, self.r8 - b.r8,
         )  # fmt: skip
 
-    def __mul__(self, b):  # type: ignore[override]
+    def __mul__(self, b):
         return self.times(b) if isinstance(b, Rotors) else self.scaled(b)
 
-    def __rmul__(self, b):  # type: ignore[override]
+    def __rmul__(self, b):
         return self.scaled(b)
 
     def times(self, b):

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from fcu.configuration import believed
+from fcu.interface.airframe import believed
 from fcu.law.parameters import BOUNDS, DEFAULTS
 from gcs_tools import mission_schema
 from gcs_tools.metrics import METRICS

@@ -1,0 +1,41 @@
+"""What a process is handed at its start: a value on file, as JSON, exact to the bit.
+
+The runner writes what it has prepared; the process reads it back. Every number flown is so
+on file, in the run's folder.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any, TypeVar
+
+from fcu.kernel.buffers import columns, from_buffer, to_buffer
+
+T = TypeVar("T")
+
+GRANT = struct.Struct("<q")  # on the plant's control pipe: ticks that may be flown in all
+
+
+class HandoverError(ValueError):
+    """A file that does not hold the value it should: which, and what is wrong."""
+
+
+def save(path: Path, value: Any) -> None:
+    """Write a NamedTuple of floats. Raises OSError, and ValueError for a number not finite."""
+    named = dict(zip(columns(type(value)), to_buffer(value).tolist(), strict=True))
+    path.write_text(json.dumps({type(value).__name__: named}, allow_nan=False, indent=1))
+
+
+def load(path: Path, cls: type[T]) -> T:
+    """Read what `save` wrote. Raises HandoverError."""
+    try:
+        named = json.loads(path.read_text())[cls.__name__]
+        if list(named) != columns(cls):
+            raise ValueError("other names than this version's")
+        return from_buffer(cls, list(named.values()))
+    except OSError as error:
+        raise HandoverError(f"{path}: {error.strerror}") from error
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise HandoverError(f"{path}: not a {cls.__name__} ({error})") from error

@@ -1,0 +1,76 @@
+"""What a plant is started with: its constants, where the flight begins, and what it reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.interface.airframe import load
+from sitl_plant.physics.parameters import TRUTH, plant_params, start_state, steps_per_tick
+from sitl_plant.physics.types import PlantParams, PlantState
+
+BELIEVED = TRUTH.parents[1] / "fcu" / "octo.toml"  # what truth.toml is a difference from
+
+
+class Noise(NamedTuple):
+    """One sigma of white noise on the reported state, each axis, each tick."""
+
+    position: float  # m
+    velocity: float  # m/s
+    attitude: float  # rad
+    rate: float  # rad/s
+
+
+class World(NamedTuple):
+    """Everything the plant needs to know; all leaves are floats, so that it can be handed over."""
+
+    params: PlantParams
+    start: PlantState
+    noise: Noise
+    rate_hz: float
+    seed: float  # a whole number, of the noise
+    delay_ticks: float  # a whole number: how late the reported state is
+
+    @property
+    def steps(self) -> int:
+        """Integration steps in a control period."""
+        return steps_per_tick(self.rate_hz)
+
+    @property
+    def noise_scale(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """float64[12]: one sigma of each number that `report` adds."""
+        return np.repeat(np.array(self.noise), 3)
+
+
+def world(
+    rate_hz: float = 500.0,
+    seed: int = 1,
+    plant: Mapping[str, Any] | None = None,
+    wind: Mapping[str, Any] | None = None,
+    start: Mapping[str, Any] | None = None,
+    ground_z_m: float = 0.0,
+    arena_m: float = 1000.0,
+) -> World:
+    """A World from a mission's tables; without any, an S1000 standing on the ground.
+
+    Raises AirframeError.
+    """
+    plant = plant or {}
+    params = plant_params(load(BELIEVED)["rotors"], rate_hz, plant, wind, ground_z_m, arena_m)
+    noise = plant.get("noise") or {}
+    return World(
+        params=params,
+        start=start_state(params, {"on_ground": True} if start is None else start),
+        noise=Noise(
+            position=noise.get("position_m") or 0.0,
+            velocity=noise.get("velocity_m_s") or 0.0,
+            attitude=math.radians(noise.get("attitude_deg") or 0.0),
+            rate=noise.get("rate_rad_s") or 0.0,
+        ),
+        rate_hz=float(rate_hz),
+        seed=float(seed),
+        delay_ticks=float(round((plant.get("delay_s") or 0.0) * rate_hz)),
+    )
