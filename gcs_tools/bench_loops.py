@@ -1,0 +1,37 @@
+"""Loops around one step of the law and one of the plant, compiled: what `bench` times."""
+
+from __future__ import annotations
+
+from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.kernel.buffers import unpacker
+from fcu.kernel.compile import kernel
+from fcu.law import cascade
+from fcu.law.types import LawState
+from sitl_plant.physics import dynamics, tick
+
+_unpack_state = unpacker(LawState)
+_unpack_setpoint = unpacker(Setpoint)
+_unpack_measured = unpacker(VehicleState)
+_unpack_command = unpacker(RotorCommand)
+
+
+@kernel
+def law_steps(n, params_buffer, state_buffer, setpoint_buffer, measured_buffer):
+    """`n` ticks of the law at one measurement; returns a number that depends on all of them."""
+    params, state = cascade.unpack_params(params_buffer), _unpack_state(state_buffer)
+    setpoint, measured = _unpack_setpoint(setpoint_buffer), _unpack_measured(measured_buffer)
+    seen = 0.0
+    for _ in range(n):
+        state, command, internals = cascade.step(state, params, setpoint, measured)
+        seen += command.u.r1 + internals.T_c
+    return seen
+
+
+@kernel
+def plant_steps(n, params_buffer, state_buffer, command_buffer):
+    """`n` integration steps of the plant under one command; returns where it ends (m, East)."""
+    params, state = tick.unpack_params(params_buffer), tick.unpack_state(state_buffer)
+    command = _unpack_command(command_buffer)
+    for i in range(n):
+        state = dynamics.integrate(params, state, command, i * params.h)
+    return state.r_E.x
