@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 from pathlib import Path
@@ -36,7 +35,11 @@ def main(
     scripts find the vehicle on PX4's ports.
     """
     from fcu.configuration import ConfigurationError, read_law
+
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
+
     from fcu.interface.link import PortBusy
+    from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
     from fcu.kernel.buffers import size
     from fcu.kernel.compile import is_cached
@@ -47,7 +50,11 @@ def main(
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
         params = read_law(law, rate_hz)
         tape = Tape(size(Tick), record_fd, wait=not drop)
-        loop = Loop(ports(number), params, tape, lifeline_fd)
+        with watched(lifeline_fd):
+            if not is_cached("tick"):
+                say(-1, "info", "compiling the law, once for this version (about 15 s)")
+            loop = Loop(ports(number), params, tape, lifeline_fd)
+            loop.warm_up()
     except PortBusy as error:
         say(-1, "error", str(error.strerror))
         sys.exit(INFRASTRUCTURE)
@@ -62,14 +69,11 @@ def main(
 
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
-    if not is_cached("tick"):
-        say(-1, "info", "compiling the law, once for this version (about 15 s)")
-    loop.warm_up()
     at = ports(number)
     say(-1, "info", f"instance {number}: waiting for the plant on 127.0.0.1:{at.fcu_plant}")
-    print(json.dumps({"ready": "fcu", "instance": number, **at._asdict()}), flush=True)
+    announce({"ready": "fcu", "instance": number, **at._asdict()})
     code = loop.run()
-    print(json.dumps({"ended": "fcu", "exit_code": code, **vars(loop.figures)}), flush=True)
+    announce({"ended": "fcu", "exit_code": code, **vars(loop.figures)})
     sys.exit(code)
 
 

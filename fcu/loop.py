@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import select
-import sys
 import time
 from dataclasses import dataclass
 
@@ -27,6 +26,7 @@ from fcu.interface.ground_messages import (
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
+from fcu.interface.starter import log
 from fcu.interface.tape import Tape
 from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.buffers import columns, size, to_buffer
@@ -251,4 +251,4 @@ class Loop:
 def say(time_us: int, level: str, text: str) -> None:
     """One line of log an event: simulation time, level, process."""
     stamp = f"{time_us * 1e-6:10.3f}" if time_us >= 0 else f"{'-':>10}"
-    print(f"{stamp} {level:<7} fcu  {text}", file=sys.stderr, flush=True)
+    log(f"{stamp} {level:<7} fcu  {text}")

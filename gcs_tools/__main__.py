@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import click
 
-from fcu.interface.ports import INSTANCES, first_free_instance, first_running_instance, ports, table
+from fcu.interface.ports import INSTANCES, first_running_instance, ports, table
 
-OK, MISSED, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 1, 2, 3, 130
+OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
 
 INSTANCE = click.option(
     "--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: the first free (named)."
@@ -35,12 +37,27 @@ def _speed(_context: click.Context, _option: click.Parameter, value: str) -> flo
 @click.version_option(package_name="m-mrac")
 def main() -> None:
     """Ground tools of the M-MRAC flight stack."""
+    signal.signal(signal.SIGTERM, _interrupt)
+
+
+def _interrupt(_signal: int, _frame: object) -> None:
+    """Being told to end is being interrupted: what was started is stopped, what was flown kept."""
+    raise KeyboardInterrupt
+
+
+def _print_json(content: Any) -> None:
+    try:
+        print(json.dumps(content, allow_nan=False, indent=2), flush=True)
+    except BrokenPipeError:
+        from gcs_tools.present import silence
+
+        silence(sys.stdout)
 
 
 @main.command(
     epilog="\b\nExit codes: 0 every expectation met, 1 one missed, 2 a bad command line or mission\n"
-    "file, 3 a process died or stalled or a port was busy, 130 interrupted; of several\n"
-    "missions the worst. A mission is a file, or the name of one that is shipped."
+    "file, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM); of\n"
+    "several missions the worst. A mission is a file, or the name of one that is shipped."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @click.option("--speed", default="max", show_default=True, callback=_speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
@@ -94,17 +111,20 @@ def fly(
     except UsageError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(USAGE)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    code = max(r.exit_code for r in results)
     if junit is not None:
         from gcs_tools import result
 
         try:
             result.junit(results, junit)
-        except OSError as error:
-            click.echo(f"Error: {junit}: {error.strerror}", err=True)
-            sys.exit(INFRASTRUCTURE)
+        except result.ResultError as error:
+            click.echo(f"Error: {error}", err=True)
+            code = max(code, INFRASTRUCTURE)
     if as_json:
-        click.echo(json.dumps([dataclasses.asdict(r) for r in results], allow_nan=False, indent=2))
-    sys.exit(max((r.exit_code for r in results), default=OK))
+        _print_json([dataclasses.asdict(r) for r in results])
+    sys.exit(code)
 
 
 @main.command()
@@ -116,8 +136,8 @@ def up(mission: str | None, instance: int | None) -> None:
     With MISSION its law, world and starting point are flown; without, an S1000 stands on
     the ground in still air.
     """
-    from fcu.interface.ports import busy
     from gcs_tools.flying import UsageError, new_folder, prepared
+    from gcs_tools.instance import claimed
     from gcs_tools.processes import InfrastructureError
     from gcs_tools.up import up as run
 
@@ -127,25 +147,19 @@ def up(mission: str | None, instance: int | None) -> None:
     except UsageError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(USAGE)
-    try:
-        number = first_free_instance() if instance is None else instance
-        if taken := busy(number):
-            raise taken[0]
-    except OSError as error:
-        click.echo(f"Error: {error.strerror or error}", err=True)
-        sys.exit(INFRASTRUCTURE)
-    at = ports(number)
-    ready = (
-        f"ready: instance {number}, MAVLink system {at.system_id}\n"
-        f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
-        f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
-        f"  logs            {folder}"
-    )
     click.echo("starting (the first time compiles for half a minute) ...", err=True)
     try:
-        run(scene, folder, number, ready)
-    except InfrastructureError as error:
-        click.echo(f"Error: {error}", err=True)
+        with claimed(instance) as number:
+            at = ports(number)
+            ready = (
+                f"ready: instance {number}, MAVLink system {at.system_id}\n"
+                f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
+                f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
+                f"  logs            {folder}"
+            )
+            run(scene, folder, number, ready)
+    except (InfrastructureError, OSError) as error:
+        click.echo(f"Error: {getattr(error, 'strerror', None) or error}", err=True)
         sys.exit(INFRASTRUCTURE)
     except KeyboardInterrupt:
         click.echo("stopped", err=True)
@@ -195,7 +209,7 @@ def setpoint(
     away = distance(here.r_E, target)
     if as_json:
         said = {"position_m": list(here.r_E), "error_m": away, "wall_s": time.monotonic() - began}
-        click.echo(json.dumps(said, allow_nan=False))
+        _print_json(said)
     else:
         click.echo(f"there: ({here.r_E.x:.2f}, {here.r_E.y:.2f}, {here.r_E.z:.2f}) m, {away:.2f} m off")  # fmt: skip
 

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.airframe import AirframeError
-from fcu.interface.ports import busy, first_free_instance
 from fcu.kernel.buffers import to_buffer
 from fcu.law.parameters import ParameterError
-from gcs_tools import expect, metrics, result, rollout
+from gcs_tools import result, rollout
+from gcs_tools.instance import claimed
 from gcs_tools.mission import Mission, MissionError, load, override
 from gcs_tools.present import Quiet, Show
 from gcs_tools.processes import InfrastructureError
@@ -30,11 +30,11 @@ from gcs_tools.record import Recorder
 from gcs_tools.recording import RecordingError
 from gcs_tools.result import Result
 from gcs_tools.scenario import Scenario, arrival, scenario
-from gcs_tools.trajectory import last_change_s
+from gcs_tools.verdict import OK, judge
 from gcs_tools.wire_flight import R_C, Flown, WireFlight
-from sitl_plant.physics import dynamics
 
-OK, MISSED, INFRASTRUCTURE, INTERRUPTED = 0, 1, 3, 130
+INFRASTRUCTURE, INTERRUPTED = 3, 130
+PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 RUNS = Path("runs")
 
 
@@ -101,12 +101,14 @@ def fly_missions(
     """Fly each mission; stops early when interrupted. Raises UsageError before any has flown."""
     show = show or Quiet()
     ready = [prepared(name, settings, seed, rate_hz) for name in missions]
-    if out is not None and len(ready) > 1:
+    many = len(ready) > 1
+    if out is not None and many:
         new_folder(out, "")
-    results = []
+    results: list[Result] = []
     for mission, scene in ready:
-        many = out is not None and len(ready) > 1
-        folder = new_folder(out / mission.name if many and out else out, mission.name)
+        nth = sum(flown.mission == mission.name for flown in results)
+        own = out and out / (f"{mission.name}-{nth}" if nth else mission.name)
+        folder = new_folder(own if many else out, mission.name)
         flown = _Run(mission, scene, folder, speed, in_process, instance, show).fly()
         show.verdict(flown, str(folder))
         results.append(flown)
@@ -137,18 +139,8 @@ class _Run:
 
     def fly(self) -> Result:
         """Fly, judge, and write everything down; never raises for what a flight can do."""
-        exit_code, error = OK, None
-        flown = Flown(np.zeros((0, 0)), np.zeros((0, 0)))
-        try:
-            with Recorder(self._folder / "flight.mcap", self._metadata()) as recorder:
-                recorder.set_params(to_buffer(self._scene.law))
-                try:
-                    flown = self._flown(recorder)
-                except _Cut as cut:
-                    flown, exit_code, error = cut.flown, cut.exit_code, cut.error
-        except RecordingError as failed:
-            exit_code, error = INFRASTRUCTURE, f"recording: {failed}"
-        judged = self._judge(flown, exit_code, error)
+        flown, exit_code, error = self._recorded()
+        judged = judge(self._mission, self._scene, flown, exit_code, error, versions())
         try:
             if len(flown.fcu) > 1:
                 from gcs_tools.plot import flight_figure
@@ -157,13 +149,31 @@ class _Run:
                     flown.plant, flown.fcu, to_buffer(self._scene.law),
                     self._mission.title, self._folder / "flight.png",
                 )  # fmt: skip
+        except OSError as failed:
+            judged = _spoilt(judged, INFRASTRUCTURE, f"flight.png: {failed.strerror or failed}")
+        except KeyboardInterrupt:
+            judged = _spoilt(judged, INTERRUPTED, "interrupted")
+        try:
             judged.write(self._folder / "result.json")
         except (OSError, result.ResultError) as failed:
-            judged = replace(
-                judged, passed=False, exit_code=max(INFRASTRUCTURE, judged.exit_code),
-                error=judged.error or str(failed),
-            )  # fmt: skip
+            judged = _spoilt(judged, INFRASTRUCTURE, str(failed))
         return judged
+
+    def _recorded(self) -> tuple[Flown, int, str | None]:
+        """What was flown, on file too; an exit code and an error if it was cut short."""
+        flown, exit_code, error = _nothing(), OK, None
+        try:
+            with Recorder(self._folder / "flight.mcap", self._metadata()) as recorder:
+                recorder.set_params(to_buffer(self._scene.law))
+                try:
+                    flown = self._flown(recorder)
+                except _Cut as cut:
+                    flown, exit_code, error = cut.flown, cut.exit_code, cut.error
+        except RecordingError as failed:
+            exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"
+        except KeyboardInterrupt:
+            exit_code, error = INTERRUPTED, "interrupted"
+        return flown, exit_code, error
 
     def _flown(self, recorder: Recorder) -> Flown:
         duration = self._scene.ticks / self._scene.rate_hz
@@ -184,8 +194,11 @@ class _Run:
         wall = time.monotonic() - first
         progress(len(plant) / self._scene.rate_hz)
         flown = self._cut_at_arrival(Flown(plant, fcu, False, first - began, wall))
-        recorder.add_plant(flown.plant)
-        recorder.add_fcu(flown.fcu)
+        try:
+            recorder.add_plant(flown.plant)
+            recorder.add_fcu(flown.fcu)
+        except RecordingError as failed:
+            raise _cut(flown, f"recording: {failed}") from failed
         return flown
 
     def _over_the_wire(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
@@ -194,29 +207,24 @@ class _Run:
         if not (is_cached("tick") and is_cached("advance")):
             self._show.note("compiling law and plant, once for this version (about 20 s)")
         try:
-            if self._instance is None:
-                self._instance = first_free_instance(
-                    "plant", "fcu_plant", "fcu_script", "fcu_station", "script"
-                )
-                if self._instance:
-                    self._show.note(f"instance {self._instance}: those before it are in use")
-            elif taken := busy(
-                self._instance, "plant", "fcu_plant", "fcu_script", "fcu_station", "script"
-            ):
-                raise taken[0]
+            with claimed(self._instance, *PORTS) as instance:
+                if self._instance is None and instance:
+                    self._show.note(f"instance {instance}: those before it are in use")
+                return self._fly_pair(instance, recorder, progress)
         except OSError as error:
-            raise _Cut(_nothing(), INFRASTRUCTURE, str(error.strerror or error)) from error
+            raise _cut(_nothing(), str(error.strerror or error)) from error
+
+    def _fly_pair(
+        self, instance: int, recorder: Recorder, progress: Callable[[float], None]
+    ) -> Flown:
         flight = WireFlight(
-            self._scene, self._folder, self._instance, self._speed,
+            self._scene, self._folder, instance, self._speed,
             (recorder.add_plant, recorder.add_fcu), progress,
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
         except InfrastructureError as error:
-            flown = flight.flown()
-            at = flown.plant[-1, 0] if len(flown.plant) else 0.0
-            text = f"{error} (last simulation time {at:.3f} s)"
-            raise _Cut(flown, INFRASTRUCTURE, text) from error
+            raise _cut(flight.flown(), str(error)) from error
         except KeyboardInterrupt as error:
             raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
 
@@ -225,56 +233,6 @@ class _Run:
         if n is None:
             return flown
         return replace(flown, plant=flown.plant[:n], fcu=flown.fcu[:n], arrived=True)
-
-    # --- the verdict
-
-    def _judge(self, flown: Flown, exit_code: int, error: str | None) -> Result:
-        scene, mission = self._scene, self._mission
-        expectations: list[expect.Expectation] = []
-        measured: dict[str, float | None] = {}
-        ended = "aborted"
-        if len(flown.plant) and len(flown.fcu):
-            settle = last_change_s(mission.flight) + metrics.SETTLE_S
-            flight = metrics.Flight.of(flown.plant, flown.fcu, settle)
-            measured = flight.metrics()
-            if exit_code == OK:
-                ended = self._ended(flown)
-                expectations = expect.judge(mission.expectations(), flight.metric, ended)
-        passed = exit_code == OK and all(e.passed for e in expectations)
-        if exit_code == OK and not passed:
-            exit_code = MISSED
-        sim_time = float(flown.plant[-1, 0]) if len(flown.plant) else 0.0
-        said = flown.said.get("plant", {})
-        return Result(
-            mission=mission.name,
-            title=mission.title,
-            passed=passed,
-            exit_code=exit_code,
-            ended=ended,
-            seed=mission.flight.seed,
-            rate_hz=float(scene.rate_hz),
-            sim_time_s=sim_time,
-            wall_time_s=flown.wall_time_s,
-            real_time_factor=sim_time / flown.wall_time_s if flown.wall_time_s else 0.0,
-            startup_s=flown.startup_s,
-            ticks=len(flown.fcu),
-            slips=int(said.get("slips", 0)),
-            trajectory_sha256=result.trajectory_sha256(flown.plant) if len(flown.plant) else "",
-            versions=versions(),
-            values={
-                k: result.InForce(v.value, v.origin) for k, v in mission.values_in_force().items()
-            },
-            expectations=expectations,
-            metrics=measured,
-            error=error,
-        )
-
-    def _ended(self, flown: Flown) -> str:
-        if flown.arrived:
-            return "arrived"
-        return {
-            dynamics.FLYING: "time", dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"
-        }[float(flown.plant[-1, -1])]  # fmt: skip
 
     def _metadata(self) -> dict[str, str]:
         mission = self._mission
@@ -296,8 +254,20 @@ class _Cut(Exception):
         self.flown, self.exit_code, self.error = flown, exit_code, error
 
 
+def _cut(flown: Flown, why: str) -> _Cut:
+    """Cut short by what flies it."""
+    at = flown.plant[-1, 0] if len(flown.plant) else 0.0
+    return _Cut(flown, INFRASTRUCTURE, f"{why} (last simulation time {at:.3f} s)")
+
+
 def _nothing() -> Flown:
     return Flown(np.zeros((0, 0)), np.zeros((0, 0)))
+
+
+def _spoilt(judged: Result, exit_code: int, error: str) -> Result:
+    """A result of which something could not be kept; what went wrong first stays its error."""
+    worst = max(exit_code, judged.exit_code)
+    return replace(judged, passed=False, exit_code=worst, error=judged.error or error)
 
 
 def versions() -> dict[str, str]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import IO, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
@@ -50,12 +51,28 @@ class Quiet:
         """Nothing."""
 
 
+class _Terminal(Console):
+    """A console that falls silent when nobody reads it any more (`gcs fly ... | head`)."""
+
+    def on_broken_pipe(self) -> None:
+        """The flight goes on, and the exit code is still its own."""
+        self.quiet = True
+        silence(self.file)
+
+
+def silence(stream: IO[str]) -> None:
+    """Let a stream whose reader is gone end in nothing, also what it has still buffered."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
 class Terminal:
     """Progress on standard error, verdicts on standard output."""
 
     def __init__(self) -> None:
-        self._log = Console(stderr=True, highlight=False)
-        self._out = Console(highlight=False)
+        self._log = _Terminal(stderr=True, highlight=False)
+        self._out = _Terminal(highlight=False)
 
     def note(self, text: str) -> None:
         """One line."""

@@ -38,16 +38,18 @@ class Child:
         self._log_path = log
         self._log: IO[bytes] = log.open("wb")
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            pass_fds=fds,
-            start_new_session=True,  # a Ctrl-C at our terminal is ours to handle
-        )
-        for fd in fds:
-            os.close(fd)
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=self._log,
+                pass_fds=fds,
+                start_new_session=True,  # a Ctrl-C at our terminal is ours to handle
+            )
+        finally:
+            for fd in fds:
+                os.close(fd)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -96,10 +98,16 @@ class Child:
             except OSError:
                 pass
 
-    def stop(self) -> dict[str, Any]:
-        """End it, kindly and then not; returns what it said last of itself."""
+    def ask_to_stop(self) -> None:
+        """Tell it to end, also if it is suspended; `stop` waits for it."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
+            self.process.send_signal(signal.SIGCONT)
+
+    def stop(self) -> dict[str, Any]:
+        """End it, kindly and then not; returns what it said last of itself."""
+        self.ask_to_stop()
+        if self.process.poll() is None:
             try:
                 self.process.wait(STOP_S)
             except subprocess.TimeoutExpired:
@@ -116,6 +124,13 @@ class Child:
         return said
 
 
+def stop_all(children: Sequence[Child]) -> dict[str, dict[str, Any]]:
+    """End them together; returns what each said last, by name."""
+    for child in children:
+        child.ask_to_stop()
+    return {child.name: child.stop() for child in children}
+
+
 class Collector(threading.Thread):
     """Takes the rows of both processes from their pipes and hands them on as arrays.
 
@@ -128,19 +143,18 @@ class Collector(threading.Thread):
         super().__init__(daemon=True, name="collector")
         self._sources = sources
         self._left = {fd: b"" for fd in sources}
-        self.rows = {fd: 0 for fd in sources}
+        self.ended: set[int] = set()  # pipes that nobody writes to any more
         self.error: Exception | None = None
         self._changed = threading.Condition()
 
     def run(self) -> None:
         """Until every pipe is closed at its other end."""
-        open_fds = set(self._sources)
-        while open_fds:
+        while open_fds := self._sources.keys() - self.ended:
             for fd in select.select(open_fds, (), ())[0]:
                 data = os.read(fd, 1 << 20)
                 if not data:
-                    open_fds.discard(fd)
                     os.close(fd)
+                    self.ended.add(fd)
                 else:
                     self._take(fd, data)
             with self._changed:
@@ -157,7 +171,6 @@ class Collector(threading.Thread):
                 hand_on(rows)
             except Exception as error:  # reported by whoever waits for rows
                 self.error = error
-        self.rows[fd] += n
 
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
         """Until `done()`, at most the time; it is asked again whenever rows have come."""

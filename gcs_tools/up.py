@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fcu.interface import handover
-from gcs_tools.processes import Child
+from gcs_tools.processes import Child, stop_all
 from gcs_tools.scenario import Scenario
 
 
@@ -27,6 +27,8 @@ def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
         law = ["--law", str(folder / "law.json")]
         world = ["--world", str(folder / "world.json")]
     with ExitStack() as stack:
+        children: list[Child] = []
+        stack.callback(lambda: stop_all(children))
         life_out, life_in = os.pipe()
         stack.callback(os.close, life_in)
         os.set_inheritable(life_in, False)
@@ -35,19 +37,19 @@ def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
             "flight controller", "fcu", ["--instance", N, *law, "--lifeline-fd", str(life_out)],
             folder / "fcu.log", (life_out,),
         )  # fmt: skip
-        stack.callback(fcu.stop)
+        children.append(fcu)
         plant = Child(
             "plant", "sitl_plant",
             ["--instance", N, *world, "--speed", "1", "--lifeline-fd", str(second_out)],
             folder / "plant.log", (second_out,),
         )  # fmt: skip
-        stack.callback(plant.stop)
+        children.append(plant)
 
         def check() -> None:
-            for child in (fcu, plant):
+            for child in children:
                 child.check()
 
-        for child in (fcu, plant):
+        for child in children:
             child.wait_ready(check)
         print(ready, flush=True)
         while True:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,13 @@ from fcu.interface import handover
 from fcu.interface.link import PortBusy
 from fcu.kernel.buffers import columns, size
 from fcu.law.types import Tick
-from gcs_tools.processes import Child, Collector, InfrastructureError, Rows
+from gcs_tools.processes import Child, Collector, InfrastructureError, Rows, stop_all
 from gcs_tools.scenario import Scenario, arrival
 from gcs_tools.vehicle import Vehicle, VehicleError
 from sitl_plant.physics.types import PlantRecord
 
-STALL_S = 8.0  # wall: neither process complains, and still no tick is flown
+STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
+DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
 ARRIVAL_CHECK_S = 0.5  # simulation time between looks at whether it has arrived
 
 _FCU = columns(Tick)
@@ -73,25 +74,37 @@ class WireFlight:
 
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
-        return Flown(
-            np.concatenate([np.zeros((0, size(PlantRecord))), *self._plant_rows]),
-            np.concatenate([np.zeros((0, size(Tick))), *self._fcu_rows]),
-        )
+        plant = np.concatenate([np.zeros((0, size(PlantRecord))), *self._plant_rows])
+        fcu = np.concatenate([np.zeros((0, size(Tick))), *self._fcu_rows])
+        if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
+            # real time drops rows rather than wait: keep the ticks that both have
+            last = plant[-1:, 0]
+            plant = plant[np.isin(plant[:, 0], np.append(fcu[:, 0], last))]
+            fcu = fcu[np.isin(fcu[:, 0], plant[:, 0])]
+        return Flown(plant, fcu)
 
     def fly(self) -> Flown:
         """The whole flight. Raises InfrastructureError; what was flown is then in `flown`."""
         began = time.monotonic()
-        with ExitStack() as stack:
-            control = self._start(stack)
-            vehicle = self._meet(stack)
-            startup = time.monotonic() - began
-            first = time.monotonic()
-            arrived = self._send_setpoints(vehicle, control)
-            wall = time.monotonic() - first
-            said = {child.name: child.stop() for child in self._children}
-            self._collector.join(2.0)
+        try:
+            with ExitStack() as stack:
+                control = self._start(stack)
+                vehicle = self._meet(stack)
+                startup = time.monotonic() - began
+                first = time.monotonic()
+                arrived = self._send_setpoints(vehicle, control)
+                wall = time.monotonic() - first
+                said = stop_all(self._children)
+        except OSError as error:
+            where = error.filename or self._folder
+            raise InfrastructureError(f"{where}: {error.strerror or error}") from error
         flown = self.flown()
         return Flown(flown.plant, flown.fcu, arrived, startup, wall, said)
+
+    def _stop(self) -> None:
+        """Stop both, and take what they have still handed over."""
+        stop_all(self._children)
+        self._collector.join(DRAIN_S)
 
     # --- starting
 
@@ -115,14 +128,15 @@ class WireFlight:
                 fcu_out: (size(Tick), self._take_fcu),
             }
         )
-        self._plant_fd, self._fcu_fd = plant_out, fcu_out
+        self._plant_fd = plant_out
+        self._collector.start()
+        stack.callback(self._stop)
         fcu = Child(
             "flight controller", "fcu",
             ["--instance", N, "--law", str(folder / "law.json"), keep,
              "--record-fd", str(fcu_in), "--lifeline-fd", str(life_out)],
             folder / "fcu.log", (fcu_in, life_out),
         )  # fmt: skip
-        stack.callback(fcu.stop)
         self._children.append(fcu)
         plant = Child(
             "plant", "sitl_plant",
@@ -130,9 +144,7 @@ class WireFlight:
              "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
             folder / "plant.log", (plant_in, grants_out),
         )  # fmt: skip
-        stack.callback(plant.stop)
         self._children.append(plant)
-        self._collector.start()
         for child in (fcu, plant):
             child.wait_ready(self._check)
         if self._speed is None:
@@ -186,18 +198,18 @@ class WireFlight:
 
     def _fly_to(self, control: int, tick: int) -> bool:
         """Let time run to `tick`; False if the flight has ended before."""
-        os.write(control, handover.GRANT.pack(tick))
-        rows = self._collector.rows
+        with suppress(BrokenPipeError):  # the plant is gone: the check below says why
+            os.write(control, handover.GRANT.pack(tick))
         seen, since = -1, time.monotonic()
         while True:
-            self._collector.wait_for(lambda: self._is_over() or min(rows.values()) >= tick, 0.1)
+            self._collector.wait_for(lambda: self._is_over() or self._flown_ticks() >= tick, 0.1)
             if self._collector.error is not None:
                 raise InfrastructureError(str(self._collector.error))
-            flown = rows[self._fcu_fd]
+            flown = self._flown_ticks()
             self._progress(flown / self._scene.rate_hz)
-            if self._is_over():
+            if self._is_over() or self._has_ended():
                 return False
-            if min(rows.values()) >= tick:
+            if flown >= tick:
                 return True
             self._check()
             if flown != seen:
@@ -206,7 +218,23 @@ class WireFlight:
                 raise InfrastructureError(f"no tick was flown for {STALL_S:.0f} s")
 
     def _is_over(self) -> bool:
+        """Whether the plant's last row says that the flight has ended."""
         return bool(self._plant_rows) and self._plant_rows[-1][-1, -1] != 0.0
+
+    def _has_ended(self) -> bool:
+        """Whether the plant has, because the flight is over: its last rows may be on their way."""
+        if self._children[-1].process.poll() != 0:
+            return False
+        self._collector.wait_for(lambda: self._plant_fd in self._collector.ended, DRAIN_S)
+        return self._is_over()
+
+    def _ticks(self, rows: Rows) -> int:
+        """The tick after the last of `rows`: their number, if none was dropped."""
+        return round(rows[-1, 0] * 1e6 / self._scene.period_us) + 1 if len(rows) else 0
+
+    def _flown_ticks(self) -> int:
+        """Ticks of which both processes have handed over their rows."""
+        return min(self._ticks(r[-1]) if r else 0 for r in (self._plant_rows, self._fcu_rows))
 
     def _take_plant(self, rows: Rows) -> None:
         self._plant_rows.append(rows)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 from pathlib import Path
@@ -51,9 +50,12 @@ def main(
     Simulation time belongs to this process. It waits for the controller at every tick, so
     the flight is the same at any speed; start the controller before or after (`fcu`).
     """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
+
     from fcu.interface.airframe import AirframeError
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
+    from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
     from fcu.kernel.buffers import size
     from fcu.kernel.compile import is_cached
@@ -71,7 +73,11 @@ def main(
         number = first_free_instance("plant") if instance is None else instance
         tape = Tape(size(PlantRecord), record_fd, wait=not drop)
         pacer = Pacer(1.0 / world.rate_hz, speed)
-        server = Server(ports(number), world, tape, pacer, control_fd, lifeline_fd)
+        with watched(control_fd, lifeline_fd):
+            if not is_cached("advance"):
+                say(0.0, "info", "compiling the plant, once for this version (about 10 s)")
+            server = Server(ports(number), world, tape, pacer, control_fd, lifeline_fd)
+            server.warm_up()
     except PortBusy as error:
         say(0.0, "error", str(error.strerror))
         sys.exit(INFRASTRUCTURE)
@@ -84,12 +90,9 @@ def main(
 
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
-    if not is_cached("advance"):
-        say(0.0, "info", "compiling the plant, once for this version (about 10 s)")
-    server.warm_up()
     at = ports(number)
     say(0.0, "info", f"instance {number}: the flight controller is expected on 127.0.0.1:{at.fcu_plant}")  # fmt: skip
-    print(json.dumps({"ready": "plant", "instance": number, **at._asdict()}), flush=True)
+    announce({"ready": "plant", "instance": number, **at._asdict()})
     code = server.run()
     figures = {
         **vars(server.figures),
@@ -97,7 +100,7 @@ def main(
         "lateness": pacer.lateness(),
         "dropped": tape.dropped,
     }
-    print(json.dumps({"ended": "plant", "exit_code": code, **figures}), flush=True)
+    announce({"ended": "plant", "exit_code": code, **figures})
     sys.exit(code)
 
 

@@ -22,6 +22,7 @@ from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.interface.ports import Ports, owner
+from fcu.interface.starter import log
 from fcu.interface.tape import Tape
 from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.buffers import size, to_buffer
@@ -217,6 +218,8 @@ class Server:
                 for fd, _ in poll.poll(left * 1000):
                     if fd == self._control:
                         self._read_grants()
+                    elif fd == self._lifeline:
+                        self.stopping = True
                     else:
                         self._link.receive()
 
@@ -235,4 +238,4 @@ class Server:
 
 def say(time_s: float, level: str, text: str) -> None:
     """One line of log an event: simulation time, level, process."""
-    print(f"{time_s:10.3f} {level:<7} plant {text}", file=sys.stderr, flush=True)
+    log(f"{time_s:10.3f} {level:<7} plant {text}")
