@@ -173,7 +173,7 @@ class Supervisor:
         if want not in (0.0, 1.0):
             return Verdict(Result.DENIED, "Arming denied: parameter 1 is neither 0 nor 1")
         if want == 0.0:
-            if self.armed and self.sub_mode is not AutoMode.LAND and not forced:
+            if self.armed and self._landed_since is None and not forced:
                 return Verdict(Result.DENIED, "Disarming denied: in flight (land first)")
             self._disarm()
             return Verdict(Result.ACCEPTED, "Disarmed")

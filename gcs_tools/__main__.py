@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from fcu.interface.ports import INSTANCES, first_running_instance, ports, table
+from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
 
@@ -187,8 +187,9 @@ def setpoint(
     if not all(math.isfinite(v) and abs(v) <= 1e5 for v in (x, y, z, yaw_deg or 0.0)):
         raise click.UsageError("X, Y, Z and --yaw-deg must be finite numbers, at most 1e5")
     number = first_running_instance() if instance is None else instance
-    if number is None:
-        click.echo("Error: no vehicle is up on this machine (start one: gcs up)", err=True)
+    if number is None or not busy(number, "fcu_script"):
+        which = "" if number is None else f" as instance {number}"
+        click.echo(f"Error: no vehicle is up on this machine{which} (start one: gcs up)", err=True)
         sys.exit(INFRASTRUCTURE)
     try:
         vehicle = Vehicle(number)

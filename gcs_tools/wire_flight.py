@@ -21,7 +21,14 @@ from fcu.interface import handover
 from fcu.interface.link import PortBusy
 from fcu.kernel.buffers import columns, size
 from fcu.law.types import Tick
-from gcs_tools.processes import Child, Collector, InfrastructureError, Rows, stop_all
+from gcs_tools.processes import (
+    Child,
+    Collector,
+    InfrastructureError,
+    Rows,
+    one_core,
+    stop_all,
+)
 from gcs_tools.scenario import Scenario, arrival
 from gcs_tools.vehicle import Vehicle, VehicleError
 from sitl_plant.physics.types import PlantRecord
@@ -77,10 +84,7 @@ class WireFlight:
         plant = np.concatenate([np.zeros((0, size(PlantRecord))), *self._plant_rows])
         fcu = np.concatenate([np.zeros((0, size(Tick))), *self._fcu_rows])
         if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
-            # real time drops rows rather than wait: keep the ticks that both have
-            last = plant[-1:, 0]
-            plant = plant[np.isin(plant[:, 0], np.append(fcu[:, 0], last))]
-            fcu = fcu[np.isin(fcu[:, 0], plant[:, 0])]
+            plant, fcu = in_step(plant, fcu)
         return Flown(plant, fcu)
 
     def fly(self) -> Flown:
@@ -124,8 +128,8 @@ class WireFlight:
         speed = "max" if self._speed is None else str(self._speed)
         self._collector = Collector(
             {
-                plant_out: (size(PlantRecord), self._take_plant),
-                fcu_out: (size(Tick), self._take_fcu),
+                plant_out: (size(PlantRecord), self._plant_rows, self._on_rows[0]),
+                fcu_out: (size(Tick), self._fcu_rows, self._on_rows[1]),
             }
         )
         self._plant_fd = plant_out
@@ -148,8 +152,8 @@ class WireFlight:
         for child in (fcu, plant):
             child.wait_ready(self._check)
         if self._speed is None:
-            for child in (fcu, plant):  # they take turns: on one core no wake-up crosses cores
-                child.pin(self._instance % (os.cpu_count() or 1))
+            core = self._instance % (os.cpu_count() or 1)
+            stack.enter_context(one_core(core, self._children, self._collector))
         return grants_in
 
     def _meet(self, stack: ExitStack) -> Vehicle:
@@ -233,13 +237,16 @@ class WireFlight:
         return round(rows[-1, 0] * 1e6 / self._scene.period_us) + 1 if len(rows) else 0
 
     def _flown_ticks(self) -> int:
-        """Ticks of which both processes have handed over their rows."""
-        return min(self._ticks(r[-1]) if r else 0 for r in (self._plant_rows, self._fcu_rows))
+        """Ticks that the plant has flown, each with the controller's answer."""
+        return self._ticks(self._plant_rows[-1]) if self._plant_rows else 0
 
-    def _take_plant(self, rows: Rows) -> None:
-        self._plant_rows.append(rows)
-        self._on_rows[0](rows)
 
-    def _take_fcu(self, rows: Rows) -> None:
-        self._fcu_rows.append(rows)
-        self._on_rows[1](rows)
+def in_step(plant: Rows, fcu: Rows) -> tuple[Rows, Rows]:
+    """The ticks that both recorded: real time drops rows rather than wait.
+
+    The plant's last row stays: it says how the flight ended, and may have no answer.
+    """
+    kept = np.isin(plant[:, 0], fcu[:, 0])
+    kept[-1:] = True
+    plant = plant[kept]
+    return plant, fcu[np.isin(fcu[:, 0], plant[:, 0])]

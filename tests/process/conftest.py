@@ -1,0 +1,162 @@
+"""Real processes on real sockets: started, watched from outside, and never left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fcu.interface.link import UdpLink
+from fcu.interface.ports import ports
+
+PATIENCE_S = 60.0  # wall: for what has no limit of its own, on a slow machine
+
+
+def until(condition: Callable[[], Any], what: str, within_s: float = PATIENCE_S) -> Any:
+    """Poll until `condition` gives something true; fail with `what` after the time."""
+    end = time.monotonic() + within_s
+    while not (found := condition()):
+        assert time.monotonic() < end, f"not within {within_s:g} s: {what}"
+        time.sleep(0.01)
+    return found
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs (one that only waits to be reaped does not)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+class Program:
+    """One of the project's programs, its output on file."""
+
+    def __init__(self, folder: Path, module: str, *arguments: str, **options: Any) -> None:
+        self.folder = folder
+        self.out, self.err = folder / f"{module}.out", folder / f"{module}.err"
+        with self.out.open("wb") as out, self.err.open("wb") as err:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", module, *map(str, arguments)],
+                cwd=folder, stdin=subprocess.DEVNULL, **{"stdout": out, "stderr": err, **options},
+            )  # fmt: skip
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    def children(self) -> dict[str, int]:
+        """Pid by module of the processes that it has started."""
+        found = {}
+        for entry in Path("/proc").iterdir():
+            try:
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+                words = (entry / "cmdline").read_bytes().split(b"\0")
+            except (OSError, IndexError, ValueError):
+                continue
+            if parent == self.pid and b"-m" in words:
+                found[words[words.index(b"-m") + 1].decode()] = int(entry.name)
+        return found
+
+    def started(self) -> dict[str, int]:
+        """Pids of both processes, once it has started them."""
+        both = {"fcu", "sitl_plant"}  # a child that is yet to become one looks like its parent
+        return until(lambda: (c := self.children()).keys() == both and c, "two processes")
+
+    def text(self) -> str:
+        """What it has said: standard output, then standard error."""
+        return self.out.read_text() + self.err.read_text()
+
+    def says(self, text: str) -> str:
+        """Wait until it has said something that holds `text`."""
+
+        def heard() -> str:
+            said = self.text()
+            assert text in said or self.process.poll() is None, said
+            return said if text in said else ""
+
+        return until(heard, text)
+
+    def signal(self, number: int) -> None:
+        self.process.send_signal(number)
+
+    def wait(self, within_s: float = PATIENCE_S) -> int:
+        return self.process.wait(within_s)
+
+    def interrupted(self) -> int:
+        """Its exit code after a Ctrl-C."""
+        self.signal(signal.SIGINT)
+        return self.wait(10.0)
+
+    def kill(self) -> None:
+        children = self.children().values()
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        for pid in children:
+            if alive(pid):
+                os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def start(tmp_path):
+    """`start("fcu", "--instance", 3)`: a program that is gone when the test is over."""
+    started: list[Program] = []
+
+    def program(module: str, *arguments: Any, **options: Any) -> Program:
+        folder = tmp_path / f"{len(started)}-{module}"
+        folder.mkdir()
+        started.append(Program(folder, module, *arguments, **options))
+        return started[-1]
+
+    yield program
+    for each in started:
+        each.kill()
+
+
+@pytest.fixture
+def fly(start, tmp_path):
+    """`fly("paper_nominal", ...)`: a flight whose run is in tmp_path / "run"."""
+
+    def flight(*arguments: Any, **options: Any) -> Program:
+        return start("gcs_tools", "fly", "--out", tmp_path / "run", *arguments, **options)
+
+    return flight
+
+
+@pytest.fixture
+def instance(worker_id):
+    """An instance of this test process's own: from the far end, so that `gcs fly` finds others."""
+    return 9 - int(worker_id.removeprefix("gw") if worker_id != "master" else 0) % 5
+
+
+@pytest.fixture
+def bound(instance):
+    """`bound("plant", "fcu_plant")`: the socket of one side of a link, its peer another's."""
+    links: list[UdpLink] = []
+
+    def link(mine: str, peer: str) -> UdpLink:
+        at = ports(instance)._asdict()
+        links.append(UdpLink(at[mine], at[peer]))
+        return links[-1]
+
+    yield link
+    for each in links:
+        each.close()
+
+
+@pytest.fixture(name="until")
+def _until():
+    return until
+
+
+@pytest.fixture(name="alive")
+def _alive():
+    return alive

@@ -1,0 +1,108 @@
+"""What `gcs fly` refuses, with file, line and key, and what it hands back."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import pytest
+
+QUICK = ("--in-process", "--set", "flight.duration_s=0.5")
+MISSION = """title = "A hover of half a second."
+[flight]
+duration_s = 0.5
+setpoints = [{ at_s = 0.0, position_m = [0.0, 0.0, 0.0] }]
+"""
+
+
+@pytest.fixture
+def gcs(tmp_path):
+    """`gcs("fly", ...)`: exit code, standard output and standard error."""
+
+    def run(*arguments):
+        words = [sys.executable, "-m", "gcs_tools", *map(str, arguments)]
+        done = subprocess.run(
+            words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
+        )
+        assert "Traceback" not in done.stderr
+        return done.returncode, done.stdout, done.stderr
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("title = \n", ":1"),
+        (MISSION + "[law]\nf_n = 1.0\n", ":6"),
+        (MISSION + "[plant]\nmass_kg = -1.0\n", ":6"),
+        (MISSION + "[law]\nf_m = 'fast'\n", ":6"),
+        (MISSION + "[expect]\nposition_rms = 1.0\n", ":6"),
+    ],
+    ids=["no TOML", "unknown key", "out of range", "not a number", "no metric"],
+)
+def test_a_bad_mission_is_refused_with_its_line(gcs, tmp_path, text, expected):
+    (tmp_path / "bad.toml").write_text(text)
+    code, out, err = gcs("fly", "bad.toml")
+    assert (code, out) == (2, "")
+    assert f"bad.toml{expected}" in err
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("no_such_mission",), "no_such_mission"),
+        (("paper_nominal", "--set", "law.f_n=1"), "law.f_n"),
+        (("paper_nominal", "--set", "f_m"), "f_m"),
+        (("paper_nominal", "--speed", "0"), "--speed"),
+        (("paper_nominal", "--rate", "7"), "rate"),
+        (("paper_nominal", "--instance", "10"), "--instance"),
+        ((), "MISSION"),
+    ],
+)
+def test_a_bad_command_line_is_refused(gcs, arguments, expected):
+    code, out, err = gcs("fly", *arguments)
+    assert (code, out) == (2, "")
+    assert expected in err
+
+
+def test_a_folder_with_something_in_it_is_refused(gcs, tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine").touch()
+    for missions in (["paper_nominal"], ["paper_nominal", "noisy_state"]):
+        code, _, err = gcs("fly", *missions, "--out", "run", *QUICK)
+        assert code == 2
+        assert "run: the folder is not empty" in err
+    assert [p.name for p in (tmp_path / "run").iterdir()] == ["mine"]
+
+
+def test_of_several_missions_the_worst_counts(gcs, tmp_path):
+    (tmp_path / "hover.toml").write_text(MISSION)
+    code, out, _ = gcs(
+        "fly", "hover.toml", "paper_nominal", "hover.toml", *QUICK,
+        "--json", "--junit", "junit.xml", "--out", "run",
+    )  # fmt: skip
+    results = json.loads(out)
+    assert code == 1
+    assert [r["exit_code"] for r in results] == [0, 1, 0]  # too short for the second to settle
+    folders = sorted(p.name for p in (tmp_path / "run").iterdir())
+    assert folders == ["hover", "hover-1", "paper_nominal"]
+    suite = ET.parse(tmp_path / "junit.xml").getroot()
+    assert [suite.get(k) for k in ("tests", "failures", "errors")] == ["3", "1", "0"]
+    failure = suite.find("testcase/failure")
+    assert failure is not None
+    assert "position_rms_settled_m ≤ 0.03: no value" in failure.text
+
+
+def test_a_report_that_cannot_be_written_is_not_passed_over(gcs):
+    code, _, err = gcs("fly", "gust_step", "--in-process", "--junit", "nowhere/junit.xml")
+    assert code == 3
+    assert "nowhere/junit.xml" in err
+
+
+def test_a_setpoint_needs_a_vehicle(gcs, instance):
+    code, _, err = gcs("setpoint", 1, 2, 3, "--instance", instance, "--yaw-deg", "nan")
+    assert code == 2, err

@@ -1,0 +1,67 @@
+"""One seed, one trajectory: over the wire, on a busy machine, and without sockets."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import gcs_tools
+
+RUNS, BUSY = 10, 2  # flights over the wire, and how many of them have busy neighbours
+SPIN = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"
+
+NOMINAL = ("paper_nominal", "flight.duration_s=4")
+NOISY = ("noisy_state", "flight.duration_s=4")
+STREAMED = ("figure_eight", "flight.duration_s=4")
+GROUND = ("take_off", "flight.duration_s=9")  # two setpoints
+LATE = ("noisy_state", "flight.duration_s=3", "plant.delay_s=0.02")
+
+
+@pytest.fixture
+def sha256(tmp_path):
+    """`sha256(NOMINAL)`: the hash of a flight over the wire, or `in_process`."""
+    flights = iter(range(1000))
+
+    def fly(flight, **options):
+        mission, *settings = flight
+        out = tmp_path / f"{next(flights)}"
+        flown = gcs_tools.fly(mission, settings=settings, out=out, **options)
+        assert flown.error is None
+        return flown.trajectory_sha256
+
+    return fly
+
+
+@pytest.fixture
+def busy_neighbours():
+    """A process on each core that never rests."""
+    cores = os.sched_getaffinity(0)
+    spinning = [subprocess.Popen([sys.executable, "-c", SPIN, str(core)]) for core in cores]
+    yield
+    for process in spinning:
+        process.kill()
+        process.wait()
+
+
+def test_runs_over_the_wire_and_in_process_are_one(sha256):
+    flown = {sha256(NOMINAL) for _ in range(RUNS - BUSY)}
+    assert flown == {sha256(NOMINAL, in_process=True)}
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs processes bound to cores")
+def test_a_busy_machine_changes_nothing(sha256, busy_neighbours):
+    flown = {sha256(NOMINAL) for _ in range(BUSY)}
+    assert flown == {sha256(NOMINAL, in_process=True)}
+
+
+@pytest.mark.parametrize("flight", [NOISY, STREAMED, GROUND, LATE], ids=lambda f: "-".join(f))
+def test_noise_and_a_moving_setpoint_are_part_of_it(sha256, flight):
+    assert sha256(flight) == sha256(flight, in_process=True)
+
+
+def test_another_seed_is_another_flight(sha256):
+    flown = {sha256(NOISY, in_process=True, seed=seed) for seed in (1, 2)}
+    assert len(flown) == 2

@@ -1,0 +1,169 @@
+"""A vehicle that is up in real time, met by `gcs setpoint` and by a script of nobody's but pymavlink's."""
+
+from __future__ import annotations
+
+import json
+import math
+import select
+import socket
+import time
+
+import pymavlink.dialects.v20.common as mavlink
+import pytest
+
+from fcu.interface.ports import ports
+
+POSITION_AND_YAW = 0b100111111000  # type mask: velocity, acceleration and yaw rate out of use
+OFFBOARD = 6  # PX4's main mode
+WAIT_S = 40.0
+
+
+class Script:
+    """What a user writes: pymavlink's codec on a socket that listens on 14540 + N."""
+
+    def __init__(self, instance: int) -> None:
+        at = ports(instance)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", at.script))
+        self._to = ("127.0.0.1", at.fcu_script)
+        self._target = (at.system_id, 1)
+        self._codec = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def messages(self):
+        """Messages as they come, for as long as anybody waits."""
+        end = time.monotonic() + WAIT_S
+        while time.monotonic() < end:
+            if select.select([self._socket], [], [], 0.5)[0]:
+                yield from self._codec.parse_buffer(self._socket.recv(4096)) or []
+        pytest.fail(f"what was waited for did not come within {WAIT_S:g} s")
+
+    def first(self, kind, which=lambda message: True):
+        return next(m for m in self.messages() if m.get_type() == kind and which(m))
+
+    def send(self, message) -> None:
+        self._socket.sendto(message.pack(self._codec), self._to)
+
+    def command(self, command, *params) -> int:
+        """Its MAV_RESULT."""
+        padded = [*params, *[0.0] * (7 - len(params))]
+        self.send(mavlink.MAVLink_command_long_message(*self._target, command, 0, *padded))
+        return self.first("COMMAND_ACK", lambda m: m.command == command).result
+
+    def go(self, north, east, down, yaw=0.0) -> None:
+        where, unused = (north, east, down), (0.0,) * 6
+        setpoint = mavlink.MAVLink_set_position_target_local_ned_message(
+            0, *self._target, mavlink.MAV_FRAME_LOCAL_NED, POSITION_AND_YAW,
+            *where, *unused, yaw, 0.0,
+        )  # fmt: skip
+        self.send(setpoint)
+        self.first("POSITION_TARGET_LOCAL_NED", lambda m: (m.x, m.y, m.z) == where)
+
+    def at(self, north, east, down, within):
+        def near(m):
+            return math.dist((m.x, m.y, m.z), (north, east, down)) < within
+
+        return self.first("LOCAL_POSITION_NED", near)
+
+    def says(self, text) -> None:
+        self.first("STATUSTEXT", lambda m: text in m.text)
+
+
+@pytest.fixture
+def script(instance):
+    one = Script(instance)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def gone(until, alive):
+    def check(pids):
+        until(lambda: not any(map(alive, pids.values())), "no orphan", 5.0)
+
+    return check
+
+
+def test_setpoint_brings_a_vehicle_that_is_up_somewhere(start, instance, gone):
+    up = start("gcs_tools", "up", "--instance", instance)
+    said = up.says("ready")
+    at = ports(instance)
+    for number in (at.script, at.fcu_script, at.station, at.fcu_station):
+        assert str(number) in said
+    pids = up.started()
+    go = start("gcs_tools", "setpoint", 3, -2, 4, "--yaw-deg", 90, "--instance", instance, "--json")
+    assert go.wait() == 0, go.text()
+    assert "armed, taking off" in go.text()
+    there = json.loads(go.out.read_text())
+    assert math.dist(there["position_m"], (3, -2, 4)) == pytest.approx(there["error_m"])
+    assert there["error_m"] < 0.3
+    again = start("gcs_tools", "setpoint", 2, -2, 4, "--instance", instance)
+    assert again.wait() == 0, again.text()
+    assert "armed" not in again.text()
+    assert again.out.read_text().startswith("there: (")
+    assert up.interrupted() == 0
+    gone(pids)
+
+
+def test_a_killed_up_leaves_nobody(start, instance, gone):
+    up = start("gcs_tools", "up", "paper_nominal", "--instance", instance)
+    up.says("ready")
+    pids = up.started()
+    up.process.kill()
+    up.wait()
+    gone(pids)
+
+
+def test_up_says_which_process_ended(start, instance, gone):
+    # rotors stand until it is armed: the paper's vehicle falls from its height
+    up = start("gcs_tools", "up", "paper_nominal", "--instance", instance)
+    up.says("ready")
+    pids = up.started()
+    assert up.wait() == 3
+    assert "the plant ended with exit code 0" in up.text()
+    assert "hit the ground" in up.text()
+    gone(pids)
+
+
+def test_no_vehicle_is_up(start, instance):
+    go = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance)
+    assert go.wait(10.0) == 3
+    assert "no vehicle" in go.text()
+
+
+def test_a_plain_script_flies_and_lands(start, instance, script):
+    """Time runs five times as fast: scripts that hold no grant work in arrival time."""
+    fcu = start("fcu", "--instance", instance)
+    start("sitl_plant", "--instance", instance, "--speed", 5)
+    script.first("HEARTBEAT", lambda m: m.system_status == mavlink.MAV_STATE_STANDBY)
+
+    start_z = script.first("LOCAL_POSITION_NED").z
+    takeoff = (0, 0, 0, math.nan, math.nan, math.nan, 2.0)
+    assert script.command(mavlink.MAV_CMD_NAV_TAKEOFF, *takeoff) == mavlink.MAV_RESULT_DENIED
+    script.says("Takeoff denied: not armed")
+    assert script.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+    script.first("HEARTBEAT", lambda m: m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+    assert script.command(mavlink.MAV_CMD_NAV_TAKEOFF, *takeoff) == 0
+    script.says("Takeoff complete")
+    script.at(0, 0, start_z - 2, 0.5)
+
+    script.go(2.0, -1.0, -3.0, yaw=1.0)
+    assert script.command(mavlink.MAV_CMD_DO_SET_MODE, 1, OFFBOARD, 0) == 0
+    script.at(2.0, -1.0, -3.0, 0.2)
+    turned = script.first(
+        "ATTITUDE_QUATERNION", lambda m: abs(2 * math.atan2(m.q4, m.q1) - 1) < 0.1
+    )
+    assert abs(turned.q2) < 0.1
+    assert script.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mavlink.MAV_RESULT_DENIED
+
+    assert script.command(mavlink.MAV_CMD_NAV_LAND) == 0
+    script.says("Landed, disarmed")
+    script.first("HEARTBEAT", lambda m: not m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+    down = script.first("LOCAL_POSITION_NED")
+    assert (down.x, down.y) == pytest.approx((2.0, -1.0), abs=0.3)
+    assert down.z == pytest.approx(start_z, abs=0.02)
+    landed = script.first("EXTENDED_SYS_STATE")
+    assert landed.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+    assert fcu.interrupted() == 0
