@@ -138,34 +138,36 @@ class Loop:
     # --- the plant
 
     def _serve_plant(self) -> None:
-        while (datagram := self._plant.receive()) is not None:
-            started = time.perf_counter()
-            try:
-                time_us = self._codec.parse_state(datagram, self._measured)
-            except WireError as error:
-                self.figures.refused += 1
-                if self.figures.refused == 1:
-                    say(self._time_us, "warning", f"plant link: {error}")
-                continue
-            if not self._heard:
-                say(time_us, "info", "the plant is there")
-            self._heard = time.monotonic()
-            if self._codec.is_hold(datagram):
-                if self._time_us < 0:
-                    self.vehicle.state = self._measured
-                self._flush()  # time stands: what was flown so far is due
-            elif time_us == self._time_us:  # our answer was lost
-                self.figures.resent += 1
-                self._plant.send(self._answer)
-            elif time_us < self._time_us:
-                say(time_us, "error", f"time ran back from {self._time_us * 1e-6:.6f} s")
-                self._exit, self.stopping = INFRASTRUCTURE, True
-                return
-            else:
-                self._time_us = time_us
-                self._tick(time_us)
-                cycle = (time.perf_counter() - started) * 1e6
-                self.figures.cycle_max_us = max(self.figures.cycle_max_us, cycle)
+        # one datagram a call: whether there is another, poll says for less than a refused read
+        datagram = self._plant.receive()
+        if datagram is None:
+            return
+        started = time.perf_counter()
+        try:
+            time_us = self._codec.parse_state(datagram, self._measured)
+        except WireError as error:
+            self.figures.refused += 1
+            if self.figures.refused == 1:
+                say(self._time_us, "warning", f"plant link: {error}")
+            return
+        if not self._heard:
+            say(time_us, "info", "the plant is there")
+        self._heard = time.monotonic()
+        if self._codec.is_hold(datagram):
+            if self._time_us < 0:
+                self.vehicle.state = self._measured
+            self._flush()  # time stands: what was flown so far is due
+        elif time_us == self._time_us:  # our answer was lost
+            self.figures.resent += 1
+            self._plant.send(self._answer)
+        elif time_us < self._time_us:
+            say(time_us, "error", f"time ran back from {self._time_us * 1e-6:.6f} s")
+            self._exit, self.stopping = INFRASTRUCTURE, True
+        else:
+            self._time_us = time_us
+            self._tick(time_us)
+            cycle = (time.perf_counter() - started) * 1e6
+            self.figures.cycle_max_us = max(self.figures.cycle_max_us, cycle)
 
     def _tick(self, time_us: int) -> None:
         t = time_us * 1e-6

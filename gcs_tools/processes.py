@@ -11,7 +11,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -21,6 +22,7 @@ READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
 STOP_S = 2.0  # wall: between asking a process to end and ending it
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
+Take = Callable[[Rows], None]
 
 
 class InfrastructureError(RuntimeError):
@@ -90,14 +92,6 @@ class Child:
         chosen = errors[-1:] or lines[-1:] or ["it left no log"]
         return " ".join(chosen[0].split())
 
-    def pin(self, cpu: int) -> None:
-        """Run on this core alone, where the system can."""
-        if hasattr(os, "sched_setaffinity"):
-            try:
-                os.sched_setaffinity(self.process.pid, {cpu})
-            except OSError:
-                pass
-
     def ask_to_stop(self) -> None:
         """Tell it to end, also if it is suspended; `stop` waits for it."""
         if self.process.poll() is None:
@@ -131,6 +125,28 @@ def stop_all(children: Sequence[Child]) -> dict[str, dict[str, Any]]:
     return {child.name: child.stop() for child in children}
 
 
+@contextmanager
+def one_core(core: int, children: Sequence[Child], recorder: threading.Thread) -> Iterator[None]:
+    """The children and the calling thread on one core, the recorder on the others; where it can be.
+
+    Those who take turns wake one another without crossing cores, which costs far more than a
+    turn. Children stay where they are put.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    with suppress(OSError):
+        for task in (0, *[child.process.pid for child in children]):
+            os.sched_setaffinity(task, {core})
+        if recorder.native_id is not None and allowed - {core}:
+            os.sched_setaffinity(recorder.native_id, allowed - {core})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
 class Collector(threading.Thread):
     """Takes the rows of both processes from their pipes and hands them on as arrays.
 
@@ -138,14 +154,18 @@ class Collector(threading.Thread):
     lockstep nothing is lost.
     """
 
-    def __init__(self, sources: dict[int, tuple[int, Callable[[Rows], None]]]) -> None:
-        """`sources`: file descriptor -> float64 in a row, and where batches of rows go."""
+    def __init__(self, sources: dict[int, tuple[int, list[Rows], Take]]) -> None:
+        """`sources`: file descriptor -> float64 in a row, where batches are kept, who records them.
+
+        What is recorded has been kept, and whoever waits for it told: recording takes its time.
+        """
         super().__init__(daemon=True, name="collector")
         self._sources = sources
         self._left = {fd: b"" for fd in sources}
         self.ended: set[int] = set()  # pipes that nobody writes to any more
         self.error: Exception | None = None
         self._changed = threading.Condition()
+        self._done: Callable[[], bool] = lambda: False
 
     def run(self) -> None:
         """Until every pipe is closed at its other end."""
@@ -157,22 +177,30 @@ class Collector(threading.Thread):
                     self.ended.add(fd)
                 else:
                     self._take(fd, data)
-            with self._changed:
+            self._tell()
+
+    def _tell(self) -> None:
+        """Wake whoever waits, but only for what is waited for."""
+        with self._changed:
+            if self._done():
                 self._changed.notify_all()
 
     def _take(self, fd: int, data: bytes) -> None:
-        width, hand_on = self._sources[fd]
+        width, kept, record = self._sources[fd]
         data = self._left[fd] + data
         n = len(data) // (8 * width)
         self._left[fd] = data[n * 8 * width :]
         rows = np.frombuffer(data, dtype="<f8", count=n * width).reshape(n, width)
         if n and self.error is None:
+            kept.append(rows)
+            self._tell()
             try:
-                hand_on(rows)
+                record(rows)
             except Exception as error:  # reported by whoever waits for rows
                 self.error = error
 
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
         """Until `done()`, at most the time; it is asked again whenever rows have come."""
         with self._changed:
-            return self._changed.wait_for(lambda: done() or self.error is not None, timeout_s)
+            self._done = lambda: done() or self.error is not None
+            return self._changed.wait_for(self._done, timeout_s)
