@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
-from fcu.kernel.buffers import unpacker
+from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.law import cascade
-from fcu.law.types import LawState
+from fcu.law.types import Internals, LawState
 from sitl_plant.physics import dynamics, tick
 
 _unpack_state = unpacker(LawState)
 _unpack_setpoint = unpacker(Setpoint)
 _unpack_measured = unpacker(VehicleState)
 _unpack_command = unpacker(RotorCommand)
+_pack_internals = packer(Internals)
 
 
 @kernel
-def law_steps(n, params_buffer, state_buffer, setpoint_buffer, measured_buffer):
-    """`n` ticks of the law at one measurement; returns a number that depends on all of them."""
+def law_steps(params_buffer, state_buffer, setpoint_buffer, measured_rows, internals_rows):
+    """A tick of the law for each row of `measured_rows`; returns a sum over the commands.
+
+    Measurements differ and internals are kept, or the compiler would take work out of the loop.
+    """
     params, state = cascade.unpack_params(params_buffer), _unpack_state(state_buffer)
-    setpoint, measured = _unpack_setpoint(setpoint_buffer), _unpack_measured(measured_buffer)
+    setpoint = _unpack_setpoint(setpoint_buffer)
     seen = 0.0
-    for _ in range(n):
+    for i in range(len(measured_rows)):
+        measured = _unpack_measured(measured_rows[i])
         state, command, internals = cascade.step(state, params, setpoint, measured)
-        seen += command.u.r1 + internals.T_c
+        _pack_internals(internals_rows[i], internals)
+        seen += command.u.r1
     return seen
 
 
