@@ -140,18 +140,18 @@ def recorder(plant_rows: Any, fcu_rows: Any, law: Any, repeats: int) -> Iterator
 
 def flown(scene: Scenario, speed: float | None = None) -> Flown:
     """One flight over UDP, with both processes and recording. Raises InfrastructureError."""
-    from fcu.interface.ports import first_free_instance
     from fcu.kernel.buffers import to_buffer
+    from gcs_tools.flying import PORTS
+    from gcs_tools.instance import claimed
     from gcs_tools.record import Recorder
     from gcs_tools.wire_flight import WireFlight
 
-    ports = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with Recorder(folder / "flight.mcap", {}) as recording:
+        recording = Recorder(folder / "flight.mcap", {})
+        with recording, claimed(None, *PORTS) as instance:
             recording.set_params(to_buffer(scene.law))
             takers = (recording.add_plant, recording.add_fcu)
-            instance = first_free_instance(*ports)
             return WireFlight(scene, folder, instance, speed, takers, lambda _t: None).fly()
 
 
