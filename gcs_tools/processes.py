@@ -19,7 +19,7 @@ from typing import IO, Any
 import numpy as np
 
 READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
-STOP_S = 2.0  # wall: between asking a process to end and ending it
+STOP_S = 1.0  # wall: between asking a process to end and ending it
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]
