@@ -31,7 +31,7 @@ from fcu.interface.messages import Setpoint
 from fcu.interface.ports import owner, ports
 
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
-ANSWER_S, TRIES = 0.5, 20  # wall: how long an answer may take, how often to ask
+ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
 
 T = TypeVar("T")
 
@@ -87,7 +87,10 @@ class Vehicle:
                     found = answer(message)
                     if found is not None:
                         return found
-        raise VehicleError(f"no answer to {what}")
+        silent = ANSWER_S * TRIES
+        raise VehicleError(
+            f"the flight controller has been silent for {silent:.0f} s, asked for {what}"
+        )
 
     def command(self, command: CommandId, *params: float) -> None:
         """Send a command and await its acknowledgement. Raises VehicleError with the reason."""
@@ -113,8 +116,9 @@ class Vehicle:
             return True if mine else None
 
         packed = self._codec.pack_setpoint(self._target, time_s, setpoint, type_mask)
+        self._texts.clear()
         try:
-            self._ask(packed, answer, "a setpoint")
+            self._ask(packed, answer, "the echo of a setpoint")
         except VehicleError as error:
             why = "; ".join(self._texts)
             raise VehicleError(f"{error}{': ' + why if why else ''}") from None

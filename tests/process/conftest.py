@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 from fcu.interface.link import UdpLink
-from fcu.interface.ports import ports
+from fcu.interface.ports import INSTANCES, busy, ports
 
 PATIENCE_S = 60.0  # wall: for what has no limit of its own, on a slow machine
 
@@ -132,9 +133,21 @@ def fly(start, tmp_path):
 
 
 @pytest.fixture
-def instance(worker_id):
-    """An instance of this test process's own: from the far end, so that `gcs fly` finds others."""
-    return 9 - int(worker_id.removeprefix("gw") if worker_id != "master" else 0) % 5
+def instance():
+    """An instance of this test's own: from the far end, so that `gcs fly` finds others.
+
+    Tests that run at the same time tell each other by a TCP port, which nobody else binds.
+    """
+    for number in reversed(range(INSTANCES)):
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as claim:
+            try:
+                claim.bind(("127.0.0.1", ports(number).plant))
+            except OSError:
+                continue
+            if not busy(number, "plant", "fcu_plant", "fcu_script", "script", "fcu_station"):
+                yield number
+                return
+    pytest.fail("every instance has a port in use")
 
 
 @pytest.fixture

@@ -15,11 +15,13 @@ import pytest
 
 from fcu.interface.ports import ports
 from gcs_tools import recording, result
+from gcs_tools.vehicle import Vehicle, VehicleError
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
 
-EXIT_S, ORPHAN_S = 10.0, 5.0
-LONG = ("paper_nominal", "--set", "flight.duration_s=600")
+EXIT_S, ORPHAN_S = 15.0, 5.0  # 10 s to exit on a machine of its own; tests share theirs
+LONG = ("paper_nominal", "--set", "flight.duration_s=600")  # its yaw command is streamed
+UNTOLD = ("gust_step", "--set", "flight.duration_s=600")  # one setpoint, and then none
 MEGABYTE = 1 << 20
 
 
@@ -32,8 +34,8 @@ def run(tmp_path):
 def in_flight(fly, run, until):
     """A flight of which some seconds are on file already."""
 
-    def flight(*arguments, **options):
-        program = fly(*LONG, *arguments, **options)
+    def flight(mission=LONG):
+        program = fly(*mission)
         program.pids = program.started()
         file = run / "flight.mcap"
         until(lambda: file.exists() and file.stat().st_size > MEGABYTE, "a recording")
@@ -87,13 +89,33 @@ def test_a_killed_process_is_named(in_flight, gone, run, module, name):
     ("module", "name"), [("fcu", "flight controller"), ("sitl_plant", "plant")]
 )
 def test_a_process_that_falls_silent_is_named(in_flight, gone, run, module, name):
-    program = in_flight()
+    program = in_flight(UNTOLD)
     os.kill(program.pids[module], signal.SIGSTOP)
     assert program.wait(EXIT_S) == 3
     gone(program)
     aborted(run, 3, f"the {name} has been silent for 5 s", "last simulation time")
     other = "plant.log" if module == "fcu" else "fcu.log"
     assert f"the {name} has been silent for 1 s" in (run / other).read_text()
+
+
+def test_a_controller_that_falls_silent_in_a_streamed_flight_is_named(in_flight, gone, run):
+    """It may be asked for an answer by the plant, or for an echo by the script."""
+    program = in_flight()
+    os.kill(program.pids["fcu"], signal.SIGSTOP)
+    assert program.wait(EXIT_S) == 3
+    gone(program)
+    aborted(run, 3, "the flight controller has been silent for 5 s", "last simulation time")
+
+
+def test_a_controller_that_does_not_answer_a_script_is_named(instance):
+    vehicle = Vehicle(instance)
+    try:
+        began = time.monotonic()
+        with pytest.raises(VehicleError, match="flight controller has been silent for 5 s"):
+            vehicle.arm()
+        assert 4.5 < time.monotonic() - began < 7.0
+    finally:
+        vehicle.close()
 
 
 def test_a_killed_runner_leaves_nobody(in_flight, gone, run):
