@@ -86,16 +86,18 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     plant, start = to_buffer(world.params), to_buffer(world.start)
     plant_rows, fcu_rows = np.zeros((n, size(PlantRecord))), np.zeros((n, size(Tick)))
 
+    setpoints, noise = scene.setpoints, scene.noise(n)
+
     def fly() -> None:
         rollout.rollout(
-            plant, law, start, scene.sent_at, scene.setpoints, scene.noise(n),
+            plant, law, start, scene.sent_at, setpoints, noise,
             int(world.delay_ticks), world.steps, scene.period_us, n, plant_rows, fcu_rows,
         )  # fmt: skip
 
     flight = per_call_s(fly, n, 3 * repeats)
     row = fcu_rows[n // 2]
     at = columns(Tick).index("state.r_m.x")
-    state, setpoint, out = row[at : at + size(LawState)].copy(), scene.setpoints[0], row.copy()
+    state, setpoint, out = row[at : at + size(LawState)].copy(), setpoints[0], row.copy()
     command = row[columns(Tick).index("command.u.r1") :][:8].copy()
 
     rows = fcu_rows[n // 2 + 1 :][:STEPS, 1 : 1 + size(VehicleState)].copy()
