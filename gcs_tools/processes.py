@@ -79,7 +79,9 @@ class Child:
         """Raise InfrastructureError if it has ended."""
         code = self.process.poll()
         if code is not None:
-            how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+            if code == -signal.SIGKILL:  # it had no time for last words
+                raise InfrastructureError(f"the {self.name} was killed by signal {-code}")
+            how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
             raise InfrastructureError(f"the {self.name} {how}: {self.last_words()}")
 
     def last_words(self) -> str:
