@@ -8,7 +8,7 @@ Mass and inertia are estimated as m_hat, J_hat (demanded, as printed) or through
 
 from __future__ import annotations
 
-from fcu.kernel.algebra import Vec3, clip, clip3, dot, maximum, select
+from fcu.kernel.algebra import Vec3, clip, clip3, dot, maximum, minimum, select
 from fcu.kernel.compile import kernel
 
 
@@ -59,7 +59,7 @@ def J_hat_achieved(params, state, e, tau_a):
 def J_hat_demanded(params, state, e):
     """Inertia (kg m^2, three axes) after the tick, as printed; from zero. Paper (45)."""
     J_hat = state.J_hat - (params.h * params.gamma_J) * (state.f_wc_prev * e)  # (45)
-    return clip3(J_hat, 0.0, params.bounds.J_max)  # departure 7
+    return clip3(J_hat, params.bounds.J_min, params.bounds.J_max)  # departure 7
 
 
 @kernel
@@ -70,15 +70,19 @@ def c_hat(params, c, regressor, e):
 
 
 @kernel
-def held(params, s_v, m, s_w, J):
-    """1 while projection holds an estimate at the edge of its set, else 0."""
-    bounds = params.bounds
+def held(params, state):
+    """1 while an estimate is at the edge of the set that projection keeps it in, else 0."""
+    bounds, m, J = params.bounds, state.m_hat, state.J_hat
+    p = maximum(abs(state.c_p1_hat), abs(state.c_p2_hat))
+    q = maximum(abs(state.c_q1_hat), abs(state.c_q2_hat))
     at_edge = (
-        (greatest3(s_v) >= bounds.s_v_max)
-        | (greatest3(s_w) >= bounds.s_w_max)
+        (greatest3(state.s_v_hat) >= bounds.s_v_max)
+        | (greatest3(state.s_w_hat) >= bounds.s_w_max)
         | (m <= bounds.m_min * 1.000001)
         | (m >= bounds.m_max * 0.999999)
+        | (minimum(minimum(J.x, J.y), J.z) <= bounds.J_min * 1.000001)
         | (greatest3(J) >= bounds.J_max * 0.999999)
+        | (greatest3(Vec3(p, q, state.c_r1_hat)) >= bounds.c_max)
     )
     return select(at_edge, 1.0, 0.0)
 

@@ -102,3 +102,10 @@ def mean_squares(params, Omega_prev, Omega):
     """Mean of rotor speeds squared over the last tick ((rad/s)^2), from its two ends."""
     w = params.rotor_mean
     return w * (Omega_prev * Omega_prev) + (1.0 - w) * (Omega * Omega)
+
+
+@kernel
+def mean_omega_m(params, Omega_prev, Omega):
+    """Mean of omega_m over the last tick (rad/s), from its two ends."""
+    w = params.rotor_mean
+    return omega_m(params, w * Omega_prev + (1.0 - w) * Omega)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
-from fcu.kernel.algebra import Rotors, Vec3, select
+from fcu.kernel.algebra import Rotors, Vec3, maximum, select
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix
@@ -63,7 +63,7 @@ def adapt(state, params, measured):
     T_mean, tau_a = allocation.achieved(params, Omega2)
     T_a = (0.5 * T_mean) * (state.e3_prev + e3)
     w_mean = 0.5 * (state.w_prev + w)
-    Omega_m = allocation.omega_m(params, 0.5 * (state.Omega_prev + measured.Omega))
+    Omega_m = allocation.mean_omega_m(params, state.Omega_prev, measured.Omega)
 
     if params.achieved > 0.5:
         v_til = prediction.velocity_achieved(params, state, v, T_a)
@@ -115,7 +115,7 @@ def command(state, params, setpoint, measured, v_til, w_til):
 
     # position: demanded force, thrust, tilt
     f_c = position.f_c(params, state, setpoint, r, v)
-    T_d = position.safe(params, state.m_hat * f_c)  # (37)
+    T_d, narrowed = position.safe(params, state.m_hat * f_c)  # (37)
     T_c = position.thrust(params, T_d, e3)
     phi_c, theta_c, tilt_clipped = position.tilt(params, T_d, cos_psi, sin_psi)
 
@@ -157,9 +157,9 @@ def command(state, params, setpoint, measured, v_til, w_til):
         tau_a,
         thrusts,
         select(limited, 1.0, 0.0),
-        tilt_clipped,
+        maximum(tilt_clipped, narrowed),
         gave_up,
-        adaptation.held(params, state.s_v_hat, state.m_hat, state.s_w_hat, state.J_hat),
+        adaptation.held(params, state),
     )
 
     r_m, v_m = reference_model.advance(params, setpoint, state.r_m, state.v_m)

@@ -33,9 +33,17 @@ def thrust(params, T_d, e3):
 
 @kernel
 def safe(params, T_d):
-    """The demanded force with its vertical part kept off the floor, so that a tilt exists."""
-    floor = select(params.achieved > 0.5, params.T_dz_min, -1e300)
-    return Vec3(T_d.x, T_d.y, maximum(T_d.z, floor))  # departure 13
+    """A demanded force (N, E) that can be pointed along, and 1 if its horizontal part gave way.
+
+    Height first: the vertical part is kept off the floor, and the horizontal part shrinks to
+    what the tilt limit leaves beside it. As printed, the demand stays as it is.
+    """
+    achieved = params.achieved > 0.5
+    T_z = maximum(T_d.z, params.T_dz_min)
+    aside = math.sqrt(T_d.x * T_d.x + T_d.y * T_d.y)
+    k = minimum(1.0, T_z * math.tan(params.phi_star) / (aside + 1e-30))
+    k, T_z = select(achieved, k, 1.0), select(achieved, T_z, T_d.z)
+    return Vec3(k * T_d.x, k * T_d.y, T_z), select(k < 1.0, 1.0, 0.0)  # departure 13
 
 
 @kernel

@@ -53,7 +53,7 @@ class LawParams(NamedTuple):
     f_min: float  # N, least thrust allocated to a rotor
     f_max: float  # N, greatest thrust allocated to a rotor
     kappa: float  # rotor speed command over wanted change of speed: h^-1 of (7)
-    rotor_mean: float  # weight of the earlier sample in a tick's mean rotor speed squared
+    rotor_mean: float  # weight of the earlier sample in a tick's mean of rotor speed or its square
     bounds: Bounds
     m_hat_0: float  # kg, m_hat at take-over
     J_hat_0: float  # kg m^2, each J_hat at take-over
@@ -118,7 +118,7 @@ class Internals(NamedTuple):
     tau_a: Vec3  # achieved torque, N m, B
     thrusts: Rotors  # allocated rotor thrusts, N
     thrust_saturated: float  # 1 while the total thrust command is at a limit
-    tilt_saturated: float  # 1 while the roll or pitch command is at its limit
+    tilt_saturated: float  # 1 while the tilt limit cuts the roll or pitch command
     rotor_saturated: float  # 1 while the allocation gives up torque or thrust
     projected: float  # 1 while projection holds an estimate
 

@@ -141,4 +141,6 @@ def test_a_rotor_without_lag_has_one_speed_in_a_tick(law):
     params = law(rotor_lag_s=0.0)
     before, now = Rotors(*[100.0] * 8), Rotors(*[300.0] * 8)
     assert allocation.mean_squares(params, before, now) == Rotors(*[9e4] * 8)
+    uneven = Rotors(300.0, *[0.0] * 7)
+    assert allocation.mean_omega_m(params, before, uneven) == 300.0
     assert params.kappa == 1.0

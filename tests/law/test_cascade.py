@@ -77,7 +77,7 @@ def test_with_the_truth_estimated_the_vehicle_accelerates_as_the_reference(law, 
         psi = float(rng.uniform(-math.pi, math.pi))
         setpoint = Setpoint(vec3(r_c), vec3([0.5, 0.0, 0.0]), vec3([0.0, 0.3, 0.0]), psi, 0.0)
         f_c = position.f_c(params, state, setpoint, vec3(r), vec3(v))
-        T_d = position.safe(params, m * f_c)
+        T_d, _ = position.safe(params, m * f_c)
         phi_c, theta_c, clipped = position.tilt(params, T_d, math.cos(psi), math.sin(psi))
         e3 = matrix(from_euler(phi_c, theta_c, psi)).e3
         T = position.thrust(params, T_d, e3)
@@ -94,14 +94,29 @@ def test_with_the_truth_estimated_the_vehicle_accelerates_as_the_reference(law, 
 def test_a_demand_that_cannot_be_met_is_not_answered_upside_down(law, T_d):
     """Achieved: a demand that points down asks the least thrust, not the most (39)."""
     params = law()
-    safe = position.safe(params, Vec3(*T_d))
+    safe, _ = position.safe(params, Vec3(*T_d))
     assert safe.z >= params.T_dz_min
     level = position.thrust(params, safe, Vec3(0.0, 0.0, 1.0))
     assert level == min(max(T_d[2], params.T_dz_min), params.T_max)
     printed = law(prediction="demanded")
-    assert position.safe(printed, Vec3(*T_d)) == T_d
+    assert position.safe(printed, Vec3(*T_d)) == (T_d, 0.0)
     full = position.thrust(printed, Vec3(*T_d), Vec3(0.0, 0.0, 1.0))
     assert full == pytest.approx(min(np.linalg.norm(T_d), printed.T_max))
+
+
+def test_a_demand_past_the_tilt_limit_keeps_its_height_and_its_heading(law):
+    """The vertical force along the clipped tilt is what was asked, not what full thrust gives."""
+    params, T_d = law(), Vec3(-300.0, 400.0, 80.0)
+    safe, narrowed = position.safe(params, T_d)
+    assert narrowed == 1.0
+    assert safe.z == 80.0
+    assert math.hypot(safe.x, safe.y) == pytest.approx(80.0 * math.tan(params.phi_star))
+    assert safe.y / safe.x == pytest.approx(T_d.y / T_d.x)
+    phi_c, theta_c, _ = position.tilt(params, safe, 1.0, 0.0)
+    e3 = matrix(from_euler(phi_c, theta_c, 0.0)).e3
+    assert position.thrust(params, safe, e3) * e3.z == pytest.approx(80.0)
+    within = Vec3(30.0, -40.0, 80.0)
+    assert position.safe(params, within) == (within, 0.0)
 
 
 def turned(alpha, R, setpoint, measured):

@@ -119,7 +119,7 @@ def matching_plant(params, rng, n):
         T_a = 0.5 * f.sum() * (e3[k - 1] + e3[k])
         tau_a = np.array([y @ f, -x @ f, -params.k_Q * (spin @ f)])
         v[k] = v[k - 1] + h * (T_a / M + S_V + G_E)
-        Omega_m = spin @ (0.5 * (Omega[k - 1] + Omega[k]))
+        Omega_m = spin @ Omega[k]
         w[k] = w[k - 1]
         for _ in range(60):  # the regressor is the mean rate over the tick: solved by iteration
             p, q, r = 0.5 * (w[k - 1] + w[k])
@@ -240,3 +240,26 @@ def test_projection_is_shown_while_it_holds_an_estimate(law, hover, fixed, ticks
     law_ticks.tick(to_buffer(far), to_buffer(fixed()))
     assert law_ticks.shown["internals"]["projected"] == 1.0
     assert law_ticks.shown["state"]["s_v_hat"]["x"] == 30.0
+
+
+def test_every_edge_of_every_set_is_shown(law, hover):
+    params = law()
+    inside, b = cascade.take_over(params, hover()), params.bounds
+    assert adaptation.held(params, inside) == 0.0
+    edges = {
+        "m_hat": (b.m_min, b.m_max),
+        "s_v_hat": (Vec3(0.0, -b.s_v_max, 0.0), Vec3(0.0, 0.0, b.s_v_max)),
+        "s_w_hat": (Vec3(0.0, -b.s_w_max, 0.0), Vec3(0.0, 0.0, b.s_w_max)),
+        "J_hat": (Vec3(0.1, b.J_min, 0.1), Vec3(0.1, 0.1, b.J_max)),
+    }
+    edges |= {c: (-b.c_max, b.c_max) for c in ("c_p1_hat", "c_p2_hat", "c_q1_hat", "c_q2_hat")}
+    edges["c_r1_hat"] = (-b.c_max, b.c_max)
+    for name, values in edges.items():
+        for value in values:
+            assert adaptation.held(params, inside._replace(**{name: value})) == 1.0, name
+
+
+def test_the_printed_inertia_keeps_to_its_lower_bound(law, hover):
+    params = law(prediction="demanded", bounds={"J_min": 0.05})
+    state = cascade.take_over(params, hover())._replace(f_wc_prev=Vec3(1.0, 1.0, 1.0))
+    assert adaptation.J_hat_demanded(params, state, Vec3(9.0, 9.0, 9.0)) == (0.05, 0.05, 0.05)
