@@ -35,7 +35,7 @@ def rollout(
     """Fly at most n control ticks; returns how many plant rows were written.
 
     sent_at : int64[m], ticks at which setpoints are sent, the first at 0.
-    setpoints : float64[m, 11], as decoded from the wire.
+    setpoints : float64[m, 19], as decoded from the wire.
     noise : float64[n, 12], or float64[0, 12] for none.  delay : ticks the report is late.
     plant_rows : float64[n, size(PlantRecord)].  fcu_rows : float64[n, size(Tick)].
     A flight that ends early has one fcu row fewer than plant rows.

@@ -43,7 +43,7 @@ class Scenario:
 
     @property
     def setpoints(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """float64[m, 11]: the setpoints as the vehicle decodes them."""
+        """float64[m, 19]: the setpoints as the vehicle decodes them."""
         return np.array([to_buffer(setpoint_through_the_wire(s)) for s in self.sent])
 
     def noise(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:

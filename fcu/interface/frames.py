@@ -173,7 +173,7 @@ def command_through_the_wire(command):
 
 @kernel
 def setpoint_to_wire(setpoint):
-    """SetpointOnWire of a Setpoint."""
+    """SetpointOnWire of a Setpoint that enters the cascade at its position."""
     return SetpointOnWire(
         single3(enu_ned(setpoint.r_c)),
         single3(enu_ned(setpoint.v_c)),
@@ -185,13 +185,18 @@ def setpoint_to_wire(setpoint):
 
 @kernel
 def setpoint_from_wire(fields):
-    """Setpoint of a received SetpointOnWire."""
+    """Setpoint of a received SetpointOnWire: one that enters the cascade at its position."""
+    none = Vec3(0.0, 0.0, 0.0)
     return Setpoint(
         enu_ned(fields.r_N),
         enu_ned(fields.v_N),
         enu_ned(fields.a_N),
         yaw_enu_ned(fields.yaw),
         -fields.yaw_rate,
+        0.0,
+        none,
+        none,
+        0.0,
     )
 
 

@@ -22,13 +22,22 @@ class VehicleState(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """Where to be: the reference model's input. A fixed position has zero v_c and a_c."""
+    """Where to be: the reference model's input. A fixed position has zero v_c and a_c.
+
+    Or, below that, how to lie or to turn: `level` says where the cascade is entered, 0 position,
+    1 attitude (roll, pitch, yaw) with thrust, 2 body rates with thrust. Inside compiled code,
+    where the defaults are not known, every field is given.
+    """
 
     r_c: Vec3  # position, m, Earth
     v_c: Vec3  # its velocity, m/s, Earth
     a_c: Vec3  # its acceleration, m/s^2, Earth
-    psi_c: float  # yaw, rad
-    psi_dot_c: float  # yaw rate, rad/s
+    psi_c: float  # yaw, rad (levels 0 and 1)
+    psi_dot_c: float  # yaw rate, rad/s (levels 0 and 1)
+    level: float = 0.0  # where the cascade is entered: 0 position, 1 attitude, 2 body rates
+    tilt_c: Vec3 = Vec3(0.0, 0.0, 0.0)  # level 1: roll, pitch (x, y), rad; z unused
+    w_c: Vec3 = Vec3(0.0, 0.0, 0.0)  # level 2: body rates, rad/s, body
+    T_c: float = 0.0  # levels 1 and 2: total thrust, N
 
 
 class RotorCommand(NamedTuple):

@@ -219,6 +219,14 @@ def select(condition, a, b):
 
 
 @kernel
+def select3(condition, a, b):
+    """`select` of each component of two Vec3."""
+    return Vec3(
+        select(condition, a.x, b.x), select(condition, a.y, b.y), select(condition, a.z, b.z)
+    )
+
+
+@kernel
 def minimum(a, b):
     """The lesser of two floats; `b` if either is not a number."""
     return a if a < b else b

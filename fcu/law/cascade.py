@@ -9,11 +9,20 @@ from __future__ import annotations
 import math
 
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
-from fcu.kernel.algebra import Rotors, Vec3, maximum, select
+from fcu.kernel.algebra import Rotors, Vec3, maximum, select, select3
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix
-from fcu.law import adaptation, allocation, attitude, position, prediction, rates, reference_model
+from fcu.law import (
+    adaptation,
+    allocation,
+    attitude,
+    entry,
+    position,
+    prediction,
+    rates,
+    reference_model,
+)
 from fcu.law.types import Internals, LawParams, LawState, Tick
 
 IDLE, TAKE_OVER, FLYING = 0.0, 1.0, 2.0
@@ -118,12 +127,22 @@ def command(state, params, setpoint, measured, v_til, w_til):
     T_d, narrowed = position.safe(params, state.m_hat * f_c)  # (37)
     T_c = position.thrust(params, T_d, e3)
     phi_c, theta_c, tilt_clipped = position.tilt(params, T_d, cos_psi, sin_psi)
+    tilt_saturated, psi_c = maximum(tilt_clipped, narrowed), setpoint.psi_c
+
+    # or, below the position level, what the setpoint gives
+    below_position, below_attitude = setpoint.level > 0.5, setpoint.level > 1.5
+    given = entry.given(params, setpoint, angles, e3, cos_psi, sin_psi)
+    f_c = select3(below_position, given.T_d / state.m_hat, f_c)
+    T_d = select3(below_position, given.T_d, T_d)
+    T_c = select(below_position, given.T_c, T_c)
+    angles_c = select3(below_position, given.angles_c, Vec3(phi_c, theta_c, psi_c))
+    tilt_saturated = select(below_position, given.clipped, tilt_saturated)
 
     # attitude: body-rate commands
-    tilt_rate, tilt_filter = attitude.tilt_rate(params, state.tilt_filter, phi_c, theta_c)
-    angles_c = Vec3(phi_c, theta_c, setpoint.psi_c)
+    tilt_rate, rate_clipped, tilt_filter = attitude.tilt_rate(params, state.tilt_filter, angles_c)
     rates_c = Vec3(tilt_rate.x, tilt_rate.y, setpoint.psi_dot_c)
-    w_c = attitude.w_c(params, R_EB, angles, angles_c, rates_c)
+    w_c, yaw_limited = attitude.w_c(params, R_EB, angles, angles_c, rates_c)
+    w_c = select3(below_attitude, setpoint.w_c, w_c)
 
     # rates: demanded torque
     Omega_m = allocation.omega_m(params, Omega)
@@ -138,10 +157,11 @@ def command(state, params, setpoint, measured, v_til, w_til):
     T_achieved, tau_a = allocation.achieved(params, Omega * Omega)
     T_a = T_achieved * e3
     limited = (T_c <= params.T_min) or (T_c >= params.T_max)
+    r_m, v_m = select3(below_position, r, state.r_m), select3(below_position, v, state.v_m)
     internals = Internals(
-        state.r_m,
-        state.v_m,
-        r - state.r_m,
+        r_m,
+        v_m,
+        r - r_m,
         v_til,
         w_til,
         f_c,
@@ -157,15 +177,18 @@ def command(state, params, setpoint, measured, v_til, w_til):
         tau_a,
         thrusts,
         select(limited, 1.0, 0.0),
-        maximum(tilt_clipped, narrowed),
+        tilt_saturated,
         gave_up,
         adaptation.held(params, state),
+        select(below_attitude, 0.0, rate_clipped),
+        select(below_attitude, 0.0, yaw_limited),
+        select(abs(state.T_trim) >= params.trim_max, 1.0, 0.0),
     )
 
-    r_m, v_m = reference_model.advance(params, setpoint, state.r_m, state.v_m)
+    next_r_m, next_v_m = reference_model.followed(params, setpoint, measured, r_m, v_m)
     after = LawState(
-        r_m,
-        v_m,
+        next_r_m,
+        next_v_m,
         state.v_hat,
         state.s_v_hat,
         state.m_hat,
@@ -225,7 +248,7 @@ def _idle(measured):
     )  # fmt: skip
     internals = Internals(
         measured.r_E, measured.v_E, zero, zero, zero, zero, zero, zero, zero, 0.0, 0.0,
-        angles, angles, zero, zero, zero, nothing, 0.0, 0.0, 0.0, 0.0,
+        angles, angles, zero, zero, zero, nothing, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
     return state, RotorCommand(nothing), internals
 

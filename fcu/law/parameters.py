@@ -45,6 +45,8 @@ DEFAULTS: dict[str, Any] = {
     "trim_max": 30.0,
     "tilt_rate_bandwidth": 30.0,
     "tilt_rate_max": 5.0,
+    "yaw_rate_max": 1.5,
+    "yaw_acceleration": 1.25,  # half of what drag torque gives in hover at 8 kg
     "rotor_response_s": 0.01,  # what the inverted rotor lag is made to look like
     "r_m_offset": [0.0, 0.0, 0.0],
     "v_hat_offset": [0.0, 0.0, 0.0],
@@ -99,6 +101,23 @@ def rotor_mean(h: float, lag: float) -> float:
     return 0.5 if ratio < 1e-4 else 1.0 / ratio - decay / (1.0 - decay)
 
 
+def rotor_lag(params: LawParams) -> float:
+    """The lag (s) that a rotor is believed to have: the inverse of `rotor_mean`.
+
+    A lag beyond 10 000 periods reads as that.
+    """
+    weight = params.rotor_mean
+    if weight <= 0.0:
+        return 0.0
+    low, high = 0.0, 1e4 * params.h
+    while low < (middle := 0.5 * (low + high)) < high:
+        if rotor_mean(params.h, middle) < weight:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
 def law_params(
     believed: Airframe,
     limits: Mapping[str, float],
@@ -151,6 +170,8 @@ def law_params(
         trim_max=float(value["trim_max"]),
         tilt_rate_bandwidth=float(value["tilt_rate_bandwidth"]),
         tilt_rate_max=float(value["tilt_rate_max"]),
+        yaw_rate_max=float(value["yaw_rate_max"]),
+        yaw_acceleration=float(value["yaw_acceleration"]),
         f_min=float(limits["thrust_min_n"]) / 8.0,
         f_max=believed.c_T * believed.Omega_max**2,
         kappa=max(1.0, lag / float(value["rotor_response_s"])),
@@ -182,6 +203,8 @@ def check(params: LawParams) -> None:
         ("f_m", 0.0 < params.f_m <= 10.0, "between 0 and 10 rad/s"),
         ("zeta_m", 0.0 < params.zeta_m <= 5.0, "between 0 and 5"),
         ("gamma", 0.0 < params.gamma <= 1e6, "between 0 and 1e6"),
+        ("yaw_rate_max", params.yaw_rate_max > 0.0, "above 0 rad/s"),
+        ("yaw_acceleration", params.yaw_acceleration > 0.0, "above 0 rad/s^2"),
         ("m_hat_0", b.m_min <= params.m_hat_0 <= b.m_max, f"in [{b.m_min}, {b.m_max}] kg"),
         (
             "J_hat_0",

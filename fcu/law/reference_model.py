@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import select, select3
 from fcu.kernel.compile import kernel
 
 
@@ -42,13 +43,32 @@ def advance(params, setpoint, r_m, v_m):
 
 
 @kernel
+def followed(params, setpoint, measured, r_m, v_m):
+    """The reference's next point (m, m/s, E): by the model, or below the position level where
+    the vehicle goes, so that the model goes on from there when a position is asked for again.
+    """
+    r, v = measured.r_E, measured.v_E
+    lower = setpoint.level > 0.5
+    next_r_m, next_v_m = advance(params, setpoint, r_m, v_m)
+    return select3(lower, r + params.h * v, next_r_m), select3(lower, v, next_v_m)
+
+
+@kernel
 def carried(setpoint, age):
-    """The setpoint `age` seconds after it was sent, carried along its own derivatives."""
+    """The setpoint `age` seconds after it was sent, carried along its own derivatives.
+
+    Below the position level only its yaw is.
+    """
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
+    for_s = select(setpoint.level > 0.5, 0.0, age)
     return Setpoint(
-        r_c + age * v_c + (0.5 * age * age) * a_c,
-        v_c + age * a_c,
+        r_c + for_s * v_c + (0.5 * for_s * for_s) * a_c,
+        v_c + for_s * a_c,
         a_c,
         setpoint.psi_c + age * setpoint.psi_dot_c,
         setpoint.psi_dot_c,
+        setpoint.level,
+        setpoint.tilt_c,
+        setpoint.w_c,
+        setpoint.T_c,
     )

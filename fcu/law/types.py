@@ -50,6 +50,8 @@ class LawParams(NamedTuple):
     trim_max: float  # N, limit of that trim
     tilt_rate_bandwidth: float  # rad/s, filter of the tilt command's own rate
     tilt_rate_max: float  # rad/s, limit of that rate
+    yaw_rate_max: float  # rad/s, limit of the yaw rate that the yaw error asks for
+    yaw_acceleration: float  # rad/s^2, believed: yaw slows down no faster towards its command
     f_min: float  # N, least thrust allocated to a rotor
     f_max: float  # N, greatest thrust allocated to a rotor
     kappa: float  # rotor speed command over wanted change of speed: h^-1 of (7)
@@ -121,6 +123,9 @@ class Internals(NamedTuple):
     tilt_saturated: float  # 1 while the tilt limit cuts the roll or pitch command
     rotor_saturated: float  # 1 while the allocation gives up torque or thrust
     projected: float  # 1 while projection holds an estimate
+    tilt_rate_saturated: float  # 1 while the tilt command moves faster than is fed forward
+    yaw_rate_saturated: float  # 1 while a limit cuts the yaw rate command
+    trim_saturated: float  # 1 while the trim of thrust is at its limit
 
 
 class Tick(NamedTuple):
