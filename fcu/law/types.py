@@ -50,7 +50,7 @@ class LawParams(NamedTuple):
     trim_max: float  # N, limit of that trim
     tilt_rate_bandwidth: float  # rad/s, filter of the tilt command's own rate
     tilt_rate_max: float  # rad/s, limit of that rate
-    yaw_rate_max: float  # rad/s, limit of the yaw rate that the yaw error asks for
+    yaw_rate_max: float  # rad/s, limit of the rate of yaw that is commanded
     yaw_acceleration: float  # rad/s^2, believed: yaw slows down no faster towards its command
     f_min: float  # N, least thrust allocated to a rotor
     f_max: float  # N, greatest thrust allocated to a rotor

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,9 @@ from fcu.kernel.rotations import from_euler
 from fcu.law import cascade
 from fcu.law.parameters import law_params
 from fcu.law.types import LawParams, LawState, Tick
+from gcs_tools import rollout
+from gcs_tools.flying import prepared
+from gcs_tools.scenario import Scenario
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -94,6 +98,48 @@ def random_state(hover: Callable[..., VehicleState]) -> Callable[..., LawState]:
         )
 
     return build
+
+
+class Told(Scenario):
+    """A flight by setpoints that no mission sends; what the wire would round is not rounded."""
+
+    @property
+    def setpoints(self) -> Floats:
+        return np.array([to_buffer(setpoint) for setpoint in self.sent])
+
+
+@pytest.fixture(scope="session")
+def told() -> Callable[..., Told]:
+    """A flight in the world of paper_nominal: `told([(0.0, here), (3.0, there)], 6.0)`."""
+
+    def build(
+        sent: Sequence[tuple[float, Setpoint]],
+        seconds: float,
+        rate_hz: float = 500.0,
+        wind: bool = False,
+        settings: Sequence[str] = (),
+    ) -> Told:
+        still = [] if wind else ["wind.amplitude_m_s=[0,0,0]"]
+        _, scene = prepared("paper_nominal", [*still, *settings], rate_hz=rate_hz)
+        given = {field.name: getattr(scene, field.name) for field in fields(scene)} | {
+            "ticks": round(seconds * rate_hz),
+            "sent_at": np.array([round(t * rate_hz) for t, _ in sent]),
+            "sent": tuple(setpoint for _, setpoint in sent),
+        }
+        return Told(**given)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def flight(told: Callable[..., Told]) -> Callable[..., Any]:
+    """Rows of a flight as `told`, by name: structured, of dtype(Tick)."""
+
+    def fly(*args: Any, **kwargs: Any) -> Any:
+        _, rows = rollout.fly(told(*args, **kwargs))
+        return rows.view(dtype(Tick))[:, 0]
+
+    return fly
 
 
 class Ticks:

@@ -65,6 +65,7 @@ def test_a_setpoint_is_carried_along_its_own_derivatives():
     assert carried.v_c == (1.0, 8.0, -1.0)
     assert carried.a_c == (0.0, 4.0, 0.0)
     assert (carried.psi_c, carried.psi_dot_c) == (0.0, -0.25)
+    assert carried[5:] == sent[5:]
 
 
 def test_with_the_truth_estimated_the_vehicle_accelerates_as_the_reference(law, hover):
@@ -190,16 +191,34 @@ def test_trim_pushes_towards_what_was_commanded_and_stops_at_saturation(law, hov
     assert position.trim(printed, state, 70.0) == 1.0
 
 
+def test_a_clamp_shows_while_it_holds(law, hover, fixed):
+    """The tilt command's own rate, and the thrust trim: each has a flag of its own."""
+    params, measured = law(m_hat_0=8.0), hover()
+    state, _, still = cascade.first_step(params, fixed(), measured)
+    assert (still.tilt_rate_saturated, still.trim_saturated) == (0.0, 0.0)
+    _, _, jumped = cascade.step(state, params, fixed((5.0, 0.0, 0.0)), measured)
+    assert (jumped.tilt_rate_saturated, jumped.trim_saturated) == (1.0, 0.0)
+    for T_trim in (params.trim_max, -params.trim_max):
+        at_limit = state._replace(T_trim=T_trim, T_c_prev=params.T_max)
+        _, _, trimmed = cascade.step(at_limit, params, fixed(), measured)
+        assert trimmed.trim_saturated == 1.0
+
+
 def test_the_tilt_rate_is_that_of_the_command_after_the_filter_has_settled(law):
     params = law()
     filtered = Vec3(0.0, 0.0, 0.0)
     for k in range(500):
-        rate, filtered = attitude.tilt_rate(params, filtered, 0.2 * k * 0.002, -0.1 * k * 0.002)
+        told = Vec3(0.2 * k * 0.002, -0.1 * k * 0.002, 9.0)
+        rate, clipped, filtered = attitude.tilt_rate(params, filtered, told)
     assert rate == pytest.approx((0.2, -0.1, 0.0), abs=1e-9)
-    jumped, _ = attitude.tilt_rate(params, filtered, 1.5, -1.5)
+    assert clipped == 0.0
+    step = Vec3(1.5, -1.5, 0.0)
+    jumped, clipped, _ = attitude.tilt_rate(params, filtered, step)
     assert jumped == (params.tilt_rate_max, -params.tilt_rate_max, 0.0)
-    printed, _ = attitude.tilt_rate(law(prediction="demanded"), filtered, 1.5, -1.5)
+    assert clipped == 1.0
+    printed, clipped, _ = attitude.tilt_rate(law(prediction="demanded"), filtered, step)
     assert printed == (0.0, 0.0, 0.0)
+    assert clipped == 0.0
 
 
 def test_an_idle_tick_follows_the_measurement_and_stops_the_rotors(law, hover, fixed, ticks):
