@@ -72,6 +72,8 @@ class Law(Table):
     trim_max: NotNegative | None = optional("limit of that trim, N")
     tilt_rate_bandwidth: Positive | None = optional("filter of the tilt command's rate, rad/s")
     tilt_rate_max: Positive | None = optional("limit of the tilt command's rate, rad/s")
+    yaw_rate_max: Positive | None = optional("limit of the commanded rate of yaw, rad/s")
+    yaw_acceleration: Positive | None = optional("what yaw is believed to slow down with, rad/s^2")
 
 
 # --- [wind]
