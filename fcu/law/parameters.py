@@ -101,23 +101,6 @@ def rotor_mean(h: float, lag: float) -> float:
     return 0.5 if ratio < 1e-4 else 1.0 / ratio - decay / (1.0 - decay)
 
 
-def rotor_lag(params: LawParams) -> float:
-    """The lag (s) that a rotor is believed to have: the inverse of `rotor_mean`.
-
-    A lag beyond 10 000 periods reads as that.
-    """
-    weight = params.rotor_mean
-    if weight <= 0.0:
-        return 0.0
-    low, high = 0.0, 1e4 * params.h
-    while low < (middle := 0.5 * (low + high)) < high:
-        if rotor_mean(params.h, middle) < weight:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
 def law_params(
     believed: Airframe,
     limits: Mapping[str, float],
