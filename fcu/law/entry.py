@@ -43,9 +43,10 @@ def given(params, setpoint, angles, e3, cos_psi, sin_psi):
 
 @kernel
 def thrust_axis(phi, theta, cos_psi, sin_psi):
-    """R e3 (E) of roll and pitch (rad) at a heading."""
-    sin_phi, cos_phi = math.sin(phi), math.cos(phi)
-    sin_theta, cos_theta = math.sin(theta), math.cos(theta)
+    """R e3 (E) of roll and pitch (rad), each within a quarter turn, at a heading."""
+    sin_phi, sin_theta = math.sin(phi), math.sin(theta)
+    cos_phi = math.sqrt(1.0 - sin_phi * sin_phi)  # cheaper than a cosine
+    cos_theta = math.sqrt(1.0 - sin_theta * sin_theta)
     return Vec3(
         cos_psi * sin_theta * cos_phi + sin_psi * sin_phi,
         sin_psi * sin_theta * cos_phi - cos_psi * sin_phi,
