@@ -136,6 +136,10 @@ class Plant(Table):
     rotor_loss: Annotated[tuple[RotorLoss, ...], Field(strict=False)] = Field(
         (), description="at most one a rotor"
     )
+    battery_ah: Positive | None = optional("capacity")
+    battery_remaining: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional(
+        "fraction of it left when the flight begins"
+    )
     noise: Noise = Noise()
     delay_s: Annotated[float, Field(ge=0.0, le=0.5)] = Field(
         0.0, description="age of the reported state, in whole ticks"

@@ -18,7 +18,7 @@ from fcu.kernel.compile import kernel
 from fcu.law import cascade, reference_model
 from fcu.law.types import Tick
 from gcs_tools.scenario import Scenario
-from sitl_plant.physics import dynamics, tick
+from sitl_plant.physics import battery, dynamics, tick
 from sitl_plant.physics.types import PlantRecord
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -45,10 +45,11 @@ def rollout(
     start = tick.unpack_state(start_buffer)
     state, law_state = start, cascade.take_over(law, through_the_wire(tick.as_reported(start)))
     first_state = 1  # column of PlantRecord at which its state begins
+    drawn = battery.BatteryState(0.0, 0.0)
     sent = 0
     for k in range(n):
         t = (k * period_us) * 1e-6
-        truth = dynamics.record(plant, state, t, start.r_E)
+        truth = dynamics.record(plant, state, drawn, t, start.r_E)
         tick.pack_record(plant_rows[k], truth)
         if truth.ended != dynamics.FLYING:
             return k + 1
@@ -75,6 +76,7 @@ def rollout(
         received = command_through_the_wire(command)
         for j in range(steps):
             state = dynamics.integrate(plant, state, received, t + j * plant.h)
+        drawn = battery.drained(drawn, truth.battery, steps * plant.h)
     return n
 
 

@@ -20,20 +20,24 @@ import numpy as np
 
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
-from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
 from fcu.interface.tape import Tape
 from fcu.interface.wire import PlantCodec, WireError
-from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.buffers import columns, size, to_buffer
 from sitl_plant.pacing import Pacer
 from sitl_plant.physics import dynamics, tick
+from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.types import PlantRecord
 from sitl_plant.physics.world import World
 
 RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall: a controller that does not answer
 OK, INFRASTRUCTURE = 0, 3
+BATTERY_HZ = 10.0  # of simulation time
 _NOISE_BLOCK = 4096  # rows drawn at once
+_BATTERY_AT = columns(PlantRecord).index(f"battery.{Battery._fields[0]}")
+_BATTERY = slice(_BATTERY_AT, _BATTERY_AT + size(Battery))
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -45,6 +49,8 @@ class Figures:
     ticks: int = 0
     resent: int = 0
     refused: int = 0  # datagrams that were not answers
+    stale: int = 0  # answers to another tick's state
+    strangers: int = 0  # datagrams from elsewhere than the flight controller
     ended: float = dynamics.FLYING
 
 
@@ -74,6 +80,7 @@ class Server:
         self._params = to_buffer(world.params)
         self._start = to_buffer(world.start)
         self._state = self._start.copy()
+        self._drawn = np.zeros(size(BatteryState))
         self._command = np.zeros(size(RotorCommand))
         self._reported = np.zeros(size(VehicleState))
         self._past: deque[Buffer] = deque(maxlen=int(world.delay_ticks) + 1)
@@ -81,6 +88,8 @@ class Server:
         self._noise = np.zeros((0, tick.NOISE))
         self._noise_at = 0
         self._period_us = round(1e6 / world.rate_hz)
+        self._battery: Battery | None = None  # as last observed for a report
+        self._battery_ticks = max(1, round(world.rate_hz / BATTERY_HZ))
         self._granted = 0 if control is not None else sys.maxsize
         self._tick = 0
         self.figures = Figures()
@@ -89,9 +98,11 @@ class Server:
     def warm_up(self) -> None:
         """Compile what a tick needs."""
         state, row = self._start.copy(), np.zeros(size(PlantRecord))
-        tick.observe(self._params, state, 0.0, self._start, row)
+        drawn = self._drawn.copy()
+        tick.observe(self._params, state, drawn, 0.0, self._start, row)
+        self._battery = Battery(*row[_BATTERY].tolist())  # for the first keep-alive
         tick.sense(state, np.zeros(tick.NOISE), self._reported)
-        tick.advance(self._params, state, self._command, 0.0, self._world.steps)
+        tick.advance(self._params, state, drawn, self._command, 0.0, self._world.steps)
 
     def run(self) -> int:
         """Fly until the flight ends or we are told to stop; returns the exit code."""
@@ -118,7 +129,9 @@ class Server:
                     code = OK if self.stopping else INFRASTRUCTURE
                     break
                 t = self._tick * self._period_us * 1e-6
-                tick.advance(self._params, self._state, self._command, t, self._world.steps)
+                tick.advance(
+                    self._params, self._state, self._drawn, self._command, t, self._world.steps
+                )  # fmt: skip
                 self._tick += 1
                 self.figures.ticks += 1
             self._tape.flush()
@@ -134,7 +147,12 @@ class Server:
 
     def _observe(self) -> bool:
         """Record the truth of this tick and prepare its report; False if the flight is over."""
-        ended = tick.observe(self._params, self._state, self._time_s, self._start, self._tape.row())
+        row = self._tape.row()
+        ended = tick.observe(
+            self._params, self._state, self._drawn, self._time_s, self._start, row
+        )  # fmt: skip
+        if self._reports_battery:
+            self._battery = Battery(*row[_BATTERY].tolist())
         self._tape.done()
         if ended != dynamics.FLYING:
             self.figures.ended = ended
@@ -144,6 +162,10 @@ class Server:
         self._past.append(self._state.copy())
         tick.sense(self._past[0], self._next_noise(), self._reported)
         return True
+
+    @property
+    def _reports_battery(self) -> bool:
+        return self._tick % self._battery_ticks == 0
 
     def _next_noise(self) -> Buffer:
         if self._noise_at == len(self._noise):
@@ -160,7 +182,8 @@ class Server:
     def _exchange(self, poll: select.poll) -> bool:
         """Send the state, wait for the command computed from it; False: there will be none."""
         time_us = self._tick * self._period_us
-        datagram = self._codec.pack_state(time_us, self._reported)
+        battery = self._battery if self._reports_battery else None
+        datagram = self._codec.pack_state(time_us, self._reported, battery)
         self._link.send(datagram)
         asked = time.monotonic()
         waiting, warned, first = asked, False, self.figures.ticks == 0
@@ -209,7 +232,7 @@ class Server:
             self._reported[:] = self._state
         time_us = self._tick * self._period_us
         while not self.stopping and self._tick >= self._granted:
-            self._link.send(self._codec.pack_hold(time_us, self._reported))
+            self._link.send(self._codec.pack_hold(time_us, self._reported, self._battery))
             until = time.monotonic() + RESEND_S
             while self._tick >= self._granted and not self.stopping:
                 left = until - time.monotonic()

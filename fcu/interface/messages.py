@@ -44,3 +44,13 @@ class RotorCommand(NamedTuple):
     """What the controller sends: commanded rotor speeds over full speed, 0 to 1."""
 
     u: Rotors
+
+
+class Battery(NamedTuple):
+    """What the plant reports of its battery, now and then: for ground stations, not for the law."""
+
+    voltage: float  # V
+    current: float  # A
+    drawn_Ah: float  # A h, since the flight began
+    remaining: float  # of its charge, 0 to 1
+    energy_J: float  # J, drawn since the flight began

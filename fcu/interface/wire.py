@@ -1,7 +1,7 @@
 """The plant link: vehicle states and rotor commands as MAVLink 2 datagrams, and back.
 
-Plant to controller: ODOMETRY and ACTUATOR_OUTPUT_STATUS in one datagram, preceded by a
-HEARTBEAT while simulation time is held. Controller to plant: HIL_ACTUATOR_CONTROLS.
+Plant to controller: ODOMETRY and ACTUATOR_OUTPUT_STATUS in one datagram, now and then followed
+by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held. Controller to plant: HIL_ACTUATOR_CONTROLS.
 
 This file and `ground_wire` are the only importers of pymavlink's dialect. Here it gives
 the numbers (ids, layouts, CRC_EXTRA) and the framing is by hand, several times faster:
@@ -17,13 +17,14 @@ import numpy as np
 import pymavlink.dialects.v20.common as mavlink
 from fastcrc.crc16 import mcrf4xx
 
+from fcu.interface import battery_wire
 from fcu.interface.frames import (
     StateOnWire,
     command_through_the_wire,
     state_from_wire,
     state_to_wire,
 )
-from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
@@ -68,6 +69,7 @@ _ODOMETRY = _kind(mavlink.MAVLink_odometry_message)
 _ROTOR_STATUS = _kind(mavlink.MAVLink_actuator_output_status_message)
 _CONTROLS = _kind(mavlink.MAVLink_hil_actuator_controls_message)
 _HEARTBEAT = _kind(mavlink.MAVLink_heartbeat_message)
+_BATTERY = _kind(mavlink.MAVLink_battery_status_message)
 
 # What follows the numbers of ODOMETRY: two covariances, unknown (NaN first), the frames,
 # then reset counter, estimator and quality, all zero and so trimmed.
@@ -167,6 +169,7 @@ class PlantCodec:
         self._received_controls = np.frombuffer(self._raw_controls, dtype="<f4")
         self._sent_controls = np.zeros(_ROTORS, dtype="<f4")
         self._scratch = np.zeros(_FLOATS)
+        self.battery: Battery | None = None  # as last received, with a state
         self._compile()
 
     def _compile(self) -> None:
@@ -176,7 +179,7 @@ class PlantCodec:
         encode_command(command, self._sent_controls)
         decode_command(self._received_controls, command)
 
-    def pack_state(self, time_usec: int, buffer: Buffer) -> bytes:
+    def pack_state(self, time_usec: int, buffer: Buffer, battery: Battery | None = None) -> bytes:
         """The datagram of one control tick. Raises ValueError if the codec has no spin."""
         if self._spin is None:
             raise ValueError("a codec that packs states needs the rotors' spin")
@@ -184,11 +187,14 @@ class PlantCodec:
         time, numbers = _TIME.pack(time_usec), self._sent.tobytes()
         odometry = time + numbers[:_ODOMETRY_BYTES] + _ODOMETRY_TAIL
         rotors = time + _ACTIVE + numbers[_ODOMETRY_BYTES:]
-        return self._framed(_ODOMETRY, odometry) + self._framed(_ROTOR_STATUS, rotors)
+        state = self._framed(_ODOMETRY, odometry) + self._framed(_ROTOR_STATUS, rotors)
+        if battery is None:
+            return state
+        return state + self._framed(_BATTERY, battery_wire.pack(battery))
 
-    def pack_hold(self, time_usec: int, buffer: Buffer) -> bytes:
+    def pack_hold(self, time_usec: int, buffer: Buffer, battery: Battery | None = None) -> bytes:
         """A keep-alive while simulation time is held: the state, behind a HEARTBEAT."""
-        return self._framed(_HEARTBEAT, _HOLD) + self.pack_state(time_usec, buffer)
+        return self._framed(_HEARTBEAT, _HOLD) + self.pack_state(time_usec, buffer, battery)
 
     @staticmethod
     def is_hold(datagram: bytes) -> bool:
@@ -198,15 +204,16 @@ class PlantCodec:
     def parse_state(self, datagram: bytes, buffer: Buffer) -> int:
         """Read a state or a keep-alive into `buffer`; returns its simulation time in us.
 
-        Raises WireError, with `buffer` untouched.
+        Raises WireError, with `buffer` and `battery` untouched.
         """
         at = 0
         if self.is_hold(datagram):
             _, at = self._payload(_HEARTBEAT, datagram, 0)
         odometry, at = self._payload(_ODOMETRY, datagram, at)
         rotors, at = self._payload(_ROTOR_STATUS, datagram, at)
+        battery = None
         if at != len(datagram):
-            raise WireError(f"{len(datagram) - at} bytes after the state")
+            battery, at = self._battery(datagram, at)
         if odometry[_FRAMES_AT : _FRAMES_AT + 2] != _FRAMES:
             raise WireError("ODOMETRY is not in LOCAL_NED and BODY_FRD")
         if rotors[:8] != odometry[:8]:
@@ -218,8 +225,19 @@ class PlantCodec:
         fault = decode_state(self._received, self._scratch, buffer)
         if fault:
             raise WireError(_FAULTS[fault])
+        if battery is not None:
+            self.battery = battery
         time: int = _TIME.unpack_from(odometry)[0]
         return time
+
+    def _battery(self, datagram: bytes, start: int) -> tuple[Battery, int]:
+        payload, at = self._payload(_BATTERY, datagram, start)
+        battery = battery_wire.unpack(payload)
+        if battery is None:
+            raise WireError("BATTERY_STATUS has a field unknown or out of range")
+        if at != len(datagram):
+            raise WireError(f"{len(datagram) - at} bytes after the state")
+        return battery, at
 
     def pack_controls(self, time_usec: int, buffer: Buffer, armed: bool, lockstep: bool) -> bytes:
         """The answer to the state of `time_usec`: a RotorCommand."""

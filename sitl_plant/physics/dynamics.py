@@ -11,11 +11,12 @@ from typing import NamedTuple
 from fcu.kernel.algebra import Quat, Vec3, cross, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, normalised, quaternion_rate, rotate, rotate_back
-from sitl_plant.physics import drag, ground, rotors
+from sitl_plant.physics import battery, drag, ground, rotors
 from sitl_plant.physics.types import PlantRecord, PlantState
 from sitl_plant.physics.wind import field
 
 FLYING, DIVERGED, CRASHED = 0.0, 1.0, 2.0
+TIPPED = 0.5  # body z along Earth z, below which a vehicle on the ground lies on its side
 
 
 class Body(NamedTuple):
@@ -59,9 +60,10 @@ def derivative(params, body, push):
     f_T_E = push.T * R_EB.e3
     v_a_B = rotate_back(R_EB, body.v_E - push.v_air_E)
     f_D_E = rotate(R_EB, drag.against(params.c_D, v_a_B))
-    f_G_E, tau_G_B, _ = ground.contact(params.ground, body.r_E, body.v_E, R_EB, w_B)
+    f_E = f_T_E + f_D_E
+    f_G_E, tau_G_B = ground.contact(params.ground, body.r_E, body.v_E, R_EB, w_B, f_E)
     g_E = Vec3(0.0, 0.0, -params.g)
-    v_dot_E = (f_T_E + f_D_E + f_G_E) / push.m + g_E  # (32)
+    v_dot_E = (f_E + f_G_E) / push.m + g_E  # (32)
 
     # torque on the body, body axes
     J_m = params.airframe.J_m
@@ -127,23 +129,26 @@ def select_lagless(params, Omega, Omega_c):
 
 @kernel
 def ended(params, state, r_start):
-    """FLYING, or DIVERGED (outside the arena, or not a number), or CRASHED (hit the ground)."""
+    """FLYING, or DIVERGED (outside the arena, or not a number), or CRASHED.
+
+    It has crashed if it hit the ground, went through it, or lies on it on its side or back.
+    """
     away = norm(state.r_E - r_start)
     inside = (away <= params.arena) and (norm(state.w_B) < 1e6) and (norm(state.v_E) < 1e6)
-    low = state.r_E.z < params.ground.z + params.ground.gear
+    low = ground.depth(params.ground, state.r_E) > 0.0
     hit = low and (state.v_E.z < -params.ground.impact_max)
+    tipped = low and (matrix(state.q_EB).e3.z < TIPPED)
     buried = state.r_E.z < params.ground.z - params.ground.gear
-    return select(inside, select(hit or buried, CRASHED, FLYING), DIVERGED)
+    return select(inside, select(hit or tipped or buried, CRASHED, FLYING), DIVERGED)
 
 
 @kernel
-def record(params, state, t, r_start):
-    """The truth at time t, as a PlantRecord."""
+def record(params, state, drawn, t, r_start):
+    """The truth at time t, as a PlantRecord. `drawn`: BatteryState."""
     R_EB = matrix(state.q_EB)
     m, left = mass(params, t), rotors.effectiveness(params, t)
     push = push_at(params, state.Omega, left, m, field.phases(params.wind, t), t)
     v_a_B = rotate_back(R_EB, state.v_E - push.v_air_E)
-    _, _, touching = ground.contact(params.ground, state.r_E, state.v_E, R_EB, state.w_B)
     return PlantRecord(
         t,
         state,
@@ -154,6 +159,7 @@ def record(params, state, t, r_start):
         push.tau_B,
         m,
         params.J,
-        touching,
+        select(ground.depth(params.ground, state.r_E) > 0.0, 1.0, 0.0),
+        battery.report(params.battery, params.airframe, state.Omega, left, drawn),
         ended(params, state, r_start),
     )

@@ -10,6 +10,7 @@ from typing import Any
 from fcu.interface.airframe import airframe, load
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.rotations import from_euler
+from sitl_plant.physics.battery import BatteryParams
 from sitl_plant.physics.types import GroundParams, PlantParams, PlantState, WindParams
 from sitl_plant.physics.wind.field import Phases, phases
 
@@ -51,6 +52,12 @@ def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
     return params._replace(half_step=phases(params, 0.5 * h))
 
 
+def _chosen_battery(plant: Mapping[str, Any]) -> dict[str, Any]:
+    """What a mission's [plant] says of the battery, under the keys of truth's [battery]."""
+    keys = {"battery_ah": "capacity_ah", "battery_remaining": "remaining"}
+    return {key: plant[of] for of, key in keys.items() if plant.get(of) is not None}
+
+
 def plant_params(
     believed_rotors: Mapping[str, Any],
     rate_hz: float,
@@ -80,7 +87,7 @@ def plant_params(
     h = 1.0 / (rate_hz * steps_per_tick(rate_hz))
     lag = true.rotor_lag
     change = plant.get("mass_change") or {}
-    ground = tables["ground"]
+    ground, battery = tables["ground"], {**tables["battery"], **_chosen_battery(plant)}
     return PlantParams(
         h=h,
         g=G,
@@ -104,6 +111,14 @@ def plant_params(
             friction=float(ground["friction"]),
             footprint=float(ground["footprint_m"]),
             impact_max=float(ground["impact_max_m_s"]),
+        ),
+        battery=BatteryParams(
+            capacity=3600.0 * float(battery["capacity_ah"]),
+            remaining_0=float(battery["remaining"]),
+            cells=float(battery["cells"]),
+            resistance=float(battery["resistance_ohm"]),
+            efficiency=float(battery["efficiency"]),
+            avionics=float(battery["avionics_w"]),
         ),
         arena=float(arena_m),
     )

@@ -11,7 +11,8 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import small_rotation
-from sitl_plant.physics import dynamics
+from sitl_plant.physics import battery, dynamics, rotors
+from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
 
 NOISE = 12  # position, velocity, attitude (rotation vector), body rate: three each
@@ -22,6 +23,8 @@ pack_state = packer(PlantState)
 pack_record = packer(PlantRecord)
 _unpack_command = unpacker(RotorCommand)
 _pack_reported = packer(VehicleState)
+_unpack_drawn = unpacker(BatteryState)
+_pack_drawn = packer(BatteryState)
 
 
 @kernel
@@ -46,14 +49,15 @@ def report(state, noise):
 
 
 @kernel
-def observe(params_buffer, state_buffer, t, start_buffer, row):
+def observe(params_buffer, state_buffer, drawn_buffer, t, start_buffer, row):
     """Write the truth at time t (s) to `row`, a PlantRecord; returns how the flight stands.
 
-    start_buffer : the state in which the flight began, from which the arena is measured.
+    drawn_buffer : BatteryState.  start_buffer : the state in which the flight began, from
+    which the arena is measured.
     """
     start = unpack_state(start_buffer)
     params, state = unpack_params(params_buffer), unpack_state(state_buffer)
-    record = dynamics.record(params, state, t, start.r_E)
+    record = dynamics.record(params, state, _unpack_drawn(drawn_buffer), t, start.r_E)
     pack_record(row, record)
     return record.ended
 
@@ -65,13 +69,17 @@ def sense(state_buffer, noise, reported):
 
 
 @kernel
-def advance(params_buffer, state_buffer, command_buffer, t, steps):
-    """Integrate the state in its buffer over one control period from time t (s).
+def advance(params_buffer, state_buffer, drawn_buffer, command_buffer, t, steps):
+    """Integrate the states in their buffers over one control period from time t (s).
 
-    command_buffer : RotorCommand.  steps : integration steps in the period.
+    drawn_buffer : BatteryState.  command_buffer : RotorCommand.
+    steps : integration steps in the period.
     """
     params, state = unpack_params(params_buffer), unpack_state(state_buffer)
     command = RotorCommand(_unpack_command(command_buffer).u)
+    drawn, left = _unpack_drawn(drawn_buffer), rotors.effectiveness(params, t)
+    now = battery.report(params.battery, params.airframe, state.Omega, left, drawn)
+    _pack_drawn(drawn_buffer, battery.drained(drawn, now, steps * params.h))
     for j in range(steps):
         state = dynamics.integrate(params, state, command, t + j * params.h)
     pack_state(state_buffer, state)

@@ -8,7 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fcu.interface.airframe import Airframe
+from fcu.interface.messages import Battery
 from fcu.kernel.algebra import Quat, Rotors, Vec3
+from sitl_plant.physics.battery import BatteryParams
 from sitl_plant.physics.wind.field import Phases
 
 
@@ -55,6 +57,7 @@ class PlantParams(NamedTuple):
     effectiveness: Rotors  # the fraction of thrust and torque left from then on
     wind: WindParams
     ground: GroundParams
+    battery: BatteryParams
     arena: float  # m from the start beyond which the flight is called diverged
 
 
@@ -81,4 +84,5 @@ class PlantRecord(NamedTuple):
     m: float  # mass in force, kg
     J: Vec3  # inertia in force, kg m^2
     on_ground: float  # 1 while the gear touches
+    battery: Battery
     ended: float  # 0 flying, 1 diverged, 2 crashed

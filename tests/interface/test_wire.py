@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fcu.interface import frames, wire
 from fcu.interface.link import UdpLink
-from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.interface.wire import PlantCodec
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
@@ -32,6 +32,8 @@ FLYING = VehicleState(
     Vec3(0.25, 0.5, 0.75),
     Rotors(301.0, 302.0, 303.0, 304.0, 305.0, 306.0, 307.0, 308.0),
 )
+
+FLOWN_FOR = Battery(22.987, 51.23, 4.567, 0.7, 370_500.0)
 
 anything = st.floats(allow_nan=False)
 vectors = st.builds(Vec3, anything, anything, anything)
@@ -181,6 +183,45 @@ def test_a_keep_alive_is_told_from_a_tick_and_carries_the_state():
     heartbeat, *rest = mavlink.MAVLink(None).parse_buffer(bytearray(hold))
     assert (heartbeat.get_type(), heartbeat.type, heartbeat.autopilot) == ("HEARTBEAT", 0, 8)
     assert [m.get_type() for m in rest] == ["ODOMETRY", "ACTUATOR_OUTPUT_STATUS"]
+
+
+def test_fields_of_a_battery_computed_by_hand():
+    datagram = PlantCodec(SYSTEM, SPIN).pack_state(TIME, to_buffer(FLYING), FLOWN_FOR)
+    state = PlantCodec(SYSTEM, SPIN).pack_state(TIME, to_buffer(FLYING))
+    frame = datagram[len(state) :]
+    assert datagram[: len(state)] == state
+    assert frame[:10] == bytes([0xFD, 36, 0, 0, 2, SYSTEM, 1]) + (147).to_bytes(3, "little")
+    assert struct.unpack_from("<iih10HhBBBb", frame, 10) == (
+        4567, 3705, 32767, 22987, *[65535] * 9, 5123, 0, 1, 1, 70,
+    )  # fmt: skip
+
+
+def test_a_battery_is_pymavlinks_and_arrives_to_its_fields_resolution():
+    codec = PlantCodec(SYSTEM, SPIN)
+    for pack in (codec.pack_state, codec.pack_hold):
+        datagram = pack(TIME, to_buffer(FLYING), FLOWN_FOR)
+        *_, battery = mavlink.MAVLink(None).parse_buffer(bytearray(datagram))
+        assert (battery.get_type(), battery.voltages[0]) == ("BATTERY_STATUS", 22987)
+        received = PlantCodec(SYSTEM)
+        assert received.battery is None
+        assert received.parse_state(datagram, untouched(21)) == TIME
+        assert received.battery == pytest.approx((22.987, 51.23, 4.567, 0.70, 370500.0), rel=1e-12)
+        # one without leaves the last
+        assert (
+            received.parse_state(codec.pack_state(TIME, to_buffer(FLYING)), untouched(21)) == TIME
+        )
+        assert received.battery is not None
+
+
+@given(st.builds(Battery, *[st.floats(0.0, allow_nan=False)] * 3, st.floats(0.0, 1.0), anything))
+def test_no_battery_is_too_much_for_its_datagram(battery):
+    battery = battery._replace(energy_J=abs(battery.energy_J))
+    received = PlantCodec(SYSTEM)
+    received.parse_state(CODEC.pack_state(TIME, to_buffer(FLYING), battery), untouched(21))
+    assert received.battery is not None
+    assert received.battery.voltage == pytest.approx(min(battery.voltage, 65.534), abs=5.1e-4)
+    assert received.battery.current == pytest.approx(min(battery.current, 327.67), abs=5.1e-3)
+    assert received.battery.remaining == pytest.approx(battery.remaining, abs=5.1e-3)
 
 
 def test_a_longer_payload_of_a_newer_dialect_is_read():

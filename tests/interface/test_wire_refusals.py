@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fcu.interface import frames
-from fcu.interface.messages import VehicleState
+from fcu.interface.messages import Battery, VehicleState
 from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
@@ -28,6 +28,8 @@ FLYING = VehicleState(
     Vec3(0.25, 0.5, 0.75),
     Rotors(301.0, 302.0, 303.0, 304.0, 305.0, 306.0, 307.0, 308.0),
 )
+
+FULL = Battery(25.2, 0.0, 0.0, 1.0, 0.0)
 
 
 def untouched(size):
@@ -63,6 +65,16 @@ def controls_by_pymavlink(u, sequence=0, mode=129, flags=1, time=TIME):
     return message.pack(pymavlink_at(sequence))
 
 
+def battery_by_pymavlink(system=SYSTEM, **differs):
+    fields = {
+        "id": 0, "battery_function": 1, "type": 1, "temperature": 2**15 - 1,
+        "voltages": [25200] + [65535] * 9, "current_battery": 0, "current_consumed": 0,
+        "energy_consumed": 0, "battery_remaining": 100,
+    }  # fmt: skip
+    message = mavlink.MAVLink_battery_status_message(**{**fields, **differs})
+    return message.pack(pymavlink_at(2, system))
+
+
 def on_wire_with(**fields):
     return frames.state_to_wire(FLYING)._replace(**fields)
 
@@ -91,7 +103,18 @@ def refused_states():
     six = rotors_by_pymavlink(good, active=0x3F)
     yield "eight rotors", state_by_pymavlink(link(0), odometry_by_pymavlink(good), six)
     yield "no ACTUATOR_OUTPUT_STATUS", odometry_by_pymavlink(good).pack(link(0))
-    yield "1 bytes after", state() + b"\0"
+    yield "no BATTERY_STATUS", state() + b"\0"
+    yield "BATTERY_STATUS was expected", state() + rotors.pack(link(2))
+    yield "1 bytes after", state() + battery_by_pymavlink() + b"\0"
+    yield "system 4", state() + battery_by_pymavlink(system=4)
+    yield "wrong checksum", state() + battery_by_pymavlink()[:-1] + b"\0"
+    yield "out of range", state() + battery_by_pymavlink(battery_remaining=-1)
+    yield "out of range", state() + battery_by_pymavlink(battery_remaining=101)
+    yield "out of range", state() + battery_by_pymavlink(voltages=[65535] * 10)
+    for name in ("current_consumed", "energy_consumed", "current_battery"):
+        yield "out of range", state() + battery_by_pymavlink(**{name: -1})
+    nan = state(on_wire_with(v_F=Vec3(0.0, 0.0, math.nan)))
+    yield "finite", nan + battery_by_pymavlink()
     yield "MAVLink 2", b"\xfe" + state()[1:]
     yield "unsigned", state()[:2] + b"\x01" + state()[3:]
     yield "no ODOMETRY", b""
@@ -99,10 +122,12 @@ def refused_states():
 
 @pytest.mark.parametrize(("reason", "datagram"), list(refused_states()))
 def test_a_bad_state_is_refused_and_changes_nothing(reason, datagram):
-    received = untouched(21)
+    received, codec = untouched(21), PlantCodec(SYSTEM)
+    codec.battery = FULL
     with pytest.raises(WireError, match=reason):
-        CODEC.parse_state(datagram, received)
+        codec.parse_state(datagram, received)
     assert (received == untouched(21)).all()
+    assert codec.battery is FULL
 
 
 @pytest.mark.parametrize(
@@ -128,9 +153,23 @@ def test_not_a_number_is_sent_as_such_and_refused_at_the_other_end():
         CODEC.parse_state(CODEC.pack_state(TIME, diverged), untouched(21))
 
 
+@pytest.mark.parametrize("field", Battery._fields)
+@pytest.mark.parametrize("value", [math.nan, -math.inf])
+def test_a_battery_that_is_not_a_number_or_below_0_is_refused_at_the_other_end(field, value):
+    datagram = CODEC.pack_state(TIME, to_buffer(FLYING), FULL._replace(**{field: value}))
+    if field == "voltage" and value < 0.0:  # unsigned: saturated
+        assert CODEC.parse_state(datagram, untouched(21)) == TIME
+        assert CODEC.battery is not None
+        assert CODEC.battery.voltage == 0.0
+        return
+    with pytest.raises(WireError, match="out of range"):
+        CODEC.parse_state(datagram, untouched(21))
+
+
 SAMPLES = {
     "state": CODEC.pack_state(TIME, to_buffer(FLYING)),
-    "hold": CODEC.pack_hold(TIME, to_buffer(FLYING)),
+    "state and battery": CODEC.pack_state(TIME, to_buffer(FLYING), FULL),
+    "hold": CODEC.pack_hold(TIME, to_buffer(FLYING), FULL),
     "controls": CODEC.pack_controls(TIME, np.full(8, 0.5), True, True),
 }
 
@@ -147,8 +186,12 @@ def assert_refused(datagram):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_every_truncation_is_refused(name):
+    battery = len(battery_by_pymavlink()) if name in ("state and battery", "hold") else 0
     for length in range(len(SAMPLES[name])):
-        assert_refused(SAMPLES[name][:length])
+        if battery and length == len(SAMPLES[name]) - battery:  # whole, without its battery
+            assert CODEC.parse_state(SAMPLES[name][:length], untouched(21)) == TIME
+        else:
+            assert_refused(SAMPLES[name][:length])
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -41,7 +41,9 @@ def fly() -> Callable[..., PlantState]:
         params: PlantParams, state: PlantState, u: Any, seconds: float, t: float = 0.0
     ) -> PlantState:
         buffer = to_buffer(state)
-        tick.advance(to_buffer(params), buffer, command(u), t, round(seconds / params.h))
+        tick.advance(
+            to_buffer(params), buffer, np.zeros(2), command(u), t, round(seconds / params.h)
+        )
         return from_buffer(PlantState, buffer)
 
     return run
@@ -53,7 +55,7 @@ def truth() -> Callable[..., Any]:
 
     def observe(params: PlantParams, state: PlantState, t: float = 0.0) -> PlantRecord:
         row, buffer = np.zeros(size(PlantRecord)), to_buffer(state)
-        tick.observe(to_buffer(params), buffer, t, buffer, row)
+        tick.observe(to_buffer(params), buffer, np.zeros(2), t, buffer, row)
         assert row.view(dtype(PlantRecord))["t"] == t
         return from_buffer(PlantRecord, row)
 

@@ -52,8 +52,8 @@ def closed_loop(law, plant, state, rate_hz, ticks, buffer=np.array):
     buffer : what makes a buffer of a list: np.array for compiled code. Plain code is given
     lists, whose items are Python's floats (a numpy float would turn a leaf into an array).
     """
-    row, law_state, reported, no_noise = (
-        buffer([0.0] * n) for n in (size(Tick), size(LawState), 21, tick.NOISE)
+    row, law_state, reported, no_noise, drawn = (
+        buffer([0.0] * n) for n in (size(Tick), size(LawState), 21, tick.NOISE, 2)
     )
     rows, h, steps = [], 1.0 / rate_hz, steps_per_tick(rate_hz)
     for k in range(ticks):
@@ -65,7 +65,7 @@ def closed_loop(law, plant, state, rate_hz, ticks, buffer=np.array):
         cascade.tick(t, engaged, law_state, law, buffer(setpoint.tolist()), 0.0, reported, row)
         rows.append(list(row))
         law_state[:] = row[AFTER : AFTER + len(law_state)]
-        tick.advance(plant, state, row[ROTORS : ROTORS + 8], t, steps)
+        tick.advance(plant, state, drawn, row[ROTORS : ROTORS + 8], t, steps)
     return np.array(rows)
 
 

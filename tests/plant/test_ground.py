@@ -9,9 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fcu.kernel.algebra import Quat, Rotors, Vec3
-from sitl_plant.physics import dynamics
+from fcu.kernel.rotations import matrix
+from sitl_plant.physics import dynamics, ground
 from sitl_plant.physics.parameters import start_state
 
+ZERO = Vec3(0.0, 0.0, 0.0)
 HOVER = math.sqrt(8.0 * 9.81 / 8.0 / 8.2e-5) / 552.2
 
 
@@ -23,6 +25,12 @@ def params(plant):
 @pytest.fixture
 def standing(params):
     return start_state(params, {"on_ground": True})
+
+
+def leaning(yaw, pitch, roll):
+    """Attitude of angles in degrees."""
+    q_EB = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+    return Quat(*q_EB.as_quat(scalar_first=True).tolist())
 
 
 def height(params, state):
@@ -40,10 +48,68 @@ def test_it_stands_still_on_its_gear(params, standing, fly, truth):
     assert record.ended == dynamics.FLYING
 
 
-def test_it_stands_in_wind(plant, fly):
-    params = plant(wind={"steady_m_s": [8.0, 0.0, 0.0]}, ground_z_m=0.0)
-    end = fly(params, start_state(params, {"on_ground": True}), 0.0, 5.0)
-    assert 0.0 < end.r_E.x < 0.1  # friction is viscous near rest: it creeps
+def test_it_does_not_creep_in_wind(plant, fly):
+    """10 m/s push with 15 N; friction holds up to 0.6 of 78 N."""
+    params = plant(wind={"steady_m_s": [8.0, 6.0, 0.0]}, ground_z_m=0.0)
+    standing = start_state(params, {"on_ground": True})
+    end = fly(params, standing, 0.0, 5.0)
+    np.testing.assert_allclose(end.r_E, standing.r_E, atol=1e-9)
+    pushed = standing._replace(v_E=Vec3(0.02, 0.0, 0.0))
+    assert np.linalg.norm(fly(params, pushed, 0.0, 1.0).v_E) < 1e-9
+
+
+def test_it_does_not_creep_in_changing_wind(plant, fly):
+    wind = {"amplitude_m_s": [10.0, 7.0, 5.0], "frequency_rad_s": [1.5, 1.6, 1.7]}
+    params = plant(wind=wind, ground_z_m=0.0)
+    standing = start_state(params, {"on_ground": True})
+    end = fly(params, standing, 0.0, 20.0)
+    np.testing.assert_allclose(end.r_E[:2], standing.r_E[:2], atol=1e-6)
+
+
+def test_a_storm_pushes_it_along(plant, fly):
+    """20 m/s push with 60 N, against 47 N of friction."""
+    params = plant(wind={"steady_m_s": [20.0, 0.0, 0.0]}, ground_z_m=0.0)
+    end = fly(params, start_state(params, {"on_ground": True}), 0.0, 0.1)
+    assert end.v_E.x == pytest.approx(0.1 * (60.0 - 0.6 * 78.48) / 8.0, rel=0.05)
+
+
+def test_the_gear_rights_with_no_more_than_the_load_at_its_lever(params, standing):
+    load, b = 8000.0 * 0.00981, params.ground.footprint
+    for degrees in (2.0, 6.0, 30.0, 59.0):
+        q_EB = leaning(0.0, degrees, 0.0)
+        force, tau = ground.contact(
+            params.ground, standing.r_E, standing.v_E, matrix(q_EB), ZERO, ZERO
+        )
+        assert force.z == pytest.approx(load)
+        assert -load * b - 1e-9 <= tau.y < -0.5 * load * b  # back towards level
+        assert (tau.x, tau.z) == pytest.approx((0.0, 0.0))
+
+
+def test_a_torque_beyond_the_gears_lever_turns_it_over(params, standing, fly, truth):
+    """Two rotors at full speed pitch with 46 N m; an 8 kg vehicle's feet resist with 18."""
+    u = np.zeros(8)
+    u[[4, 5]] = 1.0  # the tail's: nose down
+    state, verdicts = standing, []
+    for _ in range(200):
+        state = fly(params, state, u, 0.01)
+        verdicts.append(truth(params, state).ended)
+        if verdicts[-1] != dynamics.FLYING:
+            break
+    assert verdicts[-1] == dynamics.CRASHED
+
+
+@pytest.mark.parametrize(
+    ("degrees", "verdict"),
+    [(59.0, dynamics.FLYING), (61.0, dynamics.CRASHED), (180.0, dynamics.CRASHED)],
+)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_lying_on_its_side_or_back_is_a_crash(params, standing, truth, axis, degrees, verdict):
+    angles = [0.0, 0.0, 0.0]
+    angles[1 + axis] = degrees
+    down = standing._replace(q_EB=leaning(*angles))
+    assert truth(params, down).ended == verdict
+    above = down._replace(r_E=down.r_E + Vec3(0.0, 0.0, 0.1))
+    assert truth(params, above).ended == dynamics.FLYING
 
 
 def test_a_slide_is_stopped_by_friction(params, standing, fly):
@@ -53,9 +119,7 @@ def test_a_slide_is_stopped_by_friction(params, standing, fly):
 
 
 def test_a_leaning_vehicle_is_righted(params, standing, fly):
-    leaning = Rotation.from_euler("ZYX", [20.0, 6.0, -5.0], degrees=True)
-    q_EB = Quat(*leaning.as_quat(scalar_first=True).tolist())
-    end = fly(params, standing._replace(q_EB=q_EB), 0.0, 3.0)
+    end = fly(params, standing._replace(q_EB=leaning(20.0, 6.0, -5.0)), 0.0, 3.0)
     yaw, pitch, roll = Rotation.from_quat(end.q_EB, scalar_first=True).as_euler("ZYX", degrees=True)
     assert yaw == pytest.approx(20.0, abs=2.0)
     assert abs(pitch) < 0.1
