@@ -92,6 +92,7 @@ class Server:
         self._battery_ticks = max(1, round(world.rate_hz / BATTERY_HZ))
         self._granted = 0 if control is not None else sys.maxsize
         self._tick = 0
+        self._unusable = ""  # why the last answer to this tick's state was refused
         self.figures = Figures()
         self.stopping = False
 
@@ -138,6 +139,7 @@ class Server:
         except BrokenPipeError:
             say(self._time_s, "error", "nobody records this flight any more")
             code = INFRASTRUCTURE
+        self.figures.strangers = self._link.count_strangers()
         self._link.close()
         return code
 
@@ -187,6 +189,7 @@ class Server:
         self._link.send(datagram)
         asked = time.monotonic()
         waiting, warned, first = asked, False, self.figures.ticks == 0
+        self._unusable = ""
         while not self.stopping:
             for fd, _ in poll.poll(RESEND_S * 1000):
                 if fd == self._lifeline:
@@ -207,12 +210,16 @@ class Server:
                 warned = True
                 say(self._time_s, "info" if first else "warning",
                     "waiting for the flight controller" if first else
-                    "the flight controller has been silent for 1 s")  # fmt: skip
+                    self._what_is_wrong(WARN_S))  # fmt: skip
             if silent >= END_S and not (first and self._control is None):
-                say(self._time_s, "error",
-                    f"the flight controller has been silent for {END_S:.0f} s")  # fmt: skip
+                say(self._time_s, "error", self._what_is_wrong(END_S))
                 return False
         return False
+
+    def _what_is_wrong(self, seconds: float) -> str:
+        if self._unusable:
+            return f"no usable answer for {seconds:.0f} s, the last was refused: {self._unusable}"
+        return f"the flight controller has been silent for {seconds:.0f} s"
 
     def _is_answer(self, datagram: bytes, time_us: int) -> bool:
         try:
@@ -221,8 +228,12 @@ class Server:
             self.figures.refused += 1
             if self.figures.refused == 1:
                 say(self._time_s, "warning", f"plant link: {error}")
+            self._unusable = str(error)
             return False
-        return answered == time_us
+        if answered != time_us:
+            self.figures.stale += 1
+            return False
+        return True
 
     def _hold(self, poll: select.poll) -> None:
         """Time stands: tell the recorder where, keep the controller company, await a grant."""
@@ -233,6 +244,7 @@ class Server:
         time_us = self._tick * self._period_us
         while not self.stopping and self._tick >= self._granted:
             self._link.send(self._codec.pack_hold(time_us, self._reported, self._battery))
+            self._link.count_strangers()
             until = time.monotonic() + RESEND_S
             while self._tick >= self._granted and not self.stopping:
                 left = until - time.monotonic()

@@ -10,11 +10,13 @@ import contextlib
 import errno
 import select
 import socket
+import sys
 from collections import deque
 from typing import Protocol
 
 HOST = "127.0.0.1"
 _RECEIVE_BYTES = 4096  # several times the longest datagram here
+_STRANGERS_AT_ONCE = 1000
 
 
 class PortBusy(OSError):
@@ -68,6 +70,9 @@ class UdpLink:
 
     With a `peer_port` only that peer is heard and sent to; it need not exist yet. Without
     one, whoever spoke last is the peer. A `bind_port` of 0 takes any free port.
+
+    It is the kernel that tells the peer from strangers, so they cost the peer's datagrams
+    neither time nor room. On Linux strangers go to a second socket, where they can be counted.
     """
 
     def __init__(self, bind_port: int, peer_port: int | None = None, name: str = "link") -> None:
@@ -78,6 +83,37 @@ class UdpLink:
         self._peer: tuple[str, int] | None = None
         if peer_port is not None:
             self._socket.connect((HOST, peer_port))
+        self._elsewhere = self._beside() if self._connected else None
+        self._strangers = 0
+
+    def _beside(self) -> socket.socket | None:
+        """A socket on the same port, to which goes what is not from the peer; Linux only.
+
+        The port is shared for the moment of binding; then again nobody can share it.
+        """
+        if sys.platform != "linux":
+            return None
+        beside = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        beside.setblocking(False)
+        both = (self._socket, beside)
+        for sock in both:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        beside.bind((HOST, self.port))
+        for sock in both:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
+        return beside
+
+    def count_strangers(self) -> int:
+        """Datagrams so far from others than the peer: dropped, and never received.
+
+        Takes in what has come since the last call, but no more than the kernel kept.
+        """
+        if self._elsewhere is not None:
+            with contextlib.suppress(BlockingIOError):
+                for _ in range(_STRANGERS_AT_ONCE):
+                    self._elsewhere.recv(1)
+                    self._strangers += 1
+        return self._strangers
 
     @property
     def port(self) -> int:
@@ -125,6 +161,8 @@ class UdpLink:
     def close(self) -> None:
         """Give the port back."""
         self._socket.close()
+        if self._elsewhere is not None:
+            self._elsewhere.close()
 
 
 class MemoryLink:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 
 import pytest
 
@@ -82,6 +83,37 @@ def test_a_stranger_is_not_heard(opened):
     peer.send(b"peer")
     assert received(link) == b"peer"
     assert link.receive() is None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the kernel drops them uncounted")
+def test_strangers_are_counted_and_cost_the_peer_no_room(opened):
+    peer, stranger = opened(), opened()
+    link = opened(0, peer.port)
+    link.send(b"hello")
+    assert received(peer) == b"hello"
+    assert link.count_strangers() == 0
+    for length in (0, 1, 300):
+        stranger._socket.sendto(bytes(length), ("127.0.0.1", link.port))
+    assert (link.count_strangers(), link.count_strangers()) == (3, 3)
+    for _ in range(5000):  # far more than a socket has room for
+        stranger._socket.sendto(bytes(1000), ("127.0.0.1", link.port))
+    peer.send(b"peer")
+    assert received(link) == b"peer"
+    assert link.receive() is None
+    assert link.count_strangers() > 10
+
+
+def test_a_port_with_a_peer_cannot_be_shared_either(opened):
+    link = opened(0, closed_port())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        with pytest.raises(OSError, match="in use"):
+            other.bind(("127.0.0.1", link.port))
+    with pytest.raises(PortBusy):
+        UdpLink(link.port)
+    port = link.port
+    link.close()
+    assert opened(port).port == port
 
 
 def test_a_busy_port_says_which_and_whose(opened):

@@ -9,6 +9,7 @@ import socket
 import time
 
 import numpy as np
+import pymavlink.dialects.v20.common as mavlink
 import pytest
 
 from fcu.interface.airframe import believed
@@ -19,6 +20,8 @@ from fcu.kernel.buffers import columns, size
 
 ANSWER_S = 5.0
 MS = 2000  # us: one tick at 500 Hz
+NONE, FULL = np.zeros(size(RotorCommand)), np.ones(size(RotorCommand))
+ROTORS = slice(columns(VehicleState).index("Omega.r1"), None)
 
 
 @pytest.fixture
@@ -52,6 +55,40 @@ def answer(link, codec):
 def silent(link):
     """Nothing has come, and nothing is on its way: what is sent later is answered first."""
     return link.receive() is None
+
+
+@pytest.fixture
+def plant(start, instance):
+    program = start("sitl_plant", "--instance", instance)
+    program.says('"ready"')
+    return program
+
+
+@pytest.fixture
+def asked(states):
+    """`asked(link, after=0)`: time (us) and VehicleState of the plant's next datagram.
+
+    after : what was sent before is skipped, up to and with this time.
+    """
+
+    def ask(link, after=-1):
+        state = np.zeros(size(VehicleState))
+        while True:
+            assert link.wait(ANSWER_S), "not asked"
+            datagram = link.receive()
+            if datagram is not None and (time_us := states.parse_state(datagram, state)) > after:
+                return time_us, state
+
+    return ask
+
+
+def unflyable(datagram, u):
+    """An answer whose first rotor's command is `u`, its checksum right."""
+    message = mavlink.MAVLink(None).parse_buffer(bytearray(datagram))[0]
+    message.controls = [u, *message.controls[1:]]
+    fields = {name: getattr(message, name) for name in message.fieldnames}
+    link = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
+    return mavlink.MAVLink_hil_actuator_controls_message(**fields).pack(link)
 
 
 def ended(program, key="ended"):
@@ -96,6 +133,24 @@ def test_strangers_are_not_heard(fcu, bound, states, standing, instance):
     assert ended(fcu)["ticks"] == 1
 
 
+def test_answers_of_strangers_do_not_fly_the_plant(plant, bound, asked, states, instance):
+    link = bound("fcu_plant", "plant")
+    assert asked(link)[0] == 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(3):
+            stranger.sendto(
+                states.pack_controls(0, FULL, True, True), ("127.0.0.1", ports(instance).plant)
+            )
+    assert asked(link)[0] == 0  # asked again: time stands
+    link.send(states.pack_controls(0, NONE, True, True))
+    time_us, state = asked(link, after=0)
+    assert time_us == MS
+    assert (state[ROTORS] == 0.0).all()
+    assert plant.interrupted() == 0
+    said = ended(plant)
+    assert (said["ticks"], said["strangers"], said["refused"], said["stale"]) == (1, 3, 0, 0)
+
+
 def test_time_that_runs_back_ends_it(fcu, bound, states, standing):
     link = bound("plant", "fcu_plant")
     for time_us in (0, MS):
@@ -115,35 +170,75 @@ def test_a_plant_that_falls_silent_ends_it(fcu, bound, states, standing):
     assert "error   fcu  the plant has been silent for 5 s" in fcu.text()
 
 
-def test_the_plant_asks_again_and_counts_what_is_no_answer(start, bound, instance, states):
-    plant = start("sitl_plant", "--instance", instance)
-    plant.says('"ready"')
+def test_the_plant_asks_again_and_counts_what_is_no_answer(plant, bound, asked, instance, states):
     assert f"expected on 127.0.0.1:{ports(instance).fcu_plant}" in plant.text()
-    link, state = bound("fcu_plant", "plant"), np.zeros(size(VehicleState))
-    command = np.zeros(size(RotorCommand))
-
-    def asked():
-        while True:
-            assert link.wait(ANSWER_S), "not asked"
-            if (datagram := link.receive()) is not None:
-                return states.parse_state(datagram, state)
-
-    assert [asked(), asked()] == [0, 0]
-    full, nan = command.copy(), command.copy()
-    full[0], nan[0] = 2.0, math.nan
+    link = bound("fcu_plant", "plant")
+    time_us, state = asked(link)
+    assert time_us == 0
+    nan = NONE.copy()
+    nan[0] = math.nan
     bad = [b"", b"garbage" * 20, states.pack_controls(0, nan, True, True)]
     for datagram in bad:
         link.send(datagram)
-    link.send(states.pack_controls(7 * MS, command, True, True))  # of another state
-    assert asked() == 0
-    link.send(states.pack_controls(0, command, True, True))
-    while (time_us := asked()) == 0:
-        pass
-    assert time_us == MS
+    link.send(states.pack_controls(7 * MS, FULL, True, True))  # of another state
+    time_us, again = asked(link)
+    assert (time_us, again.tobytes()) == (0, state.tobytes())
+    link.send(states.pack_controls(0, NONE, True, True))
+    assert asked(link, after=0)[0] == MS
     assert plant.interrupted() == 0
     said = ended(plant)
-    assert (said["ticks"], said["refused"]) == (1, len(bad))
-    assert said["resent"] >= 2
+    assert (said["ticks"], said["refused"], said["stale"]) == (1, len(bad), 1)
+    assert said["resent"] >= 1
+
+
+def test_a_controller_that_answers_twice_is_flown_once(plant, bound, asked, states):
+    """The second answer to a state comes when the next one is asked about, and is not of it."""
+    link = bound("fcu_plant", "plant")
+    assert asked(link)[0] == 0
+    link.send(states.pack_controls(0, NONE, True, True))
+    assert asked(link, after=0)[0] == MS
+    for _ in range(2):
+        link.send(states.pack_controls(0, FULL, True, True))
+    time_us, state = asked(link)  # asked again
+    assert time_us == MS
+    assert (state[ROTORS] == 0.0).all()
+    link.send(states.pack_controls(MS, NONE, True, True))
+    time_us, state = asked(link, after=MS)
+    assert time_us == 2 * MS
+    assert (state[ROTORS] == 0.0).all()  # full speed was never integrated
+    assert plant.interrupted() == 0
+    said = ended(plant)
+    assert (said["ticks"], said["stale"], said["refused"]) == (2, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("which", "reason"),
+    [(math.nan, "a field is not a finite number"), (1.25, "not between 0 and 1")],
+)
+def test_a_command_that_cannot_be_flown_is_refused_and_ends_the_flight(
+    plant, bound, asked, states, which, reason
+):
+    link = bound("fcu_plant", "plant")
+    assert asked(link)[0] == 0
+    link.send(states.pack_controls(0, NONE, True, True))
+    time_us, state = asked(link, after=0)
+    bad = unflyable(states.pack_controls(time_us, NONE, True, True), which)
+    link.send(bad)
+    sent = 1
+    while plant.process.poll() is None:
+        if link.wait(0.2) and (datagram := link.receive()) is not None:
+            again = np.zeros(size(VehicleState))
+            assert states.parse_state(datagram, again) == MS
+            assert again.tobytes() == state.tobytes()  # time stands, nothing is integrated
+            link.send(bad)
+            sent += 1
+    assert plant.wait() == 3
+    said = ended(plant)
+    assert (said["ticks"], said["exit_code"]) == (1, 3)
+    assert said["refused"] in (sent, sent - 1)  # it asks once more as it gives up
+    assert "warning plant plant link: " in plant.text()
+    wrong = "error   plant no usable answer for 5 s, the last was refused: "
+    assert reason in plant.text().partition(wrong)[2]
 
 
 def test_a_controller_that_never_comes_is_waited_for_and_named(start, instance):
