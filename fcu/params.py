@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from fcu.law.parameters import ParameterError, check
+from fcu.law.stability import stable, unstable
 from fcu.law.types import LawParams
-from fcu.params_law import LAW, PREDICTION, with_values
+from fcu.params_law import DECIDES, LAW, PREDICTION, with_values
 from fcu.params_table import BELOW, VEHICLE, Parameter
 
 __all__ = ["Parameter", "Parameters", "ParamsFileError", "Refused"]
@@ -68,7 +69,9 @@ class Parameters:
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
         self.law = law  # in force
+        self._stable = not unstable(law)  # what starts unstable may fly on, for a study
         self._values = self._all_values(self._changed)
+        self.changed: tuple[str, ...] = ()  # by the last value that was set
         if file is not None and file.exists():
             self._read(file)
         self._at_start = dict(self._changed)
@@ -89,7 +92,10 @@ class Parameters:
         return self._table[name]
 
     def set(self, name: str, value: float, armed: bool) -> bool:
-        """Set a parameter; False if it had this value. Raises Refused, with nothing changed."""
+        """Set a parameter; False if it had this value. Raises Refused, with nothing changed.
+
+        `changed` then names all that changed: the prediction takes its bounds along.
+        """
         p = self._table.get(name)
         if p is None:
             raise Refused(DOES_NOT_EXIST, f"{name}: no such parameter")
@@ -101,11 +107,13 @@ class Parameters:
         self._in_range(p, value)
         if p.disarmed_only and armed:
             raise Refused(PERMISSION_DENIED, f"{name} can be set while disarmed only")
+        before = self._values
         self._adopt({**self._changed, name: value}, f"{name} {_number(value)} refused: ")
+        self.changed = tuple(n for n in self.names if self._values[n] != before[n])
         return True
 
     def reset(self) -> None:
-        """Every parameter as it was at the start."""
+        """Every parameter as it was at the start, after the file was read."""
         self._adopt(self._at_start, "")
 
     # --- what is in force
@@ -134,15 +142,32 @@ class Parameters:
             if not values[low] < values[high]:
                 at = f"{low} {_number(values[low])} must be below {high} {_number(values[high])}"
                 raise Refused(OUT_OF_RANGE, refused + at)
-        of_law = {k: v for k, v in changed.items() if k in LAW}
-        if of_law != {k: v for k, v in self._changed.items() if k in LAW}:
-            law = with_values(self._start_law, of_law)
+        if _of_law(changed) != _of_law(self._changed):
+            law = with_values(self._start_law, _of_law(changed))
             try:
                 check(law)
             except ParameterError as error:
                 raise Refused(OUT_OF_RANGE, f"{refused}{error}") from error
-            self.law = law
+            channel = unstable(law)
+            if channel and self._stable:
+                raise Refused(OUT_OF_RANGE, refused + self._why(channel, changed, values))
+            self.law, self._stable = law, not channel
         self._changed, self._values = changed, values
+
+    def _why(self, channel: str, changed: dict[str, float], values: dict[str, float]) -> str:
+        """Why a combination that is not stable is refused: the channel, with what, what would do."""
+        new = [n for n in DECIDES[channel] if values[n] != self._values[n]]
+        beside = [n for n in DECIDES[channel] if n not in new][:2]
+        why = f"{channel} unstable with " + ", ".join(f"{n} {_number(values[n])}" for n in beside)
+        if len(new) != 1:
+            return why
+        name = new[0]
+        good, bad = self._values[name], values[name]
+        for _ in range(5):  # halve the way, in ratio
+            middle = float(f"{(good * bad) ** 0.5:.3g}")
+            law = with_values(self._start_law, {**_of_law(changed), name: middle})
+            good, bad = (middle, bad) if stable(law, channel) else (good, middle)
+        return f"{why}; {_number(good)} would do"
 
     # --- the file
 
@@ -206,6 +231,10 @@ class Parameters:
             self._adopt(values, "")
         except Refused as refused:
             raise ParamsFileError(f"{path}: {refused}") from refused
+
+
+def _of_law(values: dict[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name in LAW}
 
 
 def _line(text: str, name: str) -> int:

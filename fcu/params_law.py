@@ -172,6 +172,15 @@ TABLE: tuple[OfLaw, ...] = (
 
 LAW: dict[str, OfLaw] = {entry.parameter.name: entry for entry in TABLE}  # in the order of `put`
 
+# What decides whether a channel is stable; what stands first is what it is held against.
+_OF_TILT = ("MR_C_TILT", "MR_C_PQ", "MR_F_M", "MR_ZETA_M", "MR_GAMMA", "MR_ROTOR_RESP")
+DECIDES: dict[str, tuple[str, ...]] = {
+    "height": ("MR_F_M", "MR_GAMMA", "MR_ZETA_M", "MR_G_LAM", "MR_TRIM_RATE", "MR_ROTOR_RESP"),
+    "roll": _OF_TILT,
+    "pitch": _OF_TILT,
+    "yaw": ("MR_C_YAW", "MR_C_R", "MR_GAMMA", "MR_ROTOR_RESP"),
+}
+
 
 def with_values(start: LawParams, values: Mapping[str, float]) -> LawParams:
     """LawParams with the law parameters among `values`; `start` itself if there are none."""
