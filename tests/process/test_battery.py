@@ -1,0 +1,90 @@
+"""The battery over the plant link, and in the recording of a flight."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+import gcs_tools
+from fcu.interface.airframe import believed
+from fcu.interface.handover import GRANT
+from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.interface.wire import PlantCodec
+from fcu.kernel.buffers import columns, size
+from gcs_tools import recording
+from sitl_plant.physics.types import PlantRecord
+
+ANSWER_S = 5.0
+BATTERY = {name: i for i, name in enumerate(columns(PlantRecord)) if name.startswith("battery.")}
+
+
+@pytest.fixture
+def codec(instance):
+    return PlantCodec(instance + 1, believed()[0].spin)
+
+
+def heard(link, codec):
+    """Time (us), whether it is a keep-alive, and the battery in the plant's next datagram."""
+    codec.battery = None
+    while True:
+        assert link.wait(ANSWER_S), "nothing heard"
+        if (datagram := link.receive()) is not None:
+            time_us = codec.parse_state(datagram, np.zeros(size(VehicleState)))
+            return time_us, codec.is_hold(datagram), codec.battery
+
+
+def test_ten_times_a_second_and_while_time_stands(start, bound, instance, codec):
+    link, (reads, grants) = bound("fcu_plant", "plant"), os.pipe()
+    try:
+        plant = start(
+            "sitl_plant", "--instance", instance, "--speed", "max",
+            "--control-fd", reads, pass_fds=(reads,),
+        )  # fmt: skip
+        plant.says('"ready"')
+        for _ in range(2):
+            time_us, held, battery = heard(link, codec)
+            assert (time_us, held) == (0, True)
+            assert battery == pytest.approx((25.2, 0.6, 0.0, 1.0, 0.0), abs=0.02)  # 15 W
+        os.write(grants, GRANT.pack(151))
+        at, full = [], np.ones(size(RotorCommand))
+        while True:
+            time_us, held, battery = heard(link, codec)
+            if held and time_us == 0:
+                continue  # was on its way
+            if held:
+                break
+            if battery is not None:
+                at.append(time_us)
+            link.send(codec.pack_controls(time_us, full, True, True))
+        assert at == [0, 100_000, 200_000, 300_000]
+        assert time_us == 302_000
+        assert battery is not None
+        assert battery.current > 100.0  # at full speed
+        assert battery.voltage < 24.0
+        os.close(grants)
+        grants = -1
+        assert plant.wait(ANSWER_S) == 0
+    finally:
+        os.close(reads)
+        if grants >= 0:
+            os.close(grants)
+
+
+def test_all_of_the_truth_is_the_same_over_the_wire_and_in_process(tmp_path):
+    settings = ["flight.duration_s=3", "plant.battery_ah=5", "plant.battery_remaining=0.5"]
+    rows = []
+    for name in ("wire", "in_process"):
+        flown = gcs_tools.fly(
+            "paper_nominal", settings=settings, in_process=name == "in_process", out=tmp_path / name
+        )
+        assert flown.error is None
+        rows.append(recording.read(tmp_path / name / "flight.mcap").plant)
+    assert rows[0].tobytes() == rows[1].tobytes()
+    voltage, current, drawn, remaining, energy = rows[0][:, list(BATTERY.values())].T
+    assert (drawn[0], remaining[0], energy[0]) == (0.0, 0.5, 0.0)
+    assert remaining[-1] == pytest.approx(0.5 - drawn[-1] / 5.0, abs=1e-12)
+    assert drawn[-1] == pytest.approx(np.sum(current[:-1]) / 500.0 / 3600.0, rel=1e-9)
+    assert energy[-1] == pytest.approx(np.sum(voltage[:-1] * current[:-1]) / 500.0, rel=1e-9)
+    assert 1000.0 < energy[-1] / 3.0 < 2500.0  # W, hovering and climbing
