@@ -247,7 +247,7 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
 
 def test_rows_that_are_none_are_refused(tmp_path: Path) -> None:
     with Recorder(tmp_path / "flight.mcap", {}) as recorder:
-        with pytest.raises(ValueError, match=r"expected float64 \(n, 41\)"):
+        with pytest.raises(ValueError, match=rf"expected float64 \(n, {size(PlantRecord)}\)"):
             recorder.add_plant(np.zeros((2, 40)))
         with pytest.raises(ValueError, match="not a simulation time: nan"):
             recorder.add_plant(np.full((1, size(PlantRecord)), np.nan))
