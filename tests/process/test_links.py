@@ -151,6 +151,23 @@ def test_answers_of_strangers_do_not_fly_the_plant(plant, bound, asked, states, 
     assert (said["ticks"], said["strangers"], said["refused"], said["stale"]) == (1, 3, 0, 0)
 
 
+def test_a_plant_that_sends_a_state_twice_is_answered_twice_and_flown_once(
+    fcu, bound, states, standing
+):
+    link = bound("plant", "fcu_plant")
+    answers = []
+    moved = standing.copy()
+    moved[0] = 1000.0  # another state of the same time: not flown
+    for state in (standing, standing, moved):
+        link.send(states.pack_state(MS, state))
+        assert link.wait(ANSWER_S)
+        answers.append(link.receive())
+    assert answers[1:] == answers[:1] * 2  # the answer as it was first sent, to the byte
+    assert fcu.interrupted() == 0
+    said = ended(fcu)
+    assert (said["ticks"], said["resent"], said["refused"]) == (1, 2, 0)
+
+
 def test_time_that_runs_back_ends_it(fcu, bound, states, standing):
     link = bound("plant", "fcu_plant")
     for time_us in (0, MS):
