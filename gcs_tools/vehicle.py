@@ -10,27 +10,25 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from fcu.interface import ground_asks as asks
 from fcu.interface.ground_fields import setpoint_numbers
 from fcu.interface.ground_messages import (
-    AutoMode,
     CommandAck,
-    CommandId,
     GroundMessage,
     Heartbeat,
     LocalPosition,
-    MainMode,
     PositionTarget,
-    Result,
     Source,
     StatusText,
-    SystemStatus,
-)  # fmt: skip
+)
+from fcu.interface.ground_numbers import AutoMode, CommandId, MainMode, Result, SystemStatus
 from fcu.interface.ground_wire import GroundCodec
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import Setpoint
 from fcu.interface.ports import owner, ports
 
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
+TOGETHER = 256  # messages of one datagram: a vehicle may send all it has in one
 ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
 
 T = TypeVar("T")
@@ -47,7 +45,7 @@ class Vehicle:
         """Raises PortBusy when another script has the link."""
         at = ports(instance)
         self._link = UdpLink(at.script, at.fcu_script, owner("script"))
-        self._codec = GroundCodec(*ME)
+        self._codec = GroundCodec(*ME, at_once=TOGETHER)
         self._target = Source(at.system_id, 1)
         self._texts: list[str] = []
         self.on_wait: Callable[[], None] = lambda: None  # called while waiting; may raise
@@ -59,7 +57,7 @@ class Vehicle:
     def wait_ready(self, timeout_s: float = 60.0) -> None:
         """Until the vehicle says that it could arm. Raises VehicleError."""
         until = time.monotonic() + timeout_s
-        self._link.send(self._codec.pack_ground_heartbeat())
+        self._link.send(self._codec.framed(asks.ground_heartbeat()))
         while time.monotonic() < until:
             for message in self.messages(0.2):
                 if isinstance(message, Heartbeat) and message.status >= SystemStatus.STANDBY:
@@ -100,7 +98,7 @@ class Vehicle:
             mine = isinstance(message, CommandAck) and message.command == command
             return message.result if mine else None  # type: ignore[union-attr]
 
-        packed = self._codec.pack_command(self._target, command, params)
+        packed = self._codec.framed(asks.command_long(self._target, command, params))
         result = self._ask(packed, answer, command.name)
         if result != Result.ACCEPTED:
             self.messages(0.1)  # the reason follows the acknowledgement
@@ -115,7 +113,7 @@ class Vehicle:
             mine = isinstance(message, PositionTarget) and message.numbers == sent
             return True if mine else None
 
-        packed = self._codec.pack_setpoint(self._target, time_s, setpoint, type_mask)
+        packed = self._codec.framed(asks.setpoint(self._target, time_s, setpoint, type_mask))
         self._texts.clear()
         try:
             self._ask(packed, answer, "the echo of a setpoint")

@@ -18,7 +18,7 @@ from fastcrc.crc16 import mcrf4xx
 
 V1, V2 = 0xFE, 0xFD
 SIGNED = 1  # incompatibility flag
-FRAMES_AT_ONCE = 16  # of one datagram
+FRAMES_AT_ONCE = 16  # of one datagram: no client sends more
 _HEADER = struct.Struct("<BBBBBBBHB")  # marker, length, flags, flags, sequence, source, id
 _HEADER_V1 = struct.Struct("<BBBBBB")
 _CRC = struct.Struct("<H")
@@ -37,7 +37,7 @@ class Field(NamedTuple):
 
     name: str
     code: str  # of struct
-    count: int  # of an array, or characters; 0: a single number
+    length: int  # of an array, or characters; 0: a single number
 
 
 class Kind(NamedTuple):
@@ -87,10 +87,11 @@ class Frame(NamedTuple):
     system: int
     component: int
     sequence: int
+    version: int  # of MAVLink
 
 
 def _kind(name: str, number: int, fields: list[Field], crc_extra: int) -> Kind:
-    codes = "".join(f"{f.count}{f.code}" if f.count else f.code for f in fields)
+    codes = "".join(f"{f.length}{f.code}" if f.length else f.code for f in fields)
     return Kind(name, number, tuple(fields), struct.Struct("<" + codes), bytes([crc_extra]))
 
 
@@ -144,7 +145,7 @@ def _number(code: str, x: float) -> float:
     return high if x >= high else low if x <= low else round(x)
 
 
-def packed(kind: Kind, **values: Any) -> Packed:
+def packed(kind: Kind, /, **values: Any) -> Packed:
     """A message of these fields; what is left out is 0. Raises KeyError for a name it has not."""
     row: list[Any] = []
     for name, code, count in kind.fields:
@@ -172,14 +173,17 @@ def framed(message: Packed, sequence: int, system: int, component: int) -> bytes
 
 
 def frames(
-    datagram: bytes, kinds: Mapping[int, Kind], dropped: Counter[str], v1: bool = True
-) -> Iterator[Frame]:
+    datagram: bytes, kinds: Mapping[int, Kind], dropped: Counter[str], v1: bool = True,
+    at_once: int = FRAMES_AT_ONCE,
+) -> Iterator[Frame]:  # fmt: skip
     """The whole messages of one datagram that are of known kinds; others counted, by reason.
+
+    Of its frames, good or bad, the first `at_once` are looked at; `v1`: MAVLink 1 is accepted.
 
     Never raises, and carries nothing over from one datagram to the next. After bytes that are
     no frame the rest of a datagram is dropped: where the next one begins cannot be known.
     """
-    at, left = 0, FRAMES_AT_ONCE
+    at, left = 0, at_once
     while at < len(datagram):
         if left == 0:
             dropped["over budget"] += 1
@@ -224,4 +228,4 @@ def frames(
                 dropped["wrong checksum"] += 1
                 continue
             payload = datagram[body : body + length][: kind.size].ljust(kind.size, b"\0")
-            yield Frame(kind, payload, system, component, sequence)
+            yield Frame(kind, payload, system, component, sequence, 2 if marker == V2 else 1)

@@ -1,96 +1,84 @@
 """The fields of the ground link's messages, to and from values in the frames inside.
 
-`ground_wire` frames and checks messages; here their fields change frame and are saturated
-to what their type holds. Readers take pymavlink's message objects.
+Setpoints and attitudes go through the kernels of `frames`, so that a flight over the wire and
+one in compiled code are equal. An exchange of axes is not worth a call into compiled code.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
-from typing import Any
 
 from fcu.interface.frames import (
     SetpointOnWire,
     attitude_enu_ned,
-    enu_ned,
-    flu_frd,
     setpoint_from_wire,
     setpoint_to_wire,
-    single3,
-    single4,
 )
-from fcu.interface.ground_messages import (
+from fcu.interface.geodesy import Geodetic
+from fcu.interface.ground_numbers import (
     FORCE,
+    GLOBAL_FRAMES,
     IGNORE_ACCELERATION,
+    IGNORE_ATTITUDE,
+    IGNORE_PITCH_RATE,
     IGNORE_POSITION,
+    IGNORE_ROLL_RATE,
+    IGNORE_SPIN_RATE,
+    IGNORE_THRUST,
     IGNORE_VELOCITY,
     IGNORE_YAW,
     IGNORE_YAW_RATE,
-    LOCAL_NED,
-    Attitude,
-    Command,
-    CommandAck,
-    ExtendedState,
-    GroundMessage,
-    Heartbeat,
-    LocalPosition,
-    PositionTarget,
-    SetpointMessage,
-    Source,
-    StatusText,
+    THRUST_BODY,
+    Frame,
 )
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Quat, Vec3
-from fcu.kernel.rotations import normalised
+from fcu.kernel.rotations import wrap
 
-_NUMBERS = struct.Struct("<11f")
-_GROUPS = {  # of a setpoint: which of the eleven fields each bit group takes out of use
-    "position": (IGNORE_POSITION, slice(0, 3)),
-    "velocity": (IGNORE_VELOCITY, slice(3, 6)),
-    "acceleration": (IGNORE_ACCELERATION, slice(6, 9)),
-    "yaw": (IGNORE_YAW, slice(9, 10)),
-    "yaw rate": (IGNORE_YAW_RATE, slice(10, 11)),
+NUMBERS = struct.Struct("<11f")
+# Beyond these a setpoint is nonsense, whoever sends it.
+FARTHEST, FASTEST, HARDEST, SPINNIEST = 1e5, 100.0, 100.0, 10.0  # m, m/s, m/s^2, rad/s
+UNIT_WITHIN = 1e-3  # of a quaternion's norm
+
+_GROUPS = {  # of a setpoint: bits, which of the eleven fields they take out of use, and a limit
+    "position": (IGNORE_POSITION, slice(0, 3), FARTHEST, "m"),
+    "velocity": (IGNORE_VELOCITY, slice(3, 6), FASTEST, "m/s"),
+    "acceleration": (IGNORE_ACCELERATION, slice(6, 9), HARDEST, "m/s^2"),
+    "yaw": (IGNORE_YAW, slice(9, 10), 1e3, "rad"),
+    "yaw rate": (IGNORE_YAW_RATE, slice(10, 11), SPINNIEST, "rad/s"),
 }
-_KNOWN_BITS = 0xFFF
-_ARMED = 128  # HEARTBEAT.base_mode
-_GLOBAL_FRAMES = (0, 3, 5, 6, 10, 11)  # COMMAND_INT counts 1e-7 deg in these, else 1e-4 m
-_UNSET = 2**31 - 1  # COMMAND_INT's way of saying NaN
+_ALL = IGNORE_POSITION | IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW | IGNORE_YAW_RATE
+_KNOWN_BITS = _ALL | FORCE
+_FRAMES = frozenset(Frame)
+_EACH_RATE = (IGNORE_ROLL_RATE, IGNORE_PITCH_RATE, IGNORE_SPIN_RATE)
+_RATES = IGNORE_ROLL_RATE | IGNORE_PITCH_RATE | IGNORE_SPIN_RATE
 
 
-def whole(x: float, greatest: int) -> int:
-    """`x` rounded to an integer field of 0 to `greatest`, saturated; NaN becomes 0."""
-    return greatest if x >= greatest else round(max(0.0, x))  # max(0.0, NaN) is 0.0
+def earth(v_E: Vec3) -> Vec3:
+    """NED components of a vector in ENU, or ENU from NED."""
+    return Vec3(v_E.y, v_E.x, -v_E.z)
 
 
-def milliseconds(time_s: float) -> int:
-    """A time in s as the uint32 of time_boot_ms."""
-    return whole(1e3 * time_s, 2**32 - 1)
+def body(v_B: Vec3) -> Vec3:
+    """FRD components of a vector in FLU, or FLU from FRD."""
+    return Vec3(v_B.x, -v_B.y, -v_B.z)
+
+
+def attitude(q: Quat) -> Quat:
+    """FRD to NED from FLU to ENU, or back; w >= 0."""
+    turned: Quat = attitude_enu_ned(Quat(float(q.w), float(q.x), float(q.y), float(q.z)))
+    return turned
+
+
+def heading(psi: float) -> float:
+    """Clockwise from North, rad, of a yaw from East counter-clockwise; or back."""
+    return float(wrap(0.5 * math.pi - float(psi)))
 
 
 def _floats(v: Vec3) -> Vec3:
     # Exactly float, or the kernels are compiled anew for another type, in flight.
     return Vec3(float(v.x), float(v.y), float(v.z))
-
-
-def earth_fields(v_E: Vec3) -> Vec3:
-    """float32 NED fields of a vector in ENU."""
-    fields: Vec3 = single3(enu_ned(_floats(v_E)))
-    return fields
-
-
-def body_fields(v_B: Vec3) -> Vec3:
-    """float32 FRD fields of a vector in FLU."""
-    fields: Vec3 = single3(flu_frd(_floats(v_B)))
-    return fields
-
-
-def attitude_fields(q_EB: Quat) -> Quat:
-    """float32 NED/FRD fields of an attitude, w >= 0."""
-    q = Quat(float(q_EB.w), float(q_EB.x), float(q_EB.y), float(q_EB.z))
-    fields: Quat = single4(attitude_enu_ned(q))
-    return fields
 
 
 def setpoint_numbers(setpoint: Setpoint) -> bytes:
@@ -104,12 +92,12 @@ def setpoint_numbers(setpoint: Setpoint) -> bytes:
             float(setpoint.psi_dot_c),
         )
     )
-    return _NUMBERS.pack(*r, *v, *a, yaw, yaw_rate)
+    return NUMBERS.pack(*r, *v, *a, yaw, yaw_rate)
 
 
 def setpoint_of(numbers: bytes, type_mask: int) -> Setpoint:
     """The setpoint in such fields; what the mask ignores is as SetpointMessage says."""
-    f = _NUMBERS.unpack(numbers)
+    f = NUMBERS.unpack(numbers)
     setpoint: Setpoint = setpoint_from_wire(
         SetpointOnWire(Vec3(*f[0:3]), Vec3(*f[3:6]), Vec3(*f[6:9]), f[9], f[10])
     )
@@ -123,97 +111,73 @@ def setpoint_of(numbers: bytes, type_mask: int) -> Setpoint:
     )
 
 
-def refusal(numbers: bytes, type_mask: int, frame: int) -> str:
-    """Why a received setpoint must not be flown; empty if it may."""
-    if frame != LOCAL_NED:
-        return f"setpoint frame {frame} is not supported, only LOCAL_NED"
-    if type_mask & FORCE:
-        return "force setpoints are not supported"
-    if type_mask & ~_KNOWN_BITS:
-        return f"setpoint type mask {type_mask:#x} has unknown bits"
-    fields = _NUMBERS.unpack(numbers)
-    for name, (bits, where) in _GROUPS.items():
-        if type_mask & bits not in (0, bits):
-            return f"setpoint ignores a part of its {name}"
-        if not type_mask & bits and not all(map(math.isfinite, fields[where])):
-            return f"setpoint {name} is not finite"
-    return ""
+def turned_setpoint(numbers: bytes, type_mask: int, frame: int) -> Setpoint:
+    """A setpoint with the axes of its frame; positions of global frames are left out.
 
-
-def _target_numbers(m: Any) -> bytes:
-    return _NUMBERS.pack(
-        m.x, m.y, m.z, m.vx, m.vy, m.vz, m.afx, m.afy, m.afz, m.yaw, m.yaw_rate
-    )  # fmt: skip
-
-
-def _heartbeat(m: Any, source: Source) -> Heartbeat:
-    main, sub = m.custom_mode >> 16 & 0xFF, m.custom_mode >> 24 & 0xFF
-    armed = m.base_mode & _ARMED != 0
-    return Heartbeat(source, m.type, m.autopilot, armed, main, sub, m.system_status)
-
-
-def _command_long(m: Any, source: Source) -> Command:
-    params = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
-    return Command(
-        source, m.target_system, m.target_component, m.command, params, None, m.confirmation
+    The body frames' axes are the heading's: forward, left, up from forward, right, down, and a
+    yaw that is counter-clockwise.
+    """
+    if frame in (Frame.LOCAL_NED, Frame.LOCAL_OFFSET_NED):
+        return setpoint_of(numbers, type_mask)
+    f = NUMBERS.unpack(numbers)
+    r, v, a = Vec3(*f[0:3]), Vec3(*f[3:6]), Vec3(*f[6:9])
+    ahead = frame in (Frame.BODY_NED, Frame.BODY_OFFSET_NED, Frame.BODY_FRD)
+    offset = frame in (Frame.BODY_OFFSET_NED, Frame.BODY_FRD)
+    axes = body if ahead else earth
+    nowhere, still = Vec3(math.nan, math.nan, math.nan), Vec3(0.0, 0.0, 0.0)
+    placeless = type_mask & IGNORE_POSITION or frame in GLOBAL_FRAMES
+    return Setpoint(
+        nowhere if placeless else body(r) if offset else earth(r),
+        still if type_mask & IGNORE_VELOCITY else axes(v),
+        still if type_mask & IGNORE_ACCELERATION else axes(a),
+        math.nan if type_mask & IGNORE_YAW else -f[9] if offset else heading(f[9]),
+        0.0 if type_mask & IGNORE_YAW_RATE else -f[10],
     )
 
 
-def _command_int(m: Any, source: Source) -> Command:
-    scale = 1e7 if m.frame in _GLOBAL_FRAMES else 1e4
-    x, y = (math.nan if n == _UNSET else n / scale for n in (m.x, m.y))
-    params = (m.param1, m.param2, m.param3, m.param4, x, y, m.z)
-    return Command(source, m.target_system, m.target_component, m.command, params, m.frame, 0)
+def refusal(numbers: bytes, type_mask: int, frame: int, geodetic: Geodetic | None) -> str:
+    """Why a received setpoint must not be flown; empty if it may."""
+    if frame not in _FRAMES:
+        return f"frame {frame} is not supported"
+    if type_mask & FORCE:
+        return "force setpoints are not supported"
+    if type_mask & ~_KNOWN_BITS:
+        return f"type mask {type_mask:#x} has unknown bits"
+    if type_mask & _ALL == _ALL:
+        return "it commands nothing (every field is ignored)"
+    fields = NUMBERS.unpack(numbers)
+    for name, (bits, where, limit, unit) in _GROUPS.items():
+        if type_mask & bits not in (0, bits):
+            return f"a part of its {name} is ignored"
+        if type_mask & bits or (name == "position" and geodetic is not None):
+            continue
+        if not all(map(math.isfinite, fields[where])):
+            return f"its {name} is not finite"
+        if max(map(abs, fields[where])) > limit:
+            return f"its {name} is above {limit:g} {unit}"
+    if geodetic is not None and not type_mask & IGNORE_POSITION:
+        if not (abs(geodetic.lat_deg) <= 90.0 and abs(geodetic.lon_deg) <= 180.0):
+            return "its place is not on Earth"
+        if not abs(geodetic.alt_m) <= FARTHEST:
+            return f"its height is not within {FARTHEST:g} m"
+    return ""
 
 
-def _command_ack(m: Any, source: Source) -> CommandAck:
-    return CommandAck(
-        source, m.target_system, m.target_component, m.command, m.result, m.progress
-    )  # fmt: skip
-
-
-def _set_position_target(m: Any, source: Source) -> SetpointMessage:
-    numbers, mask, frame = _target_numbers(m), m.type_mask, m.coordinate_frame
-    return SetpointMessage(
-        source, m.target_system, m.target_component, m.time_boot_ms, mask, frame,
-        setpoint_of(numbers, mask), numbers, refusal(numbers, mask, frame),
-    )  # fmt: skip
-
-
-def _position_target(m: Any, source: Source) -> PositionTarget:
-    numbers, mask = _target_numbers(m), m.type_mask
-    setpoint = setpoint_of(numbers, mask)
-    return PositionTarget(source, m.time_boot_ms, mask, m.coordinate_frame, setpoint, numbers)
-
-
-def _local_position(m: Any, source: Source) -> LocalPosition:
-    r_E, v_E = enu_ned(Vec3(m.x, m.y, m.z)), enu_ned(Vec3(m.vx, m.vy, m.vz))
-    return LocalPosition(source, m.time_boot_ms, r_E, v_E)
-
-
-def _attitude(m: Any, source: Source) -> Attitude:
-    q_EB = normalised(attitude_enu_ned(Quat(m.q1, m.q2, m.q3, m.q4)))
-    w_B = flu_frd(Vec3(m.rollspeed, m.pitchspeed, m.yawspeed))
-    return Attitude(source, m.time_boot_ms, q_EB, w_B)
-
-
-def _extended_state(m: Any, source: Source) -> ExtendedState:
-    return ExtendedState(source, m.landed_state)
-
-
-def _status_text(m: Any, source: Source) -> StatusText:
-    return StatusText(source, m.severity, m.text, m.id, m.chunk_seq)
-
-
-READERS: dict[str, Callable[[Any, Source], GroundMessage]] = {
-    "HEARTBEAT": _heartbeat,
-    "COMMAND_LONG": _command_long,
-    "COMMAND_INT": _command_int,
-    "COMMAND_ACK": _command_ack,
-    "SET_POSITION_TARGET_LOCAL_NED": _set_position_target,
-    "POSITION_TARGET_LOCAL_NED": _position_target,
-    "LOCAL_POSITION_NED": _local_position,
-    "ATTITUDE_QUATERNION": _attitude,
-    "EXTENDED_SYS_STATE": _extended_state,
-    "STATUSTEXT": _status_text,
-}
+def attitude_refusal(mask: int, q: Quat, w: Vec3, thrust: float) -> str:
+    """Why a received attitude setpoint must not be flown; empty if it may."""
+    if mask & THRUST_BODY:
+        return "thrust as a vector is not supported"
+    if mask & IGNORE_THRUST:
+        return "it has no thrust"
+    if mask & ~(_RATES | THRUST_BODY | IGNORE_THRUST | IGNORE_ATTITUDE):
+        return f"type mask {mask:#x} has unknown bits"
+    if not 0.0 <= thrust <= 1.0:
+        return "its thrust is not between 0 and 1"
+    if mask & IGNORE_ATTITUDE and mask & _RATES:
+        return "without attitude it needs all three body rates"
+    used = [rate for bit, rate in zip(_EACH_RATE, w, strict=True) if not mask & bit]
+    if not all(abs(rate) <= SPINNIEST for rate in used):
+        return f"its body rates are not within {SPINNIEST:g} rad/s"
+    if not mask & IGNORE_ATTITUDE and not abs(math.hypot(*q) - 1.0) <= UNIT_WITHIN:
+        return "its attitude is not a unit quaternion"
+    return ""

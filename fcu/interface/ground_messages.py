@@ -1,107 +1,16 @@
 """What a ground station or script and the flight controller say to each other.
 
-In the frames inside: Earth ENU, body FLU, SI. The numbers of the enumerations are MAVLink's
-and, for modes, PX4's. `ground_wire` turns these into MAVLink and back.
+In the frames inside: Earth ENU, body FLU, SI. `ground_wire` turns these into MAVLink and back;
+the numbers they speak of are in `ground_numbers`.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
+from fcu.interface.geodesy import Geodetic
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Quat, Vec3
-
-LOCAL_NED = 1  # the only coordinate frame in which a position setpoint is accepted
-
-# Setpoint type masks: each bit takes a field out of use, except FORCE.
-IGNORE_POSITION = 1 | 2 | 4
-IGNORE_VELOCITY = 8 | 16 | 32
-IGNORE_ACCELERATION = 64 | 128 | 256
-FORCE = 512  # the acceleration fields are a force
-IGNORE_YAW = 1024
-IGNORE_YAW_RATE = 2048
-
-
-class CommandId(IntEnum):
-    """The MAV_CMD numbers that are understood here."""
-
-    LAND = 21
-    TAKEOFF = 22
-    SET_MODE = 176
-    ARM_DISARM = 400
-    SET_MESSAGE_INTERVAL = 511
-    REQUEST_MESSAGE = 512
-
-
-class Result(IntEnum):
-    """MAV_RESULT: what became of a command."""
-
-    ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
-    DENIED = 2
-    UNSUPPORTED = 3
-    FAILED = 4
-    IN_PROGRESS = 5
-
-
-class MainMode(IntEnum):
-    """PX4's main flight modes."""
-
-    MANUAL = 1
-    ALTITUDE = 2
-    POSITION = 3
-    AUTO = 4
-    ACRO = 5
-    OFFBOARD = 6
-    STABILIZED = 7
-
-
-class AutoMode(IntEnum):
-    """PX4's sub modes of MainMode.AUTO; 0 with any other."""
-
-    NONE = 0
-    READY = 1
-    TAKEOFF = 2
-    LOITER = 3
-    MISSION = 4
-    RETURN = 5
-    LAND = 6
-
-
-class SystemStatus(IntEnum):
-    """MAV_STATE."""
-
-    UNINITIALISED = 0
-    BOOT = 1
-    CALIBRATING = 2
-    STANDBY = 3
-    ACTIVE = 4
-    CRITICAL = 5
-    EMERGENCY = 6
-
-
-class LandedState(IntEnum):
-    """MAV_LANDED_STATE."""
-
-    UNDEFINED = 0
-    ON_GROUND = 1
-    IN_AIR = 2
-    TAKING_OFF = 3
-    LANDING = 4
-
-
-class Severity(IntEnum):
-    """MAV_SEVERITY, as syslog's."""
-
-    EMERGENCY = 0
-    ALERT = 1
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-    DEBUG = 7
 
 
 class Source(NamedTuple):
@@ -147,10 +56,11 @@ class CommandAck(NamedTuple):
 
 
 class SetpointMessage(NamedTuple):
-    """SET_POSITION_TARGET_LOCAL_NED.
+    """SET_POSITION_TARGET_LOCAL_NED or SET_POSITION_TARGET_GLOBAL_INT.
 
-    In `setpoint` an ignored velocity, acceleration or yaw rate is zero (a fixed position
-    has none), an ignored position or yaw NaN: the receiver decides what to hold.
+    `setpoint` has the axes of its frame: ENU, or forward-left-up of the heading in the body
+    frames. In it an ignored velocity, acceleration or yaw rate is zero (a fixed position has
+    none), an ignored position or yaw NaN: the receiver decides what to hold.
     """
 
     source: Source
@@ -160,12 +70,147 @@ class SetpointMessage(NamedTuple):
     type_mask: int
     frame: int
     setpoint: Setpoint
-    numbers: bytes  # the eleven float32 fields as received: what the echo repeats
+    geodetic: Geodetic | None  # the position, in the global frames
+    numbers: bytes  # the eleven fields as received: what the echo repeats
     refusal: str  # why it must not be flown; empty if it may
 
     def ignores(self, group: int) -> bool:
         """Whether a group, such as IGNORE_YAW, is out of use."""
         return self.type_mask & group == group
+
+
+class AttitudeSetpointMessage(NamedTuple):
+    """SET_ATTITUDE_TARGET."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    time_boot_ms: int
+    type_mask: int
+    q_EB: Quat  # level where it is ignored or refused
+    w_B: Vec3  # rad/s; as received, even where it is ignored
+    thrust: float  # of full thrust, 0 to 1
+    refusal: str
+
+
+class ManualControl(NamedTuple):
+    """MANUAL_CONTROL: sticks, NaN where there is none."""
+
+    source: Source
+    target_system: int
+    x: float  # forward, -1 to 1
+    y: float  # right, -1 to 1
+    z: float  # thrust, 0 to 1
+    r: float  # yaw, clockwise, -1 to 1
+
+
+class SetMode(NamedTuple):
+    """SET_MODE, which COMMAND_LONG has replaced."""
+
+    source: Source
+    target_system: int
+    base_mode: int
+    custom_mode: int
+
+
+class ParamRequestList(NamedTuple):
+    """PARAM_REQUEST_LIST."""
+
+    source: Source
+    target_system: int
+    target_component: int
+
+
+class ParamRequestRead(NamedTuple):
+    """PARAM_REQUEST_READ: by its number, or by name where that is -1."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    name: str
+    number: int
+
+
+class ParamSet(NamedTuple):
+    """PARAM_SET."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    name: str
+    value: float  # of a float32
+    type: int  # MAV_PARAM_TYPE
+
+
+class ParamValue(NamedTuple):
+    """PARAM_VALUE."""
+
+    source: Source
+    name: str
+    value: float
+    type: int
+    number: int
+    total: int
+
+
+class StreamRequest(NamedTuple):
+    """REQUEST_DATA_STREAM, which SET_MESSAGE_INTERVAL has replaced."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    stream: int
+    rate_hz: int
+    start: bool
+
+
+class Ping(NamedTuple):
+    """PING; a target of 0: a request."""
+
+    source: Source
+    target_system: int
+    time_usec: int
+    sequence: int
+
+
+class TimeSync(NamedTuple):
+    """TIMESYNC; tc1 0: a request."""
+
+    source: Source
+    tc1: int
+    ts1: int
+
+
+class MissionMessage(NamedTuple):
+    """One of the mission protocol.
+
+    `kind`: REQUEST_LIST, COUNT, CLEAR_ALL, REQUEST, ITEM, SET_CURRENT or ACK.
+    """
+
+    source: Source
+    target_system: int
+    target_component: int
+    kind: str
+    sequence: int  # of the item it is about, from 0
+    total: int  # of items announced
+    mission_type: int
+
+
+class FileTransfer(NamedTuple):
+    """FILE_TRANSFER_PROTOCOL."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    payload: bytes  # 251
+
+
+class LogRequestList(NamedTuple):
+    """LOG_REQUEST_LIST."""
+
+    source: Source
+    target_system: int
+    target_component: int
 
 
 class PositionTarget(NamedTuple):
@@ -186,6 +231,25 @@ class LocalPosition(NamedTuple):
     time_boot_ms: int
     r_E: Vec3  # m
     v_E: Vec3  # m/s
+
+
+class GlobalPosition(NamedTuple):
+    """GLOBAL_POSITION_INT."""
+
+    source: Source
+    time_boot_ms: int
+    place: Geodetic
+    above_home: float  # m
+    v_E: Vec3  # m/s
+    psi: float  # of the nose, rad; NaN: not known
+
+
+class HomePosition(NamedTuple):
+    """HOME_POSITION."""
+
+    source: Source
+    place: Geodetic
+    r_E: Vec3  # m
 
 
 class Attitude(NamedTuple):
@@ -214,14 +278,13 @@ class StatusText(NamedTuple):
     chunk: int
 
 
+ADDRESSED = (  # a message that names its receiver
+    Command | CommandAck | SetpointMessage | AttitudeSetpointMessage | ManualControl | SetMode
+    | ParamRequestList | ParamRequestRead | ParamSet | StreamRequest | Ping | MissionMessage
+    | FileTransfer | LogRequestList
+)  # fmt: skip
+
 GroundMessage = (
-    Heartbeat
-    | Command
-    | CommandAck
-    | SetpointMessage
-    | PositionTarget
-    | LocalPosition
-    | Attitude
-    | ExtendedState
-    | StatusText
-)
+    ADDRESSED | Heartbeat | ParamValue | TimeSync | PositionTarget | LocalPosition | GlobalPosition
+    | HomePosition | Attitude | ExtendedState | StatusText
+)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Numbers of MAVLink that the vehicle understands: commands, frames, sensors, capabilities."""
+"""MAVLink's numbers: commands, results, frames, masks, modes (PX4's), sensors, capabilities."""
 
 from __future__ import annotations
 
@@ -52,6 +52,95 @@ GLOBAL_FRAMES = frozenset(
 )
 # height above home, not above the sea
 RELATIVE_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+
+
+# Setpoint type masks: each bit takes a field out of use, except FORCE.
+IGNORE_POSITION = 1 | 2 | 4
+IGNORE_VELOCITY = 8 | 16 | 32
+IGNORE_ACCELERATION = 64 | 128 | 256
+FORCE = 512  # the acceleration fields are a force
+IGNORE_YAW = 1024
+IGNORE_YAW_RATE = 2048
+
+# Attitude type masks
+IGNORE_ROLL_RATE, IGNORE_PITCH_RATE, IGNORE_SPIN_RATE = 1, 2, 4
+THRUST_BODY = 32  # thrust is a vector
+IGNORE_THRUST = 64
+IGNORE_ATTITUDE = 128
+
+
+class Result(IntEnum):
+    """MAV_RESULT: what became of a command."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+    COMMAND_LONG_ONLY = 7
+    COMMAND_INT_ONLY = 8
+    UNSUPPORTED_MAV_FRAME = 9
+
+
+class MainMode(IntEnum):
+    """PX4's main flight modes."""
+
+    MANUAL = 1
+    ALTITUDE = 2
+    POSITION = 3
+    AUTO = 4
+    ACRO = 5
+    OFFBOARD = 6
+    STABILIZED = 7
+
+
+class AutoMode(IntEnum):
+    """PX4's sub modes of MainMode.AUTO; 0 with any other."""
+
+    NONE = 0
+    READY = 1
+    TAKEOFF = 2
+    LOITER = 3
+    MISSION = 4
+    RETURN = 5
+    LAND = 6
+
+
+class SystemStatus(IntEnum):
+    """MAV_STATE."""
+
+    UNINITIALISED = 0
+    BOOT = 1
+    CALIBRATING = 2
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+    EMERGENCY = 6
+
+
+class LandedState(IntEnum):
+    """MAV_LANDED_STATE."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY, as syslog's."""
+
+    EMERGENCY = 0
+    ALERT = 1
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+    DEBUG = 7
 
 
 class Sensor(IntFlag):
