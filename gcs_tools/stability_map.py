@@ -39,9 +39,11 @@ GENTLE = (
     "law.J_hat_0=0.35",
 )  # fmt: skip
 LIMITS = {False: (0.02, 0.1), True: (0.5, 1.0)}  # wind -> rms body rate, rad/s; way off, m
+CHATTER = 0.1  # mean change of a rotor's command from tick to tick
 COLUMNS = columns(Tick)
 RATE = [COLUMNS.index(f"measured.w_B.{axis}") for axis in "xyz"]
 YAW_RATE_C = COLUMNS.index("setpoint.psi_dot_c")
+ROTOR = COLUMNS.index("command.u.r1")
 WAY_OFF = [COLUMNS.index(f"internals.e_r.{axis}") for axis in "xyz"]
 
 
@@ -137,7 +139,8 @@ def flies(scene: Scenario, wind: bool) -> bool:
     rate[:, 2] -= last[:, YAW_RATE_C]
     most, far = LIMITS[wind]
     rms = np.sqrt((rate * rate).mean(axis=0)).max()
-    return bool(rms < most and np.abs(last[:, WAY_OFF]).max() < far)
+    chatter = np.abs(np.diff(last[:, ROTOR], axis=0)).mean()
+    return bool(rms < most and chatter < CHATTER and np.abs(last[:, WAY_OFF]).max() < far)
 
 
 def point(mission: Mission) -> Point:
