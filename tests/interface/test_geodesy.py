@@ -32,7 +32,10 @@ def test_distances_are_those_of_the_haversine(x, y):
 
 
 def test_north_is_more_latitude_and_east_more_longitude():
-    north, east = to_geodetic(ZURICH, Vec3(0.0, 100.0, 0.0)), to_geodetic(ZURICH, Vec3(100.0, 0.0, 5.0))
+    north, east = (
+        to_geodetic(ZURICH, Vec3(0.0, 100.0, 0.0)),
+        to_geodetic(ZURICH, Vec3(100.0, 0.0, 5.0)),
+    )
     degree = math.pi * RADIUS / 180.0
     assert (north.lat_deg - ZURICH.lat_deg) * degree == pytest.approx(100.0, abs=1e-3)
     assert north.lon_deg == pytest.approx(ZURICH.lon_deg)
