@@ -57,7 +57,9 @@ def test_a_declaration_gives_wire_order_and_crc_extra(number):
         declared(message.msgname, number, *fields[:n], extensions=tuple(fields[n:]))
         for n in range(len(fields), 0, -1)
     ]
-    assert any((k.fields, k.crc_extra) == (of(message).fields, of(message).crc_extra) for k in possible)
+    assert any(
+        (k.fields, k.crc_extra) == (of(message).fields, of(message).crc_extra) for k in possible
+    )
 
 
 @pytest.mark.parametrize("number", LATER)
