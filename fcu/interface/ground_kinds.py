@@ -8,8 +8,13 @@ from fcu.interface.framing import Kind, Packed, declared, of, packed
 
 KINDS: dict[int, Kind] = {number: of(m) for number, m in mavlink.mavlink_map.items()}
 _NAMED: dict[str, Kind] = {kind.name: kind for kind in KINDS.values()}
-# Messages of common.xml that the dialect leaves out as work in progress, and ArduPilot's WIND.
+# Messages of the standard that the dialect leaves out, or did until lately; TIMESYNC, whose newer
+# fields it leaves out; and ArduPilot's WIND.
 for _kind in (
+    declared(
+        "TIMESYNC", 111, "int64_t tc1", "int64_t ts1",
+        extensions=("uint8_t target_system", "uint8_t target_component"),
+    ),
     declared("WIND", 168, "float direction", "float speed", "float speed_z"),
     declared(
         "ESC_INFO", 290, "uint8_t index", "uint64_t time_usec", "uint16_t counter", "uint8_t count",
@@ -23,6 +28,10 @@ for _kind in (
     declared(
         "PROTOCOL_VERSION", 300, "uint16_t version", "uint16_t min_version",
         "uint16_t max_version", "uint8_t[8] spec_version_hash", "uint8_t[8] library_version_hash",
+    ),
+    declared(
+        "PARAM_ERROR", 345, "uint8_t target_system", "uint8_t target_component",
+        "char[16] param_id", "int16_t param_index", "uint8_t error",
     ),
     declared(
         "AVAILABLE_MODES", 435, "uint8_t number_modes", "uint8_t mode_index",
