@@ -14,6 +14,7 @@ from fcu.interface.frames import (
     attitude_enu_ned,
     setpoint_from_wire,
     setpoint_to_wire,
+    yaw_enu_ned,
 )
 from fcu.interface.geodesy import Geodetic
 from fcu.interface.ground_numbers import (
@@ -34,7 +35,6 @@ from fcu.interface.ground_numbers import (
 )
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Quat, Vec3
-from fcu.kernel.rotations import wrap
 
 NUMBERS = struct.Struct("<11f")
 # Beyond these a setpoint is nonsense, whoever sends it.
@@ -73,7 +73,7 @@ def attitude(q: Quat) -> Quat:
 
 def heading(psi: float) -> float:
     """Clockwise from North, rad, of a yaw from East counter-clockwise; or back."""
-    return float(wrap(0.5 * math.pi - float(psi)))
+    return float(yaw_enu_ned(float(psi)))
 
 
 def _floats(v: Vec3) -> Vec3:
