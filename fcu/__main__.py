@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 from pathlib import Path
@@ -11,6 +12,17 @@ import click
 from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
 
 FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
+ORIGIN = "47.397742,8.545594,489.4"  # PX4's default home
+
+
+def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tuple[float, ...]:
+    try:
+        lat, lon, alt = (float(part) for part in value.split(","))
+    except ValueError:
+        lat = lon = alt = math.nan
+    if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and abs(alt) <= 1e4):
+        raise click.BadParameter(f"expected LAT,LON,ALT in degrees and m, got {value}")
+    return lat, lon, alt
 
 
 @click.command(epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped, 2 usage, 3 plant link or port.")
@@ -18,6 +30,10 @@ FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
 @click.option("--rate", "rate_hz", default=500.0, show_default=True, help="Control rate, Hz.")
 @click.option("--law", type=click.Path(path_type=Path), help="LawParams as JSON, in place of octo.toml and --rate.")  # fmt: skip
+@click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="As what it presents itself; modes are encoded as PX4's in both.")  # fmt: skip
+@click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth.")  # fmt: skip
+@click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
+@click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Saved parameters: read now if it exists, written when a ground station asks.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
@@ -25,6 +41,10 @@ def main(
     instance: int | None,
     rate_hz: float,
     law: Path | None,
+    autopilot: str,
+    origin: tuple[float, float, float],
+    link_clock: str,
+    params_file: Path | None,
     record_fd: int | None,
     lifeline_fd: int | None,
     drop: bool,
@@ -34,10 +54,13 @@ def main(
     The plant sets the pace; start it before or after (`sitl-plant`). Ground stations and
     scripts find the vehicle on PX4's ports.
     """
-    from fcu.configuration import ConfigurationError, read_law
+    from fcu.configuration import ConfigurationError, read_drag, read_law
 
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
+    from fcu.ground.view import Identity
+    from fcu.interface.geodesy import Origin
+    from fcu.interface.ground_numbers import Autopilot
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
@@ -45,15 +68,19 @@ def main(
     from fcu.kernel.compile import is_cached
     from fcu.law.types import Tick
     from fcu.loop import INFRASTRUCTURE, Loop, say
+    from fcu.params import Parameters, ParamsFileError
 
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
-        params = read_law(law, rate_hz)
+        params = Parameters(read_law(law, rate_hz), ports(number).system_id, params_file)
+        shown_as = Autopilot[autopilot.upper()]
+        identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
         tape = Tape(size(Tick), record_fd, wait=not drop)
         with watched(lifeline_fd):
             if not is_cached("tick"):
                 say(-1, "info", "compiling the law, once for this version (about 15 s)")
-            loop = Loop(ports(number), params, tape, lifeline_fd)
+            sim_only = link_clock == "sim"
+            loop = Loop(ports(number), identity, params, tape, lifeline_fd, sim_only, params_file)
             loop.warm_up()
     except PortBusy as error:
         say(-1, "error", str(error.strerror))
@@ -61,7 +88,7 @@ def main(
     except OSError as error:
         say(-1, "error", str(error))
         sys.exit(INFRASTRUCTURE)
-    except ConfigurationError as error:
+    except (ConfigurationError, ParamsFileError) as error:
         raise click.UsageError(str(error)) from error
 
     def stop(_signal: int, _frame: object) -> None:

@@ -11,18 +11,13 @@ import gc
 import select
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from fcu.ground.port import GroundPort
-from fcu.ground.telemetry import Telemetry
-from fcu.interface.ground_messages import (
-    Command,
-    CommandAck,
-    Result,
-    SetpointMessage,
-    Severity,
-)
+from fcu.ground.station import Station
+from fcu.ground.view import Identity
+from fcu.interface.ground_numbers import Severity
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
@@ -31,11 +26,13 @@ from fcu.interface.tape import Tape
 from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.law import cascade
-from fcu.law.types import LawParams, LawState, Tick
+from fcu.law.types import LawState, Tick
+from fcu.params import Parameters
 from fcu.supervisor import Supervisor
 
 WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
 OK, INFRASTRUCTURE = 0, 3
+LOAD_SMOOTHED = 1.0 / 256.0
 
 _TICK = columns(Tick)
 _STATE_AT = _TICK.index("state.r_m.x")
@@ -53,26 +50,33 @@ class Figures:
     refused: int = 0  # datagrams of the plant link that were not states
     cycle_max_us: float = 0.0
     dropped: int = 0  # recorded rows that did not fit
+    ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
 
 
 class Loop:
     """One flight controller, from its first datagram to its end."""
 
-    def __init__(self, ports: Ports, params: LawParams, tape: Tape, lifeline: int | None) -> None:
-        """`lifeline`: a file descriptor whose end of file ends the loop. Raises PortBusy."""
-        self._ports = ports
+    def __init__(
+        self, ports: Ports, identity: Identity, params: Parameters, tape: Tape,
+        lifeline: int | None, sim_only: bool = False, file: Path | None = None,
+    ) -> None:  # fmt: skip
+        """`lifeline`: a file descriptor whose end of file ends the loop.
+
+        `sim_only`: a script's stream is lost by simulation time alone. `file`: where parameters
+        are saved. Raises PortBusy.
+        """
         self._params = params
-        self._params_buffer = to_buffer(params)
+        self._law = params.law
+        self._law_buffer = to_buffer(self._law)
         self._tape = tape
         self._lifeline = lifeline
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
         self._codec = PlantCodec(ports.system_id)
-        self._ground = [
-            GroundPort(ports.fcu_script, ports.script, ports.system_id, owner("fcu_script")),
-            GroundPort(ports.fcu_station, ports.station, ports.system_id, owner("fcu_station")),
-        ]
-        self.vehicle = Supervisor()
-        self._telemetry = Telemetry(self._ground, self.vehicle, params.spin, params.T_max)
+        self.vehicle = Supervisor(params, sim_only)
+        self._ground = Station(
+            ports, identity, params, self.vehicle, file,
+            lambda level, text: say(self._time_us, level, text),
+        )  # fmt: skip
         self.figures = Figures()
         self.stopping = False
         self._setpoint = np.zeros(size(Setpoint))
@@ -83,6 +87,7 @@ class Loop:
         self._answer = b""
         self._time_us = -1
         self._heard = 0.0
+        self._load = 0.0
         self._exit = OK
 
     def warm_up(self) -> None:
@@ -91,20 +96,17 @@ class Loop:
         measured = np.zeros(size(VehicleState))
         measured[6] = 1.0
         for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
-            cascade.tick(
-                0.0, engaged, state, self._params_buffer, self._setpoint, 0.0, measured, row
-            )
+            cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
             state = row[_STATE].copy()
-        self._telemetry.tick(0.0, row)
-        self._telemetry = Telemetry(
-            self._ground, self.vehicle, self._params.spin, self._params.T_max
-        )
+        self.vehicle.state = measured
+        self._ground.warm_up(row)
+        self.vehicle.state = None
 
     def run(self) -> int:
         """Fly until told to stop; returns the exit code."""
         poll = select.poll()
         plant_fd = self._plant.fileno()
-        by_fd = {port.fileno(): port for port in self._ground}
+        by_fd = {port.fileno(): port for port in self._ground.ports}
         for fd in (plant_fd, *by_fd):
             poll.register(fd, select.POLLIN)
         if self._lifeline is not None:
@@ -114,15 +116,15 @@ class Loop:
         gc.disable()
         warned = False
         while not self.stopping:
-            for fd, _ in poll.poll(50):
+            for fd, _ in poll.poll(20):
                 if fd == plant_fd:
                     self._serve_plant()
                 elif fd in by_fd:
-                    self._serve_ground(by_fd[fd])
+                    self._ground.serve(by_fd[fd], self._next_us(), time.monotonic())
                 else:
                     self.stopping = True  # whoever started us is gone
             now = time.monotonic()
-            self._telemetry.heartbeat(now)
+            self._ground.idle(self._next_us(), now)
             if self._heard:
                 silent = now - self._heard
                 if silent > END_S:
@@ -153,9 +155,10 @@ class Loop:
         if not self._heard:
             say(time_us, "info", "the plant is there")
         self._heard = time.monotonic()
+        self.vehicle.battery = self._codec.battery
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
-                self.vehicle.state = self._measured
+                self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due
         elif time_us == self._time_us:  # our answer was lost
             self.figures.resent += 1
@@ -168,34 +171,42 @@ class Loop:
             self._tick(time_us)
             cycle = (time.perf_counter() - started) * 1e6
             self.figures.cycle_max_us = max(self.figures.cycle_max_us, cycle)
+            self._load += LOAD_SMOOTHED * (cycle * 1e-6 / self._law.h - self._load)
 
     def _tick(self, time_us: int) -> None:
         t = time_us * 1e-6
         vehicle, row = self.vehicle, self._tape.row()
-        happened = vehicle.observe(self._measured, t)
+        happened = vehicle.observe(self._measured, time_us, self._heard)
         if happened:
-            self._telemetry.text(Severity.INFO, happened)
-            say(time_us, "info", happened)
-        if not vehicle.armed or vehicle.setpoint is None:
+            self._say_all(happened)
+        if self._params.law is not self._law:  # somebody has set a parameter
+            self._law = self._params.law
+            self._law_buffer = to_buffer(self._law)
+        setpoint = vehicle.setpoint
+        if setpoint is None:
             self._engaged = cascade.IDLE
         elif self._engaged == cascade.IDLE:
             self._engaged = cascade.TAKE_OVER
         else:
             self._engaged = cascade.FLYING
-        if vehicle.setpoint is not self._flown and vehicle.setpoint is not None:
-            self._setpoint[:] = to_buffer(vehicle.setpoint)
-        self._flown = vehicle.setpoint
-        age = (time_us - round(vehicle.set_at * 1e6)) * 1e-6
+        if setpoint is not self._flown and setpoint is not None:
+            self._setpoint[:] = to_buffer(setpoint)
+        self._flown = setpoint
+        age = (time_us - vehicle.since_us) * 1e-6
         cascade.tick(
-            t, self._engaged, self._state, self._params_buffer, self._setpoint, age,
+            t, self._engaged, self._state, self._law_buffer, self._setpoint, age,
             self._measured, row,
         )  # fmt: skip
         self._answer = self._codec.pack_controls(time_us, row[_COMMAND], vehicle.armed, True)
         self._plant.send(self._answer)
         self._state[:] = row[_STATE]
         self.figures.ticks += 1
-        self._telemetry.tick(t, row)
+        self._ground.see(t, row, setpoint is not None, self._load)
         self._record()
+
+    def _say_all(self, happened: list[tuple[Severity, str]]) -> None:
+        for severity, text in happened:
+            self._ground.tell(severity, text)
 
     def _record(self) -> None:
         try:
@@ -215,39 +226,16 @@ class Loop:
 
     # --- the ground
 
-    def _serve_ground(self, port: GroundPort) -> None:
-        t = max(self._time_us, 0) * 1e-6
-        for message, address in port.receive():
-            if isinstance(message, Command):
-                verdict = self.vehicle.command(message, t)
-                port.send(port.codec.pack_command_ack(message, verdict.result), address)
-                if verdict.text:
-                    good = verdict.result is Result.ACCEPTED
-                    self._telemetry.text(Severity.INFO if good else Severity.WARNING, verdict.text)
-                    say(self._time_us, "info" if good else "warning", verdict.text)
-            elif isinstance(message, SetpointMessage):
-                # while time stands this is the setpoint of the tick to come
-                verdict = self.vehicle.offer(message, self._next_time(t))
-                if verdict.result is Result.ACCEPTED:
-                    echo = port.codec.pack_position_target(
-                        t, message.numbers, message.type_mask, message.frame
-                    )
-                    port.send(echo, address)
-                else:
-                    self._telemetry.text(Severity.WARNING, verdict.text)
-            elif isinstance(message, CommandAck):
-                continue
-
-    def _next_time(self, t: float) -> float:
-        """When a setpoint that arrives now takes effect: at the next tick."""
-        return 0.0 if self._time_us < 0 else t + self._params.h
+    def _next_us(self) -> int:
+        """When what arrives now takes effect: at the next tick. While time stands, the one to come."""
+        return 0 if self._time_us < 0 else self._time_us + round(self._law.h * 1e6)
 
     def _close(self) -> None:
         self._flush()
         self.figures.dropped = self._tape.dropped
+        self.figures.ground_dropped = self._ground.dropped()
         self._plant.close()
-        for port in self._ground:
-            port.close()
+        self._ground.close()
 
 
 def say(time_us: int, level: str, text: str) -> None:

@@ -1,68 +1,79 @@
 """Who may do what, when: arming, modes, and the setpoint that is flown.
 
-Pure: commands and messages in, a verdict in words out. It knows no socket, no clock and no
-MAVLink number but those of `ground_messages`; the loop asks it once a tick what to fly.
+Pure: requests and times in, a verdict in words out. It knows no socket, no clock and no
+message; the loop asks it at every tick what to fly. Which mode may follow which is `modes`.
+Times are simulation time in whole microseconds, unless they are called wall.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fcu.interface.ground_messages import (
-    IGNORE_ACCELERATION,
-    IGNORE_POSITION,
-    IGNORE_VELOCITY,
-    IGNORE_YAW,
-    AutoMode,
-    Command,
-    CommandId,
-    LandedState,
-    MainMode,
-    Result,
-    SetpointMessage,
-    SystemStatus,
-)  # fmt: skip
-from fcu.interface.messages import Setpoint, VehicleState
+from fcu import guidance, modes
+from fcu.guidance import STILL, Piece
+from fcu.interface.ground_numbers import LandedState, Result, Severity, SystemStatus
+from fcu.interface.messages import Battery, Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import columns, from_buffer
+from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rotations import euler, matrix
-
-FORCE_MAGIC = 21196  # MAV_CMD_COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
-TAKEOFF_HEIGHT = 2.5  # m, when the command does not say
-LAND_SPEED = 0.7  # m/s
-LANDED_BELOW = 0.5  # m that the setpoint must have sunk below a vehicle that does not follow
-LANDED_FOR = 1.0  # s
-NOTHING = Vec3(0.0, 0.0, 0.0)
+from fcu.landed import Landed
+from fcu.modes import Event, Mode, Need
+from fcu.params import Parameters
+from fcu.plans import Leader, limits, plan_of, settle_s, take_off
+from fcu.script import Limits, Pose, Script, anchored
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
-_HEIGHT, _CLIMB = (columns(VehicleState).index(name) for name in ("r_E.z", "v_E.z"))
+
+LOOK_US = 20_000  # between looks at whether it has landed, and at the timers of arming
+NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
+TILT_TO_ARM = math.radians(25.0)
 
 
 @dataclass
 class Verdict:
-    """What became of a command, and why, in words for a STATUSTEXT (empty: nothing to say)."""
+    """What became of a request, and why, in words for a STATUSTEXT (empty: nothing to say)."""
 
     result: Result
     text: str = ""
 
+    @property
+    def good(self) -> bool:
+        """Whether it was done."""
+        return self.result is Result.ACCEPTED
 
-@dataclass
+
+def _denied(what: str, why: str) -> Verdict:
+    return Verdict(Result.DENIED, f"{what} denied: {why}")
+
+
 class Supervisor:
-    """Arming and modes of one vehicle. Times are simulation time, s."""
+    """Arming and modes of one vehicle."""
 
-    armed: bool = False
-    main_mode: MainMode = MainMode.AUTO
-    sub_mode: AutoMode = AutoMode.LOITER
-    setpoint: Setpoint | None = None  # what is flown, as of `set_at`
-    set_at: float = 0.0
-    offered: Setpoint | None = None  # the last acceptable setpoint of a script
-    offered_at: float = 0.0
-    state: Row | None = None  # the last measured VehicleState, as its buffer
-    _landed_since: float | None = field(default=None, repr=False)
+    def __init__(self, params: Parameters, sim_only: bool = False) -> None:
+        """`sim_only`: a script's stream is lost by simulation time alone."""
+        law = params.law
+        self._params = params
+        self.script = Script(sim_only)
+        self.armed = False
+        self.mode = Mode.HOLD
+        self.leader = Leader()
+        self.home: Vec3 | None = None
+        self.home_changed = 0  # how often
+        self.terminated = False
+        self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
+        self.state: Row | None = None  # the last measured VehicleState, as its buffer
+        self.battery: Battery | None = None
+        self.wake_us = 0  # nothing happens by itself before
+        self.failsafe = ""  # why the vehicle is not where it was told to be
+        self._landed = Landed(law.c_T, law.m_hat_0 * law.g)
+        self._armed_us = 0
+        self._landed_us = 0
+        self._look_us = 0
 
     # --- what a ground station sees
 
@@ -73,152 +84,312 @@ class Supervisor:
 
     @property
     def status(self) -> SystemStatus:
-        """BOOT until the plant was heard, then STANDBY or ACTIVE."""
+        """BOOT until the plant was heard, then STANDBY, ACTIVE, or CRITICAL in a failsafe."""
+        if self.terminated:
+            return SystemStatus.EMERGENCY
         if self.state is None:
             return SystemStatus.BOOT
-        return SystemStatus.ACTIVE if self.armed else SystemStatus.STANDBY
+        if self.armed:
+            return SystemStatus.CRITICAL if self.failsafe else SystemStatus.ACTIVE
+        return SystemStatus.STANDBY
 
     @property
     def landed_state(self) -> LandedState:
-        """On the ground while disarmed; else by mode."""
-        if not self.armed:
+        """From the detector, and the mode."""
+        if self.state is None:
+            return LandedState.UNDEFINED
+        if self._landed.landed:
             return LandedState.ON_GROUND
-        return {
-            AutoMode.TAKEOFF: LandedState.TAKING_OFF,
-            AutoMode.LAND: LandedState.LANDING,
-        }.get(self.sub_mode, LandedState.IN_AIR)
+        if self.mode is Mode.TAKEOFF:
+            return LandedState.TAKING_OFF
+        return LandedState.LANDING if self.mode is Mode.LAND else LandedState.IN_AIR
 
-    # --- what it is told
+    @property
+    def setpoint(self) -> Setpoint | None:
+        """What is flown, as of `since_us`; None while disarmed."""
+        return self.leader.setpoint
 
-    def offer(self, message: SetpointMessage, t: float) -> Verdict:
-        """A script's setpoint: taken if it can be flown, and flown if in offboard mode."""
-        if message.refusal:
-            return Verdict(Result.DENIED, f"Setpoint refused: {message.refusal}")
-        if message.ignores(IGNORE_POSITION):
-            return Verdict(Result.DENIED, "Setpoint refused: it has no position")
-        offered = message.setpoint
-        if message.ignores(IGNORE_VELOCITY):
-            offered = offered._replace(v_c=NOTHING)
-        if message.ignores(IGNORE_ACCELERATION):
-            offered = offered._replace(a_c=NOTHING)
-        if message.ignores(IGNORE_YAW):
-            psi = self.setpoint.psi_c if self.setpoint is not None else self._yaw()
-            offered = offered._replace(psi_c=psi, psi_dot_c=0.0)
-        self.offered, self.offered_at = offered, t
-        if self.main_mode is MainMode.OFFBOARD:
-            self._fly(offered, t)
-        return Verdict(Result.ACCEPTED)
+    @property
+    def since_us(self) -> int:
+        """When it took effect."""
+        return self.leader.since_us
 
-    def command(self, command: Command, t: float) -> Verdict:
-        """A command of a ground station or script."""
-        if command.command == CommandId.ARM_DISARM:
-            return self._arm(command, t)
-        if command.command == CommandId.SET_MODE:
-            return self._set_mode(command, t)
-        if command.command == CommandId.TAKEOFF:
-            return self._take_off(command, t)
-        if command.command == CommandId.LAND:
-            return self._land(t)
-        return Verdict(Result.UNSUPPORTED)
+    @property
+    def on_ground(self) -> bool:
+        """Whether the detector has it on the ground."""
+        return self._landed.landed
 
-    def observe(self, state: Row, t: float) -> str:
-        """The VehicleState buffer of this tick. Returns what happened, in words, if it did.
+    def pose(self) -> Pose:
+        """Where the vehicle is."""
+        m = self.measured
+        assert m is not None
+        return Pose(m.r_E, m.v_E, euler(matrix(m.q_EB)).z)
 
-        Called at every tick: it reads two numbers of the buffer, and only when they matter.
+    def flown(self, t_us: int) -> Setpoint:
+        """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere."""
+        return anchored(self.setpoint, (t_us - self.since_us) * 1e-6, self.pose(), NEAR)
+
+    def script_limits(self) -> Limits:
+        """Above which a script's setpoint is flown at the limit."""
+        return Limits(self._params["MR_SP_DIST"], self._params["MPC_XY_VEL_MAX"])
+
+    # --- what happens by itself
+
+    def observe(self, state: Row, t_us: int, wall_s: float) -> list[tuple[Severity, str]]:
+        """The VehicleState buffer of this tick: what happened, in words.
+
+        Called at every tick; does nothing before `wake_us`.
         """
         self.state = state
-        if not self.armed or self.setpoint is None:
-            return ""
-        if self.sub_mode is AutoMode.TAKEOFF and state[_HEIGHT] > self.setpoint.r_c.z - 0.3:
-            self._enter(MainMode.AUTO, AutoMode.LOITER)
-            return "Takeoff complete, holding"
-        if self.sub_mode is AutoMode.LAND:
-            sunk = state[_HEIGHT] - (self.setpoint.r_c.z - LAND_SPEED * (t - self.set_at))
-            if abs(state[_CLIMB]) < 0.15 and sunk > LANDED_BELOW:
-                self._landed_since = t if self._landed_since is None else self._landed_since
-                if t - self._landed_since >= LANDED_FOR:
-                    self._disarm()
-                    return "Landed, disarmed"
-            else:
-                self._landed_since = None
+        if t_us < self.wake_us:
+            return []
+        said: list[tuple[Severity, str]] = []
+        if t_us >= self._look_us:
+            self._look_us = t_us + LOOK_US
+            self._look(state, t_us, said)
+        if self.armed and self.mode is Mode.OFFBOARD:
+            self._watch_script(t_us, wall_s, said)
+        self._advance(t_us, said)
+        return said
+
+    def _set_wake(self) -> None:
+        self.wake_us = min(self._look_us, self.leader.until_us)
+        if self.armed and self.mode is Mode.OFFBOARD:
+            self.wake_us = min(self.wake_us, self.script.deadline_us(self.lost_us))
+
+    def _look(self, state: Row, t_us: int, said: list[tuple[Severity, str]]) -> None:
+        if self.home is None:
+            self._set_home(self.pose().r_E)
+        was = self._landed.landed
+        if self._landed.see(state, t_us) and not was:
+            self._landed_us = t_us
+            said.append((Severity.INFO, "Landed"))
+        if not self.armed or not self._landed.landed:
+            return
+        if self._landed.has_flown:
+            wait, since = self._params["COM_DISARM_LAND"], self._landed_us
+            if wait >= 0.0 and self._goes_down() and t_us - since >= wait * 1e6:
+                self._disarm(t_us)
+                said.append((Severity.INFO, "Disarmed after landing"))
+        else:
+            wait, idle = self._params["COM_DISARM_PRFLT"], self.mode in (Mode.HOLD, Mode.POSITION)
+            if wait >= 0.0 and idle and t_us - self._armed_us >= wait * 1e6:
+                self._disarm(t_us)
+                said.append((Severity.INFO, "Disarmed: it did not take off"))
+
+    def _goes_down(self) -> bool:
+        """Whether what is flown is not above the vehicle: a script may be about to take off."""
+        if self.mode is Mode.LAND:
+            return True
+        assert self.state is not None
+        return self.setpoint is None or self.setpoint.level > 0.0 or (
+            self.setpoint.r_c.z <= float(self.state[2]) + 0.1 and self.setpoint.v_c.z <= 0.0
+        )  # fmt: skip
+
+    @property
+    def lost_us(self) -> int:
+        """How old a script's last setpoint may be, us."""
+        return round(self._params["COM_OF_LOSS_T"] * 1e6)
+
+    def _watch_script(self, t_us: int, wall_s: float, said: list[tuple[Severity, str]]) -> None:
+        if not self.script.lost(t_us, wall_s, self.lost_us):
+            return
+        action = int(self._params["COM_OBL_RC_ACT"])
+        self.script.forget()
+        text = f"Offboard lost: no setpoint for {self._params['COM_OF_LOSS_T']:g} s"
+        mode = modes.ON_LOSS[action]
+        if mode is Mode.RETURN and self._landed.landed:
+            mode = Mode.HOLD
+        if mode is None:
+            if action == modes.TERMINATE:
+                self.terminated = True
+            self._disarm(t_us)
+            said.append((Severity.CRITICAL, f"{text}, rotors stopped"))
+            return
+        self._enter(mode, t_us)
+        self.failsafe = text
+        said.append((Severity.CRITICAL, f"{text}, mode {mode.value}"))
+
+    # --- requests
+
+    def arm(self, t_us: int, wall_s: float) -> Verdict:
+        """Start the rotors; the vehicle holds, or flies the mode it is in."""
+        if self.armed:
+            return Verdict(Result.ACCEPTED)
+        why = self.why_not_arm(t_us, wall_s)
+        if why:
+            return _denied("Arming", why)
+        self.armed, self._armed_us, self.failsafe = True, t_us, ""
+        self._landed.has_flown = not self._landed.landed
+        if self._landed.landed:
+            self._set_home(self.pose().r_E)
+        self._enter(self.mode, t_us)
+        return Verdict(Result.ACCEPTED, "Armed")
+
+    def why_not_arm(self, t_us: int, wall_s: float) -> str:
+        """The first reason against arming; empty if there is none."""
+        why = self.unfit
+        if not why and self.mode is Mode.OFFBOARD:
+            ready = self.script.ready(t_us, wall_s, self.lost_us)
+            why = "" if ready else Need.SETPOINTS.value
+        return why
+
+    @property
+    def unfit(self) -> str:
+        """Why the vehicle itself must not be armed; empty if it may."""
+        m = self.measured
+        if m is None:
+            return Need.STATE.value
+        if self.terminated:
+            return "flight was terminated (restart the flight controller)"
+        if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
+            return f"tilted by more than {math.degrees(TILT_TO_ARM):.0f} degrees"
+        if self.battery is not None and self.battery.remaining < self._params["BAT_CRIT_THR"]:
+            return f"battery at {100.0 * self.battery.remaining:.0f} %"
         return ""
+
+    def disarm(self, t_us: int, forced: bool = False) -> Verdict:
+        """Stop the rotors: on the ground, or whatever happens if forced."""
+        if self.armed and not self._landed.landed and not forced:
+            return _denied("Disarming", "in flight (land first)")
+        was = self.armed
+        self._disarm(t_us)
+        return Verdict(Result.ACCEPTED, "Disarmed" if was else "")
+
+    def terminate(self, t_us: int) -> Verdict:
+        """Stop the rotors for good."""
+        self.terminated = True
+        self._disarm(t_us)
+        return Verdict(Result.ACCEPTED, "Flight terminated")
+
+    def select(self, wanted: Mode, t_us: int, wall_s: float) -> Verdict:
+        """Another mode. TEMPORARILY_REJECTED while a script's stream is all that is missing."""
+        need = modes.denied(wanted, self._met(t_us, wall_s))
+        if need is not None:
+            rejected = Result.TEMPORARILY_REJECTED if need is Need.SETPOINTS else Result.DENIED
+            return Verdict(rejected, f"{wanted.value} denied: {need.value}")
+        if wanted is Mode.HOLD or wanted is not self.mode:
+            self.failsafe = ""
+            self._enter(wanted, t_us)
+        return Verdict(Result.ACCEPTED, f"Mode {wanted.value}")
+
+    def take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Verdict:
+        """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold."""
+        need = modes.denied(Mode.TAKEOFF, self._met(t_us, wall_s))
+        if need is not None:
+            return _denied("Takeoff", need.value)
+        here = self._from(t_us)
+        height = self._params["MIS_TAKEOFF_ALT"] if to_z is None else to_z - here.r_E.z
+        if not 0.0 < height <= 1000.0:
+            return _denied("Takeoff", f"{height:.1f} m up (expected above 0, at most 1000)")
+        self.failsafe = ""
+        self._become(Mode.TAKEOFF)
+        plan = take_off(here, height, self._limits(), settle_s(self._params))
+        self._follow(plan, t_us, ends=True)
+        return Verdict(Result.ACCEPTED, f"Taking off to {height:.1f} m above here")
+
+    def reposition(self, to: Vec3, psi: float | None, t_us: int) -> Verdict:
+        """Hold somewhere else: straight there, within the limits."""
+        if not self.armed or self.state is None:
+            return _denied("Reposition", Need.ARMED.value)
+        if self._landed.landed:
+            return _denied("Reposition", Need.AIRBORNE.value)
+        here = self._from(t_us)
+        self.failsafe = ""
+        self._become(Mode.HOLD)
+        psi = here.psi if psi is None else psi
+        self._follow(guidance.through(here.r_E, here.v_E, [to], psi, self._limits()), t_us)
+        return Verdict(Result.ACCEPTED, f"Going {guidance.length(to - here.r_E):.0f} m")
+
+    def move(self, v: Vec3, psi_dot: float, t_us: int) -> None:
+        """Sticks in position mode: a velocity (m/s, E) and a yaw rate (rad/s)."""
+        if not self.armed or self.mode is not Mode.POSITION:
+            return
+        now = self.flown(t_us)
+        piece = Piece(
+            Setpoint(now.r_c, v, STILL, now.psi_c, psi_dot), self._params["COM_RC_LOSS_T"]
+        )
+        stop = Piece(Setpoint(now.r_c + piece.for_s * v, STILL, STILL, now.psi_c, 0.0), math.inf)
+        self._follow([piece, stop], t_us)
+
+    def change_speed(self, speed: float) -> Verdict:
+        """Cruise speed (m/s) of what is laid down from now on; -1: MPC_XY_CRUISE again."""
+        greatest = self._params["MPC_XY_VEL_MAX"]
+        if speed != -1.0 and not 0.1 <= speed <= greatest:
+            return _denied("Speed", f"{speed:g} m/s (expected 0.1 to {greatest:g})")
+        self.cruise = None if speed == -1.0 else speed
+        return Verdict(Result.ACCEPTED)
+
+    def set_home(self, home: Vec3 | None) -> Verdict:
+        """Where a return flies to; None: here."""
+        if self.state is None:
+            return _denied("Home", Need.STATE.value)
+        self._set_home(self.pose().r_E if home is None else home)
+        return Verdict(Result.ACCEPTED, "Home set")
+
+    def fly_script(self, t_us: int) -> None:
+        """The script has a new setpoint: it is flown in offboard mode."""
+        if self.mode is Mode.OFFBOARD and self.armed and self.script.setpoint is not None:
+            self.leader.take(self.script.setpoint, self.script.since_us)
+        self._set_wake()
 
     # --- how
 
-    def _yaw(self) -> float:
-        measured = self.measured
-        if measured is None:
-            return 0.0
-        psi: float = euler(matrix(measured.q_EB)).z
-        return psi
+    def _met(self, t_us: int, wall_s: float) -> frozenset[Need]:
+        landed = self._landed.landed
+        met = {
+            Need.STATE: self.state is not None,
+            Need.ARMED: self.armed,
+            Need.AIRBORNE: not landed,
+            Need.GROUNDED: landed,
+            Need.SETPOINTS: self.script.ready(t_us, wall_s, self.lost_us),
+        }
+        return frozenset(need for need, yes in met.items() if yes)
 
-    def _fly(self, setpoint: Setpoint, t: float) -> None:
-        self.setpoint, self.set_at = setpoint, t
+    def _from(self, t_us: int) -> Pose:
+        """Where a plan begins: the setpoint flown now, so that the law's input does not jump."""
+        now = self.flown(t_us)
+        return Pose(now.r_c, now.v_c, now.psi_c)
 
-    def _enter(self, main: MainMode, sub: AutoMode = AutoMode.NONE) -> None:
-        self.main_mode, self.sub_mode = main, sub
-        self._landed_since = None
+    def _limits(self) -> guidance.Limits:
+        return limits(self._params, self.cruise)
 
-    def _here(self, up: float = 0.0, v_c: Vec3 = NOTHING) -> Setpoint:
-        measured = self.measured
-        assert measured is not None
-        return Setpoint(measured.r_E + Vec3(0.0, 0.0, up), v_c, NOTHING, self._yaw(), 0.0)
+    def _set_home(self, home: Vec3) -> None:
+        self.home = home
+        self.home_changed += 1
 
-    def _disarm(self) -> None:
-        self.armed, self.setpoint = False, None
-        self._enter(MainMode.AUTO, AutoMode.LOITER)
+    def _become(self, mode: Mode) -> None:
+        self.mode = mode
+        if mode is not Mode.OFFBOARD:
+            self.script.owner = None
 
-    def _arm(self, command: Command, t: float) -> Verdict:
-        want, forced = command.params[0], command.params[1] == FORCE_MAGIC
-        if want not in (0.0, 1.0):
-            return Verdict(Result.DENIED, "Arming denied: parameter 1 is neither 0 nor 1")
-        if want == 0.0:
-            if self.armed and self._landed_since is None and not forced:
-                return Verdict(Result.DENIED, "Disarming denied: in flight (land first)")
-            self._disarm()
-            return Verdict(Result.ACCEPTED, "Disarmed")
-        if self.armed:
-            return Verdict(Result.ACCEPTED)
-        if self.state is None:
-            return Verdict(Result.DENIED, "Arming denied: no state from the plant yet")
-        self.armed = True
-        if self.main_mode is MainMode.OFFBOARD and self.offered is not None:
-            self._fly(self.offered, self.offered_at)
-        else:
-            self._fly(self._here(), t)
-        return Verdict(Result.ACCEPTED, "Armed")
+    def _disarm(self, t_us: int) -> None:
+        self.armed, self.failsafe = False, ""
+        self.leader.take(None, t_us)
+        self._landed.has_flown = False
+        self._become(modes.after(self.mode, Event.DISARMED))
+        self._set_wake()
 
-    def _set_mode(self, command: Command, t: float) -> Verdict:
-        main, sub = command.params[1], command.params[2]
-        if main == MainMode.OFFBOARD:
-            if self.offered is None:
-                return Verdict(Result.TEMPORARILY_REJECTED, "Offboard denied: no setpoint yet")
-            self._enter(MainMode.OFFBOARD)
-            self._fly(self.offered, self.offered_at)
-            return Verdict(Result.ACCEPTED, "Offboard")
-        if main == MainMode.AUTO and sub == AutoMode.LOITER:
-            self._enter(MainMode.AUTO, AutoMode.LOITER)
-            if self.state is not None:
-                self._fly(self._here(), t)
-            return Verdict(Result.ACCEPTED, "Holding")
-        if main == MainMode.AUTO and sub == AutoMode.LAND:
-            return self._land(t)
-        return Verdict(Result.UNSUPPORTED, "Mode not supported: hold, offboard and land are")
-
-    def _take_off(self, command: Command, t: float) -> Verdict:
-        if not self.armed or self.state is None:
-            return Verdict(Result.DENIED, "Takeoff denied: not armed")
-        height = command.params[6]
-        up = TAKEOFF_HEIGHT if math.isnan(height) or height == 0.0 else height
-        if not 0.0 < up <= 100.0:
-            return Verdict(Result.DENIED, "Takeoff denied: height must be above 0, at most 100 m")
-        self._enter(MainMode.AUTO, AutoMode.TAKEOFF)
-        self._fly(self._here(up), t)
-        return Verdict(Result.ACCEPTED, f"Taking off to {up:.1f} m above here")
-
-    def _land(self, t: float) -> Verdict:
+    def _enter(self, mode: Mode, t_us: int) -> None:
+        """Be in a mode, and lay down what it flies."""
+        self._become(mode)
         if not self.armed:
-            return Verdict(Result.DENIED, "Landing denied: not armed")
-        self._enter(MainMode.AUTO, AutoMode.LAND)
-        self._fly(self._here(v_c=Vec3(0.0, 0.0, -LAND_SPEED)), t)
-        return Verdict(Result.ACCEPTED, "Landing")
+            return
+        if mode is Mode.OFFBOARD:
+            self.fly_script(t_us)
+            return
+        assert self.home is not None
+        plan = plan_of(mode, self._from(t_us), self.home, self._params, self._limits())
+        self._follow(plan, t_us, (mode, Event.ARRIVED) in modes.TRANSITIONS)
+
+    def _follow(self, plan: Iterable[Piece], t_us: int, ends: bool = False) -> None:
+        self.leader.follow(plan, t_us, ends)
+        self._advance(t_us, [])
+
+    def _advance(self, t_us: int, said: list[tuple[Severity, str]]) -> None:
+        """On to the setpoint of this moment, and to the mode that follows at the end of a plan."""
+        if self.leader.advance(t_us):
+            following = modes.after(self.mode, Event.ARRIVED)
+            said.append((Severity.INFO, f"{self.mode.value} complete, mode {following.value}"))
+            self._enter(following, t_us)
+        self._set_wake()

@@ -129,13 +129,25 @@ def fly(
 
 @main.command()
 @click.argument("mission", required=False)
+@click.option("--speed", default="1", show_default=True, callback=_speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--autopilot", type=click.Choice(["px4", "generic"]), help="As what the vehicle presents itself; default px4.")  # fmt: skip
+@click.option("--origin", metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth; default: PX4's home.")  # fmt: skip
+@click.option("--link-clock", type=click.Choice(["both", "sim"]), help="By which clock a script's stream is lost; default both.")  # fmt: skip
+@click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Saved parameters: read if it exists, written when a ground station asks.")  # fmt: skip
 @INSTANCE
-def up(mission: str | None, instance: int | None) -> None:
-    """Run the pair in real time until Ctrl-C, for a ground station or a script.
+def up(
+    mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
+    link_clock: str | None, params: str | None, instance: int | None,
+) -> None:  # fmt: skip
+    """Run the pair until Ctrl-C, for a ground station or a script.
 
     With MISSION its law, world and starting point are flown; without, an S1000 stands on
     the ground in still air.
     """
+    given = {
+        "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
+    }  # fmt: skip
+    options = [word for name, value in given.items() if value for word in (name, value)]
     from gcs_tools.flying import UsageError, new_folder, prepared
     from gcs_tools.instance import claimed
     from gcs_tools.processes import InfrastructureError
@@ -157,7 +169,8 @@ def up(mission: str | None, instance: int | None) -> None:
                 f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
                 f"  logs            {folder}"
             )
-            run(scene, folder, number, ready)
+            pace = "max" if speed is None else str(speed)
+            run(scene, folder, number, ready, pace, options)
     except (InfrastructureError, OSError) as error:
         click.echo(f"Error: {getattr(error, 'strerror', None) or error}", err=True)
         sys.exit(INFRASTRUCTURE)

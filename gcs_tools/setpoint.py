@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from fcu.interface.ground_messages import (
+from fcu.interface.ground_messages import LocalPosition
+from fcu.interface.ground_numbers import (
     IGNORE_ACCELERATION,
     IGNORE_VELOCITY,
     IGNORE_YAW,
     IGNORE_YAW_RATE,
-    LocalPosition,
-)  # fmt: skip
+)
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.vehicle import Vehicle, VehicleError

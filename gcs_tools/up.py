@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,10 +13,14 @@ from gcs_tools.processes import Child, stop_all
 from gcs_tools.scenario import Scenario
 
 
-def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
+def up(
+    scene: Scenario | None, folder: Path, instance: int, ready: str,
+    speed: str = "1", options: Sequence[str] = (),
+) -> None:  # fmt: skip
     """Run both until interrupted; print `ready` once both are.
 
     `scene`: whose law and world to fly; None: octo.toml's, standing on the ground.
+    `speed`: simulated seconds a second, or max.  `options`: for the flight controller.
     Raises KeyboardInterrupt when told to stop, InfrastructureError when one of them ends.
     """
     N = str(instance)
@@ -34,13 +39,14 @@ def up(scene: Scenario | None, folder: Path, instance: int, ready: str) -> None:
         os.set_inheritable(life_in, False)
         second_out = os.dup(life_out)
         fcu = Child(
-            "flight controller", "fcu", ["--instance", N, *law, "--lifeline-fd", str(life_out)],
+            "flight controller", "fcu",
+            ["--instance", N, *law, *options, "--lifeline-fd", str(life_out)],
             folder / "fcu.log", (life_out,),
         )  # fmt: skip
         children.append(fcu)
         plant = Child(
             "plant", "sitl_plant",
-            ["--instance", N, *world, "--speed", "1", "--lifeline-fd", str(second_out)],
+            ["--instance", N, *world, "--speed", speed, "--lifeline-fd", str(second_out)],
             folder / "plant.log", (second_out,),
         )  # fmt: skip
         children.append(plant)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 
 from fcu.interface import handover
 from fcu.interface.link import PortBusy
+from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import columns, size
 from fcu.law.types import Tick
 from gcs_tools.processes import (
@@ -35,7 +36,7 @@ from sitl_plant.physics.types import PlantRecord
 
 STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
-ARRIVAL_CHECK_S = 0.5  # simulation time between looks at whether it has arrived
+SEND_AGAIN_S = 0.5  # simulation time after which a setpoint is sent again, if there is no other
 
 _FCU = columns(Tick)
 R_C = slice(_FCU.index("setpoint.r_c.x"), _FCU.index("setpoint.r_c.x") + 3)
@@ -137,7 +138,7 @@ class WireFlight:
         stack.callback(self._stop)
         fcu = Child(
             "flight controller", "fcu",
-            ["--instance", N, "--law", str(folder / "law.json"), keep,
+            ["--instance", N, "--law", str(folder / "law.json"), "--link-clock", "sim", keep,
              "--record-fd", str(fcu_in), "--lifeline-fd", str(life_out)],
             folder / "fcu.log", (fcu_in, life_out),
         )  # fmt: skip
@@ -165,7 +166,8 @@ class WireFlight:
         vehicle.on_wait = self._check
         try:
             vehicle.wait_ready()
-            vehicle.set_setpoint(self._scene.sent[0])
+            for _ in range(2):  # one setpoint is not a stream yet
+                vehicle.set_setpoint(self._scene.sent[0])
             vehicle.offboard()
             vehicle.arm()
         except VehicleError as error:
@@ -181,23 +183,19 @@ class WireFlight:
     def _send_setpoints(self, vehicle: Vehicle, control: int) -> bool:
         """Grant time up to each setpoint, send it, and on; whether the vehicle arrived."""
         scene = self._scene
-        for k, setpoint in list(zip(scene.sent_at.tolist(), scene.sent, strict=True))[1:]:
-            if k >= scene.ticks or not self._fly_to(control, k):
+        for k, setpoint, last in schedule(scene):
+            if not self._fly_to(control, k):
                 return False
+            if last and scene.arrive is not None:
+                flown = self.flown()
+                if arrival(scene, flown.plant, flown.fcu, R_C) is not None:
+                    return True
+            if k >= scene.ticks:
+                break
             try:
                 vehicle.set_setpoint(setpoint, k / scene.rate_hz)
             except VehicleError as error:
                 raise InfrastructureError(str(error)) from error
-        if scene.arrive is None:
-            self._fly_to(control, scene.ticks)
-            return False
-        step = max(1, round(ARRIVAL_CHECK_S * scene.rate_hz))
-        for k in range(int(scene.sent_at[-1]) + step, scene.ticks + step, step):
-            if not self._fly_to(control, min(k, scene.ticks)):
-                return False
-            flown = self.flown()
-            if arrival(scene, flown.plant, flown.fcu, R_C) is not None:
-                return True
         return False
 
     def _fly_to(self, control: int, tick: int) -> bool:
@@ -239,6 +237,23 @@ class WireFlight:
     def _flown_ticks(self) -> int:
         """Ticks that the plant has flown, each with the controller's answer."""
         return self._ticks(self._plant_rows[-1]) if self._plant_rows else 0
+
+
+def schedule(scene: Scenario) -> Iterator[tuple[int, Setpoint, bool]]:
+    """(tick, setpoint to send then, whether it is the last one of the mission), to the end.
+
+    Every setpoint of the mission after the first; between them, and after the last, the same one
+    again: a vehicle flies a script's setpoints only while they come. One that is sent again
+    stands still (those that move are sent more often than that), so it changes nothing.
+    """
+    again = max(1, round(SEND_AGAIN_S * scene.rate_hz))
+    begins = [*scene.sent_at.tolist(), scene.ticks]
+    for i, setpoint in enumerate(scene.sent):
+        last = i + 1 == len(scene.sent)
+        for k in range(begins[i], min(begins[i + 1], scene.ticks), again):
+            if k > 0:
+                yield k, setpoint, last
+    yield scene.ticks, scene.sent[-1], True
 
 
 def in_step(plant: Rows, fcu: Rows) -> tuple[Rows, Rows]:

@@ -1,42 +1,74 @@
-"""A UDP port at which ground stations and scripts meet the vehicle.
+"""A UDP port at which ground stations and scripts meet the vehicle, and each of their links.
 
-Telemetry goes to one configured address from the start (ground tools listen, they do not
-ask) and to whoever has sent something readable, the most recent few.
+Telemetry goes to one configured address from the start (ground tools listen, they do not ask)
+and to whoever has sent a heartbeat. Whoever sends anything readable gets answers. Nobody can
+take more of the loop's time than the budget, nor another's place by knocking from many ports.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import Counter
 from collections.abc import Iterator
 
-from fcu.interface.ground_messages import GroundMessage
+from fcu.interface.framing import Packed
+from fcu.interface.ground_messages import GroundMessage, Heartbeat
+from fcu.interface.ground_numbers import Result
 from fcu.interface.ground_wire import GroundCodec
 from fcu.interface.link import HOST, exclusive_socket
 
 Address = tuple[str, int]
 
-PEERS = 8
-BUDGET = 32  # datagrams read at one go: a flood must not hold up the loop
+PEERS = 8  # beside the configured listener
+BUDGET = 32  # datagrams read at one go
+RATE, BURST = 2000.0, 400.0  # datagrams of one sender a second, wall; and at once
 _LONGEST = 65535
+_FULL = 1400  # bytes of a datagram that messages are gathered in
+
+
+class Link:
+    """One conversation: with its own sequence numbers, streams and state of services."""
+
+    def __init__(self, address: Address, codec: GroundCodec, now: float) -> None:
+        self.address = address
+        self.codec = codec
+        self.hears_telemetry = False
+        self.has_rates = False
+        self.streams: dict[int, list[float]] = {}  # message id: interval, next due (s)
+        self.list_at: int | None = None  # the next parameter of a list that is being sent
+        self.list_due = 0.0
+        self.acknowledged: list[tuple[object, Result]] = []  # commands and answers, the last few
+        self._tokens, self._filled = BURST, now
+
+    def may_speak(self, now: float) -> bool:
+        """Whether this sender is within its rate."""
+        self._tokens = min(BURST, self._tokens + (now - self._filled) * RATE)
+        self._filled = now
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
 
 
 class GroundPort:
-    """One bound port, its configured listener and its recent peers."""
+    """One bound port, its configured listener and its peers."""
 
     def __init__(self, bind_port: int, listener_port: int, system_id: int, name: str) -> None:
         """Raises PortBusy, naming the port and `name`."""
         self._socket = exclusive_socket(bind_port, name)
         self._socket.setblocking(False)
-        self._listener: Address = (HOST, listener_port)
-        self._peers: OrderedDict[Address, None] = OrderedDict()
-        self.codec = GroundCodec(system_id)
+        self._system = system_id
+        self._parser = GroundCodec(system_id)
+        self.listener = Link((HOST, listener_port), GroundCodec(system_id), 0.0)
+        self.listener.hears_telemetry = True
+        self._peers: dict[Address, Link] = {}  # the least recent first
+        self.dropped = self._parser.dropped  # by reason; also `over rate`
 
     def fileno(self) -> int:
         """For poll."""
         return self._socket.fileno()
 
-    def receive(self) -> Iterator[tuple[GroundMessage, Address]]:
-        """Messages that are waiting, with their senders; at most BUDGET datagrams of them."""
+    def receive(self, now: float) -> Iterator[tuple[GroundMessage, Link]]:
+        """Messages that are waiting, with their links; at most BUDGET datagrams of them."""
         for _ in range(BUDGET):
             try:
                 datagram, address = self._socket.recvfrom(_LONGEST)
@@ -44,23 +76,61 @@ class GroundPort:
                 return
             except OSError:  # a peer's port is closed: an ICMP refusal, not a datagram
                 continue
-            messages = self.codec.parse(datagram)
-            if messages and address != self._listener:
-                self._peers[address] = None
-                self._peers.move_to_end(address)
-                if len(self._peers) > PEERS:
-                    self._peers.popitem(last=False)
+            known = self.listener if address == self.listener.address else self._peers.get(address)
+            if known is not None and not known.may_speak(now):
+                self.dropped["over rate"] += 1
+                continue
+            messages = self._parser.parse(datagram)
+            if not messages:
+                continue
+            link = known or self._meet(address, now)
             for message in messages:
-                yield message, address
+                if isinstance(message, Heartbeat) and not link.hears_telemetry:
+                    link.hears_telemetry = True
+                yield message, link
+            if address in self._peers:  # the most recent is the last to go
+                self._peers[address] = self._peers.pop(address)
 
-    def broadcast(self, datagram: bytes) -> None:
-        """To the listener and every recent peer."""
-        self.send(datagram, self._listener)
-        for address in self._peers:
-            self.send(datagram, address)
+    def _meet(self, address: Address, now: float) -> Link:
+        """A new peer; the table is full: in place of a stranger, or of who was silent longest."""
+        if len(self._peers) >= PEERS:
+            strangers = (a for a, link in self._peers.items() if not link.hears_telemetry)
+            del self._peers[next(strangers, next(iter(self._peers)))]
+        link = Link(address, GroundCodec(self._system), now)
+        self._peers[address] = link
+        return link
 
-    def send(self, datagram: bytes, address: Address) -> None:
-        """To one address; lost if nobody is there."""
+    def links(self) -> Iterator[Link]:
+        """Those that hear telemetry: the listener, and proven peers."""
+        yield self.listener
+        yield from (link for link in self._peers.values() if link.hears_telemetry)
+
+    def everyone(self) -> list[Link]:
+        """The listener and all peers."""
+        return [self.listener, *self._peers.values()]
+
+    def send(self, link: Link, *messages: Packed) -> None:
+        """To one link, as few datagrams as they fit in; lost if nobody is there."""
+        datagram = b""
+        for message in messages:
+            frame = link.codec.framed(message)
+            if len(datagram) + len(frame) > _FULL:
+                self._send(datagram, link.address)
+                datagram = b""
+            datagram += frame
+        if datagram:
+            self._send(datagram, link.address)
+
+    def broadcast(self, *messages: Packed) -> None:
+        """To everyone who hears telemetry."""
+        for link in self.links():
+            self.send(link, *messages)
+
+    def counters(self) -> Counter[str]:
+        """What was not taken, by reason."""
+        return self.dropped
+
+    def _send(self, datagram: bytes, address: Address) -> None:
         try:
             self._socket.sendto(datagram, address)
         except OSError:

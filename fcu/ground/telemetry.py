@@ -1,119 +1,108 @@
-"""What the vehicle tells ground stations, and how often.
+"""When each link is sent what. Paced by the wall clock, as clients time it.
 
-Rates are in simulation time, and no faster than that in wall time either: a flight at a
-hundred times real time does not flood its listeners. Heartbeats are paced by the wall clock.
+A flight at a hundred times real time does not flood its listeners, and one that is slow or held
+still does not lose them. What is due at one moment is built once and shares a datagram.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
-import numpy as np
-
-from fcu.ground.port import GroundPort
-from fcu.interface.messages import VehicleState
-from fcu.kernel.algebra import Quat, Rotors, Vec3
-from fcu.kernel.buffers import columns, from_buffer, size
-from fcu.kernel.rotations import from_euler
-from fcu.law.types import Tick
+from fcu.ground.port import GroundPort, Link
+from fcu.ground.streams import STREAMS, heartbeat
+from fcu.ground.view import View
+from fcu.interface import ground_answers as answers
+from fcu.interface.framing import Packed
 from fcu.supervisor import Supervisor
 
-HEARTBEAT_S = 1.0  # wall
-
-_TICK = columns(Tick)
-_MEASURED = slice(1, 1 + size(VehicleState))
-_ANGLES_C = _TICK.index("internals.angles_c.x")
-_W_C = _TICK.index("internals.w_c.x")
-_T_C = _TICK.index("internals.T_c")
-
-Row = np.ndarray
-
-
-class Stream(NamedTuple):
-    """One message at one rate."""
-
-    rate_hz: float
-    pack: Callable[[GroundPort, Row], bytes]
+HEARTBEAT_S = 1.0
+GRID_S = 0.005  # streams are looked at so often; none is faster
+FASTEST_HZ = 200.0
 
 
 class Telemetry:
-    """Streams to every ground port."""
+    """The streams of every link."""
 
     def __init__(
-        self, ports: Sequence[GroundPort], supervisor: Supervisor, spin: Rotors, T_max: float
+        self, station: GroundPort, script: GroundPort, vehicle: Supervisor, autopilot: int
     ) -> None:
-        self._ports = ports
-        self._supervisor = supervisor
-        self._spin = spin
-        self._T_max = T_max
+        self._ports = (station, script)
+        self._station = station
+        self._vehicle = vehicle
+        self._autopilot = autopilot
         self._heartbeat_due = 0.0
-        self._last_status: tuple[bool, int, int, int] | None = None
-        streams = (
-            Stream(50.0, self._attitude),
-            Stream(30.0, self._local_position),
-            Stream(10.0, self._attitude_target),
-            Stream(10.0, self._rotors),
-            Stream(1.0, self._extended_state),
-            Stream(1.0, self._system_time),
-        )
-        self._streams = [s.pack for s in streams]
-        self._period = [1.0 / s.rate_hz for s in streams]
-        self._due_sim = [0.0] * len(streams)
-        self._due_wall = [0.0] * len(streams)
-        self._next_sim = 0.0
+        self._last: tuple[object, ...] | None = None
+        self._next = 0.0
 
     def heartbeat(self, now: float) -> None:
-        """Send one if a second has passed, or the status has changed. `now`: monotonic, s."""
-        vehicle = self._supervisor
-        status = (vehicle.armed, vehicle.main_mode, vehicle.sub_mode, vehicle.status)
-        if now < self._heartbeat_due and status == self._last_status:
+        """Send one if a second has passed, or if it would say something else. `now`: monotonic, s."""
+        v = self._vehicle
+        status = (v.armed, v.mode, v.status)
+        if now < self._heartbeat_due and status == self._last:
             return
-        self._heartbeat_due, self._last_status = now + HEARTBEAT_S, status
+        self._heartbeat_due, self._last = now + HEARTBEAT_S, status
+        packed = heartbeat(v.mode, v.armed, self._autopilot, v.status)
         for port in self._ports:
-            port.broadcast(port.codec.pack_heartbeat(*status))
+            port.broadcast(packed)
 
-    def tick(self, t: float, row: Row) -> None:
-        """Send what is due at simulation time t (s). `row`: the Tick just flown."""
-        if t < self._next_sim:
+    def is_due(self, now: float) -> bool:
+        """Whether it is time to look at the streams."""
+        return now >= self._next
+
+    def send(self, view: View, now: float) -> None:
+        """Send what is due."""
+        self._next = now + GRID_S
+        built: dict[int, Sequence[Packed]] = {}
+        for port in self._ports:
+            for link in port.links():
+                due: list[Packed] = []
+                self._known(port, link)
+                for number, stream in link.streams.items():
+                    interval, at = stream
+                    if now >= at:
+                        # on its own grid, so that looking late does not slow the stream down
+                        stream[1] = at + interval if at + interval > now else now + interval
+                        if number not in built:
+                            built[number] = STREAMS[number].build(view)
+                        due += built[number]
+                if due:
+                    port.send(link, *due)
+
+    def default_hz(self, port: GroundPort, number: int) -> float:
+        """The rate of a message on a link that has not asked for another."""
+        stream = STREAMS[number]
+        return stream.station_hz if port is self._station else stream.script_hz
+
+    def set_rate(self, port: GroundPort, link: Link, number: int, hz: float) -> None:
+        """From now on; 0: never."""
+        self._known(port, link)
+        if hz <= 0.0:
+            link.streams.pop(number, None)
+        else:
+            link.streams[number] = [1.0 / min(hz, FASTEST_HZ), 0.0]
+
+    def interval_us(self, port: GroundPort, link: Link, number: int) -> int:
+        """MESSAGE_INTERVAL: us between two; -1 not sent."""
+        self._known(port, link)
+        stream = link.streams.get(number)
+        return -1 if stream is None else round(stream[0] * 1e6)
+
+    def _known(self, port: GroundPort, link: Link) -> None:
+        """A link starts with the default rates."""
+        if link.has_rates:
             return
-        now = time.monotonic()
-        for i, pack in enumerate(self._streams):
-            if t >= self._due_sim[i] and now >= self._due_wall[i]:
-                self._due_sim[i] = t + self._period[i]
-                self._due_wall[i] = now + self._period[i]
-                for port in self._ports:
-                    port.broadcast(pack(port, row))
-        self._next_sim = min(self._due_sim) if min(self._due_sim) > t else t + 0.01
+        link.has_rates = True
+        for number in STREAMS:
+            hz = self.default_hz(port, number)
+            if hz > 0.0:
+                link.streams[number] = [1.0 / hz, 0.0]
 
     def text(self, severity: int, text: str) -> None:
-        """STATUSTEXT to everyone."""
+        """STATUSTEXT to everyone who hears telemetry."""
         for port in self._ports:
-            port.broadcast(port.codec.pack_text(severity, text))
+            port.broadcast(*answers.text(severity, text))
 
-    @staticmethod
-    def _measured(row: Row) -> VehicleState:
-        return from_buffer(VehicleState, row[_MEASURED])
-
-    def _attitude(self, port: GroundPort, row: Row) -> bytes:
-        m = self._measured(row)
-        return port.codec.pack_attitude(row[0], m.q_EB, m.w_B)
-
-    def _local_position(self, port: GroundPort, row: Row) -> bytes:
-        m = self._measured(row)
-        return port.codec.pack_local_position(row[0], m.r_E, m.v_E)
-
-    def _attitude_target(self, port: GroundPort, row: Row) -> bytes:
-        q: Quat = from_euler(*row[_ANGLES_C : _ANGLES_C + 3].tolist())
-        w_c = Vec3(*row[_W_C : _W_C + 3].tolist())
-        return port.codec.pack_attitude_target(row[0], q, w_c, row[_T_C] / self._T_max)
-
-    def _rotors(self, port: GroundPort, row: Row) -> bytes:
-        return port.codec.pack_rotors(row[0], self._measured(row).Omega, self._spin)
-
-    def _extended_state(self, port: GroundPort, row: Row) -> bytes:
-        return port.codec.pack_extended_state(self._supervisor.landed_state)
-
-    def _system_time(self, port: GroundPort, row: Row) -> bytes:
-        return port.codec.pack_system_time(time.time(), row[0])
+    def broadcast(self, *messages: Packed) -> None:
+        """Something of interest to everyone, at once."""
+        for port in self._ports:
+            port.broadcast(*messages)

@@ -7,20 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from fcu.interface.ground_messages import (
+from fcu.interface.ground_messages import LOCAL_NED, Command, SetpointMessage, Source
+from fcu.interface.ground_numbers import (
     IGNORE_ACCELERATION,
     IGNORE_POSITION,
     IGNORE_VELOCITY,
     IGNORE_YAW,
-    LOCAL_NED,
     AutoMode,
-    Command,
     CommandId,
     LandedState,
     MainMode,
     Result,
-    SetpointMessage,
-    Source,
     SystemStatus,
 )
 from fcu.interface.messages import Setpoint, VehicleState

@@ -1,0 +1,316 @@
+"""The ground side of the vehicle: both ports, every service, one place where messages arrive.
+
+The loop hands over what it measured and flew; everything a ground station or script can do to
+the vehicle goes through `serve`. Nothing here blocks.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fcu import modes
+from fcu.ground.commands import Commands, Request
+from fcu.ground.parameters import ParameterService
+from fcu.ground.port import GroundPort, Link
+from fcu.ground.requests import Requests
+from fcu.ground.streams import HOME_POSITION, STREAMS
+from fcu.ground.telemetry import Telemetry
+from fcu.ground.view import Counters, Identity, Row, View
+from fcu.interface import ground_answers as answers
+from fcu.interface.ground_flown import echo
+from fcu.interface.ground_messages import (
+    AttitudeSetpointMessage,
+    Command,
+    GroundMessage,
+    ManualControl,
+    SetMode,
+    SetpointMessage,
+)
+from fcu.interface.ground_numbers import Result, Severity
+from fcu.interface.ports import Ports, owner
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import size
+from fcu.law.types import Tick
+from fcu.modes import Mode
+from fcu.params import Parameters
+from fcu.script import Frame, Refused, of_attitude, of_position, turned
+from fcu.supervisor import Supervisor, Verdict
+from fcu.wind import Wind
+
+REMEMBERED = 4  # acknowledgements of a link, for a command that is repeated
+PENDING_S = 0.5  # wall: how long an offboard command waits for the second setpoint
+TEXT_S = 1.0  # wall: between two complaints about setpoints
+WIND_S = 0.05  # simulation time between two looks at the wind
+
+
+@dataclass
+class Pending:
+    """A command that is answered later."""
+
+    command: Command
+    port: GroundPort
+    link: Link
+    outcome: Callable[[int, float], Verdict | None]
+
+
+class Station:
+    """Everything on the two ground ports of one vehicle."""
+
+    def __init__(
+        self, ports: Ports, identity: Identity, params: Parameters, vehicle: Supervisor,
+        file: Path | None, say: Callable[[str, str], None],
+    ) -> None:  # fmt: skip
+        """`file`: where parameters are saved. `say`: a line of log (level, text). Raises PortBusy."""
+        system = ports.system_id
+        self.script = GroundPort(ports.fcu_script, ports.script, system, owner("fcu_script"))
+        try:
+            self.station = GroundPort(
+                ports.fcu_station, ports.station, system, owner("fcu_station")
+            )
+        except OSError:
+            self.script.close()
+            raise
+        self.ports = (self.script, self.station)
+        self._identity = identity
+        self._params = params
+        self._vehicle = vehicle
+        self._say = say
+        self.telemetry = Telemetry(self.station, self.script, vehicle, identity.autopilot)
+        self._commands = Commands(vehicle, identity.origin)
+        self._parameters = ParameterService(params, file, vehicle, self._commands.table)
+        self._requests = Requests(self.telemetry, self._commands.table)
+        self._wind = Wind(identity.drag)
+        self._wind_at = -1.0
+        self._pending: Pending | None = None
+        self._complain_at = 0.0
+        self._home_told = 0
+        self._mode_told: Mode | None = None
+        self._row: Row = np.zeros(size(Tick))
+        self._flying = False
+        self._counters = Counters()
+
+    def warm_up(self, row: Row) -> None:
+        """Build every message once, so that nothing is compiled or imported in flight."""
+        self.see(0.0, row, True, 0.0)
+        view = self.view()
+        if view is not None:
+            for stream in STREAMS.values():
+                stream.build(view)
+        self._wind = Wind(self._identity.drag)
+
+    # --- what the loop tells
+
+    def see(self, t: float, row: Row, flying: bool, load: float) -> None:
+        """The Tick just flown."""
+        self._row, self._flying, self._counters.load = row, flying, load
+        if flying and not 0.0 <= t - self._wind_at < WIND_S:
+            self._wind_at = t
+            view = self.view()
+            if view is not None:
+                self._wind.see(t, view.measured, view.state.s_v_hat, view.state.m_hat)
+
+    def view(self) -> View | None:
+        """The vehicle as it is now; None before the plant was heard."""
+        measured = self._vehicle.measured
+        if measured is None:
+            return None
+        self._counters.errors = sum(sum(port.dropped.values()) for port in self.ports)
+        return View(
+            self._identity, self._vehicle, self._params, self._wind, self._row, measured,
+            float(self._row[0]), self._flying, self._counters,
+        )  # fmt: skip
+
+    def tell(self, severity: Severity, text: str) -> None:
+        """A STATUSTEXT to everyone, and a line of log."""
+        self.telemetry.text(severity, text)
+        self._say("info" if severity >= Severity.NOTICE else "warning", text)
+
+    def idle(self, t_us: int, now: float) -> None:
+        """What is due by the wall clock; called between ticks and at each of them."""
+        self.telemetry.heartbeat(now)
+        if not self.telemetry.is_due(now):
+            return
+        view = self.view()
+        if view is not None:
+            self.telemetry.send(view, now)
+            if self._home_told != self._vehicle.home_changed:
+                self._home_told = self._vehicle.home_changed
+                self.telemetry.broadcast(*STREAMS[HOME_POSITION].build(view))
+            if self._mode_told is not self._vehicle.mode:
+                self._mode_told = self._vehicle.mode
+                self.telemetry.broadcast(*STREAMS[436].build(view))
+        for port in self.ports:
+            self._parameters.pace(port, now)
+        if self._pending is not None:
+            self._settle(t_us, now)
+
+    # --- what ground stations and scripts say
+
+    def serve(self, port: GroundPort, t_us: int, now: float) -> None:
+        """What is waiting on a port. `t_us`: when what is asked for takes effect."""
+        for message, link in port.receive(now):
+            if isinstance(message, Command):
+                self._command(port, link, message, t_us, now)
+            elif isinstance(message, SetpointMessage | AttitudeSetpointMessage):
+                self._setpoint(port, link, message, t_us, now)
+            elif isinstance(message, SetMode):
+                mode = modes.of_numbers(message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24)
+                request = Request(_as_command(message), t_us, now)
+                self._explain(self._commands.select(mode, request))
+            elif isinstance(message, ManualControl):
+                self._sticks(message, t_us)
+            else:
+                self._other(port, link, message, t_us, now)
+
+    def _other(
+        self, port: GroundPort, link: Link, message: GroundMessage, t_us: int, now: float
+    ) -> None:
+        done = self._parameters.take(message, link, now)
+        if done is not None:
+            to_sender, to_all, why = done
+            port.send(link, *to_sender)
+            if to_all:
+                port.send(link, *to_all)
+                for other_port in self.ports:
+                    for other in other_port.links():
+                        if other is not link:
+                            other_port.send(other, *to_all)
+            if why:
+                self.tell(Severity.WARNING, why)
+            return
+        self._requests.about(port, link, self.view())
+        replies = self._requests.take(message, t_us)
+        if replies:
+            port.send(link, *replies)
+
+    def _command(
+        self, port: GroundPort, link: Link, command: Command, t_us: int, now: float
+    ) -> None:
+        same = (command.source, command.command, command.params)
+        if command.confirmation > 0:  # its answer was lost
+            for asked, result in link.acknowledged:
+                if asked == same:
+                    self._acknowledge(port, link, command, result)
+                    return
+        pending = self._pending
+        if pending is not None and pending.command.command == command.command:
+            self._acknowledge(port, link, command, Result.TEMPORARILY_REJECTED)
+            return
+        self._requests.about(port, link, self.view())
+        verdict = self._commands.answer(Request(command, t_us, now))
+        later = self._later(command, verdict, now)
+        if later is not None:
+            self._pending = Pending(command, port, link, later)
+            self._acknowledge(port, link, command, Result.IN_PROGRESS)
+            return
+        self._conclude(port, link, command, verdict)
+
+    def _later(
+        self, command: Command, verdict: Verdict, now: float
+    ) -> Callable[[int, float], Verdict | None] | None:
+        """How to go on asking about a command that is not done yet; None if it is."""
+        saving = self._parameters.saving
+        if verdict.result is Result.IN_PROGRESS and saving is not None:
+            return lambda _t_us, _now: saving.done()
+        one_more = self._vehicle.script.setpoint is not None
+        if verdict.result is Result.TEMPORARILY_REJECTED and one_more and self._pending is None:
+            # the first setpoint of a stream came just before: the second is on its way
+            until = now + PENDING_S
+
+            def entered(t_us: int, at: float) -> Verdict | None:
+                verdict = self._commands.answer(Request(command, t_us, at))
+                return verdict if verdict.good or at >= until else None
+
+            return entered
+        return None
+
+    def _settle(self, t_us: int, now: float) -> None:
+        assert self._pending is not None
+        pending = self._pending
+        verdict = pending.outcome(t_us, now)
+        if verdict is not None:
+            self._pending = None
+            if self._parameters.saving is not None and self._parameters.saving.done() is not None:
+                self._parameters.saving = None
+            self._conclude(pending.port, pending.link, pending.command, verdict)
+
+    def _conclude(self, port: GroundPort, link: Link, command: Command, verdict: Verdict) -> None:
+        same = (command.source, command.command, command.params)
+        link.acknowledged = [(same, verdict.result), *link.acknowledged][:REMEMBERED]
+        self._explain(verdict)
+        self._acknowledge(port, link, command, verdict.result)
+
+    def _acknowledge(self, port: GroundPort, link: Link, command: Command, result: Result) -> None:
+        port.send(link, answers.command_ack(command.command, result, command.source))
+
+    def _explain(self, verdict: Verdict) -> None:
+        if verdict.text:
+            self.tell(Severity.INFO if verdict.good else Severity.WARNING, verdict.text)
+
+    def _setpoint(
+        self, port: GroundPort, link: Link, message: SetpointMessage | AttitudeSetpointMessage,
+        t_us: int, now: float,
+    ) -> None:  # fmt: skip
+        vehicle, script = self._vehicle, self._vehicle.script
+        if vehicle.state is None:
+            return
+        who, lost_us = (message.source, link.address), vehicle.lost_us
+        try:
+            other = script.heard(who, t_us, now, lost_us)
+            if other:
+                raise Refused(other)
+            flown = vehicle.flown(t_us)
+            warning = ""
+            if isinstance(message, SetpointMessage):
+                frame = Frame(self._identity.origin, vehicle.home or vehicle.pose().r_E)
+                setpoint, warning = of_position(
+                    message, vehicle.pose(), frame, flown, vehicle.script_limits()
+                )
+            else:
+                setpoint = of_attitude(message, flown, self._params.law.T_max)
+        except Refused as refused:
+            script.refused += 1
+            if now >= self._complain_at:
+                self._complain_at = now + TEXT_S
+                self.tell(Severity.WARNING, f"Setpoint refused: {refused}")
+            return
+        script.take(setpoint, message, t_us, now)
+        vehicle.fly_script(t_us)
+        port.send(link, echo(t_us * 1e-6, message))
+        if warning and now >= self._complain_at:
+            self._complain_at = now + TEXT_S
+            self.tell(Severity.WARNING, warning)
+
+    def _sticks(self, message: ManualControl, t_us: int) -> None:
+        """MANUAL_CONTROL in position mode: forward, right, up (half: still) and yaw, -1 to 1."""
+        vehicle, p = self._vehicle, self._params
+        if vehicle.mode is not Mode.POSITION or not vehicle.armed:
+            return
+        ahead, right, up, yaw = (0.0 if n != n else n for n in (message.x, message.y, message.z, message.r))  # fmt: skip
+        speed, climb = p["MPC_XY_CRUISE"], 2.0 * up - 1.0 if message.z == message.z else 0.0
+        v = turned(Vec3(ahead * speed, -right * speed, 0.0), vehicle.pose().psi)
+        vertical = p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"]
+        rate = -yaw * p["MPC_MAN_Y_MAX"] * np.pi / 180.0
+        vehicle.move(Vec3(v.x, v.y, climb * vertical), float(rate), t_us)
+
+    def dropped(self) -> dict[str, int]:
+        """Messages and datagrams that were not taken, by reason."""
+        counted = sum((port.dropped for port in self.ports), Counter[str]())
+        return {**counted, "setpoints refused": self._vehicle.script.refused}
+
+    def close(self) -> None:
+        """Give the ports back."""
+        for port in self.ports:
+            port.close()
+
+
+def _as_command(message: SetMode) -> Command:
+    """The legacy SET_MODE as the command it stands for."""
+    main, sub = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24 & 0xFF
+    params = (1.0, float(main), float(sub), 0.0, 0.0, 0.0, 0.0)
+    return Command(message.source, message.target_system, 0, 176, params, None, 0)

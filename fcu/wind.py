@@ -1,0 +1,61 @@
+"""The wind that the law's disturbance estimate stands for, for ground stations to see.
+
+The law needs no wind: it cancels the acceleration s_v_hat, whatever causes it. Read as drag of
+believed coefficients that acceleration is an airspeed, and with the measured velocity a wind.
+Nothing is fed back.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fcu.interface.messages import VehicleState
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.rotations import matrix, rotate, rotate_back
+
+SMOOTHED_S = 1.0  # WIND_COV: "a 1 Hz low-passed estimate" and how it varies
+
+
+def airspeed(force: float, c: float) -> float:
+    """Velocity against the air (m/s) along one axis at which drag is `force` (N): -c v |v|."""
+    return -math.copysign(math.sqrt(abs(force) / c), force)
+
+
+def of(measured: VehicleState, s_v_hat: Vec3, m_hat: float, drag: Vec3) -> Vec3:
+    """Velocity of the air (m/s, E).
+
+    s_v_hat : drag over mass, m/s^2, E.  m_hat : kg.  drag : believed, N/(m/s)^2, body axes.
+    At a constant velocity m_hat s_v_hat is the drag across whatever m_hat is: an error of mass
+    changes the estimate along the thrust axis only.
+    """
+    R_EB = matrix(measured.q_EB)
+    f_B = rotate_back(R_EB, m_hat * s_v_hat)
+    v_a_B = Vec3(airspeed(f_B.x, drag.x), airspeed(f_B.y, drag.y), airspeed(f_B.z, drag.z))
+    v_air: Vec3 = measured.v_E - rotate(R_EB, v_a_B)
+    return v_air
+
+
+class Wind:
+    """The estimate, low-passed, and its variance. Time: simulation time, s."""
+
+    def __init__(self, drag: Vec3) -> None:
+        self._drag = drag
+        self._at = math.nan
+        self.v_air_E = Vec3(0.0, 0.0, 0.0)
+        self.var_horiz = 0.0  # (m/s)^2
+        self.var_vert = 0.0
+
+    def see(self, t: float, measured: VehicleState, s_v_hat: Vec3, m_hat: float) -> None:
+        """One more look, at any interval."""
+        now = of(measured, s_v_hat, m_hat, self._drag)
+        if not all(map(math.isfinite, now)):
+            return
+        if not t > self._at:  # the first look, or time began anew
+            self._at, self.v_air_E, self.var_horiz, self.var_vert = t, now, 0.0, 0.0
+            return
+        k = 1.0 - math.exp(-(t - self._at) / SMOOTHED_S)
+        self._at = t
+        off = now - self.v_air_E
+        self.v_air_E = self.v_air_E + k * off
+        self.var_horiz += k * (0.5 * (off.x * off.x + off.y * off.y) - self.var_horiz)
+        self.var_vert += k * (off.z * off.z - self.var_vert)
