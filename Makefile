@@ -1,5 +1,5 @@
 # Every target sets up .venv first; a set-up that is current costs nothing.
-.PHONY: setup fly test check bench schemas
+.PHONY: setup clients fly test check bench schemas console stability
 .DEFAULT_GOAL := setup
 
 # the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
@@ -17,10 +17,20 @@ setup: .venv/.installed
 		--constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
+# the real clients that tests fly the vehicle with: MAVProxy alone brings half a gigabyte
+clients: .venv/.clients
+	@:
+
+.venv/.clients: .venv/.installed
+	@echo "installing MAVSDK and MAVProxy into .venv (once; about a minute, from the network) ..."
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
+		--constraint constraints.txt --editable '.[dev,clients]'
+	@touch $@
+
 fly: setup
 	@.venv/bin/gcs fly paper_nominal
 
-test: setup
+test: clients
 	@.venv/bin/pytest -q -n 2 --dist loadfile
 
 check: setup
@@ -35,3 +45,9 @@ schemas: setup
 
 bench: setup
 	@.venv/bin/python -m gcs_tools.bench
+
+console: clients
+	@.venv/bin/python -m gcs_tools.console docs/mavproxy.txt
+
+stability: setup
+	@.venv/bin/python -m gcs_tools.stability_map

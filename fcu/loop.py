@@ -31,6 +31,7 @@ from fcu.params import Parameters
 from fcu.supervisor import Supervisor
 
 WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
+JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 OK, INFRASTRUCTURE = 0, 3
 LOAD_SMOOTHED = 1.0 / 256.0
 
@@ -47,7 +48,8 @@ class Figures:
 
     ticks: int = 0
     resent: int = 0
-    refused: int = 0  # datagrams of the plant link that were not states
+    refused: int = 0  # datagrams of the plant link that were not states, or of a wrong time
+    strangers: int = 0  # datagrams on the plant link that were not the plant's
     cycle_max_us: float = 0.0
     dropped: int = 0  # recorded rows that did not fit
     ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
@@ -82,7 +84,10 @@ class Loop:
         self._setpoint = np.zeros(size(Setpoint))
         self._flown: Setpoint | None = None
         self._engaged = cascade.IDLE
+        self._received = np.zeros(size(VehicleState))
         self._measured = np.zeros(size(VehicleState))
+        self._period_us = round(params.law.h * 1e6)
+        self._jumps = 0
         self._state = np.zeros(size(LawState))
         self._answer = b""
         self._time_us = -1
@@ -146,7 +151,7 @@ class Loop:
             return
         started = time.perf_counter()
         try:
-            time_us = self._codec.parse_state(datagram, self._measured)
+            time_us = self._codec.parse_state(datagram, self._received)
         except WireError as error:
             self.figures.refused += 1
             if self.figures.refused == 1:
@@ -155,9 +160,10 @@ class Loop:
         if not self._heard:
             say(time_us, "info", "the plant is there")
         self._heard = time.monotonic()
-        self.vehicle.battery = self._codec.battery
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
+                self._measured[:] = self._received
+                self.vehicle.battery = self._codec.battery
                 self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due
         elif time_us == self._time_us:  # our answer was lost
@@ -166,8 +172,17 @@ class Loop:
         elif time_us < self._time_us:
             say(time_us, "error", f"time ran back from {self._time_us * 1e-6:.6f} s")
             self._exit, self.stopping = INFRASTRUCTURE, True
+        elif self._time_us >= 0 and time_us - self._time_us != self._period_us:
+            self.figures.refused += 1
+            self._jumps += 1
+            if self._jumps == JUMPS:
+                say(time_us, "error", f"time jumped from {self._time_us * 1e-6:.6f} s")
+                self._exit, self.stopping = INFRASTRUCTURE, True
         else:
+            self._jumps = 0
             self._time_us = time_us
+            self._measured[:] = self._received
+            self.vehicle.battery = self._codec.battery
             self._tick(time_us)
             cycle = (time.perf_counter() - started) * 1e6
             self.figures.cycle_max_us = max(self.figures.cycle_max_us, cycle)
@@ -228,11 +243,12 @@ class Loop:
 
     def _next_us(self) -> int:
         """When what arrives now takes effect: at the next tick. While time stands, the one to come."""
-        return 0 if self._time_us < 0 else self._time_us + round(self._law.h * 1e6)
+        return 0 if self._time_us < 0 else self._time_us + self._period_us
 
     def _close(self) -> None:
         self._flush()
         self.figures.dropped = self._tape.dropped
+        self.figures.strangers = self._plant.count_strangers()
         self.figures.ground_dropped = self._ground.dropped()
         self._plant.close()
         self._ground.close()

@@ -57,6 +57,7 @@ class Limits(NamedTuple):
 
     away: float  # m from the vehicle
     speed: float  # m/s
+    yaw_rate: float  # rad/s
 
 
 @dataclass
@@ -144,8 +145,12 @@ def of_position(
     v = turned(asked.v_c, turn) if has_velocity else STILL
     a = turned(asked.a_c, turn) if has_acceleration else STILL
 
+    psi_dot = asked.psi_dot_c
     if message.ignores(IGNORE_YAW):
         psi = flown.psi_c
+        if abs(psi_dot) > limits.yaw_rate:
+            warning = f"Setpoint turns at {psi_dot:.1f} rad/s: flown at {limits.yaw_rate:.1f} rad/s"
+            psi_dot = math.copysign(limits.yaw_rate, psi_dot)
     else:
         psi = asked.psi_c
         if message.frame in OFFSET_FRAMES:
@@ -171,7 +176,7 @@ def of_position(
             if not has_velocity:
                 a = STILL
             warning = f"Setpoint at {speed:.0f} m/s: flown at {limits.speed:.0f} m/s"
-    return Setpoint(r, v, a, psi, asked.psi_dot_c), warning
+    return Setpoint(r, v, a, psi, psi_dot), warning
 
 
 def of_attitude(message: AttitudeSetpointMessage, flown: Setpoint, T_max: float) -> Setpoint:

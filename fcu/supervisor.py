@@ -131,7 +131,8 @@ class Supervisor:
 
     def script_limits(self) -> Limits:
         """Above which a script's setpoint is flown at the limit."""
-        return Limits(self._params["MR_SP_DIST"], self._params["MPC_XY_VEL_MAX"])
+        p = self._params
+        return Limits(p["MR_SP_DIST"], p["MPC_XY_VEL_MAX"], p.law.yaw_rate_max)
 
     # --- what happens by itself
 
@@ -268,9 +269,10 @@ class Supervisor:
         if need is not None:
             rejected = Result.TEMPORARILY_REJECTED if need is Need.SETPOINTS else Result.DENIED
             return Verdict(rejected, f"{wanted.value} denied: {need.value}")
-        if wanted is Mode.HOLD or wanted is not self.mode:
-            self.failsafe = ""
-            self._enter(wanted, t_us)
+        if wanted is self.mode and wanted is not Mode.HOLD:
+            return Verdict(Result.ACCEPTED)  # a script that repeats itself
+        self.failsafe = ""
+        self._enter(wanted, t_us)
         return Verdict(Result.ACCEPTED, f"Mode {wanted.value}")
 
     def take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Verdict:

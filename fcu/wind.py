@@ -2,7 +2,8 @@
 
 The law needs no wind: it cancels the acceleration s_v_hat, whatever causes it. Read as drag of
 believed coefficients that acceleration is an airspeed, and with the measured velocity a wind.
-Nothing is fed back.
+Nothing is fed back. Along the thrust drag cannot be told from an error of mass, so the vertical
+wind is not known.
 """
 
 from __future__ import annotations
@@ -22,17 +23,16 @@ def airspeed(force: float, c: float) -> float:
 
 
 def of(measured: VehicleState, s_v_hat: Vec3, m_hat: float, drag: Vec3) -> Vec3:
-    """Velocity of the air (m/s, E).
+    """Velocity of the air (m/s, E); its vertical component is NaN, not known.
 
     s_v_hat : drag over mass, m/s^2, E.  m_hat : kg.  drag : believed, N/(m/s)^2, body axes.
-    At a constant velocity m_hat s_v_hat is the drag across whatever m_hat is: an error of mass
-    changes the estimate along the thrust axis only.
+    At a constant velocity m_hat s_v_hat is the drag across whatever m_hat is.
     """
     R_EB = matrix(measured.q_EB)
     f_B = rotate_back(R_EB, m_hat * s_v_hat)
     v_a_B = Vec3(airspeed(f_B.x, drag.x), airspeed(f_B.y, drag.y), airspeed(f_B.z, drag.z))
-    v_air: Vec3 = measured.v_E - rotate(R_EB, v_a_B)
-    return v_air
+    v_air = measured.v_E - rotate(R_EB, v_a_B)
+    return Vec3(v_air.x, v_air.y, math.nan)
 
 
 class Wind:
@@ -41,21 +41,19 @@ class Wind:
     def __init__(self, drag: Vec3) -> None:
         self._drag = drag
         self._at = math.nan
-        self.v_air_E = Vec3(0.0, 0.0, 0.0)
-        self.var_horiz = 0.0  # (m/s)^2
-        self.var_vert = 0.0
+        self.v_air_E = Vec3(0.0, 0.0, math.nan)
+        self.variance = 0.0  # across, (m/s)^2
 
     def see(self, t: float, measured: VehicleState, s_v_hat: Vec3, m_hat: float) -> None:
         """One more look, at any interval."""
         now = of(measured, s_v_hat, m_hat, self._drag)
-        if not all(map(math.isfinite, now)):
+        if not math.isfinite(now.x + now.y):
             return
         if not t > self._at:  # the first look, or time began anew
-            self._at, self.v_air_E, self.var_horiz, self.var_vert = t, now, 0.0, 0.0
+            self._at, self.v_air_E, self.variance = t, now, 0.0
             return
         k = 1.0 - math.exp(-(t - self._at) / SMOOTHED_S)
         self._at = t
         off = now - self.v_air_E
         self.v_air_E = self.v_air_E + k * off
-        self.var_horiz += k * (0.5 * (off.x * off.x + off.y * off.y) - self.var_horiz)
-        self.var_vert += k * (off.z * off.z - self.var_vert)
+        self.variance += k * (0.5 * (off.x * off.x + off.y * off.y) - self.variance)

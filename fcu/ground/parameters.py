@@ -124,13 +124,15 @@ class ParameterService:
             if self._tokens < 1.0:
                 raise Refused("PERMISSION_DENIED", "Parameters: too many at once, ask again")
             self._tokens -= 1.0
-            self._params.set(name, message.value, self._vehicle.armed)
+            if not self._params.set(name, message.value, self._vehicle.armed):
+                return [self._value(self._params.index(name))], [], ""
         except Refused as refused:
             known = name in self._params.names
             index = self._params.index(name) if known else -1
             error = answers.param_error(message.source, name, index, ERRORS[refused.kind])
             return [*([self._value(index)] if known else []), error], [], str(refused)
-        return [], [self._value(self._params.index(name))], ""
+        also = (self._params.index(each) for each in self._params.changed if each != name)
+        return [], [self._value(i) for i in (self._params.index(name), *also)], ""
 
     def pace(self, port: GroundPort, now: float) -> None:
         """The next few of each list that is being sent."""

@@ -58,7 +58,7 @@ def heartbeat(view_of: Mode, armed: bool, autopilot: int, status: int) -> Packed
 
 def _sys_status(v: View) -> Sequence[Packed]:
     present = _SENSORS if v.battery is not None else _SENSORS & ~Sensor.BATTERY
-    health = present
+    health = present | Sensor.GEOFENCE  # there is none, so nothing is wrong with it
     if not v.vehicle.armed and v.vehicle.unfit:
         health &= ~Sensor.PREARM
     volts, amperes, left = math.nan, math.nan, math.nan
@@ -110,7 +110,8 @@ def _gps_raw(v: View) -> Sequence[Packed]:
 
 def _vfr_hud(v: View) -> Sequence[Packed]:
     air = v.measured.v_E - v.wind.v_air_E
-    airspeed = math.sqrt(air.x * air.x + air.y * air.y + air.z * air.z)
+    climb = v.measured.v_E.z  # against air that neither rises nor sinks, as far as is known
+    airspeed = math.sqrt(air.x * air.x + air.y * air.y + climb * climb)
     return [
         tm.vfr_hud(
             airspeed, v.ground_speed, v.angles.z, v.throttle, v.place.alt_m, v.measured.v_E.z
@@ -154,7 +155,7 @@ def _odometry(v: View) -> Sequence[Packed]:
 
 def _wind_cov(v: View) -> Sequence[Packed]:
     w = v.wind
-    return [tm.wind_cov(v.t, w.v_air_E, w.var_horiz, w.var_vert, v.place.alt_m)]
+    return [tm.wind_cov(v.t, w.v_air_E, w.variance, math.nan, v.place.alt_m)]
 
 
 def _wind(v: View) -> Sequence[Packed]:

@@ -152,6 +152,7 @@ class Sensor(IntFlag):
     PRESSURE = 8
     GPS = 32
     MOTORS = 32768
+    GEOFENCE = 1048576
     AHRS = 2097152
     BATTERY = 33554432
     PREARM = 268435456

@@ -4,209 +4,304 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
-from fcu.interface.ground_messages import LOCAL_NED, Command, SetpointMessage, Source
-from fcu.interface.ground_numbers import (
-    IGNORE_ACCELERATION,
-    IGNORE_POSITION,
-    IGNORE_VELOCITY,
-    IGNORE_YAW,
-    AutoMode,
-    CommandId,
-    LandedState,
-    MainMode,
-    Result,
-    SystemStatus,
-)
-from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.airframe import believed
+from fcu.interface.ground_numbers import LandedState, Result, SystemStatus
+from fcu.interface.messages import Battery, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.supervisor import FORCE_MAGIC, LAND_SPEED, Supervisor
+from fcu.law.parameters import law_params
+from fcu.modes import Mode
+from fcu.params import Parameters
+from fcu.supervisor import Supervisor
 
-SCRIPT = Source(245, 190)
 ZERO = Vec3(0.0, 0.0, 0.0)
 HERE, YAW = Vec3(1.0, 2.0, 3.0), 0.7
 THERE = Setpoint(Vec3(4.0, 5.0, 6.0), Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), 0.2, 0.1)
-OFFBOARD = (1.0, float(MainMode.OFFBOARD))
+TICK = 2000  # us
+HOVER = math.sqrt(8.0 * 9.81 / 8.0 / 8.2e-5)
 
 
-def state(r_E=HERE, v_E=ZERO):
-    still = Rotors(*[0.0] * 8)
-    return to_buffer(VehicleState(r_E, v_E, from_euler(0.0, 0.0, YAW), ZERO, still))
-
-
-def setpoint(what=THERE, mask=0, refusal=""):
-    return SetpointMessage(SCRIPT, 1, 1, 0, mask, LOCAL_NED, what, b"", refusal)
+def state(r_E=HERE, v_E=ZERO, Omega=HOVER, roll=0.0):
+    q = from_euler(roll, 0.0, YAW)
+    return to_buffer(VehicleState(r_E, v_E, q, ZERO, Rotors(*[Omega] * 8)))
 
 
 @pytest.fixture
-def vehicle():
-    """Disarmed, its state known."""
-    supervisor = Supervisor()
-    supervisor.observe(state(), 1.0)
+def params():
+    return Parameters(law_params(*believed(), 500.0), 1)
+
+
+@pytest.fixture
+def vehicle(params):
+    """Disarmed in the air, its state known; streams are lost by simulation time alone."""
+    supervisor = Supervisor(params, sim_only=True)
+    supervisor.observe(state(), 0, 0.0)
     return supervisor
 
 
 @pytest.fixture
-def tell():
-    """`tell(vehicle, CommandId.LAND, t=2.0)`: its verdict."""
-
-    def command(vehicle, what, *params, t=2.0):
-        padded = tuple(map(float, params)) + (0.0,) * (7 - len(params))
-        return vehicle.command(Command(SCRIPT, 1, 1, what, padded, None, 0), t)
-
-    return command
-
-
-@pytest.fixture
-def armed(vehicle, tell):
-    assert tell(vehicle, CommandId.ARM_DISARM, 1).result is Result.ACCEPTED
+def armed(vehicle):
+    assert vehicle.arm(0, 0.0).good
     return vehicle
 
 
-def test_before_the_plant_is_heard_nothing_is_possible(tell):
-    vehicle = Supervisor()
+def stream(vehicle, *at_us, setpoint=THERE):
+    """Setpoints that take effect at these times."""
+    for us in at_us:
+        vehicle.script.take(setpoint, None, us, us * 1e-6)
+        vehicle.fly_script(us)
+
+
+def fly(vehicle, from_us, to_us, what=None):
+    """What is said in the ticks from `from_us` to `to_us`, with its time."""
+    said = []
+    for t_us in range(from_us, to_us + 1, TICK):
+        said += [
+            (t_us, text)
+            for _, text in vehicle.observe(state() if what is None else what, t_us, t_us * 1e-6)
+        ]
+    return said
+
+
+# --- arming
+
+
+def test_before_the_plant_is_heard_nothing_is_possible(params):
+    vehicle = Supervisor(params)
     assert vehicle.status is SystemStatus.BOOT
-    verdict = tell(vehicle, CommandId.ARM_DISARM, 1)
+    assert vehicle.landed_state is LandedState.UNDEFINED
+    verdict = vehicle.arm(0, 0.0)
+    assert (verdict.result, verdict.text) == (
+        Result.DENIED,
+        "Arming denied: no state from the plant yet",
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda v: v.observe(state(roll=0.5), 40_000, 0.0), "tilted by more than 25 degrees"),
+        (lambda v: setattr(v, "battery", Battery(20.0, 1.0, 14.4, 0.04, 1e6)), "battery at 4 %"),
+        (lambda v: v.terminate(0), "flight was terminated (restart the flight controller)"),
+        (
+            lambda v: stream(v, 0, TICK) or v.select(Mode.OFFBOARD, TICK, 0.0),
+            "no stream of setpoints",
+        ),
+    ],
+)
+def test_every_reason_against_arming_is_said(vehicle, spoil, why):
+    spoil(vehicle)
+    verdict = vehicle.arm(3_000_000, 3.0)
     assert verdict.result is Result.DENIED
-    assert verdict.text == "Arming denied: no state from the plant yet"
+    assert verdict.text.startswith(f"Arming denied: {why}")
+    assert not vehicle.armed
 
 
 def test_armed_it_holds_where_it_is(armed):
     assert armed.status is SystemStatus.ACTIVE
-    assert armed.setpoint.r_c == HERE
+    assert (armed.mode, armed.setpoint.r_c, armed.setpoint.v_c) == (Mode.HOLD, HERE, ZERO)
     assert armed.setpoint.psi_c == pytest.approx(YAW)
-    assert (armed.setpoint.v_c, armed.set_at) == (ZERO, 2.0)
 
 
-def test_arming_twice_changes_nothing(armed, tell):
+def test_arming_twice_changes_nothing(armed):
     before = armed.setpoint
-    assert tell(armed, CommandId.ARM_DISARM, 1, t=5.0).result is Result.ACCEPTED
+    assert armed.arm(5_000_000, 5.0).good
     assert armed.setpoint is before
 
 
-@pytest.mark.parametrize("wanted", [0.5, -1.0, math.nan])
-def test_arming_is_one_or_nought(vehicle, tell, wanted):
-    assert tell(vehicle, CommandId.ARM_DISARM, wanted).result is Result.DENIED
-    assert not vehicle.armed
-
-
-def test_it_is_not_disarmed_in_flight_but_by_force(armed, tell):
-    verdict = tell(armed, CommandId.ARM_DISARM, 0)
-    assert verdict.result is Result.DENIED
-    assert "in flight" in verdict.text
+def test_it_is_not_disarmed_in_flight_but_by_force(armed):
+    verdict = armed.disarm(TICK)
+    assert (verdict.result, verdict.text) == (
+        Result.DENIED,
+        "Disarming denied: in flight (land first)",
+    )
     assert armed.armed
-    assert tell(armed, CommandId.ARM_DISARM, 0, FORCE_MAGIC).result is Result.ACCEPTED
+    assert armed.disarm(TICK, forced=True).good
     assert not armed.armed
     assert armed.setpoint is None
 
 
-def test_it_is_not_disarmed_on_its_way_down(armed, tell):
-    tell(armed, CommandId.LAND)
-    assert tell(armed, CommandId.ARM_DISARM, 0).result is Result.DENIED
-    assert armed.armed
+def test_termination_is_for_good(armed):
+    assert armed.terminate(TICK).good
+    assert armed.status is SystemStatus.EMERGENCY
+    assert not armed.arm(TICK, 0.0).good
 
 
-def test_offboard_needs_a_setpoint_first(armed, tell):
-    verdict = tell(armed, CommandId.SET_MODE, *OFFBOARD)
-    assert verdict.result is Result.TEMPORARILY_REJECTED
-    assert verdict.text == "Offboard denied: no setpoint yet"
-    assert armed.main_mode is MainMode.AUTO
+def test_it_disarms_if_it_does_not_take_off(params):
+    vehicle = Supervisor(params)
+    ground = state(Vec3(0.0, 0.0, 0.3), Omega=0.0)
+    vehicle.observe(ground, 0, 0.0)
+    vehicle.arm(0, 0.0)
+    said = fly(vehicle, TICK, 12_000_000, ground)
+    assert [text for _, text in said] == ["Disarmed: it did not take off"]
+    assert said[0][0] == pytest.approx(10_000_000, abs=20_000)
 
 
-def test_a_setpoint_is_flown_in_offboard_from_when_it_was_sent(armed, tell):
-    assert armed.offer(setpoint(), 3.0).result is Result.ACCEPTED
-    assert armed.setpoint.r_c == HERE
-    assert tell(armed, CommandId.SET_MODE, *OFFBOARD, t=4.0).result is Result.ACCEPTED
-    assert (armed.setpoint, armed.set_at) == (THERE, 3.0)
-    nearer = THERE._replace(r_c=HERE)
-    armed.offer(setpoint(nearer), 5.0)
-    assert (armed.setpoint, armed.set_at) == (nearer, 5.0)
-    assert armed.landed_state is LandedState.IN_AIR
-
-
-def test_a_script_may_prepare_everything_before_it_arms(vehicle, tell):
-    vehicle.offer(setpoint(), 0.0)
-    tell(vehicle, CommandId.SET_MODE, *OFFBOARD, t=0.0)
-    assert tell(vehicle, CommandId.ARM_DISARM, 1, t=0.0).result is Result.ACCEPTED
-    assert (vehicle.setpoint, vehicle.set_at) == (THERE, 0.0)
-
-
-def test_ignored_fields_are_rest_and_the_yaw_that_is_flown(armed):
-    armed.offer(setpoint(mask=IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW), 3.0)
-    assert armed.offered == Setpoint(THERE.r_c, ZERO, ZERO, armed.setpoint.psi_c, 0.0)
+# --- modes
 
 
 @pytest.mark.parametrize(
-    ("message", "why"),
+    ("mode", "why"),
     [
-        (setpoint(refusal="frame 9: expected LOCAL_NED"), "frame 9"),
-        (setpoint(mask=IGNORE_POSITION), "no position"),
+        (Mode.TAKEOFF, "Takeoff denied: not armed"),
+        (Mode.LAND, "Land denied: not armed"),
+        (Mode.RETURN, "Return denied: not armed"),
+        (Mode.STEP, "Step denied: not armed"),
+        (Mode.FIGURE_EIGHT, "Figure eight denied: not armed"),
     ],
 )
-def test_a_setpoint_that_cannot_be_flown_is_refused_with_its_reason(armed, message, why):
-    verdict = armed.offer(message, 3.0)
-    assert verdict.result is Result.DENIED
-    assert why in verdict.text
-    assert armed.offered is None
+def test_a_mode_that_flies_needs_a_vehicle_that_may(vehicle, mode, why):
+    verdict = vehicle.select(mode, 0, 0.0)
+    assert (verdict.result, verdict.text) == (Result.DENIED, why)
+    assert vehicle.mode is Mode.HOLD
 
 
-@pytest.mark.parametrize(("asked", "up"), [(4.0, 4.0), (math.nan, 2.5), (0.0, 2.5)])
-def test_takeoff_climbs_and_then_holds(armed, tell, asked, up):
-    assert tell(armed, CommandId.TAKEOFF, *[0.0] * 6, asked).result is Result.ACCEPTED
-    assert armed.setpoint.r_c == HERE + Vec3(0.0, 0.0, up)
-    assert armed.landed_state is LandedState.TAKING_OFF
-    assert armed.observe(state(), 2.1) == ""
-    there = HERE + Vec3(0.0, 0.0, up - 0.1)
-    assert armed.observe(state(there), 4.0) == "Takeoff complete, holding"
-    assert armed.sub_mode is AutoMode.LOITER
-    assert armed.setpoint.r_c == HERE + Vec3(0.0, 0.0, up)
+def test_taking_off_in_the_air_is_denied(armed):
+    verdict = armed.take_off(None, TICK, 0.0)
+    assert verdict.text == "Takeoff denied: already in the air"
+    assert armed.mode is Mode.HOLD
 
 
-@pytest.mark.parametrize("height", [-1.0, 101.0, math.inf])
-def test_takeoff_has_bounds(armed, tell, height):
-    verdict = tell(armed, CommandId.TAKEOFF, *[0.0] * 6, height)
-    assert verdict.result is Result.DENIED
-    assert "at most 100 m" in verdict.text
+def test_offboard_needs_two_setpoints_at_most_half_a_second_apart(armed):
+    why = "Offboard denied: no stream of setpoints (two valid ones at most 0.5 s apart)"
+    assert armed.select(Mode.OFFBOARD, TICK, 0.0).result is Result.TEMPORARILY_REJECTED
+    stream(armed, TICK)
+    assert armed.select(Mode.OFFBOARD, TICK, 0.0).text == why
+    stream(armed, TICK + 500_000 + TICK)  # too late, and by the wall too
+    assert armed.select(Mode.OFFBOARD, TICK + 502_000, 0.6).text == why
+    stream(armed, TICK + 700_000)
+    assert armed.select(Mode.OFFBOARD, TICK + 700_000, 0.7).good
+    assert armed.setpoint == THERE
 
 
-@pytest.mark.parametrize("what", [CommandId.TAKEOFF, CommandId.LAND])
-def test_disarmed_it_goes_nowhere(vehicle, tell, what):
-    verdict = tell(vehicle, what)
-    assert verdict.result is Result.DENIED
-    assert "not armed" in verdict.text
+def test_a_stream_that_one_clock_calls_close_is_a_stream(armed):
+    armed.script.take(THERE, None, 0, 0.0)
+    armed.script.take(THERE, None, 2_000_000, 0.1)  # twenty times real time
+    assert armed.select(Mode.OFFBOARD, 2_000_000, 0.1).good
 
 
-def test_it_lands_where_the_ground_stops_it_and_disarms(armed, tell):
-    assert tell(armed, CommandId.LAND, t=10.0).result is Result.ACCEPTED
-    assert armed.setpoint.v_c == Vec3(0.0, 0.0, -LAND_SPEED)
-    assert armed.landed_state is LandedState.LANDING
-    sinking = Vec3(0.0, 0.0, -LAND_SPEED)
-    for t in (10.5, 11.0, 12.0):  # it follows
-        at = HERE + Vec3(0.0, 0.0, -LAND_SPEED * (t - 10.0))
-        assert armed.observe(state(at, sinking), t) == ""
-    ground = HERE + Vec3(0.0, 0.0, -LAND_SPEED * 2.0)
-    assert armed.observe(state(ground), 13.0) == ""  # stands, for the first time
-    assert armed.observe(state(ground, sinking), 13.5) == ""  # no, it does not
-    assert armed.observe(state(ground), 14.0) == ""
-    assert armed.observe(state(ground), 14.9) == ""
-    assert armed.observe(state(ground), 15.0) == "Landed, disarmed"
-    assert not armed.armed
-    assert armed.landed_state is LandedState.ON_GROUND
+def test_a_script_may_prepare_everything_before_it_arms(vehicle):
+    stream(vehicle, 0, 0)
+    assert vehicle.select(Mode.OFFBOARD, 0, 0.0).good
+    assert vehicle.arm(0, 0.0).good
+    assert (vehicle.setpoint, vehicle.since_us) == (THERE, 0)
 
 
-def test_hold_stops_where_it_is(armed, tell):
-    armed.offer(setpoint(), 3.0)
-    tell(armed, CommandId.SET_MODE, *OFFBOARD)
-    verdict = tell(armed, CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.LOITER, t=4.0)
-    assert verdict.result is Result.ACCEPTED
-    assert (armed.setpoint.r_c, armed.set_at) == (HERE, 4.0)
+def test_setpoints_are_flown_from_when_they_take_effect(armed):
+    stream(armed, 0, TICK)
+    armed.select(Mode.OFFBOARD, TICK, 0.0)
+    nearer = THERE._replace(r_c=HERE)
+    stream(armed, 5 * TICK, setpoint=nearer)
+    assert (armed.setpoint, armed.since_us) == (nearer, 5 * TICK)
 
 
-def test_what_is_not_supported_is_said_to_be(armed, tell):
-    assert tell(armed, CommandId.SET_MODE, 1.0, MainMode.ACRO).result is Result.UNSUPPORTED
-    assert tell(armed, 31337).result is Result.UNSUPPORTED
-    assert np.array_equal(armed.state, state())
+# --- the loss of a script
+
+
+@pytest.mark.parametrize(
+    ("action", "mode", "status"),
+    [(0, Mode.POSITION, SystemStatus.CRITICAL), (3, Mode.RETURN, SystemStatus.CRITICAL),
+     (4, Mode.LAND, SystemStatus.CRITICAL), (5, Mode.HOLD, SystemStatus.CRITICAL),
+     (6, Mode.HOLD, SystemStatus.EMERGENCY), (7, Mode.HOLD, SystemStatus.STANDBY)],
+)  # fmt: skip
+def test_a_script_is_lost_to_the_tick_and_the_vehicle_does_what_it_was_told_to(
+    armed, params, action, mode, status
+):
+    params.set("COM_OBL_RC_ACT", float(action), armed=True)
+    stream(armed, 0, 100_000)
+    armed.select(Mode.OFFBOARD, 100_000, 0.1)
+    last = 100_000 + 1_000_000  # exactly COM_OF_LOSS_T old: not lost yet
+    assert fly(armed, 102_000, last) == []
+    assert armed.mode is Mode.OFFBOARD
+    [(when, text)] = fly(armed, last + TICK, last + TICK)
+    assert when == last + TICK
+    assert text.startswith("Offboard lost: no setpoint for 1 s")
+    assert (armed.mode, armed.status, armed.armed) == (mode, status, action < 6)
+
+
+def test_a_setpoint_one_tick_before_its_time_keeps_the_stream(armed):
+    stream(armed, 0, 100_000)
+    armed.select(Mode.OFFBOARD, 100_000, 0.1)
+    for k in range(1, 4):
+        at = 100_000 + k * 1_000_000
+        assert fly(armed, at - 998_000, at) == []
+        stream(armed, at)
+    assert armed.mode is Mode.OFFBOARD
+
+
+def test_with_both_clocks_a_fast_simulation_does_not_lose_a_live_script(params):
+    vehicle = Supervisor(params)
+    vehicle.observe(state(), 0, 0.0)
+    vehicle.arm(0, 0.0)
+    stream(vehicle, 0, 0)
+    vehicle.select(Mode.OFFBOARD, 0, 0.0)
+    assert vehicle.observe(state(), 5_000_000, 0.5) == []  # ten times real time
+    [(_, text)] = vehicle.observe(state(), 12_000_000, 1.1)
+    assert text.startswith("Offboard lost")
+
+
+def test_a_lost_script_does_not_come_back_by_itself(armed):
+    stream(armed, 0, 0)
+    armed.select(Mode.OFFBOARD, 0, 0.0)
+    fly(armed, TICK, 1_100_000)
+    assert armed.mode is Mode.POSITION
+    stream(armed, 1_200_000, 1_300_000)
+    fly(armed, 1_302_000, 1_400_000)
+    assert armed.mode is Mode.POSITION
+    assert armed.select(Mode.OFFBOARD, 1_400_000, 1.4).good
+    assert armed.status is SystemStatus.ACTIVE
+
+
+# --- what is laid down
+
+
+def test_a_reposition_leads_there_within_the_speed_and_holds(armed):
+    to = HERE + Vec3(30.0, 0.0, 0.0)
+    assert armed.reposition(to, None, 0).good
+    fastest = 0.0
+    for t_us in range(0, 15_000_000, TICK):
+        now = armed.flown(t_us)
+        armed.observe(state(now.r_c, now.v_c), t_us, 0.0)
+        fastest = max(fastest, now.v_c.x)
+    assert math.dist(armed.setpoint.r_c, to) < 1e-4
+    assert fastest == pytest.approx(5.0, abs=0.01)
+
+
+def test_speed_is_changed_within_its_limit(armed):
+    assert armed.change_speed(2.0).good
+    assert armed.change_speed(50.0).text == "Speed denied: 50 m/s (expected 0.1 to 12)"
+    armed.reposition(HERE + Vec3(30.0, 0.0, 0.0), None, 0)
+    armed.observe(state(), 5_000_000, 0.0)
+    assert armed.setpoint.v_c.x == pytest.approx(2.0)
+
+
+def test_a_return_climbs_goes_home_and_lands(armed):
+    home = armed.home
+    armed.observe(state(HERE + Vec3(20.0, 0.0, 0.0)), TICK, 0.0)
+    armed.arm(TICK, 0.0)
+    armed.select(Mode.HOLD, TICK, 0.0)
+    armed.select(Mode.RETURN, TICK, 0.0)
+    highest, said = 0.0, []
+    for t_us in range(2 * TICK, 40_000_000, TICK):
+        now = armed.flown(t_us)
+        said += [text for _, text in armed.observe(state(now.r_c, now.v_c), t_us, 0.0)]
+        highest = max(highest, now.r_c.z)
+        if armed.mode is Mode.LAND:
+            break
+    assert said == ["Return complete, mode Land"]
+    assert highest == pytest.approx(home.z + 10.0, abs=0.01)
+    assert math.dist(armed.flown(t_us).r_c[:2], home[:2]) < 1e-3
+
+
+def test_sticks_move_it_in_position_mode_for_as_long_as_they_speak(armed):
+    armed.move(Vec3(1.0, 0.0, 0.0), 0.0, 0)
+    assert armed.setpoint.v_c == ZERO  # in hold they do nothing
+    armed.select(Mode.POSITION, 0, 0.0)
+    armed.move(Vec3(1.0, 0.0, 0.0), 0.2, TICK)
+    assert (armed.setpoint.v_c, armed.setpoint.psi_dot_c) == (Vec3(1.0, 0.0, 0.0), 0.2)
+    fly(armed, 2 * TICK, 600_000)
+    assert (armed.setpoint.v_c, armed.setpoint.psi_dot_c) == (ZERO, 0.0)
+    assert armed.setpoint.r_c.x == pytest.approx(HERE.x + 0.5)

@@ -1,0 +1,66 @@
+"""A vehicle that is up, for clients that are not ours."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from fcu.interface.ports import INSTANCES, busy, ports
+from gcs_tools.instance import claimed
+
+HERE = Path(__file__).parent
+PATIENCE_S = 150.0  # wall: for a whole flight of a client on a busy machine
+
+
+@pytest.fixture
+def vehicle(tmp_path):
+    """`vehicle(*options)`: `gcs up` of an instance from the far end, and its ports."""
+    started: list[subprocess.Popen[str]] = []
+
+    def up(*options):
+        for instance in reversed(range(1, INSTANCES)):
+            try:
+                with claimed(instance):
+                    pass
+            except OSError:
+                continue
+            at = ports(instance)
+            if busy(instance, "script"):
+                continue
+            process = subprocess.Popen(
+                [sys.executable, "-m", "gcs_tools", "up", "--instance", str(instance), *options],
+                cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL, text=True,
+            )  # fmt: skip
+            started.append(process)
+            assert process.stdout is not None
+            if process.stdout.readline().startswith("ready"):
+                return SimpleNamespace(instance=instance, ports=at, folder=tmp_path)
+            process.wait()  # another test has taken this instance in the meantime
+        return pytest.fail("no instance is free")
+
+    yield up
+    for process in started:
+        process.send_signal(signal.SIGTERM)
+        process.wait()
+        process.stdout.close()
+
+
+@pytest.fixture
+def run(tmp_path):
+    """`run(path, *arguments)`: a script, run to its end; its output if it ended well."""
+
+    def script(path, *arguments):
+        done = subprocess.run(
+            [sys.executable, str(path), *map(str, arguments)], cwd=tmp_path, timeout=PATIENCE_S,
+            capture_output=True, text=True, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    return script

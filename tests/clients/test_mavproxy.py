@@ -1,0 +1,30 @@
+"""MAVProxy on a pseudo-terminal: the session of docs/mavproxy.txt, flown."""
+
+from __future__ import annotations
+
+import re
+
+from gcs_tools import console
+
+
+def test_a_whole_flight(vehicle):
+    up = vehicle()
+    # by the vehicle's own port: 14550 is shared with every other vehicle on this machine
+    master = f"udpout:127.0.0.1:{up.ports.fcu_station}"
+    said = console.session(master, up.folder, console.whole_flight)
+    parameters = int(re.search(r"Received (\d+) parameters", said).group(1))
+    saved = next(up.folder.rglob("*.parm"))
+    assert parameters == len(saved.read_text().splitlines())
+    assert parameters > 50
+    modes = re.findall(r"^(?:\w+> )?Mode (\w+)$", said, re.MULTILINE)
+    assert modes == [
+        "LOITER",
+        "TAKEOFF",
+        "LOITER",
+        "POSCTL",
+        "UNKNOWN",
+        "LOITER",
+        "RTL",
+        "LAND",
+        "LOITER",
+    ]

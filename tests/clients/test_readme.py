@@ -1,0 +1,26 @@
+"""The scripts in the README, as they stand there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).parents[2] / "README.md"
+SCRIPTS = {
+    "pymavlink" if "pymavlink" in code else "mavsdk": code
+    for code in re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
+}
+
+
+def test_the_pymavlink_script_is_short():
+    assert len(SCRIPTS["pymavlink"].splitlines()) <= 15
+
+
+@pytest.mark.parametrize("name", ["pymavlink", "mavsdk"])
+def test_it_flies(vehicle, run, tmp_path, name):
+    up = vehicle("--speed", "2")
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPTS[name].replace("14540", str(up.ports.script)))
+    assert "there" in run(script)
