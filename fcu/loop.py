@@ -216,7 +216,7 @@ class Loop:
         self._plant.send(self._answer)
         self._state[:] = row[_STATE]
         self.figures.ticks += 1
-        self._ground.see(t, row, setpoint is not None, self._load)
+        self._ground.see(row, setpoint is not None, self._load)
         self._record()
 
     def _say_all(self, happened: list[tuple[Severity, str]]) -> None:

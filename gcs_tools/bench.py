@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,8 +141,26 @@ def recorder(plant_rows: Any, fcu_rows: Any, law: Any, repeats: int) -> Iterator
 # --- over the wire
 
 
-def flown(scene: Scenario, speed: float | None = None) -> Flown:
-    """One flight over UDP, with both processes and recording. Raises InfrastructureError."""
+@contextmanager
+def listeners(instance: int, wanted: bool) -> Iterator[None]:
+    """Two clients that the vehicle streams telemetry to, if wanted."""
+    if not wanted:
+        yield
+        return
+    arguments = [sys.executable, "-m", "gcs_tools.bench_clients", str(instance)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(arguments, stdin=pipe, stdout=pipe, text=True) as clients:
+        yield
+        heard, _ = clients.communicate()
+    if "0" in heard.split()[-2:]:
+        raise RuntimeError(f"a client heard nothing: {heard}")
+
+
+def flown(scene: Scenario, speed: float | None = None, clients: bool = False) -> Flown:
+    """One flight over UDP, with both processes and recording. Raises InfrastructureError.
+
+    `clients`: with two that the vehicle streams telemetry to.
+    """
     from fcu.kernel.buffers import to_buffer
     from gcs_tools.flying import PORTS
     from gcs_tools.instance import claimed
@@ -154,17 +173,21 @@ def flown(scene: Scenario, speed: float | None = None) -> Flown:
         with recording, claimed(None, *PORTS) as instance:
             recording.set_params(to_buffer(scene.law))
             takers = (recording.add_plant, recording.add_fcu)
-            return WireFlight(scene, folder, instance, speed, takers, lambda _t: None).fly()
+            with listeners(instance, clients):
+                return WireFlight(scene, folder, instance, speed, takers, lambda _t: None).fly()
 
 
 def lockstep(scene: Scenario, repeats: int) -> Iterator[Figure]:
-    """As fast as it goes: both kinds of flight in turn, so that they meet the same machine."""
-    kinds = {"constant": constant(scene), "streamed": scene}
+    """As fast as it goes: each kind of flight in turn, so that they meet the same machine."""
+    kinds = {"constant": constant(scene), "streamed": scene, "clients": constant(scene)}
     walls: dict[str, list[float]] = {kind: [] for kind in kinds}
     for _ in range(repeats):
         for kind, flight in kinds.items():
-            walls[kind].append(flown(flight).wall_time_s)
-    for kind in kinds:
+            walls[kind].append(flown(flight, clients=kind == "clients").wall_time_s)
+    ratio = statistics.median(walls["constant"]) / statistics.median(walls["clients"])
+    label = "lockstep over UDP, with telemetry to two clients over without"
+    yield Figure("lockstep_clients_ratio", label, ratio, "0.8")
+    for kind in ("constant", "streamed"):
         wall = statistics.median(walls[kind])
         label = f"lockstep over UDP, recorded, {kind} yaw"
         yield Figure(f"lockstep_{kind}_ticks_s", f"{label} (ticks/s)", scene.ticks / wall)

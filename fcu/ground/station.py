@@ -45,7 +45,6 @@ from fcu.wind import Wind
 REMEMBERED = 4  # acknowledgements of a link, for a command that is repeated
 PENDING_S = 0.5  # wall: how long an offboard command waits for the second setpoint
 TEXT_S = 1.0  # wall: between two complaints about setpoints
-WIND_S = 0.05  # simulation time between two looks at the wind
 
 
 @dataclass
@@ -85,7 +84,6 @@ class Station:
         self._parameters = ParameterService(params, file, vehicle, self._commands.table)
         self._requests = Requests(self.telemetry, self._commands.table)
         self._wind = Wind(identity.drag)
-        self._wind_at = -1.0
         self._pending: Pending | None = None
         self._complain_at = 0.0
         self._home_told = 0
@@ -96,7 +94,7 @@ class Station:
 
     def warm_up(self, row: Row) -> None:
         """Build every message once, so that nothing is compiled or imported in flight."""
-        self.see(0.0, row, True, 0.0)
+        self.see(row, True, 0.0)
         view = self.view()
         if view is not None:
             for stream in STREAMS.values():
@@ -105,14 +103,9 @@ class Station:
 
     # --- what the loop tells
 
-    def see(self, t: float, row: Row, flying: bool, load: float) -> None:
+    def see(self, row: Row, flying: bool, load: float) -> None:
         """The Tick just flown."""
         self._row, self._flying, self._counters.load = row, flying, load
-        if flying and not 0.0 <= t - self._wind_at < WIND_S:
-            self._wind_at = t
-            view = self.view()
-            if view is not None:
-                self._wind.see(t, view.measured, view.state.s_v_hat, view.state.m_hat)
 
     def view(self) -> View | None:
         """The vehicle as it is now; None before the plant was heard."""
@@ -132,11 +125,13 @@ class Station:
 
     def idle(self, t_us: int, now: float) -> None:
         """What is due by the wall clock; called between ticks and at each of them."""
-        self.telemetry.heartbeat(now)
         if not self.telemetry.is_due(now):
             return
+        self.telemetry.heartbeat(now)
         view = self.view()
         if view is not None:
+            if view.flying:
+                self._wind.see(view.t, view.measured, view.state.s_v_hat, view.state.m_hat)
             self.telemetry.send(view, now)
             if self._home_told != self._vehicle.home_changed:
                 self._home_told = self._vehicle.home_changed

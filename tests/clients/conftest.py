@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from fcu.interface.ports import INSTANCES, busy, ports
-from gcs_tools.instance import claimed
 
-HERE = Path(__file__).parent
 PATIENCE_S = 150.0  # wall: for a whole flight of a client on a busy machine
 
 
@@ -21,16 +19,20 @@ PATIENCE_S = 150.0  # wall: for a whole flight of a client on a busy machine
 def vehicle(tmp_path):
     """`vehicle(*options)`: `gcs up` of an instance from the far end, and its ports."""
     started: list[subprocess.Popen[str]] = []
+    claims: list[socket.socket] = []
 
     def up(*options):
         for instance in reversed(range(1, INSTANCES)):
-            try:
-                with claimed(instance):
-                    pass
-            except OSError:
-                continue
+            # tests that run at the same time tell each other by a TCP port, which nobody else binds
             at = ports(instance)
-            if busy(instance, "script"):
+            claim = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+            try:
+                claim.bind(("127.0.0.1", at.plant))
+            except OSError:
+                claim.close()
+                continue
+            claims.append(claim)
+            if busy(instance, "plant", "fcu_plant", "fcu_script", "script", "fcu_station"):
                 continue
             process = subprocess.Popen(
                 [sys.executable, "-m", "gcs_tools", "up", "--instance", str(instance), *options],
@@ -41,7 +43,7 @@ def vehicle(tmp_path):
             assert process.stdout is not None
             if process.stdout.readline().startswith("ready"):
                 return SimpleNamespace(instance=instance, ports=at, folder=tmp_path)
-            process.wait()  # another test has taken this instance in the meantime
+            process.wait()  # somebody has taken this instance in the meantime
         return pytest.fail("no instance is free")
 
     yield up
@@ -49,6 +51,8 @@ def vehicle(tmp_path):
         process.send_signal(signal.SIGTERM)
         process.wait()
         process.stdout.close()
+    for claim in claims:
+        claim.close()
 
 
 @pytest.fixture

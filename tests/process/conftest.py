@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -132,9 +133,9 @@ def fly(start, tmp_path):
     return flight
 
 
-@pytest.fixture
-def instance():
-    """An instance of this test's own: from the far end, so that `gcs fly` finds others.
+@contextmanager
+def claimed_instance():
+    """An instance of a test's own: from the far end, so that `gcs fly` finds others.
 
     Tests that run at the same time tell each other by a TCP port, which nobody else binds.
     """
@@ -148,6 +149,13 @@ def instance():
                 yield number
                 return
     pytest.fail("every instance has a port in use")
+
+
+@pytest.fixture
+def instance():
+    """An instance of this test's own."""
+    with claimed_instance() as number:
+        yield number
 
 
 @pytest.fixture
