@@ -44,7 +44,7 @@ from fcu.wind import Wind
 
 REMEMBERED = 4  # acknowledgements of a link, for a command that is repeated
 PENDING_S = 0.5  # wall: how long an offboard command waits for the second setpoint
-TEXT_S = 1.0  # wall: between two complaints about setpoints
+COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
 
 
 @dataclass
@@ -85,7 +85,7 @@ class Station:
         self._requests = Requests(self.telemetry, self._commands.table)
         self._wind = Wind(identity.drag)
         self._pending: Pending | None = None
-        self._complain_at = 0.0
+        self._complained: dict[str, float] = {}
         self._home_told = 0
         self._mode_told: Mode | None = None
         self._row: Row = np.zeros(size(Tick))
@@ -270,16 +270,20 @@ class Station:
                 setpoint = of_attitude(message, flown, self._params.law.T_max)
         except Refused as refused:
             script.refused += 1
-            if now >= self._complain_at:
-                self._complain_at = now + TEXT_S
-                self.tell(Severity.WARNING, f"Setpoint refused: {refused}")
+            self._complain(f"Setpoint refused: {refused}", now)
             return
         script.take(setpoint, message, t_us, now)
         vehicle.fly_script(t_us)
         port.send(link, echo(t_us * 1e-6, message))
-        if warning and now >= self._complain_at:
-            self._complain_at = now + TEXT_S
-            self.tell(Severity.WARNING, warning)
+        if warning:
+            self._complain(warning, now)
+
+    def _complain(self, text: str, now: float) -> None:
+        """Tell what is wrong with a stream: once, not at the stream's rate."""
+        self._complained = {t: at for t, at in self._complained.items() if now - at < COMPLAIN_S}
+        if text not in self._complained and len(self._complained) < COMPLAINTS:
+            self._complained[text] = now
+            self.tell(Severity.WARNING, text)
 
     def _sticks(self, message: ManualControl, t_us: int) -> None:
         """MANUAL_CONTROL in position mode: forward, right, up (half: still) and yaw, -1 to 1."""

@@ -139,12 +139,12 @@ def refusal(numbers: bytes, type_mask: int, frame: int, geodetic: Geodetic | Non
     """Why a received setpoint must not be flown; empty if it may."""
     if frame not in _FRAMES:
         return f"frame {frame} is not supported"
+    if type_mask & _ALL == _ALL:
+        return "it commands nothing (every field is ignored)"
     if type_mask & FORCE:
         return "force setpoints are not supported"
     if type_mask & ~_KNOWN_BITS:
         return f"type mask {type_mask:#x} has unknown bits"
-    if type_mask & _ALL == _ALL:
-        return "it commands nothing (every field is ignored)"
     fields = NUMBERS.unpack(numbers)
     for name, (bits, where, limit, unit) in _GROUPS.items():
         if type_mask & bits not in (0, bits):

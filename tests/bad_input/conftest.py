@@ -1,0 +1,51 @@
+"""The vehicle that bad input is sent to."""
+
+from __future__ import annotations
+
+import pymavlink.dialects.v20.common as mavlink
+import pytest
+
+from tests.bad_input.hovering import Flight
+from tests.process.conftest import Program, claimed_instance, instance, start
+
+__all__ = ["instance", "start"]
+
+
+@pytest.fixture
+def flight(start, instance):
+    flight = Flight(start, instance)
+    yield flight
+    flight.close()
+
+
+@pytest.fixture(scope="module")
+def enduring(tmp_path_factory):
+    """One flight controller for all tests that leave it as it was: it has to stand them all."""
+    programs = []
+
+    def start(module, *arguments):
+        programs.append(Program(tmp_path_factory.mktemp(module), module, *arguments))
+        return programs[-1]
+
+    with claimed_instance() as number:
+        flight = Flight(start, number)
+        yield flight
+        flight.close()
+    for program in programs:
+        program.kill()
+
+
+@pytest.fixture
+def flying(enduring):
+    """Armed, in offboard mode, on a stream."""
+    flight = enduring
+    flight.drain()
+    flight.tick(500)  # whatever a test before has asked for is over
+    flight.stream()
+    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED
+    flight.stream()
+    flight.tick(3)
+    assert flight.armed
+    flight.sync()
+    return flight

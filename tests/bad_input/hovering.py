@@ -1,0 +1,142 @@
+"""A flight controller process whose plant is the test: every state is answered, or the test fails."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import socket
+import time
+
+import numpy as np
+import pymavlink.dialects.v20.common as mavlink
+
+from fcu.interface.airframe import believed
+from fcu.interface.messages import VehicleState
+from fcu.interface.ports import ports
+from fcu.interface.wire import PlantCodec
+from fcu.kernel.algebra import Rotors, Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rotations import from_euler
+
+NAN = math.nan
+STILL = Vec3(0.0, 0.0, 0.0)
+HOVER = math.sqrt(9.81 / 8.2e-5)  # rad/s, near enough
+MASK_POSITION = 0xDF8
+HOLD, OFFBOARD, POSITION = 4 << 16 | 3 << 24, 6 << 16, 3 << 16
+
+
+class Flight:
+    """A flight controller process, the plant it believes in (it hovers), and a ground script."""
+
+    def __init__(self, start, instance, *options):
+        self.at = ports(instance)
+        self.program = start("fcu", "--instance", instance, "--link-clock", "sim", *options)
+        self.program.says('"ready"')
+        self.plant = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.plant.bind(("127.0.0.1", self.at.plant))
+        self.plant.connect(("127.0.0.1", self.at.fcu_plant))
+        self.plant.settimeout(10.0)
+        self.codec = PlantCodec(self.at.system_id, believed()[0].spin)
+        self.script = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.script.bind(("127.0.0.1", self.at.script))
+        self.script.settimeout(4.0)
+        self.mav = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
+        self.parser = mavlink.MAVLink(None)
+        self.parser.robust_parsing = True
+        q = from_euler(0.0, 0.0, 0.0)
+        self.state = to_buffer(
+            VehicleState(Vec3(0.0, 0.0, 20.0), STILL, q, STILL, Rotors(*[HOVER] * 8))
+        )
+        self.inbox = []
+        self.command = np.zeros(8)
+        self.ticks = self.pings = 0
+        self.tick()
+
+    def tick(self, n=1):
+        """n states, each answered before the next: time goes on, and none is lost."""
+        for _ in range(n):
+            time_us = self.ticks * 2000
+            self.plant.send(self.codec.pack_state(time_us, self.state))
+            answered, armed, _ = self.codec.parse_controls(self.plant.recv(2048), self.command)
+            assert answered == time_us
+            self.armed = armed
+            self.ticks += 1
+
+    def send(self, message, source=(245, 190)):
+        self.mav.srcSystem, self.mav.srcComponent = source
+        self.raw(message.pack(self.mav))
+
+    def raw(self, datagram, port="fcu_script"):
+        self.script.sendto(datagram, ("127.0.0.1", self.at._asdict()[port]))
+
+    def heard(self, kind, condition=lambda m: True):
+        """The first message of a kind that the script was sent and has not been asked for yet."""
+        until = time.monotonic() + 4.0  # a plant that is silent for longer ends it
+        while time.monotonic() < until:
+            for message in self.inbox:
+                if message.get_type() == kind and condition(message):
+                    self.inbox.remove(message)
+                    return message
+            self.inbox += self.parser.parse_buffer(self.script.recv(65535)) or []
+        raise AssertionError(f"no {kind}; heard {[m.get_type() for m in self.inbox]}")
+
+    def ask(self, command, *params, **options):
+        """The result of a COMMAND_LONG."""
+        self.send(self.long(command, *params, **options))
+        return self.heard("COMMAND_ACK", lambda m: m.command == command).result
+
+    def long(self, command, *params, confirmation=0, target=None):
+        seven = [*params, *[0.0] * (7 - len(params))]
+        system = self.at.system_id if target is None else target
+        return mavlink.MAVLink_command_long_message(system, 1, command, confirmation, *seven)
+
+    def setpoint(self, mask=MASK_POSITION, frame=1, r=(0.0, 0.0, -20.0), v=(0, 0, 0), yaw=0.0):
+        return mavlink.MAVLink_set_position_target_local_ned_message(
+            0, self.at.system_id, 1, frame, mask, *r, *v, 0, 0, 0, yaw, 0
+        )
+
+    def stream(self, n=2):
+        for _ in range(n):
+            self.send(self.setpoint())
+            self.sync()
+
+    def drain(self):
+        """Forget what has been sent so far."""
+        self.script.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self.script.recv(65535)
+        self.script.settimeout(4.0)
+        self.inbox.clear()
+
+    def sync(self):
+        """All that was sent before has been read, and answered: a ping comes back."""
+        self.pings += 1
+        self.send(mavlink.MAVLink_ping_message(7, self.pings, 0, 0))
+        self.heard("PING", lambda m: m.seq == self.pings)
+
+    def says(self, text):
+        return self.heard("STATUSTEXT", lambda m: text in m.text).text
+
+    def refuses(self, setpoint, why, **options):
+        """A setpoint is refused with a reason; the same one is told at most once a second."""
+        until = time.monotonic() + 4.0
+        while time.monotonic() < until:
+            self.send(setpoint, **options)
+            self.sync()
+            said = "".join(m.text for m in self.inbox if m.get_type() == "STATUSTEXT")
+            if f"Setpoint refused: {why}" in said:
+                return
+            time.sleep(0.05)
+        raise AssertionError(f"not refused with {why!r}: {said}")
+
+    def mode(self):
+        """As the heartbeat that is asked for now has it; older ones may be on the way."""
+        self.send(self.long(512, 0))
+        self.sync()
+        beats = [m for m in self.inbox if m.get_type() == "HEARTBEAT"]
+        return beats[-1].custom_mode
+
+    def close(self):
+        self.plant.close()
+        self.script.close()

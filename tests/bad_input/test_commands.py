@@ -1,0 +1,95 @@
+"""Commands that cannot be carried out: an answer, a reason, the vehicle as it was.
+
+`tests/ground/README.md` says which line of the bad-input catalogue is where.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pymavlink.dialects.v20.common as mavlink
+import pytest
+
+from tests.bad_input.hovering import HOLD, NAN, OFFBOARD
+
+
+@pytest.mark.parametrize(
+    ("command", "params", "result"),
+    [
+        (400, (NAN,), 2), (400, (math.inf,), 2), (400, (2.0,), 2), (400, (1.0, 21196.0, 5.0), 2),
+        (400, (0.0,), 2),  # C10: in flight
+        (22, (0, 0, 0, NAN, NAN, NAN, 1e38), 2), (22, (0, 7, 0, 0, 0, 0, 5), 2),
+        (176, (1, 1, 0), 2), (176, (0, 4, 3), 2), (176, (1, NAN, 0), 2), (176, (1, 4, 4), 2),
+        (178, (1, 1e9, -1), 2), (178, (1, NAN, -1), 2), (178, (3, 5, -1), 2),
+        (179, (0, 0, 0, 0, 95.0, 0, 0), 8), (192, (-1, 1, 0, NAN, 47.0, 8.0, 500.0), 8),
+        (193, (1,), 2), (245, (1,), 2), (245, (7,), 2), (420, (1, 1, 1), 3), (300, (), 3),
+        (246, (1,), 3), (31999, (), 3), (65535, (), 3), (511, (30, NAN), 2), (511, (65000, 1e4), 3),
+        (511, (0, 1e4), 2), (512, (65000,), 3), (512, (NAN,), 2), (510, (9999,), 3),
+    ],
+)  # fmt: skip
+def test_a_bad_command_is_answered_and_changes_nothing(flying, command, params, result):
+    """C3 to C6, C9 to C12."""
+    assert flying.ask(command, *params) == result
+    flying.tick(2)
+    assert flying.armed
+    assert flying.mode() == OFFBOARD
+
+
+@pytest.mark.parametrize(("frame", "result"), [(1, 9), (2, 9), (10, 9), (200, 9), (6, 2)])
+def test_a_place_in_a_frame_that_is_none_of_earth_is_refused(flying, frame, result):
+    """C6; and C4: a latitude of 95 degrees."""
+    system = flying.at.system_id
+    message = mavlink.MAVLink_command_int_message(
+        system, 1, frame, 192, 0, 0, -1, 1, 0, NAN, 950_000_000, 0, 10.0
+    )
+    flying.send(message)
+    assert flying.heard("COMMAND_ACK").result == result
+    assert flying.mode() == OFFBOARD
+
+
+def test_commands_for_others_are_not_answered_and_those_for_all_must_be_harmless(flying):
+    """C1, C2."""
+    flying.send(flying.long(400, 0, 21196, target=77))
+    assert flying.ask(400, 0, 21196, target=0) == mavlink.MAV_RESULT_DENIED
+    assert "must name this system" in flying.says("must name")
+    assert flying.ask(512, 148, target=0) == mavlink.MAV_RESULT_ACCEPTED
+    flying.tick()
+    assert flying.armed
+
+
+def test_a_repeated_command_is_acknowledged_again_and_done_once(flight):
+    """C7: its answer was lost; in between the vehicle was disarmed."""
+    assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.ask(400, 0, 21196) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.ask(400, 1, confirmation=1) == mavlink.MAV_RESULT_ACCEPTED
+    flight.tick()
+    assert not flight.armed
+
+
+def test_a_command_that_waits_says_so_and_a_second_one_is_rejected(flight):
+    """C8: offboard after one setpoint, until the second comes."""
+    flight.stream(1)
+    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_IN_PROGRESS
+    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    flight.stream(1)
+    done = flight.heard("COMMAND_ACK", lambda m: m.command == 176)
+    assert done.result == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.mode() == OFFBOARD
+
+
+def test_a_stream_that_does_not_come_is_rejected_with_its_reason(flight):
+    flight.stream(1)
+    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_IN_PROGRESS
+    done = flight.heard("COMMAND_ACK", lambda m: m.command == 176)
+    assert done.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert flight.mode() == HOLD
+
+
+def test_a_message_at_no_interval_at_all_is_kept_to_what_a_link_can_take(flight):
+    """C12."""
+    assert flight.ask(511, 30, 1) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.ask(510, 30) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.heard("MESSAGE_INTERVAL").interval_us == 5000
+    assert flight.ask(511, 30, -1) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.ask(510, 30) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.heard("MESSAGE_INTERVAL").interval_us == -1

@@ -1,0 +1,87 @@
+"""Datagrams that are no messages, and too many of them.
+
+`tests/ground/README.md` says which line of the bad-input catalogue is where.
+"""
+
+from __future__ import annotations
+
+import socket
+
+import numpy as np
+import pymavlink.dialects.v20.common as mavlink
+
+from tests.bad_input.hovering import NAN, OFFBOARD
+
+
+def noise(n, size):
+    random = np.random.default_rng(7)
+    return [random.bytes(size) for _ in range(n)]
+
+
+def test_garbage_costs_nothing_and_the_next_good_frame_is_read(flying):
+    """P1, P2, P3, P4, P7, P9."""
+    good = flying.setpoint().pack(flying.mav)
+    bad_crc = good[:-1] + bytes([good[-1] ^ 1])
+    odd_flags = good[:2] + b"\x82" + good[3:]
+    from_nobody = good[:5] + b"\0" + good[6:]
+    unknown = good[:7] + b"\xff\xff\x7f" + good[10:]
+    for datagram in (
+        b"", b"\0", *noise(50, 1), *noise(50, 300), *noise(2, 60000), *[b"\xfd\xff\x00"] * 20,
+        bad_crc, odd_flags, from_nobody, unknown, good[: len(good) // 2],
+    ):  # fmt: skip
+        flying.raw(datagram)
+    flying.tick(5)
+    flying.sync()
+    flying.tick(5)
+    assert flying.mode() == OFFBOARD
+
+
+def test_one_who_sends_garbage_costs_another_nothing(flying):
+    """P2: a parser's state is nobody else's."""
+    stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    for k in range(20):
+        stranger.sendto(b"\xfd\xff\x00", ("127.0.0.1", flying.at.fcu_script))
+        flying.send(mavlink.MAVLink_ping_message(7, k, 0, 0))
+        assert flying.heard("PING").seq == k
+    stranger.close()
+
+
+def test_a_flood_does_not_lose_a_tick(flying):
+    """P12, R6: ten thousand datagrams between twenty ticks."""
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(flying.mav)
+    listing = mavlink.MAVLink_param_request_list_message(flying.at.system_id, 1).pack(flying.mav)
+    gamma = mavlink.MAVLink_param_set_message(flying.at.system_id, 1, b"MR_GAMMA", NAN, 9)
+    flood = [beat, listing, gamma.pack(flying.mav), *noise(3, 1000)]
+    for k in range(20):
+        for datagram in flood * 80:
+            flying.raw(datagram, "fcu_script" if k % 2 else "fcu_station")
+        flying.tick()
+    flying.tick(20)
+    assert flying.armed
+
+
+def test_three_hundred_strangers_are_not_sent_telemetry(flying):
+    """P13: nor do they push out who has proved to be there."""
+    proven = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    proven.settimeout(10.0)
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(flying.mav)
+    proven.sendto(beat, ("127.0.0.1", flying.at.fcu_script))
+    assert proven.recv(65535)
+    ping = mavlink.MAVLink_ping_message(7, 7, 0, 0).pack(flying.mav)
+    strangers = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(300)]
+    for stranger in strangers:
+        stranger.sendto(ping, ("127.0.0.1", flying.at.fcu_script))
+    flying.tick(50)
+    flying.sync()
+    proven.recv(65535)
+    for stranger in strangers:
+        stranger.setblocking(False)
+        heard = b""
+        try:
+            while True:
+                heard += stranger.recv(65535)
+        except BlockingIOError:
+            pass
+        assert len(heard) < 200  # its answer, and no stream
+        stranger.close()
+    proven.close()
