@@ -12,7 +12,7 @@ import pytest
 
 from fcu.interface.ports import INSTANCES, busy, ports
 
-PATIENCE_S = 150.0  # wall: for a whole flight of a client on a busy machine
+PATIENCE_S = 100.0  # wall: for a whole flight of a client on a busy machine
 
 
 @pytest.fixture
@@ -60,10 +60,15 @@ def run(tmp_path):
     """`run(path, *arguments)`: a script, run to its end; its output if it ended well."""
 
     def script(path, *arguments):
-        done = subprocess.run(
-            [sys.executable, str(path), *map(str, arguments)], cwd=tmp_path, timeout=PATIENCE_S,
-            capture_output=True, text=True, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
+        try:
+            done = subprocess.run(
+                [sys.executable, str(path), *map(str, arguments)], cwd=tmp_path,
+                timeout=PATIENCE_S, capture_output=True, text=True, stdin=subprocess.DEVNULL,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired as late:
+            pytest.fail(
+                f"{late}, after {(late.stdout or b'').decode()}{(late.stderr or b'').decode()}"
+            )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

@@ -44,8 +44,8 @@ def main(port):
         return until(subscribe, unsubscribe, condition, name)
 
     wait("health_all_ok", bool)
-    param.set_param_float("MIS_TAKEOFF_ALT", 3.0)
-    assert param.get_param_float("MIS_TAKEOFF_ALT") == 3.0
+    param.set_param_float("MIS_TAKEOFF_ALT", 4.0)
+    assert param.get_param_float("MIS_TAKEOFF_ALT") == 4.0
     refused = ""
     try:
         param.set_param_float("MR_GAMMA", -5.0)
@@ -54,6 +54,7 @@ def main(port):
     assert "RANGE" in refused.upper(), refused
     assert param.get_param_float("MR_GAMMA") == 1000.0
 
+    action.set_takeoff_altitude(3.0)
     action.arm()
     action.takeoff()
     wait("position", lambda p: p.relative_altitude_m > 2.8)

@@ -21,14 +21,14 @@ async def until(stream, condition):
 
 
 async def fly(port):
-    drone = System()
+    drone = System(port=50051 + port % 100)  # of its own server: the default is one for all
     await drone.connect(system_address=f"udpin://127.0.0.1:{port}")
     await until(drone.core.connection_state(), lambda s: s.is_connected)
     await until(drone.telemetry.health_all_ok(), bool)
     telemetry, action, offboard, param = drone.telemetry, drone.action, drone.offboard, drone.param
 
-    await param.set_param_float("MIS_TAKEOFF_ALT", 3.0)
-    assert await param.get_param_float("MIS_TAKEOFF_ALT") == 3.0
+    await param.set_param_float("MIS_TAKEOFF_ALT", 4.0)
+    assert await param.get_param_float("MIS_TAKEOFF_ALT") == 4.0
     assert await param.get_param_float("MR_GAMMA") == 1000.0
     refused = ""
     try:
@@ -40,6 +40,7 @@ async def fly(port):
     every = await param.get_all_params()
     assert len(every.float_params) > 50, len(every.float_params)
 
+    await action.set_takeoff_altitude(3.0)
     await action.arm()
     await action.takeoff()
     await until(telemetry.position(), lambda p: p.relative_altitude_m > 2.8)
