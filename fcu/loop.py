@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fcu.gate import Gate
 from fcu.ground.station import Station
 from fcu.ground.view import Identity
 from fcu.interface.ground_numbers import Severity
@@ -85,7 +86,8 @@ class Loop:
         self._flown: Setpoint | None = None
         self._engaged = cascade.IDLE
         self._received = np.zeros(size(VehicleState))
-        self._measured = np.zeros(size(VehicleState))
+        self._gate = Gate()
+        self._measured = self._gate.flown
         self._period_us = round(params.law.h * 1e6)
         self._jumps = 0
         self._state = np.zeros(size(LawState))
@@ -100,6 +102,7 @@ class Loop:
         row, state = np.zeros(size(Tick)), np.zeros(size(LawState))
         measured = np.zeros(size(VehicleState))
         measured[6] = 1.0
+        Gate().pass_on(measured, 0.002, 0)
         for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
             cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
             state = row[_STATE].copy()
@@ -162,7 +165,7 @@ class Loop:
         self._heard = time.monotonic()
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
-                self._measured[:] = self._received
+                self._gate.take(self._received)
                 self.vehicle.battery = self._codec.battery
                 self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due
@@ -181,7 +184,12 @@ class Loop:
         else:
             self._jumps = 0
             self._time_us = time_us
-            self._measured[:] = self._received
+            if self.vehicle.armed and not self.vehicle.on_ground:
+                wrong = self._gate.pass_on(self._received, self._law.h, time_us)
+                if wrong:
+                    self._say_all(wrong)
+            else:
+                self._gate.take(self._received)
             self.vehicle.battery = self._codec.battery
             self._tick(time_us)
             cycle = (time.perf_counter() - started) * 1e6
@@ -216,7 +224,7 @@ class Loop:
         self._plant.send(self._answer)
         self._state[:] = row[_STATE]
         self.figures.ticks += 1
-        self._ground.see(row, setpoint is not None, self._load)
+        self._ground.see(row, setpoint is not None, self._load, self._gate.off)
         self._record()
 
     def _say_all(self, happened: list[tuple[Severity, str]]) -> None:

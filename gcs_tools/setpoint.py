@@ -47,15 +47,25 @@ def fly_to(
     mask = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW_RATE
     if yaw_deg is None:
         mask |= IGNORE_YAW
-    vehicle.set_setpoint(Setpoint(target, NOTHING, NOTHING, psi, 0.0), 0.0, mask)
+
+    def stream() -> None:  # a vehicle that hears no setpoint for a second takes it for lost
+        vehicle.set_setpoint(Setpoint(target, NOTHING, NOTHING, psi, 0.0), 0.0, mask)
+
+    stream()
+    stream()
     vehicle.offboard()
     tell(f"flying to ({target.x:g}, {target.y:g}, {target.z:g}) m")
-    return _wait_until_at(vehicle, target)
+    there = _wait_until_at(vehicle, target, stream)
+    vehicle.hold()
+    return there
 
 
-def _wait_until_at(vehicle: Vehicle, goal: Vec3) -> LocalPosition:
+def _wait_until_at(
+    vehicle: Vehicle, goal: Vec3, stream: Callable[[], None] = lambda: None
+) -> LocalPosition:
     began = vehicle.position()
     while True:
+        stream()
         here = vehicle.position()
         away = distance(here.r_E, goal)
         if away < CLOSE_M and distance(here.v_E, NOTHING) < SLOW_M_S:

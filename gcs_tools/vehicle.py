@@ -79,16 +79,22 @@ class Vehicle:
     def _ask(self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str) -> T:
         for _ in range(TRIES):
             self._link.send(datagram)
-            until = time.monotonic() + ANSWER_S
-            while time.monotonic() < until:
-                for message in self.messages(until - time.monotonic()):
-                    found = answer(message)
-                    if found is not None:
-                        return found
+            found = self._await(answer, ANSWER_S)
+            if found is not None:
+                return found
         silent = ANSWER_S * TRIES
         raise VehicleError(
             f"the flight controller has been silent for {silent:.0f} s, asked for {what}"
         )
+
+    def _await(self, answer: Callable[[GroundMessage], T | None], timeout_s: float) -> T | None:
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for message in self.messages(until - time.monotonic()):
+                found = answer(message)
+                if found is not None:
+                    return found
+        return None
 
     def command(self, command: CommandId, *params: float) -> None:
         """Send a command and await its acknowledgement. Raises VehicleError with the reason."""
@@ -98,8 +104,16 @@ class Vehicle:
             mine = isinstance(message, CommandAck) and message.command == command
             return message.result if mine else None  # type: ignore[union-attr]
 
+        def outcome(message: GroundMessage) -> int | None:
+            result = answer(message)
+            return None if result == Result.IN_PROGRESS else result
+
         packed = self._codec.framed(asks.command_long(self._target, command, params))
         result = self._ask(packed, answer, command.name)
+        if result == Result.IN_PROGRESS:
+            result = self._await(outcome, ANSWER_S * TRIES)
+            if result is None:
+                raise VehicleError(f"{command.name} was begun, and has not ended")
         if result != Result.ACCEPTED:
             self.messages(0.1)  # the reason follows the acknowledgement
             why = "; ".join(self._texts) or Result(result).name
@@ -128,6 +142,10 @@ class Vehicle:
     def offboard(self) -> None:
         """Fly the setpoints sent. Raises VehicleError."""
         self.command(CommandId.SET_MODE, 1.0, MainMode.OFFBOARD, AutoMode.NONE)
+
+    def hold(self) -> None:
+        """Stay where it is. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.LOITER)
 
     def take_off(self, height_m: float) -> None:
         """Climb by so much from here. Raises VehicleError."""

@@ -94,7 +94,7 @@ class Station:
 
     def warm_up(self, row: Row) -> None:
         """Build every message once, so that nothing is compiled or imported in flight."""
-        self.see(row, True, 0.0)
+        self.see(row, True, 0.0, 0.0)
         view = self.view()
         if view is not None:
             for stream in STREAMS.values():
@@ -103,9 +103,10 @@ class Station:
 
     # --- what the loop tells
 
-    def see(self, row: Row, flying: bool, load: float) -> None:
-        """The Tick just flown."""
-        self._row, self._flying, self._counters.load = row, flying, load
+    def see(self, row: Row, flying: bool, load: float, off: float) -> None:
+        """The Tick just flown, and what SYS_STATUS says of it."""
+        self._row, self._flying = row, flying
+        self._counters.load, self._counters.position_off = load, off
 
     def view(self) -> View | None:
         """The vehicle as it is now; None before the plant was heard."""
@@ -237,8 +238,8 @@ class Station:
     def _conclude(self, port: GroundPort, link: Link, command: Command, verdict: Verdict) -> None:
         same = (command.source, command.command, command.params)
         link.acknowledged = [(same, verdict.result), *link.acknowledged][:REMEMBERED]
-        self._explain(verdict)
         self._acknowledge(port, link, command, verdict.result)
+        self._explain(verdict)  # after: a script that waits for the answer then hears the reason
 
     def _acknowledge(self, port: GroundPort, link: Link, command: Command, result: Result) -> None:
         port.send(link, answers.command_ack(command.command, result, command.source))

@@ -28,8 +28,9 @@ AVAILABLE_MODES, HOME_POSITION, GPS_GLOBAL_ORIGIN = 435, 242, 49
 
 # MAV_MODE_FLAG
 _AUTO, _GUIDED, _STABILIZE, _HIL = 4, 8, 16, 32
-# ESTIMATOR_STATUS: attitude, velocity across and up, position relative and absolute, height
-_ESTIMATED = 1 | 2 | 4 | 8 | 16 | 32
+# ESTIMATOR_STATUS: attitude, velocity across and up; position relative and absolute, height;
+# a jump of the position
+_ESTIMATED, _PLACED, _GLITCH = 1 | 2 | 4, 8 | 16 | 32, 1024
 _SENSORS = (
     Sensor.GYRO | Sensor.ACCEL | Sensor.MAG | Sensor.PRESSURE | Sensor.GPS | Sensor.MOTORS
     | Sensor.AHRS | Sensor.BATTERY | Sensor.PREARM
@@ -61,6 +62,8 @@ def _sys_status(v: View) -> Sequence[Packed]:
     health = present | Sensor.GEOFENCE  # there is none, so nothing is wrong with it
     if not v.vehicle.armed and v.vehicle.unfit:
         health &= ~Sensor.PREARM
+    if v.counters.position_off:
+        health &= ~Sensor.GPS
     volts, amperes, left = math.nan, math.nan, math.nan
     if v.battery is not None:
         volts, amperes, left = v.battery.voltage, v.battery.current, v.battery.remaining
@@ -144,7 +147,8 @@ def _system_time(v: View) -> Sequence[Packed]:
 
 
 def _estimator(v: View) -> Sequence[Packed]:
-    return [tm.estimator_status(v.t, _ESTIMATED)]
+    placed = _GLITCH if v.counters.position_off else _PLACED
+    return [tm.estimator_status(v.t, _ESTIMATED | placed)]
 
 
 def _odometry(v: View) -> Sequence[Packed]:

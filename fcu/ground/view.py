@@ -45,10 +45,11 @@ class Identity:
 
 @dataclass
 class Counters:
-    """What the loop counts for SYS_STATUS."""
+    """What the loop knows for SYS_STATUS and ESTIMATOR_STATUS."""
 
     load: float = 0.0  # fraction of the control period that a tick takes
     errors: int = 0  # messages of ground stations that were dropped
+    position_off: float = 0.0  # m: how far the plant's is off; 0: it is believed
 
 
 @dataclass

@@ -130,7 +130,8 @@ def test_strangers_are_not_heard(fcu, bound, states, standing, instance):
     assert answer(link, states) == 0
     assert silent(link)
     assert fcu.interrupted() == 0
-    assert ended(fcu)["ticks"] == 1
+    said = ended(fcu)
+    assert (said["ticks"], said["strangers"]) == (1, 1)
 
 
 def test_answers_of_strangers_do_not_fly_the_plant(plant, bound, asked, states, instance):
@@ -176,6 +177,29 @@ def test_time_that_runs_back_ends_it(fcu, bound, states, standing):
     link.send(states.pack_state(0, standing))
     assert fcu.wait(ANSWER_S) == 3
     assert "time ran back from 0.002000 s" in fcu.text()
+
+
+def test_a_state_of_a_time_that_is_not_the_next_is_not_flown(fcu, bound, states, standing):
+    link = bound("plant", "fcu_plant")
+    for time_us in (0, MS, 2 * MS):
+        link.send(states.pack_state(time_us, standing))
+        assert answer(link, states) == time_us
+        for _ in range(9):
+            link.send(states.pack_state(time_us + 10_000_000, standing))
+    assert silent(link)
+    assert fcu.interrupted() == 0
+    said = ended(fcu)
+    assert (said["ticks"], said["refused"]) == (3, 27)
+
+
+def test_time_that_jumps_and_stays_there_ends_it(fcu, bound, states, standing):
+    link = bound("plant", "fcu_plant")
+    link.send(states.pack_state(0, standing))
+    assert answer(link, states) == 0
+    for k in range(10):
+        link.send(states.pack_state(10_000_000 + k * MS, standing))
+    assert fcu.wait(ANSWER_S) == 3
+    assert "time jumped from 0.000000 s" in fcu.text()
 
 
 def test_a_plant_that_falls_silent_ends_it(fcu, bound, states, standing):

@@ -1,0 +1,48 @@
+"""A plant that says what cannot be: the vehicle flies on.
+
+`tests/ground/README.md` says which line of the bad-input catalogue is where.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.bad_input.hovering import OFFBOARD
+
+GPS = 32  # MAV_SYS_STATUS_SENSOR_GPS
+NEITHER_PLACED_NOR_WELL = 1 | 2 | 4 | 1024  # ESTIMATOR_STATUS
+
+
+def asked(flight, message_id, kind):
+    flight.drain()
+    flight.send(flight.long(512, message_id))
+    return flight.heard(kind)
+
+
+def test_a_position_that_jumps_a_kilometre_is_not_flown_on(flying):
+    """H2: and it is told, and comes back."""
+    flying.tick(50)
+    flying.state[0] += 1000.0
+    try:
+        flying.stream(1)
+        flying.tick(100)
+        flying.says("Position jumped 1000 m: flying by velocity")
+        assert np.ptp(flying.command) < 1e-6  # nothing is done about it: all rotors alike
+        assert abs(asked(flying, 32, "LOCAL_POSITION_NED").y) < 0.01
+        assert asked(flying, 1, "SYS_STATUS").onboard_control_sensors_health & GPS == 0
+        assert asked(flying, 230, "ESTIMATOR_STATUS").flags == NEITHER_PLACED_NOR_WELL
+    finally:
+        flying.state[0] -= 1000.0
+    flying.tick(1)
+    flying.says("Position is back")
+    assert asked(flying, 1, "SYS_STATUS").onboard_control_sensors_health & GPS == GPS
+    assert flying.mode() == OFFBOARD
+
+
+def test_a_state_that_is_stuck_is_told(flying):
+    """H2: the plant of this test hovers to the bit."""
+    for _ in range(6):
+        flying.stream(1)
+        flying.tick(100)
+    flying.says("The plant's state has not changed for 1 s")
+    assert flying.mode() == OFFBOARD

@@ -1,0 +1,62 @@
+"""A position that jumps is flown through on the velocity; a state that is stuck is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fcu.gate import JUMP, Gate
+from fcu.interface.messages import VehicleState
+from fcu.kernel.algebra import Quat, Rotors, Vec3
+from fcu.kernel.buffers import size, to_buffer
+
+H = 0.002
+
+
+def state(x, v=5.0):
+    return to_buffer(
+        VehicleState(
+            Vec3(x, -2.0, 30.0), Vec3(v, 0.0, 0.0), Quat(1.0, 0.0, 0.0, 0.0), Vec3(0.1, 0.2, 0.3),
+            Rotors(*[400.0] * 8),
+        )
+    )  # fmt: skip
+
+
+@pytest.fixture
+def gate():
+    gate = Gate()
+    gate.take(state(0.0))
+    return gate
+
+
+def test_what_can_be_passes_to_the_bit(gate):
+    random = np.random.default_rng(3)
+    for k in range(1, 200):
+        received = state(k * H * 5.0) + 0.1 * random.standard_normal(size(VehicleState))
+        assert gate.pass_on(received, H, k * 2000) == []
+        assert np.array_equal(gate.flown, received)
+
+
+@pytest.mark.parametrize("jump", [1000.0, -1.01, 1e12])
+def test_a_jump_is_flown_by_velocity_until_the_position_is_back(gate, jump):
+    said = []
+    for k in range(1, 501):
+        said += gate.pass_on(state(k * H * 5.0 + jump), H, k * 2000)
+        assert gate.flown[0] == pytest.approx(k * H * 5.0)
+        assert np.array_equal(gate.flown[1:], state(0.0)[1:])
+    assert [text for _, text in said] == [f"Position jumped {abs(jump):.0f} m: flying by velocity"]
+    assert gate.off == pytest.approx(abs(jump))
+    ((_, text),) = gate.pass_on(state(501 * H * 5.0), H, 502_000)
+    assert text == "Position is back"
+    assert gate.off == 0.0
+
+
+def test_the_edge(gate):
+    assert gate.pass_on(state(5.0 * H + 0.999 * JUMP), H, 2000) == []
+
+
+def test_a_state_that_does_not_change_for_a_second_is_told_once(gate):
+    said = [(k, gate.pass_on(state(0.0, v=0.0), H, k * 2000)) for k in range(1, 2000)]
+    told = [(k, texts) for k, texts in said if texts]
+    assert [texts[0][1] for _, texts in told] == ["The plant's state has not changed for 1 s"]
+    assert 500 <= told[0][0] <= 511
