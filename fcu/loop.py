@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu.gate import Gate
 from fcu.ground.station import Station
 from fcu.ground.view import Identity
 from fcu.interface.ground_numbers import Severity
@@ -29,7 +28,8 @@ from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.law import cascade
 from fcu.law.types import LawState, Tick
 from fcu.params import Parameters
-from fcu.supervisor import Supervisor
+from fcu.vehicle.gate import Gate
+from fcu.vehicle.supervisor import Supervisor
 
 WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on

@@ -111,9 +111,10 @@ class Vehicle:
         packed = self._codec.framed(asks.command_long(self._target, command, params))
         result = self._ask(packed, answer, command.name)
         if result == Result.IN_PROGRESS:
-            result = self._await(outcome, ANSWER_S * TRIES)
-            if result is None:
+            ended = self._await(outcome, ANSWER_S * TRIES)
+            if ended is None:
                 raise VehicleError(f"{command.name} was begun, and has not ended")
+            result = ended
         if result != Result.ACCEPTED:
             self.messages(0.1)  # the reason follows the acknowledgement
             why = "; ".join(self._texts) or Result(result).name

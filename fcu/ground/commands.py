@@ -11,13 +11,13 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from fcu import modes
 from fcu.interface.geodesy import Origin, to_local
 from fcu.interface.ground_messages import Command
 from fcu.interface.ground_numbers import GLOBAL_FRAMES, RELATIVE_FRAMES, CommandId, Result
 from fcu.kernel.algebra import Vec3
-from fcu.modes import Mode
-from fcu.supervisor import Supervisor, Verdict
+from fcu.vehicle import modes
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.supervisor import Supervisor, Verdict
 
 FORCE = 21196.0  # COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
 CUSTOM_MODE = 1  # MAV_MODE_FLAG

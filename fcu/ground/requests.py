@@ -29,7 +29,7 @@ from fcu.interface.ground_messages import (
     TimeSync,
 )
 from fcu.interface.ground_numbers import Capability, CommandId, Result
-from fcu.supervisor import Verdict
+from fcu.vehicle.supervisor import Verdict
 
 HEARTBEAT, AUTOPILOT_VERSION, MESSAGE_INTERVAL, PROTOCOL_VERSION = 0, 148, 244, 300
 CAPABILITIES = (

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu import modes
 from fcu.ground.commands import Commands, Request
 from fcu.ground.parameters import ParameterService
 from fcu.ground.port import GroundPort, Link
@@ -36,11 +35,12 @@ from fcu.interface.ports import Ports, owner
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
 from fcu.law.types import Tick
-from fcu.modes import Mode
 from fcu.params import Parameters
-from fcu.script import Frame, Refused, of_attitude, of_position, turned
-from fcu.supervisor import Supervisor, Verdict
-from fcu.wind import Wind
+from fcu.vehicle import modes
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.script import Frame, Refused, of_attitude, of_position, turned
+from fcu.vehicle.supervisor import Supervisor, Verdict
+from fcu.vehicle.wind import Wind
 
 REMEMBERED = 4  # acknowledgements of a link, for a command that is repeated
 PENDING_S = 0.5  # wall: how long an offboard command waits for the second setpoint

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from fcu import modes
 from fcu.ground.view import View
 from fcu.interface import ground_answers as answers
 from fcu.interface import ground_flown as flown
@@ -21,7 +20,8 @@ from fcu.interface.geodesy import Geodetic, to_geodetic
 from fcu.interface.ground_messages import SetpointMessage
 from fcu.interface.ground_numbers import MainMode, Sensor
 from fcu.kernel.rotations import from_euler, matrix, rotate_back
-from fcu.modes import MODES, Mode
+from fcu.vehicle import modes
+from fcu.vehicle.modes import MODES, Mode
 
 CELLS = 6
 AVAILABLE_MODES, HOME_POSITION, GPS_GLOBAL_ORIGIN = 435, 242, 49

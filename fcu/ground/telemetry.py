@@ -13,7 +13,7 @@ from fcu.ground.streams import STREAMS, heartbeat
 from fcu.ground.view import View
 from fcu.interface import ground_answers as answers
 from fcu.interface.framing import Packed
-from fcu.supervisor import Supervisor
+from fcu.vehicle.supervisor import Supervisor
 
 HEARTBEAT_S = 1.0
 GRID_S = 0.005  # streams are looked at so often; none is faster

@@ -19,8 +19,8 @@ from fcu.kernel.buffers import columns, from_buffer, size
 from fcu.kernel.rotations import euler, matrix
 from fcu.law.types import Internals, LawParams, LawState, Tick
 from fcu.params import Parameters
-from fcu.supervisor import Supervisor
-from fcu.wind import Wind
+from fcu.vehicle.supervisor import Supervisor
+from fcu.vehicle.wind import Wind
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from fcu.guidance import STILL, length
 from fcu.interface.geodesy import Origin, to_local
 from fcu.interface.ground_messages import AttitudeSetpointMessage, SetpointMessage, Source
 from fcu.interface.ground_numbers import (
@@ -28,6 +27,7 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.law import reference_model
+from fcu.vehicle.guidance import STILL, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
 POSITION, ATTITUDE, RATES = 0.0, 1.0, 2.0  # Setpoint.level

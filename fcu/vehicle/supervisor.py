@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from fcu import guidance, modes
-from fcu.guidance import STILL, Piece
 from fcu.interface.ground_numbers import LandedState, Result, Severity, SystemStatus
 from fcu.interface.messages import Battery, Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rotations import euler, matrix
-from fcu.landed import Landed
-from fcu.modes import Event, Mode, Need
 from fcu.params import Parameters
-from fcu.plans import Leader, limits, plan_of, settle_s, take_off
-from fcu.script import Limits, Pose, Script, anchored
+from fcu.vehicle import guidance, modes
+from fcu.vehicle.guidance import STILL, Piece
+from fcu.vehicle.landed import Landed
+from fcu.vehicle.modes import Event, Mode, Need
+from fcu.vehicle.plans import Leader, limits, plan_of, settle_s, take_off
+from fcu.vehicle.script import Limits, Pose, Script, anchored
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -10,7 +10,7 @@ from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.landed import HELD_FOR_US, Landed
+from fcu.vehicle.landed import HELD_FOR_US, Landed
 
 C_T, WEIGHT, LOOK_US = 8.2e-5, 78.5, 20_000
 STILL = Vec3(0.0, 0.0, 0.0)

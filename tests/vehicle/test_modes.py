@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from fcu import modes
-from fcu.modes import MODES, ON_LOSS, TRANSITIONS, Event, Mode, Need
+from fcu.vehicle import modes
+from fcu.vehicle.modes import MODES, ON_LOSS, TRANSITIONS, Event, Mode, Need
 
 
 def test_every_mode_has_its_own_numbers_and_is_found_by_them():

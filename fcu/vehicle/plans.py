@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from fcu import guidance
-from fcu.guidance import STILL, Limits, Piece
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.modes import Mode
 from fcu.params import Parameters
-from fcu.script import Pose
+from fcu.vehicle import guidance
+from fcu.vehicle.guidance import STILL, Limits, Piece
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.script import Pose
 
 NEVER_US = 2**62
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home

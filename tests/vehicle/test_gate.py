@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.gate import JUMP, Gate
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import size, to_buffer
+from fcu.vehicle.gate import JUMP, Gate
 
 H = 0.002
 

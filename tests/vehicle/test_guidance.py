@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from fcu import guidance
-from fcu.guidance import Limits, length
 from fcu.kernel.algebra import Vec3
 from fcu.law.reference_model import carried
+from fcu.vehicle import guidance
+from fcu.vehicle.guidance import Limits, length
 
 LIMITS = Limits(cruise=5.0, up=3.0, down=1.5, acceleration=3.0, acceleration_up=2.0)
 HERE = Vec3(1.0, -2.0, 10.0)

@@ -13,9 +13,9 @@ from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.law.parameters import law_params
-from fcu.modes import Mode
 from fcu.params import Parameters
-from fcu.supervisor import Supervisor
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.supervisor import Supervisor
 
 ZERO = Vec3(0.0, 0.0, 0.0)
 HERE, YAW = Vec3(1.0, 2.0, 3.0), 0.7
