@@ -9,7 +9,9 @@ from pathlib import Path
 
 import click
 
+from fcu.interface import options
 from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
+from fcu.interface.starter import occupy_standard_streams
 
 FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
 ORIGIN = "47.397742,8.545594,489.4"  # PX4's default home
@@ -21,14 +23,23 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     except ValueError:
         lat = lon = alt = math.nan
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and abs(alt) <= 1e4):
-        raise click.BadParameter(f"expected LAT,LON,ALT in degrees and m, got {value}")
+        raise click.BadParameter(
+            f"expected LAT,LON,ALT: -90 to 90 and -180 to 180 degrees, m above the sea; got {value}"
+        )
     return lat, lon, alt
 
 
 @click.command(epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped, 2 usage, 3 plant link or port.")
 @click.version_option(package_name="m-mrac")
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
-@click.option("--rate", "rate_hz", default=500.0, show_default=True, help="Control rate, Hz.")
+@click.option(
+    "--rate",
+    "rate_hz",
+    callback=options.rate_hz,
+    default=500.0,
+    show_default=True,
+    help="Control rate, Hz.",
+)
 @click.option("--law", type=click.Path(path_type=Path), help="LawParams as JSON, in place of octo.toml and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="As what it presents itself; modes are encoded as PX4's in both.")  # fmt: skip
 @click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth.")  # fmt: skip
@@ -56,6 +67,7 @@ def main(
     """
     from fcu.configuration import ConfigurationError, read_drag, read_law
 
+    occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
     from fcu.ground.view import Identity

@@ -7,8 +7,10 @@ of the start leaves LawParams as it was handed over, to the bit.
 
 from __future__ import annotations
 
+import math
 import os
 import re
+import stat
 import tempfile
 import tomllib
 from pathlib import Path
@@ -16,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fcu.law.parameters import ParameterError, check
-from fcu.law.stability import stable, unstable
+from fcu.law.stability import grounded, stable, unstable
 from fcu.law.types import LawParams
 from fcu.params_law import DECIDES, LAW, PREDICTION, with_values
 from fcu.params_table import BELOW, VEHICLE, Parameter
@@ -60,7 +62,7 @@ class Parameters:
     """Every parameter of one vehicle, and the law's parameters in force."""
 
     def __init__(self, law: LawParams, system_id: int, file: Path | None = None) -> None:
-        """`file`: read now, if it is there. Raises ParamsFileError."""
+        """`file`: read now, if it is there; its folder must be. Raises ParamsFileError."""
         table = {p.name: p for p in (*VEHICLE, *(entry.parameter for entry in LAW.values()))}
         self.names: tuple[str, ...] = tuple(sorted(table))
         self._table = table
@@ -69,10 +71,11 @@ class Parameters:
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
         self.law = law  # in force
-        self._stable = not unstable(law)  # what starts unstable may fly on, for a study
+        # what starts unstable, or unable to hover, may fly on, for a study
+        self._stable, self._able = not unstable(law), not grounded(law)
         self._values = self._all_values(self._changed)
         self.changed: tuple[str, ...] = ()  # by the last value that was set
-        if file is not None and file.exists():
+        if file is not None:
             self._read(file)
         self._at_start = dict(self._changed)
 
@@ -148,10 +151,13 @@ class Parameters:
                 check(law)
             except ParameterError as error:
                 raise Refused(OUT_OF_RANGE, f"{refused}{error}") from error
+            why = grounded(law)
+            if why and self._able:
+                raise Refused(OUT_OF_RANGE, refused + why)
             channel = unstable(law)
             if channel and self._stable:
                 raise Refused(OUT_OF_RANGE, refused + self._why(channel, changed, values))
-            self.law, self._stable = law, not channel
+            self.law, self._stable, self._able = law, not channel, not why
         self._changed, self._values = changed, values
 
     def _why(self, channel: str, changed: dict[str, float], values: dict[str, float]) -> str:
@@ -166,7 +172,8 @@ class Parameters:
         for _ in range(5):  # halve the way, in ratio
             middle = float(f"{(good * bad) ** 0.5:.3g}")
             law = with_values(self._start_law, {**_of_law(changed), name: middle})
-            good, bad = (middle, bad) if stable(law, channel) else (good, middle)
+            fine = stable(law, channel) and not unstable(law)
+            good, bad = (middle, bad) if fine else (good, middle)
         return f"{why}; {_number(good)} would do"
 
     # --- the file
@@ -181,12 +188,18 @@ class Parameters:
         return "".join(rows)
 
     def write(self, path: Path, text: str | None = None) -> None:
-        """Write `text` (the text as of now) whole or not at all. Raises OSError."""
+        """Write `text` (the text as of now) whole or not at all. Raises OSError.
+
+        What a link points to is replaced, not the link; the file's mode is kept.
+        """
         text = self.text() if text is None else text
+        path = path.resolve()
         folder = path.parent
+        mode = path.stat().st_mode & 0o777 if path.exists() else 0o644
         handle, name = tempfile.mkstemp(dir=folder, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as file:
+                os.fchmod(handle, mode)
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
@@ -203,13 +216,21 @@ class Parameters:
 
     def _read(self, path: Path) -> None:
         try:
+            if not path.parent.is_dir():
+                raise ParamsFileError(f"{path}: there is no folder {path.parent}")
+            if not stat.S_ISREG(path.stat().st_mode):
+                raise ParamsFileError(f"{path}: not a file")
             text = path.read_text(encoding="utf-8")
             given = tomllib.loads(text)
+        except FileNotFoundError:
+            return
         except OSError as error:
             raise ParamsFileError(f"{path}: {error.strerror}") from error
         except UnicodeDecodeError as error:
             raise ParamsFileError(f"{path}: not UTF-8") from error
-        except tomllib.TOMLDecodeError as error:
+        except ParamsFileError:
+            raise
+        except (ValueError, RecursionError) as error:  # TOML's, of Python's limits too
             raise ParamsFileError(f"{path}: {error}") from error
         values: dict[str, float] = {}
         for name, value in given.items():
@@ -221,7 +242,10 @@ class Parameters:
                 raise ParamsFileError(f"{where}: read only: {p.sentence}")
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise ParamsFileError(f"{where}: expected a number, {expected(p)}, got {value!r}")
-            values[name] = shortest(value)
+            try:
+                values[name] = shortest(value)
+            except OverflowError:
+                values[name] = math.inf
             try:
                 self._in_range(p, values[name])
             except Refused as error:

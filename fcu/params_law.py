@@ -53,7 +53,7 @@ def _bound(field: str, *parameter: object) -> OfLaw:
 def _multiple(name: str, high: float, sentence: str) -> OfLaw:
     field = MULTIPLES[name]
     return OfLaw(
-        Parameter(name, "1/gamma", 0.0, high, DEFAULTS[field], sentence),
+        Parameter(name, "gamma", 0.0, high, DEFAULTS[field], sentence),
         lambda law: float(getattr(law, field)) / law.gamma,
         lambda law, value: with_field(law, field, law.gamma * value),
     )
@@ -104,7 +104,7 @@ TABLE: tuple[OfLaw, ...] = (
     _multiple("MR_G_LAMJ", 100.0, "adaptation gain of 1/inertia"),
     _multiple("MR_G_C", 100.0, "adaptation gain of the couplings between rates"),
     _field("f_m", "MR_F_M", "rad/s", 0.1, 10.0, DEFAULTS["f_m"], "frequency of the reference model"),
-    _field("zeta_m", "MR_ZETA_M", "", 0.1, 5.0, DEFAULTS["zeta_m"], "damping of the reference model"),
+    _field("zeta_m", "MR_ZETA_M", "", 0.3, 5.0, DEFAULTS["zeta_m"], "damping of the reference model"),
     OfLaw(
         Parameter("MR_C_TILT", "1/s", 0.1, 200.0, DEFAULTS["c_angle"], "gain of roll and pitch"),
         lambda law: law.c_angle.x,

@@ -63,6 +63,7 @@ VEHICLE: tuple[Parameter, ...] = (
     P("BAT_LOW_THR", "", 0.0, 1.0, 0.15, "charge at which the battery is low"),
     P("BAT_CRIT_THR", "", 0.0, 1.0, 0.07, "charge at which it is critical"),
     P("BAT_EMERGEN_THR", "", 0.0, 1.0, 0.05, "charge at which it is an emergency"),
+    P("BAT1_CAPACITY", "mAh", 100.0, 100000.0, 15000.0, "of a full battery, for the time left"),
     P("BAT1_N_CELLS", "", 1.0, 16.0, 6.0, "cells in series, as the plant has them", True),
     # what ground stations ask for
     P("COM_DL_LOSS_T", "s", 5.0, 300.0, 10.0, "no effect: see NAV_DLL_ACT", True),

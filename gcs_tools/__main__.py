@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
@@ -21,16 +22,12 @@ INSTANCE = click.option(
 )
 
 
-def _speed(_context: click.Context, _option: click.Parameter, value: str) -> float | None:
-    if value == "max":
-        return None
-    try:
-        speed = float(value)
-    except ValueError:
-        speed = 0.0
-    if not 0.0 < speed < 1e6:
-        raise click.BadParameter(f"expected a number above 0 or max, got {value}")
-    return speed
+def _creatable(
+    _context: click.Context, _option: click.Parameter, value: Path | None
+) -> Path | None:
+    if value is not None and (value.is_dir() or not value.absolute().parent.is_dir()):
+        raise click.BadParameter(f"{value}: not a file in a folder that is there")
+    return value
 
 
 @click.group(epilog=f"\b\n{table()}")
@@ -60,7 +57,7 @@ def _print_json(content: Any) -> None:
     "several missions the worst. A mission is a file, or the name of one that is shipped."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
-@click.option("--speed", default="max", show_default=True, callback=_speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--speed", default="max", show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Of the noise; default: the mission's.")
 @click.option(
     "--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's."
@@ -69,6 +66,7 @@ def _print_json(content: Any) -> None:
 @click.option(
     "--junit",
     type=click.Path(path_type=Path),
+    callback=_creatable,
     metavar="FILE",
     help="Write a JUnit report here too.",
 )
@@ -129,7 +127,7 @@ def fly(
 
 @main.command()
 @click.argument("mission", required=False)
-@click.option("--speed", default="1", show_default=True, callback=_speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--speed", default="1", show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), help="As what the vehicle presents itself; default px4.")  # fmt: skip
 @click.option("--origin", metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth; default: PX4's home.")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), help="By which clock a script's stream is lost; default both.")  # fmt: skip
@@ -150,7 +148,7 @@ def up(
     options = [word for name, value in given.items() if value for word in (name, value)]
     from gcs_tools.flying import UsageError, new_folder, prepared
     from gcs_tools.instance import claimed
-    from gcs_tools.processes import InfrastructureError
+    from gcs_tools.processes import InfrastructureError, Misused
     from gcs_tools.up import up as run
 
     try:
@@ -173,7 +171,7 @@ def up(
             run(scene, folder, number, ready, pace, options)
     except (InfrastructureError, OSError) as error:
         click.echo(f"Error: {getattr(error, 'strerror', None) or error}", err=True)
-        sys.exit(INFRASTRUCTURE)
+        sys.exit(USAGE if isinstance(error, Misused) else INFRASTRUCTURE)
     except KeyboardInterrupt:
         click.echo("stopped", err=True)
         sys.exit(OK)

@@ -210,7 +210,7 @@ def _problems(error: ValidationError, source: str, found: dict[KeyPath, int]) ->
             path, got = (*path, *context["key"]), context["got"]
             got = _NOTHING if got is None else got
         if kind == "extra_forbidden":
-            said = f"no such key{_meant(str(path[-1]), _known(path[:-1]))}"
+            said = f"no such key{_elsewhere(path) or _meant(str(path[-1]), _known(path[:-1]))}"
         elif kind == "missing":
             said = "is missing" if isinstance(path[-1], str) else _numbers_missing(path)
         elif kind == "too_long":
@@ -237,6 +237,16 @@ def _key(path: KeyPath, got: Any) -> str:
     known = Document.model_fields.get(str(path[0]))
     is_table = isinstance(got, dict) if known is None else any(_models(known.annotation))
     return f"[{path[0]}]" if is_table else str(path[0])
+
+
+def _elsewhere(path: KeyPath) -> str:
+    """Where a key is that was given without its table."""
+    if len(path) == 1:
+        for name, field in Document.model_fields.items():
+            for model in _models(field.annotation):
+                if path[0] in model.model_fields:
+                    return f" (did you mean {field.alias or name}.{path[0]}?)"
+    return ""
 
 
 def _known(path: KeyPath) -> list[str]:

@@ -25,8 +25,15 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]
 
 
+USAGE = 2  # exit code
+
+
 class InfrastructureError(RuntimeError):
     """A process died or stalled, or a port was busy: which one, in words."""
+
+
+class Misused(InfrastructureError):
+    """A process does not take what it was started with: what it said."""
 
 
 class Child:
@@ -81,6 +88,8 @@ class Child:
         if code is not None:
             if code == -signal.SIGKILL:  # it had no time for last words
                 raise InfrastructureError(f"the {self.name} was killed by signal {-code}")
+            if code == USAGE:  # it was handed on what a person typed
+                raise Misused(self.last_words().removeprefix("Error: "))
             how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
             raise InfrastructureError(f"the {self.name} {how}: {self.last_words()}")
 

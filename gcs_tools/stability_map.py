@@ -1,6 +1,7 @@
 """Which gains fly: the rule of fcu.law.stability against flights, on grids of two parameters.
 
-    python -m gcs_tools.stability_map          draws docs/stability_map.png, prints the agreement
+    python -m gcs_tools.stability_map               draws docs/stability_map.png, prints the agreement
+    python -m gcs_tools.stability_map --random N    flies N combinations that the rule accepts
 
 Each point is flown twice, in still air and in the wind of `paper_nominal`: a step of
 (4, 7, 18) m from rest with estimates of mass and inertia that are wrong at first.
@@ -184,6 +185,32 @@ def counted(points: Sequence[Sequence[Point]]) -> Count:
     )
 
 
+SPREAD = {
+    "f_m": (0.2, 10.0), "zeta_m": (0.3, 5.0), "c_angle": (0.5, 60.0), "c_rate": (1.0, 800.0),
+    "gamma": (1.0, 1e6), "rotor_response_s": (0.001, 0.05), "trim_rate": (0.1, 20.0),
+}  # fmt: skip
+
+
+def fly_random(mission: Mission, n: int) -> tuple[int, int, list[float]]:
+    """Draw until the rule has accepted n: how many it refused, and of those it accepted how many
+    do not fly the gentle step, with their f_m.
+    """
+    random, refused, bad = np.random.default_rng(1), 0, []
+    for _ in range(n):
+        while True:
+            drawn = mission
+            for name, (low, high) in SPREAD.items():
+                value = float(f"{np.exp(random.uniform(np.log(low), np.log(high))):.6g}")
+                drawn = override(drawn, f"law.{name}={value!r}")
+            scene = scenario(drawn)
+            if not unstable(scene.law):
+                break
+            refused += 1
+        if not flies(scene, False):
+            bad.append(scene.law.f_m)
+    return refused, len(bad), bad
+
+
 def _edges(axis: Axis) -> Rows:
     logs = np.log(np.array(axis.values))
     middle = 0.5 * (logs[1:] + logs[:-1])
@@ -243,9 +270,17 @@ def draw(results: Sequence[tuple[Map, list[list[Point]]]], path: Path) -> None:
 @click.command()
 @click.option("--points", default=16, show_default=True, help="values along an axis")
 @click.option("--figure", type=click.Path(path_type=Path), default=Path("docs/stability_map.png"))
-def main(points: int, figure: Path) -> None:
+@click.option("--random", "drawn", type=int, help="instead: combinations of all gains at random")
+def main(points: int, figure: Path, drawn: int | None) -> None:
     """Draw the maps and print the agreement of rule and flights."""
     mission = load("paper_nominal")
+    if drawn is not None:
+        refused, bad, f_m = fly_random(gentle(mission), drawn)
+        fast = sum(f > 4.0 for f in f_m)
+        click.echo(
+            f"{drawn} accepted ({refused} refused): {bad} do not fly, {fast} with f_m above 4"
+        )
+        return
     results = []
     for chart in maps(points):
         flown = fly_map(chart, mission)

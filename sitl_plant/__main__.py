@@ -8,19 +8,9 @@ from pathlib import Path
 
 import click
 
+from fcu.interface import options
 from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
-
-
-def _speed(_context: click.Context, _option: click.Parameter, value: str) -> float | None:
-    if value == "max":
-        return None
-    try:
-        speed = float(value)
-    except ValueError:
-        speed = 0.0
-    if not 0.0 < speed < 1e6:
-        raise click.BadParameter(f"expected a number above 0 or max, got {value}")
-    return speed
+from fcu.interface.starter import occupy_standard_streams
 
 
 @click.command(
@@ -29,8 +19,8 @@ def _speed(_context: click.Context, _option: click.Parameter, value: str) -> flo
 @click.version_option(package_name="m-mrac")
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="The world as JSON; default: an S1000 on the ground in still air.")  # fmt: skip
-@click.option("--rate", "rate_hz", default=500.0, show_default=True, help="Control rate, Hz, without --world.")  # fmt: skip
-@click.option("--speed", default="1", show_default=True, callback=_speed, help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate, Hz, without --world.")  # fmt: skip
+@click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds a second, or max.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--control-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
@@ -50,6 +40,7 @@ def main(
     Simulation time belongs to this process. It waits for the controller at every tick, so
     the flight is the same at any speed; start the controller before or after (`fcu`).
     """
+    occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
     from fcu.interface.airframe import AirframeError

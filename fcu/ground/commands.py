@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from fcu.interface.geodesy import Origin, to_local
+from fcu.interface.ground_kinds import command_name
 from fcu.interface.ground_messages import Command
 from fcu.interface.ground_numbers import GLOBAL_FRAMES, RELATIVE_FRAMES, CommandId, Result
 from fcu.kernel.algebra import Vec3
@@ -21,6 +22,7 @@ from fcu.vehicle.supervisor import Supervisor, Verdict
 
 FORCE = 21196.0  # COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
 CUSTOM_MODE = 1  # MAV_MODE_FLAG
+FARTHEST, LOWEST = 20_000.0, 100.0  # m from here, and below home: nobody flies there
 TAKEOFF_ASIDE = 10.0  # m: a take-off that names a place farther away is not a take-off
 
 
@@ -87,7 +89,7 @@ class Commands:
         command = request.command
         spec = self.table.get(command.command)
         if spec is None:
-            return Verdict(Result.UNSUPPORTED, f"Command {command.command} is not supported")
+            return Verdict(Result.UNSUPPORTED, f"{command_name(command.command)} is not supported")
         if command.target_system == 0 and not spec.to_all:
             return _denied(f"{spec.what} denied: it must name this system")
         if command.frame is None and spec.place:
@@ -117,16 +119,17 @@ class Commands:
         base, main, sub = request.parameter(1), request.parameter(2), request.given(3, 0.0)
         if not int(base) & CUSTOM_MODE:
             return _denied("Mode denied: only custom modes are known (base mode 1)")
-        return self.select(modes.of_numbers(int(main), int(sub)), request)
+        asked = modes.of_numbers(int(main), int(sub))
+        return self.select(asked, request, f"{main:.0f}, {sub:.0f}")
 
     def _standard_mode(self, request: Request) -> Verdict:
-        return self.select(modes.of_standard(int(request.parameter(1))), request)
+        number = int(request.parameter(1))
+        return self.select(modes.of_standard(number), request, f"{number} (standard)")
 
-    def select(self, mode: Mode | None, request: Request) -> Verdict:
-        """Another mode; None: one that this vehicle does not have."""
+    def select(self, mode: Mode | None, request: Request, asked: str) -> Verdict:
+        """Another mode; None: one that this vehicle does not have. `asked`: its numbers."""
         if mode is None:
-            known = ", ".join(mode.value for mode in Mode)
-            return Verdict(Result.DENIED, f"Mode denied: known are {known}")
+            return _denied(f"Mode {asked} denied: this vehicle has none such")
         return self._vehicle.select(mode, request.t_us, request.wall_s)
 
     def _place(self, request: Request) -> Vec3 | None:
@@ -134,16 +137,21 @@ class Commands:
         vehicle = self._vehicle
         here = vehicle.pose().r_E
         lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
-        if abs(lat) > 90.0 or abs(lon) > 180.0 or abs(alt) > 1e5:
+        if abs(lat) > 90.0 or abs(lon) > 180.0 or math.isnan(lat) != math.isnan(lon):
             return None
         r = here
         if not (math.isnan(lat) or math.isnan(lon)):
             r = to_local(self._origin, lat, lon, self._origin.alt_m)
+            if not math.dist(r[:2], here[:2]) <= FARTHEST:  # 0, 0: mostly one that was left out
+                return None
         if math.isnan(alt):
             return Vec3(r.x, r.y, here.z)
         z = alt - self._origin.alt_m
         if request.command.frame in RELATIVE_FRAMES and vehicle.home is not None:
             z = alt + vehicle.home.z
+        ground = here.z if vehicle.home is None else vehicle.home.z
+        if not ground - LOWEST <= z <= ground + FARTHEST:  # as above: a height of 0
+            return None
         return Vec3(r.x, r.y, z)
 
     def _take_off(self, request: Request) -> Verdict:
@@ -171,7 +179,7 @@ class Commands:
         if not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0):
             place, here = self._place(request), self._vehicle.state
             if here is None or place is None:
-                return _denied("Landing denied: the place is not possible")
+                return _denied("Landing denied: not a place within 20 km of here")
             if math.dist(place[:2], self._vehicle.pose().r_E[:2]) > TAKEOFF_ASIDE:
                 return _denied("Landing denied: it lands where it is (reposition first)")
         return self._vehicle.select(Mode.LAND, request.t_us, request.wall_s)
@@ -181,22 +189,20 @@ class Commands:
 
     def _reposition(self, request: Request) -> Verdict:
         vehicle = self._vehicle
-        speed = request.given(1, -1.0)
+        speed = request.given(1, -1.0)  # m/s; -1: as it is
         if vehicle.state is None or vehicle.home is None:
             return _denied("Reposition denied: no state from the plant yet")
         to = self._place(request)
         if to is None:
-            return _denied("Reposition denied: the place is not possible")
+            return _denied("Reposition denied: not a place within 20 km of here")
         yaw = request.parameter(4)
         psi = None if math.isnan(yaw) else 0.5 * math.pi - yaw
-        if speed != -1.0:
-            told = vehicle.change_speed(speed)
-            if not told.good:
-                return told
-        return vehicle.reposition(to, psi, request.t_us)
+        return vehicle.reposition(to, psi, request.t_us, None if speed == -1.0 else speed)
 
     def _pause(self, request: Request) -> Verdict:
-        if request.parameter(1) != 0.0:
+        if request.parameter(1) not in (0.0, 1.0):
+            return _denied("Pause denied: parameter 1 is neither 0 nor 1")
+        if request.parameter(1) == 1.0:
             return _denied("Continuing denied: there is no mission")
         return self._vehicle.select(Mode.HOLD, request.t_us, request.wall_s)
 
@@ -220,7 +226,7 @@ class Commands:
             )
         place = self._place(request)
         if place is None:
-            return _denied("Home denied: the place is not possible")
+            return _denied("Home denied: not a place within 20 km of here")
         return self._vehicle.set_home(place)
 
     def _terminate(self, request: Request) -> Verdict:

@@ -2,13 +2,15 @@
 
 Telemetry goes to one configured address from the start (ground tools listen, they do not ask)
 and to whoever has sent a heartbeat. Whoever sends anything readable gets answers. Nobody can
-take more of the loop's time than the budget, nor another's place by knocking from many ports.
+take more of the loop's time than the budget, nor the place of one who still beats: when all are
+taken, a newcomer is answered and no more.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from fcu.interface.framing import Packed
 from fcu.interface.ground_messages import GroundMessage, Heartbeat
@@ -19,10 +21,36 @@ from fcu.interface.link import HOST, exclusive_socket
 Address = tuple[str, int]
 
 PEERS = 8  # beside the configured listener
+GONE_S = 10.0  # wall: one who has not been heard for so long may be replaced
 BUDGET = 32  # datagrams read at one go
 RATE, BURST = 2000.0, 400.0  # datagrams of one sender a second, wall; and at once
 _LONGEST = 65535
 _FULL = 1400  # bytes of a datagram that messages are gathered in
+
+
+class Bucket:
+    """So much a second, so much at once; wall time."""
+
+    def __init__(self, rate: float, burst: float) -> None:
+        self._rate, self._burst, self._left, self._at = rate, burst, burst, 0.0
+
+    def take(self, now: float) -> bool:
+        """Whether there is one more."""
+        self._left = min(self._burst, self._left + (now - self._at) * self._rate)
+        self._at = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class Acknowledged(NamedTuple):
+    """A command that was carried out or refused, in case it is repeated."""
+
+    command: int
+    asked: bytes  # by whom, with which parameters
+    result: Result
+    at: float
 
 
 class Link:
@@ -36,17 +64,9 @@ class Link:
         self.streams: dict[int, list[float]] = {}  # message id: interval, next due (s)
         self.list_at: int | None = None  # the next parameter of a list that is being sent
         self.list_due = 0.0
-        self.acknowledged: list[tuple[object, Result]] = []  # commands and answers, the last few
-        self._tokens, self._filled = BURST, now
-
-    def may_speak(self, now: float) -> bool:
-        """Whether this sender is within its rate."""
-        self._tokens = min(BURST, self._tokens + (now - self._filled) * RATE)
-        self._filled = now
-        if self._tokens < 1.0:
-            return False
-        self._tokens -= 1.0
-        return True
+        self.acknowledged: list[Acknowledged] = []  # the last few, the newest first
+        self.heard = now
+        self.spoken = Bucket(RATE, BURST)
 
 
 class GroundPort:
@@ -77,7 +97,7 @@ class GroundPort:
             except OSError:  # a peer's port is closed: an ICMP refusal, not a datagram
                 continue
             known = self.listener if address == self.listener.address else self._peers.get(address)
-            if known is not None and not known.may_speak(now):
+            if known is not None and not known.spoken.take(now):
                 self.dropped["over rate"] += 1
                 continue
             messages = self._parser.parse(datagram)
@@ -88,15 +108,23 @@ class GroundPort:
                 if isinstance(message, Heartbeat) and not link.hears_telemetry:
                     link.hears_telemetry = True
                 yield message, link
+            link.heard = now
             if address in self._peers:  # the most recent is the last to go
                 self._peers[address] = self._peers.pop(address)
 
     def _meet(self, address: Address, now: float) -> Link:
-        """A new peer; the table is full: in place of a stranger, or of who was silent longest."""
-        if len(self._peers) >= PEERS:
-            strangers = (a for a, link in self._peers.items() if not link.hears_telemetry)
-            del self._peers[next(strangers, next(iter(self._peers)))]
+        """A new peer: in place of a stranger, or of one who is gone, if the table is full."""
         link = Link(address, GroundCodec(self._system), now)
+        if len(self._peers) >= PEERS:
+            places = (
+                a for a, peer in self._peers.items()
+                if not peer.hears_telemetry or now - peer.heard > GONE_S
+            )  # fmt: skip
+            place = next(places, None)
+            if place is None:
+                self.dropped["no place"] += 1
+                return link
+            del self._peers[place]
         self._peers[address] = link
         return link
 

@@ -131,8 +131,10 @@ class Requests:
             return Verdict(Result.UNSUPPORTED)
         if us == 0.0:
             hz = self._telemetry.default_hz(self._port, number)
-        elif us < 0.0:
+        elif us == -1.0:
             hz = 0.0
+        elif us < 0.0:
+            return Verdict(Result.DENIED, "Interval denied: below -1 us")
         else:
             hz = min(1e6 / us, FASTEST_HZ)
         self._telemetry.set_rate(self._port, self._link, number, hz)

@@ -6,6 +6,9 @@ the vehicle goes through `serve`. Nothing here blocks.
 
 from __future__ import annotations
 
+import re
+import struct
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +18,7 @@ import numpy as np
 
 from fcu.ground.commands import Commands, Request
 from fcu.ground.parameters import ParameterService
-from fcu.ground.port import GroundPort, Link
+from fcu.ground.port import Acknowledged, Bucket, GroundPort, Link
 from fcu.ground.requests import Requests
 from fcu.ground.streams import HOME_POSITION, STREAMS
 from fcu.ground.telemetry import Telemetry
@@ -42,9 +45,13 @@ from fcu.vehicle.script import Frame, Refused, of_attitude, of_position, turned
 from fcu.vehicle.supervisor import Supervisor, Verdict
 from fcu.vehicle.wind import Wind
 
-REMEMBERED = 4  # acknowledgements of a link, for a command that is repeated
+REMEMBERED, REPEAT_S = 8, 5.0  # acknowledgements of a link, for so long (wall), for repetitions
 PENDING_S = 0.5  # wall: how long an offboard command waits for the second setpoint
+TEXTS_S, TEXTS_BURST = 10.0, 50.0  # reasons of refusals a second (wall), and at once
 COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
+
+
+_NUMBERS = re.compile(r"[0-9.]+")
 
 
 @dataclass
@@ -84,7 +91,8 @@ class Station:
         self._parameters = ParameterService(params, file, vehicle, self._commands.table)
         self._requests = Requests(self.telemetry, self._commands.table)
         self._wind = Wind(identity.drag)
-        self._pending: Pending | None = None
+        self._pending: dict[int, Pending] = {}  # by command
+        self._texts = Bucket(TEXTS_S, TEXTS_BURST)
         self._complained: dict[str, float] = {}
         self._home_told = 0
         self._mode_told: Mode | None = None
@@ -142,7 +150,7 @@ class Station:
                 self.telemetry.broadcast(*STREAMS[436].build(view))
         for port in self.ports:
             self._parameters.pace(port, now)
-        if self._pending is not None:
+        if self._pending:
             self._settle(t_us, now)
 
     # --- what ground stations and scripts say
@@ -157,7 +165,8 @@ class Station:
             elif isinstance(message, SetMode):
                 mode = modes.of_numbers(message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24)
                 request = Request(_as_command(message), t_us, now)
-                self._explain(self._commands.select(mode, request))
+                asked = f"{message.custom_mode >> 16 & 0xFF}, {message.custom_mode >> 24}"
+                self._explain(self._commands.select(mode, request, asked))
             elif isinstance(message, ManualControl):
                 self._sticks(message, t_us)
             else:
@@ -176,7 +185,7 @@ class Station:
                     for other in other_port.links():
                         if other is not link:
                             other_port.send(other, *to_all)
-            if why:
+            if why and self._texts.take(now):
                 self.tell(Severity.WARNING, why)
             return
         self._requests.about(port, link, self.view())
@@ -187,24 +196,37 @@ class Station:
     def _command(
         self, port: GroundPort, link: Link, command: Command, t_us: int, now: float
     ) -> None:
-        same = (command.source, command.command, command.params)
-        if command.confirmation > 0:  # its answer was lost
-            for asked, result in link.acknowledged:
-                if asked == same:
-                    self._acknowledge(port, link, command, result)
-                    return
-        pending = self._pending
-        if pending is not None and pending.command.command == command.command:
-            self._acknowledge(port, link, command, Result.TEMPORARILY_REJECTED)
+        pending = self._pending.get(command.command)
+        if pending is not None:
+            again = command.confirmation > 0 and _asked(pending.command) == _asked(command)
+            result = Result.IN_PROGRESS if again else Result.TEMPORARILY_REJECTED
+            self._acknowledge(port, link, command, result)
+            if not again:
+                self._explain(Verdict(result, f"Command {command.command} is still being done"))
             return
+        if command.confirmation > 0:  # its answer was lost
+            known = [
+                known for known in link.acknowledged
+                if known.command == command.command and now - known.at < REPEAT_S
+            ]  # fmt: skip
+            same = next((a for a in known if a.asked == _asked(command)), None)
+            if same is not None and same is known[0]:
+                self._acknowledge(port, link, command, same.result)
+                return
+            if same is not None:  # to do it now would undo what was asked for later
+                self._acknowledge(port, link, command, Result.DENIED)
+                self._explain(Verdict(
+                    Result.DENIED, f"Command {command.command} repeated too late: overtaken by another"
+                ))  # fmt: skip
+                return
         self._requests.about(port, link, self.view())
         verdict = self._commands.answer(Request(command, t_us, now))
         later = self._later(command, verdict, now)
         if later is not None:
-            self._pending = Pending(command, port, link, later)
+            self._pending[command.command] = Pending(command, port, link, later)
             self._acknowledge(port, link, command, Result.IN_PROGRESS)
             return
-        self._conclude(port, link, command, verdict)
+        self._conclude(port, link, command, verdict, now)
 
     def _later(
         self, command: Command, verdict: Verdict, now: float
@@ -214,7 +236,7 @@ class Station:
         if verdict.result is Result.IN_PROGRESS and saving is not None:
             return lambda _t_us, _now: saving.done()
         one_more = self._vehicle.script.setpoint is not None
-        if verdict.result is Result.TEMPORARILY_REJECTED and one_more and self._pending is None:
+        if verdict.result is Result.TEMPORARILY_REJECTED and one_more:
             # the first setpoint of a stream came just before: the second is on its way
             until = now + PENDING_S
 
@@ -226,18 +248,21 @@ class Station:
         return None
 
     def _settle(self, t_us: int, now: float) -> None:
-        assert self._pending is not None
-        pending = self._pending
-        verdict = pending.outcome(t_us, now)
-        if verdict is not None:
-            self._pending = None
-            if self._parameters.saving is not None and self._parameters.saving.done() is not None:
+        for number, pending in list(self._pending.items()):
+            verdict = pending.outcome(t_us, now)
+            if verdict is None:
+                continue
+            del self._pending[number]
+            saving = self._parameters.saving
+            if saving is not None and saving.done() is not None:
                 self._parameters.saving = None
-            self._conclude(pending.port, pending.link, pending.command, verdict)
+            self._conclude(pending.port, pending.link, pending.command, verdict, now)
 
-    def _conclude(self, port: GroundPort, link: Link, command: Command, verdict: Verdict) -> None:
-        same = (command.source, command.command, command.params)
-        link.acknowledged = [(same, verdict.result), *link.acknowledged][:REMEMBERED]
+    def _conclude(
+        self, port: GroundPort, link: Link, command: Command, verdict: Verdict, now: float
+    ) -> None:
+        done = Acknowledged(command.command, _asked(command), verdict.result, now)
+        link.acknowledged = [done, *link.acknowledged][:REMEMBERED]
         self._acknowledge(port, link, command, verdict.result)
         self._explain(verdict)  # after: a script that waits for the answer then hears the reason
 
@@ -245,7 +270,7 @@ class Station:
         port.send(link, answers.command_ack(command.command, result, command.source))
 
     def _explain(self, verdict: Verdict) -> None:
-        if verdict.text:
+        if verdict.text and (verdict.good or self._texts.take(time.monotonic())):
             self.tell(Severity.INFO if verdict.good else Severity.WARNING, verdict.text)
 
     def _setpoint(
@@ -281,9 +306,10 @@ class Station:
 
     def _complain(self, text: str, now: float) -> None:
         """Tell what is wrong with a stream: once, not at the stream's rate."""
-        self._complained = {t: at for t, at in self._complained.items() if now - at < COMPLAIN_S}
-        if text not in self._complained and len(self._complained) < COMPLAINTS:
-            self._complained[text] = now
+        kind = _NUMBERS.sub("", text)
+        self._complained = {k: at for k, at in self._complained.items() if now - at < COMPLAIN_S}
+        if kind not in self._complained and len(self._complained) < COMPLAINTS:
+            self._complained[kind] = now
             self.tell(Severity.WARNING, text)
 
     def _sticks(self, message: ManualControl, t_us: int) -> None:
@@ -307,6 +333,11 @@ class Station:
         """Give the ports back."""
         for port in self.ports:
             port.close()
+
+
+def _asked(command: Command) -> bytes:
+    """What makes two commands the same: who asks, and the bits of what is asked (NaN is NaN)."""
+    return struct.pack("<HH7d", *command.source, *command.params)
 
 
 def _as_command(message: SetMode) -> Command:

@@ -18,7 +18,7 @@ from fcu.interface import ground_telemetry as tm
 from fcu.interface.framing import Packed
 from fcu.interface.geodesy import Geodetic, to_geodetic
 from fcu.interface.ground_messages import SetpointMessage
-from fcu.interface.ground_numbers import MainMode, Sensor
+from fcu.interface.ground_numbers import IGNORE_ATTITUDE, MainMode, Sensor
 from fcu.kernel.rotations import from_euler, matrix, rotate_back
 from fcu.vehicle import modes
 from fcu.vehicle.modes import MODES, Mode
@@ -78,9 +78,8 @@ def _battery(v: View) -> Sequence[Packed]:
     if b is None:
         return []
     left_s = math.nan
-    if b.current > 1.0 and b.drawn_Ah > 0.0 and b.remaining < 1.0:
-        full_Ah = b.drawn_Ah / (1.0 - b.remaining)
-        left_s = 3600.0 * b.remaining * full_Ah / b.current
+    if b.current > 1.0:
+        left_s = 3.6 * b.remaining * v.params["BAT1_CAPACITY"] / b.current
     low, critical, emergency = (v.params[f"BAT_{n}_THR"] for n in ("LOW", "CRIT", "EMERGEN"))
     state = 1 + (b.remaining < low) + (b.remaining < critical) + (b.remaining < emergency)
     return [
@@ -112,7 +111,8 @@ def _gps_raw(v: View) -> Sequence[Packed]:
 
 
 def _vfr_hud(v: View) -> Sequence[Packed]:
-    air = v.measured.v_E - v.wind.v_air_E
+    blows = v.wind.v_air_E
+    air = v.measured.v_E - blows if blows.x == blows.x else v.measured.v_E
     climb = v.measured.v_E.z  # against air that neither rises nor sinks, as far as is known
     airspeed = math.sqrt(air.x * air.x + air.y * air.y + climb * climb)
     return [
@@ -194,7 +194,9 @@ def _attitude_target(v: View) -> Sequence[Packed]:
         return []
     i = v.internals
     q = from_euler(i.angles_c.x, i.angles_c.y, i.angles_c.z)
-    return [flown.attitude_target(v.t, 0, q, i.w_c, i.T_c / v.law.T_max)]
+    setpoint = v.vehicle.setpoint
+    unused = IGNORE_ATTITUDE if setpoint is not None and setpoint.level > 1.0 else 0
+    return [flown.attitude_target(v.t, unused, q, i.w_c, i.T_c / v.law.T_max)]
 
 
 def _flown(v: View, as_global: bool) -> Sequence[Packed]:

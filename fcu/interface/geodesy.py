@@ -38,7 +38,9 @@ def to_local(origin: Origin, lat_deg: float, lon_deg: float, alt_m: float) -> Ve
     a = math.sin(0.5 * (lat - lat_0)) ** 2
     a += math.cos(lat_0) * math.cos(lat) * math.sin(0.5 * dlon) ** 2
     c = 2.0 * math.asin(math.sqrt(min(a, 1.0)))
-    k = c / math.sin(c) if 1e-12 < c < math.pi - 1e-9 else 1.0
+    if c > math.pi - 1e-6:  # every way there is as long
+        return Vec3(0.0, math.pi * RADIUS, alt_m - origin.alt_m)
+    k = c / math.sin(c) if c > 1e-12 else 1.0
     east = k * math.cos(lat) * math.sin(dlon)
     north = k * (
         math.sin(lat - lat_0) + 2.0 * math.sin(lat_0) * math.cos(lat) * math.sin(0.5 * dlon) ** 2

@@ -46,6 +46,12 @@ for _kind in (
     KINDS[_kind.id] = _NAMED[_kind.name] = _kind
 
 
+def command_name(number: int) -> str:
+    """What a MAV_CMD is called, without its prefix."""
+    entry = mavlink.enums["MAV_CMD"].get(number)
+    return entry.name.removeprefix("MAV_CMD_") if entry else f"Command {number}"
+
+
 def message(name: str, /, **fields: object) -> Packed:
     """A message by its name in the dialect; fields that are left out are 0."""
     return packed(_NAMED[name], **fields)

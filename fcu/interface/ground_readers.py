@@ -63,7 +63,8 @@ _NO_HEADING = 2**16 - 1
 
 
 def _text(raw: bytes) -> str:
-    return raw.decode("ascii", errors="replace")
+    text = raw.decode("ascii", errors="replace")
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)  # it may end up in a log
 
 
 def _to(f: Fields, source: Source) -> tuple[Source, int, int]:

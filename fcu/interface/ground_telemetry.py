@@ -157,7 +157,7 @@ def home_position(place: Geodetic, r_E: Vec3) -> Packed:
     r = earth(r_E)
     return _message(
         "HOME_POSITION", latitude=1e7 * place.lat_deg, longitude=1e7 * place.lon_deg,
-        altitude=1e3 * place.alt_m, x=r.x, y=r.y, z=r.z, q=(1.0, 0.0, 0.0, 0.0),
+        altitude=1e3 * place.alt_m, x=r.x, y=r.y, z=r.z, q=(math.nan,) * 4,
     )  # fmt: skip
 
 
@@ -237,7 +237,7 @@ def wind_cov(t: float, v_air_E: Vec3, var_horiz: float, var_vert: float, alt: fl
     return _message(
         "WIND_COV", time_usec=_us(t), wind_x=v.x, wind_y=v.y, wind_z=v.z,
         var_horiz=_sigma(var_horiz), var_vert=_sigma(var_vert), wind_alt=alt,
-        horiz_accuracy=math.nan, vert_accuracy=math.nan,
+        horiz_accuracy=0.0, vert_accuracy=0.0,
     )  # fmt: skip
 
 

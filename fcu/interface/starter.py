@@ -49,6 +49,20 @@ def announce(said: dict[str, Any]) -> None:
 
 
 def log(line: str) -> None:
-    """One line on standard error. A log that cannot be written must not end a flight."""
+    """One line on standard error. A log that cannot be written must neither end nor stop a flight.
+
+    A line for which a pipe that nobody reads has no room is lost.
+    """
     with suppress(OSError):
-        os.write(2, (line + "\n").encode())
+        poll = select.poll()
+        poll.register(2, select.POLLOUT)  # of a pipe: PIPE_BUF bytes at least would fit
+        if poll.poll(0):
+            os.write(2, (line + "\n").encode()[: select.PIPE_BUF])
+
+
+def occupy_standard_streams() -> None:
+    """Open /dev/null where descriptors 0 to 2 are closed: no socket shall take their places."""
+    with suppress(OSError):
+        while (fd := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass
+        os.close(fd)

@@ -3,7 +3,7 @@
 Plant to controller: ODOMETRY and ACTUATOR_OUTPUT_STATUS in one datagram, now and then followed
 by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held. Controller to plant: HIL_ACTUATOR_CONTROLS.
 
-This file and `ground_wire` are the only importers of pymavlink's dialect. Here it gives
+This file and `ground_kinds` are the only importers of pymavlink's dialect. Here it gives
 the numbers (ids, layouts, CRC_EXTRA) and the framing is by hand, several times faster:
 lockstep waits for it at every tick. The conversions of frame are those of `frames`.
 """

@@ -8,6 +8,7 @@ and unpacking are derived from it, never written out.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numba
@@ -28,6 +29,7 @@ def is_value(cls: Any) -> bool:
     return isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")
 
 
+@cache
 def fields(cls: Any) -> dict[str, Any]:
     """Field name -> type (float, or a NamedTuple class), in the order of declaration."""
     hints = get_type_hints(cls)
@@ -77,15 +79,15 @@ def to_buffer(value: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def from_buffer(cls: type[T], buffer: Sequence[float] | np.ndarray[Any, Any]) -> T:
     """A value from a flat array of `size(cls)` floats."""
-    numbers = iter(np.asarray(buffer, dtype=np.float64).tolist())
-
-    def build(kind: Any) -> Any:
-        if not is_value(kind):
-            return next(numbers)
-        return kind(*[build(k) for k in fields(kind).values()])
-
-    value: T = build(cls)
+    value: T = _built(cls, iter(np.asarray(buffer, dtype=np.float64).tolist()))
     return value
+
+
+def _built(kind: Any, numbers: Iterator[float]) -> Any:
+    # no closure: one that calls itself is a cycle, and nobody collects those in flight
+    if not is_value(kind):
+        return next(numbers)
+    return kind(*[_built(k, numbers) for k in fields(kind).values()])
 
 
 def _constructors(cls: Any, found: dict[str, Any]) -> dict[str, Any]:

@@ -24,6 +24,10 @@ Matrix = np.ndarray[Any, np.dtype[np.float64]]
 # The vehicle of the paper's Section VIII
 MASS = 8.0  # kg
 INERTIA = (0.3245, 0.3245, 0.4616)  # kg m^2
+LIFT, SINK = 1.3, 0.25  # of its weight: the least T_max, the greatest T_min
+LEARNT = 1.0  # gamma_LambdaJ under which an inertia is as good as not learnt
+FIRST = 2.0  # factor by which the first estimate of mass may be off
+ROTATION = ("roll", "pitch", "yaw")
 OFF = (1.0, 1.0 / math.sqrt(2.0), math.sqrt(2.0))  # estimates over truth: right, and 3 dB off
 # What is left of the inverted lag when its command is cut. Set by flights: with 2, combinations pass
 # that fail even in small steps; with 1, combinations that settle after large ones do not.
@@ -183,9 +187,36 @@ def radius(params: LawParams, channel: str, off: float = 1.0) -> float:
 
 
 def stable(params: LawParams, channel: str) -> bool:
-    """Whether a channel is, with the gain margin, and with a cut rotor command."""
+    """Whether a channel is, with the gain margin, and with a cut rotor command.
+
+    An inertia that is not learnt has to be right enough from the start.
+    """
     cut = params._replace(kappa=min(params.kappa, KAPPA_CUT))
-    return all(radius(params, channel, off) < 1.0 for off in OFF) and radius(cut, channel) < 1.0
+    offs = list(OFF)
+    if channel in ROTATION and params.gamma_LambdaJ < LEARNT:
+        offs.append(params.J_hat_0 / INERTIA[ROTATION.index(channel)])
+    return all(radius(params, channel, off) < 1.0 for off in offs) and radius(cut, channel) < 1.0
+
+
+def grounded(params: LawParams) -> str:
+    """What keeps the vehicle of Section VIII from hovering, whatever its gains; empty if nothing.
+
+    Thrust limits that leave no room about its weight, sets that do not hold its mass or inertia
+    (Section IV asks for sets that do), and a first estimate of mass that is too far off for the
+    time that a fall leaves to learn it.
+    """
+    weight, b = MASS * params.g, params.bounds
+    if params.T_max < LIFT * weight:
+        return f"too weak for {MASS:g} kg ({LIFT * weight:.0f} N at least)"
+    if params.T_min > SINK * weight:
+        return f"no way down at {MASS:g} kg ({SINK * weight:.0f} N at most)"
+    if not b.m_min <= MASS <= b.m_max:
+        return f"{MASS:g} kg is outside the set of masses"
+    if not b.J_min <= min(INERTIA) <= max(INERTIA) <= b.J_max:
+        return f"{min(INERTIA):.2f} to {max(INERTIA):.2f} kg m^2 is outside the set of inertias"
+    if not MASS / FIRST <= params.m_hat_0 <= MASS * FIRST:
+        return f"mass at arming: {MASS / FIRST:g} to {MASS * FIRST:g} kg"
+    return ""
 
 
 def unstable(params: LawParams) -> str:

@@ -115,6 +115,16 @@ def steps(r: Vec3, away: Vec3, period_s: float, psi: float) -> Iterator[Piece]:
         yield Piece(Setpoint(r, STILL, STILL, psi, 0.0), every)
 
 
+def eight_acceleration(size: tuple[float, float], speed: float) -> float:
+    """The greatest acceleration (m/s^2) along a figure of eight, at full speed."""
+    a, b = size
+    rate = speed / math.hypot(0.5 * a, b)
+    p = [math.pi * k / 180.0 for k in range(360)]
+    return rate * rate * max(
+        math.hypot(0.5 * a * math.sin(q), 2.0 * b * math.sin(2.0 * q)) for q in p
+    )  # fmt: skip
+
+
 def figure_eight(r: Vec3, size: tuple[float, float], speed: float, psi: float) -> Iterator[Piece]:
     """x = a/2 sin p, y = b/2 sin 2p about r, from rest; `speed` (m/s) where it crosses."""
     a, b = size

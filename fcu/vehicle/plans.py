@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
@@ -73,6 +74,15 @@ def take_off(here: Pose, height: float, led: Limits, settle: float) -> list[Piec
     return guidance.through(here.r_E, STILL, [up], here.psi, led, settle)
 
 
+def asks_too_much(mode: Mode, p: Parameters) -> str:
+    """Why what a mode would fly, as its parameters are, is more than the vehicle is led with."""
+    if mode is not Mode.FIGURE_EIGHT:
+        return ""
+    size, most = (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["MPC_ACC_HOR"]
+    asks = guidance.eight_acceleration(size, p["REF_8_SPEED"])
+    return f"it asks {asks:.1f} m/s^2 (MPC_ACC_HOR {most:g})" if asks > most else ""
+
+
 def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: Limits) -> Iterable[Piece]:
     """What a mode flies from here, keeping its yaw."""
     r, v, psi = here
@@ -82,13 +92,17 @@ def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: Limits) -> I
         return guidance.through(r, v, _way_home(here, home, p, led), psi, led, settle_s(p))
     if mode is Mode.TAKEOFF:
         return take_off(here, p["MIS_TAKEOFF_ALT"], led, settle_s(p))
+    if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
+        stopping, rest = guidance.brake(r, v, psi, led)
+        return chain(stopping, _generated(mode, rest, psi, p))
+    return guidance.through(r, v, [], psi, led)
+
+
+def _generated(mode: Mode, r: Vec3, psi: float, p: Parameters) -> Iterator[Piece]:
     if mode is Mode.STEP:
         away = Vec3(p["REF_STEP_E"], p["REF_STEP_N"], p["REF_STEP_U"])
         return guidance.steps(r, away, p["REF_STEP_T"], psi)
-    if mode is Mode.FIGURE_EIGHT:
-        size = (p["REF_8_LEN"], p["REF_8_WIDTH"])
-        return guidance.figure_eight(r, size, p["REF_8_SPEED"], psi)
-    return guidance.through(r, v, [], psi, led)
+    return guidance.figure_eight(r, (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["REF_8_SPEED"], psi)
 
 
 def _way_home(here: Pose, home: Vec3, p: Parameters, led: Limits) -> list[Vec3]:

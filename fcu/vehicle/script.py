@@ -16,7 +16,10 @@ from fcu.interface.ground_numbers import (
     BODY_FRAMES,
     IGNORE_ACCELERATION,
     IGNORE_ATTITUDE,
+    IGNORE_PITCH_RATE,
     IGNORE_POSITION,
+    IGNORE_ROLL_RATE,
+    IGNORE_SPIN_RATE,
     IGNORE_VELOCITY,
     IGNORE_YAW,
     OFFSET_FRAMES,
@@ -30,6 +33,8 @@ from fcu.law import reference_model
 from fcu.vehicle.guidance import STILL, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
+STANDARD_GRAVITY = 9.80665  # m/s^2
+BELOW_HOME = 1.0  # m: some land by a setpoint just under the ground
 POSITION, ATTITUDE, RATES = 0.0, 1.0, 2.0  # Setpoint.level
 
 
@@ -56,8 +61,11 @@ class Limits(NamedTuple):
     """Above these a setpoint is flown at the limit, with a warning."""
 
     away: float  # m from the vehicle
-    speed: float  # m/s
+    across: float  # m/s
+    up: float  # m/s
+    down: float  # m/s
     yaw_rate: float  # rad/s
+    acceleration: float = STANDARD_GRAVITY  # m/s^2: a tilt of 45 degrees
 
 
 @dataclass
@@ -115,8 +123,7 @@ class Script:
         """A valid setpoint, in effect from `at_us`."""
         last = self._last
         if last is not None:
-            together = at_us - last.sim_us <= APART_US or wall_s - last.wall_s <= APART_S
-            self._stream = self._stream or together
+            self._stream = at_us - last.sim_us <= APART_US or wall_s - last.wall_s <= APART_S
         self.setpoint, self.since_us, self.message = setpoint, at_us, message
         self._last = Clocks(at_us, wall_s)
 
@@ -146,11 +153,13 @@ def of_position(
     a = turned(asked.a_c, turn) if has_acceleration else STILL
 
     psi_dot = asked.psi_dot_c
+    if abs(psi_dot) > limits.yaw_rate:
+        warning = (
+            f"Setpoint turns at {abs(psi_dot):.1f} rad/s: flown at {limits.yaw_rate:.1f} rad/s"
+        )
+        psi_dot = math.copysign(limits.yaw_rate, psi_dot)
     if message.ignores(IGNORE_YAW):
         psi = flown.psi_c
-        if abs(psi_dot) > limits.yaw_rate:
-            warning = f"Setpoint turns at {psi_dot:.1f} rad/s: flown at {limits.yaw_rate:.1f} rad/s"
-            psi_dot = math.copysign(limits.yaw_rate, psi_dot)
     else:
         psi = asked.psi_c
         if message.frame in OFFSET_FRAMES:
@@ -160,6 +169,8 @@ def of_position(
         r = _position(message, asked.r_c, pose, frame)
         away = r - pose.r_E
         far = length(away)
+        if r.z < frame.home.z - BELOW_HOME:
+            warning = f"Setpoint {frame.home.z - r.z:.0f} m below home"
         if far > limits.away:
             r = pose.r_E + (limits.away / far) * away
             warning = f"Setpoint {far:.0f} m away: flown as {limits.away:.0f} m"
@@ -169,14 +180,24 @@ def of_position(
         r, v = flown.r_c, flown.v_c
     else:
         r = flown.r_c  # yaw alone
-    if not has_position:
-        speed = length(v)
-        if speed > limits.speed:
-            v = (limits.speed / speed) * v
-            if not has_velocity:
-                a = STILL
-            warning = f"Setpoint at {speed:.0f} m/s: flown at {limits.speed:.0f} m/s"
+    allowed = _slowed(v, limits)
+    if allowed != v:
+        warning = f"Setpoint at {length(v):.1f} m/s: flown at {length(allowed):.1f} m/s"
+        v = allowed
+        if not has_velocity:
+            a = STILL
+    push = length(a)
+    if push > limits.acceleration:
+        a = (limits.acceleration / push) * a
+        warning = f"Setpoint at {push:.0f} m/s^2: flown at {limits.acceleration:.0f} m/s^2"
     return Setpoint(r, v, a, psi, psi_dot), warning
+
+
+def _slowed(v: Vec3, limits: Limits) -> Vec3:
+    """Within the speeds across, up and down; the direction across is kept."""
+    across = math.hypot(v.x, v.y)
+    k = limits.across / across if across > limits.across else 1.0
+    return Vec3(k * v.x, k * v.y, min(limits.up, max(-limits.down, v.z)))
 
 
 def of_attitude(message: AttitudeSetpointMessage, flown: Setpoint, T_max: float) -> Setpoint:
@@ -186,12 +207,17 @@ def of_attitude(message: AttitudeSetpointMessage, flown: Setpoint, T_max: float)
     T = message.thrust * T_max
     if message.type_mask & IGNORE_ATTITUDE:
         return flown._replace(level=RATES, w_c=message.w_B, T_c=T, tilt_c=STILL, psi_dot_c=0.0)
+    w = message.w_B
+    if (w.x and not message.type_mask & IGNORE_ROLL_RATE) or (
+        w.y and not message.type_mask & IGNORE_PITCH_RATE
+    ):
+        raise Refused("with an attitude only the yaw rate can be flown")
     angles = euler(matrix(message.q_EB))
     return flown._replace(
         level=ATTITUDE,
         tilt_c=Vec3(angles.x, angles.y, 0.0),
         psi_c=angles.z,
-        psi_dot_c=0.0,
+        psi_dot_c=0.0 if message.type_mask & IGNORE_SPIN_RATE else w.z,
         w_c=STILL,
         T_c=T,
     )

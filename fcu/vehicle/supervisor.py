@@ -24,7 +24,7 @@ from fcu.vehicle import guidance, modes
 from fcu.vehicle.guidance import STILL, Piece
 from fcu.vehicle.landed import Landed
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import Leader, limits, plan_of, settle_s, take_off
+from fcu.vehicle.plans import Leader, asks_too_much, limits, plan_of, settle_s, take_off
 from fcu.vehicle.script import Limits, Pose, Script, anchored
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -132,7 +132,10 @@ class Supervisor:
     def script_limits(self) -> Limits:
         """Above which a script's setpoint is flown at the limit."""
         p = self._params
-        return Limits(p["MR_SP_DIST"], p["MPC_XY_VEL_MAX"], p.law.yaw_rate_max)
+        return Limits(
+            p["MR_SP_DIST"], p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"],
+            p.law.yaw_rate_max,
+        )  # fmt: skip
 
     # --- what happens by itself
 
@@ -265,12 +268,15 @@ class Supervisor:
 
     def select(self, wanted: Mode, t_us: int, wall_s: float) -> Verdict:
         """Another mode. TEMPORARILY_REJECTED while a script's stream is all that is missing."""
+        if wanted is self.mode and wanted is not Mode.HOLD:
+            return Verdict(Result.ACCEPTED)  # a script that repeats itself
         need = modes.denied(wanted, self._met(t_us, wall_s))
         if need is not None:
             rejected = Result.TEMPORARILY_REJECTED if need is Need.SETPOINTS else Result.DENIED
             return Verdict(rejected, f"{wanted.value} denied: {need.value}")
-        if wanted is self.mode and wanted is not Mode.HOLD:
-            return Verdict(Result.ACCEPTED)  # a script that repeats itself
+        too_much = asks_too_much(wanted, self._params)
+        if too_much:
+            return _denied(wanted.value, too_much)
         self.failsafe = ""
         self._enter(wanted, t_us)
         return Verdict(Result.ACCEPTED, f"Mode {wanted.value}")
@@ -290,12 +296,18 @@ class Supervisor:
         self._follow(plan, t_us, ends=True)
         return Verdict(Result.ACCEPTED, f"Taking off to {height:.1f} m above here")
 
-    def reposition(self, to: Vec3, psi: float | None, t_us: int) -> Verdict:
-        """Hold somewhere else: straight there, within the limits."""
+    def reposition(
+        self, to: Vec3, psi: float | None, t_us: int, speed: float | None = None
+    ) -> Verdict:
+        """Hold somewhere else: straight there, within the limits; `speed`: as `change_speed`."""
         if not self.armed or self.state is None:
             return _denied("Reposition", Need.ARMED.value)
         if self._landed.landed:
             return _denied("Reposition", Need.AIRBORNE.value)
+        if speed is not None:
+            told = self.change_speed(speed)
+            if not told.good:
+                return told
         here = self._from(t_us)
         self.failsafe = ""
         self._become(Mode.HOLD)
@@ -311,7 +323,8 @@ class Supervisor:
         piece = Piece(
             Setpoint(now.r_c, v, STILL, now.psi_c, psi_dot), self._params["COM_RC_LOSS_T"]
         )
-        stop = Piece(Setpoint(now.r_c + piece.for_s * v, STILL, STILL, now.psi_c, 0.0), math.inf)
+        r, psi = now.r_c + piece.for_s * v, now.psi_c + piece.for_s * psi_dot
+        stop = Piece(Setpoint(r, STILL, STILL, psi, 0.0), math.inf)
         self._follow([piece, stop], t_us)
 
     def change_speed(self, speed: float) -> Verdict:

@@ -2,8 +2,8 @@
 
 The law needs no wind: it cancels the acceleration s_v_hat, whatever causes it. Read as drag of
 believed coefficients that acceleration is an airspeed, and with the measured velocity a wind.
-Nothing is fed back. Along the thrust drag cannot be told from an error of mass, so the vertical
-wind is not known.
+Nothing is fed back. Upwards drag cannot be told from an error of mass, so the vertical wind is
+not known, and taken for none.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import matrix, rotate, rotate_back
 
 SMOOTHED_S = 1.0  # WIND_COV: "a 1 Hz low-passed estimate" and how it varies
+
+
+ROUNDS = 3  # of two equations for the drag upwards; each gains a factor of sin^2 of the tilt
 
 
 def airspeed(force: float, c: float) -> float:
@@ -29,9 +32,16 @@ def of(measured: VehicleState, s_v_hat: Vec3, m_hat: float, drag: Vec3) -> Vec3:
     At a constant velocity m_hat s_v_hat is the drag across whatever m_hat is.
     """
     R_EB = matrix(measured.q_EB)
-    f_B = rotate_back(R_EB, m_hat * s_v_hat)
-    v_a_B = Vec3(airspeed(f_B.x, drag.x), airspeed(f_B.y, drag.y), airspeed(f_B.z, drag.z))
-    v_air = measured.v_E - rotate(R_EB, v_a_B)
+    f_E = m_hat * s_v_hat
+    f_z = 0.0
+    for _ in range(ROUNDS):
+        f_B = rotate_back(R_EB, Vec3(f_E.x, f_E.y, f_z))
+        v_a_B = Vec3(airspeed(f_B.x, drag.x), airspeed(f_B.y, drag.y), airspeed(f_B.z, drag.z))
+        across = rotate(R_EB, v_a_B)
+        v_a = rotate_back(R_EB, Vec3(across.x, across.y, measured.v_E.z))
+        felt = Vec3(*[-c * v * abs(v) for c, v in zip(drag, v_a, strict=True)])
+        f_z = rotate(R_EB, felt).z
+    v_air = measured.v_E - across
     return Vec3(v_air.x, v_air.y, math.nan)
 
 
@@ -41,8 +51,8 @@ class Wind:
     def __init__(self, drag: Vec3) -> None:
         self._drag = drag
         self._at = math.nan
-        self.v_air_E = Vec3(0.0, 0.0, math.nan)
-        self.variance = 0.0  # across, (m/s)^2
+        self.v_air_E = Vec3(math.nan, math.nan, math.nan)  # not known before the first look
+        self.variance = -1.0  # across, (m/s)^2; negative: not known
 
     def see(self, t: float, measured: VehicleState, s_v_hat: Vec3, m_hat: float) -> None:
         """One more look, at any interval."""

@@ -2,7 +2,8 @@
 
 One spring and damper under the centre of mass carries the weight. Friction holds against what
 pushes the vehicle aside, as static friction does, up to its limit. A torque rights and damps it,
-no greater than the load at the footprint's lever: feet push, they do not pull.
+no greater than the load at the lever of the foot it leans on: feet push, they do not pull.
+Left out: the moment of friction about the centre of mass, and what is not flat.
 """
 
 from __future__ import annotations
@@ -47,7 +48,14 @@ def contact(ground, r_E, v_E, R_EB, w_B, f_E):
     stiffness, damping = ground.stiffness * b * b, ground.damping * b * b
     roll = -stiffness * up_B.y - damping * w_B.x
     pitch = stiffness * up_B.x - damping * w_B.y
-    righted = within(roll, pitch, load * b)
+
+    # the foot it leans on is this far out: beyond its tipping angle on the other side, and it falls
+    lean = math.sqrt(up_B.x * up_B.x + up_B.y * up_B.y)
+    lever = b * up_B.z - ground.gear * lean
+    falling = load * lever / maximum(lean, _TINY)
+    righted = within(roll, pitch, load * maximum(lever, 0.0))
+    roll = select(lever > 0.0, righted * roll, -falling * up_B.y)
+    pitch = select(lever > 0.0, righted * pitch, falling * up_B.x)
     turning = ground.friction * load * b
     yaw = clip(-damping * w_B.z, -turning, turning)
-    return force, Vec3(righted * roll, righted * pitch, yaw)
+    return force, Vec3(roll, pitch, yaw)

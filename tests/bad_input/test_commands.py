@@ -58,10 +58,21 @@ def test_commands_for_others_are_not_answered_and_those_for_all_must_be_harmless
 
 
 def test_a_repeated_command_is_acknowledged_again_and_done_once(flight):
-    """C7: its answer was lost; in between the vehicle was disarmed."""
+    """C7: its answer was lost. NaN is the same as NaN."""
+    hold = (1, 4, 3, NAN, NAN, NAN, NAN)
+    for confirmation in (0, 1, 2):
+        assert flight.ask(176, *hold, confirmation=confirmation) == mavlink.MAV_RESULT_ACCEPTED
+    flight.sync()
+    told = [m.text for m in flight.inbox if m.get_type() == "STATUSTEXT"]
+    assert told.count("Mode Hold") == 1
+
+
+def test_a_repetition_that_comes_too_late_does_not_undo_what_came_between(flight):
+    """C7."""
     assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.ask(400, 0, 21196) == mavlink.MAV_RESULT_ACCEPTED
-    assert flight.ask(400, 1, confirmation=1) == mavlink.MAV_RESULT_ACCEPTED
+    assert flight.ask(400, 1, confirmation=1) == mavlink.MAV_RESULT_DENIED
+    assert "overtaken by another" in flight.says("overtaken")
     flight.tick()
     assert not flight.armed
 

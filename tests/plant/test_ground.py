@@ -74,15 +74,28 @@ def test_a_storm_pushes_it_along(plant, fly):
 
 
 def test_the_gear_rights_with_no_more_than_the_load_at_its_lever(params, standing):
-    load, b = 8000.0 * 0.00981, params.ground.footprint
-    for degrees in (2.0, 6.0, 30.0, 59.0):
+    load, b, high = 8000.0 * 0.00981, params.ground.footprint, params.ground.gear
+    for degrees in (6.0, 30.0, 36.9, 37.2, 45.0, 59.0):  # the gear tips at 37.02
+        lean = math.radians(degrees)
+        lever = b * math.cos(lean) - high * math.sin(lean)  # of the foot that is still down
+        assert (lever > 0.0) == (degrees < 37.0)
         q_EB = leaning(0.0, degrees, 0.0)
         force, tau = ground.contact(
             params.ground, standing.r_E, standing.v_E, matrix(q_EB), ZERO, ZERO
         )
         assert force.z == pytest.approx(load)
-        assert -load * b - 1e-9 <= tau.y < -0.5 * load * b  # back towards level
+        assert tau.y == pytest.approx(-load * lever)  # back towards level, or on
         assert (tau.x, tau.z) == pytest.approx((0.0, 0.0))
+
+
+def test_what_leans_beyond_the_gears_tipping_angle_falls_over(params, standing, fly, truth):
+    for degrees, verdict in ((36.0, dynamics.FLYING), (38.0, dynamics.CRASHED)):
+        state = standing._replace(q_EB=leaning(0.0, degrees, 0.0))
+        ended = dynamics.FLYING
+        for _ in range(40):
+            state = fly(params, state, 0.0, 0.05)
+            ended = max(ended, truth(params, state).ended)
+        assert ended == verdict
 
 
 def test_a_torque_beyond_the_gears_lever_turns_it_over(params, standing, fly, truth):
