@@ -18,7 +18,8 @@ from fcu.interface.ground_numbers import GLOBAL_FRAMES, RELATIVE_FRAMES, Command
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle import modes
 from fcu.vehicle.modes import Mode
-from fcu.vehicle.supervisor import Supervisor, Verdict
+from fcu.vehicle.supervisor import Supervisor
+from fcu.vehicle.verdict import Verdict
 
 FORCE = 21196.0  # COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
 CUSTOM_MODE = 1  # MAV_MODE_FLAG

@@ -22,7 +22,8 @@ from fcu.interface.ground_messages import (
 )
 from fcu.interface.ground_numbers import CommandId, Result
 from fcu.params import Parameters, Refused
-from fcu.vehicle.supervisor import Supervisor, Verdict
+from fcu.vehicle.supervisor import Supervisor
+from fcu.vehicle.verdict import Verdict
 
 REAL32 = 9
 AT_ONCE, EVERY_S = 10, 0.02  # of a list, wall

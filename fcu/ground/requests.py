@@ -29,7 +29,7 @@ from fcu.interface.ground_messages import (
     TimeSync,
 )
 from fcu.interface.ground_numbers import Capability, CommandId, Result
-from fcu.vehicle.supervisor import Verdict
+from fcu.vehicle.verdict import Verdict
 
 HEARTBEAT, AUTOPILOT_VERSION, MESSAGE_INTERVAL, PROTOCOL_VERSION = 0, 148, 244, 300
 CAPABILITIES = (
@@ -62,26 +62,26 @@ class Requests:
         self._port: GroundPort
         self._link: Link
         self._view: View | None = None
-        table.update(
-            {
-                CommandId.REQUEST_MESSAGE: Spec(
-                    self._request, (1, 2, 3, 4, 5, 6, 7), (1,), what="Request"
-                ),
-                CommandId.SET_MESSAGE_INTERVAL: Spec(
-                    self._set_interval, (1, 2, 7), (1, 2), what="Interval"
-                ),
-                CommandId.GET_MESSAGE_INTERVAL: Spec(self._interval, (1,), (1,), what="Interval"),
-                CommandId.REQUEST_CAPABILITIES: Spec(
-                    lambda r: self._send(AUTOPILOT_VERSION, 0), (1,), what="Request"
-                ),
-                CommandId.REQUEST_PROTOCOL_VERSION: Spec(
-                    lambda r: self._send(PROTOCOL_VERSION, 0), (1,), what="Request"
-                ),
-                CommandId.GET_HOME_POSITION: Spec(
-                    lambda r: self._send(HOME_POSITION, 0), what="Request"
-                ),
-            }
-        )
+        mine: dict[int, Spec] = {
+            CommandId.REQUEST_MESSAGE: Spec(
+                self._request, (1, 2, 3, 4, 5, 6, 7), (1,), what="Request"
+            ),
+            CommandId.SET_MESSAGE_INTERVAL: Spec(
+                self._set_interval, (1, 2, 7), (1, 2), what="Interval"
+            ),
+            CommandId.GET_MESSAGE_INTERVAL: Spec(self._interval, (1,), (1,), what="Interval"),
+            CommandId.REQUEST_CAPABILITIES: Spec(
+                lambda r: self._send(AUTOPILOT_VERSION, 0), (1,), what="Request"
+            ),
+            CommandId.REQUEST_PROTOCOL_VERSION: Spec(
+                lambda r: self._send(PROTOCOL_VERSION, 0), (1,), what="Request"
+            ),
+            CommandId.GET_HOME_POSITION: Spec(
+                lambda r: self._send(HOME_POSITION, 0), what="Request"
+            ),
+        }
+        table.update(mine)
+        self.commands = frozenset(mine)  # they ask, and change nothing
 
     def about(self, port: GroundPort, link: Link, view: View | None) -> None:
         """Whose command is about to be run. `view`: None before the first state."""

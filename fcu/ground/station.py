@@ -7,23 +7,20 @@ the vehicle goes through `serve`. Nothing here blocks.
 from __future__ import annotations
 
 import re
-import struct
-import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fcu.ground.commands import Commands, Request
+from fcu.ground.desk import Desk
 from fcu.ground.parameters import ParameterService
-from fcu.ground.port import Acknowledged, Bucket, GroundPort, Link
+from fcu.ground.port import GroundPort, Link
 from fcu.ground.requests import Requests
 from fcu.ground.streams import HOME_POSITION, STREAMS
 from fcu.ground.telemetry import Telemetry
 from fcu.ground.view import Counters, Identity, Row, View
-from fcu.interface import ground_answers as answers
 from fcu.interface.ground_flown import echo
 from fcu.interface.ground_messages import (
     AttitudeSetpointMessage,
@@ -42,26 +39,13 @@ from fcu.params import Parameters
 from fcu.vehicle import modes
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.script import Frame, Refused, of_attitude, of_position, turned
-from fcu.vehicle.supervisor import Supervisor, Verdict
+from fcu.vehicle.supervisor import Supervisor
+from fcu.vehicle.verdict import Verdict
 from fcu.vehicle.wind import Wind
 
-REMEMBERED, REPEAT_S = 8, 5.0  # acknowledgements of a link, for so long (wall), for repetitions
-PENDING_S = 0.5  # wall: how long an offboard command waits for the second setpoint
-TEXTS_S, TEXTS_BURST = 10.0, 50.0  # reasons of refusals a second (wall), and at once
 COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
 
-
 _NUMBERS = re.compile(r"[0-9.]+")
-
-
-@dataclass
-class Pending:
-    """A command that is answered later."""
-
-    command: Command
-    port: GroundPort
-    link: Link
-    outcome: Callable[[int, float], Verdict | None]
 
 
 class Station:
@@ -91,8 +75,9 @@ class Station:
         self._parameters = ParameterService(params, file, vehicle, self._commands.table)
         self._requests = Requests(self.telemetry, self._commands.table)
         self._wind = Wind(identity.drag)
-        self._pending: dict[int, Pending] = {}  # by command
-        self._texts = Bucket(TEXTS_S, TEXTS_BURST)
+        self._desk = Desk(
+            self._commands, self._requests, self._parameters, vehicle.script, self.tell
+        )
         self._complained: dict[str, float] = {}
         self._home_told = 0
         self._mode_told: Mode | None = None
@@ -150,8 +135,7 @@ class Station:
                 self.telemetry.broadcast(*STREAMS[436].build(view))
         for port in self.ports:
             self._parameters.pace(port, now)
-        if self._pending:
-            self._settle(t_us, now)
+        self._desk.settle(t_us, now)
 
     # --- what ground stations and scripts say
 
@@ -159,14 +143,15 @@ class Station:
         """What is waiting on a port. `t_us`: when what is asked for takes effect."""
         for message, link in port.receive(now):
             if isinstance(message, Command):
-                self._command(port, link, message, t_us, now)
+                self._requests.about(port, link, self.view())
+                self._desk.take(port, link, message, t_us, now)
             elif isinstance(message, SetpointMessage | AttitudeSetpointMessage):
                 self._setpoint(port, link, message, t_us, now)
             elif isinstance(message, SetMode):
                 mode = modes.of_numbers(message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24)
                 request = Request(_as_command(message), t_us, now)
                 asked = f"{message.custom_mode >> 16 & 0xFF}, {message.custom_mode >> 24}"
-                self._explain(self._commands.select(mode, request, asked))
+                self._desk.explain(self._commands.select(mode, request, asked), now)
             elif isinstance(message, ManualControl):
                 self._sticks(message, t_us)
             else:
@@ -185,93 +170,12 @@ class Station:
                     for other in other_port.links():
                         if other is not link:
                             other_port.send(other, *to_all)
-            if why and self._texts.take(now):
-                self.tell(Severity.WARNING, why)
+            self._desk.explain(Verdict(Result.DENIED, why), now)
             return
         self._requests.about(port, link, self.view())
         replies = self._requests.take(message, t_us)
         if replies:
             port.send(link, *replies)
-
-    def _command(
-        self, port: GroundPort, link: Link, command: Command, t_us: int, now: float
-    ) -> None:
-        pending = self._pending.get(command.command)
-        if pending is not None:
-            again = command.confirmation > 0 and _asked(pending.command) == _asked(command)
-            result = Result.IN_PROGRESS if again else Result.TEMPORARILY_REJECTED
-            self._acknowledge(port, link, command, result)
-            if not again:
-                self._explain(Verdict(result, f"Command {command.command} is still being done"))
-            return
-        if command.confirmation > 0:  # its answer was lost
-            known = [
-                known for known in link.acknowledged
-                if known.command == command.command and now - known.at < REPEAT_S
-            ]  # fmt: skip
-            same = next((a for a in known if a.asked == _asked(command)), None)
-            if same is not None and same is known[0]:
-                self._acknowledge(port, link, command, same.result)
-                return
-            if same is not None:  # to do it now would undo what was asked for later
-                self._acknowledge(port, link, command, Result.DENIED)
-                self._explain(Verdict(
-                    Result.DENIED, f"Command {command.command} repeated too late: overtaken by another"
-                ))  # fmt: skip
-                return
-        self._requests.about(port, link, self.view())
-        verdict = self._commands.answer(Request(command, t_us, now))
-        later = self._later(command, verdict, now)
-        if later is not None:
-            self._pending[command.command] = Pending(command, port, link, later)
-            self._acknowledge(port, link, command, Result.IN_PROGRESS)
-            return
-        self._conclude(port, link, command, verdict, now)
-
-    def _later(
-        self, command: Command, verdict: Verdict, now: float
-    ) -> Callable[[int, float], Verdict | None] | None:
-        """How to go on asking about a command that is not done yet; None if it is."""
-        saving = self._parameters.saving
-        if verdict.result is Result.IN_PROGRESS and saving is not None:
-            return lambda _t_us, _now: saving.done()
-        one_more = self._vehicle.script.setpoint is not None
-        if verdict.result is Result.TEMPORARILY_REJECTED and one_more:
-            # the first setpoint of a stream came just before: the second is on its way
-            until = now + PENDING_S
-
-            def entered(t_us: int, at: float) -> Verdict | None:
-                verdict = self._commands.answer(Request(command, t_us, at))
-                return verdict if verdict.good or at >= until else None
-
-            return entered
-        return None
-
-    def _settle(self, t_us: int, now: float) -> None:
-        for number, pending in list(self._pending.items()):
-            verdict = pending.outcome(t_us, now)
-            if verdict is None:
-                continue
-            del self._pending[number]
-            saving = self._parameters.saving
-            if saving is not None and saving.done() is not None:
-                self._parameters.saving = None
-            self._conclude(pending.port, pending.link, pending.command, verdict, now)
-
-    def _conclude(
-        self, port: GroundPort, link: Link, command: Command, verdict: Verdict, now: float
-    ) -> None:
-        done = Acknowledged(command.command, _asked(command), verdict.result, now)
-        link.acknowledged = [done, *link.acknowledged][:REMEMBERED]
-        self._acknowledge(port, link, command, verdict.result)
-        self._explain(verdict)  # after: a script that waits for the answer then hears the reason
-
-    def _acknowledge(self, port: GroundPort, link: Link, command: Command, result: Result) -> None:
-        port.send(link, answers.command_ack(command.command, result, command.source))
-
-    def _explain(self, verdict: Verdict) -> None:
-        if verdict.text and (verdict.good or self._texts.take(time.monotonic())):
-            self.tell(Severity.INFO if verdict.good else Severity.WARNING, verdict.text)
 
     def _setpoint(
         self, port: GroundPort, link: Link, message: SetpointMessage | AttitudeSetpointMessage,
@@ -333,11 +237,6 @@ class Station:
         """Give the ports back."""
         for port in self.ports:
             port.close()
-
-
-def _asked(command: Command) -> bytes:
-    """What makes two commands the same: who asks, and the bits of what is asked (NaN is NaN)."""
-    return struct.pack("<HH7d", *command.source, *command.params)
 
 
 def _as_command(message: SetMode) -> Command:

@@ -9,78 +9,46 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from fcu.interface.ground_numbers import LandedState, Result, Severity, SystemStatus
-from fcu.interface.messages import Battery, Setpoint, VehicleState
+from fcu.interface.messages import Battery, Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import from_buffer
-from fcu.kernel.rotations import euler, matrix
+from fcu.kernel.rotations import matrix
 from fcu.params import Parameters
 from fcu.vehicle import guidance, modes
 from fcu.vehicle.guidance import STILL, Piece
 from fcu.vehicle.landed import Landed
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import Leader, asks_too_much, limits, plan_of, settle_s, take_off
-from fcu.vehicle.script import Limits, Pose, Script, anchored
-
-Row = np.ndarray[Any, np.dtype[np.float64]]
+from fcu.vehicle.pilot import Pilot, Row
+from fcu.vehicle.plans import asks_too_much, plan_of, settle_s, take_off
+from fcu.vehicle.script import Script
+from fcu.vehicle.verdict import Verdict, denied
 
 LOOK_US = 20_000  # between looks at whether it has landed, and at the timers of arming
-NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 TILT_TO_ARM = math.radians(25.0)
 
 
-@dataclass
-class Verdict:
-    """What became of a request, and why, in words for a STATUSTEXT (empty: nothing to say)."""
-
-    result: Result
-    text: str = ""
-
-    @property
-    def good(self) -> bool:
-        """Whether it was done."""
-        return self.result is Result.ACCEPTED
-
-
-def _denied(what: str, why: str) -> Verdict:
-    return Verdict(Result.DENIED, f"{what} denied: {why}")
-
-
-class Supervisor:
+class Supervisor(Pilot):
     """Arming and modes of one vehicle."""
 
     def __init__(self, params: Parameters, sim_only: bool = False) -> None:
         """`sim_only`: a script's stream is lost by simulation time alone."""
-        law = params.law
-        self._params = params
+        super().__init__(params)
         self.script = Script(sim_only)
         self.armed = False
         self.mode = Mode.HOLD
-        self.leader = Leader()
         self.home: Vec3 | None = None
         self.home_changed = 0  # how often
         self.terminated = False
-        self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
-        self.state: Row | None = None  # the last measured VehicleState, as its buffer
         self.battery: Battery | None = None
         self.wake_us = 0  # nothing happens by itself before
         self.failsafe = ""  # why the vehicle is not where it was told to be
-        self._landed = Landed(law.c_T, law.m_hat_0 * law.g)
+        self._landed = Landed(params.law.c_T, params.law.m_hat_0 * params.law.g)
         self._armed_us = 0
         self._landed_us = 0
         self._look_us = 0
 
     # --- what a ground station sees
-
-    @property
-    def measured(self) -> VehicleState | None:
-        """The last measured state; None before the plant was heard."""
-        return None if self.state is None else from_buffer(VehicleState, self.state)
 
     @property
     def status(self) -> SystemStatus:
@@ -105,37 +73,9 @@ class Supervisor:
         return LandedState.LANDING if self.mode is Mode.LAND else LandedState.IN_AIR
 
     @property
-    def setpoint(self) -> Setpoint | None:
-        """What is flown, as of `since_us`; None while disarmed."""
-        return self.leader.setpoint
-
-    @property
-    def since_us(self) -> int:
-        """When it took effect."""
-        return self.leader.since_us
-
-    @property
     def on_ground(self) -> bool:
         """Whether the detector has it on the ground."""
         return self._landed.landed
-
-    def pose(self) -> Pose:
-        """Where the vehicle is."""
-        m = self.measured
-        assert m is not None
-        return Pose(m.r_E, m.v_E, euler(matrix(m.q_EB)).z)
-
-    def flown(self, t_us: int) -> Setpoint:
-        """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere."""
-        return anchored(self.setpoint, (t_us - self.since_us) * 1e-6, self.pose(), NEAR)
-
-    def script_limits(self) -> Limits:
-        """Above which a script's setpoint is flown at the limit."""
-        p = self._params
-        return Limits(
-            p["MR_SP_DIST"], p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"],
-            p.law.yaw_rate_max,
-        )  # fmt: skip
 
     # --- what happens by itself
 
@@ -222,7 +162,7 @@ class Supervisor:
             return Verdict(Result.ACCEPTED)
         why = self.why_not_arm(t_us, wall_s)
         if why:
-            return _denied("Arming", why)
+            return denied("Arming", why)
         self.armed, self._armed_us, self.failsafe = True, t_us, ""
         self._landed.has_flown = not self._landed.landed
         if self._landed.landed:
@@ -255,7 +195,7 @@ class Supervisor:
     def disarm(self, t_us: int, forced: bool = False) -> Verdict:
         """Stop the rotors: on the ground, or whatever happens if forced."""
         if self.armed and not self._landed.landed and not forced:
-            return _denied("Disarming", "in flight (land first)")
+            return denied("Disarming", "in flight (land first)")
         was = self.armed
         self._disarm(t_us)
         return Verdict(Result.ACCEPTED, "Disarmed" if was else "")
@@ -276,7 +216,7 @@ class Supervisor:
             return Verdict(rejected, f"{wanted.value} denied: {need.value}")
         too_much = asks_too_much(wanted, self._params)
         if too_much:
-            return _denied(wanted.value, too_much)
+            return denied(wanted.value, too_much)
         self.failsafe = ""
         self._enter(wanted, t_us)
         return Verdict(Result.ACCEPTED, f"Mode {wanted.value}")
@@ -285,11 +225,11 @@ class Supervisor:
         """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold."""
         need = modes.denied(Mode.TAKEOFF, self._met(t_us, wall_s))
         if need is not None:
-            return _denied("Takeoff", need.value)
+            return denied("Takeoff", need.value)
         here = self._from(t_us)
         height = self._params["MIS_TAKEOFF_ALT"] if to_z is None else to_z - here.r_E.z
         if not 0.0 < height <= 1000.0:
-            return _denied("Takeoff", f"{height:.1f} m up (expected above 0, at most 1000)")
+            return denied("Takeoff", f"{height:.1f} m up (expected above 0, at most 1000)")
         self.failsafe = ""
         self._become(Mode.TAKEOFF)
         plan = take_off(here, height, self._limits(), settle_s(self._params))
@@ -301,9 +241,9 @@ class Supervisor:
     ) -> Verdict:
         """Hold somewhere else: straight there, within the limits; `speed`: as `change_speed`."""
         if not self.armed or self.state is None:
-            return _denied("Reposition", Need.ARMED.value)
+            return denied("Reposition", Need.ARMED.value)
         if self._landed.landed:
-            return _denied("Reposition", Need.AIRBORNE.value)
+            return denied("Reposition", Need.AIRBORNE.value)
         if speed is not None:
             told = self.change_speed(speed)
             if not told.good:
@@ -327,18 +267,10 @@ class Supervisor:
         stop = Piece(Setpoint(r, STILL, STILL, psi, 0.0), math.inf)
         self._follow([piece, stop], t_us)
 
-    def change_speed(self, speed: float) -> Verdict:
-        """Cruise speed (m/s) of what is laid down from now on; -1: MPC_XY_CRUISE again."""
-        greatest = self._params["MPC_XY_VEL_MAX"]
-        if speed != -1.0 and not 0.1 <= speed <= greatest:
-            return _denied("Speed", f"{speed:g} m/s (expected 0.1 to {greatest:g})")
-        self.cruise = None if speed == -1.0 else speed
-        return Verdict(Result.ACCEPTED)
-
     def set_home(self, home: Vec3 | None) -> Verdict:
         """Where a return flies to; None: here."""
         if self.state is None:
-            return _denied("Home", Need.STATE.value)
+            return denied("Home", Need.STATE.value)
         self._set_home(self.pose().r_E if home is None else home)
         return Verdict(Result.ACCEPTED, "Home set")
 
@@ -360,14 +292,6 @@ class Supervisor:
             Need.SETPOINTS: self.script.ready(t_us, wall_s, self.lost_us),
         }
         return frozenset(need for need, yes in met.items() if yes)
-
-    def _from(self, t_us: int) -> Pose:
-        """Where a plan begins: the setpoint flown now, so that the law's input does not jump."""
-        now = self.flown(t_us)
-        return Pose(now.r_c, now.v_c, now.psi_c)
-
-    def _limits(self) -> guidance.Limits:
-        return limits(self._params, self.cruise)
 
     def _set_home(self, home: Vec3) -> None:
         self.home = home

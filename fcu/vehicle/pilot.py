@@ -1,0 +1,84 @@
+"""Where the vehicle is and what it flies: the last state, the setpoint, and what leads it.
+
+Who may change that, and when, is the supervisor's business. Frames: Earth ENU; SI; times are
+simulation time in whole microseconds.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.ground_numbers import Result
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.kernel.buffers import from_buffer
+from fcu.kernel.rotations import euler, matrix
+from fcu.params import Parameters
+from fcu.vehicle import guidance
+from fcu.vehicle.plans import Leader, limits
+from fcu.vehicle.script import Limits, Pose, anchored
+from fcu.vehicle.verdict import Verdict, denied
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
+
+NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
+
+
+class Pilot:
+    """What is flown, of one vehicle."""
+
+    def __init__(self, params: Parameters) -> None:
+        self._params = params
+        self.leader = Leader()
+        self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
+        self.state: Row | None = None  # the last measured VehicleState, as its buffer
+
+    @property
+    def measured(self) -> VehicleState | None:
+        """The last measured state; None before the plant was heard."""
+        return None if self.state is None else from_buffer(VehicleState, self.state)
+
+    @property
+    def setpoint(self) -> Setpoint | None:
+        """What is flown, as of `since_us`; None while disarmed."""
+        return self.leader.setpoint
+
+    @property
+    def since_us(self) -> int:
+        """When it took effect."""
+        return self.leader.since_us
+
+    def pose(self) -> Pose:
+        """Where the vehicle is."""
+        m = self.measured
+        assert m is not None
+        return Pose(m.r_E, m.v_E, euler(matrix(m.q_EB)).z)
+
+    def flown(self, t_us: int) -> Setpoint:
+        """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere."""
+        return anchored(self.setpoint, (t_us - self.since_us) * 1e-6, self.pose(), NEAR)
+
+    def script_limits(self) -> Limits:
+        """Above which a script's setpoint is flown at the limit."""
+        p = self._params
+        return Limits(
+            p["MR_SP_DIST"], p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"],
+            p.law.yaw_rate_max,
+        )  # fmt: skip
+
+    def change_speed(self, speed: float) -> Verdict:
+        """Cruise speed (m/s) of what is laid down from now on; -1: MPC_XY_CRUISE again."""
+        greatest = self._params["MPC_XY_VEL_MAX"]
+        if speed != -1.0 and not 0.1 <= speed <= greatest:
+            return denied("Speed", f"{speed:g} m/s (expected 0.1 to {greatest:g})")
+        self.cruise = None if speed == -1.0 else speed
+        return Verdict(Result.ACCEPTED)
+
+    def _from(self, t_us: int) -> Pose:
+        """Where a plan begins: the setpoint flown now, so that the law's input does not jump."""
+        now = self.flown(t_us)
+        return Pose(now.r_c, now.v_c, now.psi_c)
+
+    def _limits(self) -> guidance.Limits:
+        return limits(self._params, self.cruise)
