@@ -180,7 +180,7 @@ class Commands:
         if not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0):
             place, here = self._place(request), self._vehicle.state
             if here is None or place is None:
-                return _denied("Landing denied: not a place within 20 km of here")
+                return _denied("Landing denied: no place within 20 km of here")
             if math.dist(place[:2], self._vehicle.pose().r_E[:2]) > TAKEOFF_ASIDE:
                 return _denied("Landing denied: it lands where it is (reposition first)")
         return self._vehicle.select(Mode.LAND, request.t_us, request.wall_s)
@@ -195,7 +195,7 @@ class Commands:
             return _denied("Reposition denied: no state from the plant yet")
         to = self._place(request)
         if to is None:
-            return _denied("Reposition denied: not a place within 20 km of here")
+            return _denied("Reposition denied: no place within 20 km of here")
         yaw = request.parameter(4)
         psi = None if math.isnan(yaw) else 0.5 * math.pi - yaw
         return vehicle.reposition(to, psi, request.t_us, None if speed == -1.0 else speed)
@@ -227,7 +227,7 @@ class Commands:
             )
         place = self._place(request)
         if place is None:
-            return _denied("Home denied: not a place within 20 km of here")
+            return _denied("Home denied: no place within 20 km of here")
         return self._vehicle.set_home(place)
 
     def _terminate(self, request: Request) -> Verdict:

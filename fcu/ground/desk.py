@@ -112,7 +112,7 @@ class Desk:
             _acknowledge(port, link, command, same.result)
         else:  # to do it now would undo what was asked for later
             _acknowledge(port, link, command, Result.DENIED)
-            text = f"{command_name(command.command)} denied: repeated, but overtaken by another"
+            text = f"{command_name(command.command)}: a late repetition, not done"
             self.explain(Verdict(Result.DENIED, text), now)
         return True
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fcu.ground.commands import Request, Spec
-from fcu.ground.port import GroundPort, Link
+from fcu.ground.port import Bucket, GroundPort, Link
 from fcu.interface import ground_answers as answers
 from fcu.interface.framing import Packed
 from fcu.interface.ground_messages import (
@@ -70,7 +70,7 @@ class ParameterService:
         self._params = params
         self._file = file
         self._vehicle = vehicle
-        self._tokens, self._filled = SETS_AT_ONCE, 0.0
+        self._sets = Bucket(SETS_PER_S, SETS_AT_ONCE)
         self.saving: Saving | None = None
         table[CommandId.PREFLIGHT_STORAGE] = Spec(self._storage, (1, 2, 3), (1,), what="Storage")
 
@@ -115,16 +115,13 @@ class ParameterService:
 
     def _set(self, message: ParamSet, now: float) -> tuple[Sequence[Packed], Sequence[Packed], str]:
         name = message.name
-        self._tokens = min(SETS_AT_ONCE, self._tokens + (now - self._filled) * SETS_PER_S)
-        self._filled = now
         try:
             if name not in self._params.names:
                 raise Refused("DOES_NOT_EXIST", f"Parameter {name}: there is none such")
             if message.type != REAL32:
                 raise Refused("TYPE_MISMATCH", f"Parameter {name}: it is a REAL32")
-            if self._tokens < 1.0:
+            if not self._sets.take(now):
                 raise Refused("PERMISSION_DENIED", "Parameters: too many at once, ask again")
-            self._tokens -= 1.0
             if not self._params.set(name, message.value, self._vehicle.armed):
                 return [self._value(self._params.index(name))], [], ""
         except Refused as refused:

@@ -140,15 +140,15 @@ def refusal(numbers: bytes, type_mask: int, frame: int, geodetic: Geodetic | Non
     if frame not in _FRAMES:
         return f"frame {frame} is not supported"
     if type_mask & _ALL == _ALL:
-        return "it commands nothing (every field is ignored)"
+        return "it commands nothing"
     if type_mask & FORCE:
-        return "force setpoints are not supported"
+        return "a force is not supported"
     if type_mask & ~_KNOWN_BITS:
         return f"type mask {type_mask:#x} has unknown bits"
     fields = NUMBERS.unpack(numbers)
     for name, (bits, where, limit, unit) in _GROUPS.items():
         if type_mask & bits not in (0, bits):
-            return f"a part of its {name} is ignored"
+            return f"part of its {name} is ignored"
         if type_mask & bits or (name == "position" and geodetic is not None):
             continue
         if not all(map(math.isfinite, fields[where])):

@@ -64,7 +64,7 @@ _NO_HEADING = 2**16 - 1
 
 def _text(raw: bytes) -> str:
     text = raw.decode("ascii", errors="replace")
-    return "".join(c if c.isprintable() else "\ufffd" for c in text)  # it may end up in a log
+    return "".join(c if c.isprintable() else "?" for c in text)  # it may end up in a log
 
 
 def _to(f: Fields, source: Source) -> tuple[Source, int, int]:

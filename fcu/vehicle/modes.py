@@ -31,7 +31,7 @@ class Need(Enum):
     ARMED = "not armed"
     AIRBORNE = "not in the air"
     GROUNDED = "already in the air"
-    SETPOINTS = "no stream of setpoints (two valid ones at most 0.5 s apart)"
+    SETPOINTS = "needs 2 setpoints within 0.5 s"
 
 
 class Event(Enum):

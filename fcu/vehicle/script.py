@@ -109,9 +109,7 @@ class Script:
         """Why setpoints of `owner` do not count now; empty if they do."""
         if self.owner not in (None, owner) and not self.lost(at_us, wall_s, lost_us):
             assert self.owner is not None
-            return (
-                f"system {self.owner[0].system} component {self.owner[0].component} is sending them"
-            )
+            return f"{self.owner[0].system}/{self.owner[0].component} is sending them"
         if owner != self.owner:
             self.owner, self._stream, self._last = owner, False, None
         return ""
@@ -211,7 +209,7 @@ def of_attitude(message: AttitudeSetpointMessage, flown: Setpoint, T_max: float)
     if (w.x and not message.type_mask & IGNORE_ROLL_RATE) or (
         w.y and not message.type_mask & IGNORE_PITCH_RATE
     ):
-        raise Refused("with an attitude only the yaw rate can be flown")
+        raise Refused("attitude allows a yaw rate only")
     angles = euler(matrix(message.q_EB))
     return flown._replace(
         level=ATTITUDE,

@@ -12,25 +12,50 @@ __all__ = ["instance", "start"]
 
 
 @pytest.fixture
-def flight(start, instance):
-    flight = Flight(start, instance)
-    yield flight
-    flight.close()
+def hover(start, instance):
+    """`hover("--params", FILE)`: a flight controller with these options, in flight."""
+    flights = []
+
+    def begin(*options, **streams):
+        flights.append(Flight(start, instance, *options, streams=streams))
+        return flights[-1]
+
+    yield begin
+    for flight in flights:
+        flight.close()
+
+
+@pytest.fixture
+def flight(hover):
+    return hover()
 
 
 @pytest.fixture(scope="module")
 def enduring(tmp_path_factory):
-    """One flight controller for all tests that leave it as it was: it has to stand them all."""
-    programs = []
+    """One flight controller for all tests that leave it as it was: it has to stand them all.
 
-    def start(module, *arguments):
-        programs.append(Program(tmp_path_factory.mktemp(module), module, *arguments))
+    A new one only if tests that need one of their own have kept it waiting.
+    """
+    programs, flights = [], []
+
+    def start(module, *arguments, **options):
+        programs.append(Program(tmp_path_factory.mktemp(module), module, *arguments, **options))
         return programs[-1]
 
     with claimed_instance() as number:
-        flight = Flight(start, number)
-        yield flight
-        flight.close()
+
+        def one():
+            if not flights or not flights[-1].lives:
+                for program in programs:
+                    program.kill()
+                for flight in flights:
+                    flight.close()
+                flights.append(Flight(start, number))
+            return flights[-1]
+
+        yield one
+        for flight in flights:
+            flight.close()
     for program in programs:
         program.kill()
 
@@ -38,7 +63,7 @@ def enduring(tmp_path_factory):
 @pytest.fixture
 def flying(enduring):
     """Armed, in offboard mode, on a stream."""
-    flight = enduring
+    flight = enduring()
     flight.drain()
     flight.tick(500)  # whatever a test before has asked for is over
     flight.stream()

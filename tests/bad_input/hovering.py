@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import select
 import socket
 import time
 
@@ -28,9 +29,11 @@ HOLD, OFFBOARD, POSITION = 4 << 16 | 3 << 24, 6 << 16, 3 << 16
 class Flight:
     """A flight controller process, the plant it believes in (it hovers), and a ground script."""
 
-    def __init__(self, start, instance, *options):
+    def __init__(self, start, instance, *options, streams=None):
         self.at = ports(instance)
-        self.program = start("fcu", "--instance", instance, "--link-clock", "sim", *options)
+        self.program = start(
+            "fcu", "--instance", instance, "--link-clock", "sim", *options, **(streams or {})
+        )
         self.program.says('"ready"')
         self.plant = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.plant.bind(("127.0.0.1", self.at.plant))
@@ -50,6 +53,7 @@ class Flight:
         self.inbox = []
         self.command = np.zeros(8)
         self.ticks = self.pings = 0
+        self.ticked = time.monotonic()
         self.tick()
 
     def tick(self, n=1):
@@ -61,6 +65,7 @@ class Flight:
             assert answered == time_us
             self.armed = armed
             self.ticks += 1
+        self.ticked = time.monotonic()
 
     def send(self, message, source=(245, 190)):
         self.mav.srcSystem, self.mav.srcComponent = source
@@ -69,15 +74,16 @@ class Flight:
     def raw(self, datagram, port="fcu_script"):
         self.script.sendto(datagram, ("127.0.0.1", self.at._asdict()[port]))
 
-    def heard(self, kind, condition=lambda m: True):
+    def heard(self, kind, condition=lambda m: True, within_s=4.0):
         """The first message of a kind that the script was sent and has not been asked for yet."""
-        until = time.monotonic() + 4.0  # a plant that is silent for longer ends it
+        until = time.monotonic() + within_s  # a plant that is silent for 5 s ends it
         while time.monotonic() < until:
             for message in self.inbox:
                 if message.get_type() == kind and condition(message):
                     self.inbox.remove(message)
                     return message
-            self.inbox += self.parser.parse_buffer(self.script.recv(65535)) or []
+            if select.select([self.script], [], [], within_s)[0]:
+                self.inbox += self.parser.parse_buffer(self.script.recv(65535)) or []
         raise AssertionError(f"no {kind}; heard {[m.get_type() for m in self.inbox]}")
 
     def ask(self, command, *params, **options):
@@ -115,20 +121,42 @@ class Flight:
         self.send(mavlink.MAVLink_ping_message(7, self.pings, 0, 0))
         self.heard("PING", lambda m: m.seq == self.pings)
 
+    def insist(self, message, kind, **options):
+        """Send again and again until it is answered: who sends too fast is not heard."""
+        until = time.monotonic() + 4.0
+        while time.monotonic() < until:
+            self.send(message, **options)
+            with contextlib.suppress(AssertionError):
+                return self.heard(kind, within_s=0.05)
+        raise AssertionError(f"no {kind}")
+
     def says(self, text):
-        return self.heard("STATUSTEXT", lambda m: text in m.text).text
+        """A text for people that holds this one; chunks are put together."""
+        whole, last = "", None
+        until = time.monotonic() + 4.0
+        while time.monotonic() < until:
+            chunk = self.heard("STATUSTEXT")
+            whole = whole + chunk.text if chunk.chunk_seq and chunk.id == last else chunk.text
+            last = chunk.id
+            if text in whole:
+                return whole
+        raise AssertionError(f"not said: {text}")
 
     def refuses(self, setpoint, why, **options):
-        """A setpoint is refused with a reason; the same one is told at most once a second."""
+        """A setpoint is not flown, and why is told."""
+        self.complains(setpoint, f"Setpoint refused: {why}", **options)
+
+    def complains(self, setpoint, text, **options):
+        """A setpoint has something wrong with it; the same is told at most once a second."""
         until = time.monotonic() + 4.0
         while time.monotonic() < until:
             self.send(setpoint, **options)
             self.sync()
             said = "".join(m.text for m in self.inbox if m.get_type() == "STATUSTEXT")
-            if f"Setpoint refused: {why}" in said:
+            if text in said:
                 return
             time.sleep(0.05)
-        raise AssertionError(f"not refused with {why!r}: {said}")
+        raise AssertionError(f"not told {text!r}: {said}")
 
     def mode(self):
         """As the heartbeat that is asked for now has it; older ones may be on the way."""
@@ -136,6 +164,11 @@ class Flight:
         self.sync()
         beats = [m for m in self.inbox if m.get_type() == "HEARTBEAT"]
         return beats[-1].custom_mode
+
+    @property
+    def lives(self):
+        """Whether there is no danger of its plant having been silent for too long."""
+        return time.monotonic() - self.ticked < 2.0
 
     def close(self):
         self.plant.close()

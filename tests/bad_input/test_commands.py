@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 import pymavlink.dialects.v20.common as mavlink
 import pytest
@@ -72,7 +73,7 @@ def test_a_repetition_that_comes_too_late_does_not_undo_what_came_between(flight
     assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.ask(400, 0, 21196) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.ask(400, 1, confirmation=1) == mavlink.MAV_RESULT_DENIED
-    assert "overtaken by another" in flight.says("overtaken")
+    flight.says("a late repetition, not done")
     flight.tick()
     assert not flight.armed
 
@@ -104,3 +105,70 @@ def test_a_message_at_no_interval_at_all_is_kept_to_what_a_link_can_take(flight)
     assert flight.ask(511, 30, -1) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.ask(510, 30) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.heard("MESSAGE_INTERVAL").interval_us == -1
+
+
+def test_what_only_asks_is_answered_as_often_as_it_is_asked(flight):
+    """C7: the message was lost, not only the acknowledgement; others were asked for in between."""
+    for confirmation, message_id in enumerate((148, 242, 148, 242, 148)):
+        result = flight.ask(512, message_id, confirmation=confirmation)
+        assert result == mavlink.MAV_RESULT_ACCEPTED
+        flight.heard("AUTOPILOT_VERSION" if message_id == 148 else "HOME_POSITION")
+
+
+def test_a_flood_of_bad_commands_is_answered_one_by_one_and_explained_a_few_times(flight):
+    """C3: every one has its acknowledgement, everybody else's console is spared."""
+    for _ in range(300):
+        flight.send(flight.long(31999))
+        flight.heard("COMMAND_ACK", lambda m: m.command == 31999)
+    flight.sync()
+    told = [m.text for m in flight.inbox if m.get_type() == "STATUSTEXT"]
+    assert 1 <= len(told) <= 60
+    assert set(told) == {"Command 31999 is not supported"}
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "z"),
+    [
+        (0, 0, 10.0),  # left out
+        (-473_977_420, -1_714_544_060, 10.0),  # on the other side of Earth
+        (473_977_420, -2_147_483_648, 10.0),  # half a place
+        (473_977_420, 85_455_940, -500.0),  # under the ground
+        (473_977_420, 85_455_940, NAN),
+    ],
+)
+def test_only_a_place_that_could_be_meant_is_flown_to(flying, x, y, z):
+    """C4. Without a height: the one it has."""
+    message = mavlink.MAVLink_command_int_message(
+        flying.at.system_id, 1, 6, 192, 0, 0, 3.0, 1, 0, NAN, x, y, z
+    )
+    flying.send(message)
+    result = flying.heard("COMMAND_ACK").result
+    if math.isnan(z):
+        assert result == mavlink.MAV_RESULT_ACCEPTED
+    else:
+        assert result == mavlink.MAV_RESULT_DENIED
+        flying.says("Reposition denied: no place within 20 km of here")
+        assert flying.mode() == OFFBOARD
+
+
+def test_a_repetition_of_a_command_that_waits_is_told_that_it_does(flight):
+    flight.stream(1)
+    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_IN_PROGRESS
+    assert flight.ask(176, 1, 6, confirmation=1) == mavlink.MAV_RESULT_IN_PROGRESS
+    assert flight.ask(176, 1, 4, 3) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    flight.says("DO_SET_MODE rejected: one is still being done")
+    flight.stream(1)
+    done = flight.heard("COMMAND_ACK", lambda m: m.command == 176)
+    assert done.result == mavlink.MAV_RESULT_ACCEPTED
+
+
+def test_a_log_that_nobody_reads_stops_nothing(hover):
+    """Each refusal is a line of log, and a pipe holds 64 KiB of them."""
+    out, into = os.pipe()
+    flight = hover(stderr=into)
+    os.close(into)
+    for _ in range(3000):
+        flight.insist(flight.long(31999), "COMMAND_ACK")
+        flight.inbox.clear()
+        flight.tick()
+    os.close(out)

@@ -5,7 +5,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import socket
+from pathlib import Path
 
 import numpy as np
 import pymavlink.dialects.v20.common as mavlink
@@ -85,3 +88,47 @@ def test_three_hundred_strangers_are_not_sent_telemetry(flying):
         assert len(heard) < 200  # its answer, and no stream
         stranger.close()
     proven.close()
+
+
+def test_who_is_there_is_not_pushed_out_by_nine_who_come(flight):
+    """P13: heartbeats from nine more ports than there are places."""
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(flight.mav)
+    to = ("127.0.0.1", flight.at.fcu_script)
+    there = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    there.settimeout(10.0)
+    there.sendto(beat, to)
+    assert there.recv(65535)
+    crowd = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(17)]
+    for each in crowd:
+        each.sendto(beat, to)
+    flight.sync()
+    there.setblocking(False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            there.recv(65535)
+    there.settimeout(10.0)
+    assert there.recv(65535)  # and goes on
+    for each in (there, *crowd):
+        each.close()
+
+
+def test_nothing_that_is_asked_for_is_kept(flight):
+    """Thousands of ticks, messages and answers: the process does not grow."""
+
+    def churn(n):
+        for k in range(n):
+            flight.send(flight.setpoint())
+            flight.tick()
+            flight.insist(flight.long(512, 30 + k % 4), "COMMAND_ACK")
+            flight.inbox.clear()
+
+    churn(3000)
+    before = resident(flight.program.pid)
+    churn(6000)
+    assert resident(flight.program.pid) - before < 1_000_000
+
+
+def resident(pid):
+    """Bytes of memory of a process."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -56,6 +56,50 @@ def test_an_unstable_combination_is_refused_and_says_with_what(flight):
     assert "unstable" in flight.says("MR_F_M 8 refused")
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [
+        (b"MR_T_MAX", 10.0, "too weak for 8 kg"), (b"MR_T_MIN", 100.0, "no way down at 8 kg"),
+        (b"MR_M_0", 1.0, "mass at arming: 4 to 16 kg"), (b"MR_M_MAX", 7.0, "8 kg is outside"),
+        (b"MR_J_MAX", 0.3, "is outside the set of inertias"), (b"MR_G_LAMJ", 0.0, "unstable"),
+    ],
+)  # fmt: skip
+def test_what_would_not_let_it_hover_is_refused(flying, name, value, why):
+    """R4: each value in its range, and the vehicle is in the air."""
+    flying.send(mavlink.MAVLink_param_set_message(flying.at.system_id, 1, name, value, 9))
+    assert flying.heard("PARAM_ERROR").error == 2
+    flying.says(why)
+
+
+def test_a_name_of_control_characters_reaches_nobodys_terminal(flight):
+    """R2: a line of log is one line."""
+    name = b"\x1b[31mA\nB"
+    flight.send(mavlink.MAVLink_param_set_message(flight.at.system_id, 1, name, 1.0, 9))
+    text = flight.says("there is none such")
+    assert text.isprintable()
+    assert "\x1b" not in flight.program.text()
+
+
+def test_parameters_are_saved_when_asked_and_read_when_named(hover, tmp_path):
+    """R6: at most one at a time, whole, and a broken disk costs a sentence."""
+    file = tmp_path / "octo.params"
+    flight = hover("--params", file)
+    flight.send(mavlink.MAVLink_param_set_message(flight.at.system_id, 1, b"MR_F_M", 1.25, 9))
+    assert flight.heard("PARAM_VALUE").param_value == 1.25
+    flight.send(flight.long(245, 1))
+    results = [flight.heard("COMMAND_ACK").result]
+    while results[-1] == mavlink.MAV_RESULT_IN_PROGRESS:
+        results.append(flight.heard("COMMAND_ACK").result)
+    assert results[-1] == mavlink.MAV_RESULT_ACCEPTED
+    flight.says("Parameters saved")
+    flight.close()
+    flight.program.kill()
+    again = hover("--params", file)
+    read = mavlink.MAVLink_param_request_read_message(again.at.system_id, 1, b"MR_F_M", -1)
+    again.send(read)
+    assert again.heard("PARAM_VALUE").param_value == 1.25
+
+
 def test_missions_files_and_logs_are_answered(flight):
     system = flight.at.system_id
     flight.send(mavlink.MAVLink_mission_request_list_message(system, 1))

@@ -20,8 +20,8 @@ from tests.bad_input.hovering import MASK_POSITION, NAN, OFFBOARD, POSITION
         ({"r": (0, math.inf, 0)}, "its position is not finite"),
         ({"mask": 0xDC7, "v": (NAN, 0, 0)}, "its velocity is not finite"),
         ({"mask": 0xFFF}, "it commands nothing"),  # S3
-        ({"mask": 0xDF8 | 512}, "force setpoints are not supported"),
-        ({"mask": 0xDF9}, "a part of its position is ignored"),
+        ({"mask": 0xDF8 | 512}, "a force is not supported"),
+        ({"mask": 0xDF9}, "part of its position is ignored"),
         ({"frame": 4}, "frame 4 is not supported"),  # S4
         ({"frame": 255}, "frame 255 is not supported"),
         ({"r": (1e9, 0, 0)}, "its position is above 100000 m"),  # S6
@@ -73,7 +73,7 @@ def test_a_bad_attitude_is_refused(flying, q, thrust):
 def test_a_second_script_is_told_who_flies(flying):
     """S8."""
     other = flying.setpoint(r=(50, 0, -20))
-    flying.refuses(other, "system 245 component 190 is sending them", source=(111, 1))
+    flying.refuses(other, "245/190 is sending them", source=(111, 1))
 
 
 def test_a_sender_s_clock_is_not_trusted(flying):
@@ -100,3 +100,36 @@ def test_half_a_hertz_is_no_stream(flying):
     """S7."""
     flying.tick(1000)
     assert flying.mode() == POSITION
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "told", "flown"),
+    [
+        (
+            {"mask": 0xDC7, "v": (30.0, 40.0, 0.0)},
+            "at 50.0 m/s: flown at 12.0 m/s",
+            (7.2, 9.6, 0.0),
+        ),
+        ({"mask": 0xDC7, "v": (0.0, 0.0, 12.0)}, "at 12.0 m/s: flown at 1.5 m/s", (0, 0, 1.5)),
+        ({"mask": 0xDC0, "v": (0.0, 0.0, -90.0)}, "at 90.0 m/s: flown at 3.0 m/s", (0, 0, -3.0)),
+    ],
+)
+def test_what_is_too_fast_is_flown_at_the_limit_and_told(flying, setpoint, told, flown):
+    """S6: with a position too."""
+    flying.complains(flying.setpoint(**setpoint), told)
+    flying.tick(3)
+    assert flying.mode() == OFFBOARD
+    flying.send(flying.long(176, 1, 4, 3))  # hold: from the velocity that was flown
+    flying.sync()
+    flying.drain()
+    flying.send(flying.long(512, 85))
+    target = flying.heard("POSITION_TARGET_LOCAL_NED")
+    assert (target.vx, target.vy, target.vz) == pytest.approx(flown, abs=0.05)
+
+
+def test_an_attitude_goes_with_a_yaw_rate_only(flying):
+    """What would not be flown is refused, not left out."""
+    message = mavlink.MAVLink_set_attitude_target_message(
+        0, flying.at.system_id, 1, 0, (1, 0, 0, 0), 0.3, 0, 0, 0.4
+    )
+    flying.refuses(message, "attitude allows a yaw rate only")
