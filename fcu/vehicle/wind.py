@@ -17,7 +17,7 @@ from fcu.kernel.rotations import matrix, rotate, rotate_back
 SMOOTHED_S = 1.0  # WIND_COV: "a 1 Hz low-passed estimate" and how it varies
 
 
-ROUNDS = 3  # of two equations for the drag upwards; each gains a factor of sin^2 of the tilt
+ROUNDS, CLOSE = 20, 1e-3  # of two equations for the drag upwards, N
 
 
 def airspeed(force: float, c: float) -> float:
@@ -40,7 +40,10 @@ def of(measured: VehicleState, s_v_hat: Vec3, m_hat: float, drag: Vec3) -> Vec3:
         across = rotate(R_EB, v_a_B)
         v_a = rotate_back(R_EB, Vec3(across.x, across.y, measured.v_E.z))
         felt = Vec3(*[-c * v * abs(v) for c, v in zip(drag, v_a, strict=True)])
-        f_z = rotate(R_EB, felt).z
+        off = rotate(R_EB, felt).z - f_z
+        if abs(off) < CLOSE:
+            break
+        f_z += 0.5 * off  # whole steps would go back and forth where an axis meets no wind
     v_air = measured.v_E - across
     return Vec3(v_air.x, v_air.y, math.nan)
 

@@ -305,3 +305,30 @@ def test_sticks_move_it_in_position_mode_for_as_long_as_they_speak(armed):
     fly(armed, 2 * TICK, 600_000)
     assert (armed.setpoint.v_c, armed.setpoint.psi_dot_c) == (ZERO, 0.0)
     assert armed.setpoint.r_c.x == pytest.approx(HERE.x + 0.5)
+
+
+def test_where_the_sticks_have_turned_it_stays(armed):
+    armed.select(Mode.POSITION, 0, 0.0)
+    before = armed.flown(0).psi_c
+    armed.move(Vec3(0.0, 0.0, 0.0), 1.0, 0)
+    fly(armed, TICK, 2_000_000)  # nobody speaks for longer than COM_RC_LOSS_T, half a second
+    assert armed.flown(2_000_000).psi_c == pytest.approx(before + 0.5)
+
+
+def test_a_figure_of_eight_that_is_too_tight_is_denied(armed, params):
+    params.set("REF_8_SPEED", 10.0, armed=True)
+    verdict = armed.select(Mode.FIGURE_EIGHT, 0, 0.0)
+    assert verdict.text == "Figure eight denied: it asks 21.2 m/s^2 (MPC_ACC_HOR 3)"
+    assert armed.mode is Mode.HOLD
+
+
+@pytest.mark.parametrize("mode", [Mode.STEP, Mode.FIGURE_EIGHT])
+def test_a_generator_stops_first(armed, mode):
+    armed.script.sim_only = True
+    stream(armed, 0, 100_000, setpoint=THERE._replace(r_c=HERE, v_c=Vec3(5.0, 0.0, 0.0)))
+    armed.select(Mode.OFFBOARD, 100_000, 0.1)
+    armed.select(mode, 100_000, 0.1)
+    assert armed.flown(100_000).v_c.x == pytest.approx(5.0, abs=0.3)
+    fly(armed, 102_000, 1_000_000)
+    assert 0.0 < armed.setpoint.v_c.x <= 5.3  # still braking
+    assert armed.setpoint.a_c.x == pytest.approx(-3.0, abs=0.01)
