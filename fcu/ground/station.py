@@ -43,6 +43,7 @@ from fcu.vehicle.supervisor import Supervisor
 from fcu.vehicle.verdict import Verdict
 from fcu.vehicle.wind import Wind
 
+WIND_S = 0.05  # wall: between two looks at the wind
 COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
 
 _NUMBERS = re.compile(r"[0-9.]+")
@@ -75,6 +76,7 @@ class Station:
         self._parameters = ParameterService(params, file, vehicle, self._commands.table)
         self._requests = Requests(self.telemetry, self._commands.table)
         self._wind = Wind(identity.drag)
+        self._wind_due = 0.0
         self._desk = Desk(
             self._commands, self._requests, self._parameters, vehicle.script, self.tell
         )
@@ -124,7 +126,8 @@ class Station:
         self.telemetry.heartbeat(now)
         view = self.view()
         if view is not None:
-            if view.flying:
+            if view.flying and now >= self._wind_due:
+                self._wind_due = now + WIND_S
                 self._wind.see(view.t, view.measured, view.state.s_v_hat, view.state.m_hat)
             self.telemetry.send(view, now)
             if self._home_told != self._vehicle.home_changed:
