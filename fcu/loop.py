@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import select
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -227,7 +228,7 @@ class Loop:
         self._ground.see(row, setpoint is not None, self._load, self._gate.off)
         self._record()
 
-    def _say_all(self, happened: list[tuple[Severity, str]]) -> None:
+    def _say_all(self, happened: Sequence[tuple[Severity, str]]) -> None:
         for severity, text in happened:
             self._ground.tell(severity, text)
 

@@ -36,7 +36,7 @@ from sitl_plant.physics.types import PlantRecord
 
 STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
-SEND_AGAIN_S = 0.5  # simulation time after which a setpoint is sent again, if there is no other
+SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
 _FCU = columns(Tick)
 R_C = slice(_FCU.index("setpoint.r_c.x"), _FCU.index("setpoint.r_c.x") + 3)

@@ -192,12 +192,13 @@ class Station:
             other = script.heard(who, t_us, now, lost_us)
             if other:
                 raise Refused(other)
-            flown = vehicle.flown(t_us)
+            pose = vehicle.pose()
+            flown = vehicle.flown(t_us, pose)
             warning = ""
             if isinstance(message, SetpointMessage):
-                frame = Frame(self._identity.origin, vehicle.home or vehicle.pose().r_E)
+                frame = Frame(self._identity.origin, vehicle.home or pose.r_E)
                 setpoint, warning = of_position(
-                    message, vehicle.pose(), frame, flown, vehicle.script_limits()
+                    message, pose, frame, flown, vehicle.script_limits()
                 )
             else:
                 setpoint = of_attitude(message, flown, self._params.law.T_max)

@@ -29,7 +29,6 @@ def is_value(cls: Any) -> bool:
     return isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")
 
 
-@cache
 def fields(cls: Any) -> dict[str, Any]:
     """Field name -> type (float, or a NamedTuple class), in the order of declaration."""
     hints = get_type_hints(cls)
@@ -66,28 +65,33 @@ def columns(cls: Any) -> list[str]:
 
 def to_buffer(value: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     """A value as a new flat float64 array."""
+    kind: Any = type(value)
+    return np.array(_flattener(kind)(value), dtype=np.float64)
 
-    def flat(v: Any) -> Iterator[float]:
-        for item in v:
-            if isinstance(item, tuple):
-                yield from flat(item)
-            else:
-                yield float(item)
 
-    return np.array(list(flat(value)), dtype=np.float64)
+@cache
+def _flattener(cls: Any) -> Callable[[Any], tuple[float, ...]]:
+    scope: dict[str, Any] = {}
+    row = "".join(f"v.{leaf.name}, " for leaf in leaves(cls))
+    exec(f"def flat(v):\n    return ({row})\n", scope)
+    flat: Callable[[Any], tuple[float, ...]] = scope["flat"]
+    return flat
 
 
 def from_buffer(cls: type[T], buffer: Sequence[float] | np.ndarray[Any, Any]) -> T:
     """A value from a flat array of `size(cls)` floats."""
-    value: T = _built(cls, iter(np.asarray(buffer, dtype=np.float64).tolist()))
+    kind: Any = cls
+    value: T = _builder(kind)(np.asarray(buffer, dtype=np.float64).tolist())
     return value
 
 
-def _built(kind: Any, numbers: Iterator[float]) -> Any:
-    # no closure: one that calls itself is a cycle, and nobody collects those in flight
-    if not is_value(kind):
-        return next(numbers)
-    return kind(*[_built(k, numbers) for k in fields(kind).values()])
+@cache
+def _builder(cls: Any) -> Callable[[list[float]], Any]:
+    """What `unpacker` compiles, as plain Python: from a list of floats."""
+    scope = _constructors(cls, {})
+    exec(f"def build(b):\n    return {_construct(cls, iter(range(size(cls))))}\n", scope)
+    build: Callable[[list[float]], Any] = scope["build"]
+    return build
 
 
 def _constructors(cls: Any, found: dict[str, Any]) -> dict[str, Any]:

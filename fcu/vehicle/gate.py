@@ -8,6 +8,7 @@ as a wind is not told from one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -57,9 +58,11 @@ class Gate:
         self.flown[:] = received
         self.off = 0.0
 
-    def pass_on(self, received: Row, h: float, t_us: int) -> list[tuple[Severity, str]]:
+    def pass_on(self, received: Row, h: float, t_us: int) -> Sequence[tuple[Severity, str]]:
         """The state of the next tick of a vehicle in flight: what is wrong with it, in words."""
         off = admit(received, self.flown, h)
+        if off <= JUMP and not self.off and t_us < self._look_us:
+            return ()
         said: list[tuple[Severity, str]] = []
         if off > JUMP:
             if not self.off:

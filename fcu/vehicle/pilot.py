@@ -55,9 +55,13 @@ class Pilot:
         assert m is not None
         return Pose(m.r_E, m.v_E, euler(matrix(m.q_EB)).z)
 
-    def flown(self, t_us: int) -> Setpoint:
-        """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere."""
-        return anchored(self.setpoint, (t_us - self.since_us) * 1e-6, self.pose(), NEAR)
+    def flown(self, t_us: int, pose: Pose | None = None) -> Setpoint:
+        """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere.
+
+        `pose`: where it is, if that is known already.
+        """
+        here = self.pose() if pose is None else pose
+        return anchored(self.setpoint, (t_us - self.since_us) * 1e-6, here, NEAR)
 
     def script_limits(self) -> Limits:
         """Above which a script's setpoint is flown at the limit."""
