@@ -35,7 +35,7 @@ FLIGHT: tuple[tuple[str, str], ...] = (
     ("arm throttle", r"ARMED"),
     ("takeoff 5", r"Takeoff complete"),
     ("guided 47.397830 8.545730 8", r"Going \d+ m"),
-    ("long DO_SET_MODE 1 3", r"POSCTL> Mode POSCTL"),
+    ("long DO_SET_MODE 1 3", r"Mode POSCTL"),
     ("status LOCAL_POSITION_NED", r"LOCAL_POSITION_NED \{"),
     ("status WIND_COV", r"WIND_COV \{"),
     ("long DO_SET_MODE 1 4 12", r"Mode Figure eight"),
@@ -117,6 +117,7 @@ def session(master: str, folder: Path, fly: Callable[[Console], None]) -> str:
 def whole_flight(console: Console) -> None:
     """Connect, arm, take off, look around, return, land."""
     console.expect(r"Received \d+ parameters")
+    console.settle()
     for line, printed in FLIGHT:
         if line:
             console.type(line)
