@@ -115,6 +115,13 @@ class Flight:
         self.script.settimeout(4.0)
         self.inbox.clear()
 
+    def asked(self, message_id, kind):
+        """A message as it is now."""
+        self.sync()
+        self.drain()
+        self.send(self.long(512, message_id))
+        return self.heard(kind)
+
     def sync(self):
         """All that was sent before has been read, and answered: a ping comes back."""
         self.pings += 1
@@ -155,7 +162,7 @@ class Flight:
             said = "".join(m.text for m in self.inbox if m.get_type() == "STATUSTEXT")
             if text in said:
                 return
-            time.sleep(0.05)
+            select.select([self.script], [], [], 0.05)
         raise AssertionError(f"not told {text!r}: {said}")
 
     def mode(self):

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import math
 import os
 import socket
 from pathlib import Path
@@ -132,3 +134,29 @@ def resident(pid):
     """Bytes of memory of a process."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_what_is_dropped_is_counted_by_its_reason_and_told(flight):
+    """P1 to P9, C1, S1: in SYS_STATUS, and when the flight controller ends."""
+    good = flight.setpoint().pack(flight.mav)
+    to_another = flight.long(400, 1, target=77).pack(flight.mav)
+    before = flight.asked(1, "SYS_STATUS").errors_comm
+    for datagram, times in (
+        (b"garbage", 2), (good[: len(good) // 2], 3), (good[:2] + b"\x82" + good[3:], 4),
+        (good[:7] + b"\xff\xff\x7f" + good[10:], 5), (good[:5] + b"\0" + good[6:], 6),
+        (good[:-1] + bytes([good[-1] ^ 1]), 7), (to_another, 8),
+    ):  # fmt: skip
+        for _ in range(times):
+            flight.raw(datagram)
+    for _ in range(9):
+        flight.send(flight.setpoint(r=(math.nan, 0.0, 0.0)))
+    flight.sync()
+    assert flight.asked(1, "SYS_STATUS").errors_comm - before == sum(range(2, 9))
+    assert flight.program.interrupted() == 0
+    said = json.loads(flight.program.out.read_text().splitlines()[-1])
+    assert said["ground_dropped"] == {
+        "not MAVLink": 2, "truncated": 3, "unknown flags": 4, "unknown message": 5, "source 0": 6,
+        "wrong checksum": 7, "for another": 8, "setpoints refused": 9,
+    }  # fmt: skip
+    assert said["ticks"] == flight.ticks
+    assert said["refused"] == said["resent"] == 0

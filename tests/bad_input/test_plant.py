@@ -13,12 +13,6 @@ GPS = 32  # MAV_SYS_STATUS_SENSOR_GPS
 NEITHER_PLACED_NOR_WELL = 1 | 2 | 4 | 1024  # ESTIMATOR_STATUS
 
 
-def asked(flight, message_id, kind):
-    flight.drain()
-    flight.send(flight.long(512, message_id))
-    return flight.heard(kind)
-
-
 def test_a_position_that_jumps_a_kilometre_is_not_flown_on(flying):
     """H2: and it is told, and comes back."""
     flying.tick(50)
@@ -28,14 +22,14 @@ def test_a_position_that_jumps_a_kilometre_is_not_flown_on(flying):
         flying.tick(100)
         flying.says("Position jumped 1000 m: flying by velocity")
         assert np.ptp(flying.command) < 1e-6  # nothing is done about it: all rotors alike
-        assert abs(asked(flying, 32, "LOCAL_POSITION_NED").y) < 0.01
-        assert asked(flying, 1, "SYS_STATUS").onboard_control_sensors_health & GPS == 0
-        assert asked(flying, 230, "ESTIMATOR_STATUS").flags == NEITHER_PLACED_NOR_WELL
+        assert abs(flying.asked(32, "LOCAL_POSITION_NED").y) < 0.01
+        assert flying.asked(1, "SYS_STATUS").onboard_control_sensors_health & GPS == 0
+        assert flying.asked(230, "ESTIMATOR_STATUS").flags == NEITHER_PLACED_NOR_WELL
     finally:
         flying.state[0] -= 1000.0
     flying.tick(1)
     flying.says("Position is back")
-    assert asked(flying, 1, "SYS_STATUS").onboard_control_sensors_health & GPS == GPS
+    assert flying.asked(1, "SYS_STATUS").onboard_control_sensors_health & GPS == GPS
     assert flying.mode() == OFFBOARD
 
 
