@@ -42,6 +42,7 @@ check: setup
 schemas: setup
 	@.venv/bin/python -m gcs_tools.schema docs/schemas
 	@.venv/bin/python -m gcs_tools.mission_schema
+	@.venv/bin/python -m fcu.params_page docs/parameters.md
 
 bench: setup
 	@.venv/bin/python -m gcs_tools.bench

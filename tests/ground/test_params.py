@@ -6,6 +6,7 @@ import math
 import os
 import struct
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,7 @@ from fcu.interface.airframe import believed
 from fcu.law.parameters import BOUNDS, PRINTED_BOUNDS, law_params
 from fcu.params import Parameters, ParamsFileError, Refused
 from fcu.params_law import LAW
+from fcu.params_page import page
 
 
 @pytest.fixture(scope="module")
@@ -235,3 +237,7 @@ def test_a_file_that_cannot_be_flown(law, tmp_path, text, reason):
     with pytest.raises(ParamsFileError) as error:
         Parameters(law, 1, tmp_path / "p.toml")
     assert reason in str(error.value)
+
+
+def test_the_page_in_docs_is_current():
+    assert (Path(__file__).parents[2] / "docs" / "parameters.md").read_text() == page()
