@@ -39,7 +39,11 @@ setpoints = st.builds(Setpoint, vectors, vectors, vectors, angles, anything)
 
 def bits(value):
     """The bytes of a value's float64 leaves: equal only if every bit is."""
-    return to_buffer(value).tobytes()
+    if isinstance(value, float):
+        return np.float64(value).tobytes()
+    if hasattr(value, "_fields"):
+        return to_buffer(value).tobytes()
+    return b"".join(bits(each) for each in value)
 
 
 def attitude(yaw_deg, roll_deg=0.0, pitch_deg=0.0):

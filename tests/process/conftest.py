@@ -18,6 +18,9 @@ import pytest
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import INSTANCES, busy, ports
 
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun by a shell in the background:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # programs would not hear Ctrl-C
+
 PATIENCE_S = 60.0  # wall: for what has no limit of its own, on a slow machine
 
 
