@@ -10,9 +10,7 @@ import math
 import struct
 
 from fcu.interface.frames import (
-    SetpointOnWire,
     attitude_enu_ned,
-    setpoint_from_wire,
     setpoint_to_wire,
     yaw_enu_ned,
 )
@@ -82,32 +80,38 @@ def _floats(v: Vec3) -> Vec3:
 
 
 def setpoint_numbers(setpoint: Setpoint) -> bytes:
-    """The eleven float32 fields that a setpoint becomes on the wire, as sent and echoed."""
-    r, v, a, yaw, yaw_rate = setpoint_to_wire(
-        Setpoint(
-            _floats(setpoint.r_c),
-            _floats(setpoint.v_c),
-            _floats(setpoint.a_c),
-            float(setpoint.psi_c),
-            float(setpoint.psi_dot_c),
+    """The eleven float32 fields that a setpoint becomes on the wire, as sent and echoed.
+
+    The bits of `setpoint_to_wire`, without handing tuples to compiled code and back, which costs
+    more than all the rest. What float32 cannot hold is left to it.
+    """
+    s = setpoint
+    row = *earth(s.r_c), *earth(s.v_c), *earth(s.a_c), heading(s.psi_c), -s.psi_dot_c
+    try:
+        if math.inf in row or -math.inf in row:
+            raise OverflowError
+        return NUMBERS.pack(*row)
+    except OverflowError:
+        floats = Setpoint(
+            _floats(s.r_c), _floats(s.v_c), _floats(s.a_c), float(s.psi_c), float(s.psi_dot_c)
         )
-    )
-    return NUMBERS.pack(*r, *v, *a, yaw, yaw_rate)
+        r, v, a, yaw, yaw_rate = setpoint_to_wire(floats)
+        return NUMBERS.pack(*r, *v, *a, yaw, yaw_rate)
 
 
 def setpoint_of(numbers: bytes, type_mask: int) -> Setpoint:
-    """The setpoint in such fields; what the mask ignores is as SetpointMessage says."""
+    """The setpoint in such fields; what the mask ignores is as SetpointMessage says.
+
+    The bits of `setpoint_from_wire`, as above.
+    """
     f = NUMBERS.unpack(numbers)
-    setpoint: Setpoint = setpoint_from_wire(
-        SetpointOnWire(Vec3(*f[0:3]), Vec3(*f[3:6]), Vec3(*f[6:9]), f[9], f[10])
-    )
     nowhere, still = Vec3(math.nan, math.nan, math.nan), Vec3(0.0, 0.0, 0.0)
     return Setpoint(
-        nowhere if type_mask & IGNORE_POSITION else setpoint.r_c,
-        still if type_mask & IGNORE_VELOCITY else setpoint.v_c,
-        still if type_mask & IGNORE_ACCELERATION else setpoint.a_c,
-        math.nan if type_mask & IGNORE_YAW else setpoint.psi_c,
-        0.0 if type_mask & IGNORE_YAW_RATE else setpoint.psi_dot_c,
+        nowhere if type_mask & IGNORE_POSITION else Vec3(f[1], f[0], -f[2]),
+        still if type_mask & IGNORE_VELOCITY else Vec3(f[4], f[3], -f[5]),
+        still if type_mask & IGNORE_ACCELERATION else Vec3(f[7], f[6], -f[8]),
+        math.nan if type_mask & IGNORE_YAW else heading(f[9]),
+        0.0 if type_mask & IGNORE_YAW_RATE else -f[10],
     )
 
 
