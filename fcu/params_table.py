@@ -46,6 +46,7 @@ VEHICLE: tuple[Parameter, ...] = (
     P("REF_8_SPEED", "m/s", 0.1, 10.0, 3.0, "speed at which that figure-eight crosses itself"),
     # setpoints of a script, and their loss
     P("MR_SP_DIST", "m", 1.0, 10000.0, 100.0, "setpoints farther away are flown at this distance"),
+    P("MR_SP_BELOW", "m", 0.0, 10000.0, 1.0, "setpoints farther below home are flown there"),
     P("COM_OF_LOSS_T", "s", 0.1, 60.0, 1.0, "age of the last setpoint at which offboard is lost"),
     P(
         "COM_OBL_RC_ACT", "", 0.0, 7.0, 0.0,

@@ -36,6 +36,7 @@ def fly_to(
     of simulation time.
     """
     vehicle.wait_ready()
+    vehicle.on_text = lambda text: tell(f"  vehicle: {text}")
     if not vehicle.heartbeat().armed:
         start = vehicle.position()
         vehicle.arm()

@@ -48,6 +48,7 @@ class Vehicle:
         self._codec = GroundCodec(*ME, at_once=TOGETHER)
         self._target = Source(at.system_id, 1)
         self._texts: list[str] = []
+        self.on_text: Callable[[str], None] = lambda _text: None  # what the vehicle says
         self.on_wait: Callable[[], None] = lambda: None  # called while waiting; may raise
 
     def close(self) -> None:
@@ -74,6 +75,7 @@ class Vehicle:
         for message in heard:
             if isinstance(message, StatusText):
                 self._texts.append(message.text)
+                self.on_text(message.text)
         return heard
 
     def _ask(self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str) -> T:

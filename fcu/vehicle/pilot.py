@@ -67,7 +67,7 @@ class Pilot:
         """Above which a script's setpoint is flown at the limit."""
         p = self._params
         return Limits(
-            p["MR_SP_DIST"], p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"],
+            p["MR_SP_DIST"], p["MR_SP_BELOW"], p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"],
             p.law.yaw_rate_max,
         )  # fmt: skip
 

@@ -34,7 +34,6 @@ from fcu.vehicle.guidance import STILL, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
 STANDARD_GRAVITY = 9.80665  # m/s^2
-BELOW_HOME = 1.0  # m: some land by a setpoint just under the ground
 POSITION, ATTITUDE, RATES = 0.0, 1.0, 2.0  # Setpoint.level
 
 
@@ -61,6 +60,7 @@ class Limits(NamedTuple):
     """Above these a setpoint is flown at the limit, with a warning."""
 
     away: float  # m from the vehicle
+    below_home: float  # m: some land by a setpoint just under the ground
     across: float  # m/s
     up: float  # m/s
     down: float  # m/s
@@ -165,10 +165,14 @@ def of_position(
 
     if has_position:
         r = _position(message, asked.r_c, pose, frame)
+        lowest = frame.home.z - limits.below_home
+        if r.z < lowest:
+            warning = (
+                f"Setpoint {frame.home.z - r.z:.0f} m below home: flown as {limits.below_home:g} m"
+            )
+            r = Vec3(r.x, r.y, lowest)
         away = r - pose.r_E
         far = length(away)
-        if r.z < frame.home.z - BELOW_HOME:
-            warning = f"Setpoint {frame.home.z - r.z:.0f} m below home"
         if far > limits.away:
             r = pose.r_E + (limits.away / far) * away
             warning = f"Setpoint {far:.0f} m away: flown as {limits.away:.0f} m"

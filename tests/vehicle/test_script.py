@@ -19,7 +19,7 @@ POSE = Pose(Vec3(10.0, 20.0, 30.0), Vec3(1.0, 0.0, 0.0), EAST_30)  # heading 60 
 FLOWN = Setpoint(Vec3(9.0, 19.0, 29.0), Vec3(0.5, 0.0, 0.0), STILL, 0.1, 0.0)
 ORIGIN = Origin(47.4, 8.5, 488.0)
 FRAME = Frame(ORIGIN, Vec3(0.0, 0.0, 0.3))
-LIMITS = Limits(away=100.0, across=12.0, up=3.0, down=1.5, yaw_rate=1.5)
+LIMITS = Limits(away=100.0, below_home=1.0, across=12.0, up=3.0, down=1.5, yaw_rate=1.5)
 AHEAD, LEFT = (math.cos(EAST_30), math.sin(EAST_30)), (-math.sin(EAST_30), math.cos(EAST_30))
 CODEC, PYMAVLINK = GroundCodec(1), mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
 
@@ -94,7 +94,7 @@ def test_global_places(frame, above):
         ({"mask": 0xC3F, "a": (0, 90, 0)}, "at 90 m/s^2: flown at 10", lambda s: s.a_c.x - 9.80665),
         ({"mask": 0x5F8, "yaw_rate": 9}, "turns at 9.0 rad/s", lambda s: s.psi_dot_c + 1.5),
         ({"mask": 0x1F8, "yaw_rate": 9}, "turns at 9.0 rad/s", lambda s: s.psi_dot_c + 1.5),
-        ({"r": (0, 0, 3.0)}, "Setpoint 3 m below home", lambda s: s.r_c.z + 3.0),
+        ({"r": (0, 0, 3.0)}, "3 m below home: flown as 1 m", lambda s: s.r_c.z + 0.7),
     ],
 )  # fmt: skip
 def test_what_is_too_much_is_flown_at_the_limit_and_told(given, told, check):
