@@ -36,7 +36,14 @@ def fly_to(
     of simulation time.
     """
     vehicle.wait_ready()
-    vehicle.on_text = lambda text: tell(f"  vehicle: {text}")
+    told: set[str] = set()
+
+    def hear(text: str) -> None:
+        if text not in told:  # what is wrong with a stream is said again and again
+            told.add(text)
+            tell(f"  vehicle: {text}")
+
+    vehicle.on_text = hear
     if not vehicle.heartbeat().armed:
         start = vehicle.position()
         vehicle.arm()
