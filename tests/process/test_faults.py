@@ -95,6 +95,8 @@ def test_a_process_that_falls_silent_is_named(in_flight, gone, run, module, name
     gone(program)
     aborted(run, 3, f"the {name} has been silent for 5 s", "last simulation time")
     other = "plant.log" if module == "fcu" else "fcu.log"
+    if "asked for the echo of a setpoint" in " ".join(program.text().split()):
+        return  # it fell silent while time was held, and the script was who waited for it
     assert f"the {name} has been silent for 1 s" in (run / other).read_text()
 
 

@@ -186,10 +186,12 @@ def test_a_state_of_a_time_that_is_not_the_next_is_not_flown(fcu, bound, states,
         assert answer(link, states) == time_us
         for _ in range(9):
             link.send(states.pack_state(time_us + 10_000_000, standing))
+    link.send(states.pack_state(3 * MS, standing))
+    assert answer(link, states) == 3 * MS  # whatever was sent before has been read
     assert silent(link)
     assert fcu.interrupted() == 0
     said = ended(fcu)
-    assert (said["ticks"], said["refused"]) == (3, 27)
+    assert (said["ticks"], said["refused"]) == (4, 27)
 
 
 def test_time_that_jumps_and_stays_there_ends_it(fcu, bound, states, standing):
