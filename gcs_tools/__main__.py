@@ -226,5 +226,28 @@ def setpoint(
         click.echo(f"there: ({here.r_E.x:.2f}, {here.r_E.y:.2f}, {here.r_E.z:.2f}) m, {away:.2f} m off")  # fmt: skip
 
 
+@main.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), callback=_creatable, metavar="FILE", help="Write it there; default: in the place of RECORDING.")  # fmt: skip
+def recover(recording: Path, out: Path | None) -> None:
+    """Make a RECORDING whole whose writer was killed: give it its index and its end.
+
+    Exits 0 when it is whole, 2 when it cannot be read, is damaged, or cannot be written.
+    """
+    from gcs_tools.recording import RecordingError
+    from gcs_tools.recover import recover as made_whole
+
+    try:
+        done = made_whole(recording, out)
+    except RecordingError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(USAGE)
+    what = "was whole already" if done.complete else "whole again"
+    what += f", written to {out}" if out else ""
+    click.echo(f"{recording}: {done.messages} messages, {done.first_s:.3f} to {done.last_s:.3f} s, {what}")  # fmt: skip
+    if done.damage:
+        click.echo(f"  without what lies behind a damage: {done.damage}")
+
+
 if __name__ == "__main__":
     main()

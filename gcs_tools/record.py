@@ -7,9 +7,10 @@ wall time: a killed recorder loses no more than that. Rows are encoded a chunk a
 
 from __future__ import annotations
 
+import fcntl
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -107,6 +108,8 @@ class Recorder:
         self._last_chunk = time.monotonic()
         with self._reporting():
             self._file = FileIO(path, "xb")
+            with suppress(OSError):  # whoever would mend it sees that it is written
+                fcntl.flock(self._file, fcntl.LOCK_EX)
         try:
             with self._reporting():
                 self._container = Container(self._file, PACKAGE, f"m-mrac {SCHEMA_VERSION}")

@@ -47,7 +47,7 @@ class Recording:
     complete: bool  # False: the recorder did not close it, what it had not written is missing
 
 
-def _whole_records(data: bytes) -> tuple[int, bool]:
+def whole_records(data: bytes) -> tuple[int, bool]:
     """Where the last whole record ends, and whether the file is complete."""
     end = _MAGIC_BYTES
     while end + _RECORD_HEAD.size <= len(data):
@@ -169,7 +169,7 @@ def read(path: Path) -> Recording:
         data = path.read_bytes()
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
-    end, complete = _whole_records(data)
+    end, complete = whole_records(data)
     contents = _Contents()
     try:
         contents.take(data[:end])

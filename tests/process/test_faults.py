@@ -7,6 +7,8 @@ import os
 import resource
 import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -125,8 +127,16 @@ def test_a_killed_runner_leaves_nobody(in_flight, gone, run):
     program.signal(signal.SIGKILL)
     program.wait()
     gone(program)
-    assert not flown(run).complete
+    left = flown(run)
+    assert not left.complete
     assert not (run / "result.json").exists()
+    done = subprocess.run(
+        [sys.executable, "-m", "gcs_tools", "recover", run / "flight.mcap"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "whole again" in done.stdout
+    assert flown(run).complete
+    assert flown(run).fcu.tobytes() == left.fcu.tobytes()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
