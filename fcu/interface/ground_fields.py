@@ -145,7 +145,8 @@ def refusal(numbers: bytes, type_mask: int, frame: int, geodetic: Geodetic | Non
         return f"frame {frame} is not supported"
     if type_mask & _ALL == _ALL:
         return "it commands nothing"
-    if type_mask & FORCE:
+    # some clients set the bit with everything they ignore: without an acceleration it means nothing
+    if type_mask & FORCE and type_mask & IGNORE_ACCELERATION != IGNORE_ACCELERATION:
         return "a force is not supported"
     if type_mask & ~_KNOWN_BITS:
         return f"type mask {type_mask:#x} has unknown bits"

@@ -20,7 +20,7 @@ from tests.bad_input.hovering import MASK_POSITION, NAN, OFFBOARD, POSITION
         ({"r": (0, math.inf, 0)}, "its position is not finite"),
         ({"mask": 0xDC7, "v": (NAN, 0, 0)}, "its velocity is not finite"),
         ({"mask": 0xFFF}, "it commands nothing"),  # S3
-        ({"mask": 0xDF8 | 512}, "a force is not supported"),
+        ({"mask": 0xC3F | 512}, "a force is not supported"),
         ({"mask": 0xDF9}, "part of its position is ignored"),
         ({"frame": 4}, "frame 4 is not supported"),  # S4
         ({"frame": 255}, "frame 255 is not supported"),

@@ -210,11 +210,18 @@ def test_of_the_masks_in_use_each_takes_what_it_says_and_no_more(frame, mask, fi
         assert "not finite" in heard(local(mask, frame, **{name: math.nan})).refusal
 
 
+@pytest.mark.parametrize("mask", [0xFC7, 0xFF8])
+def test_the_masks_of_dronekit_and_mavproxy_are_flown(mask):
+    """They set the force bit with the acceleration that they ignore."""
+    message = heard(local(mask, 1, x=1.0, vx=2.0))
+    assert not message.refusal
+
+
 @pytest.mark.parametrize(
     ("mask", "frame", "fields", "reason"),
     [
         (512, 1, {}, "a force is not supported"),
-        (3576 | 512, 1, {}, "a force is not supported"),
+        (0xC3F | 512, 1, {}, "a force is not supported"),
         (0, 2, {}, "frame 2 is not supported"),
         (0, 200, {}, "frame 200 is not supported"),
         (0, 6, {}, "frame 6 is not for local positions"),
