@@ -154,10 +154,6 @@ class GroundPort:
         for link in self.links():
             self.send(link, *messages)
 
-    def counters(self) -> Counter[str]:
-        """What was not taken, by reason."""
-        return self.dropped
-
     def _send(self, datagram: bytes, address: Address) -> None:
         try:
             self._socket.sendto(datagram, address)
