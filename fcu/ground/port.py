@@ -8,7 +8,6 @@ taken, a newcomer is answered and no more.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
