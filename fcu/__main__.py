@@ -71,28 +71,31 @@ def main(
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
     from fcu.ground.view import Identity
+    from fcu.interface.feed import Feed
     from fcu.interface.geodesy import Origin
     from fcu.interface.ground_numbers import Autopilot
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
-    from fcu.kernel.buffers import size
     from fcu.kernel.compile import is_cached
-    from fcu.law.types import Tick
     from fcu.loop import INFRASTRUCTURE, Loop, say
     from fcu.params import Parameters, ParamsFileError
+    from fcu.reporting import WIDTH, Reporter
 
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
         params = Parameters(read_law(law, rate_hz), ports(number).system_id, params_file)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
-        tape = Tape(size(Tick), record_fd, wait=not drop)
+        tape = Tape(WIDTH, record_fd, wait=not drop)
+        reporter = Reporter(tape, Feed(number, "fcu"), identity.drag)
         with watched(lifeline_fd):
             if not is_cached("tick"):
                 say(-1, "info", "compiling the law, once for this version (about 15 s)")
             sim_only = link_clock == "sim"
-            loop = Loop(ports(number), identity, params, tape, lifeline_fd, sim_only, params_file)
+            loop = Loop(
+                ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file
+            )
             loop.warm_up()
     except PortBusy as error:
         say(-1, "error", str(error.strerror))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fcu.interface.airframe import OCTO, AirframeError, believed
-from fcu.interface.airframe import load as load_toml
+from fcu.interface.airframe import OCTO, AirframeError, believed, believed_drag
 from fcu.interface.handover import HandoverError, load
 from fcu.kernel.algebra import Vec3
 from fcu.law.parameters import ParameterError, check, law_params
@@ -19,12 +18,9 @@ class ConfigurationError(ValueError):
 def read_drag(path: Path = OCTO) -> Vec3:
     """Believed drag coefficients, N/(m/s)^2, body axes. Raises ConfigurationError."""
     try:
-        drag = [float(c) for c in load_toml(path)["air"]["drag"]]
-        if len(drag) != 3 or not all(0.0 < c < 100.0 for c in drag):
-            raise ValueError("expected three numbers above 0")
-        return Vec3(*drag)
-    except (AirframeError, KeyError, TypeError, ValueError) as error:
-        raise ConfigurationError(f"{path}: [air] drag: {error}") from error
+        return believed_drag(path)
+    except AirframeError as error:
+        raise ConfigurationError(str(error)) from error
 
 
 def read_law(path: Path | None, rate_hz: float) -> LawParams:

@@ -23,12 +23,12 @@ from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
-from fcu.interface.tape import Tape
 from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.law import cascade
 from fcu.law.types import LawState, Tick
 from fcu.params import Parameters
+from fcu.reporting import WIDTH, Reporter
 from fcu.vehicle.gate import Gate
 from fcu.vehicle.supervisor import Supervisor
 
@@ -53,7 +53,8 @@ class Figures:
     refused: int = 0  # datagrams of the plant link that were not states, or of a wrong time
     strangers: int = 0  # datagrams on the plant link that were not the plant's
     cycle_max_us: float = 0.0
-    dropped: int = 0  # recorded rows that did not fit
+    dropped: int = 0  # rows that the recorder had no room for
+    unpublished: int = 0  # rows that the publisher had no room for
     ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
 
 
@@ -61,7 +62,7 @@ class Loop:
     """One flight controller, from its first datagram to its end."""
 
     def __init__(
-        self, ports: Ports, identity: Identity, params: Parameters, tape: Tape,
+        self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
         lifeline: int | None, sim_only: bool = False, file: Path | None = None,
     ) -> None:  # fmt: skip
         """`lifeline`: a file descriptor whose end of file ends the loop.
@@ -72,14 +73,14 @@ class Loop:
         self._params = params
         self._law = params.law
         self._law_buffer = to_buffer(self._law)
-        self._tape = tape
+        self._reporter = reporter
         self._lifeline = lifeline
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
         self._codec = PlantCodec(ports.system_id)
         self.vehicle = Supervisor(params, sim_only)
         self._ground = Station(
             ports, identity, params, self.vehicle, file,
-            lambda level, text: say(self._time_us, level, text),
+            self._say,
         )  # fmt: skip
         self.figures = Figures()
         self.stopping = False
@@ -100,13 +101,14 @@ class Loop:
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
-        row, state = np.zeros(size(Tick)), np.zeros(size(LawState))
+        row, state = np.zeros(WIDTH), np.zeros(size(LawState))
         measured = np.zeros(size(VehicleState))
         measured[6] = 1.0
         Gate().pass_on(measured, 0.002, 0)
         for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
             cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
             state = row[_STATE].copy()
+        self._reporter.warm_up(row)
         self.vehicle.state = measured
         self._ground.warm_up(row)
         self.vehicle.state = None
@@ -134,14 +136,15 @@ class Loop:
                     self.stopping = True  # whoever started us is gone
             now = time.monotonic()
             self._ground.idle(self._next_us(), now)
+            self._reporter.idle(self._time_s, self._law, now)
             if self._heard:
                 silent = now - self._heard
                 if silent > END_S:
-                    say(self._time_us, "error", f"the plant has been silent for {END_S:.0f} s")
+                    self._say("error", f"the plant has been silent for {END_S:.0f} s")
                     self._exit = INFRASTRUCTURE
                     break
                 if silent > WARN_S and not warned:
-                    say(self._time_us, "warning", "the plant has been silent for 1 s")
+                    self._say("warning", "the plant has been silent for 1 s")
                 warned = silent > WARN_S
         self._close()
         return self._exit
@@ -159,10 +162,10 @@ class Loop:
         except WireError as error:
             self.figures.refused += 1
             if self.figures.refused == 1:
-                say(self._time_us, "warning", f"plant link: {error}")
+                self._say("warning", f"plant link: {error}")
             return
         if not self._heard:
-            say(time_us, "info", "the plant is there")
+            self._say("info", "the plant is there")
         self._heard = time.monotonic()
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
@@ -174,13 +177,13 @@ class Loop:
             self.figures.resent += 1
             self._plant.send(self._answer)
         elif time_us < self._time_us:
-            say(time_us, "error", f"time ran back from {self._time_us * 1e-6:.6f} s")
+            self._say("error", f"time ran back from {self._time_us * 1e-6:.6f} s")
             self._exit, self.stopping = INFRASTRUCTURE, True
         elif self._time_us >= 0 and time_us - self._time_us != self._period_us:
             self.figures.refused += 1
             self._jumps += 1
             if self._jumps == JUMPS:
-                say(time_us, "error", f"time jumped from {self._time_us * 1e-6:.6f} s")
+                self._say("error", f"time jumped from {self._time_us * 1e-6:.6f} s")
                 self._exit, self.stopping = INFRASTRUCTURE, True
         else:
             self._jumps = 0
@@ -192,14 +195,11 @@ class Loop:
             else:
                 self._gate.take(self._received)
             self.vehicle.battery = self._codec.battery
-            self._tick(time_us)
-            cycle = (time.perf_counter() - started) * 1e6
-            self.figures.cycle_max_us = max(self.figures.cycle_max_us, cycle)
-            self._load += LOAD_SMOOTHED * (cycle * 1e-6 / self._law.h - self._load)
+            self._tick(time_us, started)
 
-    def _tick(self, time_us: int) -> None:
+    def _tick(self, time_us: int, started: float) -> None:
         t = time_us * 1e-6
-        vehicle, row = self.vehicle, self._tape.row()
+        vehicle, row = self.vehicle, self._reporter.tape.row()
         happened = vehicle.observe(self._measured, time_us, self._heard)
         if happened:
             self._say_all(happened)
@@ -223,29 +223,31 @@ class Loop:
         )  # fmt: skip
         self._answer = self._codec.pack_controls(time_us, row[_COMMAND], vehicle.armed, True)
         self._plant.send(self._answer)
+        cycle = time.perf_counter() - started
+        self._load += LOAD_SMOOTHED * (cycle / self._law.h - self._load)
         self._state[:] = row[_STATE]
         self.figures.ticks += 1
         self._ground.see(row, setpoint is not None, self._load, self._gate.off)
-        self._record()
+        try:
+            self._reporter.report(
+                row, vehicle, self._gate.off, cycle, self._load, self.figures.resent,
+                self.figures.refused,
+            )  # fmt: skip
+        except BrokenPipeError:
+            self._unrecorded()
 
     def _say_all(self, happened: Sequence[tuple[Severity, str]]) -> None:
         for severity, text in happened:
             self._ground.tell(severity, text)
 
-    def _record(self) -> None:
-        try:
-            self._tape.done()
-        except BrokenPipeError:
-            self._unrecorded()
-
     def _flush(self) -> None:
         try:
-            self._tape.flush()
+            self._reporter.tape.flush()
         except BrokenPipeError:
             self._unrecorded()
 
     def _unrecorded(self) -> None:
-        say(self._time_us, "error", "nobody records this flight any more")
+        self._say("error", "nobody records this flight any more")
         self._exit, self.stopping = INFRASTRUCTURE, True
 
     # --- the ground
@@ -254,13 +256,25 @@ class Loop:
         """When what arrives now takes effect: at the next tick. While time stands, the one to come."""
         return 0 if self._time_us < 0 else self._time_us + self._period_us
 
+    @property
+    def _time_s(self) -> float:
+        return max(self._time_us, 0) * 1e-6
+
+    def _say(self, level: str, text: str) -> None:
+        """A line of log, and an event for whoever listens to the publisher."""
+        say(self._time_us, level, text)
+        self._reporter.feed.event(self._time_s, level, text)
+
     def _close(self) -> None:
         self._flush()
-        self.figures.dropped = self._tape.dropped
+        self.figures.cycle_max_us = self._reporter.cycle_max_s * 1e6
+        self.figures.dropped = self._reporter.tape.dropped
+        self.figures.unpublished = self._reporter.feed.dropped
         self.figures.strangers = self._plant.count_strangers()
         self.figures.ground_dropped = self._ground.dropped()
         self._plant.close()
         self._ground.close()
+        self._reporter.feed.close()
 
 
 def say(time_us: int, level: str, text: str) -> None:

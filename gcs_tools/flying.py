@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface.airframe import AirframeError
+from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.kernel.buffers import to_buffer
+from fcu.law import wind
 from fcu.law.parameters import ParameterError
 from gcs_tools import result, rollout
 from gcs_tools.instance import claimed
@@ -197,6 +198,7 @@ class _Run:
         try:
             recorder.add_plant(flown.plant)
             recorder.add_fcu(flown.fcu)
+            recorder.add_wind(flown.fcu[:, 0], wind.read_all(flown.fcu, to_buffer(believed_drag())))
         except RecordingError as failed:
             raise _cut(flown, f"recording: {failed}") from failed
         return flown

@@ -20,6 +20,7 @@ import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.records import Message
 
+from fcu.interface.diagnostics import Wind
 from fcu.kernel.buffers import columns, size
 from fcu.law.types import LawParams, Tick
 from gcs_tools import events
@@ -27,8 +28,24 @@ from gcs_tools.container import Block, Container
 from gcs_tools.events import Event
 from gcs_tools.layout import Encoder, Rows, layout
 from gcs_tools.recording import METADATA, SCHEMA_VERSION, VERSION_KEY, RecordingError
-from gcs_tools.schema import FCU, PACKAGE, PARAMS, PLANT, Topic, schema
+from gcs_tools.schema import (
+    FCU,
+    FCU_COLUMNS,
+    PACKAGE,
+    PARAMS,
+    PLANT,
+    PLANT_COLUMNS,
+    PLANT_TIMING,
+    STATUS,
+    TIMING,
+    WIND,
+    Topic,
+    schema,
+)
 from sitl_plant.physics.types import PlantRecord
+
+_PLANT, _TICK = size(PlantRecord), size(Tick)
+_WIND = _TICK + size(Wind)
 
 CHUNK_BYTES = 256 * 1024
 CHUNK_SECONDS = 1.0  # of wall time
@@ -40,6 +57,11 @@ def _nanoseconds(t: Rows) -> np.ndarray[Any, np.dtype[np.uint64]]:
     if not usable.all():
         raise ValueError(f"not a simulation time: {t[~usable][0]}")
     return np.rint(t * 1e9).astype(np.uint64)
+
+
+def _with_time(rows: Rows, first: int, last: int | None) -> Rows:
+    """Columns of `rows`, the time before them."""
+    return np.column_stack([rows[:, :1], rows[:, first:last]])
 
 
 class _Stream:
@@ -106,6 +128,7 @@ class Recorder:
         self._events_written = 0
         self._has_params = False
         self._last_chunk = time.monotonic()
+        self._streams: list[_Stream] = []
         with self._reporting():
             self._file = FileIO(path, "xb")
             with suppress(OSError):  # whoever would mend it sees that it is written
@@ -116,9 +139,12 @@ class Recorder:
                 self._container.add_metadata(
                     METADATA, {VERSION_KEY: str(SCHEMA_VERSION), **metadata}
                 )
-                self._plant = _Stream(self._container, (PLANT,), columns(PlantRecord))
-                self._fcu = _Stream(self._container, FCU, columns(Tick))
-                self._params = _Stream(self._container, (PARAMS,), ["t", *columns(LawParams)])
+                self._plant = self._stream((PLANT,), PLANT_COLUMNS[:_PLANT])
+                self._plant_report = self._stream((PLANT_TIMING,), ["t", *PLANT_COLUMNS[_PLANT:]])
+                self._fcu = self._stream(FCU, FCU_COLUMNS[:_TICK])
+                self._wind = self._stream((WIND,), ["t", *FCU_COLUMNS[_TICK:_WIND]])
+                self._report = self._stream((STATUS, TIMING), ["t", *FCU_COLUMNS[_WIND:]])
+                self._params = self._stream((PARAMS,), ["t", *columns(LawParams)])
                 self._event_channel = self._container.add_channel(
                     events.TOPIC, events.MESSAGE, events.schema()
                 )
@@ -137,21 +163,42 @@ class Recorder:
             self._failed = f"{self._path}: {error.strerror}"
             raise RecordingError(self._failed) from error
 
+    def _stream(self, topics: tuple[Topic, ...], names: list[str]) -> _Stream:
+        self._streams.append(_Stream(self._container, topics, names))
+        return self._streams[-1]
+
     def _add(self, stream: _Stream, rows: Rows) -> None:
         for batch in stream.batches(rows):
             stream.add(batch)
-            pending = self._plant.pending_bytes + self._fcu.pending_bytes
+            pending = sum(each.pending_bytes for each in self._streams)
             late = time.monotonic() - self._last_chunk >= CHUNK_SECONDS
             if late or pending >= CHUNK_BYTES:
                 self.flush()
 
     def add_plant(self, rows: Rows) -> None:
-        """Record control ticks of the truth: float64 (n, size(PlantRecord))."""
+        """Record control ticks of the truth.
+
+        float64 (n, size(PlantRecord)), or whole rows of the plant, with its PlantReport.
+        """
+        if rows.shape[1:] == (len(PLANT_COLUMNS),):
+            self._add(self._plant_report, _with_time(rows, _PLANT, None))
+            rows = rows[:, :_PLANT]
         self._add(self._plant, rows)
 
     def add_fcu(self, rows: Rows) -> None:
-        """Record control ticks of the flight controller: float64 (n, size(Tick))."""
+        """Record control ticks of the flight controller.
+
+        float64 (n, size(Tick)), or whole rows of the flight controller, with its Report.
+        """
+        if rows.shape[1:] == (len(FCU_COLUMNS),):
+            self._add(self._wind, _with_time(rows, _TICK, _WIND))
+            self._add(self._report, _with_time(rows, _WIND, None))
+            rows = rows[:, :_TICK]
         self._add(self._fcu, rows)
+
+    def add_wind(self, t: Rows, wind: Rows) -> None:
+        """Record what wind was read from the estimates: s float64 (n,), m/s float64 (n, 3)."""
+        self._add(self._wind, np.column_stack([t, wind]))
 
     def set_params(self, row: Rows, t: float = 0.0) -> None:
         """Record what the law was told: float64 (size(LawParams),). Once a flight."""
@@ -190,9 +237,7 @@ class Recorder:
 
     def flush(self) -> None:
         """Write everything recorded so far; whoever records nothing for a while calls this."""
-        made = (
-            self._params.block(), self._plant.block(), self._fcu.block(), self._event_block()
-        )  # fmt: skip
+        made = [*(stream.block() for stream in self._streams), self._event_block()]
         blocks = [block for block in made if block is not None]
         with self._reporting():
             if blocks:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import reduce
 from io import BytesIO
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -19,12 +21,17 @@ from fcu.law.types import LawParams, Tick
 from gcs_tools import events
 from gcs_tools.events import Event
 from gcs_tools.layout import LayoutError, Rows, decode, layout
-from gcs_tools.schema import FCU, PARAMS, PLANT, Topic
+from gcs_tools.schema import FCU, PARAMS, PLANT, PLANT_TIMING, STATUS, TIMING, WIND, Topic
 from sitl_plant.physics.types import PlantRecord
 
-SCHEMA_VERSION = 1  # of what a recording holds; a reader refuses a newer one
+SCHEMA_VERSION = 2  # of what a recording holds; a reader refuses a newer one
+READ = ("1", "2")  # 1 has nothing but truth, ticks, parameters and events
+SOURCE, BUS = "recorded_from", "bus"  # of metadata: a bus, unlike a flight, may lose messages
 METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
+
+SEEN = (PLANT_TIMING, WIND, STATUS, TIMING)  # beside truth and ticks
+Sequence = np.ndarray[Any, np.dtype[np.int64]]
 
 _MAGIC_BYTES = 8
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
@@ -44,6 +51,8 @@ class Recording:
     fcu: Rows  # (m, size(Tick))
     params: Rows | None  # (size(LawParams),), or None if the flight ended before they were known
     events: list[Event]
+    reports: dict[str, Rows]  # by topic, of SEEN those recorded: t, then the columns it carries
+    lost: dict[str, int]  # by topic: messages missing between the first and the last
     complete: bool  # False: the recorder did not close it, what it had not written is missing
 
 
@@ -86,6 +95,15 @@ class _Contents:
             if len(data) < _MAGIC_BYTES:
                 raise
 
+    def lost(self) -> dict[str, int]:
+        """By topic: messages missing between the first and the last."""
+        lost = {}
+        for topic, channel in self.channels.items():
+            sequence = [message.sequence for message in self.messages.get(channel.id, [])]
+            if sequence and (missing := sequence[-1] - sequence[0] + 1 - len(sequence)):
+                lost[topic] = missing
+        return lost
+
     def of(self, topic: str) -> tuple[Schema, list[Message]] | None:
         """Schema and messages of `topic`, or None if the file does not have it."""
         channel = self.channels.get(topic)
@@ -94,8 +112,16 @@ class _Contents:
         return self.schemas[channel.schema_id], self.messages.get(channel.id, [])
 
 
-def _rows(contents: _Contents, topic: Topic, names: list[str]) -> tuple[Rows, list[int]]:
-    """Messages of `topic` as float64 (n, columns), and the column of the row that each one is."""
+class _Column(NamedTuple):
+    """The messages of one topic."""
+
+    sequence: Sequence  # (n,), ascending
+    rows: Rows  # (n, columns)
+    at: list[int]  # for each column of `rows`, the column of the whole row that it is
+
+
+def _column(contents: _Contents, topic: Topic, names: list[str]) -> _Column:
+    """What is recorded of `topic`, whose whole row has columns called `names`."""
     found = contents.of(topic.name)
     if found is None:
         raise LayoutError(f"{topic.name} is missing")
@@ -109,46 +135,67 @@ def _rows(contents: _Contents, topic: Topic, names: list[str]) -> tuple[Rows, li
     ):
         if which:
             raise LayoutError(f"{topic.name} {problem} {', '.join(which)}: another version's")
-    for i, message in enumerate(messages):
-        if message.sequence != i:
-            raise LayoutError(f"{topic.name}: tick {i} is missing, next is {message.sequence}")
+    sequence = np.array([message.sequence for message in messages], np.int64)
+    backwards = np.flatnonzero(np.diff(sequence) <= 0)
+    if len(backwards):
+        raise LayoutError(f"{topic.name}: tick {sequence[backwards[0]]} is followed by an earlier")
+    if contents.metadata.get(SOURCE) != BUS:  # its own flight's: nothing can be missing
+        gaps = np.flatnonzero(sequence != np.arange(len(sequence)))
+        if len(gaps):
+            i = int(gaps[0])
+            raise LayoutError(f"{topic.name}: tick {i} is missing, next is {sequence[i]}")
     try:
         values = decode(form, [message.data for message in messages])
     except LayoutError as error:
         raise LayoutError(f"{topic.name}: {error}") from error
-    return values, [names.index(name) for name in recorded]
+    return _Column(sequence, values, [names.index(name) for name in recorded])
 
 
-def _plant_rows(contents: _Contents) -> Rows:
-    names = columns(PlantRecord)
-    values, at = _rows(contents, PLANT, names)
-    rows = np.empty((len(values), len(names)))
-    rows[:, at] = values
-    return rows
-
-
-def _fcu_rows(contents: _Contents) -> Rows:
-    names = columns(Tick)
-    rows: Rows | None = None
-    for topic in FCU:
-        values, at = _rows(contents, topic, names)
-        if rows is None:
-            rows = np.empty((len(values), len(names)))
-            rows[:, at] = values
-        elif len(values) != len(rows) or (values[:, at.index(0)] != rows[:, 0]).any():
+def _together(found: dict[Topic, _Column], names: list[str]) -> Rows:
+    """Whole rows, of the ticks that every topic has."""
+    sequences = [column.sequence for column in found.values()]
+    shared = reduce(np.intersect1d, sequences)
+    rows = np.empty((len(shared), len(names)))
+    times: Rows | None = None
+    for topic, column in found.items():
+        values = column.rows[np.isin(column.sequence, shared)]
+        if times is not None and (values[:, column.at.index(0)] != times).any():
             raise LayoutError(f"{topic.name} and {FCU[0].name} are not of the same ticks")
-        rows[:, at] = values
-    assert rows is not None
+        rows[:, column.at] = values
+        times = rows[:, 0]
     return rows
+
+
+def _ticks(contents: _Contents, topics: tuple[Topic, ...], names: list[str]) -> Rows:
+    found = {topic: _column(contents, topic, names) for topic in topics}
+    rows = _together(found, names)
+    if contents.metadata.get(SOURCE) != BUS:
+        for topic, column in found.items():
+            if len(column.rows) != len(rows):
+                raise LayoutError(f"{topic.name} and {FCU[0].name} are not of the same ticks")
+    return rows
+
+
+def _reports(contents: _Contents) -> dict[str, Rows]:
+    """What was recorded beside ticks, by topic."""
+    reports = {}
+    for topic in SEEN:
+        if contents.of(topic.name) is not None:
+            names = [*topic.own, *(topic.prefix + name for name in columns(topic.carries))]
+            column = _column(contents, topic, names)
+            if len(column.rows):
+                reports[topic.name] = np.empty((len(column.rows), len(names)))
+                reports[topic.name][:, column.at] = column.rows
+    return reports
 
 
 def _params(contents: _Contents) -> Rows | None:
     names = ["t", *columns(LawParams)]
-    values, at = _rows(contents, PARAMS, names)
-    if not len(values):
+    column = _column(contents, PARAMS, names)
+    if not len(column.rows):
         return None
     row = np.empty(len(names))
-    row[at] = values[0]
+    row[column.at] = column.rows[0]
     return row[1:]
 
 
@@ -176,15 +223,17 @@ def read(path: Path) -> Recording:
         version = contents.metadata.pop(VERSION_KEY, None)
         if version is None:
             raise LayoutError("not a recording of a flight")
-        if version != str(SCHEMA_VERSION):
+        if version not in READ:
             raise LayoutError(f"recording version {version}; this program reads {SCHEMA_VERSION}")
         return Recording(
             path=path,
             metadata=contents.metadata,
-            plant=_plant_rows(contents),
-            fcu=_fcu_rows(contents),
+            plant=_ticks(contents, (PLANT,), columns(PlantRecord)),
+            fcu=_ticks(contents, FCU, columns(Tick)),
             params=_params(contents),
             events=_events(contents),
+            reports=_reports(contents),
+            lost=contents.lost(),
             complete=complete,
         )
     except (McapError, ValueError, RuntimeError, DecodeError, struct.error) as error:

@@ -25,8 +25,9 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
+from fcu.interface.diagnostics import PlantReport, Report
 from fcu.kernel import algebra
-from fcu.kernel.buffers import fields, is_value
+from fcu.kernel.buffers import columns, fields, is_value
 from fcu.law.types import LawParams, Tick
 from sitl_plant.physics.types import PlantRecord
 
@@ -60,10 +61,25 @@ def _fcu_topics() -> Iterator[Topic]:
             yield Topic(f"/fcu/{title}", f"Fcu{title.capitalize()}", kind, own, f"{name}.")
 
 
+def _reported(who: str, report: Any) -> list[Topic]:
+    """One topic for each value of a report."""
+    return [
+        Topic(f"/{who}/{name}", f"{who.capitalize()}{name.capitalize()}", kind, ("t",), f"{name}.")
+        for name, kind in fields(report).items()
+    ]
+
+
 PLANT = Topic("/plant/truth", "PlantTruth", PlantRecord, (), "")
+(PLANT_TIMING,) = _reported("plant", PlantReport)
 FCU = tuple(_fcu_topics())
+WIND, STATUS, TIMING = _reported("fcu", Report)
 PARAMS = Topic("/fcu/params", "FcuParams", LawParams, ("t",), "")
-TOPICS = (PLANT, *FCU, PARAMS)
+OF_PLANT = (PLANT, PLANT_TIMING)  # of a row of the plant
+OF_FCU = (*FCU, WIND, STATUS, TIMING)  # of a row of the flight controller
+TOPICS = (*OF_PLANT, *OF_FCU, PARAMS)
+
+PLANT_COLUMNS = [*columns(PlantRecord), *columns(PlantReport)]
+FCU_COLUMNS = [*columns(Tick), *columns(Report)]
 
 
 @cache

@@ -31,6 +31,7 @@ from gcs_tools.processes import (
     stop_all,
 )
 from gcs_tools.scenario import Scenario, arrival
+from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
 from gcs_tools.vehicle import Vehicle, VehicleError
 from sitl_plant.physics.types import PlantRecord
 
@@ -38,7 +39,8 @@ STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
-_FCU = columns(Tick)
+_FCU, _PLANT = columns(Tick), columns(PlantRecord)
+_ENDED = _PLANT.index("ended")
 R_C = slice(_FCU.index("setpoint.r_c.x"), _FCU.index("setpoint.r_c.x") + 3)
 
 
@@ -82,8 +84,8 @@ class WireFlight:
 
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
-        plant = np.concatenate([np.zeros((0, size(PlantRecord))), *self._plant_rows])
-        fcu = np.concatenate([np.zeros((0, size(Tick))), *self._fcu_rows])
+        plant = _joined(self._plant_rows, size(PlantRecord))
+        fcu = _joined(self._fcu_rows, size(Tick))
         if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
             plant, fcu = in_step(plant, fcu)
         return Flown(plant, fcu)
@@ -129,8 +131,8 @@ class WireFlight:
         speed = "max" if self._speed is None else str(self._speed)
         self._collector = Collector(
             {
-                plant_out: (size(PlantRecord), self._plant_rows, self._on_rows[0]),
-                fcu_out: (size(Tick), self._fcu_rows, self._on_rows[1]),
+                plant_out: (len(PLANT_COLUMNS), self._plant_rows, self._on_rows[0]),
+                fcu_out: (len(FCU_COLUMNS), self._fcu_rows, self._on_rows[1]),
             }
         )
         self._plant_fd = plant_out
@@ -221,7 +223,7 @@ class WireFlight:
 
     def _is_over(self) -> bool:
         """Whether the plant's last row says that the flight has ended."""
-        return bool(self._plant_rows) and self._plant_rows[-1][-1, -1] != 0.0
+        return bool(self._plant_rows) and self._plant_rows[-1][-1, _ENDED] != 0.0
 
     def _has_ended(self) -> bool:
         """Whether the plant has, because the flight is over: its last rows may be on their way."""
@@ -237,6 +239,11 @@ class WireFlight:
     def _flown_ticks(self) -> int:
         """Ticks that the plant has flown, each with the controller's answer."""
         return self._ticks(self._plant_rows[-1]) if self._plant_rows else 0
+
+
+def _joined(batches: list[Rows], width: int) -> Rows:
+    """The first `width` columns of all rows: what was flown, without what was reported of it."""
+    return np.concatenate([np.zeros((0, width)), *(rows[:, :width] for rows in batches)])
 
 
 def schedule(scene: Scenario) -> Iterator[tuple[int, Setpoint, bool]]:

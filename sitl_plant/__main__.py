@@ -44,17 +44,16 @@ def main(
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
     from fcu.interface.airframe import AirframeError
+    from fcu.interface.feed import Feed
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
-    from fcu.kernel.buffers import size
     from fcu.kernel.compile import is_cached
     from sitl_plant.pacing import Pacer
-    from sitl_plant.physics.types import PlantRecord
     from sitl_plant.physics.world import World
     from sitl_plant.physics.world import world as still_air
-    from sitl_plant.server import INFRASTRUCTURE, Server, say
+    from sitl_plant.server import INFRASTRUCTURE, WIDTH, Server, say
 
     try:
         world = load(world_file, World) if world_file else still_air(rate_hz)
@@ -62,12 +61,13 @@ def main(
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance
-        tape = Tape(size(PlantRecord), record_fd, wait=not drop)
+        tape = Tape(WIDTH, record_fd, wait=not drop)
         pacer = Pacer(1.0 / world.rate_hz, speed)
         with watched(control_fd, lifeline_fd):
             if not is_cached("advance"):
                 say(0.0, "info", "compiling the plant, once for this version (about 10 s)")
-            server = Server(ports(number), world, tape, pacer, control_fd, lifeline_fd)
+            feed = Feed(number, "plant")
+            server = Server(ports(number), world, tape, feed, pacer, control_fd, lifeline_fd)
             server.warm_up()
     except PortBusy as error:
         say(0.0, "error", str(error.strerror))

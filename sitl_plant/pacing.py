@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -19,6 +20,7 @@ class Pacer:
         self._period = None if speed is None else period_s / speed
         self._due = 0.0
         self.slips = 0
+        self.late_s = math.nan  # how late the last tick began; NaN without deadlines
         self._late_us: list[float] = []
 
     def restart(self) -> None:
@@ -35,7 +37,7 @@ class Pacer:
         elif self._due > now:
             time.sleep(self._due - now)
             now = time.monotonic()
-        late = now - self._due
+        late = self.late_s = now - self._due
         self._late_us.append(late * 1e6)
         if late >= self._period:
             missed = int(late / self._period)

@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.diagnostics import PlantReport
+from fcu.interface.feed import Feed
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
@@ -39,6 +41,9 @@ _NOISE_BLOCK = 4096  # rows drawn at once
 _BATTERY_AT = columns(PlantRecord).index(f"battery.{Battery._fields[0]}")
 _BATTERY = slice(_BATTERY_AT, _BATTERY_AT + size(Battery))
 
+WIDTH = size(PlantRecord) + size(PlantReport)  # float64 in a row
+_REPORT = slice(size(PlantRecord), WIDTH)
+
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -52,6 +57,7 @@ class Figures:
     stale: int = 0  # answers to another tick's state
     strangers: int = 0  # datagrams from elsewhere than the flight controller
     ended: float = dynamics.FLYING
+    unpublished: int = 0  # rows that the publisher had no room for
 
 
 class Server:
@@ -62,6 +68,7 @@ class Server:
         ports: Ports,
         world: World,
         tape: Tape,
+        feed: Feed,
         pacer: Pacer,
         control: int | None = None,
         lifeline: int | None = None,
@@ -73,6 +80,8 @@ class Server:
         self._lifeline = lifeline
         self._world = world
         self._tape = tape
+        self._feed = feed
+        self._report = np.zeros(size(PlantReport))
         self.pacer = pacer
         self._control = control
         self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
@@ -98,7 +107,7 @@ class Server:
 
     def warm_up(self) -> None:
         """Compile what a tick needs."""
-        state, row = self._start.copy(), np.zeros(size(PlantRecord))
+        state, row = self._start.copy(), np.zeros(WIDTH)
         drawn = self._drawn.copy()
         tick.observe(self._params, state, drawn, 0.0, self._start, row)
         self._battery = Battery(*row[_BATTERY].tolist())  # for the first keep-alive
@@ -123,9 +132,10 @@ class Server:
                 if self._tick >= self._granted:
                     self._hold(poll)
                     continue
+                self._feed.find(time.monotonic())
+                self.pacer.wait()
                 if not self._observe():
                     break
-                self.pacer.wait()
                 if not self._exchange(poll):
                     code = OK if self.stopping else INFRASTRUCTURE
                     break
@@ -137,11 +147,18 @@ class Server:
                 self.figures.ticks += 1
             self._tape.flush()
         except BrokenPipeError:
-            say(self._time_s, "error", "nobody records this flight any more")
+            self._say("error", "nobody records this flight any more")
             code = INFRASTRUCTURE
         self.figures.strangers = self._link.count_strangers()
         self._link.close()
+        self.figures.unpublished = self._feed.dropped
+        self._feed.close()
         return code
+
+    def _say(self, level: str, text: str) -> None:
+        """A line of log, and an event for whoever listens to the publisher."""
+        say(self._time_s, level, text)
+        self._feed.event(self._time_s, level, text)
 
     @property
     def _time_s(self) -> float:
@@ -155,15 +172,25 @@ class Server:
         )  # fmt: skip
         if self._reports_battery:
             self._battery = Battery(*row[_BATTERY].tolist())
-        self._tape.done()
+        self._hand_on(row)
         if ended != dynamics.FLYING:
             self.figures.ended = ended
             what = "diverged: left the arena" if ended == dynamics.DIVERGED else "hit the ground"
-            say(self._time_s, "warning", f"the flight ended: {what}")
+            self._say("warning", f"the flight ended: {what}")
             return False
         self._past.append(self._state.copy())
         tick.sense(self._past[0], self._next_noise(), self._reported)
         return True
+
+    def _hand_on(self, row: Buffer) -> None:
+        """Complete the row of this tick: to the recorder, and to the publisher."""
+        self._report[:] = (
+            self._tick, time.time(), self.pacer.late_s, self.pacer.slips,
+            self.figures.resent, self._tape.dropped, self._feed.dropped,
+        )  # fmt: skip
+        row[_REPORT] = self._report
+        self._feed.send(row)
+        self._tape.done()
 
     @property
     def _reports_battery(self) -> bool:
@@ -208,11 +235,12 @@ class Server:
             silent = now - waiting
             if silent >= WARN_S and not warned:
                 warned = True
-                say(self._time_s, "info" if first else "warning",
-                    "waiting for the flight controller" if first else
-                    self._what_is_wrong(WARN_S))  # fmt: skip
+                if first:
+                    self._say("info", "waiting for the flight controller")
+                else:
+                    self._say("warning", self._what_is_wrong(WARN_S))
             if silent >= END_S and not (first and self._control is None):
-                say(self._time_s, "error", self._what_is_wrong(END_S))
+                self._say("error", self._what_is_wrong(END_S))
                 return False
         return False
 
@@ -227,7 +255,7 @@ class Server:
         except WireError as error:
             self.figures.refused += 1
             if self.figures.refused == 1:
-                say(self._time_s, "warning", f"plant link: {error}")
+                self._say("warning", f"plant link: {error}")
             self._unusable = str(error)
             return False
         if answered != time_us:
@@ -243,6 +271,7 @@ class Server:
             self._reported[:] = self._state
         time_us = self._tick * self._period_us
         while not self.stopping and self._tick >= self._granted:
+            self._feed.find(time.monotonic())
             self._link.send(self._codec.pack_hold(time_us, self._reported, self._battery))
             self._link.count_strangers()
             until = time.monotonic() + RESEND_S

@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fcu.kernel.algebra import Rotors
+from fcu.kernel.algebra import Rotors, Vec3
 
 
 class Airframe(NamedTuple):
@@ -78,6 +78,20 @@ def believed(path: Path = OCTO) -> tuple[Airframe, dict[str, Any]]:
         if table not in tables:
             raise AirframeError(f"{path}: [{table}] is missing")
     return airframe(tables["rotors"], str(path)), tables["limits"]
+
+
+def believed_drag(path: Path = OCTO) -> Vec3:
+    """Drag coefficients, N/(m/s)^2, body axes: the wind that is shown hangs on them.
+
+    Raises AirframeError.
+    """
+    table = load(path).get("air", {})
+    drag = table.get("drag")
+    if not (isinstance(drag, list) and len(drag) == 3):
+        raise AirframeError(f"{path}: [air] drag: expected three numbers, got {drag!r}")
+    if not all(isinstance(c, int | float) and 0.0 < c < 100.0 for c in drag):
+        raise AirframeError(f"{path}: [air] drag: expected numbers from 0 to 100, got {drag!r}")
+    return Vec3(*[float(c) for c in drag])
 
 
 def load(path: Path) -> dict[str, Any]:

@@ -22,15 +22,18 @@ from gcs_tools import schema
 from gcs_tools.events import Event
 from gcs_tools.record import Recorder
 from gcs_tools.recording import RecordingError, read
+from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
 from sitl_plant.physics.types import PlantRecord
 
 ROOT = Path(__file__).parents[2]
 Rows = np.ndarray[Any, np.dtype[np.float64]]
+PLANT, TICK = size(PlantRecord), size(Tick)  # of a row, before its report
 
 
 def any_rows(n: int, cls: Any, seed: int = 1) -> Rows:
-    """Rows of every kind of bit pattern, at 500 Hz."""
-    bits = np.random.default_rng(seed).integers(0, 2**64, (n, size(cls)), dtype=np.uint64)
+    """Rows of every kind of bit pattern, at 500 Hz; `cls`: what is in a row, or its width."""
+    width = cls if isinstance(cls, int) else size(cls)
+    bits = np.random.default_rng(seed).integers(0, 2**64, (n, width), dtype=np.uint64)
     rows = bits.view(np.float64)
     kinds = [0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324]
     rows[:, 1 : 1 + len(kinds)] = kinds
@@ -43,7 +46,8 @@ def same_bits(a: Rows | None, b: Rows) -> bool:
 
 
 def write(path: Path, n: int, batch: int = 50) -> tuple[Rows, Rows]:
-    plant, fcu = any_rows(n, PlantRecord), any_rows(n, Tick)
+    """Whole rows, with their reports."""
+    plant, fcu = any_rows(n, len(PLANT_COLUMNS)), any_rows(n, len(FCU_COLUMNS))
     with Recorder(path, {"mission": "paper_nominal"}) as recorder:
         for i in range(0, n, batch):
             recorder.add_plant(plant[i : i + batch])
@@ -56,9 +60,14 @@ def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
     path = tmp_path / "flight.mcap"
     plant, fcu = write(path, 500, batch)
     recording = read(path)
-    assert recording.complete
-    assert same_bits(recording.plant, plant)
-    assert same_bits(recording.fcu, fcu)
+    assert recording.complete and not recording.lost
+    assert same_bits(recording.plant, plant[:, :PLANT])
+    assert same_bits(recording.fcu, fcu[:, :TICK])
+    timing = np.column_stack([plant[:, 0], plant[:, PLANT:]])
+    assert same_bits(recording.reports["/plant/timing"], timing)
+    for topic, first, last in (("wind", 0, 3), ("status", 3, 10), ("timing", 10, None)):
+        report = fcu[:, TICK:][:, first:last]
+        assert same_bits(recording.reports[f"/fcu/{topic}"], np.column_stack([fcu[:, 0], report]))
     assert recording.params is None
     assert recording.metadata == {"mission": "paper_nominal"}
 
@@ -105,8 +114,9 @@ def test_others_read_it_through_the_schemas_in_the_file(tmp_path: Path) -> None:
             assert message.log_time == message.publish_time == k * 2_000_000 >= last_time
             assert message.sequence == k
             last_time = message.log_time
-            cls, row = (PlantRecord, plant[k]) if topic is schema.PLANT else (Tick, fcu[k])
-            at = {name: i for i, name in enumerate(columns(cls))}
+            of_plant = topic in schema.OF_PLANT
+            names, row = (PLANT_COLUMNS, plant[k]) if of_plant else (FCU_COLUMNS, fcu[k])
+            at = {name: i for i, name in enumerate(names)}
             for name in ("t", *(topic.prefix + name for name in columns(topic.carries))):
                 value = decoded
                 for part in name.removeprefix(topic.prefix).split("."):
@@ -215,7 +225,8 @@ def test_cut_anywhere_it_gives_the_ticks_before_the_cut(tmp_path: Path) -> None:
         recording = read(cut)
         n, m = len(recording.plant), len(recording.fcu)
         assert not recording.complete
-        assert same_bits(recording.plant, plant[:n]) and same_bits(recording.fcu, fcu[:m])
+        assert same_bits(recording.plant, plant[:n, :PLANT])
+        assert same_bits(recording.fcu, fcu[:m, :TICK])
         lengths.append(n)
     assert lengths == sorted(lengths) and lengths[0] == 0 < lengths[-1] == 400
 
@@ -240,8 +251,8 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"flight.mcap"):
         read(path)
     version = b"schema_version\x01\x00\x00\x00"  # a name, and the length of its value
-    path.write_bytes(whole.replace(version + b"1", version + b"2"))
-    with pytest.raises(RecordingError, match=r"recording version 2; this program reads 1"):
+    path.write_bytes(whole.replace(version + b"2", version + b"9"))
+    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 2"):
         read(path)
 
 

@@ -1,0 +1,119 @@
+"""Ticks handed to a publisher on this machine: one datagram each, never waited for.
+
+The publisher listens; a flying process connects when it finds one, and goes on looking once in
+a while when it does not. A datagram for which there is no room is dropped and counted. Who
+listens, stalls or dies makes no difference to the flight.
+
+A datagram that is a whole number of float64 is a row; any other is JSON, something said.
+
+The socket is a SOCK_SEQPACKET in Linux's abstract namespace: whole datagrams, in order, an end
+that shows, no file to clean up, and like a port it belongs to a network namespace. A send costs
+half of what UDP costs. Elsewhere there is none, and nothing is published.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import struct
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.link import PortBusy
+
+LOOK_S = 0.5  # wall: between two looks for a publisher
+ROOM_BYTES = 1 << 20  # asked of the system for datagrams on their way
+GREATEST_BYTES = 1 << 16  # of one datagram
+SUPPORTED = sys.platform == "linux"
+
+_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid
+
+
+def address(instance: int) -> str:
+    """Where the publisher of an instance listens."""
+    return f"\0m-mrac/feed/{instance}"
+
+
+def listen(instance: int) -> socket.socket:
+    """The publisher's end, non-blocking. Raises PortBusy when there is one already."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        listener.bind(address(instance))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        raise PortBusy(instance, f"feed of instance {instance}") from error
+    listener.setblocking(False)
+    return listener
+
+
+def is_ours(connected: socket.socket) -> bool:
+    """Whether the process at the other end is of the same user."""
+    raw = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    return int(_CREDENTIALS.unpack(raw)[1]) == os.getuid()
+
+
+class Feed:
+    """A flying process's end."""
+
+    def __init__(self, instance: int, who: str) -> None:
+        """`who`: "fcu" or "plant"."""
+        self._address = address(instance)
+        self._hello = {"hello": who, "pid": os.getpid()}
+        self._socket: socket.socket | None = None
+        self._due = 0.0
+        self.dropped = 0  # rows for which there was no room, while there was a publisher
+
+    def find(self, now: float) -> bool:
+        """Look for a publisher if it is time to (`now`: wall, s); whether one has just been found."""
+        if self._socket is not None or now < self._due or not SUPPORTED:
+            return False
+        self._due = now + LOOK_S
+        found = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        found.setblocking(False)
+        try:
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM_BYTES)
+            found.connect(self._address)
+            if not is_ours(found):
+                raise PermissionError("the publisher is another user's")
+        except OSError:
+            found.close()
+            return False
+        self._socket = found
+        self.say(self._hello)
+        return True
+
+    def send(self, row: np.ndarray[Any, Any] | bytes) -> None:
+        """Hand on one row."""
+        if self._socket is None:
+            return
+        try:
+            self._socket.send(row)  # type: ignore[arg-type]  # a buffer, to Python 3.12
+        except BlockingIOError:
+            self.dropped += 1
+        except OSError:
+            self._lose()
+
+    def say(self, said: dict[str, Any]) -> None:
+        """Hand on what is no row."""
+        data = json.dumps(said).encode()
+        self.send(data if len(data) % 8 else data + b" ")
+
+    def event(self, t: float, level: str, text: str) -> None:
+        """Something happened at simulation time t (s)."""
+        self.say({"event": text, "t": t, "level": level})
+
+    def _lose(self) -> None:
+        assert self._socket is not None
+        self._socket.close()
+        self._socket = None
+        self._due = time.monotonic() + LOOK_S
+
+    def close(self) -> None:
+        """The publisher sees the end."""
+        if self._socket is not None:
+            self._lose()

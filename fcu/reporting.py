@@ -1,0 +1,100 @@
+"""What the loop adds to each Tick for whoever records or publishes it: a Report.
+
+Worked out after the answer is on its way, so it costs the flight no latency.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.diagnostics import Report, Status, Wind
+from fcu.interface.feed import Feed
+from fcu.interface.tape import Tape
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.law import wind
+from fcu.law.types import LawParams, Tick
+from fcu.vehicle.modes import MODES
+from fcu.vehicle.supervisor import Supervisor
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
+
+WIDTH = size(Tick) + size(Report)  # float64 in a row
+
+_REPORT = slice(size(Tick), WIDTH)
+_AT = columns(Report).index
+_STATUS = slice(size(Wind), size(Wind) + size(Status))
+_OFF = _AT("status.position_off")
+_SEQUENCE = _AT("timing.sequence")
+
+
+class Reporter:
+    """Completes rows, and hands them on to the recorder and to the publisher."""
+
+    def __init__(self, tape: Tape, feed: Feed, drag: Vec3) -> None:
+        """`drag`: believed, N/(m/s)^2, body axes."""
+        self.tape = tape
+        self.feed = feed
+        self._drag = to_buffer(drag)
+        self._report = np.zeros(size(Report))
+        self._wind = self._report[: size(Wind)]
+        self._seen: tuple[Any, ...] = ()
+        self._told: LawParams | None = None
+        self._sequence = 0.0
+        self.cycle_max_s = 0.0
+
+    def warm_up(self, row: Row) -> None:
+        """Compile what a report needs."""
+        wind.read(row, self._drag, self._wind)
+
+    def report(
+        self, row: Row, vehicle: Supervisor, off: float, cycle_s: float, load: float,
+        resent: int, refused: int,
+    ) -> None:  # fmt: skip
+        """Complete the row of the Tick just flown, and hand it on; see Report for the numbers.
+
+        Raises BrokenPipeError when the recorder is gone.
+        """
+        report = self._report
+        wind.read(row, self._drag, self._wind)
+        seen = vehicle.armed, vehicle.mode, vehicle.on_ground, vehicle.failsafe, vehicle.terminated
+        if seen != self._seen:
+            self._seen = seen
+            report[_STATUS] = to_buffer(_status(vehicle))
+        report[_OFF] = off
+        self.cycle_max_s = max(self.cycle_max_s, cycle_s)
+        report[_SEQUENCE:] = (
+            self._sequence, time.time(), cycle_s, self.cycle_max_s, load,
+            resent, refused, self.tape.dropped, self.feed.dropped,
+        )  # fmt: skip
+        row[_REPORT] = report
+        self._sequence += 1.0
+        self.feed.send(row)
+        self.tape.done()
+
+    def idle(self, t: float, law: LawParams, now: float) -> None:
+        """Between ticks: look for a publisher, and tell it the law's parameters in force.
+
+        t : simulation time, s.  now : wall, s.
+        """
+        if self.feed.find(now):
+            self._told = None
+        if law is not self._told:
+            self._told = law
+            self.feed.send(np.concatenate([[t], to_buffer(law)]))
+
+
+def _status(vehicle: Supervisor) -> Status:
+    mode = MODES[vehicle.mode]
+    return Status(
+        armed=float(vehicle.armed),
+        main_mode=float(mode.main),
+        sub_mode=float(mode.sub),
+        state=float(vehicle.status),
+        landed=float(vehicle.landed_state),
+        failsafe=float(bool(vehicle.failsafe)),
+        position_off=0.0,
+    )
