@@ -156,23 +156,25 @@ def _together(found: dict[Topic, _Column], names: list[str]) -> Rows:
     sequences = [column.sequence for column in found.values()]
     shared = reduce(np.intersect1d, sequences)
     rows = np.empty((len(shared), len(names)))
-    times: Rows | None = None
+    first: Topic | None = None
     for topic, column in found.items():
         values = column.rows[np.isin(column.sequence, shared)]
-        if times is not None and (values[:, column.at.index(0)] != times).any():
-            raise LayoutError(f"{topic.name} and {FCU[0].name} are not of the same ticks")
+        if first is not None and (values[:, column.at.index(0)] != rows[:, 0]).any():
+            raise LayoutError(f"{topic.name} and {first.name} are not of the same ticks")
         rows[:, column.at] = values
-        times = rows[:, 0]
+        first = first or topic
     return rows
 
 
 def _ticks(contents: _Contents, topics: tuple[Topic, ...], names: list[str]) -> Rows:
     found = {topic: _column(contents, topic, names) for topic in topics}
     rows = _together(found, names)
-    if contents.metadata.get(SOURCE) != BUS:
-        for topic, column in found.items():
-            if len(column.rows) != len(rows):
-                raise LayoutError(f"{topic.name} and {FCU[0].name} are not of the same ticks")
+    if contents.metadata.get(SOURCE) != BUS and any(
+        len(c.rows) != len(rows) for c in found.values()
+    ):
+        by_length = sorted(found, key=lambda topic: len(found[topic].rows))
+        both = f"{by_length[0].name} and {by_length[-1].name}"
+        raise LayoutError(f"{both} are not of the same ticks")
     return rows
 
 

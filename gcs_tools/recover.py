@@ -125,6 +125,8 @@ def _copied(data: bytes, copy: _Copy, path: Path) -> str:
     except (McapError, ValueError, RuntimeError, KeyError, struct.error) as error:
         if copy.messages == 0:
             raise RecordingError(f"{path}: {str(error) or 'not a recording'}") from error
+        if isinstance(error, RuntimeError):  # of lz4, in its own words
+            return "a chunk that cannot be decompressed"
         return str(error) or type(error).__name__
     if copy.messages == 0:
         raise RecordingError(f"{path}: no message of it was written")

@@ -220,7 +220,7 @@ def test_cut_anywhere_it_gives_the_ticks_before_the_cut(tmp_path: Path) -> None:
     plant, fcu = write(path, 400)
     data = path.read_bytes()
     lengths = []
-    for end in range(20_000, len(data), 4801):
+    for end in range(30_000, len(data), 4801):
         cut.write_bytes(data[:end])
         recording = read(cut)
         n, m = len(recording.plant), len(recording.fcu)
@@ -291,7 +291,8 @@ def test_a_copy_by_another_tool_is_read(tmp_path: Path) -> None:
     plant, fcu = write(tmp_path / "flight.mcap", 300)
     rewrite(tmp_path / "flight.mcap", tmp_path / "copy.mcap", lambda topic, k: True)
     recording = read(tmp_path / "copy.mcap")
-    assert same_bits(recording.plant, plant) and same_bits(recording.fcu, fcu)
+    assert same_bits(recording.plant, plant[:, :PLANT])
+    assert same_bits(recording.fcu, fcu[:, :TICK])
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_a_damage_is_not_cut_out_in_place(whole, tmp_path):
         recover(bad)
     assert bad.read_bytes() == data
     done = recover(bad, out)
-    assert "crc" in done.damage
+    assert "decompressed" in done.damage or "crc" in done.damage  # as the garbage falls
     assert 0.0 < done.last_s < N * 0.002
     assert read(out).complete
     assert not [p for p in tmp_path.iterdir() if p not in (bad, out)]
