@@ -273,7 +273,9 @@ def recover(recording: Path, out: Path | None) -> None:
         click.echo(f"  without what lies behind a damage: {done.damage}")
 
 
-for command in (commands_bus.publish, commands_bus.record):
+for command in (
+    commands_bus.publish, commands_bus.record, commands_bus.replay, commands_bus.topics
+):  # fmt: skip
     main.add_command(command)
 
 

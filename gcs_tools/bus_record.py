@@ -39,6 +39,7 @@ class BusRecorder:
             channel = self._file.add_channel(topic.name, message, data)
             self._forms[topic.name] = channel, ticks.form(topic)
         self._events = self._file.add_channel(events.TOPIC, events.MESSAGE, events.schema())
+        self._before: dict[str, int] = {}  # by topic: the last sequence number from before
         self._blocks: list[Block] = []
         self._pending = 0
         self.unusable = 0  # samples that no channel takes
@@ -48,9 +49,12 @@ class BusRecorder:
         """The last tick before the recording: kept of what is rarely said."""
         if topic in _ONCE:
             self.add(topic, sample)
+            self._before[topic] = int(sample.sequence[-1])
 
     def add(self, topic: str, sample: Sample) -> None:
-        """One sample."""
+        """One sample; one that is recorded from before is passed over."""
+        if int(sample.sequence[0]) <= self._before.get(topic, -1):
+            return
         block = self._block(topic, sample)
         if block is None:
             self.unusable += 1

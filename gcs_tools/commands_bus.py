@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fcu.interface import options
 from fcu.interface.ports import INSTANCES
 
 if TYPE_CHECKING:
@@ -135,3 +137,81 @@ def record(
     else:
         click.echo(done.summary(out))
     bus.leave(OK)
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--speed", default="1", show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--from", "t_from", type=float, default=0.0, metavar="S", help="Simulation time to begin at, s.")  # fmt: skip
+@click.option("--to", "t_to", type=float, default=1e9, metavar="S", help="Simulation time to end at, s.")  # fmt: skip
+@click.option("--loop", is_flag=True, help="Again and again, until Ctrl-C.")
+@click.option("--wait", is_flag=True, help="Begin when somebody listens.")
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="As which; default: the first that nobody publishes.")  # fmt: skip
+@ZENOH
+def replay(
+    recording: Path, speed: float | None, t_from: float, t_to: float, loop: bool, wait: bool,
+    instance: int | None, zenoh: Path | None,
+) -> None:  # fmt: skip
+    """Put a RECORDING back onto Zenoh, for the same tools: monitor, view, topics, record.
+
+    Exits 0 at its end or after Ctrl-C, 2 when it cannot be read, 3 without Zenoh.
+    """
+    from fcu.interface.ports import ports
+    from fcu.interface.topics import run_name
+    from gcs_tools import bus
+    from gcs_tools.present import replay_progress
+    from gcs_tools.recording import RecordingError
+    from gcs_tools.replay import Replay
+    from gcs_tools.replay import replay as send
+
+    taken = bus.published() if zenoh is None else []
+    free = [n for n in range(INSTANCES) if n not in taken]
+    number = instance if instance is not None else next(iter(free), 0)
+    name = f"replay-{recording.absolute().parent.name}-{recording.stem}"
+
+    def ready(made: Replay) -> None:
+        first, last = made.span_s
+        click.echo(f"replaying {first:.3f} to {last:.3f} s as instance {number} (gcs monitor)", err=True)  # fmt: skip
+
+    try:
+        for n in itertools.count(1):  # each time it is another run
+            run = run_name(f"{name}-{n}" if loop else name)
+            with replay_progress() as progress:
+                send(
+                    recording, number, str(ports(number).system_id), run, zenoh, speed, t_from,
+                    t_to, wait, ready, progress,
+                )  # fmt: skip
+            if not loop:
+                break
+    except RecordingError as error:
+        fail(str(error), USAGE)
+    except bus.BusError as error:
+        fail(str(error))
+    except KeyboardInterrupt:
+        pass
+    bus.leave(OK)
+
+
+@click.command()
+@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="How long to listen, s.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+@WHICH
+@ZENOH
+def topics(seconds: float, as_json: bool, instance: int | None, zenoh: Path | None) -> None:
+    """What a vehicle has on the bus: key, message, rate seen, losses, sizes.
+
+    Exits 0 when it has heard something, 3 when not.
+    """
+    from gcs_tools import bus
+    from gcs_tools.listed import heard, shown
+
+    try:
+        with watched(instance, zenoh, "publish") as watch:
+            found = heard(watch, seconds)
+    except KeyboardInterrupt:
+        bus.leave(INTERRUPTED)
+    if as_json:
+        click.echo(json.dumps(found, indent=2))
+    else:
+        shown(found)
+    bus.leave(OK if any(topic["ticks"] for topic in found["topics"].values()) else INFRASTRUCTURE)

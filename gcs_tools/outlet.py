@@ -1,12 +1,13 @@
 """One vehicle on the bus: its topics, who of it is alive, and answers to who comes late.
 
-Used by the publisher of a flight and by the replay of a recording. Nothing here waits: a sample
-for which there is no room on its way is dropped, and its sequence numbers are missing.
+Used by the publisher of a flight and by the replay of a recording. Of a flight nothing here
+waits: a sample for which there is no room on its way is dropped, and its numbers are missing.
 """
 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,9 +20,10 @@ from fcu.law.types import LawParams
 from gcs_tools import bus, events, ticks
 from gcs_tools.events import Event
 from gcs_tools.layout import Rows
-from gcs_tools.schema import FCU_COLUMNS, OF_FCU, OF_PLANT, PARAMS, PLANT_COLUMNS, Topic
+from gcs_tools.schema import FCU_COLUMNS, OF_FCU, OF_PLANT, PARAMS, PLANT_COLUMNS, TIMING
 from gcs_tools.ticks import Numbers, Packer
 
+LOOK_S = 0.01  # wall: between two looks for somebody who listens
 TOGETHER = 64  # ticks in a sample, at most: it stays below Zenoh's 64 KiB
 PARAM_COLUMNS = ["t", *columns(LawParams)]
 
@@ -29,8 +31,11 @@ PARAM_COLUMNS = ["t", *columns(LawParams)]
 class Outlet:
     """What a session publishes of one vehicle. The session has the namespace of the run."""
 
-    def __init__(self, session: zenoh.Session, vehicle: str) -> None:
+    def __init__(self, session: zenoh.Session, vehicle: str, waits: bool = False) -> None:
+        """`waits`: for room, rather than drop; for what is no flight."""
         self._session = session
+        control = zenoh.CongestionControl
+        self._congestion = control.BLOCK if waits else control.DROP
         self._vehicle = vehicle
         self._publishers: dict[str, Any] = {}
         self._tokens: dict[str, Any] = {}
@@ -72,17 +77,17 @@ class Outlet:
         self._last[events.TOPIC] = sample, events.ENCODING
 
     def messages(
-        self, topic: Topic, sequence: Numbers, time_ns: Numbers, messages: Sequence[bytes]
-    ) -> None:
+        self, topic: str, encoding: str, sequence: Numbers, time_ns: Numbers,
+        messages: Sequence[bytes],
+    ) -> None:  # fmt: skip
         """Ticks of one topic as they are on file."""
-        encoding = ticks.encoding(topic)
         for i in range(0, len(messages), TOGETHER):
             part = slice(i, i + TOGETHER)
             sample = ticks.pack_messages(sequence[part], time_ns[part], messages[part])
-            self._put(topic.name, encoding, sample)
+            self._put(topic, encoding, sample)
         if len(messages):
             last = ticks.pack_messages(sequence[-1:], time_ns[-1:], messages[-1:])
-            self._last[topic.name] = last, encoding
+            self._last[topic] = last, encoding
 
     def _numbered(self, what: str, t: float) -> tuple[Numbers, Numbers]:
         n = self._counts[what]
@@ -90,15 +95,23 @@ class Outlet:
         return np.array([n], np.uint64), np.array([max(round(t * 1e9), 0)], np.uint64)
 
     def _put(self, topic: str, encoding: str, sample: bytes) -> None:
+        self._publisher(topic, encoding).put(sample)
+
+    def _publisher(self, topic: str, encoding: str) -> Any:
         publisher = self._publishers.get(topic)
         if publisher is None:
             publisher = self._publishers[topic] = self._session.declare_publisher(
                 keys.relative(self._vehicle, topic),
                 encoding=encoding,
-                congestion_control=zenoh.CongestionControl.DROP,
+                congestion_control=self._congestion,
                 priority=zenoh.Priority.DATA_LOW,
             )
-        publisher.put(sample)
+        return publisher
+
+    def is_heard(self) -> bool:
+        """Whether somebody listens to the ticks of the flight controller."""
+        matching = self._publisher(TIMING.name, ticks.encoding(TIMING)).matching_status
+        return bool(matching.matching)
 
     # --- who is there
 
@@ -109,6 +122,18 @@ class Outlet:
             self._tokens[process] = self._session.liveliness().declare_token(key)
         elif not there and process in self._tokens:
             self._tokens.pop(process).undeclare()
+
+    def leave(self, bound_s: float) -> None:
+        """Take back every token, and wait until nobody listens any more, so long at most (wall).
+
+        Closing a session discards what is still on its way; who listens leaves when all has come.
+        """
+        for process in list(self._tokens):
+            self.alive(process, False)
+        until = time.monotonic() + bound_s
+        while self.is_heard() and time.monotonic() < until:
+            self.serve()
+            time.sleep(LOOK_S)
 
     # --- answers
 

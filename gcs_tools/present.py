@@ -129,3 +129,14 @@ def recording_progress() -> Iterator[Callable[[str], None]]:
         return
     with console.status("waiting for the first tick", spinner="point") as status:
         yield status.update
+
+
+@contextmanager
+def replay_progress() -> Iterator[Callable[[float], None]]:
+    """A line on standard error that says how far a replay is; none off a terminal."""
+    console = _Terminal(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield lambda t: None
+        return
+    with console.status("", spinner="point") as status:
+        yield lambda t: status.update(f"{t:10.3f} s")

@@ -29,6 +29,7 @@ from gcs_tools.recording import SCHEMA_VERSION
 from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
 
 PERIOD_S = 0.01  # wall: between two looks at what has come
+LEAVE_S = 0.3  # wall: for what is still on its way when a flight has ended
 IDLE_S = 0.05  # the same, while nobody flies
 
 _SEQUENCE = {
@@ -150,6 +151,7 @@ def publish(
             signal.signal(signal.SIGINT, stop)
             announce({"ready": "publisher", "instance": instance, "run": run})
             publisher.run()
+            outlet.leave(LEAVE_S)
         announce({"ended": "publisher", "published": publisher.published, "lost": publisher.lost})
     finally:
         feeds.close()

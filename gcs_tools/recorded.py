@@ -59,6 +59,7 @@ class Recorded:
     ticks: int = 0  # control ticks of the flight controller
     counted: dict[str, Any] = field(default_factory=dict)  # by topic: watch.Counted
     unusable: int = 0
+    replayed: bool = False  # its ticks were published long ago
     latency: Latency = field(default_factory=Latency)
 
     def see(self, topic: str, sample: Sample) -> None:
@@ -69,7 +70,8 @@ class Recorded:
         self.last_s = max(self.last_s or 0.0, float(times[-1]) * 1e-9)
         if topic == TIMING.name:
             self.ticks += len(times)
-            self.latency.see(sample)
+            if not self.replayed:
+                self.latency.see(sample)
 
     @property
     def lost(self) -> dict[str, int]:
@@ -123,7 +125,7 @@ def record_until(
 
     `done` is kept current, also when this ends by an exception. Raises RecordingError.
     """
-    done.counted = watch.counted
+    done.counted, done.replayed = watch.counted, "replay_of" in watch.about
     with BusRecorder(out, watch.about) as recorder:
         for topic, sample in watch.latest():
             recorder.before(topic, sample)
@@ -141,7 +143,7 @@ def record_until(
                 done.why = f"{seconds:g} s are recorded"
                 return
             now = time.monotonic()
-            left = (left or now) if watch.gone else None
+            left = (left or now) if watch.gone and not came else None
             if left is not None and now - left > GONE_S:
                 done.why = "the vehicle is gone"
                 return
