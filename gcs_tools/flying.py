@@ -24,6 +24,7 @@ from fcu.law import wind
 from fcu.law.parameters import ParameterError
 from gcs_tools import result, rollout
 from gcs_tools.instance import claimed
+from gcs_tools.logs import logged
 from gcs_tools.mission import Mission, MissionError, load, override
 from gcs_tools.present import Quiet, Show
 from gcs_tools.processes import InfrastructureError
@@ -176,6 +177,8 @@ class _Run:
                     flown = self._flown(recorder)
                 except _Cut as cut:
                     flown, exit_code, error = cut.flown, cut.exit_code, cut.error
+                for event in logged(self._folder):
+                    recorder.event(event.t, event.text, event.level)
         except RecordingError as failed:
             exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"
         except KeyboardInterrupt:
