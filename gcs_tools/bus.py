@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 import sys
 import threading
@@ -25,6 +26,21 @@ from fcu.interface.ports import INSTANCES
 
 CLOSE_S = 2.0  # wall: how long closing may take
 WAITING = 8192  # samples that a channel holds; when it is full the network waits, and then drops
+
+# Nobody but the publisher puts anything through its session, or answers for it.
+_OWN_WORDS: dict[str, Any] = {
+    "enabled": True,
+    "default_permission": "allow",
+    "rules": [{
+        "id": "theirs",
+        "messages": ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
+        "flows": ["ingress"],
+        "permission": "deny",
+        "key_exprs": ["**"],
+    }],
+    "subjects": [{"id": "all"}],
+    "policies": [{"rules": ["theirs"], "subjects": ["all"]}],
+}  # fmt: skip
 
 # Of every session that is not configured by a file.
 _OWN: dict[str, Any] = {
@@ -72,6 +88,7 @@ def for_publisher(instance: int, run: str, file: Path | None = None) -> zenoh.Co
         return _configured({
             "listen/endpoints": [f"tcp/{HOST}:{topics.port(instance)}"],
             "namespace": topics.namespace(run),
+            "access_control": _OWN_WORDS,
         })  # fmt: skip
     config = _from_file(file)
     config.insert_json5("namespace", json.dumps(topics.namespace(run)))
@@ -139,5 +156,6 @@ def channel() -> Any:
 
 
 def _short(error: BaseException) -> str:
-    """The first part of what Zenoh says: then come the files of its source."""
-    return str(error).split(" at /")[0].split("[")[0].strip().rstrip(".!")
+    """What Zenoh says, without where in its source and without brackets."""
+    said = re.sub(r"\bSingle\(([^)]*)\)", r"\1", str(error).split(" at /")[0])
+    return re.sub(r"[\[\]]", "", said).strip().rstrip(".!")

@@ -58,7 +58,9 @@ class Watch:
         self.about: dict[str, Any] = {}
         self.alive: set[str] = set()  # its processes
         self.counted: dict[str, Counted] = {}
-        self.gone = False  # the vehicle has left the bus
+        self.gone = False  # the vehicle has left the bus: a publisher may stay
+        self._flew = False
+        self._ended: dict[str, int] | None = None  # by topic: its last tick, as told at the end
 
     def find(self, check: Callable[[], None] = lambda: None) -> None:
         """Wait for a vehicle and ask it what it is. `check` is called meanwhile, and may raise.
@@ -114,7 +116,9 @@ class Watch:
                 continue
             process = key.topic.removeprefix(f"{keys.ALIVE}/")
             (self.alive.add if there else self.alive.discard)(process)
-            self.gone = not self.alive
+            flying = self.alive - {keys.PUBLISHER}
+            self._flew = self._flew or bool(flying)
+            self.gone = not (flying if self._flew else self.alive)
 
     def latest(self) -> list[tuple[str, Sample]]:
         """The last tick of each topic before it was watched, once; (topic, sample)."""
@@ -133,6 +137,9 @@ class Watch:
             key = keys.take_apart(str(sample.key_expr))
             if key is None:
                 continue
+            if key.topic == keys.ENDED:
+                self._hear_the_end(sample.payload.to_bytes())
+                continue
             counted = self.counted.setdefault(f"/{key.topic}", Counted())
             data = sample.payload.to_bytes()
             counted.samples += 1
@@ -145,6 +152,30 @@ class Watch:
                 continue
             if _count(counted, found, now):
                 yield f"/{key.topic}", found
+
+    def _hear_the_end(self, data: bytes) -> None:
+        told = _object(data)
+        self._ended = {topic: n for topic, n in told.items() if isinstance(n, int)}
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the vehicle has said that it ends: without, it was killed or lost from sight."""
+        return self._ended is not None
+
+    def missing(self) -> dict[str, int]:
+        """Ticks that are still to come after the last of each topic, by what was said at the end."""
+        told = self._ended or {}
+        return {
+            topic: n - counted.last
+            for topic, counted in self.counted.items()
+            if counted.last >= 0 and (n := told.get(topic, -1)) > counted.last
+        }
+
+    def give_up(self) -> None:
+        """What is still to come is lost."""
+        for topic, n in self.missing().items():
+            self.counted[topic].lost += n
+            self.counted[topic].last += n
 
     def close(self) -> None:
         """Hear nothing more."""
