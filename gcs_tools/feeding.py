@@ -29,6 +29,7 @@ _SEQUENCE = {
     "fcu": FCU_COLUMNS.index("timing.sequence"), "plant": PLANT_COLUMNS.index("timing.sequence")
 }  # fmt: skip
 _EXACT = 2.0**53  # numbers of ticks, and ns, below which a float64 is a whole number
+_T_MAX = _EXACT * 1e-9  # s
 
 
 class FeedError(ValueError):
@@ -85,7 +86,7 @@ class Source:
                 n += 1
             elif size == 8 * PARAMS:
                 params = np.frombuffer(self._bytes, "<f8", PARAMS).copy()
-                if not (np.isfinite(params).all() and (params[[0, _H]] >= (0.0, 1e-6)).all()):
+                if not (np.isfinite(params).all() and _T_MAX > params[0] >= 0.0 < params[_H]):
                     raise FeedError("parameters that are none of a law")
             else:
                 raise FeedError(f"rows of {size} bytes (of another version?)")
@@ -134,7 +135,7 @@ class Source:
                 word["dropped"] = int(word["dropped"])
             else:
                 word["event"].encode()
-                if not 0.0 <= word["t"] < _EXACT * 1e-9:
+                if not 0.0 <= word["t"] < _T_MAX:
                     raise FeedError("an event at no time")
         except FeedError:
             raise

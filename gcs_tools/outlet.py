@@ -179,4 +179,6 @@ class Outlet:
         for topic_name, (sample, encoding) in {**self._last, keys.ABOUT: about}.items():
             key = keys.relative(self._vehicle, topic_name)
             if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                query.reply(key, sample, encoding=encoding)
+                query.reply(
+                    key, sample, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
+                )

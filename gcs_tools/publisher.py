@@ -164,7 +164,7 @@ def publish(
             announce({"ready": "publisher", "instance": instance, "run": run})
             publisher.run()
             outlet.leave(LEAVE_S)
-        announce({"ended": "publisher", "published": publisher.published, "lost": publisher.lost})
+            announce({"ended": "publisher", "published": publisher.published, "lost": publisher.lost})
     finally:
         feeds.close()
 
