@@ -59,6 +59,7 @@ class Watch:
         self.alive: set[str] = set()  # its processes
         self.counted: dict[str, Counted] = {}
         self.gone = False  # the vehicle has left the bus
+        self.succeeded = False  # and another has come
 
     def find(self, check: Callable[[], None] = lambda: None) -> None:
         """Wait for a vehicle and ask it what it is. `check` is called meanwhile, and may raise.
@@ -110,7 +111,10 @@ class Watch:
             there = token.kind == zenoh.SampleKind.PUT
             if self.key is None and there:
                 self.key = key
-            if self.key is None or key[:2] != self.key[:2]:
+            if self.key is None:
+                continue
+            if key[:2] != self.key[:2]:
+                self.succeeded = self.succeeded or (there and self.gone)
                 continue
             process = key.topic.removeprefix(f"{keys.ALIVE}/")
             (self.alive.add if there else self.alive.discard)(process)
