@@ -207,7 +207,9 @@ class Station:
             self._complain(f"Setpoint refused: {refused}", now)
             return
         script.take(setpoint, message, t_us, now)
-        vehicle.fly_script(t_us)
+        said = vehicle.fly_script(t_us)
+        if said:
+            self.tell(Severity.INFO, said)
         port.send(link, echo(t_us * 1e-6, message))
         if warning:
             self._complain(warning, now)
