@@ -9,8 +9,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fcu.interface import handover
-from gcs_tools.processes import Child, stop_all
+from gcs_tools.processes import Child, FlightEnded, stop_all
 from gcs_tools.scenario import Scenario
+
+TELL_S = 2.0  # wall: a flight controller tells after one that its plant is silent
 
 
 def up(
@@ -58,6 +60,19 @@ def up(
         for child in children:
             child.wait_ready(check)
         print(ready, flush=True)
-        while True:
-            check()
-            time.sleep(0.1)
+        try:
+            while True:
+                check()
+                time.sleep(0.1)
+        except FlightEnded:
+            _let_it_tell(fcu)
+            raise
+
+
+def _let_it_tell(fcu: Child) -> None:
+    """Wait until the flight controller has told its ground stations that there is no plant."""
+    until = time.monotonic() + TELL_S
+    while time.monotonic() < until and fcu.process.poll() is None:
+        if "silent" in fcu.last_words():
+            return
+        time.sleep(0.05)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import select
+import signal
 import socket
 import time
 
@@ -123,14 +125,45 @@ def test_a_killed_up_leaves_nobody(start, instance, gone):
     gone(pids)
 
 
-def test_up_says_which_process_ended(start, instance, gone):
-    # rotors stand until it is armed: the paper's vehicle falls from its height
-    up = start("gcs_tools", "up", "paper_nominal", "--instance", instance)
+FALLS = """
+title = "Rotors stand until it is armed: it falls from where it begins."
+
+[flight]
+duration_s = 60.0
+start = {{ position_m = [0.0, 0.0, 10.0] }}
+setpoints = [{{ at_s = 0.0, position_m = [0.0, 0.0, 10.0] }}]
+ground_z_m = {ground_z_m}
+arena_m = {arena_m}
+"""
+
+
+@pytest.mark.parametrize(
+    ("ground_z_m", "arena_m", "ending"),
+    [(0.0, 100.0, "hit the ground at 1.5 s"), (-100.0, 9.0, "diverged (left the arena) at 1.4 s")],
+)
+def test_what_became_of_the_vehicle_is_told_here_and_on_mavlink(
+    start, instance, script, tmp_path, gone, ground_z_m, arena_m, ending
+):
+    mission = tmp_path / "falls.toml"
+    mission.write_text(FALLS.format(ground_z_m=ground_z_m, arena_m=arena_m))
+    up = start("gcs_tools", "up", mission, "--instance", instance)
     up.says("ready")
     pids = up.started()
+    no_state = "No state from the plant for 1 s"
+    told = script.first("STATUSTEXT", lambda m: m.text == no_state)
+    assert told.severity == mavlink.MAV_SEVERITY_CRITICAL
+    assert up.wait() == 3
+    assert up.err.read_text().endswith(f"Error: the vehicle {ending}\n")
+    gone(pids)
+
+
+def test_up_says_which_process_ended(start, instance, gone):
+    up = start("gcs_tools", "up", "--instance", instance)
+    up.says("ready")
+    pids = up.started()
+    os.kill(pids["sitl_plant"], signal.SIGTERM)
     assert up.wait() == 3
     assert "the plant ended with exit code 0" in up.text()
-    assert "hit the ground" in up.text()
     gone(pids)
 
 
