@@ -36,6 +36,26 @@ def test_a_bad_command_is_answered_and_changes_nothing(flying, command, params, 
     assert flying.mode() == OFFBOARD
 
 
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda f: f.long(176, 1, 4, 4), "Mode Mission denied: this vehicle has none such"),
+        (lambda f: f.long(176, 1, 7), "Mode Stabilized denied"),
+        (lambda f: f.long(176, 1, 4, 99), "Mode 4, 99 denied"),
+        (lambda f: f.long(262, 2), "Mode Orbit denied"),
+        (
+            lambda f: mavlink.MAVLink_set_mode_message(f.at.system_id, 1, 1 << 16),
+            "Mode Manual denied",
+        ),
+    ],
+)
+def test_a_mode_that_it_does_not_have_is_told_by_its_name(flying, ask, said):
+    """C4."""
+    flying.send(ask(flying))
+    flying.says(said)
+    assert flying.mode() == OFFBOARD
+
+
 @pytest.mark.parametrize(("frame", "result"), [(1, 9), (2, 9), (10, 9), (200, 9), (6, 2)])
 def test_a_place_in_a_frame_that_is_none_of_earth_is_refused(flying, frame, result):
     """C6; and C4: a latitude of 95 degrees."""
