@@ -190,7 +190,7 @@ class Supervisor(Pilot):
         if m is None:
             return Need.STATE.value
         if self.terminated:
-            return "flight was terminated (restart the flight controller)"
+            return "flight was terminated (restart gcs up)"
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
             return f"tilted by more than {math.degrees(TILT_TO_ARM):.0f} degrees"
         if self.battery is not None and self.battery.remaining < self._params["BAT_CRIT_THR"]:
