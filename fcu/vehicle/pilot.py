@@ -124,17 +124,23 @@ class Pilot:
             return True
         return False
 
-    def touch_down(self, t_us: int) -> None:
-        """Rest on the ground once a landing has met it."""
+    @property
+    def rests(self) -> bool:
+        """Whether what led it down has met the ground."""
+        return self._touchdown.done
+
+    def touch_down(self, t_us: int, meant: bool) -> bool:
+        """Rest on the ground once what leads it down has met it, `meant` so or not; whether it has."""
         assert self.setpoint is not None
         here = self.pose()
         flown: Setpoint = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
-        if not self._touchdown.see(flown, here, self._landed.ground, t_us):
-            return
+        if not self._touchdown.see(flown, here, self._landed.ground, t_us, meant):
+            return False
         if self._touchdown.done:
             self.leader.take(touchdown.resting(flown, self._landed.light), t_us)
-        else:
-            self._land_from(here._replace(psi=flown.psi_c), t_us)
+            return True
+        self._land_from(here._replace(psi=flown.psi_c), t_us)
+        return False
 
     def _land_from(self, here: Pose, t_us: int) -> None:
         r, v, psi = here

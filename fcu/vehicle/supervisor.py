@@ -111,8 +111,9 @@ class Supervisor(Pilot):
             said.append((Severity.INFO, "Landed"))
         if self.armed and self.mode is Mode.OFFBOARD and self.steer(t_us):
             said.append((Severity.INFO, INTO_THE_GROUND))
-        if self.armed and self._is_landing:
-            self.touch_down(t_us)
+        lands, scripted = self._is_landing, self.mode is Mode.OFFBOARD
+        if self.armed and (lands or not scripted) and self.touch_down(t_us, lands) and not lands:
+            said.append((Severity.WARNING, "Led into the ground: resting on it"))
         if not self.armed or not self._landed.landed:
             return
         if self._landed.has_flown:
@@ -256,6 +257,7 @@ class Supervisor(Pilot):
         here = self._from(t_us)
         self.failsafe = ""
         self._become(Mode.HOLD)
+        self.begin_anew()
         psi = here.psi if psi is None else psi
         self._follow(guidance.through(here.r_E, here.v_E, [to], psi, self._limits()), t_us)
         return Verdict(Result.ACCEPTED, f"Going {guidance.length(to - here.r_E):.0f} m")
@@ -264,6 +266,10 @@ class Supervisor(Pilot):
         """Sticks in position mode: a velocity (m/s, E) and a yaw rate (rad/s)."""
         if not self.armed or self.mode is not Mode.POSITION:
             return
+        if self.rests:
+            if v.z <= 0.0:
+                return  # it is on the ground, and stays there
+            self.begin_anew()
         now = self.flown(t_us)
         piece = Piece(
             Setpoint(now.r_c, v, STILL, now.psi_c, psi_dot), self._params["COM_RC_LOSS_T"]

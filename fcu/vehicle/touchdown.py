@@ -94,8 +94,13 @@ class Touchdown:
         self.done = False
         self._since_us: int | None = None
 
-    def see(self, flown: Setpoint, pose: Pose, ground: float, t_us: int) -> bool:
-        """One look; whether something has changed. `flown`: carried to this moment."""
+    def see(
+        self, flown: Setpoint, pose: Pose, ground: float, t_us: int, meant: bool = True
+    ) -> bool:
+        """One look; whether something has changed. `flown`: carried to this moment.
+
+        `meant`: it is landing; else only a ground that is known can be what is in its way.
+        """
         v = pose.v_E
         if self.done:
             self.done = v.z > -FALLING  # it was a gust
@@ -106,7 +111,8 @@ class Touchdown:
         self._since_us = t_us if self._since_us is None else self._since_us
         here = pose.r_E.z < ground + TOUCHING
         for_us = HINDERED_US if here else ANYWHERE_US
-        self.done = t_us - self._since_us >= for_us and (here or length(v) < AT_REST)
+        there = here or (meant and length(v) < AT_REST)
+        self.done = there and t_us - self._since_us >= for_us
         return self.done
 
 

@@ -33,6 +33,14 @@ def is_down(flown):
     assert flown.down_m_s < 1.0
 
 
+def rests_on_it(flown):
+    """Down by what was not meant as a landing, and disarmed: not as soft, but not fallen over."""
+    assert flown.ended == dynamics.FLYING
+    assert "Led into the ground: resting on it" in flown.said
+    assert flown.said[-2:] == ["Landed", "Disarmed after landing"]
+    assert flown.tilt_deg < 35.0
+
+
 @pytest.mark.parametrize("wind", [None, GUSTS], ids=["still", "gusts"])
 @pytest.mark.parametrize("to", [(1.0, 1.0, -0.7), (10.0, 5.0, -0.7), (0.0, 0.0, 0.0)])
 def test_a_place_in_the_ground_is_landed_on(wind, to):
@@ -73,6 +81,36 @@ def test_a_landing_finds_a_ground_that_is_not_known():
     assert flown.vehicle.select(Mode.LAND, flown.t_us, 0.0).good
     flown.fly(60.0, lambda: not flown.vehicle.armed)
     is_down(flown)
+
+
+def test_a_reposition_into_the_ground_ends_on_it():
+    flown = Flown(GUSTS)
+    flown.up(2.5)
+    assert flown.vehicle.reposition(Vec3(5.0, 3.0, -3.0), None, flown.t_us).good
+    flown.fly(30.0, lambda: not flown.vehicle.armed)
+    rests_on_it(flown)
+
+
+def test_sticks_into_the_ground_end_on_it_and_up_again_in_the_air():
+    flown = Flown()
+    flown.up(2.5)
+    assert flown.vehicle.select(Mode.POSITION, flown.t_us, 0.0).good
+
+    def stick(v, seconds):
+        until = flown.t_us + seconds * 1e6
+        while flown.t_us < until and flown.vehicle.armed:
+            flown.vehicle.move(Vec3(*v), 0.0, flown.t_us)
+            flown.fly(0.05)
+
+    stick((1.0, 0.0, -1.0), 4.0)
+    assert "Led into the ground: resting on it" in flown.said
+    stick((0.0, 0.0, 1.0), 3.0)
+    high = flown.r
+    assert high.z > 2.0
+    stick((1.0, 0.0, 0.0), 3.0)  # along again, not only up
+    assert flown.r.x > high.x + 2.0
+    stick((1.0, 0.0, -1.0), 20.0)
+    rests_on_it(flown)
 
 
 @pytest.mark.parametrize(("height", "to"), [(50.0, (80.0, 0.0, 0.9)), (90.0, (60.0, 0.0, 0.5))])
