@@ -14,6 +14,7 @@ import click
 
 from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
+from gcs_tools.commands_plot import plot
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
 
@@ -247,6 +248,9 @@ def recover(recording: Path, out: Path | None) -> None:
     click.echo(f"{recording}: {done.messages} messages, {done.first_s:.3f} to {done.last_s:.3f} s, {what}")  # fmt: skip
     if done.damage:
         click.echo(f"  without what lies behind a damage: {done.damage}")
+
+
+main.add_command(plot)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,205 @@
+"""Each estimate with its truth and the bounds of its projection."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gcs_tools.metrics import Rows
+from gcs_tools.plot.drawing import (
+    DASHED,
+    INK,
+    MUTED,
+    THREE,
+    TIME,
+    WIDE,
+    legend,
+    line,
+    note,
+    zoom,
+)
+from gcs_tools.plot.flight import drag_over_mass, inertia
+from gcs_tools.plot.numbers import Numbers, finite, percent, rms
+from gcs_tools.plot.shown import Shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SIZE = (12.0, 10.4)  # inches
+QUESTION = "Are the estimates right?"
+FIVE = (*THREE, "#cc79a7", "#8c6d00")
+DRAG_TORQUE = "plant.drag_torque"  # of the metadata
+
+
+class Estimate(NamedTuple):
+    """One line: an estimate and what it should be."""
+
+    name: str
+    hat: Rows
+    truth: Rows | None  # None: not recorded
+
+
+def angular(shown: Shown) -> list[Estimate]:
+    """s_w_hat, rad/s^2, B, and its truth: the air's torque over inertia, -c a |a| / J.
+
+    a is the body's rate against the air. c is the true coefficient in the metadata; without it,
+    and while the ground pushes too, there is no truth.
+    """
+    c_tau = shown.truth(DRAG_TORQUE)
+    hats = shown.fcu.axes("state.s_w_hat")
+    if c_tau is None or len(c_tau) != 3:
+        return [Estimate(name, hat, None) for name, hat in zip("pqr", hats, strict=True)]
+    w, w_air = shown.plant.axes("state.w_B"), shown.plant.axes("w_air_B")
+    on_ground = shown.plant["on_ground"] > 0.5
+    found = []
+    for i, J in enumerate(shown.plant.axes("J")):
+        a = w[i] - w_air[i]
+        truth = np.where(on_ground, np.nan, -c_tau[i] * a * np.abs(a) / J)
+        found.append(Estimate("pqr"[i], hats[i], truth))
+    return found
+
+
+def couplings(shown: Shown) -> list[Estimate]:
+    """The five coefficients of (43). Those of products of rates follow from the true inertia.
+
+    Those of the rotors' gyroscopic torque hang on a rotor's inertia, which is not recorded.
+    """
+    x, y, z = shown.plant.axes("J")
+    return [
+        Estimate("p1", shown.fcu["state.c_p1_hat"], (y - z) / x),
+        Estimate("q1", shown.fcu["state.c_q1_hat"], (z - x) / y),
+        Estimate("r1", shown.fcu["state.c_r1_hat"], (x - y) / z),
+        Estimate("p2", shown.fcu["state.c_p2_hat"], None),
+        Estimate("q2", shown.fcu["state.c_q2_hat"], None),
+    ]
+
+
+def _norm_rms(shown: Shown, of: list[Estimate]) -> float | None:
+    """RMS of the distance of three estimates from their truth, once settled."""
+    pairs = [(e.hat - e.truth)[shown.settled] for e in of if e.truth is not None]
+    if len(pairs) < 3:
+        return None
+    square = np.sum(np.square(pairs), axis=0)
+    return rms(np.sqrt(square[~np.isnan(square)]))
+
+
+def numbers(shown: Shown) -> Numbers:
+    """Errors at the end, or RMS once settled; how often projection holds one. Raises Missing."""
+    m, m_hat = shown.plant["m"], shown.fcu["state.m_hat"]
+    shown.t, shown.told  # noqa: B018  what the figure needs
+    off = [float((J_hat[-1] - J[-1]) / J[-1]) for _, J_hat, J in inertia(shown.plant, shown.fcu)]
+    drag = [Estimate(*of) for of in drag_over_mass(shown.plant, shown.fcu)]
+    return {
+        "mass_error_final_kg": finite(m_hat[-1] - m[-1]),
+        "mass_error_final_fraction": finite((m_hat[-1] - m[-1]) / m[-1]),
+        "inertia_error_final_fraction": finite(max(off, key=abs)),
+        "drag_rms_settled_m_s2": _norm_rms(shown, drag),
+        "drag_across_rms_settled_m_s2": rms(
+            np.hypot(*((e.hat - e.truth)[shown.settled] for e in drag[:2] if e.truth is not None))
+        ),
+        "angular_rms_settled_rad_s2": _norm_rms(shown, angular(shown)),
+        "projected_fraction": finite(float(np.mean(shown.fcu["internals.projected"] > 0.5))),
+    }
+
+
+def answer(found: Numbers) -> str:
+    """In one line."""
+
+    def signed(key: str) -> str:
+        value = found[key]
+        return "no value" if value is None else f"{100.0 * value:+.1f} %"
+
+    across = found["drag_across_rms_settled_m_s2"]
+    drag = "no value" if across is None else f"{across:.2g} m/s²"
+    return (
+        f"at the end mass {signed('mass_error_final_fraction')}, inertia "
+        f"{signed('inertia_error_final_fraction')} (worst axis); horizontal drag RMS {drag}; "
+        f"held by projection {percent(found['projected_fraction'])} of the time"
+    )
+
+
+def notes(shown: Shown) -> list[str]:
+    """What to know when reading it."""
+    said = [
+        "Mass and vertical drag are told apart only by manoeuvres: in hover their errors cancel."
+    ]
+    if shown.truth(DRAG_TORQUE) is None:
+        said.append("No truth for ŝ_ω: this recording does not name the true drag torque.")
+    said.append("No truth for c_p2 and c_q2: the true inertia of a rotor is not recorded.")
+    return said
+
+
+def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
+    """Five groups of estimates, and how much of its set each uses."""
+    (drag, mass), (disturbance, moments), (coefficients, used) = figure.subplots(3, 2, sharex=True)
+    told, plant, fcu = shown.told, shown.plant, shown.fcu
+    bound = {name: told[f"bounds.{name}"] for name in ("s_v_max", "s_w_max", "c_max")}
+    m, J = ((told[f"bounds.{name}_min"], told[f"bounds.{name}_max"]) for name in "mJ")
+
+    s_v = [Estimate(*of) for of in drag_over_mass(plant, fcu)]
+    _group(drag, shown, "Drag force over mass ŝ_v, m/s²", s_v, symmetric(bound["s_v_max"]), 1.0)
+    m_hat = [Estimate("estimate", fcu["state.m_hat"], plant["m"])]
+    _group(mass, shown, "Mass m̂, kg", m_hat, m)
+    s_w = angular(shown)
+    title = "Angular disturbance ŝ_ω, rad/s²"
+    _group(disturbance, shown, title, s_w, symmetric(bound["s_w_max"]), 0.1)
+    J_hat = [Estimate(*of) for of in inertia(plant, fcu)]
+    _group(moments, shown, "Inertia Ĵ, kg m²", J_hat, J)
+    c = couplings(shown)
+    title = "Coefficients ĉ of couplings (1) and gyroscopic torque (2)"
+    _group(coefficients, shown, title, c, symmetric(bound["c_max"]), 0.5)
+
+    used.set_title("Share of its projection set in use")
+    sets = (
+        ("ŝ_v", s_v, symmetric(bound["s_v_max"])), ("m̂", m_hat, m),
+        ("ŝ_ω", s_w, symmetric(bound["s_w_max"])), ("Ĵ", J_hat, J),
+        ("ĉ", c, symmetric(bound["c_max"])),
+    )  # fmt: skip
+    for (name, of, (low, high)), colour in zip(sets, (*FIVE[:3], INK, FIVE[3]), strict=True):
+        off = np.abs(np.stack([e.hat for e in of]) - 0.5 * (low + high)).max(axis=0)
+        line(used, shown.t, off / (0.5 * (high - low)), color=colour, label=name)
+    used.axhline(1.0, label="held", zorder=1, **DASHED)
+    used.set_ylim(0.0, 1.08)
+    legend(used)
+    for axes in (coefficients, used):
+        axes.set_xlabel(TIME)
+
+
+def symmetric(bound: float) -> tuple[float, float]:
+    """The set of what is bounded in size."""
+    return -bound, bound
+
+
+def _group(
+    axes: Axes, shown: Shown, title: str, of: list[Estimate], within: tuple[float, float],
+    least: float | None = None,
+) -> None:  # fmt: skip
+    """Estimates over truths. With `least`, zoomed to what is settled; without, to the bounds."""
+    axes.set_title(title)
+    t = shown.t
+    for e, colour in zip(of, FIVE, strict=False):
+        if e.truth is not None:
+            line(axes, t, e.truth, color=colour, **WIDE)
+    for e, colour in zip(of, FIVE, strict=False):
+        line(axes, t, e.hat, color=colour, linewidth=1.2 if e.truth is not None else 0.7,
+             label=e.name)  # fmt: skip
+    if any(e.truth is not None for e in of):
+        axes.plot([], [], color=MUTED, label="truth", **WIDE)
+    for level in within:
+        axes.axhline(level, zorder=1, **DASHED)
+    low, high = within
+    if least is None:
+        margin = 0.05 * (high - low)
+        axes.set_ylim(low - margin, high + margin)
+        axes.plot([], [], label="bound", **DASHED)
+    else:
+        zoom(axes, t, [e.hat for e in of] + [e.truth for e in of if e.truth is not None],
+             shown.settled_from_s, least)  # fmt: skip
+        bottom, top = axes.get_ylim()
+        if bottom < low or top > high:
+            axes.plot([], [], label="bound", **DASHED)
+        else:
+            note(axes, f"bounds ±{high:g}", above=True)
+    legend(axes)
