@@ -106,39 +106,41 @@ def flagged(axes: Axes, t: Rows, flag: Rows, label: str) -> None:
         )  # fmt: skip
 
 
-def note(axes: Axes, text: str, above: bool = False) -> None:
-    """A remark inside the axes, at the bottom right, or above that."""
+def note(axes: Axes, text: str) -> None:
+    """A remark inside the axes, at the bottom right."""
     axes.annotate(
-        text, (1.0, 0.0), (-5.0, 18.0 if above else 5.0), "axes fraction", "offset points",
-        ha="right", va="bottom",
-        fontsize=8.0, color=GREY, zorder=5,
-        bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
+        text, (1.0, 0.0), (-4.0, 3.0), "axes fraction", "offset points", ha="right", va="bottom",
+        fontsize=8.0, color=GREY,
     )  # fmt: skip
 
 
 def empty(axes: Axes, text: str) -> None:
     """Axes without data, and why."""
-    axes.set_xticks([])
     axes.set_yticks([])
+    axes.grid(False)
     axes.annotate(
         text, (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", color=GREY
     )  # fmt: skip
 
 
-def zoom(axes: Axes, t: Rows, lines: Sequence[Rows], from_s: float, least: float = 0.0) -> None:
+def zoom(
+    axes: Axes, t: Rows, lines: Sequence[Rows], from_s: float, least: float = 0.0, remark: str = ""
+) -> None:
     """Show what `lines` do from `from_s` on; what went before is cut, and the cut is said.
 
-    At least `least` of the quantity is shown. Without samples from there on, all is shown.
+    At least `least` of the quantity is shown; below it stays room for that and for the `remark`.
     """
     values = np.stack(lines)
     late = values[:, t >= from_s]
     late, whole = late[np.isfinite(late)], values[np.isfinite(values)]
-    if not len(late):
-        return
-    low, high = float(late.min()), float(late.max())
-    half = max(0.625 * (high - low), 0.5 * least, 1e-12)
-    middle = 0.5 * (low + high)
-    axes.set_ylim(middle - half, middle + half)
-    peak = float(whole[np.argmax(np.abs(whole - middle))])
-    if abs(peak - middle) > half:
-        note(axes, f"out of view: {peak:.3g} at the start")
+    said = [remark] if remark else []
+    if len(late):
+        low, high = float(late.min()), float(late.max())
+        half = max(0.6 * (high - low), 0.5 * least, 1e-12)
+        middle = 0.5 * (low + high)
+        peak = float(whole[np.argmax(np.abs(whole - middle))])
+        if abs(peak - middle) > half:
+            said.append(f"before {from_s:.3g} s: to {peak:.3g}".replace("-", "−"))
+        axes.set_ylim(middle - (1.25 if said else 1.0) * half, middle + half)
+    if said:
+        note(axes, "; ".join(said))

@@ -16,7 +16,6 @@ from gcs_tools.plot.drawing import (
     WIDE,
     legend,
     line,
-    note,
     zoom,
 )
 from gcs_tools.plot.flight import drag_over_mass, inertia
@@ -127,7 +126,10 @@ def notes(shown: Shown) -> list[str]:
     ]
     if shown.truth(DRAG_TORQUE) is None:
         said.append("No truth for ŝ_ω: this recording does not name the true drag torque.")
-    said.append("No truth for c_p2 and c_q2: the true inertia of a rotor is not recorded.")
+    said.append(
+        "ĉ: p1, q1 and r1 are of couplings; p2 and q2 (thin) are gyroscopic and have no truth, "
+        "as the true inertia of a rotor is not recorded."
+    )
     return said
 
 
@@ -148,10 +150,10 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     J_hat = [Estimate(*of) for of in inertia(plant, fcu)]
     _group(moments, shown, "Inertia Ĵ, kg m²", J_hat, J)
     c = couplings(shown)
-    title = "Coefficients ĉ of couplings (1) and gyroscopic torque (2)"
+    title = "Coefficients ĉ"
     _group(coefficients, shown, title, c, symmetric(bound["c_max"]), 0.5)
 
-    used.set_title("Share of its projection set in use")
+    used.set_title("Share of its set in use")
     sets = (
         ("ŝ_v", s_v, symmetric(bound["s_v_max"])), ("m̂", m_hat, m),
         ("ŝ_ω", s_w, symmetric(bound["s_w_max"])), ("Ĵ", J_hat, J),
@@ -160,7 +162,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     for (name, of, (low, high)), colour in zip(sets, (*FIVE[:3], INK, FIVE[3]), strict=True):
         off = np.abs(np.stack([e.hat for e in of]) - 0.5 * (low + high)).max(axis=0)
         line(used, shown.t, off / (0.5 * (high - low)), color=colour, label=name)
-    used.axhline(1.0, label="held", zorder=1, **DASHED)
+    used.axhline(1.0, label="held by projection", zorder=1, **DASHED)
     used.set_ylim(0.0, 1.08)
     legend(used)
     for axes in (coefficients, used):
@@ -195,11 +197,6 @@ def _group(
         axes.set_ylim(low - margin, high + margin)
         axes.plot([], [], label="bound", **DASHED)
     else:
-        zoom(axes, t, [e.hat for e in of] + [e.truth for e in of if e.truth is not None],
-             shown.settled_from_s, least)  # fmt: skip
-        bottom, top = axes.get_ylim()
-        if bottom < low or top > high:
-            axes.plot([], [], label="bound", **DASHED)
-        else:
-            note(axes, f"bounds ±{high:g}", above=True)
+        lines = [e.hat for e in of] + [e.truth for e in of if e.truth is not None]
+        zoom(axes, t, lines, shown.settled_from_s, least, f"bounds ±{high:g}")
     legend(axes)

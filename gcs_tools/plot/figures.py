@@ -39,7 +39,8 @@ STANDARD = {
     ),
     "limits": Standard(limits.QUESTION, limits.SIZE, limits.numbers, limits.answer, limits.draw),
     "prediction": Standard(
-        prediction.QUESTION, prediction.SIZE, prediction.numbers, prediction.answer, prediction.draw
+        prediction.QUESTION, prediction.SIZE, prediction.numbers, prediction.answer, prediction.draw,
+        prediction.notes,
     ),
     "estimates": Standard(
         estimates.QUESTION, estimates.SIZE, estimates.numbers, estimates.answer, estimates.draw,

@@ -70,12 +70,12 @@ def numbers(shown: Shown) -> Numbers:
 def answer(found: Numbers) -> str:
     """In one line."""
     parts = []
-    for which in ("thrust", "tilt", "rotor"):
+    for which, word in (("thrust", "thrust"), ("tilt", "tilt"), ("rotor", "rotors")):
         share = found[f"{which}_saturated_fraction"]
         at = f"at a limit {percent(share)} of the time" if share else "never at a limit"
         room = found[f"{which}_room_fraction"]
         left = "" if share or room is None else f" ({percent(room)} of its range left)"
-        parts.append(f"{which} {at}{left}")
+        parts.append(f"{word} {at}{left}")
     return ", ".join(parts)
 
 
@@ -88,7 +88,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     line(thrust, t, fcu["internals.T_achieved"], color=MUTED, label="achieved", **WIDE)
     line(thrust, t, fcu["internals.T_c"], color=X, label="commanded")
     limits(thrust, told["T_min"], told["T_max"])
-    _finish(thrust, shown, "thrust")
+    _finish(thrust, shown, "thrust", "at the limit")
 
     tilt.set_title("Roll and pitch, degrees")
     angles, commands = (fcu.axes(f"internals.{name}", "xy") for name in ("angles", "angles_c"))
@@ -100,7 +100,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     limit = float(np.degrees(told["phi_star"]))
     limits(tilt, -limit, limit)
     tilt.set_yticks([-limit, -limit / 2, 0.0, limit / 2, limit])
-    _finish(tilt, shown, "tilt")
+    _finish(tilt, shown, "tilt", "at the limit")
 
     rotors.set_title("Thrust of the eight rotors as allocated, N")
     each = _rotors(shown)
@@ -108,11 +108,11 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
     line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
     limits(rotors, told["f_min"], told["f_max"])
-    _finish(rotors, shown, "rotor")
+    _finish(rotors, shown, "rotor", "gives up torque or thrust")
     rotors.set_xlabel(TIME)
 
 
-def _finish(axes: Axes, shown: Shown, which: str) -> None:
+def _finish(axes: Axes, shown: Shown, which: str, flag: str) -> None:
     axes.plot([], [], label="limit", **DASHED)
-    flagged(axes, shown.t, shown.fcu[f"internals.{which}_saturated"], "at the limit")
+    flagged(axes, shown.t, shown.fcu[f"internals.{which}_saturated"], flag)
     legend(axes)

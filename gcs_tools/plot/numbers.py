@@ -36,19 +36,25 @@ def least(values: Rows) -> float | None:
     return float(seen.min()) if len(seen) else None
 
 
-def said(value: float | None, unit: str, digits: int = 3) -> str:
+def short(value: float, digits: int = 3) -> str:
+    """A number in a few digits, written out up to a million."""
+    return f"{value:.0f}" if 999.5 <= abs(value) < 1e6 else f"{value:.{digits}g}"
+
+
+def said(value: float | None, unit: str) -> str:
     """A value as text, with its unit."""
-    return f"no value ({unit})" if value is None else f"{value:.{digits}g} {unit}"
+    return f"no value ({unit})" if value is None else f"{short(value)} {unit}"
 
 
 def length(metres: float | None) -> str:
     """A length in the unit a person would choose."""
     if metres is None:
         return "no value"
-    for unit, scale in (("mm", 1e-3), ("cm", 1e-2)):
-        if abs(metres) < 100.0 * scale / (10.0 if unit == "mm" else 1.0):
-            return f"{metres / scale:.2g} {unit}"
-    return f"{metres:.3g} m"
+    if metres < 0.01:
+        return f"{short(1e3 * metres, 2)} mm"
+    if metres < 0.995:
+        return f"{short(1e2 * metres, 2)} cm"
+    return f"{short(metres)} m"
 
 
 def percent(fraction: float | None) -> str:

@@ -51,11 +51,16 @@ def answer(found: Numbers) -> str:
     )
 
 
+def notes(_shown: Shown) -> list[str]:
+    """What to know when reading it."""
+    return ["Errors are measured minus predicted, (36) and (41), after each tick."]
+
+
 def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
     """The errors by axis, and their size on a log scale."""
     (v, v_size), (w, w_size) = figure.subplots(2, 2, sharex=True)
-    _by_axis(v, shown, V, "Velocity, measured minus predicted, mm/s", ENU)
-    _by_axis(w, shown, W, "Body rate, measured minus predicted, mrad/s", ("p", "q", "r"))
+    _by_axis(v, shown, V, "Velocity error ṽ, mm/s", ENU)
+    _by_axis(w, shown, W, "Body rate error ω̃, mrad/s", ("p", "q", "r"))
     _by_size(v_size, shown, V, found["velocity_rms_settled_m_s"], "mm/s")
     _by_size(w_size, shown, W, found["rate_rms_settled_rad_s"], "mrad/s")
     for axes in (w, w_size):
@@ -72,7 +77,7 @@ def _by_axis(axes: Axes, shown: Shown, name: str, title: str, of: tuple[str, ...
 
 
 def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: str) -> None:
-    axes.set_title(f"Its size, {unit}")
+    axes.set_title(f"Its size on a log scale, {unit}")
     t, size = shown.t, MILLI * _size(shown, name)
     axes.set_yscale("log")
     line(axes, t, np.maximum(size, 1e-4), color=INK, linewidth=0.8)
@@ -80,7 +85,9 @@ def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: s
         label = f"settled RMS {MILLI * settled:.3g} {unit}"
         start = shown.settled_from_s
         axes.hlines(max(MILLI * settled, 1e-4), start, t[-1], color=Y, linewidth=1.6, label=label)
-    axes.set_ylim(1e-3, max(1.0, 3.0 * (greatest(size) or 0.0)))
+    seen = size[np.isfinite(size) & (size > 0.0)]
+    if len(seen):
+        axes.set_ylim(max(1e-4, 0.5 * float(np.quantile(seen, 0.001))), 3.0 * float(seen.max()))
     flagged(axes, t, shown.fcu["internals.projected"], "an estimate held by projection")
     if axes.get_legend_handles_labels()[0]:
         legend(axes)

@@ -102,43 +102,42 @@ def answer(found: Numbers) -> str:
     return ", ".join(parts)
 
 
-def notes(_shown: Shown) -> list[str]:
+def notes(shown: Shown) -> list[str]:
     """What to know when reading it."""
-    return ["Wall times of the machine that flew: they differ from flight to flight."]
+    said = ["Wall times of the machine that flew: they differ from flight to flight."]
+    for topic in (TIMING.name, PLANT_TIMING.name):
+        if _rows(shown, topic) is None:
+            said.append(f"{topic} is not in the recording.")
+    plant = _rows(shown, PLANT_TIMING.name)
+    if plant is not None and not np.isfinite(plant["late"]).any():
+        said.append("Flown at full speed: there are no deadlines to be late for.")
+    return said
 
 
 def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
     """Series and histogram of cycle and lateness, and what was counted."""
+    measured = []
+    for topic, column, title, colour in (
+        (TIMING.name, "cycle", "Flight controller: from state to answer, µs", X),
+        (PLANT_TIMING.name, "late", "Plant: start of a tick after its deadline, µs", Y),
+    ):
+        rows = _rows(shown, topic)
+        if rows is not None and np.isfinite(rows[column]).any():
+            measured.append((column, title, colour, rows["t"], MICRO * rows[column]))
+    rows_of = [[column, f"{column} spread"] for column, *_ in measured]
     grid = figure.subplot_mosaic(
-        [["cycle", "cycles"], ["late", "lates"], ["counts", "counts"]],
-        width_ratios=[1.9, 1.0], height_ratios=[1.0, 1.0, 0.75],
-    )  # fmt: skip
-    for name in ("cycle", "late"):
-        grid[name].sharex(grid["counts"])
-        grid[name].tick_params(labelbottom=False)
-    fcu, plant = _rows(shown, TIMING.name), _rows(shown, PLANT_TIMING.name)
-    period = found["period_us"]
-    grid["cycle"].set_title("Flight controller: state to answer, µs")
-    grid["cycles"].set_title("Ticks by cycle time, µs")
-    if fcu is None:
-        _absent(grid["cycle"], grid["cycles"], f"{TIMING.name} is not in the recording")
-    else:
-        _spread(grid["cycle"], grid["cycles"], fcu["t"], MICRO * fcu["cycle"], X, period)
-    grid["late"].set_title("Plant: start of a tick after its deadline, µs")
-    grid["lates"].set_title("Ticks by lateness, µs")
-    if plant is None:
-        _absent(grid["late"], grid["lates"], f"{PLANT_TIMING.name} is not in the recording")
-    elif np.isfinite(plant["late"]).any():
-        _spread(grid["late"], grid["lates"], plant["t"], MICRO * plant["late"], Y, period)
-    else:
-        _absent(grid["late"], grid["lates"], "flown at full speed: there are no deadlines")
+        [*rows_of, ["counts", "counts"]],
+        width_ratios=[1.9, 1.0],
+        height_ratios=[*(1.0 for _ in measured), 0.6],
+    )
+    for column, title, colour, t, values in measured:
+        series, histogram = grid[column], grid[f"{column} spread"]
+        series.set_title(title)
+        series.set_xlim(float(t[0]), float(t[-1]))
+        histogram.set_title("Ticks by time, µs")
+        _spread(series, histogram, t, values, colour, found["period_us"])
     _counts(grid["counts"], shown)
     grid["counts"].set_xlabel(TIME)
-
-
-def _absent(series: Axes, histogram: Axes, why: str) -> None:
-    empty(series, why)
-    histogram.set_visible(False)
 
 
 def _spread(
@@ -151,36 +150,41 @@ def _spread(
     seen = values[np.isfinite(values)]
     low, high = float(seen.min()), max(float(seen.max()), 2.0)
     bins = np.geomspace(0.9 * low, 1.1 * high, BINS).tolist()
-    histogram.hist(seen, bins=bins, color=colour, alpha=0.85)
+    histogram.hist(seen, bins=bins, color=colour, alpha=0.6)
     histogram.set_xscale("log")
     histogram.set_yscale("log")
-    for share, style in ((0.5, "-"), (0.99, (0, (1, 1)))):
+    for share, words, style in ((0.5, "median", "-"), (0.99, "99 %:", (0, (1, 1)))):
         at = float(np.quantile(seen, share))
-        label = "median" if share == 0.5 else "99 %"
-        histogram.axvline(at, color=INK, linewidth=1.2, linestyle=style, label=f"{label} {at:.0f}")
+        histogram.axvline(at, color=INK, linewidth=1.2, linestyle=style, label=f"{words} {at:.0f}")
+    legend(histogram)
     if period is not None:
         series.axhline(period, label="control period", **DASHED)
-        histogram.axvline(period, label="period", **DASHED)
+        histogram.axvline(period, **DASHED)
         legend(series)
-    legend(histogram)
 
 
 def _counts(axes: Axes, shown: Shown) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     axes.set_title("Counted so far")
-    words = {"rows_dropped": "rows dropped"}
-    colours = (*THREE, INK)
-    for (name, parts), colour in zip(COUNTED.items(), colours, strict=True):
+    found = {}
+    for name, parts in COUNTED.items():
         counts = [c for part in parts if (c := _count(shown, *part)) is not None]
-        if not counts:
-            continue
-        t = np.unique(np.concatenate([at for at, _ in counts]))
-        total = sum((_held(t, *count) for count in counts), np.zeros(len(t)))
-        label = f"{words.get(name, name)} {total[-1]:.0f}"
-        line(axes, t, total, color=colour, drawstyle="steps-post", label=label)
-    low, high = axes.get_ylim()
-    axes.set_ylim(min(0.0, low), max(high, 1.0))
-    axes.yaxis.get_major_locator().set_params(integer=True)
-    legend(axes)
+        if counts:
+            t = np.unique(np.concatenate([at for at, _ in counts]))
+            found[name] = t, sum((_held(t, *count) for count in counts), np.zeros(len(t)))
+    if not any(total.any() for _, total in found.values()):
+        words = ", ".join(name.replace("_", " ") for name in found)
+        empty(axes, f"none of: {words}")
+    for (name, (t, total)), colour in zip(found.items(), (*THREE, INK), strict=False):
+        label = f"{name.replace('_', ' ')} {total[-1]:.0f}"
+        if total.any():
+            line(axes, t, total, color=colour, drawstyle="steps-post", label=label)
+        axes.set_xlim(float(t[0]), float(t[-1]))
+    if axes.get_legend_handles_labels()[0]:
+        axes.set_ylim(0.0, None)
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+        legend(axes)
 
 
 def _held(t: Rows, at: Rows, values: Rows) -> Rows:

@@ -42,8 +42,8 @@ def answer(found: Numbers) -> str:
 def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     """Position over time, from above, and the distance from the reference."""
     grid = figure.subplot_mosaic(
-        [["east", "above"], ["north", "above"], ["up", "above"], ["error", "error"]],
-        width_ratios=[1.35, 1.0],
+        [["east", "above"], ["north", "above"], ["up", "above"], ["error", "above"]],
+        width_ratios=[1.4, 1.0],
         height_ratios=[1.0, 1.0, 1.0, 1.25],
     )
     t, fcu = shown.t, shown.fcu
@@ -62,7 +62,9 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
         legend(axes)
 
     above = grid["above"]
-    above.set_title("From above: north over east, m")
+    above.set_title("From above, m")
+    above.set_xlabel("east")
+    above.set_ylabel("north")
     above.plot(told[0], told[1], color=INK, marker=".", markersize=3.0, linestyle="none")
     above.plot(reference[0], reference[1], color=MUTED, label="reference", **WIDE)
     above.plot(flown[0], flown[1], color=INK, linewidth=0.9, label="flown")

@@ -97,8 +97,9 @@ def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
     if horizontal is not None:
         label = f"RMS {horizontal:.3g} m/s, from {start:g} s on"
         distance.hlines(horizontal, start, t[-1], color=Y, linewidth=1.6, label=label)
-        legend(distance)
-    distance.axvspan(float(t[0]), start, color=MUTED, alpha=0.2, linewidth=0.0, zorder=0)
+    distance.axvspan(float(t[0]), start, color=MUTED, alpha=0.2, linewidth=0.0, zorder=0,
+                     label="not counted")  # fmt: skip
+    legend(distance)
     late = off[t >= start]
     distance.set_ylim(0.0, 1.25 * max(greatest(late) or 0.0, 0.1))
     distance.set_xlabel(TIME)
