@@ -110,7 +110,8 @@ def note(axes: Axes, text: str) -> None:
     """A remark inside the axes, at the bottom right."""
     axes.annotate(
         text, (1.0, 0.0), (-4.0, 3.0), "axes fraction", "offset points", ha="right", va="bottom",
-        fontsize=8.0, color=GREY,
+        fontsize=8.0, color=GREY, zorder=5,
+        bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0},
     )  # fmt: skip
 
 
@@ -138,9 +139,11 @@ def zoom(
         low, high = float(late.min()), float(late.max())
         half = max(0.6 * (high - low), 0.5 * least, 1e-12)
         middle = 0.5 * (low + high)
-        peak = float(whole[np.argmax(np.abs(whole - middle))])
-        if abs(peak - middle) > half:
-            said.append(f"before {from_s:.3g} s: to {peak:.3g}".replace("-", "−"))
-        axes.set_ylim(middle - (1.25 if said else 1.0) * half, middle + half)
+        bottom, top = middle - 1.25 * half, middle + half
+        ends = [float(end) for end in (whole.min(), whole.max()) if not bottom <= end <= top]
+        if ends:
+            reached = " and ".join(f"{0.0 if abs(end) < 1e-3 * half else end:.3g}" for end in ends)
+            said.append(f"before {from_s:.3g} s: to {reached}".replace("-", "−"))
+        axes.set_ylim(bottom if said else middle - half, top)
     if said:
         note(axes, "; ".join(said))

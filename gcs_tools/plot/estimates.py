@@ -19,7 +19,7 @@ from gcs_tools.plot.drawing import (
     zoom,
 )
 from gcs_tools.plot.flight import drag_over_mass, inertia
-from gcs_tools.plot.numbers import Numbers, finite, percent, rms
+from gcs_tools.plot.numbers import Numbers, finite, percent, rms, said
 from gcs_tools.plot.shown import Shown
 
 if TYPE_CHECKING:
@@ -40,24 +40,42 @@ class Estimate(NamedTuple):
     truth: Rows | None  # None: not recorded
 
 
-def angular(shown: Shown) -> list[Estimate]:
-    """s_w_hat, rad/s^2, B, and its truth: the air's torque over inertia, -c a |a| / J.
+def translational(shown: Shown) -> list[Estimate]:
+    """s_v_hat, m/s^2, E, and its truth: drag over mass. As printed, it has to find gravity too."""
+    printed = shown.told["achieved"] < 0.5
+    found = [Estimate(*of) for of in drag_over_mass(shown.plant, shown.fcu)]
+    if printed and found[2].truth is not None:
+        found[2] = found[2]._replace(truth=found[2].truth - shown.told["g"])
+    return found
 
-    a is the body's rate against the air. c is the true coefficient in the metadata; without it,
-    and while the ground pushes too, there is no truth.
+
+def angular(shown: Shown) -> list[Estimate]:
+    """s_w_hat, rad/s^2, B, and its truth.
+
+    The truth is what turns the body beside what the controller believes that its rotors do: the
+    air's torque -c a |a|, with a the body's rate against the air and c the true coefficient in
+    the metadata, and the rotors' true torque less the believed one of the same speeds; over
+    inertia. Without c, and while the ground pushes too, there is none.
     """
     c_tau = shown.truth(DRAG_TORQUE)
     hats = shown.fcu.axes("state.s_w_hat")
     if c_tau is None or len(c_tau) != 3:
         return [Estimate(name, hat, None) for name, hat in zip("pqr", hats, strict=True)]
-    w, w_air = shown.plant.axes("state.w_B"), shown.plant.axes("w_air_B")
-    on_ground = shown.plant["on_ground"] > 0.5
-    found = []
-    for i, J in enumerate(shown.plant.axes("J")):
-        a = w[i] - w_air[i]
-        truth = np.where(on_ground, np.nan, -c_tau[i] * a * np.abs(a) / J)
-        found.append(Estimate("pqr"[i], hats[i], truth))
-    return found
+    a = shown.plant.vectors("state.w_B") - shown.plant.vectors("w_air_B")
+    tau = shown.plant.vectors("tau_B") - _believed_torque(shown) - c_tau * a * np.abs(a)
+    truth = tau / shown.plant.vectors("J")
+    truth[shown.plant["on_ground"] > 0.5] = np.nan
+    return [Estimate(name, hats[i], truth[:, i]) for i, name in enumerate("pqr")]
+
+
+def _believed_torque(shown: Shown) -> Rows:
+    """Torque (N m, B), (n, 3), of the true rotor speeds with the coefficients the law was told."""
+    rotors = [f"r{i}" for i in range(1, 9)]
+    x, y, spin = (np.array([shown.told[f"{of}.{r}"] for r in rotors]) for of in ("x", "y", "spin"))
+    Omega = np.stack([shown.plant[f"state.Omega.{r}"] for r in rotors], axis=1)
+    effect = np.stack([y, -x, -shown.told["k_Q"] * spin])
+    torque: Rows = (shown.told["c_T"] * Omega * Omega) @ effect.T
+    return torque
 
 
 def couplings(shown: Shown) -> list[Estimate]:
@@ -89,7 +107,7 @@ def numbers(shown: Shown) -> Numbers:
     m, m_hat = shown.plant["m"], shown.fcu["state.m_hat"]
     shown.t, shown.told  # noqa: B018  what the figure needs
     off = [float((J_hat[-1] - J[-1]) / J[-1]) for _, J_hat, J in inertia(shown.plant, shown.fcu)]
-    drag = [Estimate(*of) for of in drag_over_mass(shown.plant, shown.fcu)]
+    drag = translational(shown)
     return {
         "mass_error_final_kg": finite(m_hat[-1] - m[-1]),
         "mass_error_final_fraction": finite((m_hat[-1] - m[-1]) / m[-1]),
@@ -111,7 +129,7 @@ def answer(found: Numbers) -> str:
         return "no value" if value is None else f"{100.0 * value:+.1f} %"
 
     across = found["drag_across_rms_settled_m_s2"]
-    drag = "no value" if across is None else f"{across:.2g} m/s²"
+    drag = said(across, "m/s²")
     return (
         f"at the end mass {signed('mass_error_final_fraction')}, inertia "
         f"{signed('inertia_error_final_fraction')} (worst axis); horizontal drag RMS {drag}; "
@@ -121,16 +139,20 @@ def answer(found: Numbers) -> str:
 
 def notes(shown: Shown) -> list[str]:
     """What to know when reading it."""
-    said = [
-        "Mass and vertical drag are told apart only by manoeuvres: in hover their errors cancel."
-    ]
     if shown.truth(DRAG_TORQUE) is None:
-        said.append("No truth for ŝ_ω: this recording does not name the true drag torque.")
-    said.append(
-        "ĉ: p1, q1 and r1 are of couplings; p2 and q2 (thin) are gyroscopic and have no truth, "
-        "as the true inertia of a rotor is not recorded."
-    )
-    return said
+        angular_truth = "No truth for ŝ_ω: this recording does not name the true drag torque."
+    else:
+        angular_truth = (
+            "Truth of ŝ_ω: torque of the air, and of rotors that give other than is believed."
+        )
+    printed = "Prediction as printed: ŝ_v has to find gravity too, so its truth holds it."
+    return [
+        "Mass and vertical drag are told apart only by manoeuvres: in hover their errors cancel.",
+        *([printed] if shown.told["achieved"] < 0.5 else []),
+        angular_truth,
+        "ĉ: p1, q1 and r1 are of couplings; p2 and q2 (thin) are gyroscopic and have no truth, as "
+        "the true inertia of a rotor is not recorded.",
+    ]
 
 
 def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
@@ -140,7 +162,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     bound = {name: told[f"bounds.{name}"] for name in ("s_v_max", "s_w_max", "c_max")}
     m, J = ((told[f"bounds.{name}_min"], told[f"bounds.{name}_max"]) for name in "mJ")
 
-    s_v = [Estimate(*of) for of in drag_over_mass(plant, fcu)]
+    s_v = translational(shown)
     _group(drag, shown, "Drag force over mass ŝ_v, m/s²", s_v, symmetric(bound["s_v_max"]), 1.0)
     m_hat = [Estimate("estimate", fcu["state.m_hat"], plant["m"])]
     _group(mass, shown, "Mass m̂, kg", m_hat, m)
@@ -153,7 +175,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     title = "Coefficients ĉ"
     _group(coefficients, shown, title, c, symmetric(bound["c_max"]), 0.5)
 
-    used.set_title("Share of its set in use")
+    used.set_title("Share of its set used")
     sets = (
         ("ŝ_v", s_v, symmetric(bound["s_v_max"])), ("m̂", m_hat, m),
         ("ŝ_ω", s_w, symmetric(bound["s_w_max"])), ("Ĵ", J_hat, J),
@@ -162,7 +184,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     for (name, of, (low, high)), colour in zip(sets, (*FIVE[:3], INK, FIVE[3]), strict=True):
         off = np.abs(np.stack([e.hat for e in of]) - 0.5 * (low + high)).max(axis=0)
         line(used, shown.t, off / (0.5 * (high - low)), color=colour, label=name)
-    used.axhline(1.0, label="held by projection", zorder=1, **DASHED)
+    used.axhline(1.0, label="held", zorder=1, **DASHED)
     used.set_ylim(0.0, 1.08)
     legend(used)
     for axes in (coefficients, used):

@@ -77,12 +77,12 @@ def _by_axis(axes: Axes, shown: Shown, name: str, title: str, of: tuple[str, ...
 
 
 def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: str) -> None:
-    axes.set_title(f"Its size on a log scale, {unit}")
+    axes.set_title(f"Size |{'ṽ' if name == V else 'ω̃'}|, {unit}")
     t, size = shown.t, MILLI * _size(shown, name)
     axes.set_yscale("log")
     line(axes, t, np.maximum(size, 1e-4), color=INK, linewidth=0.8)
     if settled is not None:
-        label = f"settled RMS {MILLI * settled:.3g} {unit}"
+        label = f"settled RMS {said(MILLI * settled, unit)}"
         start = shown.settled_from_s
         axes.hlines(max(MILLI * settled, 1e-4), start, t[-1], color=Y, linewidth=1.6, label=label)
     seen = size[np.isfinite(size) & (size > 0.0)]

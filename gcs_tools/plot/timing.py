@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gcs_tools.metrics import Rows
-from gcs_tools.plot.drawing import DASHED, INK, THREE, TIME, X, Y, empty, legend, line
+from gcs_tools.plot.drawing import DASHED, INK, THREE, TIME, X, Y, empty, legend, line, note
 from gcs_tools.plot.numbers import Numbers
 from gcs_tools.plot.shown import Columns, Missing, Shown
 from gcs_tools.schema import PLANT_TIMING, TIMING
@@ -20,6 +20,7 @@ SIZE = (12.0, 8.8)  # inches
 QUESTION = "Did both processes keep time?"
 MICRO = 1e6
 BINS = 60
+LEAST_US = 1.0  # shown
 COUNTED = {  # what is counted so far: name in the figure -> (topic, column)
     "slips": ((PLANT_TIMING.name, "slips"),),
     "resent": ((PLANT_TIMING.name, "resent"), (TIMING.name, "resent")),
@@ -80,6 +81,10 @@ def numbers(shown: Shown) -> Numbers:
 
 
 def _period(shown: Shown) -> float | None:
+    """Wall time from one tick to the next, us: as paced, or of real time for a flight that is not."""
+    plant = _rows(shown, PLANT_TIMING.name)
+    if plant is not None and np.isfinite(plant["late"]).sum() > 1:
+        return MICRO * float(np.median(np.diff(plant["published"])))
     return None if shown.params is None else MICRO * shown.told["h"]
 
 
@@ -110,7 +115,10 @@ def notes(shown: Shown) -> list[str]:
             said.append(f"{topic} is not in the recording.")
     plant = _rows(shown, PLANT_TIMING.name)
     if plant is not None and not np.isfinite(plant["late"]).any():
-        said.append("Flown at full speed: there are no deadlines to be late for.")
+        said.append(
+            "Flown at full speed: there are no deadlines to be late for; time from tick to tick is "
+            "that of real time."
+        )
     return said
 
 
@@ -124,16 +132,19 @@ def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
         rows = _rows(shown, topic)
         if rows is not None and np.isfinite(rows[column]).any():
             measured.append((column, title, colour, rows["t"], MICRO * rows[column]))
-    rows_of = [[column, f"{column} spread"] for column, *_ in measured]
+    layout: list[Any] = [[column, f"{column} spread"] for column, *_ in measured]
     grid = figure.subplot_mosaic(
-        [*rows_of, ["counts", "counts"]],
+        [*layout, ["counts", "counts"]],
         width_ratios=[1.9, 1.0],
-        height_ratios=[*(1.0 for _ in measured), 0.6],
+        height_ratios=[
+            *(1.0 for _ in measured),
+            0.6 if any(found[name] for name in COUNTED) else 0.2,
+        ],
     )
     for column, title, colour, t, values in measured:
         series, histogram = grid[column], grid[f"{column} spread"]
         series.set_title(title)
-        series.set_xlim(float(t[0]), float(t[-1]))
+        series.set_xlim(*_span(t))
         histogram.set_title("Ticks by time, µs")
         _spread(series, histogram, t, values, colour, found["period_us"])
     _counts(grid["counts"], shown)
@@ -144,7 +155,9 @@ def _spread(
     series: Axes, histogram: Axes, t: Rows, values: Rows, colour: str, period: float | None
 ) -> None:
     """One wall time, as it went and as it is spread, on log scales."""
-    values = np.maximum(values, 1.0)
+    if (values < LEAST_US).any():
+        values = np.maximum(values, LEAST_US)
+        note(series, f"below {LEAST_US:g} µs is shown as {LEAST_US:g} µs")
     series.set_yscale("log")
     line(series, t, values, color=colour, linewidth=0.7)
     seen = values[np.isfinite(values)]
@@ -158,9 +171,15 @@ def _spread(
         histogram.axvline(at, color=INK, linewidth=1.2, linestyle=style, label=f"{words} {at:.0f}")
     legend(histogram)
     if period is not None:
-        series.axhline(period, label="control period", **DASHED)
+        series.axhline(period, label="time from tick to tick", **DASHED)
         histogram.axvline(period, **DASHED)
         legend(series)
+
+
+def _span(t: Rows) -> tuple[float, float]:
+    """What a time axis shows: a little more than there is, so that ends are seen."""
+    room = 0.01 * max(float(t[-1] - t[0]), 0.1)
+    return float(t[0]) - room, float(t[-1]) + room
 
 
 def _counts(axes: Axes, shown: Shown) -> None:
@@ -180,7 +199,7 @@ def _counts(axes: Axes, shown: Shown) -> None:
         label = f"{name.replace('_', ' ')} {total[-1]:.0f}"
         if total.any():
             line(axes, t, total, color=colour, drawstyle="steps-post", label=label)
-        axes.set_xlim(float(t[0]), float(t[-1]))
+        axes.set_xlim(*_span(t))
     if axes.get_legend_handles_labels()[0]:
         axes.set_ylim(0.0, None)
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_tools.plot.drawing import DOTTED, INK, MUTED, THREE, TIME, WIDE, legend, line
+from gcs_tools.plot.drawing import DOTTED, INK, MUTED, THREE, TIME, WIDE, X, legend, line
 from gcs_tools.plot.flight import distance
 from gcs_tools.plot.numbers import Numbers, length
 from gcs_tools.plot.shown import ENU, Shown
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE = (12.0, 9.0)  # inches
+RESTS = 30  # setpoints that are drawn from above; more are a path, and the reference shows it
 QUESTION = "Did it go where the reference went?"
 
 
@@ -42,7 +43,7 @@ def answer(found: Numbers) -> str:
 def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     """Position over time, from above, and the distance from the reference."""
     grid = figure.subplot_mosaic(
-        [["east", "above"], ["north", "above"], ["up", "above"], ["error", "above"]],
+        [["east", "above"], ["north", "above"], ["up", "above"], ["error", "error"]],
         width_ratios=[1.4, 1.0],
         height_ratios=[1.0, 1.0, 1.0, 1.25],
     )
@@ -52,7 +53,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     for i, (name, colour) in enumerate(zip(ENU, THREE, strict=True)):
         axes = grid[name]
         axes.sharex(grid["error"])
-        axes.tick_params(labelbottom=False)
+        axes.tick_params(labelbottom=name == "up")
         axes.set_title(f"{name.capitalize()}, m")
         line(axes, t, told[i], color=INK, label="setpoint", **DOTTED)
         line(axes, t, reference[i], color=colour, label="reference", **WIDE)
@@ -65,11 +66,12 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     above.set_title("From above, m")
     above.set_xlabel("east")
     above.set_ylabel("north")
-    above.plot(told[0], told[1], color=INK, marker=".", markersize=3.0, linestyle="none")
     above.plot(reference[0], reference[1], color=MUTED, label="reference", **WIDE)
     above.plot(flown[0], flown[1], color=INK, linewidth=0.9, label="flown")
     above.plot(flown[0][:1], flown[1][:1], color=INK, marker="o", linestyle="none", label="start")
-    above.plot([], [], color=INK, marker=".", linestyle="none", label="setpoint")
+    rests = np.unique(np.stack(told[:2]), axis=1)
+    if rests.shape[1] <= RESTS:
+        above.plot(*rests, color=X, marker="x", linestyle="none", label="setpoint")
     above.set_aspect("equal", adjustable="datalim")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, columnspacing=0.9)
     distance(grid["error"], shown.flight)
