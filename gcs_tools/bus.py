@@ -64,9 +64,13 @@ _stuck = False  # a session did not close in time: its threads would hold up our
 class BusError(RuntimeError):
     """No session: a port in use, a router that is not there or refuses us."""
 
+    exit_code = 3  # of a program that ends with it
+
 
 class ConfigError(BusError):
     """A file that is no configuration, or names files that cannot be read."""
+
+    exit_code = 2
 
 
 def _configured(values: dict[str, Any]) -> zenoh.Config:
@@ -77,7 +81,7 @@ def _configured(values: dict[str, Any]) -> zenoh.Config:
 
 
 def _from_file(path: Path, namespace: str | None) -> zenoh.Config:
-    """What the file says; what it leaves at Zenoh's defaults is ours, and nothing listens."""
+    """What the file says; what it leaves as Zenoh has it is as without a file."""
     try:
         path.read_bytes()  # for its error
         config = zenoh.Config.from_file(str(path))
@@ -86,15 +90,16 @@ def _from_file(path: Path, namespace: str | None) -> zenoh.Config:
     except zenoh.ZError as error:
         raise ConfigError(f"{path}: not a Zenoh configuration: {_short(error)}") from error
     _check_files(path, config)
-    untouched = zenoh.Config()
-    own = {"namespace": namespace}
-    for key, value in _OWN.items():
-        if config.get_json(key) == untouched.get_json(key):
-            own[key] = value
-    scouts = "scouting/multicast/enabled" not in own
-    if not scouts and config.get_json("listen/endpoints") == untouched.get_json("listen/endpoints"):
-        own["listen/endpoints"] = []
-        if config.get_json("connect/endpoints") == untouched.get_json("connect/endpoints"):
+    zenohs = zenoh.Config()
+
+    def says(key: str) -> bool:
+        return config.get_json(key) != zenohs.get_json(key)
+
+    own = {key: value for key, value in _OWN.items() if not says(key)}
+    own["namespace"] = namespace
+    if not says("listen/endpoints") and config.get_json("scouting/multicast/enabled") != "true":
+        own["listen/endpoints"] = []  # Zenoh's own: a port that the whole network reaches
+        if not says("connect/endpoints"):
             raise ConfigError(f"{path}: neither connect/endpoints nor listen/endpoints is set")
     for key, value in own.items():
         config.insert_json5(key, json.dumps(value))
@@ -110,9 +115,8 @@ def _check_files(path: Path, config: zenoh.Config) -> None:
         try:
             Path(name).open("rb").close()
         except OSError as error:
-            raise ConfigError(
-                f"{path}: {key}: {Path(name).absolute()}: {error.strerror}"
-            ) from error
+            where = Path(name).absolute()  # Zenoh begins at the working directory too
+            raise ConfigError(f"{path}: {key}: {where}: {error.strerror}") from error
 
 
 def for_publisher(instance: int, run: str, file: Path | None = None) -> zenoh.Config:

@@ -64,10 +64,8 @@ def watched(instance: int | None, zenoh: Path | None, what: str) -> Iterator[Wat
                 yield watch
             finally:
                 watch.close()
-    except bus.ConfigError as error:
-        fail(str(error), USAGE)
     except bus.BusError as error:
-        fail(str(error))
+        fail(str(error), error.exit_code)
 
 
 def _told_when_alone(session: Session, zenoh: Path | None) -> Callable[[], None]:
@@ -114,12 +112,9 @@ def publish(
     except PortBusy:
         say("error", f"instance {instance} has a publisher already")
         bus.leave(INFRASTRUCTURE)
-    except bus.ConfigError as error:
-        say("error", str(error))
-        bus.leave(USAGE)
     except bus.BusError as error:
         say("error", str(error))
-        bus.leave(INFRASTRUCTURE)
+        bus.leave(error.exit_code)
     bus.leave(OK)
 
 
@@ -135,7 +130,7 @@ def record(
     """Record everything that a running vehicle publishes into OUT, an MCAP file.
 
     Waits for a vehicle if there is none. Exits 0 when the vehicle is gone, the time is up or
-    Ctrl-C was pressed; 2 when OUT cannot be written; 3 without Zenoh.
+    Ctrl-C was pressed; 2 when OUT cannot be written or CONFIG read; 3 without Zenoh.
     """
     from gcs_tools import bus
     from gcs_tools.present import recording_progress
@@ -178,7 +173,7 @@ def replay(
 ) -> None:  # fmt: skip
     """Put a RECORDING back onto Zenoh, for the same tools: monitor, view, topics, record.
 
-    Exits 0 at its end or after Ctrl-C, 2 when it cannot be read, 3 without Zenoh.
+    Exits 0 at its end or after Ctrl-C, 2 when it or CONFIG cannot be read, 3 without Zenoh.
     """
     from fcu.interface.ports import ports
     from fcu.interface.topics import run_name
@@ -210,7 +205,7 @@ def replay(
     except RecordingError as error:
         fail(str(error), USAGE)
     except bus.BusError as error:
-        fail(str(error))
+        fail(str(error), error.exit_code)
     except KeyboardInterrupt:
         pass
     bus.leave(OK)
