@@ -93,7 +93,7 @@ def _from_file(path: Path, namespace: str | None) -> zenoh.Config:
     zenohs = zenoh.Config()
 
     def says(key: str) -> bool:
-        return config.get_json(key) != zenohs.get_json(key)
+        return bool(config.get_json(key) != zenohs.get_json(key))
 
     own = {key: value for key, value in _OWN.items() if not says(key)}
     own["namespace"] = namespace
