@@ -80,7 +80,7 @@ class App:
     def _controls(self) -> None:
         gui = self._server.gui
         gui.set_panel_label("gcs view")
-        self._heading = gui.add_html(page.heading(self._flight, self._kind))
+        self._heading = gui.add_html(page.heading(self._flight.title, self._kind))
         self._told = gui.add_html("")
         self._playing = False
         self._follow = gui.add_checkbox("Follow", True, hint="Keep the vehicle in the middle")
@@ -96,9 +96,11 @@ class App:
 
     @property
     def _kind(self) -> str:
-        if self._whole:
-            return "recording"
-        return "live" if self._flight.span else "live: waiting for a vehicle"
+        """Whether the flight is live, and what the vehicle does at the present time."""
+        if self._flight.span is None:
+            return "live: waiting for a vehicle"
+        words = ["recording" if self._whole else "live", self._flight.status(self._now)]
+        return ": ".join(filter(None, words))
 
     def _charts(self) -> list[Plot]:
         panel = self._server.gui.add_panel()
@@ -138,7 +140,6 @@ class App:
         if self._whole:
             self._play(elapsed)
         else:
-            self._flight.find_ground()
             self._now = self._flight.span[1]
         self._draw()
 
@@ -160,14 +161,14 @@ class App:
     def _draw(self) -> None:
         """Draw the flight at the present time, unless that is what the page shows already."""
         flight, runs = self._flight, self._playing or not self._whole
-        shown = (self._now, self._follow.value, self._kind + flight.status)
+        shown = (self._now, self._follow.value, self._kind)
         if shown == self._shown and not self._late:
             return
         self._frames += 1
         self._late = runs and self._frames % CHARTS_EVERY != 0  # its charts are not current
         with self._server.atomic():
             if self._shown is None or shown[2] != self._shown[2]:
-                self._heading.content = page.heading(flight, self._kind)
+                self._heading.content = page.heading(flight.title, self._kind)
             self._told.content = page.told(flight, self._now)
             self._scene.show(self._now, self._follow.value)
             if not self._late and flight.span is not None:

@@ -11,8 +11,8 @@ import numpy as np
 
 from gcs_tools.layout import Rows
 from gcs_tools.plot import INK, LIMIT
-from gcs_tools.view.quantities import LEAST_ERROR_M, Chart, Line, Series
-from gcs_tools.view.source import HALF_US, Flight
+from gcs_tools.view.quantities import LEAST_ERROR_M, Chart, Line
+from gcs_tools.view.source import HALF_US, Flight, Series
 
 if TYPE_CHECKING:
     import viser
@@ -142,7 +142,8 @@ class Plot:
 
     def _thin(self, span: tuple[float, float]) -> None:
         self._series = {of: of(self._flight) for of in self._drawn}
-        ends = stretches(span, min(len(self._flight.plant), len(self._flight.fcu) or 1 << 30))
+        fewest = min((len(t) for t, _ in self._series.values() if len(t)), default=0)
+        ends = stretches(span, fewest)
         self._x = middles(ends)
         self._ys = [thinned(t, y, ends) for t, y in self._series.values()]
         if self._chart.logarithmic:
@@ -187,14 +188,13 @@ class Plot:
         else:
             words += f"<code>{self._number(value(series, now))}</code>"
         if behind is not None:
-            alone = f" {escape(line.behind_is)}" if len(self._chart.lines) == 1 else ""
-            words += f'{alone} <em title="{escape(line.behind_is)}">'
-            words += f"{self._number(value(behind, now))}</em>"
+            name = f" {escape(line.behind_is)} " if len(self._chart.lines) == 1 else ""
+            words += f'<em title="{escape(line.behind_is)}">{name}{self._number(value(behind, now))}</em>'
         return words + "</span>"
 
     def _number(self, x: float) -> str:
         """As wide whatever its sign, so that a caption stands still."""
-        return f"{x: .{self._chart.digits}f}" if math.isfinite(x) else " –"
+        return f"{x: z.{self._chart.digits}f}" if math.isfinite(x) else " –"
 
 
 def _axes(last: bool) -> tuple[Any, ...]:

@@ -40,21 +40,18 @@ STYLE = """<style>
 </style>"""
 
 
-def heading(flight: Flight, kind: str) -> str:
-    """The title of the flight, and whether it is live or a recording."""
-    status = f" · {escape(flight.status)}" if flight.status else ""
-    return f'{STYLE}<div class="heading"><b>{escape(flight.title)}</b>{escape(kind)}{status}</div>'
+def heading(title: str, kind: str) -> str:
+    """The title of the flight, and what one is looking at."""
+    return f'{STYLE}<div class="heading"><b>{escape(title)}</b>{escape(kind)}</div>'
 
 
 def told(flight: Flight, now: float) -> str:
     """Time, place, speed and errand of the vehicle at `now` (s)."""
-    true, tick = flight.plant.at(now), flight.fcu.at(now)
     said = _row("time", [now], "s") + "<i></i><i>east</i><i>north</i><i>up</i><i></i>"
-    if true is not None:
-        said += _row("position", true.vector("state.r_E"), "m")
-        said += _row("velocity", true.vector("state.v_E"), "m/s")
-    if tick is not None and tick["engaged"] > 0.5:
-        said += _row("setpoint", tick.vector("setpoint.r_c"), "m")
+    said += _row("position", flight.vector("state.r_E", now), "m")
+    said += _row("velocity", flight.vector("state.v_E", now), "m/s")
+    if flight.value("engaged", now) > 0.5:
+        said += _row("setpoint", flight.vector("setpoint.r_c", now), "m")
     return f'<div class="told">{said}</div>'
 
 

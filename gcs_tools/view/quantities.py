@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_tools.layout import Rows
 from gcs_tools.plot import INK, THREE, X, Y
-from gcs_tools.view.source import HALF_US, Flight, History, Limits
+from gcs_tools.view.source import XYZ, Flight, Limits, Series
 
-Series = tuple[Rows, Rows]  # times, s, and values
 LEAST_ERROR_M = 1e-3  # the error axis is logarithmic: less is drawn as this
 
 
@@ -38,40 +36,40 @@ class Chart(NamedTuple):
     fine: float | None = None  # below this (of the unit) linear, above it logarithmic
 
 
-def flying(fcu: History, values: Rows) -> Series:
-    """Values of the law; not a number while it does not fly."""
-    return fcu["t"], np.where(fcu["engaged"] > 0.5, values, np.nan)
-
-
 def _law(name: str, scale: float = 1.0) -> Callable[[Flight], Series]:
-    return lambda flight: flying(flight.fcu, scale * flight.fcu[name])
+    """A column of the law; not a number while it does not fly."""
+
+    def of(flight: Flight) -> Series:
+        t, values = flight.series(name)
+        return t, np.where(flight.along(t, "engaged") > 0.5, scale * values, np.nan)
+
+    return of
 
 
-def _truth(name: str) -> Callable[[Flight], Series]:
-    return lambda flight: (flight.plant["t"], flight.plant[name])
-
-
-def _estimate(name: str) -> Callable[[Flight], Series]:
-    return lambda flight: (flight.wind["t"], flight.wind[name])
+def _seen(name: str) -> Callable[[Flight], Series]:
+    """A column of anybody else."""
+    return lambda flight: flight.series(name)
 
 
 def _drag_over_mass(axis: str) -> Callable[[Flight], Series]:
+    """The truth of s_v_hat."""
+
     def of(flight: Flight) -> Series:
-        plant = flight.plant
-        return plant["t"], plant[f"f_D_E.{axis}"] / plant["m"]
+        t, force = flight.series(f"f_D_E.{axis}")
+        return t, force / flight.along(t, "m")
 
     return of
 
 
 def _position_error(flight: Flight) -> Series:
     """Of the true position against the reference model, as in gcs_tools.metrics."""
-    fcu, plant = flight.fcu, flight.plant
-    if not len(plant) or not len(fcu):
-        return fcu["t"], np.full(len(fcu), np.nan)
-    at = np.searchsorted(plant["t"], fcu["t"] + HALF_US, side="right") - 1
-    away = plant.vector("state.r_E")[np.maximum(at, 0)] - fcu.vector("internals.r_m")
-    error = np.where(at >= 0, np.sqrt((away * away).sum(axis=1)), np.nan)
-    return flying(fcu, error)
+    t = flight.series("internals.r_m.x")[0]
+    squares = [
+        (flight.along(t, f"state.r_E.{axis}") - flight.along(t, f"internals.r_m.{axis}")) ** 2
+        for axis in XYZ
+    ]
+    flies = flight.along(t, "engaged") > 0.5
+    return t, np.where(flies, np.sqrt(squares[0] + squares[1] + squares[2]), np.nan)
 
 
 def _axes(
@@ -82,7 +80,7 @@ def _axes(
     """Three lines, of the components of a vector."""
     return tuple(
         Line(label, colour, of(axis), None if truth is None else truth(axis))
-        for axis, label, colour in zip("xyz", labels, THREE, strict=True)
+        for axis, label, colour in zip(XYZ, labels, THREE, strict=True)
     )
 
 
@@ -100,14 +98,14 @@ FLIGHT = (
           least=0.01, digits=4, fine=0.002),
     Chart("Drag over mass", "m/s²", _axes(lambda a: _law(f"state.s_v_hat.{a}"), _drag_over_mass),
           least=1.0),
-    Chart("Mass", "kg", (Line("estimate", X, _law("state.m_hat"), _truth("m")),), least=1.0),
+    Chart("Mass", "kg", (Line("estimate", X, _law("state.m_hat"), _seen("m")),), least=1.0),
     Chart("Thrust", "N", (Line("commanded", X, _law("internals.T_c"),
                                _law("internals.T_achieved"), "achieved"),),
           least=1.0, digits=1, limits=lambda limits: (limits.T_min, limits.T_max)),
     Chart("Commanded tilt", "°", (Line("roll", X, _law("internals.angles_c.x", _DEGREES)),
                                   Line("pitch", Y, _law("internals.angles_c.y", _DEGREES))),
           least=1.0, digits=1, limits=_tilt),
-    Chart("Wind", "m/s", _axes(lambda a: _estimate(f"v_air_E.{a}"), lambda a: _truth(f"v_air_E.{a}")),
+    Chart("Wind", "m/s", _axes(lambda a: _seen(f"wind.v_air_E.{a}"), lambda a: _seen(f"v_air_E.{a}")),
           least=1.0, digits=1),
 )  # fmt: skip
 RATES = (
@@ -115,6 +113,6 @@ RATES = (
           _axes(lambda a: _law(f"internals.w_til.{a}"), labels=("roll", "pitch", "yaw")),
           least=0.01, digits=4, fine=0.01),
     Chart("Inertia", "kg m²",
-          _axes(lambda a: _law(f"state.J_hat.{a}"), lambda a: _truth(f"J.{a}"), ("x", "y", "z")),
+          _axes(lambda a: _law(f"state.J_hat.{a}"), lambda a: _seen(f"J.{a}"), ("x", "y", "z")),
           least=0.1, digits=3),
 )  # fmt: skip

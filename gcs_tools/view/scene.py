@@ -13,7 +13,7 @@ import numpy as np
 from fcu.interface.airframe import believed
 from gcs_tools.layout import Rows
 from gcs_tools.view.octocopter import Colour, Octocopter
-from gcs_tools.view.source import Flight, History, Moment
+from gcs_tools.view.source import ROTORS, Flight
 
 if TYPE_CHECKING:
     import viser
@@ -22,12 +22,13 @@ Lines = np.ndarray[tuple[Any, ...], np.dtype[np.float32]]  # (n, 2, 3): their en
 
 POINTS = 1000  # of each line that is drawn
 FLOWN: Colour = (0, 114, 178)
-REFERENCE: Colour = (150, 196, 224)
+REFERENCE: Colour = (86, 180, 233)
 SETPOINT: Colour = (213, 94, 0)
 AIR: Colour = (0, 110, 82)
 TRUE_AIR: Colour = (98, 196, 165)
 SHADE: Colour = (150, 156, 164)
 TARGET_M = 0.9  # half width of the setpoint's mark
+DASH_S = 0.2  # of the reference: as long are the gaps
 ARROW_M = 0.22  # of arrow for 1 m/s of wind
 CALM = 0.2  # m/s below which no arrow is drawn
 AROUND_M = 1e4  # beyond this, nothing is drawn: a flight that diverged has no picture
@@ -50,17 +51,20 @@ def segments(points: Rows) -> Lines:
 class _Arrow:
     """A wind, drawn from above the vehicle, and its speed."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, word: str, colour: Colour, wide: float):
+    def __init__(
+        self, scene: viser.SceneApi, name: str, word: str, colour: Colour, wide: float
+    ) -> None:
         self._word, self._text = word, ""
+        anchor: Any = "bottom-center" if wide > 1.0 else "top-center"  # clear of each other
         self._arrow = scene.add_arrows(
             name, np.zeros((1, 2, 3)), colour, shaft_radius=0.028 * wide,
             head_radius=0.075 * wide, head_length=0.2 * wide, visible=False,
         )  # fmt: skip
-        self._label = scene.add_label(f"{name}_label", word, anchor="bottom-center", visible=False)
+        self._label = scene.add_label(f"{name}_label", word, anchor=anchor, visible=False)
 
-    def show(self, start: Rows, v_air_E: Rows | None) -> None:
+    def show(self, start: Rows, v_air_E: Rows) -> None:
         """Blow from `start` (m) with v_air_E (m/s); what is not known of it counts as none."""
-        wind = np.zeros(3) if v_air_E is None else np.nan_to_num(v_air_E)
+        wind = np.nan_to_num(v_air_E)
         speed = float(np.linalg.norm(wind))
         blows = CALM < speed < AROUND_M
         self._arrow.visible = self._label.visible = blows
@@ -94,10 +98,10 @@ class Scene:
         self._vehicle = Octocopter(scene, "/world/vehicle", self._rotors)
         nowhere = segments(np.zeros((0, 3)))
         self._reference = scene.add_line_segments(
-            "/world/reference", nowhere, REFERENCE, thickness=7.0, thickness_units="screen"
+            "/world/reference", nowhere, REFERENCE, thickness=4.5, thickness_units="screen"
         )
         self._flown = scene.add_line_segments(
-            "/world/flown", nowhere, FLOWN, thickness=2.5, thickness_units="screen"
+            "/world/flown", nowhere, FLOWN, thickness=3.0, thickness_units="screen"
         )
         self._plumb = scene.add_line_segments(
             "/world/plumb", nowhere, SHADE, thickness=1.2, thickness_units="screen"
@@ -116,60 +120,65 @@ class Scene:
         self._true_air = _Arrow(scene, "/world/air_true", "wind", TRUE_AIR, 1.6)
         self._air = _Arrow(scene, "/world/air_estimate", "estimate", AIR, 1.0)
         if whole:
-            self._reference.points = segments(drawable(_reference(flight.fcu)))
+            self._reference.points = _reference(flight)
 
     def show(self, now: float, follow: bool) -> None:
         """Show the flight at `now` (s); with `follow` the vehicle stays in the middle."""
         flight = self._flight
-        true = flight.plant.at(now)
-        if true is None:
-            return
-        r_E = true.vector("state.r_E")
+        r_E = flight.vector("state.r_E", now)
         if not (np.abs(r_E) < AROUND_M).all():
             return
-        share = (
-            true.vector("state.Omega", [f"r{i}" for i in range(1, 9)]) / flight.limits.Omega_max
-        ) ** 2
-        self._vehicle.show(r_E, true.vector("state.q_EB", "wxyz"), share)
+        speeds = flight.vector("state.Omega", now, ROTORS)
+        shares = (speeds / flight.limits.Omega_max) ** 2
+        self._vehicle.show(r_E, flight.vector("state.q_EB", now, "wxyz"), shares)
         if follow:
             self._world.position = -r_E
         self._ways(now, r_E)
-        self._goal(flight.fcu.at(now))
+        self._goal(now)
         above = r_E + np.array([0.0, 0.0, 0.5])
-        self._true_air.show(above, true.vector("v_air_E"))
-        estimate = flight.wind.at(now)
-        self._air.show(above, None if estimate is None else estimate.vector("v_air_E"))
+        self._true_air.show(above, flight.vector("v_air_E", now))
+        self._air.show(above, flight.vector("wind.v_air_E", now))
 
     def _ways(self, now: float, r_E: Rows) -> None:
         """The way flown up to `now`, a line down to the ground, and of a live flight its reference."""
-        plant = self._flight.plant
-        i = plant.index(now)
-        way = plant.vector("state.r_E")[: (0 if i is None else i + 1)]
-        self._flown.points = segments(np.vstack([drawable(way), r_E]))
+        flight = self._flight
+        flown = drawable(flight.way("state.r_E", now))
+        self._flown.points = segments(np.vstack([flown, r_E]))
         if not self._whole:
-            self._reference.points = segments(drawable(_reference(self._flight.fcu)))
-        if self._flight.ground_z is not None:
-            below = np.array([r_E[0], r_E[1], self._flight.ground_z])
-            self._ground.position = (0.0, 0.0, self._flight.ground_z)
+            self._reference.points = _reference(flight)
+        if flight.ground_z is not None:
+            below = np.array([r_E[0], r_E[1], flight.ground_z])
+            self._ground.position = (0.0, 0.0, flight.ground_z)
             self._plumb.points = segments(np.stack([r_E, below]))
             self._foot.position = below + np.array([0.0, 0.0, 0.01])
             self._foot.visible = True
 
-    def _goal(self, tick: Moment | None) -> None:
+    def _goal(self, now: float) -> None:
         """Where the vehicle is told to be, and where the reference model is on its way there."""
-        flies = tick is not None and tick["engaged"] > 0.5
-        told = tick is not None and flies and tick["setpoint.level"] < 0.5
+        flight = self._flight
+        flies = flight.value("engaged", now) > 0.5
         self._model.visible = flies
-        self._setpoint.visible = told
-        if tick is not None and flies:
-            self._model.position = np.nan_to_num(tick.vector("internals.r_m"))
-            self._setpoint.position = np.nan_to_num(tick.vector("setpoint.r_c"))
+        self._setpoint.visible = flies and flight.value("setpoint.level", now) < 0.5
+        if flies:
+            self._model.position = np.nan_to_num(flight.vector("internals.r_m", now))
+            self._setpoint.position = np.nan_to_num(flight.vector("setpoint.r_c", now))
 
 
-def _reference(fcu: History) -> Rows:
-    """Where the reference model was, while the law flew: (n, 3)."""
-    flown: Rows = fcu.vector("internals.r_m")[fcu["engaged"] > 0.5]
-    return flown
+def _reference(flight: Flight) -> Lines:
+    """Where the reference model was, while the law flew: dashes of equal times, (n, 2, 3).
+
+    Dashes, because it lies on the way flown as a rule, and would hide it or be hidden.
+    """
+    t = flight.series("internals.r_m.x")[0]
+    flies = flight.along(t, "engaged") > 0.5
+    step = max(1, len(t) // POINTS)
+    t, r_m, flies = t[::step], flight.way("internals.r_m")[::step], flies[::step]
+    drawn = flies & (np.abs(r_m) < AROUND_M).all(axis=1)
+    if len(t) < 2:
+        return segments(r_m)
+    dash = max(DASH_S, 4.0 * float(np.median(np.diff(t))))
+    on = drawn[:-1] & drawn[1:] & (np.floor(t[:-1] / dash) % 2.0 == 0.0)
+    return segments(r_m)[on] if on.any() else segments(r_m[:0])
 
 
 def _target() -> Lines:
