@@ -69,7 +69,7 @@ class App:
 
     def _camera(self) -> None:
         camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.fov = (-5.5, -6.5, 3.4), (0.0, 0.0, 0.0), 0.9
+        camera.position, camera.look_at, camera.fov = (-6.5, -8.5, 5.2), (0.0, 0.0, 0.0), 0.9
         self._server.gui.configure_theme(
             show_logo=False,
             show_share_button=False,

@@ -28,9 +28,18 @@ def pale(colour: str) -> str:
 
 
 def stretches(span: tuple[float, float], rows: int) -> Rows:
-    """The ends (s) of equal stretches of time; fewer when there are few rows to show."""
-    n = max(1, min(STRETCHES, rows // 4))
-    return np.linspace(span[0] - HALF_US, span[1] + HALF_US, n + 1)
+    """The ends (s) of equal stretches of time; fewer when there are few rows to show.
+
+    They are of a power of two and begin at a multiple of it: so what is drawn of the past stays
+    what it is while time goes on.
+    """
+    least = (span[1] - span[0]) / max(1, min(STRETCHES, rows // 4))
+    width = 2.0 ** math.ceil(math.log2(max(least, HALF_US)))
+    first = math.floor(span[0] / width)
+    n = max(1, math.ceil(span[1] / width) - first)
+    ends: Rows = width * np.arange(first, first + n + 1, dtype=np.float64)
+    ends[-1] = max(ends[-1], span[1] + HALF_US)
+    return ends
 
 
 def thinned(t: Rows, y: Rows, ends: Rows) -> Rows:
@@ -52,10 +61,10 @@ def thinned(t: Rows, y: Rows, ends: Rows) -> Rows:
     return out.ravel()
 
 
-def middles(ends: Rows) -> Rows:
-    """Where the two values of each stretch are drawn, s."""
-    width = np.diff(ends)
-    return np.stack([ends[:-1] + 0.25 * width, ends[:-1] + 0.75 * width], axis=1).ravel()
+def places(ends: Rows) -> Rows:
+    """Where the two values of each stretch are drawn, s: close to its ends, or a slope has steps."""
+    inside = 0.02 * np.diff(ends)
+    return np.stack([ends[:-1] + inside, ends[1:] - inside], axis=1).ravel()
 
 
 def value(series: Series | None, t: float) -> float:
@@ -123,35 +132,39 @@ class Plot:
         return [{**quiet, **line} for line in lines]
 
     def _scales(self) -> dict[str, Any]:
-        y: dict[str, Any] = {"range": self._bounds}
+        """Of a whole flight what it fills; a live one's lines fit, and leave noise its size.
+
+        uPlot fits them by itself: given other scales together with other data, the page of a
+        slow browser loses the newest part of its time axis.
+        """
+        y: dict[str, Any] = {}
+        if self._whole:
+            y["range"] = self._bounds
+        elif not self._chart.logarithmic and self._chart.fine is None:
+            known = bool(self._limits) or self._chart.about_zero
+            ends = zip(("min", "max"), _bounds(self._chart, [], self._limits), strict=True)
+            y["range"] = {
+                end: {"pad": 0.08, "soft": soft, "mode": int(known)} for end, soft in ends
+            }
         if self._chart.logarithmic:
             y["distr"] = 3
         elif self._chart.fine is not None:
             y |= {"distr": 4, "asinh": self._chart.fine}
         return {"x": {"time": False}, "y": y}
 
-    def _rescale(self) -> bool:
-        """Choose the bounds anew where lines leave them, or have come to fill little of them."""
-        low, high = _bounds(self._chart, self._ys, self._limits)
-        shown, wanted = self._bounds[1] - self._bounds[0], high - low
-        inside = self._bounds[0] <= low + 0.08 * wanted and high - 0.08 * wanted <= self._bounds[1]
-        if inside and wanted > 0.3 * shown:
-            return False
-        self._bounds = low, high
-        return True
-
     def _thin(self, span: tuple[float, float]) -> None:
         self._series = {of: of(self._flight) for of in self._drawn}
         fewest = min((len(t) for t, _ in self._series.values() if len(t)), default=0)
         ends = stretches(span, fewest)
-        self._x = middles(ends)
+        self._x = places(ends)
         self._ys = [thinned(t, y, ends) for t, y in self._series.values()]
         if self._chart.logarithmic:
             self._ys = [np.maximum(y, LEAST_ERROR_M) for y in self._ys]
 
     def _data(self, now: float | None) -> tuple[Rows, ...]:
         """Times, lines, limits and, of a whole flight, the mark at `now`: two points on one time."""
-        x, lines = self._x, [*self._ys, *(np.full(len(self._x), level) for level in self._limits)]
+        limits = self._chart.limits(self._flight.limits)  # a live flight may tell others
+        x, lines = self._x, [*self._ys, *(np.full(len(self._x), level) for level in limits)]
         if not self._whole:
             return (x, *lines)
         now = float(x[0]) if now is None else now
@@ -166,8 +179,6 @@ class Plot:
         if not self._whole:
             assert self._flight.span is not None
             self._thin(self._flight.span)
-            if self._rescale():
-                self._plot.scales = self._scales()
         self._plot.data = self._data(now)
         self._caption.content = self._words(now)
 
@@ -188,8 +199,11 @@ class Plot:
         else:
             words += f"<code>{self._number(value(series, now))}</code>"
         if behind is not None:
-            name = f" {escape(line.behind_is)} " if len(self._chart.lines) == 1 else ""
-            words += f'<em title="{escape(line.behind_is)}">{name}{self._number(value(behind, now))}</em>'
+            if len(self._chart.lines) == 1:
+                words += f" {escape(line.behind_is)}"
+            words += (
+                f' <em title="{escape(line.behind_is)}">{self._number(value(behind, now))}</em>'
+            )
         return words + "</span>"
 
     def _number(self, x: float) -> str:

@@ -15,7 +15,7 @@ def _css(colour: Colour) -> str:
 
 
 STYLE = """<style>
-.caption { display: flex; align-items: baseline; gap: 10px; font-size: 11.5px; color: #444;
+.caption { display: flex; align-items: baseline; gap: 9px; font-size: 11.5px; color: #444;
   white-space: nowrap; overflow: hidden; margin: 4px 16px -14px 6px; line-height: 1.4; }
 .caption b { color: #222; font-size: 12px; }
 .caption i { font-style: normal; color: #888; margin: 0 auto 0 -5px; }
@@ -24,7 +24,7 @@ STYLE = """<style>
 .caption code, .caption em, .told code { font-family: ui-monospace, Menlo, Consolas, monospace;
   font-size: 11px; font-style: normal; color: #111; background: none; padding: 0;
   white-space: pre; }
-.caption em { color: #8a8a8a; }
+.caption em { color: #8a8a8a; margin-left: 3px; }
 .uplot-container { border: none !important; background: none !important; }
 .heading { margin: 6px 12px 4px 12px; font-size: 12px; color: #666; line-height: 1.35; }
 .heading b { display: block; font-size: 13px; color: #222; margin-bottom: 3px; }

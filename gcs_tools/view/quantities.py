@@ -30,6 +30,7 @@ class Chart(NamedTuple):
     unit: str
     lines: tuple[Line, ...]
     least: float  # of the quantity is shown, so that noise does not fill a chart
+    about_zero: bool = True  # live, `least` is shown around zero; False: lines are fitted closely
     digits: int = 2  # behind the point, in the caption
     limits: Callable[[Limits], tuple[float, ...]] = lambda limits: ()
     logarithmic: bool = False
@@ -98,7 +99,8 @@ FLIGHT = (
           least=0.01, digits=4, fine=0.002),
     Chart("Drag over mass", "m/s²", _axes(lambda a: _law(f"state.s_v_hat.{a}"), _drag_over_mass),
           least=1.0),
-    Chart("Mass", "kg", (Line("estimate", X, _law("state.m_hat"), _seen("m")),), least=1.0),
+    Chart("Mass", "kg", (Line("estimate", X, _law("state.m_hat"), _seen("m")),), least=1.0,
+          about_zero=False),
     Chart("Thrust", "N", (Line("commanded", X, _law("internals.T_c"),
                                _law("internals.T_achieved"), "achieved"),),
           least=1.0, digits=1, limits=lambda limits: (limits.T_min, limits.T_max)),
@@ -114,5 +116,5 @@ RATES = (
           least=0.01, digits=4, fine=0.01),
     Chart("Inertia", "kg m²",
           _axes(lambda a: _law(f"state.J_hat.{a}"), lambda a: _seen(f"J.{a}"), ("x", "y", "z")),
-          least=0.1, digits=3),
+          least=0.1, about_zero=False, digits=3),
 )  # fmt: skip

@@ -22,13 +22,12 @@ Lines = np.ndarray[tuple[Any, ...], np.dtype[np.float32]]  # (n, 2, 3): their en
 
 POINTS = 1000  # of each line that is drawn
 FLOWN: Colour = (0, 114, 178)
-REFERENCE: Colour = (86, 180, 233)
+REFERENCE: Colour = (230, 159, 0)
 SETPOINT: Colour = (213, 94, 0)
 AIR: Colour = (0, 110, 82)
 TRUE_AIR: Colour = (98, 196, 165)
 SHADE: Colour = (150, 156, 164)
 TARGET_M = 0.9  # half width of the setpoint's mark
-DASH_S = 0.2  # of the reference: as long are the gaps
 ARROW_M = 0.22  # of arrow for 1 m/s of wind
 CALM = 0.2  # m/s below which no arrow is drawn
 AROUND_M = 1e4  # beyond this, nothing is drawn: a flight that diverged has no picture
@@ -98,10 +97,10 @@ class Scene:
         self._vehicle = Octocopter(scene, "/world/vehicle", self._rotors)
         nowhere = segments(np.zeros((0, 3)))
         self._reference = scene.add_line_segments(
-            "/world/reference", nowhere, REFERENCE, thickness=4.5, thickness_units="screen"
+            "/world/reference", nowhere, REFERENCE, thickness=1.6, thickness_units="screen"
         )
         self._flown = scene.add_line_segments(
-            "/world/flown", nowhere, FLOWN, thickness=3.0, thickness_units="screen"
+            "/world/flown", nowhere, FLOWN, thickness=4.5, thickness_units="screen"
         )
         self._plumb = scene.add_line_segments(
             "/world/plumb", nowhere, SHADE, thickness=1.2, thickness_units="screen"
@@ -120,7 +119,7 @@ class Scene:
         self._true_air = _Arrow(scene, "/world/air_true", "wind", TRUE_AIR, 1.6)
         self._air = _Arrow(scene, "/world/air_estimate", "estimate", AIR, 1.0)
         if whole:
-            self._reference.points = _reference(flight)
+            self._reference.points = segments(drawable(_reference(flight)))
 
     def show(self, now: float, follow: bool) -> None:
         """Show the flight at `now` (s); with `follow` the vehicle stays in the middle."""
@@ -145,7 +144,7 @@ class Scene:
         flown = drawable(flight.way("state.r_E", now))
         self._flown.points = segments(np.vstack([flown, r_E]))
         if not self._whole:
-            self._reference.points = _reference(flight)
+            self._reference.points = segments(drawable(_reference(flight)))
         if flight.ground_z is not None:
             below = np.array([r_E[0], r_E[1], flight.ground_z])
             self._ground.position = (0.0, 0.0, flight.ground_z)
@@ -164,21 +163,11 @@ class Scene:
             self._setpoint.position = np.nan_to_num(flight.vector("setpoint.r_c", now))
 
 
-def _reference(flight: Flight) -> Lines:
-    """Where the reference model was, while the law flew: dashes of equal times, (n, 2, 3).
-
-    Dashes, because it lies on the way flown as a rule, and would hide it or be hidden.
-    """
-    t = flight.series("internals.r_m.x")[0]
-    flies = flight.along(t, "engaged") > 0.5
-    step = max(1, len(t) // POINTS)
-    t, r_m, flies = t[::step], flight.way("internals.r_m")[::step], flies[::step]
-    drawn = flies & (np.abs(r_m) < AROUND_M).all(axis=1)
-    if len(t) < 2:
-        return segments(r_m)
-    dash = max(DASH_S, 4.0 * float(np.median(np.diff(t))))
-    on = drawn[:-1] & drawn[1:] & (np.floor(t[:-1] / dash) % 2.0 == 0.0)
-    return segments(r_m)[on] if on.any() else segments(r_m[:0])
+def _reference(flight: Flight) -> Rows:
+    """Where the reference model was, while the law flew: (n, 3)."""
+    flies = flight.along(flight.series("internals.r_m.x")[0], "engaged") > 0.5
+    flown: Rows = flight.way("internals.r_m")[flies]
+    return flown
 
 
 def _target() -> Lines:
