@@ -5,20 +5,20 @@ from __future__ import annotations
 import io
 import socket
 import time
-from collections.abc import Callable
 from contextlib import redirect_stdout
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import viser
 
+from gcs_tools.shown import Flight
 from gcs_tools.view import page
 from gcs_tools.view.charts import Plot
 from gcs_tools.view.quantities import FLIGHT, RATES
 from gcs_tools.view.scene import Scene
-from gcs_tools.view.source import Flight
 
 HOST = "127.0.0.1"  # never another: the page asks nobody who they are
-PORTS = range(8080, 8100)  # that are tried, in order, if none is asked for
+PORTS = 20  # that are tried, one after the other, if none is asked for
 FRAME_S = 0.05  # of the scene
 CHARTS_EVERY = 4  # frames, while time runs
 CHARTS_PX, PANEL_PX = 500, 300
@@ -29,9 +29,10 @@ class NoPort(Exception):
     """No port to serve on: names those that are in use."""
 
 
-def free_port(wanted: int | None) -> int:
-    """`wanted`, or the first of PORTS that nobody has. Raises NoPort."""
-    for port in PORTS if wanted is None else (wanted,):
+def free_port(wanted: int | None, first: int) -> int:
+    """`wanted`, or from `first` on one that nobody has. Raises NoPort."""
+    tried = range(first, first + PORTS) if wanted is None else range(wanted, wanted + 1)
+    for port in tried:
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server will
             try:
@@ -40,8 +41,12 @@ def free_port(wanted: int | None) -> int:
                 continue
             return port
     if wanted is not None:
-        raise NoPort(f"port {wanted} of {HOST} is in use (another: --port N)")
-    raise NoPort(f"ports {PORTS[0]} to {PORTS[-1]} of {HOST} are all in use (another: --port N)")
+        raise _busy(wanted)
+    raise NoPort(f"ports {tried[0]} to {tried[-1]} of {HOST} are all in use (another: --port N)")
+
+
+def _busy(port: int) -> NoPort:
+    return NoPort(f"port {port} of {HOST} is in use (another: --port N)")
 
 
 class App:
@@ -54,11 +59,13 @@ class App:
             self._server = viser.ViserServer(HOST, port, verbose=False)
         if self._server.get_port() != port:  # taken since it was free
             self.stop()
-            raise NoPort(f"port {port} of {HOST} is in use (another: --port N)")
+            raise _busy(port)
         self.url = f"http://{HOST}:{port}"
+        self.note = ""  # of who keeps a live flight current
         self._now = flight.span[0] if flight.span else 0.0
         self._shown: tuple[float, bool, str] | None = None
         self._frames = 0
+        self._frame = time.monotonic()  # when the last began
         self._late = False
         with self._server.atomic():
             self._camera()
@@ -66,6 +73,17 @@ class App:
             self._plots = [*self._charts()]
             self._scene = Scene(self._server.scene, flight, whole=whole)
         self._draw()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
 
     def _camera(self) -> None:
         camera = self._server.initial_camera
@@ -99,8 +117,8 @@ class App:
         """Whether the flight is live, and what the vehicle does at the present time."""
         if self._flight.span is None:
             return "live: waiting for a vehicle"
-        words = ["recording" if self._whole else "live", self._flight.status(self._now)]
-        return ": ".join(filter(None, words))
+        words = ["recording" if self._whole else self.note or "live"]
+        return ": ".join([*words, *filter(None, [self._flight.status(self._now)])])
 
     def _charts(self) -> list[Plot]:
         panel = self._server.gui.add_panel()
@@ -123,15 +141,17 @@ class App:
             self._slider.value = first
         self._playing = not self._playing
 
-    def run(self, receive: Callable[[], None] = lambda: None) -> None:
-        """Keep the page current until interrupted. `receive` appends to the flight what is new."""
-        last = time.monotonic()
+    def run(self) -> None:
+        """Keep the page of a flight that is over current, until interrupted."""
         while True:
-            began = time.monotonic()
-            receive()
-            self.step(began - last)
-            last = began
-            time.sleep(max(0.0, began + FRAME_S - time.monotonic()))
+            self.frame()
+
+    def frame(self) -> None:
+        """Draw what has changed, and wait for the time of the next frame."""
+        now = time.monotonic()
+        self.step(now - self._frame)
+        self._frame = now
+        time.sleep(max(0.0, now + FRAME_S - time.monotonic()))
 
     def step(self, elapsed: float) -> None:
         """Let `elapsed` (s, wall) go by, and draw what has changed."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs_tools.layout import Rows
-from gcs_tools.plot import INK, LIMIT
+from gcs_tools.plot.drawing import INK, LIMIT
+from gcs_tools.shown import HALF_US, Flight, Series
 from gcs_tools.view.quantities import LEAST_ERROR_M, Chart, Line
-from gcs_tools.view.source import HALF_US, Flight, Series
 
 if TYPE_CHECKING:
     import viser

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
+from gcs_tools.shown import Flight
 from gcs_tools.view.octocopter import SHARES, Colour
 from gcs_tools.view.scene import AIR, FLOWN, REFERENCE, SETPOINT, TRUE_AIR
-from gcs_tools.view.source import Flight
 
 
 def _css(colour: Colour) -> str:

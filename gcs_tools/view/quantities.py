@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_tools.plot import INK, THREE, X, Y
-from gcs_tools.view.source import XYZ, Flight, Limits, Series
+from gcs_tools.plot.drawing import INK, THREE, X, Y
+from gcs_tools.shown import XYZ, Flight, Limits, Series
 
 LEAST_ERROR_M = 1e-3  # the error axis is logarithmic: less is drawn as this
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from fcu.interface.airframe import believed
 from gcs_tools.layout import Rows
+from gcs_tools.shown import ROTORS, Flight
 from gcs_tools.view.octocopter import Colour, Octocopter
-from gcs_tools.view.source import ROTORS, Flight
 
 if TYPE_CHECKING:
     import viser

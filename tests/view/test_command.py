@@ -84,3 +84,9 @@ def test_without_the_extra_it_says_how_to_install_it(recording, gcs_view):
     code, out, err = _ended(gcs_view(recording.path, code=absent))
     assert (code, out) == (3, "")
     assert "viser, which is not installed: pip install 'm-mrac[view]'" in err
+
+
+def test_a_recording_has_no_instance(recording, gcs_view):
+    code, out, err = _ended(gcs_view(recording.path, "--instance", 1))
+    assert (code, out) == (2, "")
+    assert "--instance and --zenoh are for a live vehicle" in err

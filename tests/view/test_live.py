@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
+from fcu.interface.ports import INSTANCES
 from fcu.kernel.buffers import columns
 from fcu.law.types import Tick
 from gcs_tools.schema import FCU, PLANT, WIND
+from gcs_tools.shown import Flight, carried
 from gcs_tools.view.app import App, free_port
-from gcs_tools.view.source import Flight, carried
 from sitl_plant.physics.types import PlantRecord
 from tests.view.pictures import node, told
 
@@ -19,7 +24,7 @@ AT = columns(PlantRecord).index
 @pytest.fixture
 def app():
     flight = Flight("under test")
-    shown = App(flight, free_port(None), whole=False)
+    shown = App(flight, free_port(None, 8200), whole=False)
     shown.flight = flight
     yield shown
     shown.stop()
@@ -70,3 +75,34 @@ def test_a_vehicle_that_begins_anew_is_shown_anew(app, recording, look):
         arg=round(recording.plant[99, 0], 3),
     )
     assert app.flight.span == (recording.plant[0, 0], recording.plant[99, 0])
+
+
+@pytest.fixture
+def replayed(recording):
+    """The instance as which a recording is put onto Zenoh as soon as somebody listens."""
+    for instance in reversed(range(1, INSTANCES)):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "gcs_tools", "replay", str(recording.path), "--wait",
+             "--instance", str(instance)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        if process.stderr.readline().startswith("replaying"):
+            break
+        process.communicate()  # somebody else is this instance
+    else:
+        pytest.fail("no instance is free")
+    yield instance
+    process.send_signal(signal.SIGTERM)
+    process.communicate()
+
+
+def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs_view, look):
+    page = look(gcs_view("--instance", replayed).url).page
+    page.get_by_text("gone").wait_for()
+    last = recording.plant[-1]
+    page.wait_for_function(
+        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        arg=round(last[0], 3),
+    )
+    r_E = [last[AT(f"state.r_E.{axis}")] for axis in "xyz"]
+    np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)

@@ -7,8 +7,8 @@ import pytest
 
 from gcs_tools.recording import RecordingError
 from gcs_tools.schema import TOPICS
+from gcs_tools.shown import DRAWN, Flight, History, Limits, carried
 from gcs_tools.view.charts import places, stretches, thinned, value
-from gcs_tools.view.source import DRAWN, Flight, History, Limits, carried
 
 
 def _rows(t, *values):
@@ -130,7 +130,7 @@ def test_values_are_those_of_the_last_row_by_then():
 
 
 def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
-    from gcs_tools.view.source import recorded
+    from gcs_tools.shown import recorded
 
     flight = recorded(recording.path)
     assert flight.limits == Limits.believed()  # paper_nominal changes none
@@ -140,7 +140,7 @@ def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
 
 def test_a_recording_without_a_flight_is_refused(tmp_path):
     from gcs_tools.record import Recorder
-    from gcs_tools.view.source import recorded
+    from gcs_tools.shown import recorded
 
     path = tmp_path / "flight.mcap"
     with Recorder(path, {"title": "nothing"}):
