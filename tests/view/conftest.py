@@ -58,7 +58,7 @@ def look(browser):
     contexts = []
 
     def at(url):
-        context = browser.new_context(viewport={"width": 1440, "height": 900})
+        context = browser.new_context(viewport={"width": 1280, "height": 640})
         context.set_default_timeout(PATIENCE_MS)
         page = context.new_page()
         seen = SimpleNamespace(page=page, url=url, requests=[], errors=[])
