@@ -70,7 +70,7 @@ def plot(
             if not as_json and found["path"] is not None:
                 print(f"{found['path']}  {name}: {found['answer']}", flush=True)
         if as_json:
-            print(json.dumps(drawn, allow_nan=False, indent=2), flush=True)
+            print(json.dumps(drawn, allow_nan=False, ensure_ascii=False, indent=2), flush=True)
     except BrokenPipeError:
         silence(sys.stdout)
         sys.exit(OK)

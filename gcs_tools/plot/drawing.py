@@ -137,8 +137,8 @@ def zoom(
     said = [remark] if remark else []
     if len(late):
         low, high = float(late.min()), float(late.max())
-        half = max(0.6 * (high - low), 0.5 * least, 1e-12)
         middle = 0.5 * (low + high)
+        half = max(0.6 * (high - low), 0.5 * least, 1e-6 * max(1.0, abs(middle)))
         bottom, top = middle - 1.25 * half, middle + half
         ends = [float(end) for end in (whole.min(), whole.max()) if not bottom <= end <= top]
         if ends:

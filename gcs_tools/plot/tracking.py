@@ -21,9 +21,9 @@ QUESTION = "Did it go where the reference went?"
 
 def numbers(shown: Shown) -> Numbers:
     """Distances from the reference model (34). Raises Missing."""
-    error = shown.flight.position_error
+    t, error = shown.t, shown.flight.position_error
     finite = np.isfinite(error)
-    worst_at = float(shown.t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
+    worst_at = float(t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
     names = ("position_rms_settled_m", "position_max_m", "position_final_m", "position_rms_m")
     return {
         **{name: shown.flight.metric(name) for name in names},
