@@ -83,9 +83,9 @@ def line(axes: Axes, t: Rows, y: Rows, **style: Any) -> None:
 
 
 def legend(axes: Axes) -> None:
-    """One row above the axes, beside their title."""
-    handles, _ = axes.get_legend_handles_labels()
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=max(1, len(handles)))
+    """One row above the axes, beside their title; none without anything to name."""
+    if names := axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(names))
 
 
 def limits(axes: Axes, low: float, high: float) -> None:

@@ -90,5 +90,4 @@ def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: s
         start = shown.settled_from_s
         axes.hlines(max(MILLI * settled, LEAST), start, t[-1], color=Y, linewidth=1.6, label=label)
     flagged(axes, t, shown.fcu["internals.projected"], "an estimate held by projection")
-    if axes.get_legend_handles_labels()[0]:
-        legend(axes)
+    legend(axes)

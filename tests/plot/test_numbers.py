@@ -120,7 +120,8 @@ def test_couplings_follow_from_inertia(made: Any) -> None:
     assert truths[3:] == [None, None]
 
 
-def test_wind_counts_from_a_second_after_the_first_estimate(made: Any) -> None:
+def test_wind_counts_from_a_second_after_take_over(made: Any) -> None:
+    made.set_fcu(engaged=np.where(made.t < 2.0, 0.0, 2.0))
     east = np.where(made.t < 2.0, np.nan, np.where(made.t < 3.0, 90.0, 5.3))
     made.set_plant(**{"v_air_E.x": 5.0, "v_air_E.y": -2.0, "v_air_E.z": 7.0})
     made.set_fcu(**{"wind.v_air_E.x": east, "wind.v_air_E.y": np.where(made.t < 2.0, np.nan, -1.6)})
@@ -131,6 +132,8 @@ def test_wind_counts_from_a_second_after_the_first_estimate(made: Any) -> None:
     assert found["north_rms_m_s"] == pytest.approx(0.4)
     assert found["horizontal_rms_m_s"] == pytest.approx(0.5)
     assert found["true_max_m_s"] == pytest.approx(np.hypot(5.0, 2.0))
+    assert wind.numbers(all_of(made, 5.0))["from_s"] == 5.0
+    assert wind.numbers(all_of(made, 2.0, 2.5))["horizontal_rms_m_s"] is None  # nothing counts
 
 
 def test_wind_is_compared_at_ticks_that_both_have(made: Any) -> None:
@@ -139,7 +142,7 @@ def test_wind_is_compared_at_ticks_that_both_have(made: Any) -> None:
     recording = made.recording()
     recording.reports["/fcu/wind"] = recording.reports["/fcu/wind"][100::3]
     found = wind.numbers(Shown.of(recording, None, None))
-    assert found["from_s"] == pytest.approx(1.2)
+    assert found["from_s"] == pytest.approx(1.0)
     assert found["horizontal_rms_m_s"] == pytest.approx(0.0, abs=1e-12)
 
 
