@@ -145,6 +145,13 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     assert done.exit_code == 2 and "text.mcap: " in done.stderr and done.stdout == ""
 
 
+def test_a_full_disk_is_an_error(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "flight-wind.pdf").symlink_to("/dev/full")
+    done = called(run, "--what", "wind", "--format", "pdf")
+    assert done.exit_code == 2
+    assert f"Error: {tmp_path / 'flight-wind.pdf'}: No space left" in done.stderr
+
+
 def test_a_folder_in_the_way_is_an_error(run: Path, tmp_path: Path) -> None:
     (tmp_path / "flight-wind.png").mkdir()
     done = called(run, "--what", "wind")
