@@ -8,13 +8,16 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
-from gcs_tools.commands_plot import plot
+from gcs_tools import commands_bus, commands_monitor, commands_plot
+
+if TYPE_CHECKING:
+    from gcs_tools.publishing import Zenoh
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
 
@@ -41,6 +44,15 @@ def main() -> None:
 def _interrupt(_signal: int, _frame: object) -> None:
     """Being told to end is being interrupted: what was started is stopped, what was flown kept."""
     raise KeyboardInterrupt
+
+
+def _published(publish: bool, zenoh: Path | None) -> Zenoh | None:
+    """How what is flown is put on Zenoh. Raises click's UsageError for a file that is not there."""
+    from gcs_tools.publishing import Zenoh
+
+    if zenoh is not None and not zenoh.is_file():
+        raise click.UsageError(f"--zenoh {zenoh}: no such file")
+    return Zenoh(zenoh and zenoh.absolute()) if publish or zenoh else None
 
 
 def _print_json(content: Any) -> None:
@@ -74,6 +86,8 @@ def _print_json(content: Any) -> None:
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission; may be repeated.")  # fmt: skip
 @click.option("--in-process", is_flag=True, help="Fly the same law and plant without sockets.")
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+@click.option("--publish/--no-publish", default=None, help="Put every tick on Zenoh; default: unless --speed is max.")  # fmt: skip
+@commands_bus.ZENOH
 @INSTANCE
 def fly(
     missions: tuple[str, ...],
@@ -85,6 +99,8 @@ def fly(
     settings: tuple[str, ...],
     in_process: bool,
     as_json: bool,
+    publish: bool | None,
+    zenoh: Path | None,
     instance: int | None,
 ) -> None:
     """Fly each MISSION and judge it.
@@ -106,6 +122,7 @@ def fly(
             in_process=in_process,
             instance=instance,
             show=present.Quiet() if as_json else present.Terminal(),
+            zenoh=_published(speed is not None if publish is None else publish, zenoh),
         )
     except UsageError as error:
         click.echo(f"Error: {error}", err=True)
@@ -133,10 +150,13 @@ def fly(
 @click.option("--origin", metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth; default: PX4's home.")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), help="By which clock a script's stream is lost; default both.")  # fmt: skip
 @click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Saved parameters: read if it exists, written when a ground station asks.")  # fmt: skip
+@click.option("--publish/--no-publish", default=True, show_default=True, help="Put every tick on Zenoh.")  # fmt: skip
+@commands_bus.ZENOH
 @INSTANCE
 def up(
     mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
-    link_clock: str | None, params: str | None, instance: int | None,
+    link_clock: str | None, params: str | None, publish: bool, zenoh: Path | None,
+    instance: int | None,
 ) -> None:  # fmt: skip
     """Run the pair until Ctrl-C, for a ground station or a script.
 
@@ -147,13 +167,13 @@ def up(
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
-    from gcs_tools.flying import UsageError, new_folder, prepared
+    from gcs_tools.flying import UsageError, flies, new_folder, prepared
     from gcs_tools.instance import claimed
     from gcs_tools.processes import InfrastructureError, Misused
     from gcs_tools.up import up as run
 
     try:
-        scene = None if mission is None else prepared(mission)[1]
+        flown, scene = (None, None) if mission is None else prepared(mission)
         folder = new_folder(None, "up")
     except UsageError as error:
         click.echo(f"Error: {error}", err=True)
@@ -169,7 +189,10 @@ def up(
                 f"  logs            {folder}"
             )
             pace = "max" if speed is None else str(speed)
-            run(scene, folder, number, ready, pace, options)
+            run(
+                scene, folder, number, ready, pace, options, _published(publish, zenoh),
+                flies(flown, scene),
+            )  # fmt: skip
     except (InfrastructureError, OSError) as error:
         click.echo(f"Error: {getattr(error, 'strerror', None) or error}", err=True)
         sys.exit(USAGE if isinstance(error, Misused) else INFRASTRUCTURE)
@@ -188,7 +211,11 @@ def up(
 def setpoint(
     x: float, y: float, z: float, yaw_deg: float | None, as_json: bool, instance: int | None
 ) -> None:
-    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up."""
+    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up.
+
+    There it holds, and so it does when you interrupt this. Exits 0 when it is there, 3 when it
+    is not: refused, silent, landed, or a minute gone.
+    """
     import math
 
     from fcu.interface.link import PortBusy
@@ -206,7 +233,7 @@ def setpoint(
     try:
         vehicle = Vehicle(number)
     except PortBusy as error:
-        click.echo(f"Error: {error.strerror}", err=True)
+        click.echo(f"Error: another script or gcs setpoint flies instance {number} (it holds UDP port {error.port}): wait for it, or end it", err=True)  # fmt: skip
         sys.exit(INFRASTRUCTURE)
     target = Vec3(x, y, z)
     began = time.monotonic()
@@ -250,7 +277,11 @@ def recover(recording: Path, out: Path | None) -> None:
         click.echo(f"  without what lies behind a damage: {done.damage}")
 
 
-main.add_command(plot)
+for command in (
+    commands_bus.publish, commands_bus.record, commands_bus.replay, commands_bus.topics,
+    commands_monitor.monitor, commands_plot.plot,
+):  # fmt: skip
+    main.add_command(command)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from google.protobuf.message_factory import GetMessageClass
 
 TOPIC = "/events"
 MESSAGE = "foxglove.Log"
+ENCODING = f"application/protobuf;{MESSAGE}s"  # on Zenoh: as ticks share a sample (ticks.pack)
 LEVELS = ("unknown", "debug", "info", "warning", "error", "fatal")
 _NS = 1_000_000_000
 

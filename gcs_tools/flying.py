@@ -24,9 +24,11 @@ from fcu.law import wind
 from fcu.law.parameters import ParameterError
 from gcs_tools import result, rollout
 from gcs_tools.instance import claimed
+from gcs_tools.logs import logged
 from gcs_tools.mission import Mission, MissionError, load, override
 from gcs_tools.present import Quiet, Show
 from gcs_tools.processes import InfrastructureError
+from gcs_tools.publishing import Zenoh
 from gcs_tools.record import Recorder
 from gcs_tools.recording import RecordingError
 from gcs_tools.result import Result
@@ -98,8 +100,12 @@ def fly_missions(
     in_process: bool = False,
     instance: int | None = None,
     show: Show | None = None,
+    zenoh: Zenoh | None = None,
 ) -> list[Result]:
-    """Fly each mission; stops early when interrupted. Raises UsageError before any has flown."""
+    """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
+
+    `zenoh`: how it is published; None: not.
+    """
     show = show or Quiet()
     ready = [prepared(name, settings, seed, rate_hz) for name in missions]
     many = len(ready) > 1
@@ -110,7 +116,7 @@ def fly_missions(
         nth = sum(flown.mission == mission.name for flown in results)
         own = out and out / (f"{mission.name}-{nth}" if nth else mission.name)
         folder = new_folder(own if many else out, mission.name)
-        flown = _Run(mission, scene, folder, speed, in_process, instance, show).fly()
+        flown = _Run(mission, scene, folder, speed, in_process, instance, show, zenoh).fly()
         show.verdict(flown, str(folder))
         results.append(flown)
         if flown.exit_code == INTERRUPTED:
@@ -128,7 +134,7 @@ class _Run:
 
     def __init__(
         self, mission: Mission, scene: Scenario, folder: Path, speed: float | None,
-        in_process: bool, instance: int | None, show: Show,
+        in_process: bool, instance: int | None, show: Show, zenoh: Zenoh | None,
     ) -> None:  # fmt: skip
         self._mission = mission
         self._scene = scene
@@ -137,6 +143,7 @@ class _Run:
         self._in_process = in_process
         self._instance = instance
         self._show = show
+        self._zenoh = zenoh
 
     def fly(self) -> Result:
         """Fly, judge, and write everything down; never raises for what a flight can do."""
@@ -170,6 +177,8 @@ class _Run:
                     flown = self._flown(recorder)
                 except _Cut as cut:
                     flown, exit_code, error = cut.flown, cut.exit_code, cut.error
+                for event in logged(self._folder):
+                    recorder.event(event.t, event.text, event.level)
         except RecordingError as failed:
             exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"
         except KeyboardInterrupt:
@@ -222,6 +231,7 @@ class _Run:
         flight = WireFlight(
             self._scene, self._folder, instance, self._speed,
             (recorder.add_plant, recorder.add_fcu), progress,
+            self._zenoh, flies(self._mission, self._scene), self._show.note,
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
@@ -243,9 +253,24 @@ class _Run:
             "title": mission.title,
             "seed": str(mission.flight.seed),
             "rate_hz": str(self._scene.rate_hz),
+            "believed_drag": str(list(believed_drag())),
             **{f"version.{k}": v for k, v in versions().items()},
             **{k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
         }
+
+
+def flies(mission: Mission | None, scene: Scenario | None) -> dict[str, Any]:
+    """What a vehicle that is published says of what it flies."""
+    if mission is None or scene is None:
+        return {"mission": None, "versions": versions()}
+    return {
+        "mission": mission.name,
+        "title": mission.title,
+        "seed": mission.flight.seed,
+        "rate_hz": scene.rate_hz,
+        "values": {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
+        "versions": versions(),
+    }
 
 
 class _Cut(Exception):

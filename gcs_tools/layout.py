@@ -39,7 +39,8 @@ class Layout(NamedTuple):
     places: tuple[int, ...]  # of their first bytes
 
 
-def _varint(value: int) -> bytes:
+def varint(value: int) -> bytes:
+    """An unsigned number as Protobuf writes it."""
     out = bytearray()
     while value > 0x7F:
         out.append(value & 0x7F | 0x80)
@@ -76,14 +77,14 @@ def _layout(known: dict[str, DescriptorProto], name: str) -> Layout:
     for field in sorted(known[name].field, key=lambda field: int(field.number)):
         single = field.label == FieldDescriptorProto.LABEL_OPTIONAL
         if single and field.type == FieldDescriptorProto.TYPE_DOUBLE:
-            template += _varint(field.number << 3 | _FIXED64)
+            template += varint(field.number << 3 | _FIXED64)
             names.append(field.name)
             places.append(len(template))
             template += bytes(8)
         elif single and field.type == FieldDescriptorProto.TYPE_MESSAGE:
             inner = _layout(known, field.type_name)
-            template += _varint(field.number << 3 | _LENGTH_DELIMITED)
-            template += _varint(len(inner.template))
+            template += varint(field.number << 3 | _LENGTH_DELIMITED)
+            template += varint(len(inner.template))
             names += [f"{field.name}.{inner_name}" for inner_name in inner.names]
             places += [len(template) + place for place in inner.places]
             template += inner.template
@@ -133,23 +134,18 @@ def _runs(places: list[int], columns: list[int]) -> list[_Run]:
     return runs
 
 
-class Encoder:
-    """Rows of float64 into MCAP message records: for each row one record on each channel."""
+class Stack:
+    """Rows of float64 into bytes: for each row one message of each form, each behind its head."""
 
-    def __init__(self, forms: list[tuple[int, Layout, list[int]]]) -> None:
-        """`forms`: channel, its layout, and for each double of it the column of the row."""
-        self.channels: list[int] = []
-        self.starts: list[int] = []  # of each channel's record in the bytes of a row
+    def __init__(self, forms: list[tuple[bytes, Layout, list[int]]]) -> None:
+        """`forms`: head, layout, and for each double of it the column of the row."""
+        self.starts: list[int] = []  # of each form's head in the bytes of a row
         template = bytearray()
         places: list[int] = []
         columns: list[int] = []
-        for channel, form, of_form in forms:
-            self.channels.append(channel)
+        for head, form, of_form in forms:
             self.starts.append(len(template))
-            head = np.zeros((), _RECORD)
-            head["opcode"], head["channel"] = _MESSAGE_OPCODE, channel
-            head["length"] = _RECORD.itemsize - 9 + len(form.template)  # after opcode and length
-            template += head.tobytes()
+            template += head
             places += [len(template) + place for place in form.places]
             columns += of_form
             template += form.template
@@ -161,21 +157,67 @@ class Encoder:
         """Bytes that one row becomes."""
         return len(self._template)
 
-    def encode(self, rows: Rows, time_ns: np.ndarray[Any, Any], first: int) -> Bytes:
-        """The records of `rows`, uint8 (n, row_bytes).
-
-        time_ns : uint64 (n,), simulation time.  first : sequence number of the first row.
-        """
+    def encode(self, rows: Rows) -> Bytes:
+        """uint8 (n, row_bytes)."""
         n = len(rows)
         out = np.empty((n, self.row_bytes), np.uint8)
         out[:] = self._template
-        for start in self.starts:
-            head: Any = np.ndarray((n,), _RECORD, out, start, (self.row_bytes,))
-            head["sequence"] = np.arange(first, first + n).astype(np.uint32)
-            head["log_time"] = head["publish_time"] = time_ns
         for run in self._runs:
             to: Rows = np.ndarray(
                 (n, run.width), "<f8", out, run.place, (self.row_bytes, run.spacing)
             )
             to[:] = rows[:, run.column : run.column + run.width]
         return out
+
+
+class Encoder:
+    """Rows of float64 into MCAP message records: for each row one record on each channel."""
+
+    def __init__(self, forms: list[tuple[int, Layout, list[int]]]) -> None:
+        """`forms`: channel, its layout, and for each double of it the column of the row."""
+        self.channels = [channel for channel, _, _ in forms]
+        self._stack = Stack([(_head(c, form), form, columns) for c, form, columns in forms])
+        self.starts = self._stack.starts  # of each channel's record in the bytes of a row
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes that one row becomes."""
+        return self._stack.row_bytes
+
+    def encode(self, rows: Rows, time_ns: np.ndarray[Any, Any], first: int) -> Bytes:
+        """The records of `rows`, uint8 (n, row_bytes).
+
+        time_ns : uint64 (n,), simulation time.  first : sequence number of the first row.
+        """
+        out = self._stack.encode(rows)
+        sequence = np.arange(first, first + len(rows))
+        for start in self.starts:
+            number(out, start, sequence, time_ns)
+        return out
+
+
+def _head(channel: int, form: Layout) -> bytes:
+    """Of an MCAP message record of this layout."""
+    head = np.zeros((), _RECORD)
+    head["opcode"], head["channel"] = _MESSAGE_OPCODE, channel
+    head["length"] = _RECORD.itemsize - 9 + len(form.template)  # after opcode and length
+    return head.tobytes()
+
+
+def number(
+    records: Bytes, start: int, sequence: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]
+) -> None:
+    """Write sequence numbers and simulation times into the heads of MCAP message records.
+
+    records : uint8 (n, row_bytes), heads at byte `start` of each row.
+    """
+    n, row_bytes = records.shape
+    head: Any = np.ndarray((n,), _RECORD, records, start, (row_bytes,))
+    head["sequence"] = sequence.astype(np.uint32)
+    head["log_time"] = head["publish_time"] = time_ns
+
+
+def records(channel: int, form: Layout, messages: Bytes) -> Bytes:
+    """MCAP records of encoded messages, uint8 (n, len(form.template)); yet to be numbered."""
+    head = np.frombuffer(_head(channel, form), np.uint8)
+    return np.concatenate([np.tile(head, (len(messages), 1)), messages], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import IO, Protocol
 
@@ -118,3 +118,25 @@ class Terminal:
             Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),
             soft_wrap=True,
         )
+
+
+@contextmanager
+def recording_progress() -> Iterator[Callable[[str], None]]:
+    """A line on standard error that says how a recording stands; none off a terminal."""
+    console = _Terminal(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield lambda line: None
+        return
+    with console.status("waiting for the first tick", spinner="point") as status:
+        yield status.update
+
+
+@contextmanager
+def replay_progress() -> Iterator[Callable[[float], None]]:
+    """A line on standard error that says how far a replay is; none off a terminal."""
+    console = _Terminal(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield lambda t: None
+        return
+    with console.status("", spinner="point") as status:
+        yield lambda t: status.update(f"{t:10.3f} s")

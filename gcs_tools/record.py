@@ -7,11 +7,7 @@ wall time: a killed recorder loses no more than that. Rows are encoded a chunk a
 
 from __future__ import annotations
 
-import fcntl
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -24,10 +20,11 @@ from fcu.interface.diagnostics import Wind
 from fcu.kernel.buffers import columns, size
 from fcu.law.types import LawParams, Tick
 from gcs_tools import events
-from gcs_tools.container import Block, Container
+from gcs_tools.container import Block
 from gcs_tools.events import Event
 from gcs_tools.layout import Encoder, Rows, layout
-from gcs_tools.recording import METADATA, SCHEMA_VERSION, VERSION_KEY, RecordingError
+from gcs_tools.recording import RecordingError
+from gcs_tools.recording_file import CHUNK_BYTES, RecordingFile
 from gcs_tools.schema import (
     FCU,
     FCU_COLUMNS,
@@ -47,9 +44,6 @@ from sitl_plant.physics.types import PlantRecord
 _PLANT, _TICK = size(PlantRecord), size(Tick)
 _WIND = _TICK + size(Wind)
 
-CHUNK_BYTES = 256 * 1024
-CHUNK_SECONDS = 1.0  # of wall time
-
 
 def _nanoseconds(t: Rows) -> np.ndarray[Any, np.dtype[np.uint64]]:
     """Simulation time in s as whole nanoseconds. Raises ValueError if it cannot be that."""
@@ -67,7 +61,7 @@ def _with_time(rows: Rows, first: int, last: int | None) -> Rows:
 class _Stream:
     """Rows of one kind, on their way into the recording. Column 0 is the simulation time."""
 
-    def __init__(self, container: Container, topics: tuple[Topic, ...], names: list[str]) -> None:
+    def __init__(self, file: RecordingFile, topics: tuple[Topic, ...], names: list[str]) -> None:
         self.width = len(names)
         self._pending: list[Rows] = []
         self._written = 0
@@ -75,7 +69,7 @@ class _Stream:
         for topic in topics:
             data, message = schema(topic).SerializeToString(), f"{PACKAGE}.{topic.message}"
             form = layout(data, message)
-            channel = container.add_channel(topic.name, message, data)
+            channel = file.add_channel(topic.name, message, data)
             forms.append((channel, form, [names.index(topic.column(name)) for name in form.names]))
         self._encoder = Encoder(forms)
         self.pending_bytes = 0
@@ -121,58 +115,34 @@ class Recorder:
 
     def __init__(self, path: Path, metadata: dict[str, str]) -> None:
         """Create the file at `path`, which must not exist, and write `metadata` to it."""
-        self._path = path
-        self._failed: str | None = None
         self._closed = False
         self._events: list[Event] = []
         self._events_written = 0
         self._has_params = False
-        self._last_chunk = time.monotonic()
         self._streams: list[_Stream] = []
-        with self._reporting():
-            self._file = FileIO(path, "xb")
-            with suppress(OSError):  # whoever would mend it sees that it is written
-                fcntl.flock(self._file, fcntl.LOCK_EX)
+        self._file = RecordingFile(path, metadata)
         try:
-            with self._reporting():
-                self._container = Container(self._file, PACKAGE, f"m-mrac {SCHEMA_VERSION}")
-                self._container.add_metadata(
-                    METADATA, {VERSION_KEY: str(SCHEMA_VERSION), **metadata}
-                )
-                self._plant = self._stream((PLANT,), PLANT_COLUMNS[:_PLANT])
-                self._plant_report = self._stream((PLANT_TIMING,), ["t", *PLANT_COLUMNS[_PLANT:]])
-                self._fcu = self._stream(FCU, FCU_COLUMNS[:_TICK])
-                self._wind = self._stream((WIND,), ["t", *FCU_COLUMNS[_TICK:_WIND]])
-                self._report = self._stream((STATUS, TIMING), ["t", *FCU_COLUMNS[_WIND:]])
-                self._params = self._stream((PARAMS,), ["t", *columns(LawParams)])
-                self._event_channel = self._container.add_channel(
-                    events.TOPIC, events.MESSAGE, events.schema()
-                )
+            self._plant = self._stream((PLANT,), PLANT_COLUMNS[:_PLANT])
+            self._plant_report = self._stream((PLANT_TIMING,), ["t", *PLANT_COLUMNS[_PLANT:]])
+            self._fcu = self._stream(FCU, FCU_COLUMNS[:_TICK])
+            self._wind = self._stream((WIND,), ["t", *FCU_COLUMNS[_TICK:_WIND]])
+            self._report = self._stream((STATUS, TIMING), ["t", *FCU_COLUMNS[_WIND:]])
+            self._params = self._stream((PARAMS,), ["t", *columns(LawParams)])
+            self._event_channel = self._file.add_channel(
+                events.TOPIC, events.MESSAGE, events.schema()
+            )
         except RecordingError:
             self._file.close()
             raise
 
-    @contextmanager
-    def _reporting(self) -> Iterator[None]:
-        """Name the file and the reason when writing fails, now and at every later call."""
-        if self._failed is not None:
-            raise RecordingError(self._failed)
-        try:
-            yield
-        except OSError as error:
-            self._failed = f"{self._path}: {error.strerror}"
-            raise RecordingError(self._failed) from error
-
     def _stream(self, topics: tuple[Topic, ...], names: list[str]) -> _Stream:
-        self._streams.append(_Stream(self._container, topics, names))
+        self._streams.append(_Stream(self._file, topics, names))
         return self._streams[-1]
 
     def _add(self, stream: _Stream, rows: Rows) -> None:
         for batch in stream.batches(rows):
             stream.add(batch)
-            pending = sum(each.pending_bytes for each in self._streams)
-            late = time.monotonic() - self._last_chunk >= CHUNK_SECONDS
-            if late or pending >= CHUNK_BYTES:
+            if self._file.is_due(sum(each.pending_bytes for each in self._streams)):
                 self.flush()
 
     def add_plant(self, rows: Rows) -> None:
@@ -238,11 +208,7 @@ class Recorder:
     def flush(self) -> None:
         """Write everything recorded so far; whoever records nothing for a while calls this."""
         made = [*(stream.block() for stream in self._streams), self._event_block()]
-        blocks = [block for block in made if block is not None]
-        with self._reporting():
-            if blocks:
-                self._container.add_chunk(blocks)
-        self._last_chunk = time.monotonic()
+        self._file.write([block for block in made if block is not None])
 
     def close(self) -> None:
         """Write what is left and the index, and close the file. A second call does nothing."""
@@ -251,8 +217,7 @@ class Recorder:
         self._closed = True
         try:
             self.flush()
-            with self._reporting():
-                self._container.finish()
+            self._file.finish()
         finally:
             self._file.close()
 
@@ -266,7 +231,7 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         """Close; of a recording that failed already, only the file."""
-        if self._failed is None:
+        if self._file.failed is None:
             self.close()
         else:
             self._file.close()

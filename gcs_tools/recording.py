@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import reduce
 from io import BytesIO
@@ -209,24 +211,63 @@ def _events(contents: _Contents) -> list[Event]:
     return events.decode(schema.data, [message.data for message in messages])
 
 
-def read(path: Path) -> Recording:
-    """The recording at `path`; of one that was cut short, all up to its last whole chunk.
+class Messages(NamedTuple):
+    """One topic as it is on file, in the order of time."""
 
-    Raises RecordingError if it cannot be read, is damaged, or was written by another version.
-    """
+    sequence: np.ndarray[Any, np.dtype[np.uint64]]  # (n,)
+    time_ns: np.ndarray[Any, np.dtype[np.uint64]]  # (n,), simulation time
+    data: list[bytes]
+
+
+def messages(path: Path) -> tuple[dict[str, str], dict[str, Messages]]:
+    """The metadata of the recording at `path`, and its messages by topic. Raises RecordingError."""
+    contents, _ = _opened(path)
+    found = {}
+    for topic, channel in contents.channels.items():
+        of = contents.messages.get(channel.id, [])
+        sequence, time_ns = (
+            np.array([getattr(message, name) for message in of], np.uint64)
+            for name in ("sequence", "log_time")
+        )
+        found[topic] = Messages(sequence, time_ns, [message.data for message in of])
+    return contents.metadata, found
+
+
+def _opened(path: Path) -> tuple[_Contents, bool]:
+    """What is in the file at `path`, and whether it is complete. Raises RecordingError."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
     end, complete = whole_records(data)
     contents = _Contents()
-    try:
+    with _named(path):
         contents.take(data[:end])
         version = contents.metadata.pop(VERSION_KEY, None)
         if version is None:
             raise LayoutError("not a recording of a flight")
         if version not in READ:
             raise LayoutError(f"recording version {version}; this program reads {SCHEMA_VERSION}")
+    return contents, complete
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Name the file in what its contents raise."""
+    try:
+        yield
+    except (McapError, ValueError, RuntimeError, DecodeError, struct.error) as error:
+        # LayoutError and bad checksums are ValueErrors, lz4 raises RuntimeError
+        raise RecordingError(f"{path}: {str(error) or 'not a recording'}") from error
+
+
+def read(path: Path) -> Recording:
+    """The recording at `path`; of one that was cut short, all up to its last whole chunk.
+
+    Raises RecordingError if it cannot be read, is damaged, or was written by another version.
+    """
+    contents, complete = _opened(path)
+    with _named(path):
         return Recording(
             path=path,
             metadata=contents.metadata,
@@ -238,6 +279,3 @@ def read(path: Path) -> Recording:
             lost=contents.lost(),
             complete=complete,
         )
-    except (McapError, ValueError, RuntimeError, DecodeError, struct.error) as error:
-        # LayoutError and bad checksums are ValueErrors, lz4 raises RuntimeError
-        raise RecordingError(f"{path}: {str(error) or 'not a recording'}") from error

@@ -35,6 +35,13 @@ PACKAGE = "m_mrac"
 GEOMETRY = f"{PACKAGE}/geometry.proto"
 _DOUBLE = FieldDescriptorProto.TYPE_DOUBLE
 _MESSAGE = FieldDescriptorProto.TYPE_MESSAGE
+TICKS = "Ticks"  # what the name of a message of several ticks ends with
+_FIXED64 = FieldDescriptorProto.TYPE_FIXED64
+_OF_TICKS = (
+    ("sequence", _FIXED64, "number of each tick, from 0; a gap is a loss"),
+    ("time_ns", _FIXED64, "simulation time of each, ns"),
+    ("tick", _MESSAGE, "each"),
+)
 _TIME_COMMENT = "simulation time, s"
 
 
@@ -176,7 +183,21 @@ def topic_file(topic: Topic) -> FileDescriptorProto:
         )
         file.comment([4, 0, 2, i], trailing=of_tick.get(name, _TIME_COMMENT))
     file.describe(message, [4, 0], topic.carries, f"{PACKAGE}.{topic.message}")
+    _describe_ticks(file, topic)
     return file.proto
+
+
+def _describe_ticks(file: _File, topic: Topic) -> None:
+    """Append the message in which ticks of `topic` share a Zenoh sample."""
+    message = file.proto.message_type.add(name=topic.message + TICKS)
+    file.comment([4, 1], leading=f"A Zenoh sample of {topic.name}: some ticks, in order.")
+    for i, (name, kind, comment) in enumerate(_OF_TICKS):
+        field = message.field.add(
+            name=name, number=i + 1, label=FieldDescriptorProto.LABEL_REPEATED, type=kind
+        )
+        if kind == _MESSAGE:
+            field.type_name = f".{PACKAGE}.{topic.message}"
+        file.comment([4, 1, 2, i], trailing=comment)
 
 
 def schema(topic: Topic) -> FileDescriptorSet:
@@ -202,7 +223,9 @@ def proto_text(file: FileDescriptorProto) -> str:
             kind = field.type_name.removeprefix(f".{name}.").removeprefix(f".{file.package}.")
             note = notes.get((*path, 2, i))
             comment = f"  // {note.trailing_comments.strip()}" if note else ""
-            yield f"  {kind or 'double'} {field.name} = {field.number};{comment}"
+            repeated = "repeated " if field.label == FieldDescriptorProto.LABEL_REPEATED else ""
+            plain = "fixed64" if field.type == _FIXED64 else "double"
+            yield f"  {repeated}{kind or plain} {field.name} = {field.number};{comment}"
         yield "}"
 
     lines = [

@@ -30,6 +30,7 @@ from gcs_tools.processes import (
     one_core,
     stop_all,
 )
+from gcs_tools.publishing import Publishing, Zenoh
 from gcs_tools.scenario import Scenario, arrival
 from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
 from gcs_tools.vehicle import Vehicle, VehicleError
@@ -67,11 +68,18 @@ class WireFlight:
         speed: float | None,
         on_rows: tuple[Callable[[Rows], None], Callable[[Rows], None]],
         progress: Callable[[float], None],
+        zenoh: Zenoh | None = None,
+        flies: dict[str, Any] | None = None,
+        note: Callable[[str], None] = lambda text: None,
     ) -> None:
         """`speed` None: as fast as it goes.  `on_rows`: takes plant rows, takes fcu rows.
 
-        `progress` is told the simulation time flown, s.
+        `progress` is told the simulation time flown, s. `zenoh`: how it is published, None: not;
+        `flies`: what is then said of it. `note` is told what does not end the flight.
         """
+        self._zenoh = zenoh
+        self._flies = flies or {}
+        self._note = note
         self._scene = scene
         self._folder = folder
         self._instance = instance
@@ -81,6 +89,7 @@ class WireFlight:
         self._plant_rows: list[Rows] = []
         self._fcu_rows: list[Rows] = []
         self._children: list[Child] = []
+        self._publishing: Publishing | None = None
 
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
@@ -102,6 +111,8 @@ class WireFlight:
                 arrived = self._send_setpoints(vehicle, control)
                 wall = time.monotonic() - first
                 said = stop_all(self._children)
+                if self._publishing is not None:
+                    said["publisher"] = self._publishing.stop()
         except OSError as error:
             where = error.filename or self._folder
             raise InfrastructureError(f"{where}: {error.strerror or error}") from error
@@ -112,6 +123,8 @@ class WireFlight:
         """Stop both, and take what they have still handed over."""
         stop_all(self._children)
         self._collector.join(DRAIN_S)
+        if self._publishing is not None:
+            self._publishing.stop()
 
     # --- starting
 
@@ -138,6 +151,10 @@ class WireFlight:
         self._plant_fd = plant_out
         self._collector.start()
         stack.callback(self._stop)
+        if self._zenoh is not None:
+            self._publishing = Publishing(
+                self._zenoh, folder, self._instance, self._flies, os.dup(life_out)
+            )
         fcu = Child(
             "flight controller", "fcu",
             ["--instance", N, "--law", str(folder / "law.json"), "--link-clock", "sim", keep,
@@ -154,8 +171,12 @@ class WireFlight:
         self._children.append(plant)
         for child in (fcu, plant):
             child.wait_ready(self._check)
+        if self._publishing is not None and (why := self._publishing.wait_ready()):
+            self._note(f"flown without diagnostics: {why}")
         if self._speed is None:
             core = self._instance % (os.cpu_count() or 1)
+            if self._publishing is not None:
+                self._publishing.keep_off(core)
             stack.enter_context(one_core(core, self._children, self._collector))
         return grants_in
 

@@ -1,0 +1,182 @@
+"""A vehicle watched on the bus: who it is, what it publishes, and what of that got lost."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import zenoh
+
+from fcu.interface import topics as keys
+from fcu.interface.topics import Key
+from gcs_tools import bus, ticks
+from gcs_tools.recording import SCHEMA_VERSION
+from gcs_tools.ticks import Sample, SampleError
+
+ANSWER_S = 2.0  # wall: how long a vehicle may take to say what it is
+FORWARD = 1_000_000  # ticks: who is farther ahead is somebody else
+LOOK_S = 0.005  # wall: between two looks for what has come
+
+
+@dataclass
+class Counted:
+    """What has come of one topic."""
+
+    encoding: str = ""
+    samples: int = 0
+    ticks: int = 0
+    bytes: int = 0
+    lost: int = 0  # ticks missing between the first and the last
+    unreadable: int = 0  # samples that were none of this topic
+    first: int = -1  # sequence numbers
+    last: int = -1
+    seen: list[tuple[float, int]] = field(default_factory=list)  # wall, ticks: for the rate
+
+    def rate_hz(self, now: float, over_s: float = 2.0) -> float:
+        """Ticks a second of late, by the wall."""
+        self.seen = [(at, n) for at, n in self.seen if now - at <= over_s]
+        return sum(n for _, n in self.seen) / over_s
+
+
+class Watch:
+    """One vehicle. Poll it; it keeps nothing but counts."""
+
+    def __init__(self, session: zenoh.Session, vehicle: str = "*") -> None:
+        """`vehicle`: its MAVLink system id; "*": the first that is there."""
+        self._session = session
+        self._vehicle = vehicle
+        alive = f"{keys.PREFIX}/*/{vehicle}/{keys.ALIVE}/*"
+        self._tokens = session.liveliness().declare_subscriber(
+            alive, handler=bus.channel(), history=True
+        )
+        self._subscriber: Any = None
+        self._early: list[tuple[str, Sample]] = []
+        self.key: Key | None = None  # run and vehicle that are watched
+        self.about: dict[str, Any] = {}
+        self.alive: set[str] = set()  # its processes
+        self.counted: dict[str, Counted] = {}
+        self.gone = False  # the vehicle has left the bus
+        self.succeeded = False  # and another has come
+
+    def find(self, check: Callable[[], None] = lambda: None) -> None:
+        """Wait for a vehicle and ask it what it is. `check` is called meanwhile, and may raise.
+
+        Raises BusError when it is there and does not answer, or speaks another version.
+        """
+        while self.key is None:
+            check()
+            self._see_tokens()
+            if self.key is None:
+                time.sleep(LOOK_S)
+        within = f"{keys.namespace(self.key.run)}/{self.key.vehicle}/**"
+        self._subscriber = self._session.declare_subscriber(within, handler=bus.channel())
+        self._ask(within)
+        version = self.about.get("schema_version")
+        if version != SCHEMA_VERSION:
+            raise bus.BusError(
+                f"the vehicle publishes version {version}; this program reads {SCHEMA_VERSION}"
+            )
+
+    def _ask(self, selector: str) -> None:
+        until = time.monotonic() + ANSWER_S
+        while not self.about:
+            if time.monotonic() > until:
+                raise bus.BusError(f"{selector}: there is a vehicle, but it does not answer")
+            for reply in self._session.get(selector, timeout=ANSWER_S):
+                if reply.ok is None:
+                    continue
+                key = keys.take_apart(str(reply.ok.key_expr))
+                data = reply.ok.payload.to_bytes()
+                if key is None:
+                    continue
+                if key.topic == keys.ABOUT:
+                    self.about = _object(data)
+                else:
+                    self._keep_early(key.topic, data)
+
+    def _keep_early(self, topic: str, data: bytes) -> None:
+        try:
+            self._early.append((f"/{topic}", ticks.unpack(data)))
+        except SampleError:
+            pass  # it will be counted if it comes again
+
+    def _see_tokens(self) -> None:
+        while (token := self._tokens.try_recv()) is not None:
+            key = keys.take_apart(str(token.key_expr))
+            if key is None:
+                continue
+            there = token.kind == zenoh.SampleKind.PUT
+            if self.key is None and there:
+                self.key = key
+            if self.key is None:
+                continue
+            if key[:2] != self.key[:2]:
+                self.succeeded = self.succeeded or (there and self.gone)
+                continue
+            process = key.topic.removeprefix(f"{keys.ALIVE}/")
+            (self.alive.add if there else self.alive.discard)(process)
+            self.gone = not self.alive
+
+    def latest(self) -> list[tuple[str, Sample]]:
+        """The last tick of each topic before it was watched, once; (topic, sample)."""
+        early, self._early = self._early, []
+        return early
+
+    def take(self) -> Iterator[tuple[str, Sample]]:
+        """What has come since the last call: (topic, sample), as they came."""
+        self._see_tokens()
+        assert self._subscriber is not None
+        now = time.monotonic()
+        for _ in range(bus.WAITING):
+            sample = self._subscriber.try_recv()
+            if sample is None:
+                return
+            key = keys.take_apart(str(sample.key_expr))
+            if key is None:
+                continue
+            counted = self.counted.setdefault(f"/{key.topic}", Counted())
+            data = sample.payload.to_bytes()
+            counted.samples += 1
+            counted.bytes += len(data)
+            counted.encoding = str(sample.encoding)
+            try:
+                found = ticks.unpack(data)
+            except SampleError:
+                counted.unreadable += 1
+                continue
+            if _count(counted, found, now):
+                yield f"/{key.topic}", found
+
+    def close(self) -> None:
+        """Hear nothing more."""
+        self._tokens.undeclare()
+        if self._subscriber is not None:
+            self._subscriber.undeclare()
+
+
+def _count(counted: Counted, found: Sample, now: float) -> bool:
+    """Whether the sample goes on from those before it; one that goes back is not the vehicle's."""
+    first, last, n = int(found.sequence[0]), int(found.sequence[-1]), len(found.ticks)
+    if counted.first < 0:
+        counted.first = first
+    elif not counted.last < first < counted.last + FORWARD:
+        counted.unreadable += 1
+        return False
+    else:
+        counted.lost += first - counted.last - 1
+    counted.lost += last - first + 1 - n
+    counted.last = last
+    counted.ticks += n
+    counted.seen.append((now, n))
+    return True
+
+
+def _object(data: bytes) -> dict[str, Any]:
+    try:
+        found = json.loads(data)
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
