@@ -40,7 +40,7 @@ def _names(
     "limits      how close to saturation?\n"
     "prediction  does the predictor hold?\n"
     "estimates   are the estimates right? with truth and the bounds of projection\n"
-    "wind        is the wind known? RMS against the truth, from 1 s after the first estimate\n"
+    "wind        is the wind known? RMS against the truth, from 1 s after take-over\n"
     "timing      did both processes keep time?\n\n"
     "Exit codes: 0 drawn, 2 the recording cannot be read, a figure that was asked for by name\n"
     "cannot be drawn of it, or a file cannot be written; 130 interrupted."
@@ -70,7 +70,7 @@ def plot(
             if not as_json and found["path"] is not None:
                 print(f"{found['path']}  {name}: {found['answer']}", flush=True)
         if as_json:
-            print(json.dumps(drawn, allow_nan=False, indent=2), flush=True)
+            print(json.dumps(drawn, allow_nan=False, ensure_ascii=False, indent=2), flush=True)
     except BrokenPipeError:
         silence(sys.stdout)
         sys.exit(OK)

@@ -83,9 +83,9 @@ def line(axes: Axes, t: Rows, y: Rows, **style: Any) -> None:
 
 
 def legend(axes: Axes) -> None:
-    """One row above the axes, beside their title."""
-    handles, _ = axes.get_legend_handles_labels()
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=max(1, len(handles)))
+    """One row above the axes, beside their title; none without anything to name."""
+    if names := axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(names))
 
 
 def limits(axes: Axes, low: float, high: float) -> None:
@@ -137,8 +137,8 @@ def zoom(
     said = [remark] if remark else []
     if len(late):
         low, high = float(late.min()), float(late.max())
-        half = max(0.6 * (high - low), 0.5 * least, 1e-12)
         middle = 0.5 * (low + high)
+        half = max(0.6 * (high - low), 0.5 * least, 1e-6 * max(1.0, abs(middle)))
         bottom, top = middle - 1.25 * half, middle + half
         ends = [float(end) for end in (whole.min(), whole.max()) if not bottom <= end <= top]
         if ends:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -89,5 +90,10 @@ def save(
             at = (0.5 * _MARGIN + _LINE * i) / height
             figure.text(left, at, text, va="bottom", fontsize=8.0, color=GREY)
         which.draw(figure, shown, found)
-        figure.savefig(path, format=kind, dpi=DPI)
+        picture = BytesIO()
+        figure.savefig(picture, format=kind, dpi=DPI)
+    try:
+        path.write_bytes(picture.getvalue())
+    except OSError as error:  # of a full disk: without the name of the file
+        raise OSError(error.errno, error.strerror, str(path)) from error
     return found

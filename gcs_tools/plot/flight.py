@@ -55,6 +55,8 @@ def distance(axes: Axes, flight: Flight) -> None:
     axes.set_title("Distance from the reference, m")
     t, error = flight.t, flight.position_error
     axes.set_yscale("log")
+    greatest = flight.metric("position_max_m")
+    axes.set_ylim(1e-3, max(1.0, 2.0 * (greatest or 0.0)))
     line(axes, t, np.maximum(error, 1e-4), color=INK, linewidth=0.8)
     rms = flight.metric("position_rms_settled_m")
     if rms is not None:
@@ -62,8 +64,6 @@ def distance(axes: Axes, flight: Flight) -> None:
         label = f"settled RMS {rms:.3g} m"
         axes.hlines(max(rms, 1e-4), start, t[-1], color=Y, linewidth=1.6, label=label)
         legend(axes)
-    greatest = flight.metric("position_max_m")
-    axes.set_ylim(1e-3, max(1.0, 2.0 * (greatest or 0.0)))
 
 
 def _thrust(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:

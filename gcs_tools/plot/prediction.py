@@ -19,6 +19,7 @@ SIZE = (12.0, 7.4)  # inches
 QUESTION = "Does the predictor hold?"
 V, W = "internals.v_til", "internals.w_til"
 MILLI = 1e3  # m/s and rad/s are shown in thousandths
+LEAST = 1e-6  # of them that a log scale shows
 
 
 def _size(shown: Shown, name: str) -> Rows:
@@ -80,14 +81,13 @@ def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: s
     axes.set_title(f"Size |{'ṽ' if name == V else 'ω̃'}|, {unit}")
     t, size = shown.t, MILLI * _size(shown, name)
     axes.set_yscale("log")
-    line(axes, t, np.maximum(size, 1e-4), color=INK, linewidth=0.8)
+    seen = size[np.isfinite(size) & (size > 0.0)]
+    low, high = np.quantile(seen, (0.001, 1.0)).tolist() if len(seen) else (LEAST, 1.0)
+    axes.set_ylim(max(LEAST, 0.5 * low), max(10.0 * LEAST, 3.0 * high))
+    line(axes, t, np.maximum(size, LEAST), color=INK, linewidth=0.8)
     if settled is not None:
         label = f"settled RMS {said(MILLI * settled, unit)}"
         start = shown.settled_from_s
-        axes.hlines(max(MILLI * settled, 1e-4), start, t[-1], color=Y, linewidth=1.6, label=label)
-    seen = size[np.isfinite(size) & (size > 0.0)]
-    if len(seen):
-        axes.set_ylim(max(1e-4, 0.5 * float(np.quantile(seen, 0.001))), 3.0 * float(seen.max()))
+        axes.hlines(max(MILLI * settled, LEAST), start, t[-1], color=Y, linewidth=1.6, label=label)
     flagged(axes, t, shown.fcu["internals.projected"], "an estimate held by projection")
-    if axes.get_legend_handles_labels()[0]:
-        legend(axes)
+    legend(axes)

@@ -51,6 +51,7 @@ class Shown:
     flight: Flight  # ticks at which the law was flying; what is settled is of the whole flight
     plant: Columns  # PlantRecord, at those ticks
     fcu: Columns  # Tick, at those ticks
+    taken_over_s: float  # when the law first flew, also before the window; infinite: never
     params: Rows | None
     reports: dict[str, Columns]  # by topic, every tick
     before: dict[str, Columns]  # the same, of the last tick before the window, if there is one
@@ -59,7 +60,8 @@ class Shown:
     @classmethod
     def of(cls, recording: Recording, t_from: float | None, t_to: float | None) -> Shown:
         """What `recording` has from t_from to t_to; None: from the start, to the end."""
-        flight = Flight.of(recording.plant, recording.fcu).window(t_from, t_to)
+        whole = Flight.of(recording.plant, recording.fcu)
+        flight = whole.window(t_from, t_to)
         low, high = -np.inf if t_from is None else t_from, np.inf if t_to is None else t_to
         reports, before = {}, {}
         for topic in SEEN:
@@ -74,6 +76,7 @@ class Shown:
             flight=flight,
             plant=Columns(flight.plant, columns(PlantRecord)),
             fcu=Columns(flight.fcu, columns(Tick)),
+            taken_over_s=float(whole.t[0]) if len(whole.t) else np.inf,
             params=recording.params,
             reports=reports,
             before=before,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_tools.plot.drawing import DOTTED, INK, MUTED, THREE, TIME, WIDE, X, legend, line
+from gcs_tools.plot.drawing import DOTTED, INK, MUTED, THREE, TIME, WIDE, X, broken, legend, line
 from gcs_tools.plot.flight import distance
 from gcs_tools.plot.numbers import Numbers, length
 from gcs_tools.plot.shown import ENU, Shown
@@ -21,9 +21,9 @@ QUESTION = "Did it go where the reference went?"
 
 def numbers(shown: Shown) -> Numbers:
     """Distances from the reference model (34). Raises Missing."""
-    error = shown.flight.position_error
+    t, error = shown.t, shown.flight.position_error
     finite = np.isfinite(error)
-    worst_at = float(shown.t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
+    worst_at = float(t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
     names = ("position_rms_settled_m", "position_max_m", "position_final_m", "position_rms_m")
     return {
         **{name: shown.flight.metric(name) for name in names},
@@ -66,13 +66,16 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     above.set_title("From above, m")
     above.set_xlabel("east")
     above.set_ylabel("north")
-    above.plot(reference[0], reference[1], color=MUTED, label="reference", **WIDE)
-    above.plot(flown[0], flown[1], color=INK, linewidth=0.9, label="flown")
+    (_, east), (_, north) = (broken(t, r) for r in reference[:2])
+    above.plot(east, north, color=MUTED, label="reference", **WIDE)
+    (_, east), (_, north) = (broken(t, r) for r in flown[:2])
+    above.plot(east, north, color=INK, linewidth=0.9, label="flown")
     above.plot(flown[0][:1], flown[1][:1], color=INK, marker="o", linestyle="none", label="start")
     rests = np.unique(np.stack(told[:2]), axis=1)
     if rests.shape[1] <= RESTS:
         above.plot(*rests, color=X, marker="x", linestyle="none", label="setpoint")
     above.set_aspect("equal", adjustable="datalim")
-    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, columnspacing=0.9)
+    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, columnspacing=0.8,
+                 handlelength=1.2)  # fmt: skip
     distance(grid["error"], shown.flight)
     grid["error"].set_xlabel(TIME)

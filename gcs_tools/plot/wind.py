@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,23 +17,19 @@ if TYPE_CHECKING:
 
 SIZE = (12.0, 8.4)  # inches
 QUESTION = "Is the wind known?"
-START_S = 1.0  # from the first estimate: what the estimates still find is not counted
+START_S = 1.0  # from take-over: what the estimates still find is not counted
 
 
-def error(t: Rows, estimate: Rows, truth: Rows) -> Numbers:
-    """RMS of an estimated wind against the true one (m/s), START_S after the first estimate.
+def error(t: Rows, estimate: Rows, truth: Rows, from_s: float) -> Numbers:
+    """RMS of an estimated wind against the true one (m/s), from `from_s` on.
 
     t : s, (n,).  estimate, truth : velocity of the air, m/s, E, (n, 2) or more; east and north
     are looked at. Rows whose estimate is NaN (nothing was flying) do not count.
     """
     off = estimate[:, :2] - truth[:, :2]
-    seen = ~np.isnan(off).any(axis=1)
-    if not seen.any():
-        return dict.fromkeys(("from_s", "east_rms_m_s", "north_rms_m_s", "horizontal_rms_m_s"))
-    start = float(t[seen][0]) + START_S
-    off = off[seen & (t >= start - 1e-6)]
+    off = off[(t >= from_s - 1e-6) & ~np.isnan(off).any(axis=1)]
     return {
-        "from_s": start,
+        "from_s": from_s,
         "east_rms_m_s": rms(off[:, 0]),
         "north_rms_m_s": rms(off[:, 1]),
         "horizontal_rms_m_s": rms(np.hypot(off[:, 0], off[:, 1])),
@@ -55,7 +51,7 @@ def numbers(shown: Shown) -> Numbers:
     """RMS errors, and the strongest true wind. Raises Missing."""
     t, estimate, truth = _both(shown)
     return {
-        **error(t, estimate, truth),
+        **error(t, estimate, truth, max(shown.taken_over_s + START_S, float(t[0]))),
         "true_max_m_s": greatest(np.hypot(truth[:, 0], truth[:, 1])),
     }
 
@@ -83,7 +79,7 @@ def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
     """East and north over time, and the distance between the two winds."""
     east, north, distance = figure.subplots(3, 1, sharex=True)
     t, estimate, truth = _both(shown)
-    start = found["from_s"] if found["from_s"] is not None else float(t[0])
+    start = found["from_s"] or 0.0
     for i, (axes, name) in enumerate(((east, "east"), (north, "north"))):
         axes.set_title(f"Velocity of the air, {name}, m/s")
         line(axes, t, truth[:, i], color=THREE[i], label="truth", **WIDE)
@@ -94,11 +90,13 @@ def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
     horizontal = found["horizontal_rms_m_s"]
     distance.set_title("Horizontal error, m/s")
     line(distance, t, off, color=INK, linewidth=0.8)
-    if horizontal is not None:
+    if horizontal is not None and start < t[-1]:
         label = f"RMS {horizontal:.3g} m/s, from {start:g} s on"
         distance.hlines(horizontal, start, t[-1], color=Y, linewidth=1.6, label=label)
-    distance.axvspan(float(t[0]), start, color=MUTED, alpha=0.2, linewidth=0.0, zorder=0,
-                     label="not counted")  # fmt: skip
+    if start > t[0]:
+        end = min(start, float(t[-1]))
+        style: dict[str, Any] = {"color": MUTED, "alpha": 0.2, "linewidth": 0.0, "zorder": 0}
+        distance.axvspan(float(t[0]), end, label="not counted", **style)
     legend(distance)
     late = off[t >= start]
     distance.set_ylim(0.0, 1.25 * max(greatest(late) or 0.0, 0.1))
