@@ -14,7 +14,7 @@ import click
 
 from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
-from gcs_tools import commands_bus, commands_monitor, commands_plot
+from gcs_tools import commands_bus, commands_monitor, commands_plot, commands_view
 
 if TYPE_CHECKING:
     from gcs_tools.publishing import Zenoh
@@ -279,7 +279,9 @@ def recover(recording: Path, out: Path | None) -> None:
 
 for command in (
     commands_bus.publish, commands_bus.record, commands_bus.replay, commands_bus.topics,
-    commands_monitor.monitor, commands_plot.plot,
+    commands_monitor.monitor,
+    commands_plot.plot,
+    commands_view.view,
 ):  # fmt: skip
     main.add_command(command)
 
