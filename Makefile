@@ -1,12 +1,15 @@
-# Every target sets up .venv first; a set-up that is current costs nothing.
-.PHONY: setup clients fly test check bench schemas console stability
+# Every target but help sets up .venv first; a set-up that is current costs nothing.
+.PHONY: help setup clients fly test check bench schemas console stability
 .DEFAULT_GOAL := setup
 
 # the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
 PYTHON ?= $(firstword $(foreach python,python3 python3.13 python3.12 python3.11,\
 	$(shell $(python) -c 'import sys; 0x30b <= sys.hexversion >> 16 <= 0x30d and print("$(python)")' 2>/dev/null)))
 
-setup: .venv/.installed
+help:  ## what there is to make
+	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
+
+setup: .venv/.installed  ## a virtual environment with what is needed, in .venv
 	@:
 
 .venv/.installed: pyproject.toml constraints.txt
@@ -18,7 +21,7 @@ setup: .venv/.installed
 	@touch $@
 
 # the real clients that tests fly the vehicle with: MAVProxy alone brings half a gigabyte
-clients: .venv/.clients
+clients: .venv/.clients  ## the same, with MAVSDK and MAVProxy for the tests
 	@:
 
 .venv/.clients: .venv/.installed
@@ -27,28 +30,28 @@ clients: .venv/.clients
 		--constraint constraints.txt --editable '.[dev,clients]'
 	@touch $@
 
-fly: setup
+fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
-test: clients
+test: clients  ## all tests
 	@.venv/bin/pytest -q -n 2 --dist loadfile
 
-check: setup
+check: setup  ## linters, types, who may import whom
 	@.venv/bin/ruff check -q .
 	@.venv/bin/ruff format -q --check .
 	@.venv/bin/mypy
 	@.venv/bin/lint-imports
 
-schemas: setup
+schemas: setup  ## written again: the schemas of recordings and missions, the page of parameters
 	@.venv/bin/python -m gcs_tools.schema docs/schemas
 	@.venv/bin/python -m gcs_tools.mission_schema
 	@.venv/bin/python -m fcu.params_page docs/parameters.md
 
-bench: setup
+bench: setup  ## the measurements of docs/bench.md
 	@.venv/bin/python -m gcs_tools.bench
 
-console: clients
+console: clients  ## flown again: docs/mavproxy.txt
 	@.venv/bin/python -m gcs_tools.console docs/mavproxy.txt
 
-stability: setup
+stability: setup  ## flown again: docs/stability_map.png
 	@.venv/bin/python -m gcs_tools.stability_map

@@ -140,11 +140,11 @@ class Loop:
             if self._heard:
                 silent = now - self._heard
                 if silent > END_S:
-                    self._say("error", f"the plant has been silent for {END_S:.0f} s")
+                    self._tell_silence("error", END_S, ", controller stops")
                     self._exit = INFRASTRUCTURE
                     break
                 if silent > WARN_S and not warned:
-                    self._say("warning", "the plant has been silent for 1 s")
+                    self._tell_silence("warning", WARN_S)
                 warned = silent > WARN_S
         self._close()
         return self._exit
@@ -239,6 +239,11 @@ class Loop:
     def _say_all(self, happened: Sequence[tuple[Severity, str]]) -> None:
         for severity, text in happened:
             self._ground.tell(severity, text)
+
+    def _tell_silence(self, level: str, for_s: float, then: str = "") -> None:
+        self._say(level, f"the plant has been silent for {for_s:.0f} s")
+        text = f"No state from the plant for {for_s:.0f} s{then}"
+        self._ground.telemetry.text(Severity.CRITICAL, text)
 
     def _flush(self) -> None:
         try:

@@ -27,6 +27,10 @@ __all__ = ["Parameter", "Parameters", "ParamsFileError", "Refused"]
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
+RULE = (
+    " (the loop has to be stable in hover, estimates right or 3 dB off:"
+    ' fcu/law/README.md, "Which gains go together")'
+)
 
 
 class Refused(ValueError):
@@ -35,6 +39,10 @@ class Refused(ValueError):
     def __init__(self, kind: str, message: str) -> None:
         super().__init__(message)
         self.kind = kind
+
+
+class Unstable(Refused):
+    """A value that was not set, since the loop would not be stable with it."""
 
 
 class ParamsFileError(ValueError):
@@ -156,7 +164,7 @@ class Parameters:
                 raise Refused(OUT_OF_RANGE, refused + why)
             channel = unstable(law)
             if channel and self._stable:
-                raise Refused(OUT_OF_RANGE, refused + self._why(channel, changed, values))
+                raise Unstable(OUT_OF_RANGE, refused + self._why(channel, changed, values))
             self.law, self._stable, self._able = law, not channel, not why
         self._changed, self._values = changed, values
 
@@ -253,8 +261,24 @@ class Parameters:
                 raise ParamsFileError(f"{where}: expected {expected(p)}, got {got}") from error
         try:
             self._adopt(values, "")
-        except Refused as refused:
-            raise ParamsFileError(f"{path}: {refused}") from refused
+        except Refused:
+            name, why = self._one_too_many(values)
+            where = f"{path}:{_line(text, name)}: {name} {_number(values[name])}"
+            rule = RULE if isinstance(why, Unstable) else ""
+            raise ParamsFileError(f"{where} refused: {why}{rule}") from why
+
+    def _one_too_many(self, values: dict[str, float]) -> tuple[str, Refused]:
+        """Of values that are refused together the one, in their order, after which they are; why."""
+        name, so_far = "", dict[str, float]()
+        why = Refused(OUT_OF_RANGE, "")
+        for each, value in values.items():
+            so_far[each] = value
+            try:
+                self._adopt(so_far, "")
+                name = ""
+            except Refused as refused:
+                name, why = name or each, refused
+        return name, why
 
 
 def _of_law(values: dict[str, float]) -> dict[str, float]:

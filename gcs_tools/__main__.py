@@ -14,7 +14,7 @@ import click
 
 from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
-from gcs_tools import commands_bus
+from gcs_tools import commands_bus, commands_monitor, commands_plot, commands_view
 
 if TYPE_CHECKING:
     from gcs_tools.publishing import Zenoh
@@ -211,7 +211,11 @@ def up(
 def setpoint(
     x: float, y: float, z: float, yaw_deg: float | None, as_json: bool, instance: int | None
 ) -> None:
-    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up."""
+    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up.
+
+    There it holds, and so it does when you interrupt this. Exits 0 when it is there, 3 when it
+    is not: refused, silent, landed, or a minute gone.
+    """
     import math
 
     from fcu.interface.link import PortBusy
@@ -229,7 +233,7 @@ def setpoint(
     try:
         vehicle = Vehicle(number)
     except PortBusy as error:
-        click.echo(f"Error: {error.strerror}", err=True)
+        click.echo(f"Error: another script or gcs setpoint flies instance {number} (it holds UDP port {error.port}): wait for it, or end it", err=True)  # fmt: skip
         sys.exit(INFRASTRUCTURE)
     target = Vec3(x, y, z)
     began = time.monotonic()
@@ -274,7 +278,10 @@ def recover(recording: Path, out: Path | None) -> None:
 
 
 for command in (
-    commands_bus.publish, commands_bus.record, commands_bus.replay, commands_bus.topics
+    commands_bus.publish, commands_bus.record, commands_bus.replay, commands_bus.topics,
+    commands_monitor.monitor,
+    commands_plot.plot,
+    commands_view.view,
 ):  # fmt: skip
     main.add_command(command)
 

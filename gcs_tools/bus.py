@@ -25,6 +25,7 @@ from fcu.interface.link import HOST
 from fcu.interface.ports import INSTANCES
 
 CLOSE_S = 2.0  # wall: how long closing may take
+UNCONNECTED = "nobody is there, or one refuses the other (RUST_LOG=zenoh=warn tells why)"
 WAITING = 8192  # samples that a channel holds; when it is full the network waits, and then drops
 
 # Nobody but the publisher puts anything through its session, or answers for it.
@@ -42,13 +43,10 @@ _OWN_WORDS: dict[str, Any] = {
     "policies": [{"rules": ["theirs"], "subjects": ["all"]}],
 }  # fmt: skip
 
-# Of every session that is not configured by a file.
+# Of every session; a file's own values go before.
 _OWN: dict[str, Any] = {
-    "mode": "peer",
-    "listen/endpoints": [],
     "scouting/multicast/enabled": False,  # or every peer of the network would be met
     "scouting/gossip/enabled": False,
-    "connect/timeout_ms": -1,  # whoever is not there yet is tried again, in the background
     "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
     "transport/shared_memory/enabled": False,
     "transport/link/tx/lease": 2000,  # ms until one that is stopped counts as gone
@@ -58,28 +56,82 @@ _OWN: dict[str, Any] = {
     "transport/unicast/max_sessions": 16,
 }
 
+# Of a session that is not configured by a file.
+_PLAIN: dict[str, Any] = {
+    "mode": "peer",
+    "listen/endpoints": [],
+    "connect/timeout_ms": -1,  # whoever is not there yet is tried again, in the background
+}
+
+# Files that a configuration names.
+_FILES = (
+    "transport/link/tls/root_ca_certificate",
+    "transport/link/tls/listen_certificate",
+    "transport/link/tls/listen_private_key",
+    "transport/link/tls/connect_certificate",
+    "transport/link/tls/connect_private_key",
+    "transport/auth/usrpwd/dictionary_file",
+)
+
 _stuck = False  # a session did not close in time: its threads would hold up our exit
 
 
 class BusError(RuntimeError):
-    """No session: a file that is no configuration, a port in use, a router that is not there."""
+    """No session: a port in use, a router that is not there or refuses us."""
+
+    exit_code = 3  # of a program that ends with it
+
+
+class ConfigError(BusError):
+    """A file that is no configuration, or names files that cannot be read."""
+
+    exit_code = 2
 
 
 def _configured(values: dict[str, Any]) -> zenoh.Config:
     config = zenoh.Config()
-    for key, value in (_OWN | values).items():
+    for key, value in (_OWN | _PLAIN | values).items():
         config.insert_json5(key, json.dumps(value))
     return config
 
 
-def _from_file(path: Path) -> zenoh.Config:
+def _from_file(path: Path, namespace: str | None) -> zenoh.Config:
+    """What the file says; what it leaves as Zenoh has it is as without a file."""
     try:
         path.read_bytes()  # for its error
-        return zenoh.Config.from_file(str(path))
+        config = zenoh.Config.from_file(str(path))
     except OSError as error:
-        raise BusError(f"{path}: {error.strerror}") from error
+        raise ConfigError(f"{path}: {error.strerror}") from error
     except zenoh.ZError as error:
-        raise BusError(f"{path}: not a Zenoh configuration: {_short(error)}") from error
+        raise ConfigError(f"{path}: not a Zenoh configuration: {_short(error)}") from error
+    _check_files(path, config)
+    zenohs = zenoh.Config()
+
+    def says(key: str) -> bool:
+        return bool(config.get_json(key) != zenohs.get_json(key))
+
+    own = {key: value for key, value in _OWN.items() if not says(key)}
+    own["namespace"] = namespace
+    if not says("listen/endpoints") and config.get_json("scouting/multicast/enabled") != "true":
+        own["listen/endpoints"] = []  # Zenoh's own: a port that the whole network reaches
+        if not says("connect/endpoints"):
+            raise ConfigError(f"{path}: neither connect/endpoints nor listen/endpoints is set")
+    for key, value in own.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _check_files(path: Path, config: zenoh.Config) -> None:
+    """Zenoh itself would name none of them, or try again for ever."""
+    for key in _FILES:
+        name = json.loads(config.get_json(key))
+        if name is None:
+            continue
+        try:
+            Path(name).open("rb").close()
+        except OSError as error:
+            where = Path(name).absolute()  # Zenoh begins at the working directory too
+            raise ConfigError(f"{path}: {key}: {where}: {error.strerror}") from error
 
 
 def for_publisher(instance: int, run: str, file: Path | None = None) -> zenoh.Config:
@@ -90,21 +142,21 @@ def for_publisher(instance: int, run: str, file: Path | None = None) -> zenoh.Co
             "namespace": topics.namespace(run),
             "access_control": _OWN_WORDS,
         })  # fmt: skip
-    config = _from_file(file)
-    config.insert_json5("namespace", json.dumps(topics.namespace(run)))
-    return config
+    return _from_file(file, topics.namespace(run))
 
 
 def for_tool(instance: int, file: Path | None = None) -> zenoh.Config:
     """What connects to the publisher of an instance, or as `file` says. Raises BusError."""
     if file is None:
         return _configured({"connect/endpoints": [f"tcp/{HOST}:{topics.port(instance)}"]})
-    return _from_file(file)
+    return _from_file(file, None)
 
 
 @contextmanager
 def session(config: zenoh.Config) -> Iterator[zenoh.Session]:
     """A session, closed at the end. Raises BusError if it cannot be opened."""
+    if "RUST_LOG" in os.environ:  # or Zenoh says nothing
+        zenoh.try_init_log_from_env()
     try:
         opened = zenoh.open(config)
     except zenoh.ZError as error:
@@ -155,7 +207,21 @@ def channel() -> Any:
     return zenoh.handlers.FifoChannel(WAITING)
 
 
+def connected(opened: zenoh.Session) -> bool:
+    """Whether a session has a link to anybody."""
+    return bool(opened.info.routers_zid() or opened.info.peers_zid())
+
+
 def _short(error: BaseException) -> str:
-    """What Zenoh says, without where in its source and without brackets."""
-    said = re.sub(r"\bSingle\(([^)]*)\)", r"\1", str(error).split(" at /")[0])
-    return re.sub(r"[\[\]]", "", said).strip().rstrip(".!")
+    """The part of what Zenoh says that is for its user: then come the files of its source."""
+    text = str(error).split(" at /")[0].strip().rstrip(".!")
+    if syntax := re.search(r"--> (\d+):(\d+).*= (.*)", text, re.DOTALL):
+        return f"line {syntax[1]}, column {syntax[2]}: {syntax[3]}"
+    if content := re.search(r'msg: "(.*)", location: (.*)', text):
+        where = re.search(r"line: (\d+), column: (\d+)", content[2])
+        said = content[1].replace('\\"', '"')
+        return f"line {where[1]}, column {where[2]}: {said}" if where else said
+    if alone := re.search(r"Unable to connect to any of \[(.*)\]", text):
+        endpoints = re.sub(r"Single\((.*?)\)", r"\1", alone[1])
+        return f"no connection to {endpoints}: {UNCONNECTED}"
+    return text.replace("[", "").replace("]", "")

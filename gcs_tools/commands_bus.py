@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
-from collections.abc import Iterator
+import math
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,13 +17,16 @@ from fcu.interface import options
 from fcu.interface.ports import INSTANCES
 
 if TYPE_CHECKING:
+    from zenoh import Session
+
     from gcs_tools.watch import Watch
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
+ALONE_S = 3.0  # wall: after that who waits for a vehicle is told that nobody is connected
 
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
-    help="Zenoh's own configuration (docs/zenoh.md); default: loopback, without a router.",
+    help="Zenoh's own configuration (docs/zenoh); default: loopback, without a router.",
 )  # fmt: skip
 WHICH = click.option(
     "--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: the first that publishes."
@@ -55,12 +60,28 @@ def watched(instance: int | None, zenoh: Path | None, what: str) -> Iterator[Wat
         with bus.session(bus.for_tool(number or 0, zenoh)) as session:
             watch = Watch(session, "*" if number is None else str(ports(number).system_id))
             try:
-                watch.find()
+                watch.find(_told_when_alone(session, zenoh))
                 yield watch
             finally:
                 watch.close()
     except bus.BusError as error:
-        fail(str(error))
+        fail(str(error), error.exit_code)
+
+
+def _told_when_alone(session: Session, zenoh: Path | None) -> Callable[[], None]:
+    """What says once, to who waits with a file of their own, that this leads to nobody."""
+    from gcs_tools import bus
+
+    due = time.monotonic() + ALONE_S if zenoh is not None else math.inf
+
+    def check() -> None:
+        nonlocal due
+        if time.monotonic() > due:
+            due = math.inf
+            why = "nobody publishes yet" if bus.connected(session) else bus.UNCONNECTED
+            click.echo(f"waiting, as {zenoh} says: {why} ...", err=True)
+
+    return check
 
 
 @click.command()
@@ -76,8 +97,6 @@ def publish(
 
     `gcs up` and `gcs fly` do this themselves. May be started, stopped and killed at any time.
     """
-    import time
-
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import occupy_standard_streams
     from fcu.interface.topics import run_name
@@ -95,7 +114,7 @@ def publish(
         bus.leave(INFRASTRUCTURE)
     except bus.BusError as error:
         say("error", str(error))
-        bus.leave(INFRASTRUCTURE)
+        bus.leave(error.exit_code)
     bus.leave(OK)
 
 
@@ -111,7 +130,7 @@ def record(
     """Record everything that a running vehicle publishes into OUT, an MCAP file.
 
     Waits for a vehicle if there is none. Exits 0 when the vehicle is gone, the time is up or
-    Ctrl-C was pressed; 2 when OUT cannot be written; 3 without Zenoh.
+    Ctrl-C was pressed; 2 when OUT cannot be written or CONFIG read; 3 without Zenoh.
     """
     from gcs_tools import bus
     from gcs_tools.present import recording_progress
@@ -154,7 +173,7 @@ def replay(
 ) -> None:  # fmt: skip
     """Put a RECORDING back onto Zenoh, for the same tools: monitor, view, topics, record.
 
-    Exits 0 at its end or after Ctrl-C, 2 when it cannot be read, 3 without Zenoh.
+    Exits 0 at its end or after Ctrl-C, 2 when it or CONFIG cannot be read, 3 without Zenoh.
     """
     from fcu.interface.ports import ports
     from fcu.interface.topics import run_name
@@ -186,7 +205,7 @@ def replay(
     except RecordingError as error:
         fail(str(error), USAGE)
     except bus.BusError as error:
-        fail(str(error))
+        fail(str(error), error.exit_code)
     except KeyboardInterrupt:
         pass
     bus.leave(OK)

@@ -253,6 +253,7 @@ class _Run:
             "title": mission.title,
             "seed": str(mission.flight.seed),
             "rate_hz": str(self._scene.rate_hz),
+            "believed_drag": str(list(believed_drag())),
             **{f"version.{k}": v for k, v in versions().items()},
             **{k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
         }

@@ -36,6 +36,10 @@ class Misused(InfrastructureError):
     """A process does not take what it was started with: what it said."""
 
 
+class FlightEnded(InfrastructureError):
+    """The vehicle hit the ground or was lost, and the plant has ended: what became of it, when."""
+
+
 class Child:
     """One process: its log in a file, its JSON lines on standard output."""
 
@@ -47,6 +51,7 @@ class Child:
         self._log_path = log
         self._log: IO[bytes] = log.open("wb")
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._said: dict[str, Any] = {}  # last of itself
         try:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", module, *arguments],
@@ -83,13 +88,17 @@ class Child:
         raise InfrastructureError(f"the {self.name} was not ready within {READY_S:.0f} s")
 
     def check(self) -> None:
-        """Raise InfrastructureError if it has ended."""
+        """Raise InfrastructureError if it has ended, FlightEnded if its flight had."""
         code = self.process.poll()
         if code is not None:
             if code == -signal.SIGKILL:  # it had no time for last words
                 raise InfrastructureError(f"the {self.name} was killed by signal {-code}")
             if code == USAGE:  # it was handed on what a person typed
                 raise Misused(self.last_words().removeprefix("Error: "))
+            said = self._last_said()
+            if said.get("flight_ended"):
+                ending, at_s = said["flight_ended"], said["time_s"]
+                raise FlightEnded(f"the vehicle {ending} at {at_s:.1f} s")
             how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
             raise InfrastructureError(f"the {self.name} {how}: {self.last_words()}")
 
@@ -118,15 +127,19 @@ class Child:
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
-        self._reader.join(STOP_S)
+        said = self._last_said()
         self._log.close()
         if self.process.stdout is not None and not self._reader.is_alive():
             self.process.stdout.close()
-        said: dict[str, Any] = {}
+        return said
+
+    def _last_said(self) -> dict[str, Any]:
+        """What a process that has ended said last of itself."""
+        self._reader.join(STOP_S)
         while not self._lines.empty():
             line = self._lines.get_nowait()
-            said = line if "ended" in line else said
-        return said
+            self._said = line if "ended" in line else self._said
+        return self._said
 
 
 def stop_all(children: Sequence[Child]) -> dict[str, dict[str, Any]]:

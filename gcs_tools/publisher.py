@@ -23,7 +23,7 @@ from fcu.kernel.buffers import columns
 from fcu.law.types import LawParams
 from gcs_tools import bus
 from gcs_tools.events import LEVELS, Event
-from gcs_tools.feeding import WIDTHS, FeedError, Feeds, Source
+from gcs_tools.feeding import WIDTHS, FeedError, Feeds, Source, Taken
 from gcs_tools.outlet import Outlet
 from gcs_tools.recording import SCHEMA_VERSION
 
@@ -46,6 +46,8 @@ class Publisher:
         self.stopping = False
         self.published = dict.fromkeys(WIDTHS, 0)
         self.lost = dict.fromkeys(WIDTHS, 0)  # rows that did not reach us
+        self._before = dict.fromkeys(WIDTHS, 0)  # rows of those who flew before: numbers go on
+        self._next = dict.fromkeys(WIDTHS, 0)  # number that the next row has
         self._refused: set[str] = set()  # why somebody was: said once
 
     def run(self) -> None:
@@ -86,17 +88,25 @@ class Publisher:
         if taken.params is not None:
             self._told(taken.params)
         if source.who:
-            self._outlet.rows(source.who, taken.rows, taken.sequence, taken.time_ns)
-            self.published[source.who] += len(taken.rows)
-            self.lost[source.who] += source.lost - before
-            if source.next > 0:
-                self._outlet.flown(source.who, source.next - 1)
+            self._publish(source, taken, source.lost - before)
         if source.ended:
             self._end(source)
+
+    def _publish(self, source: Source, taken: Taken, lost: int) -> None:
+        who = source.who
+        self._outlet.rows(
+            who, taken.rows, taken.sequence + np.uint64(self._before[who]), taken.time_ns
+        )
+        self.published[who] += len(taken.rows)
+        self.lost[who] += lost
+        if source.next > 0:
+            self._next[who] = self._before[who] + source.next
+            self._outlet.flown(who, self._next[who] - 1)
 
     def _meet(self, source: Source) -> None:
         if any(other.who == source.who for other in self._feeds.sources if other is not source):
             raise FeedError(f"what another {source.who} feeds already")
+        self._before[source.who] = self._next[source.who]
         self._outlet.alive(source.who, True)
         self._outlet.about["processes"][source.who] = {"pid": source.pid}
 

@@ -56,7 +56,8 @@ class Publishing:
         try:
             self._child.wait_ready(check)
         except InfrastructureError as error:
-            return str(error)
+            _, _, said = str(error).partition(" error pub ")  # of its log
+            return said or str(error)
         self._publishes = True
         return ""
 

@@ -80,6 +80,11 @@ class Recorded:
         """Ticks that are missing, by topic."""
         return {topic: c.lost for topic, c in self.counted.items() if c.lost}
 
+    @property
+    def strange(self) -> int:
+        """Samples that were not the vehicle's."""
+        return self.unusable + sum(c.unreadable for c in self.counted.values())
+
     def line(self) -> str:
         """How it stands, while it goes on."""
         lost = sum(self.lost.values())
@@ -100,9 +105,8 @@ class Recorded:
         p50, p99 = self.latency.percentile(50.0), self.latency.percentile(99.0)
         if p50 is not None and p99 is not None:
             lines.append(f"  from tick to here: {p50 * 1e3:.1f} ms, 99 % within {p99 * 1e3:.1f} ms")
-        strange = self.unusable + sum(c.unreadable for c in self.counted.values())
-        if strange:
-            lines.append(f"  {strange} samples were not the vehicle's, and are not in it")
+        if self.strange:
+            lines.append(f"  {self.strange} samples were not the vehicle's, and are not in it")
         return "\n".join(lines)
 
     def as_dict(self, out: Path) -> dict[str, Any]:
@@ -117,7 +121,7 @@ class Recorded:
             "ticks": self.ticks,
             "lost": self.lost,
             "topics": {topic: c.ticks for topic, c in self.counted.items()},
-            "not_the_vehicles": self.unusable + sum(c.unreadable for c in self.counted.values()),
+            "not_the_vehicles": self.strange,
             "latency_p50_s": self.latency.percentile(50.0),
             "latency_p99_s": self.latency.percentile(99.0),
         }

@@ -12,9 +12,11 @@ from typing import Any
 from fcu.interface import handover
 from fcu.interface.link import HOST
 from fcu.interface.topics import port
-from gcs_tools.processes import Child, stop_all
+from gcs_tools.processes import Child, FlightEnded, stop_all
 from gcs_tools.publishing import Publishing, Zenoh
 from gcs_tools.scenario import Scenario
+
+TELL_S = 2.0  # wall: a flight controller tells after one that its plant is silent
 
 
 def up(
@@ -73,6 +75,19 @@ def up(
             why = publishing.wait_ready()
             where = "as configured" if zenoh and zenoh.config else f"tcp/{HOST}:{port(instance)}"
             print(f"  diagnostics     {why or f'Zenoh, {where} (gcs monitor)'}", flush=True)
-        while True:
-            check()
-            time.sleep(0.1)
+        try:
+            while True:
+                check()
+                time.sleep(0.1)
+        except FlightEnded:
+            _let_it_tell(fcu)
+            raise
+
+
+def _let_it_tell(fcu: Child) -> None:
+    """Wait until the flight controller has told its ground stations that there is no plant."""
+    until = time.monotonic() + TELL_S
+    while time.monotonic() < until and fcu.process.poll() is None:
+        if "silent" in fcu.last_words():
+            return
+        time.sleep(0.05)

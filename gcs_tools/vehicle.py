@@ -49,6 +49,7 @@ class Vehicle:
         self._target = Source(at.system_id, 1)
         self._texts: list[str] = []
         self.on_text: Callable[[str], None] = lambda _text: None  # what the vehicle says
+        self.on_message: Callable[[GroundMessage], None] = lambda _message: None  # all it sends
         self.on_wait: Callable[[], None] = lambda: None  # called while waiting; may raise
 
     def close(self) -> None:
@@ -73,18 +74,22 @@ class Vehicle:
         while (datagram := self._link.receive()) is not None:
             heard += self._codec.parse(datagram)
         for message in heard:
+            self.on_message(message)
             if isinstance(message, StatusText):
                 self._texts.append(message.text)
                 self.on_text(message.text)
         return heard
 
-    def _ask(self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str) -> T:
-        for _ in range(TRIES):
+    def _ask(
+        self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str,
+        tries: int = TRIES,
+    ) -> T:  # fmt: skip
+        for _ in range(tries):
             self._link.send(datagram)
             found = self._await(answer, ANSWER_S)
             if found is not None:
                 return found
-        silent = ANSWER_S * TRIES
+        silent = ANSWER_S * tries
         raise VehicleError(
             f"the flight controller has been silent for {silent:.0f} s, asked for {what}"
         )
@@ -98,7 +103,7 @@ class Vehicle:
                     return found
         return None
 
-    def command(self, command: CommandId, *params: float) -> None:
+    def command(self, command: CommandId, *params: float, tries: int = TRIES) -> None:
         """Send a command and await its acknowledgement. Raises VehicleError with the reason."""
         self._texts.clear()
 
@@ -111,9 +116,9 @@ class Vehicle:
             return None if result == Result.IN_PROGRESS else result
 
         packed = self._codec.framed(asks.command_long(self._target, command, params))
-        result = self._ask(packed, answer, command.name)
+        result = self._ask(packed, answer, command.name, tries)
         if result == Result.IN_PROGRESS:
-            ended = self._await(outcome, ANSWER_S * TRIES)
+            ended = self._await(outcome, ANSWER_S * tries)
             if ended is None:
                 raise VehicleError(f"{command.name} was begun, and has not ended")
             result = ended
@@ -146,9 +151,9 @@ class Vehicle:
         """Fly the setpoints sent. Raises VehicleError."""
         self.command(CommandId.SET_MODE, 1.0, MainMode.OFFBOARD, AutoMode.NONE)
 
-    def hold(self) -> None:
-        """Stay where it is. Raises VehicleError."""
-        self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.LOITER)
+    def hold(self, tries: int = TRIES) -> None:
+        """Stay where it is; asked so often, half a second apart. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.LOITER, tries=tries)
 
     def take_off(self, height_m: float) -> None:
         """Climb by so much from here. Raises VehicleError."""

@@ -31,6 +31,7 @@ class Counted:
     bytes: int = 0
     lost: int = 0  # ticks missing between the first and the last
     unreadable: int = 0  # samples that were none of this topic
+    late: int = 0  # samples from before the last: they count as lost
     first: int = -1  # sequence numbers
     last: int = -1
     seen: list[tuple[float, int]] = field(default_factory=list)  # wall, ticks: for the rate
@@ -59,6 +60,7 @@ class Watch:
         self.alive: set[str] = set()  # its processes
         self.counted: dict[str, Counted] = {}
         self.gone = False  # the vehicle has left the bus: a publisher may stay
+        self.succeeded = False  # and another has come
         self._flew = False
         self._ended: dict[str, int] | None = None  # by topic: its last tick, as told at the end
 
@@ -112,7 +114,10 @@ class Watch:
             there = token.kind == zenoh.SampleKind.PUT
             if self.key is None and there:
                 self.key = key
-            if self.key is None or key[:2] != self.key[:2]:
+            if self.key is None:
+                continue
+            if key[:2] != self.key[:2]:
+                self.succeeded = self.succeeded or (there and self.gone)
                 continue
             process = key.topic.removeprefix(f"{keys.ALIVE}/")
             (self.alive.add if there else self.alive.discard)(process)
@@ -185,11 +190,17 @@ class Watch:
 
 
 def _count(counted: Counted, found: Sample, now: float) -> bool:
-    """Whether the sample goes on from those before it; one that goes back is not the vehicle's."""
+    """Whether the sample goes on from those before it.
+
+    One goes back when a connection broke that it was waiting in, and another is there already.
+    """
     first, last, n = int(found.sequence[0]), int(found.sequence[-1]), len(found.ticks)
     if counted.first < 0:
         counted.first = first
-    elif not counted.last < first < counted.last + FORWARD:
+    elif first <= counted.last:
+        counted.late += 1
+        return False
+    elif first >= counted.last + FORWARD:
         counted.unreadable += 1
         return False
     else:

@@ -36,6 +36,7 @@ from sitl_plant.physics.world import World
 
 RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall: a controller that does not answer
 OK, INFRASTRUCTURE = 0, 3
+ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
 BATTERY_HZ = 10.0  # of simulation time
 _NOISE_BLOCK = 4096  # rows drawn at once
 _BATTERY_AT = columns(PlantRecord).index(f"battery.{Battery._fields[0]}")
@@ -56,7 +57,8 @@ class Figures:
     refused: int = 0  # datagrams that were not answers
     stale: int = 0  # answers to another tick's state
     strangers: int = 0  # datagrams from elsewhere than the flight controller
-    ended: float = dynamics.FLYING
+    flight_ended: str = ""  # what became of the vehicle, if the flight ended by itself
+    time_s: float = 0.0  # simulation time at the end
     unpublished: int = 0  # rows that the publisher had no room for
 
 
@@ -149,6 +151,7 @@ class Server:
         except BrokenPipeError:
             self._say("error", "nobody records this flight any more")
             code = INFRASTRUCTURE
+        self.figures.time_s = self._time_s
         self.figures.strangers = self._link.count_strangers()
         self._link.close()
         self.figures.unpublished = self._feed.dropped
@@ -174,9 +177,9 @@ class Server:
             self._battery = Battery(*row[_BATTERY].tolist())
         self._hand_on(row)
         if ended != dynamics.FLYING:
-            self.figures.ended = ended
-            what = "diverged: left the arena" if ended == dynamics.DIVERGED else "hit the ground"
-            self._say("warning", f"the flight ended: {what}")
+            what = ENDINGS[ended]
+            self.figures.flight_ended = what
+            self._say("warning", f"the flight ended: the vehicle {what}")
             return False
         self._past.append(self._state.copy())
         tick.sense(self._past[0], self._next_noise(), self._reported)

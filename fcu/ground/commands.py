@@ -120,15 +120,16 @@ class Commands:
         base, main, sub = request.parameter(1), request.parameter(2), request.given(3, 0.0)
         if not int(base) & CUSTOM_MODE:
             return _denied("Mode denied: only custom modes are known (base mode 1)")
-        asked = modes.of_numbers(int(main), int(sub))
-        return self.select(asked, request, f"{main:.0f}, {sub:.0f}")
+        numbers = int(main), int(sub)
+        return self.select(modes.of_numbers(*numbers), request, modes.shown(*numbers))
 
     def _standard_mode(self, request: Request) -> Verdict:
         number = int(request.parameter(1))
-        return self.select(modes.of_standard(number), request, f"{number} (standard)")
+        name = modes.OTHER_STANDARD.get(number, f"{number} (standard)")
+        return self.select(modes.of_standard(number), request, name)
 
     def select(self, mode: Mode | None, request: Request, asked: str) -> Verdict:
-        """Another mode; None: one that this vehicle does not have. `asked`: its numbers."""
+        """Another mode; None: one that this vehicle does not have. `asked`: what it is called."""
         if mode is None:
             return _denied(f"Mode {asked} denied: this vehicle has none such")
         return self._vehicle.select(mode, request.t_us, request.wall_s)

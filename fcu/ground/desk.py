@@ -89,7 +89,7 @@ class Desk:
         pending = self._pending.get(command.command)
         if pending is None:
             return False
-        if command.confirmation > 0 and _asked(pending.command) == _asked(command):
+        if _asked(pending.command) == _asked(command):  # counted as a repetition or not
             _acknowledge(port, link, command, Result.IN_PROGRESS)
         else:
             _acknowledge(port, link, command, Result.TEMPORARILY_REJECTED)

@@ -27,6 +27,7 @@ from fcu.interface.ground_messages import (
     Command,
     GroundMessage,
     ManualControl,
+    NotTaken,
     SetMode,
     SetpointMessage,
 )
@@ -45,6 +46,11 @@ from fcu.vehicle.wind import Wind
 
 WIND_S = 0.05  # wall: between two looks at the wind
 COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
+
+INSTEAD = {  # of messages that ask for what this vehicle does not do
+    "SET_GPS_GLOBAL_ORIGIN": " (see --origin)",
+    "SET_ACTUATOR_CONTROL_TARGET": "",
+}
 
 _NUMBERS = re.compile(r"[0-9.]+")
 
@@ -151,12 +157,16 @@ class Station:
             elif isinstance(message, SetpointMessage | AttitudeSetpointMessage):
                 self._setpoint(port, link, message, t_us, now)
             elif isinstance(message, SetMode):
-                mode = modes.of_numbers(message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24)
+                asked = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24
                 request = Request(_as_command(message), t_us, now)
-                asked = f"{message.custom_mode >> 16 & 0xFF}, {message.custom_mode >> 24}"
-                self._desk.explain(self._commands.select(mode, request, asked), now)
+                verdict = self._commands.select(
+                    modes.of_numbers(*asked), request, modes.shown(*asked)
+                )
+                self._desk.explain(verdict, now)
             elif isinstance(message, ManualControl):
                 self._sticks(message, t_us)
+            elif isinstance(message, NotTaken):
+                self._complain(f"{message.name} is not taken{INSTEAD[message.name]}", now)
             else:
                 self._other(port, link, message, t_us, now)
 
@@ -207,7 +217,9 @@ class Station:
             self._complain(f"Setpoint refused: {refused}", now)
             return
         script.take(setpoint, message, t_us, now)
-        vehicle.fly_script(t_us)
+        said = vehicle.fly_script(t_us)
+        if said:
+            self.tell(Severity.INFO, said)
         port.send(link, echo(t_us * 1e-6, message))
         if warning:
             self._complain(warning, now)

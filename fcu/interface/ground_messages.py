@@ -104,6 +104,15 @@ class ManualControl(NamedTuple):
     r: float  # yaw, clockwise, -1 to 1
 
 
+class NotTaken(NamedTuple):
+    """A message that asks for what this vehicle does not do: its sender is told so."""
+
+    source: Source
+    target_system: int
+    target_component: int  # 0: all, or the message has none
+    name: str
+
+
 class SetMode(NamedTuple):
     """SET_MODE, which COMMAND_LONG has replaced."""
 
@@ -279,7 +288,7 @@ class StatusText(NamedTuple):
 
 
 ADDRESSED = (  # a message that names its receiver
-    Command | CommandAck | SetpointMessage | AttitudeSetpointMessage | ManualControl | SetMode
+    Command | CommandAck | SetpointMessage | AttitudeSetpointMessage | ManualControl | SetMode | NotTaken
     | ParamRequestList | ParamRequestRead | ParamSet | StreamRequest | Ping | MissionMessage
     | FileTransfer | LogRequestList
 )  # fmt: skip

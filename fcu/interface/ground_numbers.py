@@ -106,6 +106,9 @@ class AutoMode(IntEnum):
     MISSION = 4
     RETURN = 5
     LAND = 6
+    FOLLOW = 8
+    PRECISION_LAND = 9
+    VTOL_TAKEOFF = 10
 
 
 class SystemStatus(IntEnum):

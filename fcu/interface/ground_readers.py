@@ -36,6 +36,7 @@ from fcu.interface.ground_messages import (
     LogRequestList,
     ManualControl,
     MissionMessage,
+    NotTaken,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
@@ -145,6 +146,13 @@ def _manual_control(f: Fields, source: Source) -> ManualControl:
     return ManualControl(source, f["target"], x, y, stick("z", 0.0), r)
 
 
+def _not_taken(name: str) -> Callable[[Fields, Source], NotTaken]:
+    def read(f: Fields, source: Source) -> NotTaken:
+        return NotTaken(source, f["target_system"], f.get("target_component", 0), name)
+
+    return read
+
+
 def _set_mode(f: Fields, source: Source) -> SetMode:
     return SetMode(source, f["target_system"], f["base_mode"], f["custom_mode"])
 
@@ -246,6 +254,8 @@ READERS: dict[str, Callable[[Fields, Source], GroundMessage]] = {
     "SET_ATTITUDE_TARGET": _set_attitude_target,
     "MANUAL_CONTROL": _manual_control,
     "SET_MODE": _set_mode,
+    "SET_GPS_GLOBAL_ORIGIN": _not_taken("SET_GPS_GLOBAL_ORIGIN"),
+    "SET_ACTUATOR_CONTROL_TARGET": _not_taken("SET_ACTUATOR_CONTROL_TARGET"),
     "PARAM_REQUEST_LIST": _param_request_list,
     "PARAM_REQUEST_READ": _param_request_read,
     "PARAM_SET": _param_set,

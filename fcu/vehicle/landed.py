@@ -19,6 +19,7 @@ Row = np.ndarray[Any, np.dtype[np.float64]]
 
 SLOW = 0.25  # m/s, of a vehicle at rest
 HELD_FOR_US = 500_000  # simulation time
+STOOD_US = 100_000  # simulation time: what falls is at rest for a quarter of that
 LIGHT = 0.5  # of the thrust in flight
 LEARNT = 0.01  # of the thrust of one look: two seconds' worth
 CLEAR = 0.15  # m above where it stood: in the air whatever the rotors do
@@ -37,8 +38,14 @@ class Landed:
         self._T_flight = T_first
         self._since_us: int | None = None
         self._stood_at = math.nan  # height at which it was last seen standing
+        self.ground = math.nan  # height (m, E) at which it has stood for a while
         self.landed = True
         self.has_flown = False  # since it was last on the ground for certain
+
+    @property
+    def light(self) -> float:
+        """Thrust (N) of rotors that do not carry the vehicle, by far."""
+        return 0.5 * LIGHT * self._T_flight
 
     def see(self, state: Row, time_us: int) -> bool:
         """One look, some 50 times a second; whether it is on the ground."""
@@ -51,6 +58,12 @@ class Landed:
             first = math.isnan(self._stood_at)
             if first:
                 self._stood_at = height
+            if not still:
+                self._since_us = None
+            elif self._since_us is None:
+                self._since_us = time_us
+            elif time_us - self._since_us >= STOOD_US:
+                self.ground = self._stood_at
             if height > self._stood_at + CLEAR or (first and carried):
                 self.landed, self.has_flown, self._since_us = False, True, None
         elif carried or not still:

@@ -97,6 +97,20 @@ ON_LOSS: dict[int, Mode | None] = {
 }
 TERMINATE = 6
 
+# PX4's modes that this vehicle does not have, as ground stations show them: main, sub
+OTHERS: dict[tuple[int, int], str] = {
+    (MainMode.MANUAL, 0): "Manual",
+    (MainMode.ALTITUDE, 0): "Altitude",
+    (MainMode.ACRO, 0): "Acro",
+    (MainMode.STABILIZED, 0): "Stabilized",
+    (MainMode.AUTO, AutoMode.READY): "Ready",
+    (MainMode.AUTO, AutoMode.MISSION): "Mission",
+    (MainMode.AUTO, AutoMode.FOLLOW): "Follow Me",
+    (MainMode.AUTO, AutoMode.PRECISION_LAND): "Precision Land",
+    (MainMode.AUTO, AutoMode.VTOL_TAKEOFF): "VTOL Takeoff",
+}
+OTHER_STANDARD = {2: "Orbit", 3: "Cruise", 4: "Altitude Hold", 6: "Mission"}  # MAV_STANDARD_MODE
+
 _BY_NUMBERS = {(int(row.main), int(row.sub)): mode for mode, row in MODES.items()}
 _BY_STANDARD = {row.standard: mode for mode, row in MODES.items() if row.standard}
 
@@ -114,6 +128,14 @@ def after(mode: Mode, event: Event) -> Mode:
 def of_numbers(main: int, sub: int) -> Mode | None:
     """The mode of PX4's numbers; None for one that this vehicle does not have."""
     return _BY_NUMBERS.get((main, sub if main == MainMode.AUTO else 0))
+
+
+def shown(main: int, sub: int) -> str:
+    """How ground stations show PX4's numbers of a mode; the numbers if they know none."""
+    mode = of_numbers(main, sub)
+    if mode is not None:
+        return mode.value
+    return OTHERS.get((main, sub if main == MainMode.AUTO else 0), f"{main}, {sub}")
 
 
 def of_standard(number: int) -> Mode | None:

@@ -14,10 +14,13 @@ from fcu.interface.ground_numbers import Result
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rotations import euler, matrix
+from fcu.law.reference_model import carried
 from fcu.params import Parameters
-from fcu.vehicle import guidance
-from fcu.vehicle.plans import Leader, limits
-from fcu.vehicle.script import Limits, Pose, anchored
+from fcu.vehicle import guidance, touchdown
+from fcu.vehicle.landed import Landed
+from fcu.vehicle.plans import SLOW_BELOW, Leader, limits
+from fcu.vehicle.script import Limits, Pose, Script, anchored
+from fcu.vehicle.touchdown import Touchdown, Way
 from fcu.vehicle.verdict import Verdict, denied
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -28,9 +31,14 @@ NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone 
 class Pilot:
     """What is flown, of one vehicle."""
 
-    def __init__(self, params: Parameters) -> None:
+    def __init__(self, params: Parameters, sim_only: bool) -> None:
+        """`sim_only`: a script's stream is lost by simulation time alone."""
         self._params = params
         self.leader = Leader()
+        self.script = Script(sim_only)
+        self._landed = Landed(params.law.c_T, params.law.m_hat_0 * params.law.g)
+        self._way = Way.AS_ASKED  # how the script's setpoint is flown
+        self._touchdown = Touchdown()
         self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
 
@@ -86,3 +94,57 @@ class Pilot:
 
     def _limits(self) -> guidance.Limits:
         return limits(self._params, self.cruise)
+
+    # --- near the ground
+
+    @property
+    def lands_for_script(self) -> bool:
+        """Whether it lands because the script's setpoint leads into the ground."""
+        return self._way is Way.DOWN
+
+    def begin_anew(self) -> None:
+        """Another mode: what was begun near the ground is over."""
+        self._way, self._touchdown = Way.AS_ASKED, Touchdown()
+
+    def steer(self, t_us: int) -> bool:
+        """Fly the script's setpoint, or land if it leads into the ground; whether that begins."""
+        asked, since_us, was = self.script.setpoint, self.script.since_us, self._way
+        if asked is None:
+            return False
+        here, ground = self.pose(), self._landed.ground
+        now: Setpoint = carried(asked, (t_us - since_us) * 1e-6)
+        self._way = touchdown.way(was, now, here, ground, self._limits())
+        if self._way is not Way.DOWN:
+            raised = self._way is Way.RAISED
+            self.leader.take(touchdown.raised(asked, here, ground) if raised else asked, since_us)
+            if was is Way.DOWN:
+                self._touchdown = Touchdown()
+        elif was is not Way.DOWN:
+            self._land_from(touchdown.landing_from(now, here, ground), t_us)
+            return True
+        return False
+
+    @property
+    def rests(self) -> bool:
+        """Whether what led it down has met the ground."""
+        return self._touchdown.done
+
+    def touch_down(self, t_us: int, meant: bool) -> bool:
+        """Rest on the ground once what leads it down has met it, `meant` so or not; whether it has."""
+        assert self.setpoint is not None
+        here = self.pose()
+        flown: Setpoint = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
+        if not self._touchdown.see(flown, here, self._landed.ground, t_us, meant):
+            return False
+        if self._touchdown.done:
+            self.leader.take(touchdown.resting(flown, self._landed.light), t_us)
+            return True
+        self._land_from(here._replace(psi=flown.psi_c), t_us)
+        return False
+
+    def _land_from(self, here: Pose, t_us: int) -> None:
+        r, v, psi = here
+        slow_below = self._landed.ground + SLOW_BELOW  # not a number: slow from here
+        speed = self._params["MPC_LAND_SPEED"]
+        self.leader.follow(guidance.descent(r, v, psi, slow_below, speed, self._limits()), t_us)
+        self.leader.advance(t_us)

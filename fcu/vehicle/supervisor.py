@@ -17,15 +17,14 @@ from fcu.kernel.rotations import matrix
 from fcu.params import Parameters
 from fcu.vehicle import guidance, modes
 from fcu.vehicle.guidance import STILL, Piece
-from fcu.vehicle.landed import Landed
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.pilot import Pilot, Row
 from fcu.vehicle.plans import asks_too_much, plan_of, settle_s, take_off
-from fcu.vehicle.script import Script
 from fcu.vehicle.verdict import Verdict, denied
 
 LOOK_US = 20_000  # between looks at whether it has landed, and at the timers of arming
 TILT_TO_ARM = math.radians(25.0)
+INTO_THE_GROUND = "Setpoint leads into the ground: landing"
 
 
 class Supervisor(Pilot):
@@ -33,8 +32,7 @@ class Supervisor(Pilot):
 
     def __init__(self, params: Parameters, sim_only: bool = False) -> None:
         """`sim_only`: a script's stream is lost by simulation time alone."""
-        super().__init__(params)
-        self.script = Script(sim_only)
+        super().__init__(params, sim_only)
         self.armed = False
         self.mode = Mode.HOLD
         self.home: Vec3 | None = None
@@ -43,7 +41,6 @@ class Supervisor(Pilot):
         self.battery: Battery | None = None
         self.wake_us = 0  # nothing happens by itself before
         self.failsafe = ""  # why the vehicle is not where it was told to be
-        self._landed = Landed(params.law.c_T, params.law.m_hat_0 * params.law.g)
         self._armed_us = 0
         self._landed_us = 0
         self._look_us = 0
@@ -70,12 +67,16 @@ class Supervisor(Pilot):
             return LandedState.ON_GROUND
         if self.mode is Mode.TAKEOFF:
             return LandedState.TAKING_OFF
-        return LandedState.LANDING if self.mode is Mode.LAND else LandedState.IN_AIR
+        return LandedState.LANDING if self._is_landing else LandedState.IN_AIR
 
     @property
     def on_ground(self) -> bool:
         """Whether the detector has it on the ground."""
         return self._landed.landed
+
+    @property
+    def _is_landing(self) -> bool:
+        return self.mode is Mode.LAND or self.lands_for_script
 
     # --- what happens by itself
 
@@ -108,6 +109,11 @@ class Supervisor(Pilot):
         if self._landed.see(state, t_us) and not was:
             self._landed_us = t_us
             said.append((Severity.INFO, "Landed"))
+        if self.armed and self.mode is Mode.OFFBOARD and self.steer(t_us):
+            said.append((Severity.INFO, INTO_THE_GROUND))
+        lands, scripted = self._is_landing, self.mode is Mode.OFFBOARD
+        if self.armed and (lands or not scripted) and self.touch_down(t_us, lands) and not lands:
+            said.append((Severity.WARNING, "Led into the ground: resting on it"))
         if not self.armed or not self._landed.landed:
             return
         if self._landed.has_flown:
@@ -123,7 +129,7 @@ class Supervisor(Pilot):
 
     def _goes_down(self) -> bool:
         """Whether what is flown is not above the vehicle: a script may be about to take off."""
-        if self.mode is Mode.LAND:
+        if self._is_landing:
             return True
         assert self.state is not None
         return self.setpoint is None or self.setpoint.level > 0.0 or (
@@ -185,7 +191,7 @@ class Supervisor(Pilot):
         if m is None:
             return Need.STATE.value
         if self.terminated:
-            return "flight was terminated (restart the flight controller)"
+            return "flight was terminated (restart gcs up)"
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
             return f"tilted by more than {math.degrees(TILT_TO_ARM):.0f} degrees"
         if self.battery is not None and self.battery.remaining < self._params["BAT_CRIT_THR"]:
@@ -251,6 +257,7 @@ class Supervisor(Pilot):
         here = self._from(t_us)
         self.failsafe = ""
         self._become(Mode.HOLD)
+        self.begin_anew()
         psi = here.psi if psi is None else psi
         self._follow(guidance.through(here.r_E, here.v_E, [to], psi, self._limits()), t_us)
         return Verdict(Result.ACCEPTED, f"Going {guidance.length(to - here.r_E):.0f} m")
@@ -259,6 +266,10 @@ class Supervisor(Pilot):
         """Sticks in position mode: a velocity (m/s, E) and a yaw rate (rad/s)."""
         if not self.armed or self.mode is not Mode.POSITION:
             return
+        if self.rests:
+            if v.z <= 0.0:
+                return  # it is on the ground, and stays there
+            self.begin_anew()
         now = self.flown(t_us)
         piece = Piece(
             Setpoint(now.r_c, v, STILL, now.psi_c, psi_dot), self._params["COM_RC_LOSS_T"]
@@ -274,11 +285,11 @@ class Supervisor(Pilot):
         self._set_home(self.pose().r_E if home is None else home)
         return Verdict(Result.ACCEPTED, "Home set")
 
-    def fly_script(self, t_us: int) -> None:
-        """The script has a new setpoint: it is flown in offboard mode."""
-        if self.mode is Mode.OFFBOARD and self.armed and self.script.setpoint is not None:
-            self.leader.take(self.script.setpoint, self.script.since_us)
+    def fly_script(self, t_us: int) -> str:
+        """The script has a new setpoint: it is flown in offboard mode. What is to be said of it."""
+        lands = self.mode is Mode.OFFBOARD and self.armed and self.steer(t_us)
         self._set_wake()
+        return INTO_THE_GROUND if lands else ""
 
     # --- how
 
@@ -299,6 +310,7 @@ class Supervisor(Pilot):
 
     def _become(self, mode: Mode) -> None:
         self.mode = mode
+        self.begin_anew()
         if mode is not Mode.OFFBOARD:
             self.script.owner = None
 

@@ -36,6 +36,26 @@ def test_a_bad_command_is_answered_and_changes_nothing(flying, command, params, 
     assert flying.mode() == OFFBOARD
 
 
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda f: f.long(176, 1, 4, 4), "Mode Mission denied: this vehicle has none such"),
+        (lambda f: f.long(176, 1, 7), "Mode Stabilized denied"),
+        (lambda f: f.long(176, 1, 4, 99), "Mode 4, 99 denied"),
+        (lambda f: f.long(262, 2), "Mode Orbit denied"),
+        (
+            lambda f: mavlink.MAVLink_set_mode_message(f.at.system_id, 1, 1 << 16),
+            "Mode Manual denied",
+        ),
+    ],
+)
+def test_a_mode_that_it_does_not_have_is_told_by_its_name(flying, ask, said):
+    """C4."""
+    flying.send(ask(flying))
+    flying.says(said)
+    assert flying.mode() == OFFBOARD
+
+
 @pytest.mark.parametrize(("frame", "result"), [(1, 9), (2, 9), (10, 9), (200, 9), (6, 2)])
 def test_a_place_in_a_frame_that_is_none_of_earth_is_refused(flying, frame, result):
     """C6; and C4: a latitude of 95 degrees."""
@@ -78,11 +98,14 @@ def test_a_repetition_that_comes_too_late_does_not_undo_what_came_between(flight
     assert not flight.armed
 
 
-def test_a_command_that_waits_says_so_and_a_second_one_is_rejected(flight):
-    """C8: offboard after one setpoint, until the second comes."""
+def test_a_command_that_waits_says_so_as_often_as_it_is_asked_for(flight):
+    """C8: offboard after one setpoint, until the second comes. A script may ask at each turn."""
     flight.stream(1)
-    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_IN_PROGRESS
-    assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    for confirmation in (0, 0, 1):
+        result = flight.ask(176, 1, 6, confirmation=confirmation)
+        assert result == mavlink.MAV_RESULT_IN_PROGRESS
+    flight.sync()
+    assert [m.text for m in flight.inbox if m.get_type() == "STATUSTEXT"] == []
     flight.stream(1)
     done = flight.heard("COMMAND_ACK", lambda m: m.command == 176)
     assert done.result == mavlink.MAV_RESULT_ACCEPTED
@@ -151,12 +174,15 @@ def test_only_a_place_that_could_be_meant_is_flown_to(flying, x, y, z):
         assert flying.mode() == OFFBOARD
 
 
-def test_a_repetition_of_a_command_that_waits_is_told_that_it_does(flight):
+def test_another_command_of_the_kind_of_one_that_waits_is_rejected(flight):
+    """C8: other parameters, or another sender."""
     flight.stream(1)
     assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_IN_PROGRESS
-    assert flight.ask(176, 1, 6, confirmation=1) == mavlink.MAV_RESULT_IN_PROGRESS
     assert flight.ask(176, 1, 4, 3) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     flight.says("DO_SET_MODE rejected: one is still being done")
+    flight.send(flight.long(176, 1, 6), source=(111, 1))
+    rejected = flight.heard("COMMAND_ACK", lambda m: m.target_system == 111)
+    assert rejected.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     flight.stream(1)
     done = flight.heard("COMMAND_ACK", lambda m: m.command == 176)
     assert done.result == mavlink.MAV_RESULT_ACCEPTED

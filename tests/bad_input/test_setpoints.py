@@ -133,3 +133,30 @@ def test_an_attitude_goes_with_a_yaw_rate_only(flying):
         0, flying.at.system_id, 1, 0, (1, 0, 0, 0), 0.3, 0, 0, 0.4
     )
     flying.refuses(message, "attitude allows a yaw rate only")
+
+
+@pytest.mark.parametrize(
+    ("message", "told"),
+    [
+        (
+            lambda system: mavlink.MAVLink_set_gps_global_origin_message(
+                system, 473_977_420, 85_455_940, 489_400
+            ),
+            "SET_GPS_GLOBAL_ORIGIN is not taken (see --origin)",
+        ),
+        (
+            lambda system: mavlink.MAVLink_set_actuator_control_target_message(
+                0, 0, system, 1, [0.5] * 8
+            ),
+            "SET_ACTUATOR_CONTROL_TARGET is not taken",
+        ),
+    ],
+)
+def test_what_is_not_taken_is_told_once_a_second_at_most(flying, message, told):
+    """C11: whoever sends it waits for something that will not happen."""
+    for _ in range(50):
+        flying.send(message(flying.at.system_id))
+    flying.sync()
+    said = [m.text for m in flying.inbox if m.get_type() == "STATUSTEXT"]
+    assert 1 <= said.count(told) <= 3
+    assert flying.mode() == OFFBOARD

@@ -61,7 +61,7 @@ def test_a_port_that_is_taken(fly, quiet, instance):
         other.listen()
         flight = fly(instance)
         assert flight.trajectory() == quiet
-    assert "flown without diagnostics: the publisher ended with exit code 3" in flight.said
+    assert "flown without diagnostics: " in flight.said
     assert f"tcp/127.0.0.1:{topics.port(instance)}: " in flight.said
     assert "Address already in use" in flight.said
 
@@ -70,7 +70,7 @@ def test_a_port_that_is_taken(fly, quiet, instance):
     ("config", "why"),
     [
         ("{", "zenoh.json5: not a Zenoh configuration"),
-        ({"mode": "client", "connect": {"endpoints": ["tcp/127.0.0.1:1"]}}, "tcp/127.0.0.1:1"),
+        ({"mode": "client", "connect": {"endpoints": ["tcp/127.0.0.1:1"]}}, "no connection to tcp/127.0.0.1:1"),
     ],
 )
 def test_no_zenoh(fly, quiet, instance, tmp_path, config, why):
@@ -78,7 +78,7 @@ def test_no_zenoh(fly, quiet, instance, tmp_path, config, why):
     file.write_text(config if isinstance(config, str) else json.dumps(config))
     flight = fly(instance, "--zenoh", file)
     assert flight.trajectory() == quiet
-    assert "flown without diagnostics: the publisher ended with exit code 3" in flight.said
+    assert "flown without diagnostics: " in flight.said
     assert why in flight.said
 
 

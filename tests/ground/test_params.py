@@ -228,8 +228,14 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(params, tmp_pat
         ("MAV_TYPE = 2", "p.toml:1: MAV_TYPE: read only"),
         ("[MR_GAMMA]\nx = 1", "p.toml:1: MR_GAMMA: expected a number"),
         ("MR_GAMMA = ", "p.toml: Invalid value"),
-        ("MR_M_MIN = 9.0\nMR_M_MAX = 8.0", "p.toml: MR_M_MIN 9 must be below MR_M_MAX 8"),
-        ("MR_F_M = 9.0", "p.toml: pitch unstable with MR_C_TILT 10, MR_C_PQ 20"),
+        (
+            "MR_M_MIN = 3.0\nMR_M_MAX = 2.0",
+            "p.toml:2: MR_M_MAX 2 refused: MR_M_MIN 3 must be below MR_M_MAX 2",
+        ),
+        (
+            "MR_F_M = 9.0",
+            "p.toml:1: MR_F_M 9 refused: pitch unstable with MR_C_TILT 10, MR_C_PQ 20; ",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_flown(law, tmp_path, text, reason):
@@ -237,6 +243,35 @@ def test_a_file_that_cannot_be_flown(law, tmp_path, text, reason):
     with pytest.raises(ParamsFileError) as error:
         Parameters(law, 1, tmp_path / "p.toml")
     assert reason in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("MR_C_TILT = 20.0\nMPC_XY_CRUISE = 4.0\n# soft\nMR_C_PQ = 6.0\n", "4: MR_C_PQ 6"),
+        ("MR_C_PQ = 6.0\nMPC_XY_CRUISE = 4.0\nMR_C_TILT = 20.0\n", "3: MR_C_TILT 20"),
+        ("MR_C_PQ = 4.0\nMR_C_TILT = 2.0\nMR_F_M = 9.0\n", "3: MR_F_M 9"),
+    ],
+)
+def test_an_unstable_file_says_with_which_line_it_became_so_and_by_which_rule(
+    law, tmp_path, text, refused
+):
+    (tmp_path / "p.toml").write_text(text)
+    with pytest.raises(ParamsFileError) as error:
+        Parameters(law, 1, tmp_path / "p.toml")
+    said = str(error.value)
+    assert f"p.toml:{refused} refused: pitch unstable with " in said
+    assert "stable in hover" in said and "Which gains go together" in said
+
+
+def test_a_file_is_judged_as_a_whole(law, tmp_path):
+    """What its second line makes unstable its third makes good."""
+    text = "MR_C_PQ = 4.0\nMR_C_TILT = 16.0\nMR_F_M = 0.3\n"
+    (tmp_path / "p.toml").write_text(text)
+    assert Parameters(law, 1, tmp_path / "p.toml")["MR_C_TILT"] == 16.0
+    (tmp_path / "p.toml").write_text(f"{text}BAT_LOW_THR = 0.06\n")
+    with pytest.raises(ParamsFileError, match="4: BAT_LOW_THR"):
+        Parameters(law, 1, tmp_path / "p.toml")
 
 
 def test_the_page_in_docs_is_current():

@@ -73,7 +73,7 @@ class Program:
     def started(self) -> dict[str, int]:
         """Pids of both processes, once it has started them."""
         both = {"fcu", "sitl_plant"}  # a child that is yet to become one looks like its parent
-        return until(lambda: (c := self.children()).keys() == both and c, "two processes")
+        return until(lambda: (c := self.children()).keys() >= both and c, "two processes")
 
     def text(self) -> str:
         """What it has said: standard output, then standard error."""

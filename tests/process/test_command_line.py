@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import pytest
 
@@ -106,3 +108,13 @@ def test_a_report_that_cannot_be_written_is_not_passed_over(gcs):
 def test_a_setpoint_needs_a_vehicle(gcs, instance):
     code, _, err = gcs("setpoint", 1, 2, 3, "--instance", instance, "--yaw-deg", "nan")
     assert code == 2, err
+
+
+def test_make_help_lists_every_target():
+    root = Path(__file__).parents[2]
+    targets = re.search(r"^\.PHONY: (.*)$", (root / "Makefile").read_text(), re.MULTILINE)[1]
+    listed = subprocess.run(
+        ["make", "-s", "-C", root, "help"], capture_output=True, text=True, check=True, timeout=60
+    ).stdout
+    told = re.findall(r"^make (\w+) +\w", listed, re.MULTILINE)
+    assert sorted(told) == sorted(targets.split())

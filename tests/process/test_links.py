@@ -204,11 +204,21 @@ def test_time_that_jumps_and_stays_there_ends_it(fcu, bound, states, standing):
     assert "time jumped from 0.000000 s" in fcu.text()
 
 
-def test_a_plant_that_falls_silent_ends_it(fcu, bound, states, standing):
-    link = bound("plant", "fcu_plant")
+def test_a_plant_that_falls_silent_ends_it_and_ground_stations_are_told(
+    fcu, bound, states, standing
+):
+    link, script = bound("plant", "fcu_plant"), bound("script", "fcu_script")
     link.send(states.pack_state(0, standing))
     assert answer(link, states) == 0
-    assert fcu.wait(10.0) == 3
+    parser, heard = mavlink.MAVLink(None), []
+    until = time.monotonic() + 10.0
+    while script.wait(2.0) and time.monotonic() < until:
+        heard += parser.parse_buffer(script.receive() or b"") or []
+    assert fcu.wait(ANSWER_S) == 3
+    texts = [(m.severity, m.text) for m in heard if m.get_type() == "STATUSTEXT"]
+    silent_for_5_s = "No state from the plant for 5 s, controller stops"
+    assert texts[0] == (mavlink.MAV_SEVERITY_CRITICAL, "No state from the plant for 1 s")
+    assert texts[1:] == [(mavlink.MAV_SEVERITY_CRITICAL, silent_for_5_s)]
     assert "warning fcu  the plant has been silent for 1 s" in fcu.text()
     assert "error   fcu  the plant has been silent for 5 s" in fcu.text()
 

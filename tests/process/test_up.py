@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import select
+import signal
 import socket
 import time
 
@@ -15,6 +17,7 @@ from fcu.interface.ports import ports
 
 POSITION_AND_YAW = 0b100111111000  # type mask: velocity, acceleration and yaw rate out of use
 OFFBOARD = 6  # PX4's main mode
+HOLD = 4 << 16 | 3 << 24  # HEARTBEAT.custom_mode
 WAIT_S = 40.0
 
 
@@ -102,16 +105,76 @@ def test_setpoint_brings_a_vehicle_that_is_up_somewhere(start, instance, gone):
     pids = up.started()
     go = start("gcs_tools", "setpoint", 3, -2, 4, "--yaw-deg", 90, "--instance", instance, "--json")
     assert go.wait() == 0, go.text()
-    assert "armed, taking off" in go.text()
+    assert go.text().count("aking off") == 1
     there = json.loads(go.out.read_text())
     assert math.dist(there["position_m"], (3, -2, 4)) == pytest.approx(there["error_m"])
     assert there["error_m"] < 0.3
     again = start("gcs_tools", "setpoint", 2, -2, 4, "--instance", instance)
     assert again.wait() == 0, again.text()
-    assert "armed" not in again.text()
+    assert "Armed" not in again.text()
     assert again.out.read_text().startswith("there: (")
     assert up.interrupted() == 0
     gone(pids)
+
+
+@pytest.fixture
+def flying(start, instance):
+    """A `gcs setpoint` to a place, on its way, of a vehicle that is up at four times real time."""
+
+    def begin(*place):
+        up = start("gcs_tools", "up", "--instance", instance, "--speed", 4)
+        up.says("ready")
+        go = start("gcs_tools", "setpoint", *place, "--instance", instance)
+        go.says("flying to")
+        return go, up
+
+    return begin
+
+
+def test_setpoint_ends_once_the_vehicle_has_landed(flying):
+    """A place in the ground, and aside: the vehicle lands there, upright."""
+    go, _ = flying(1, 1, -3)
+    assert go.wait(20.0) == 3
+    assert "vehicle: Landed" in go.text()
+    assert "Error: not there: the vehicle has landed, 3.3 m away" in go.text()
+
+
+def test_setpoint_ends_once_somebody_else_has_the_vehicle(flying, instance):
+    go, _ = flying(0, 0, 50)
+    at = ports(instance)
+    codec = mavlink.MAVLink(None, srcSystem=250, srcComponent=190)
+    land = mavlink.MAVLink_command_long_message(at.system_id, 1, 21, 0, *[0.0] * 7)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.sendto(land.pack(codec), ("127.0.0.1", at.fcu_station))
+        assert go.wait(10.0) == 3
+    assert "Error: not there: the vehicle is in another mode by now" in go.text()
+
+
+def test_setpoint_that_is_interrupted_has_the_vehicle_hold(flying, start, instance):
+    go, _ = flying(0, 0, 50)
+    second = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance)
+    assert second.wait() == 3
+    said = f"another script or gcs setpoint flies instance {instance} (it holds UDP port"
+    assert said in second.text()
+    assert go.interrupted() == 130
+    assert "interrupted: the vehicle holds where it is" in go.text()
+    assert "Traceback" not in go.text()
+    script = Script(instance)  # the port is free again
+    try:
+        assert script.first("HEARTBEAT").custom_mode == HOLD
+    finally:
+        script.close()
+
+
+def test_setpoint_is_interrupted_though_the_vehicle_is_gone(flying, gone):
+    go, up = flying(0, 0, 50)
+    pids = up.started()
+    up.process.kill()
+    up.wait()
+    gone(pids)
+    go.signal(signal.SIGINT)
+    assert go.wait(4.0) == 130
+    assert "interrupted, and the vehicle may not hold" in go.text()
 
 
 def test_a_killed_up_leaves_nobody(start, instance, gone):
@@ -123,14 +186,45 @@ def test_a_killed_up_leaves_nobody(start, instance, gone):
     gone(pids)
 
 
-def test_up_says_which_process_ended(start, instance, gone):
-    # rotors stand until it is armed: the paper's vehicle falls from its height
-    up = start("gcs_tools", "up", "paper_nominal", "--instance", instance)
+FALLS = """
+title = "Rotors stand until it is armed: it falls from where it begins."
+
+[flight]
+duration_s = 60.0
+start = {{ position_m = [0.0, 0.0, 10.0] }}
+setpoints = [{{ at_s = 0.0, position_m = [0.0, 0.0, 10.0] }}]
+ground_z_m = {ground_z_m}
+arena_m = {arena_m}
+"""
+
+
+@pytest.mark.parametrize(
+    ("ground_z_m", "arena_m", "ending"),
+    [(0.0, 100.0, "hit the ground at 1.5 s"), (-100.0, 9.0, "diverged (left the arena) at 1.4 s")],
+)
+def test_what_became_of_the_vehicle_is_told_here_and_on_mavlink(
+    start, instance, script, tmp_path, gone, ground_z_m, arena_m, ending
+):
+    mission = tmp_path / "falls.toml"
+    mission.write_text(FALLS.format(ground_z_m=ground_z_m, arena_m=arena_m))
+    up = start("gcs_tools", "up", mission, "--instance", instance)
     up.says("ready")
     pids = up.started()
+    no_state = "No state from the plant for 1 s"
+    told = script.first("STATUSTEXT", lambda m: m.text == no_state)
+    assert told.severity == mavlink.MAV_SEVERITY_CRITICAL
+    assert up.wait() == 3
+    assert up.err.read_text().endswith(f"Error: the vehicle {ending}\n")
+    gone(pids)
+
+
+def test_up_says_which_process_ended(start, instance, gone):
+    up = start("gcs_tools", "up", "--instance", instance)
+    up.says("ready")
+    pids = up.started()
+    os.kill(pids["sitl_plant"], signal.SIGTERM)
     assert up.wait() == 3
     assert "the plant ended with exit code 0" in up.text()
-    assert "hit the ground" in up.text()
     gone(pids)
 
 

@@ -38,6 +38,16 @@ def test_it_starts_where_it_stands_or_flies(detector):
     assert flying.has_flown
 
 
+def test_the_ground_is_where_it_has_stood_not_where_it_falls(detector):
+    for k in range(50):
+        t = k * LOOK_US * 1e-6
+        detector.see(state(20.0 - 4.9 * t * t, 0.0, Vec3(0.0, 0.0, -9.8 * t)), k * LOOK_US)
+    assert math.isnan(detector.ground)
+    standing = Landed(C_T, 49.0)
+    looks(standing, 6, 0.3, 0.0)
+    assert standing.ground == 0.3
+
+
 def test_a_vehicle_that_pushes_is_on_the_ground_until_it_has_risen(detector):
     looks(detector, 5, 0.3, 0.0)
     assert all(looks(detector, 200, 0.3, 70.0))  # a script that takes its time to take off

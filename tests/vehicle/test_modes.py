@@ -41,6 +41,14 @@ def test_what_this_vehicle_does_not_have_is_none(numbers):
     assert modes.of_numbers(*numbers) is None
 
 
+def test_no_mode_is_called_absent_that_is_there():
+    assert all(modes.of_numbers(*numbers) is None for numbers in modes.OTHERS)
+    assert all(modes.of_standard(number) is None for number in modes.OTHER_STANDARD)
+    assert modes.shown(4, 3) == "Hold"
+    assert modes.shown(4, 4) == "Mission"
+    assert modes.shown(9, 9) == "9, 9"
+
+
 def test_a_mode_is_entered_exactly_when_its_needs_are_met():
     for wanted in Mode:
         needs = frozenset(MODES[wanted].needs)

@@ -85,7 +85,7 @@ def test_before_the_plant_is_heard_nothing_is_possible(params):
     [
         (lambda v: v.observe(state(roll=0.5), 40_000, 0.0), "tilted by more than 25 degrees"),
         (lambda v: setattr(v, "battery", Battery(20.0, 1.0, 14.4, 0.04, 1e6)), "battery at 4 %"),
-        (lambda v: v.terminate(0), "flight was terminated (restart the flight controller)"),
+        (lambda v: v.terminate(0), "flight was terminated (restart gcs up)"),
         (
             lambda v: stream(v, 0, TICK) or v.select(Mode.OFFBOARD, TICK, 0.0),
             "needs 2 setpoints within 0.5 s",

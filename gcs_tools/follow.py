@@ -1,0 +1,66 @@
+"""A live flight: what a Watch takes, decoded, into a Flight that can be shown."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from gcs_tools import events, ticks
+from gcs_tools.events import Event
+from gcs_tools.layout import LayoutError, Rows, decode
+from gcs_tools.schema import PARAMS, TOPICS
+from gcs_tools.shown import DRAWN, WINDOW_S, Flight, Limits
+from gcs_tools.ticks import Sample
+from gcs_tools.watch import Watch
+
+KEPT_EVENTS = 100
+
+
+class Follower:
+    """One vehicle on the bus, followed."""
+
+    def __init__(
+        self, watch: Watch, keep_s: float = WINDOW_S, kept: Mapping[str, list[str]] = DRAWN
+    ) -> None:
+        """`watch`: one that has found its vehicle.  `keep_s`, `kept`: as for Flight."""
+        self.watch = watch
+        mission = watch.about.get("title") or watch.about.get("mission")
+        self.flight = Flight(str(mission or f"vehicle {watch.about.get('vehicle')}"), keep_s, kept)
+        self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self.params: Rows | None = None  # the law's in force
+        self.unusable = 0  # samples that are not what their topic says
+        self._forms = {
+            topic.name: ticks.form(topic)
+            for topic in TOPICS
+            if topic.name in kept or topic == PARAMS
+        }
+        for topic_name, sample in watch.latest():
+            self._see(topic_name, sample)
+
+    def take(self) -> bool:
+        """Whatever has come since the last call; whether anything has."""
+        came = False
+        for topic, sample in self.watch.take():
+            came = True
+            self._see(topic, sample)
+        return came
+
+    def _see(self, topic: str, sample: Sample) -> None:
+        try:
+            if topic == events.TOPIC:
+                self.events.extend(events.decode(events.schema(), sample.ticks))
+            elif topic in self._forms:
+                self._append(topic, decode(self._forms[topic], sample.ticks))
+        except ValueError:  # LayoutError, and what decoding an event raises
+            self.unusable += 1
+
+    def _append(self, topic: str, rows: Rows) -> None:
+        if not np.isfinite(rows[:, 0]).all():
+            raise LayoutError(f"{topic}: not a simulation time")
+        if topic == PARAMS.name:
+            self.params = rows[-1, 1:]
+            self.flight.limits = Limits.of(self.params)
+        else:
+            self.flight.append(topic, rows)

@@ -1,0 +1,46 @@
+"""The monitor's panels, laid out for a terminal."""
+
+from __future__ import annotations
+
+from rich.console import Group, RenderableType
+from rich.layout import Layout
+
+from gcs_tools.monitor import panels
+from gcs_tools.monitor.readings import Readings
+
+WIDE, HIGH = 120, 38  # columns and lines from which the panels stand side by side
+_FRAME = 6  # columns that a frame and its padding take
+_HEIGHTS = {"header": 3, "top": 12, "middle": 15}
+
+
+def screen(r: Readings, width: int, height: int) -> RenderableType:
+    """The whole picture, for a terminal of so many columns and lines."""
+    if width < WIDE or height < HIGH:
+        return _narrow(r, width, height)
+    inside = width // 2 - _FRAME
+    layout = Layout()
+    layout.split_column(
+        Layout(panels.header(r), size=_HEIGHTS["header"]),
+        Layout(name="top", size=_HEIGHTS["top"]),
+        Layout(name="middle", size=_HEIGHTS["middle"]),
+        Layout(name="bottom"),
+    )
+    layout["top"].split_row(panels.tracking(r, inside), panels.limits(r, inside))
+    layout["middle"].split_row(panels.estimates(r, inside), panels.wind(r, inside))
+    left = height - sum(_HEIGHTS.values()) - 2
+    layout["bottom"].split_row(panels.bus(r, inside), panels.events(r, left))
+    return layout
+
+
+def _narrow(r: Readings, width: int, height: int) -> RenderableType:
+    """One below the other, as many as there is room for."""
+    inside = max(width - _FRAME, 60)
+    rows: list[RenderableType] = [panels.header(r)]
+    room = height - _HEIGHTS["header"]
+    for make, lines in (
+        (panels.tracking, 12), (panels.limits, 9), (panels.estimates, 11), (panels.bus, 9)
+    ):  # fmt: skip
+        if room >= lines:
+            rows.append(make(r, inside))
+            room -= lines
+    return Group(*rows)

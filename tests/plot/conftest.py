@@ -1,0 +1,96 @@
+"""Flights made up of rows whose numbers are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcu.interface.airframe import believed
+from fcu.interface.diagnostics import PlantReport, Report
+from fcu.kernel.buffers import columns, to_buffer
+from fcu.law.parameters import law_params
+from fcu.law.types import LawParams, Tick
+from gcs_tools.recording import Recording
+from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS, PLANT_TIMING, TIMING, WIND
+from sitl_plant.physics.types import PlantRecord
+
+RATE_HZ = 500.0
+METADATA = {
+    "mission": "made_up",
+    "title": "A flight made up.",
+    "plant.drag_torque": "[0.05, 0.06, 0.07] (truth.toml)",
+    "plant.drag": "[0.15, 0.15, 0.15] (truth.toml)",
+}
+
+
+@dataclass
+class Made:
+    """Whole rows of both sides, 500 a second, by column; zero where nothing was said."""
+
+    seconds: float = 8.0
+    metadata: dict[str, str] = field(default_factory=lambda: dict(METADATA))
+
+    def __post_init__(self) -> None:
+        n = round(self.seconds * RATE_HZ)
+        self.plant, self.fcu = np.zeros((n, len(PLANT_COLUMNS))), np.zeros((n, len(FCU_COLUMNS)))
+        self.t = np.arange(n) / RATE_HZ
+        self.plant[:, 0] = self.fcu[:, 0] = self.t
+        self.set_fcu(engaged=2.0, **{"internals.T_c": 80.0, "state.m_hat": 8.0})
+        self.set_plant(m=8.0, **{"J.x": 0.3, "J.y": 0.3, "J.z": 0.5})
+        self.set_fcu(**{f"state.J_hat.{axis}": 0.4 for axis in "xyz"})
+        self.set_fcu(**{f"internals.thrusts.r{i}": 10.0 for i in range(1, 9)})
+        self.params = to_buffer(law_params(*believed(), RATE_HZ))
+        self.told = dict(zip(columns(LawParams), self.params.tolist(), strict=True))
+
+    def set_fcu(self, **values: Any) -> None:
+        """Values of columns of Tick and Report: a number, or one for each tick."""
+        for name, value in values.items():
+            self.fcu[:, FCU_COLUMNS.index(name)] = value
+
+    def set_plant(self, **values: Any) -> None:
+        """Values of columns of PlantRecord and PlantReport."""
+        for name, value in values.items():
+            self.plant[:, PLANT_COLUMNS.index(name)] = value
+
+    def recording(self, path: Path = Path("made_up.mcap"), **changed: Any) -> Recording:
+        """As if read from `path`; fields of Recording may be changed."""
+        plant, tick = len(columns(PlantRecord)), len(columns(Tick))
+        fcu_names, plant_names = columns(Report), columns(PlantReport)
+
+        def of(rows: Any, first: int, names: list[str], prefix: str) -> Any:
+            kept = [first + i for i, name in enumerate(names) if name.startswith(prefix)]
+            return rows[:, [0, *kept]]
+
+        given: dict[str, Any] = {
+            "path": path,
+            "metadata": self.metadata,
+            "plant": self.plant[:, :plant],
+            "fcu": self.fcu[:, :tick],
+            "params": self.params,
+            "events": [],
+            "reports": {
+                WIND.name: of(self.fcu, tick, fcu_names, "wind."),
+                TIMING.name: of(self.fcu, tick, fcu_names, "timing."),
+                PLANT_TIMING.name: of(self.plant, plant, plant_names, "timing."),
+            },
+            "lost": {},
+            "complete": True,
+        }
+        return Recording(**{**given, **changed})
+
+
+@pytest.fixture
+def made() -> Made:
+    """A flight of 8 s, settled at 5 s."""
+    return Made()
+
+
+@pytest.fixture
+def make() -> Callable[..., Made]:
+    """A flight of so many seconds."""
+    return Made

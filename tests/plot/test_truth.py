@@ -1,0 +1,52 @@
+"""The truth that the angular estimate is held against is what turns a vehicle that is flown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fcu.kernel.buffers import to_buffer
+from gcs_tools import rollout
+from gcs_tools.mission import load, override
+from gcs_tools.plot import estimates
+from gcs_tools.plot.shown import Shown
+from gcs_tools.recording import Recording
+from gcs_tools.scenario import scenario
+
+
+def test_the_angular_truth_explains_the_motion() -> None:
+    """J w' less the believed torque and the couplings, by differences, in flight with a weak rotor."""
+    mission = override(load("weak_rotor"), "flight.duration_s=3.0")
+    mission = override(mission, "plant.rotor_loss=[{rotor=1, at_s=2.0, effectiveness=0.6}]")
+    scene = scenario(mission)
+    plant, fcu = rollout.fly(scene)
+    metadata = {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()}
+    law = to_buffer(scene.law)
+    shown = Shown.of(
+        Recording(Path("weak.mcap"), metadata, plant, fcu, law, [], {}, {}, True), None, None
+    )
+    truth = np.stack([e.truth for e in estimates.angular(shown) if e.truth is not None], axis=1)
+    assert truth.shape == (1500, 3)
+
+    h, J = 1.0 / 500.0, shown.plant.vectors("J")
+    w, Omega = shown.plant.vectors("state.w_B"), [f"state.Omega.r{i}" for i in range(1, 9)]
+    # what the truth leaves: the rotors' believed torque, couplings, and their gyroscopic torque
+    turning = np.stack([shown.plant[name] for name in Omega], axis=1)
+    spin, airframe = np.array(scene.law.spin), scene.world.params.airframe
+    gyro = (
+        airframe.J_m
+        * (turning @ spin)[:, None]
+        * np.stack([-w[:, 1], w[:, 0], np.zeros(len(w))], axis=1)
+    )
+    f = scene.law.c_T * turning**2
+    x, y = np.array(scene.law.x), np.array(scene.law.y)
+    tau = np.stack([f @ y, -f @ x, -scene.law.k_Q * (f @ spin)], axis=1)
+    rest = truth + (tau + gyro - np.cross(w, J * w)) / J
+
+    predicted = 0.5 * h * (rest[1:] + rest[:-1])
+    off = np.abs(np.diff(w, axis=0) - predicted) / h
+    # the trapezium follows neither the loss, a step, nor the rotors' jolts of the first second
+    smooth = (plant[1:, 0] > 1.0) & (np.abs(plant[1:, 0] - 2.0) > 1.5 * h)
+    assert np.abs(truth[1200:]).max() > 2.0, "the weak rotor shows"
+    assert off[smooth].max() < 0.01  # rad/s^2

@@ -1,0 +1,108 @@
+"""A flight that is still going on: rows arrive, and the page follows them."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fcu.interface.ports import INSTANCES
+from fcu.kernel.buffers import columns
+from fcu.law.types import Tick
+from gcs_tools.schema import FCU, PLANT, WIND
+from gcs_tools.shown import Flight, carried
+from gcs_tools.view.app import App, free_port
+from sitl_plant.physics.types import PlantRecord
+from tests.view.pictures import node, told
+
+AT = columns(PlantRecord).index
+
+
+@pytest.fixture
+def app():
+    flight = Flight("under test")
+    shown = App(flight, free_port(None, 8200), whole=False)
+    shown.flight = flight
+    yield shown
+    shown.stop()
+
+
+def _receive(flight, recording, rows):
+    """Append a part of a recording, a topic at a time, as a bus delivers it."""
+    flight.append(PLANT.name, recording.plant[rows])
+    for topic in FCU:
+        at = [columns(Tick).index(name) for name in carried(topic)]
+        flight.append(topic.name, recording.fcu[rows][:, at])
+    flight.append(WIND.name, recording.reports[WIND.name][rows])
+
+
+def test_the_page_waits_for_a_vehicle_and_then_follows_it(app, recording, look):
+    page = look(app.url).page
+    page.get_by_text("waiting for a vehicle").wait_for()
+    assert not node(page, "/world/vehicle")["visible"]
+    for start in range(0, 2000, 25):  # 20 Hz
+        _receive(app.flight, recording, slice(start, start + 25))
+        app.step(0.05)
+    t = recording.plant[1999, 0]
+    page.wait_for_function(
+        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        arg=round(t, 3),
+    )
+    r_E = [recording.plant[1999, AT(f"state.r_E.{axis}")] for axis in "xyz"]
+    np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)
+    assert told(page, "position")[:3] == np.round(r_E, 3).tolist()
+    page.get_by_text("waiting for a vehicle").wait_for(state="detached")
+    assert page.locator("input[inputmode]").count() == 0  # there is no slider of time
+    page.wait_for_function(
+        """t => Object.values(window.__viserTestpoints.uplots).every(
+            u => Math.abs(u.chart.scales.x.max - t) < 0.1)""",
+        arg=t,
+    )
+
+
+def test_a_vehicle_that_begins_anew_is_shown_anew(app, recording, look):
+    page = look(app.url).page
+    _receive(app.flight, recording, slice(0, 1500))
+    app.step(0.05)
+    _receive(app.flight, recording, slice(0, 100))
+    for _ in range(4):  # charts are drawn every few frames
+        app.step(0.05)
+    page.wait_for_function(
+        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        arg=round(recording.plant[99, 0], 3),
+    )
+    assert app.flight.span == (recording.plant[0, 0], recording.plant[99, 0])
+
+
+@pytest.fixture
+def replayed(recording):
+    """The instance as which a recording is put onto Zenoh as soon as somebody listens."""
+    for instance in reversed(range(1, INSTANCES)):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "gcs_tools", "replay", str(recording.path), "--wait",
+             "--instance", str(instance)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        if process.stderr.readline().startswith("replaying"):
+            break
+        process.communicate()  # somebody else is this instance
+    else:
+        pytest.fail("no instance is free")
+    yield instance
+    process.send_signal(signal.SIGTERM)
+    process.communicate()
+
+
+def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs_view, look):
+    page = look(gcs_view("--instance", replayed).url).page
+    page.get_by_text("gone").wait_for()
+    last = recording.plant[-1]
+    page.wait_for_function(
+        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        arg=round(last[0], 3),
+    )
+    r_E = [last[AT(f"state.r_E.{axis}")] for axis in "xyz"]
+    np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)

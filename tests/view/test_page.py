@@ -1,0 +1,161 @@
+"""The page in a real browser, against the rows that it shows."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from fcu.kernel.buffers import columns
+from fcu.law.types import Tick
+from sitl_plant.physics.types import PlantRecord
+from tests.view.pictures import caption, node, picture, told
+
+PLANT, TICK = columns(PlantRecord).index, columns(Tick).index
+
+
+@pytest.fixture
+def page(recording, gcs_view, look):
+    return look(gcs_view(recording.path).url).page
+
+
+def _vector(row, index, name, of="xyz"):
+    return np.array([row[index(f"{name}.{part}")] for part in of])
+
+
+def _go(page, t):
+    """Set the slider's time, and wait for the charts to be there too."""
+    field = page.locator("input[inputmode]").first
+    field.fill(f"{t:g}")
+    field.press("Enter")
+    page.wait_for_function(
+        """t => {
+            const said = document.querySelector('[data-told=time] ~ code')?.innerText;
+            const charts = Object.values(window.__viserTestpoints.uplots).map(u => u.chart.data);
+            return Number(said) === t && charts.every(data => data[0].includes(t));
+        }""",
+        arg=t,
+    )
+
+
+def test_the_slider_moves_the_vehicle_to_where_it_was(page, recording):
+    for t in (0.0, 1.2, 3.4):
+        _go(page, t)
+        i = round(t * 500)
+        plant, tick = recording.plant[i], recording.fcu[i]
+        assert plant[0] == pytest.approx(t, abs=1e-9)
+        vehicle = node(page, "/world/vehicle")
+        assert vehicle["visible"]
+        np.testing.assert_allclose(
+            vehicle["position"], _vector(plant, PLANT, "state.r_E"), atol=1e-5
+        )
+        np.testing.assert_allclose(
+            vehicle["wxyz"], _vector(plant, PLANT, "state.q_EB", "wxyz"), atol=1e-6
+        )
+        np.testing.assert_allclose(  # the vehicle is followed: it stays in the middle
+            node(page, "/world")["position"], -_vector(plant, PLANT, "state.r_E"), atol=1e-5
+        )
+        np.testing.assert_allclose(
+            node(page, "/world/setpoint")["position"],
+            _vector(tick, TICK, "setpoint.r_c"),
+            atol=1e-5,
+        )
+        np.testing.assert_allclose(
+            node(page, "/world/model")["position"], _vector(tick, TICK, "internals.r_m"), atol=1e-5
+        )
+        assert node(page, "/world/ground")["position"] == [0.0, 0.0, -10.0]
+
+
+def test_the_numbers_are_those_of_the_recording(page, recording):
+    _go(page, 2.5)
+    plant, tick = recording.plant[1250], recording.fcu[1250]
+    assert told(page, "position")[:3] == _vector(plant, PLANT, "state.r_E").round(3).tolist()
+    assert told(page, "velocity")[:3] == _vector(plant, PLANT, "state.v_E").round(3).tolist()
+    assert told(page, "setpoint")[:3] == [4.0, 7.0, 18.0]
+    away = _vector(plant, PLANT, "state.r_E") - _vector(tick, TICK, "internals.r_m")
+    assert caption(page, "Distance from the reference") == {"": [f"{np.linalg.norm(away):.3f}"]}
+    drag = caption(page, "Drag over mass")
+    for axis, name in zip("xyz", ("east", "north", "up"), strict=True):
+        truth = plant[PLANT(f"f_D_E.{axis}")] / plant[PLANT("m")]
+        assert drag[name] == [f"{tick[TICK(f'state.s_v_hat.{axis}')]:.2f}", f"{truth:.2f}"]
+    assert caption(page, "Mass") == {"estimate": [f"{tick[TICK('state.m_hat')]:.2f}", "8.00"]}
+    assert caption(page, "Thrust")["commanded"][0] == f"{tick[TICK('internals.T_c')]:.1f}"
+    roll, pitch = np.degrees(_vector(tick, TICK, "internals.angles_c", "xy"))
+    assert caption(page, "Commanded tilt") == {"roll": [f"{roll:.1f}"], "pitch": [f"{pitch:.1f}"]}
+    wind = caption(page, "Wind")
+    estimate = recording.reports["/fcu/wind"][1250]
+    assert wind["east"] == [f"{estimate[1]:.1f}", f"{plant[PLANT('v_air_E.x')]:.1f}"]
+    assert wind["up"] == ["–", f"{plant[PLANT('v_air_E.z')]:.1f}"]
+
+
+def _chart(page, title):
+    """What uPlot holds of the chart whose first line is called so: rows of numbers, and a scale."""
+    return page.evaluate(
+        """title => {
+            const all = Object.values(window.__viserTestpoints.uplots).map(u => u.chart);
+            const chart = all.find(c => c.series.some(s => s.label === title));
+            const rows = Array.from(chart.data, row => Array.from(row));
+            return {labels: chart.series.map(s => s.label), rows: rows, y: [chart.scales.y.min, chart.scales.y.max]};
+        }""",
+        title,
+    )
+
+
+def test_lines_have_the_extremes_of_the_recording_and_a_mark_at_the_time(page, recording):
+    _go(page, 2.5)
+    mass = _chart(page, "estimate")
+    rows = dict(zip(mass["labels"], map(np.array, mass["rows"]), strict=True))
+    m_hat = recording.fcu[:, TICK("state.m_hat")]
+    assert [rows["estimate"].min(), rows["estimate"].max()] == [m_hat.min(), m_hat.max()]
+    assert mass["y"][0] < m_hat.min()
+    assert mass["y"][1] > m_hat.max()
+    assert (rows["estimate, truth"] == 8.0).all()
+    marked = np.isfinite(rows["now"].astype(float))
+    assert rows["t, s"][marked].tolist() == [2.5, 2.5]
+    thrust = _chart(page, "commanded")
+    limits = [
+        row for label, row in zip(thrust["labels"], thrust["rows"], strict=True) if label == "limit"
+    ]
+    assert [set(row) for row in limits] == [{5.0}, {200.0}]
+    tilt = _chart(page, "pitch")
+    assert tilt["rows"][-2][0] == pytest.approx(45.0)
+
+
+def test_the_scene_is_drawn_and_changes_with_time(page):
+    _go(page, 0.5)
+    page.get_by_text("Follow").locator("xpath=following::input[1]").uncheck()
+    early = picture(page)
+    assert len(np.unique(early.reshape(-1, 3), axis=0)) > 500  # sky, ground, vehicle, lines
+    assert (early.max(axis=2) < 60).sum() > 100  # its arms are dark, nothing else is
+    _go(page, 1.6)
+    assert (np.abs(picture(page).astype(int) - early).max(axis=2) > 30).sum() > 500
+
+
+TIME = "Number(document.querySelector('[data-told=time] ~ code').innerText)"
+
+
+def test_play_goes_to_the_end_and_stands_still(page, recording):
+    play = page.get_by_role("button", name=re.compile("^Play$"))
+    pause = page.get_by_role("button", name=re.compile("^Pause$"))
+    end = round(recording.plant[-1, 0], 3)
+    page.get_by_role("combobox").click()
+    page.get_by_role("option", name="0.25").click()  # slower than the slowest browser
+    play.click()
+    pause.wait_for()
+    page.wait_for_function(f"{TIME} > 0.2")
+    pause.click()
+    play.wait_for()
+    assert page.evaluate(TIME) < end
+    _go(page, end - 0.3)
+    play.click()
+    last = _vector(recording.plant[-1], PLANT, "state.r_E")
+    page.wait_for_function(
+        """last => window.__viserMutable.nodeRefFromName['/world/vehicle'].position.toArray().every(
+            (x, i) => Math.abs(x - last[i]) < 1e-5)""",
+        arg=last.tolist(),
+    )
+    play.wait_for()
+    assert page.evaluate(TIME) == end
+    play.click()  # from the start again
+    page.wait_for_function(f"{TIME} < {end - 0.3}")

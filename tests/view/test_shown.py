@@ -1,0 +1,149 @@
+"""Histories, what a flight knows at a time, and the thinning of lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs_tools.recording import RecordingError
+from gcs_tools.schema import TOPICS
+from gcs_tools.shown import DRAWN, Flight, History, Limits, carried
+from gcs_tools.view.charts import places, stretches, thinned, value
+
+
+def _rows(t, *values):
+    return np.stack([t, *values], axis=1)
+
+
+def test_history_keeps_the_newest_seconds_of_all_that_was_appended():
+    history = History(["t", "unused", "x"], ["x"], keep_s=2.0)
+    t = np.arange(0.0, 30.0, 0.001)
+    for batch in np.array_split(_rows(t, -t, 10.0 * t), 977):
+        history.append(batch)
+    assert history["t"][0] == pytest.approx(t[-1] - 2.0, abs=1e-9)
+    assert history["t"][-1] == t[-1]
+    assert len(history) == 2001
+    np.testing.assert_array_equal(history["x"], 10.0 * history["t"])
+
+
+def test_history_grows_as_long_as_everything_is_kept():
+    history = History(["t"], [])
+    t = np.arange(100_000) * 0.002
+    for batch in np.array_split(t[:, None], 71):
+        history.append(batch)
+    np.testing.assert_array_equal(history["t"], t)
+
+
+def test_time_that_goes_back_begins_a_new_flight():
+    history = History(["t", "x"], ["x"])
+    history.append(_rows([1.0, 2.0], [1.0, 2.0]))
+    history.append(_rows([3.0, 0.0, 0.5], [3.0, 7.0, 8.0]))
+    assert history["t"].tolist() == [0.0, 0.5]
+    assert history["x"].tolist() == [7.0, 8.0]
+
+
+def test_what_is_drawn_is_what_topics_carry():
+    layouts = {topic.name: carried(topic) for topic in TOPICS}
+    for topic, names in DRAWN.items():
+        assert set(names) <= set(layouts[topic])
+
+
+def _append(flight, topic, **columns):
+    """Rows of a topic of which only some columns matter; dots of names are underscores here."""
+    names = next(carried(t) for t in TOPICS if t.name == topic)
+    known = {name.replace(".", "_"): i for i, name in enumerate(names)}
+    rows = np.full((len(columns["t"]), len(names)), np.nan)
+    for name, column in columns.items():
+        rows[:, known[name]] = column
+    flight.append(topic, rows)
+
+
+def test_a_moment_has_the_last_row_of_each_topic_by_then():
+    flight = Flight("a flight")
+    assert flight.span is None
+    assert np.isnan(flight.value("m", 1.0))
+    assert flight.status(1.0) == ""
+    _append(flight, "/plant/truth", t=[0.0, 1.0, 2.0], m=[5.0, 6.0, 7.0])
+    _append(flight, "/fcu/law", t=[1.0, 2.0], state_m_hat=[60.0, 70.0])
+    _append(flight, "/fcu/status", t=[2.0], status_armed=1.0, status_main_mode=4.0,
+            status_sub_mode=6.0, status_failsafe=1.0)  # fmt: skip
+    assert flight.span == (0.0, 2.0)
+    assert flight.value("m", 1.9) == 6.0
+    assert flight.value("m", 2.0 - 1e-7) == 7.0  # the same microsecond
+    assert flight.value("state.m_hat", 1.5) == 60.0
+    np.testing.assert_array_equal(
+        flight.along(flight.series("m")[0], "state.m_hat"), [np.nan, 60.0, 70.0]
+    )
+    assert flight.status(2.5) == "land, armed, failsafe"
+
+
+def test_the_ground_is_found_under_a_vehicle_that_stands_on_it():
+    flight = Flight("a flight")
+    _append(flight, "/plant/truth", t=[0.0], state_r_E_z=[4.0], on_ground=[0.0])
+    assert flight.ground_z is None
+    _append(flight, "/plant/truth", t=[0.5], state_r_E_z=[2.3], on_ground=[1.0])
+    assert flight.ground_z == pytest.approx(2.0)
+
+
+def test_a_thinned_line_keeps_its_extremes_and_its_gaps():
+    t = np.arange(0.0, 60.0, 0.001)
+    y = np.sin(t)
+    y[12_345] = 40.0  # one sample
+    y[(t > 20.0) & (t < 30.0)] = np.inf  # not drawable
+    ends = stretches((t[0], t[-1]), len(t))
+    x, thin = places(ends), thinned(t, y, ends)
+    assert 300 < len(x) == len(thin) <= 602
+    assert (np.diff(x) > 0.0).all()
+    assert np.nanmax(thin) == 40.0
+    assert x[np.nanargmax(thin)] == pytest.approx(t[12_345], abs=0.25)
+    assert np.isnan(thin[(x > 20.3) & (x < 29.7)]).all()
+    steady = (x > 31.0) | ((x > 13.0) & (x < 19.0))
+    np.testing.assert_allclose(thin[steady], np.sin(x[steady]), atol=0.25)
+
+
+def test_the_past_is_thinned_the_same_way_while_time_goes_on():
+    t = np.arange(0.0, 61.0, 0.002)
+    y = np.sin(7.0 * t)
+    drawn = []
+    for now in (60.0, 60.37):
+        shown = (t > now - 60.0) & (t <= now)
+        ends = stretches((t[shown][0], now), shown.sum())
+        drawn.append(dict(zip(places(ends), thinned(t[shown], y[shown], ends), strict=True)))
+    for x in np.intersect1d(list(drawn[0]), list(drawn[1]))[2:-2]:
+        assert drawn[0][x] == drawn[1][x]
+
+
+def test_a_thinned_line_has_nothing_where_there_are_no_rows():
+    ends = stretches((0.0, 10.0), 40)
+    assert np.isnan(thinned(np.zeros(0), np.zeros(0), ends)).all()
+    late = thinned(np.array([9.9]), np.array([3.0]), ends)
+    assert np.isnan(late[:-2]).all()
+    assert late[-2:].tolist() == [3.0, 3.0]
+
+
+def test_values_are_those_of_the_last_row_by_then():
+    series = np.array([1.0, 2.0]), np.array([10.0, 20.0])
+    assert np.isnan(value(series, 0.9))
+    assert value(series, 1.9) == 10.0
+    assert value(series, 2.0) == 20.0
+    assert np.isnan(value(None, 2.0))
+
+
+def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
+    from gcs_tools.shown import recorded
+
+    flight = recorded(recording.path)
+    assert flight.limits == Limits.believed()  # paper_nominal changes none
+    assert flight.ground_z == -10.0
+    assert flight.span == (recording.plant[0, 0], recording.plant[-1, 0])
+
+
+def test_a_recording_without_a_flight_is_refused(tmp_path):
+    from gcs_tools.record import Recorder
+    from gcs_tools.shown import recorded
+
+    path = tmp_path / "flight.mcap"
+    with Recorder(path, {"title": "nothing"}):
+        pass
+    with pytest.raises(RecordingError, match="nothing was recorded"):
+        recorded(path)
