@@ -46,7 +46,7 @@ class Publisher:
         self.stopping = False
         self.published = dict.fromkeys(WIDTHS, 0)
         self.lost = dict.fromkeys(WIDTHS, 0)  # rows that did not reach us
-        self._before = dict.fromkeys(WIDTHS, 0)  # rows of those who flew before: numbers go on
+        self._before = dict.fromkeys(WIDTHS, 0)  # added to numbers, which begin anew with a process
         self._next = dict.fromkeys(WIDTHS, 0)  # number that the next row has
         self._refused: set[str] = set()  # why somebody was: said once
 
@@ -94,6 +94,8 @@ class Publisher:
 
     def _publish(self, source: Source, taken: Taken, lost: int) -> None:
         who = source.who
+        if len(taken.rows) and int(taken.sequence[0]) + self._before[who] < self._next[who]:
+            self._before[who] = self._next[who]
         self._outlet.rows(
             who, taken.rows, taken.sequence + np.uint64(self._before[who]), taken.time_ns
         )
@@ -106,7 +108,6 @@ class Publisher:
     def _meet(self, source: Source) -> None:
         if any(other.who == source.who for other in self._feeds.sources if other is not source):
             raise FeedError(f"what another {source.who} feeds already")
-        self._before[source.who] = self._next[source.who]
         self._outlet.alive(source.who, True)
         self._outlet.about["processes"][source.who] = {"pid": source.pid}
 

@@ -124,6 +124,11 @@ class Recorder:
         assert self.program.wait() == code, self.program.text()
         return json.loads(self.program.out.read_text())
 
+    def interrupted(self) -> dict:
+        """What it says after a Ctrl-C."""
+        assert self.program.interrupted() == 0, self.program.text()
+        return json.loads(self.program.out.read_text())
+
     def killed(self) -> None:
         self.program.signal(signal.SIGKILL)
         self.program.process.wait()
