@@ -27,11 +27,16 @@ def count(channel) -> int:
     return n
 
 
-def refused(config: zenoh.Config) -> bool:
-    """Whether a client is turned away at the door."""
-    config.insert_json5("mode", '"client"')
+def configured(file: str, mode: str) -> zenoh.Config:
+    config = zenoh.Config.from_file(file)
+    config.insert_json5("mode", json.dumps(mode))
+    return config
+
+
+def refused(file: str) -> bool:
+    """Whether it is turned away at the door: a client gives up, a peer tries again for ever."""
     try:
-        with bus.session(config):
+        with bus.session(configured(file, "client")):
             return False
     except bus.BusError:
         return True
@@ -40,12 +45,10 @@ def refused(config: zenoh.Config) -> bool:
 def main(file: str, run: str, vehicle: str) -> None:
     mine = f"{run}/{vehicle}"
     came = dict.fromkeys(("ticks", "tokens", "answers", "asked", "puts"), 0)
-
-    def config() -> zenoh.Config:
-        return zenoh.Config.from_file(file)
-
-    turned_away = refused(config())
-    with bus.session(config()) as ears, bus.session(config()) as mouth:
+    turned_away = refused(file)
+    # a peer would put to those alone of whom it has heard that they subscribe
+    speaks = configured(file, "peer" if turned_away else "client")
+    with bus.session(configured(file, "peer")) as ears, bus.session(speaks) as mouth:
         keys = "m_mrac/**", f"m_mrac/{mine}/**", f"m_mrac/{mine}/fcu/timing", "**"
         data = [ears.declare_subscriber(key, bus.channel()) for key in keys]
         live = [
