@@ -209,6 +209,23 @@ def test_a_tool_that_may_read_writes_nothing(
     assert came["puts"] > 100 and came["asked"] == 0
 
 
+@pytest.mark.parametrize("kind", ["tls", "password"])
+@pytest.mark.parametrize("name", ["vehicle of others", "other name"])
+def test_a_tool_refuses_who_is_not_its_vehicle(kind, name, ours, theirs, secured, gcs, vehicle):
+    port, vehicles, tools = secured(kind)
+    certificate = {
+        "vehicle of others": f"{theirs.folder}/vehicle",
+        "other name": f"{ours.folder}/other",
+    }
+    text = vehicles.read_text().replace(f"{ours.folder}/vehicle", certificate[name])
+    vehicles.write_text(text)
+    with bus.session(bus.for_publisher(vehicle, RUN, vehicles)):
+        assert listens(port)
+        program = gcs("record", "out.mcap", "--zenoh", tools)
+        assert program.wait() == 3
+        assert f"no connection to tls/{HERE}:{port}: " in program.text()
+
+
 @pytest.mark.parametrize("who", ["gcs", "other"])
 def test_nothing_written_reaches_a_publisher(who, ours, secured, stranger, tmp_path, vehicle):
     port, vehicles, tools = secured("tls")
