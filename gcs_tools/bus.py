@@ -25,7 +25,7 @@ from fcu.interface.link import HOST
 from fcu.interface.ports import INSTANCES
 
 CLOSE_S = 2.0  # wall: how long closing may take
-UNCONNECTED = "nobody is there, or one refuses the other (RUST_LOG=zenoh=warn tells why)"
+UNCONNECTED = "nobody is there, or one refuses the other (RUST_LOG=warn tells why)"
 WAITING = 8192  # samples that a channel holds; when it is full the network waits, and then drops
 
 # Nobody but the publisher puts anything through its session, or answers for it.

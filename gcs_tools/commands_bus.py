@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from gcs_tools.watch import Watch
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
-ALONE_S = 3.0  # wall: after that who waits for a vehicle is told that nobody is connected
+ALONE_S = 3.0  # wall: after that who waits with a file of their own is told what for
+UNSEEN = "connected, but no vehicle is published, or not to us"
 
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
@@ -69,7 +70,7 @@ def watched(instance: int | None, zenoh: Path | None, what: str) -> Iterator[Wat
 
 
 def _told_when_alone(session: Session, zenoh: Path | None) -> Callable[[], None]:
-    """What says once, to who waits with a file of their own, that this leads to nobody."""
+    """What says once, to who waits with a file of their own, how far it leads."""
     from gcs_tools import bus
 
     due = time.monotonic() + ALONE_S if zenoh is not None else math.inf
@@ -78,7 +79,7 @@ def _told_when_alone(session: Session, zenoh: Path | None) -> Callable[[], None]
         nonlocal due
         if time.monotonic() > due:
             due = math.inf
-            why = "nobody publishes yet" if bus.connected(session) else bus.UNCONNECTED
+            why = UNSEEN if bus.connected(session) else bus.UNCONNECTED
             click.echo(f"waiting, as {zenoh} says: {why} ...", err=True)
 
     return check
