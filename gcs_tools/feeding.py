@@ -19,6 +19,7 @@ from gcs_tools.ticks import Numbers
 
 AT_ONCE = 1024  # datagrams taken in one go
 SOURCES = 8  # connected at once; two fly
+H_MIN = 1e-6  # s, of a control period
 HELLO_S = 1.0  # wall: who says nothing for so long is hung up on
 
 WIDTHS = {"fcu": len(FCU_COLUMNS), "plant": len(PLANT_COLUMNS)}
@@ -86,7 +87,9 @@ class Source:
                 n += 1
             elif size == 8 * PARAMS:
                 params = np.frombuffer(self._bytes, "<f8", PARAMS).copy()
-                if not (np.isfinite(params).all() and _T_MAX > params[0] >= 0.0 < params[_H]):
+                if not (
+                    np.isfinite(params).all() and _T_MAX > params[0] >= 0.0 and params[_H] > H_MIN
+                ):
                     raise FeedError("parameters that are none of a law")
             else:
                 raise FeedError(f"rows of {size} bytes (of another version?)")
@@ -103,10 +106,9 @@ class Source:
         n = len(rows)
         if n == 0:
             return np.zeros(0, np.uint64), np.zeros(0, np.uint64)
-        sequence, time_ns = rows[:, _SEQUENCE[self.who]], np.rint(rows[:, 0] * 1e9)
-        for each in (sequence, time_ns):
-            if not ((each >= 0.0) & (each < _EXACT)).all():
-                raise FeedError("rows without a number or a time")
+        sequence, t = rows[:, _SEQUENCE[self.who]], rows[:, 0]
+        if not ((sequence >= 0.0) & (sequence < _EXACT) & (t >= 0.0) & (t < _T_MAX)).all():
+            raise FeedError("rows without a number or a time")
         first, last = int(sequence[0]), int(sequence[-1])
         if first < self.next or (np.diff(sequence) < 1.0).any():
             raise FeedError("rows that go back")
@@ -114,7 +116,7 @@ class Source:
             self.lost += first - self.next
         self.lost += last + 1 - first - n
         self.next = last + 1
-        return sequence.astype(np.uint64), time_ns.astype(np.uint64)
+        return sequence.astype(np.uint64), np.rint(t * 1e9).astype(np.uint64)
 
     def _count_last(self, dropped: int) -> None:
         """Rows after the last that has come: by the count of who had no room for them."""

@@ -67,7 +67,9 @@ class Publisher:
         for who, lost in self.lost.items():
             if lost:
                 flown = self.published[who] + lost
-                say("warning", f"{lost} of {flown} ticks of the {who} came too fast to be published")
+                say(
+                    "warning", f"{lost} of {flown} ticks of the {who} came too fast to be published"
+                )
 
     def pass_on(self) -> None:
         """Publish what has come."""
@@ -175,7 +177,9 @@ def publish(
             announce({"ready": "publisher", "instance": instance, "run": run})
             publisher.run()
             outlet.leave(LEAVE_S)
-            announce({"ended": "publisher", "published": publisher.published, "lost": publisher.lost})
+            announce(
+                {"ended": "publisher", "published": publisher.published, "lost": publisher.lost}
+            )
     finally:
         feeds.close()
 

@@ -83,7 +83,7 @@ class Recorded:
     @property
     def strange(self) -> int:
         """Samples that were not the vehicle's."""
-        return self.unusable + sum(c.unreadable for c in self.counted.values())
+        return self.unusable + int(sum(c.unreadable for c in self.counted.values()))
 
     def line(self) -> str:
         """How it stands, while it goes on."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from pathlib import Path
 
@@ -55,6 +56,12 @@ class Flight:
     @property
     def publisher_said(self) -> str:
         return (self.run / "publisher.log").read_text()
+
+    def unpublished(self, who: str) -> int:
+        """Ticks that it says, at its end, did not reach its publisher."""
+        found = re.search(rf"(\d+) ticks of the {who}\b.* came too fast to be published", self.said)
+        assert found, self.said
+        return int(found[1])
 
     @property
     def keys(self) -> list[str]:
