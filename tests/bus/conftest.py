@@ -21,6 +21,7 @@ __all__ = ["_until", "instance", "start"]
 MEGABYTE = 1 << 20
 LOCKSTEP = ("--speed", "max")
 PACED = ("--speed", "5")  # six seconds of wall time
+BOTH = pytest.mark.parametrize("speed", [LOCKSTEP, PACED], ids=["lockstep", "paced"])
 SAID = (topics.EVENTS, topics.ABOUT, topics.ENDED)
 TICKS = 15_000
 COMPILE_S = 180.0  # wall: for the first flight of all on a slow machine
@@ -168,5 +169,21 @@ def record(start, tmp_path):
         program = start("gcs_tools", "record", out, "--json", *which, *options, **how)
         recorders.append(Recorder(program, out))
         return recorders[-1]
+
+    return begin
+
+
+@pytest.fixture
+def recorded(fly, record, instance):
+    """`recorded(*options)`: a flight under way and somebody who records it."""
+
+    def begin(*options):
+        recorder = record(instance)
+        recorder.waits()
+        flight = fly(instance, *options)
+        recorder.under_way()
+        flight.under_way()
+        assert not flight.is_over()
+        return flight, recorder
 
     return begin

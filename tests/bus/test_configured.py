@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from gcs_tools import bus, result
+from gcs_tools.recorded import OUT_OF_SIGHT
 from tests.bus.configured import (
     EXAMPLES,
     HERE,
@@ -291,7 +292,7 @@ def test_a_link_ends_with_the_certificate(ours, secured, publish, gcs, record, t
     program = gcs("record", out, "--json", "--zenoh", brief)
     assert program.wait() == 0, program.text()  # of its own accord
     said = json.loads(program.out.read_text())
-    assert said["ended"] == "the vehicle is gone" and said["ticks"] > 0
+    assert said["ended"] == OUT_OF_SIGHT and said["ticks"] > 0
     assert_whole(record(tools))  # it is there, for who may read
 
 

@@ -1,0 +1,143 @@
+"""What becomes of a publisher, and who shouts at it, leaves the flight as it was, to the bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+
+import pytest
+
+from fcu.interface import feed, topics
+from gcs_tools import recording
+from gcs_tools.feeding import Feeds
+from gcs_tools.recorded import GONE, OUT_OF_SIGHT
+from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
+from tests.process.conftest import until
+
+
+@BOTH
+def test_a_publisher_that_is_suspended_for_good(recorded, quiet, speed):
+    flight, recorder = recorded(*speed)
+    os.kill(flight.publisher, signal.SIGSTOP)
+    assert flight.trajectory() == quiet
+    assert "ticks of the fcu" in flight.said
+    assert "came too fast to be published" in flight.said
+    assert "ticks of the fcu came too fast to be published" in flight.publisher_said
+    said = recorder.ended()
+    if said["end_seen"]:  # it had not been given up
+        recorder.adds_up()
+    else:
+        assert said["ended"] == OUT_OF_SIGHT
+    assert recording.read(recorder.out).complete
+
+
+@BOTH
+def test_a_publisher_that_is_killed(recorded, quiet, speed):
+    flight, recorder = recorded(*speed)
+    os.kill(flight.publisher, signal.SIGKILL)
+    assert flight.trajectory() == quiet
+    assert "the publisher was killed by signal 9, before the flight had ended" in flight.said
+    assert recorder.ended()["ended"] == OUT_OF_SIGHT
+    assert recording.read(recorder.out).complete
+
+
+def test_a_publisher_that_is_suspended_for_a_while(recorded, quiet):
+    flight, recorder = recorded(*LOCKSTEP)
+    pid = flight.publisher
+    os.kill(pid, signal.SIGSTOP)
+    flight.under_way(15 * MEGABYTE)
+    os.kill(pid, signal.SIGCONT)
+    assert not flight.is_over()
+    assert flight.trajectory() == quiet
+    found = recorder.adds_up()
+    for who in ("fcu", "plant"):
+        lost = flight.unpublished(who)
+        assert 0 < lost <= found.lost[f"/{who}/timing"]
+        assert f"{lost} of {TICKS} ticks of the {who} came too fast" in flight.publisher_said
+    assert found.reports["/fcu/timing"][-1, -1] == flight.unpublished("fcu")
+    own = recording.read(flight.recording)
+    assert own.complete
+    assert len(own.fcu) == len(own.plant) == TICKS
+
+
+def test_a_publisher_that_is_started_anew(recorded, start, record, quiet, instance):
+    flight, first = recorded(*PACED)
+    os.kill(flight.publisher, signal.SIGKILL)
+    anew = start("gcs_tools", "publish", "--instance", instance, "--run", "anew")
+    second = record(instance)
+    second.under_way()
+    assert not flight.is_over()
+    assert flight.trajectory() == quiet
+    said = second.ended()  # although the publisher is still there
+    assert (said["ended"], said["end_seen"]) == (GONE, True)
+    assert said["ticks"] > 1000
+    assert said["last_s"] == pytest.approx((TICKS - 1) * 0.002)
+    assert first.ended()["ended"] == OUT_OF_SIGHT
+    assert recording.read(second.out).metadata["run"] == "anew"
+    assert anew.interrupted() == 0
+    assert json.loads(anew.out.read_text().splitlines()[-1])["lost"] == {"fcu": 0, "plant": 0}
+
+
+# --- those who shout
+
+
+@pytest.mark.parametrize("what", ["puts peer", "puts client", "queries peer", "bytes", "feed"])
+def test_an_intruder(recorded, start, quiet, instance, what):
+    flight, recorder = recorded(*PACED)
+    kind, *mode = what.split()
+    target = {"feed": [instance], "bytes": [topics.port(instance)]}
+    keyed = [*mode, topics.port(instance), *flight.keys]
+    intruder = start("tests.bus.intruder", kind, *target.get(kind, keyed))
+    until(lambda: len(intruder.out.read_text().splitlines()) > 5, "an intruder")
+    assert not flight.is_over()
+    assert flight.trajectory() == quiet
+    found = recorder.adds_up()
+    assert len(found.fcu) > TICKS // 2
+    if kind != "feed":
+        assert flight.publisher_said == ""
+        return
+    assert "neither rows nor words of ours: not published" in flight.publisher_said
+    assert "Traceback" not in flight.publisher_said
+
+
+def test_nobody_feeds_or_listens_to_another_user(instance, monkeypatch):
+    feeds, fed = Feeds(instance), feed.Feed(instance, "fcu")
+    theirs = os.getuid() + 1
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "getuid", lambda: theirs)
+        assert not fed.find(0.0)
+    assert fed.find(10.0)
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "getuid", lambda: theirs)
+        feeds.accept()
+    assert feeds.sources == []
+    fed.close()
+    feeds.close()
+
+
+# --- a router
+
+
+def test_a_router_that_is_restarted(fly, record, start, quiet, instance, tmp_path):
+    port = topics.port(instance) + 1
+    file = tmp_path / "client.json5"
+    file.write_text(json.dumps({
+        "mode": "client",
+        "connect": {
+            "endpoints": [f"tcp/127.0.0.1:{port}"],
+            "retry": {"period_init_ms": 50, "period_max_ms": 50},
+        },
+        "scouting": {"multicast": {"enabled": False}},
+    }))  # fmt: skip
+    router = start("tests.bus.router", port)
+    router.says("routes")
+    recorder = record(None, "--zenoh", file)
+    flight = fly(instance, "--zenoh", file, *PACED)
+    recorder.under_way()
+    router.kill()
+    router = start("tests.bus.router", port)
+    router.says("routes")
+    assert not flight.is_over()
+    assert flight.trajectory() == quiet
+    assert recorder.adds_up().lost["/fcu/timing"] > 0
