@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients fly test check bench schemas console stability
+.PHONY: help setup clients readers fly test check bench schemas console stability
 .DEFAULT_GOAL := setup
 
 # the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
@@ -30,10 +30,19 @@ clients: .venv/.clients  ## the same, with MAVSDK and MAVProxy for the tests
 		--constraint constraints.txt --editable '.[dev,clients]'
 	@touch $@
 
+readers: tests/readers/node_modules/.installed  ## other readers of recordings, for the tests
+	@:
+
+tests/readers/node_modules/.installed: tests/readers/package.json tests/readers/package-lock.json
+	@command -v npm >/dev/null || { echo "the tests need Node.js 18 or later with npm (apt install nodejs npm)" >&2; exit 1; }
+	@echo "installing a reader of MCAP files into tests/readers (once; from the network) ..."
+	@npm ci --silent --prefix tests/readers
+	@touch $@
+
 fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
-test: clients  ## all tests
+test: clients readers  ## all tests
 	@.venv/bin/pytest -q -n 2 --dist loadfile
 
 check: setup  ## linters, types, who may import whom

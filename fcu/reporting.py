@@ -84,7 +84,7 @@ class Reporter:
             self._told = None
         if law is not self._told:
             self._told = law
-            self.feed.send(np.concatenate([[t], to_buffer(law)]))
+            self.feed.tell(np.concatenate([[t], to_buffer(law)]).tobytes())
 
 
 def _status(vehicle: Supervisor) -> Status:

@@ -16,11 +16,14 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from gcs_tools import bench_bus
+from gcs_tools.measured import Figure
 
 if TYPE_CHECKING:
     from gcs_tools.scenario import Scenario
@@ -31,16 +34,6 @@ MISSION = "paper_nominal"
 RATE_HZ = 500.0
 STEPS = 10_000  # of a compiled loop, at most
 CALLS = 20_000  # from Python
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One number. Its key carries its unit, and stays what it is from version to version."""
-
-    key: str
-    label: str
-    value: float
-    wanted: str = ""
 
 
 def per_call_s(run: Callable[[], Any], calls: int, repeats: int) -> float:
@@ -251,6 +244,7 @@ def measured(repeats: int, duration_s: float) -> Iterator[Figure]:
     yield from compiled(scene, repeats)
     yield from lockstep(scene, repeats)
     yield from real_time(streamed(10.0))
+    yield from bench_bus.figures()
     yield from commands(repeats)
 
 
@@ -259,7 +253,7 @@ def measured(repeats: int, duration_s: float) -> Iterator[Figure]:
 @click.option("--repeats", default=5, show_default=True, type=click.IntRange(1), help="Medians of so many.")  # fmt: skip
 @click.option("--duration", "duration_s", default=60.0, show_default=True, type=click.FloatRange(1.0), help="Simulated seconds of a flight.")  # fmt: skip
 def main(as_json: bool, repeats: int, duration_s: float) -> None:
-    """Measure what a step costs and how fast a flight goes, in a minute or two."""
+    """Measure what a step costs and how fast a flight goes, in two or three minutes."""
     from rich.console import Console
     from rich.table import Table
 

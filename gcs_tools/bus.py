@@ -28,6 +28,21 @@ CLOSE_S = 2.0  # wall: how long closing may take
 UNCONNECTED = "nobody is there, or one refuses the other (RUST_LOG=warn tells why)"
 WAITING = 8192  # samples that a channel holds; when it is full the network waits, and then drops
 
+# Nobody but the publisher puts anything through its session, or answers for it.
+_OWN_WORDS: dict[str, Any] = {
+    "enabled": True,
+    "default_permission": "allow",
+    "rules": [{
+        "id": "theirs",
+        "messages": ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
+        "flows": ["ingress"],
+        "permission": "deny",
+        "key_exprs": ["**"],
+    }],
+    "subjects": [{"id": "all"}],
+    "policies": [{"rules": ["theirs"], "subjects": ["all"]}],
+}  # fmt: skip
+
 # Of every session; a file's own values go before.
 _OWN: dict[str, Any] = {
     "scouting/multicast/enabled": False,  # or every peer of the network would be met
@@ -125,6 +140,7 @@ def for_publisher(instance: int, run: str, file: Path | None = None) -> zenoh.Co
         return _configured({
             "listen/endpoints": [f"tcp/{HOST}:{topics.port(instance)}"],
             "namespace": topics.namespace(run),
+            "access_control": _OWN_WORDS,
         })  # fmt: skip
     return _from_file(file, topics.namespace(run))
 
@@ -208,4 +224,4 @@ def _short(error: BaseException) -> str:
     if alone := re.search(r"Unable to connect to any of \[(.*)\]", text):
         endpoints = re.sub(r"Single\((.*?)\)", r"\1", alone[1])
         return f"no connection to {endpoints}: {UNCONNECTED}"
-    return text
+    return text.replace("[", "").replace("]", "")

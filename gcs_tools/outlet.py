@@ -23,6 +23,7 @@ from gcs_tools.layout import Rows
 from gcs_tools.schema import FCU_COLUMNS, OF_FCU, OF_PLANT, PARAMS, PLANT_COLUMNS, TIMING
 from gcs_tools.ticks import Numbers, Packer
 
+ANSWERS = 16  # given in one go: who asks without end must not keep ticks waiting
 LOOK_S = 0.01  # wall: between two looks for somebody who listens
 TOGETHER = 64  # ticks in a sample, at most: it stays below Zenoh's 64 KiB
 PARAM_COLUMNS = ["t", *columns(LawParams)]
@@ -41,6 +42,7 @@ class Outlet:
         self._tokens: dict[str, Any] = {}
         self._last: dict[str, tuple[bytes, str]] = {}  # by topic: a sample of its last tick
         self._latest: dict[str, tuple[Packer, Rows, Numbers, Numbers]] = {}
+        self._flown: dict[str, int] = {}  # by topic: number of the last tick there was
         self._packers = {
             "fcu": Packer(OF_FCU, FCU_COLUMNS),
             "plant": Packer(OF_PLANT, PLANT_COLUMNS),
@@ -56,14 +58,21 @@ class Outlet:
 
     def rows(self, who: str, rows: Rows, sequence: Numbers, time_ns: Numbers) -> None:
         """Ticks of "fcu" or "plant", or the law's "params": whole rows."""
+        if not len(rows):
+            return
         packer = self._packers[who]
         for i in range(0, len(rows), TOGETHER):
             part = slice(i, i + TOGETHER)
             samples = packer.pack(rows[part], sequence[part], time_ns[part])
             for topic, sample in zip(packer.topics, samples, strict=True):
                 self._put(topic.name, ticks.encoding(topic), sample)
-        if len(rows):
-            self._latest[who] = packer, rows[-1:].copy(), sequence[-1:], time_ns[-1:]
+        self._latest[who] = packer, rows[-1:].copy(), sequence[-1:], time_ns[-1:]
+        self.flown(who, int(sequence[-1]))
+
+    def flown(self, who: str, number: int) -> None:
+        """There have been ticks up to this one, whether or not we have got them to publish."""
+        for topic in self._packers[who].topics:
+            self._flown[topic.name] = number
 
     def params(self, row: Rows) -> None:
         """The law's parameters in force from row[0] (s) on."""
@@ -75,6 +84,7 @@ class Outlet:
         sample = ticks.pack_messages(*numbered, [events.encode(event)])
         self._put(events.TOPIC, events.ENCODING, sample)
         self._last[events.TOPIC] = sample, events.ENCODING
+        self._flown[events.TOPIC] = int(numbered[0][0])
 
     def messages(
         self, topic: str, encoding: str, sequence: Numbers, time_ns: Numbers,
@@ -88,6 +98,7 @@ class Outlet:
         if len(messages):
             last = ticks.pack_messages(sequence[-1:], time_ns[-1:], messages[-1:])
             self._last[topic] = last, encoding
+            self._flown[topic] = int(sequence[-1])
 
     def _numbered(self, what: str, t: float) -> tuple[Numbers, Numbers]:
         n = self._counts[what]
@@ -124,10 +135,11 @@ class Outlet:
             self._tokens.pop(process).undeclare()
 
     def leave(self, bound_s: float) -> None:
-        """Take back every token, and wait until nobody listens any more, so long at most (wall).
+        """Say what there was, and wait until nobody listens any more, so long at most (wall).
 
         Closing a session discards what is still on its way; who listens leaves when all has come.
         """
+        self.ended()
         for process in list(self._tokens):
             self.alive(process, False)
         until = time.monotonic() + bound_s
@@ -135,11 +147,24 @@ class Outlet:
             self.serve()
             time.sleep(LOOK_S)
 
+    def ended(self) -> None:
+        """Nobody flies any more: say what there was, for who counts."""
+        self._session.put(  # ahead of the ticks: there is room for it when there is none for them
+            keys.relative(self._vehicle, keys.ENDED),
+            json.dumps(self._flown).encode(),
+            encoding="application/json",
+            congestion_control=self._congestion,
+            priority=zenoh.Priority.DATA_HIGH,
+        )
+
     # --- answers
 
     def serve(self) -> None:
         """Answer what was asked since the last call."""
-        while (query := self._queries.try_recv()) is not None:
+        for _ in range(ANSWERS):
+            query = self._queries.try_recv()
+            if query is None:
+                return
             with query:
                 self._answer(query)
 
@@ -154,4 +179,6 @@ class Outlet:
         for topic_name, (sample, encoding) in {**self._last, keys.ABOUT: about}.items():
             key = keys.relative(self._vehicle, topic_name)
             if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                query.reply(key, sample, encoding=encoding)
+                query.reply(
+                    key, sample, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
+                )

@@ -76,7 +76,7 @@ class Terminal:
 
     def note(self, text: str) -> None:
         """One line."""
-        self._log.print(f"[dim]{text}[/dim]")
+        self._log.print(Text(text, style="dim"), soft_wrap=True)
 
     @contextmanager
     def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
@@ -98,7 +98,7 @@ class Terminal:
         """The title, a table of the expectations, and where the run is."""
         self._out.print(Text(result.title, style="bold"))
         if result.error:
-            self._out.print(Text(result.error, style="red"))
+            self._out.print(Text(result.error, style="red"), soft_wrap=True)
         if result.expectations:
             table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
             table.add_column("")

@@ -23,18 +23,14 @@ from fcu.kernel.buffers import columns
 from fcu.law.types import LawParams
 from gcs_tools import bus
 from gcs_tools.events import LEVELS, Event
-from gcs_tools.feeding import Feeds, Source, Taken
+from gcs_tools.feeding import WIDTHS, FeedError, Feeds, Source, Taken
 from gcs_tools.outlet import Outlet
 from gcs_tools.recording import SCHEMA_VERSION
-from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
 
 PERIOD_S = 0.01  # wall: between two looks at what has come
 LEAVE_S = 0.3  # wall: for what is still on its way when a flight has ended
 IDLE_S = 0.05  # the same, while nobody flies
-
-_SEQUENCE = {
-    "fcu": FCU_COLUMNS.index("timing.sequence"), "plant": PLANT_COLUMNS.index("timing.sequence")
-}  # fmt: skip
+LAST = 4  # looks at what has still come when it ends: more than a feed can hold
 
 
 class Publisher:
@@ -48,9 +44,11 @@ class Publisher:
         if lifeline is not None:
             self._lifeline.register(lifeline, 0)  # a hang-up is told without being asked for
         self.stopping = False
-        self.published = dict.fromkeys(_SEQUENCE, 0)
-        self.lost = dict.fromkeys(_SEQUENCE, 0)  # rows that did not reach us
-        self._next = dict.fromkeys(_SEQUENCE, -1)
+        self.published = dict.fromkeys(WIDTHS, 0)
+        self.lost = dict.fromkeys(WIDTHS, 0)  # rows that did not reach us
+        self._before = dict.fromkeys(WIDTHS, 0)  # added to numbers, which begin anew with a process
+        self._next = dict.fromkeys(WIDTHS, 0)  # number that the next row has
+        self._refused: set[str] = set()  # why somebody was: said once
 
     def run(self) -> None:
         """Until told to stop, or whoever started us is gone."""
@@ -64,45 +62,72 @@ class Publisher:
                 time.sleep(due - now)
             else:
                 due = now  # behind: what came meanwhile waits in the feed, or is dropped there
-        self.pass_on()  # the last words of a flight that has ended
+        for _ in range(LAST):  # the last words of a flight that has ended
+            self.pass_on()
+        for who, lost in self.lost.items():
+            if lost:
+                flown = self.published[who] + lost
+                say(
+                    "warning", f"{lost} of {flown} ticks of the {who} came too fast to be published"
+                )
 
     def pass_on(self) -> None:
         """Publish what has come."""
         self._feeds.accept()
         for source in list(self._feeds.sources):
-            self._pass_on(source)
+            try:
+                self._pass_on(source)
+            except FeedError as error:
+                self._refuse(source, str(error))
 
     def _pass_on(self, source: Source) -> None:
+        before, was = source.lost, source.who
         taken = source.take()
+        if source.who != was:
+            self._meet(source)
         for said in taken.said:
             self._say(source, said)
         if taken.params is not None:
             self._told(taken.params)
-        if len(taken.rows):
-            self._publish(source.who, taken)
+        if source.who:
+            self._publish(source, taken, source.lost - before)
         if source.ended:
-            self._feeds.sources.remove(source)
-            source.close()
-            if source.who and not any(s.who == source.who for s in self._feeds.sources):
-                self._outlet.alive(source.who, False)
+            self._end(source)
 
-    def _publish(self, who: str, taken: Taken) -> None:
-        rows = taken.rows
-        sequence = rows[:, _SEQUENCE[who]].astype(np.uint64)
-        first, after = int(sequence[0]), int(sequence[-1]) + 1
-        expected = first if self._next[who] < 0 else self._next[who]
-        self.lost[who] += max(after - expected - len(rows), 0)
-        self._next[who] = after
-        self.published[who] += len(rows)
-        time_ns = np.rint(rows[:, 0] * 1e9).astype(np.uint64)
-        self._outlet.rows(who, rows, sequence, time_ns)
+    def _publish(self, source: Source, taken: Taken, lost: int) -> None:
+        who = source.who
+        if len(taken.rows) and int(taken.sequence[0]) + self._before[who] < self._next[who]:
+            self._before[who] = self._next[who]
+        self._outlet.rows(
+            who, taken.rows, taken.sequence + np.uint64(self._before[who]), taken.time_ns
+        )
+        self.published[who] += len(taken.rows)
+        self.lost[who] += lost
+        if source.next > 0:
+            self._next[who] = self._before[who] + source.next
+            self._outlet.flown(who, self._next[who] - 1)
+
+    def _meet(self, source: Source) -> None:
+        if any(other.who == source.who for other in self._feeds.sources if other is not source):
+            raise FeedError(f"what another {source.who} feeds already")
+        self._outlet.alive(source.who, True)
+        self._outlet.about["processes"][source.who] = {"pid": source.pid}
+
+    def _end(self, source: Source) -> None:
+        self._feeds.hang_up(source)
+        if source.who and not any(other.who == source.who for other in self._feeds.sources):
+            self._outlet.alive(source.who, False)
+            if not any(other.who for other in self._feeds.sources):
+                self._outlet.ended()
+
+    def _refuse(self, source: Source, why: str) -> None:
+        self._end(source)
+        if why not in self._refused:
+            self._refused.add(why)
+            say("warning", f"process {source.pid} feeds {why}: not published")
 
     def _say(self, source: Source, said: dict[str, Any]) -> None:
-        if "hello" in said:
-            self._next[source.who] = -1
-            self._outlet.alive(source.who, True)
-            self._outlet.about["processes"][source.who] = {"pid": said.get("pid")}
-        elif "event" in said:
+        if "event" in said:
             level = said.get("level")
             known = level if level in LEVELS else "unknown"
             self._outlet.event(Event(float(said["t"]), known, f"{source.who}: {said['event']}"))
@@ -152,7 +177,9 @@ def publish(
             announce({"ready": "publisher", "instance": instance, "run": run})
             publisher.run()
             outlet.leave(LEAVE_S)
-        announce({"ended": "publisher", "published": publisher.published, "lost": publisher.lost})
+            announce(
+                {"ended": "publisher", "published": publisher.published, "lost": publisher.lost}
+            )
     finally:
         feeds.close()
 

@@ -40,6 +40,7 @@ class Publishing:
             folder / "publisher.log", (lifeline,),
         )  # fmt: skip
         self.pid = self._child.process.pid
+        self._publishes = False
 
     def wait_ready(self) -> str:
         """Until it publishes; why it does not, or ""."""
@@ -57,6 +58,7 @@ class Publishing:
         except InfrastructureError as error:
             _, _, said = str(error).partition(" error pub ")  # of its log
             return said or str(error)
+        self._publishes = True
         return ""
 
     def keep_off(self, core: int) -> None:
@@ -69,5 +71,21 @@ class Publishing:
                 pass  # it has ended
 
     def stop(self) -> dict[str, Any]:
-        """End it, after those who feed it; what it said last."""
-        return self._child.stop()
+        """End it, after those who feed it; what it said last, and under "problem" what went wrong."""
+        problem = self._ended_early()
+        said = self._child.stop()
+        if self._publishes and not said and not problem:
+            problem = "the publisher did not end when it was told to"
+        self._publishes = False
+        lost = {who: n for who, n in said.get("lost", {}).items() if n}
+        if lost:
+            problem = ", ".join(f"{n} ticks of the {who}" for who, n in lost.items())
+            problem += " came too fast to be published"
+        return said | {"problem": problem}
+
+    def _ended_early(self) -> str:
+        try:
+            self._child.check()
+        except InfrastructureError as error:
+            return f"{error}, before the flight had ended" if self._publishes else ""
+        return ""

@@ -1,7 +1,7 @@
 """The recorder of a flight: every tick of the plant's truth and of the flight controller's work.
 
-MCAP with Protobuf messages (`schema`), in chunks of about 256 KiB and at most one second of
-wall time: a killed recorder loses no more than that. Rows are encoded a chunk at a time
+MCAP with Protobuf messages (`schema`), in chunks of about 256 KiB and at most half a second
+of wall time: a killed recorder loses no more than that. Rows are encoded a chunk at a time
 (`layout`), which costs a few microseconds a tick for all topics together.
 """
 

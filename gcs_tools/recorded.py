@@ -18,6 +18,7 @@ from gcs_tools.ticks import Sample
 from gcs_tools.watch import LOOK_S, Watch
 
 GONE_S = 2.0  # wall: a vehicle that is back within it has not left
+GONE, OUT_OF_SIGHT = "the vehicle is gone", "the vehicle is out of sight"  # why it ended
 _BIN_S, _BINS = 1e-4, 20_000  # of the histogram of latencies: 0.1 ms, to 2 s
 
 Progress = Callable[[str], None]
@@ -59,6 +60,7 @@ class Recorded:
     ticks: int = 0  # control ticks of the flight controller
     counted: dict[str, Any] = field(default_factory=dict)  # by topic: watch.Counted
     unusable: int = 0
+    end_seen: bool = False  # it was told what there was to record
     replayed: bool = False  # its ticks were published long ago
     latency: Latency = field(default_factory=Latency)
 
@@ -78,6 +80,11 @@ class Recorded:
         """Ticks that are missing, by topic."""
         return {topic: c.lost for topic, c in self.counted.items() if c.lost}
 
+    @property
+    def strange(self) -> int:
+        """Samples that were not the vehicle's."""
+        return self.unusable + int(sum(c.unreadable for c in self.counted.values()))
+
     def line(self) -> str:
         """How it stands, while it goes on."""
         lost = sum(self.lost.values())
@@ -93,12 +100,13 @@ class Recorded:
         ]  # fmt: skip
         by_topic = ", ".join(f"{topic} {n}" for topic, n in self.lost.items())
         lines.append(f"  lost on the bus: {by_topic}" if by_topic else "  every tick is in it")
+        if self.why == OUT_OF_SIGHT:
+            lines.append("  up to there: the publisher was killed, or the connection to it broke")
         p50, p99 = self.latency.percentile(50.0), self.latency.percentile(99.0)
         if p50 is not None and p99 is not None:
             lines.append(f"  from tick to here: {p50 * 1e3:.1f} ms, 99 % within {p99 * 1e3:.1f} ms")
-        strange = self.unusable + sum(c.unreadable for c in self.counted.values())
-        if strange:
-            lines.append(f"  {strange} samples were not the vehicle's, and are not in it")
+        if self.strange:
+            lines.append(f"  {self.strange} samples were not the vehicle's, and are not in it")
         return "\n".join(lines)
 
     def as_dict(self, out: Path) -> dict[str, Any]:
@@ -107,12 +115,13 @@ class Recorded:
             "schema": 1,
             "path": str(out),
             "ended": self.why,
+            "end_seen": self.end_seen,
             "first_s": self.first_s,
             "last_s": self.last_s,
             "ticks": self.ticks,
             "lost": self.lost,
             "topics": {topic: c.ticks for topic, c in self.counted.items()},
-            "not_the_vehicles": self.unusable + sum(c.unreadable for c in self.counted.values()),
+            "not_the_vehicles": self.strange,
             "latency_p50_s": self.latency.percentile(50.0),
             "latency_p99_s": self.latency.percentile(99.0),
         }
@@ -144,8 +153,11 @@ def record_until(
                 return
             now = time.monotonic()
             left = (left or now) if watch.gone and not came else None
-            if left is not None and now - left > GONE_S:
-                done.why = "the vehicle is gone"
+            over = left is not None and now - left > GONE_S
+            if over or (watch.has_ended and not came and not watch.missing()):
+                watch.give_up()
+                done.end_seen = watch.has_ended
+                done.why = GONE if done.end_seen else OUT_OF_SIGHT
                 return
             if not came:
                 time.sleep(LOOK_S)

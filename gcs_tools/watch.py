@@ -31,6 +31,7 @@ class Counted:
     bytes: int = 0
     lost: int = 0  # ticks missing between the first and the last
     unreadable: int = 0  # samples that were none of this topic
+    late: int = 0  # samples from before the last: they count as lost
     first: int = -1  # sequence numbers
     last: int = -1
     seen: list[tuple[float, int]] = field(default_factory=list)  # wall, ticks: for the rate
@@ -58,8 +59,10 @@ class Watch:
         self.about: dict[str, Any] = {}
         self.alive: set[str] = set()  # its processes
         self.counted: dict[str, Counted] = {}
-        self.gone = False  # the vehicle has left the bus
+        self.gone = False  # the vehicle has left the bus: a publisher may stay
         self.succeeded = False  # and another has come
+        self._flew = False
+        self._ended: dict[str, int] | None = None  # by topic: its last tick, as told at the end
 
     def find(self, check: Callable[[], None] = lambda: None) -> None:
         """Wait for a vehicle and ask it what it is. `check` is called meanwhile, and may raise.
@@ -118,7 +121,9 @@ class Watch:
                 continue
             process = key.topic.removeprefix(f"{keys.ALIVE}/")
             (self.alive.add if there else self.alive.discard)(process)
-            self.gone = not self.alive
+            flying = self.alive - {keys.PUBLISHER}
+            self._flew = self._flew or bool(flying)
+            self.gone = not (flying if self._flew else self.alive)
 
     def latest(self) -> list[tuple[str, Sample]]:
         """The last tick of each topic before it was watched, once; (topic, sample)."""
@@ -137,6 +142,9 @@ class Watch:
             key = keys.take_apart(str(sample.key_expr))
             if key is None:
                 continue
+            if key.topic == keys.ENDED:
+                self._hear_the_end(sample.payload.to_bytes())
+                continue
             counted = self.counted.setdefault(f"/{key.topic}", Counted())
             data = sample.payload.to_bytes()
             counted.samples += 1
@@ -150,6 +158,30 @@ class Watch:
             if _count(counted, found, now):
                 yield f"/{key.topic}", found
 
+    def _hear_the_end(self, data: bytes) -> None:
+        told = _object(data)
+        self._ended = {topic: n for topic, n in told.items() if isinstance(n, int)}
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the vehicle has said that it ends: without, it was killed or lost from sight."""
+        return self._ended is not None
+
+    def missing(self) -> dict[str, int]:
+        """Ticks that are still to come after the last of each topic, by what was said at the end."""
+        told = self._ended or {}
+        return {
+            topic: n - counted.last
+            for topic, counted in self.counted.items()
+            if counted.last >= 0 and (n := told.get(topic, -1)) > counted.last
+        }
+
+    def give_up(self) -> None:
+        """What is still to come is lost."""
+        for topic, n in self.missing().items():
+            self.counted[topic].lost += n
+            self.counted[topic].last += n
+
     def close(self) -> None:
         """Hear nothing more."""
         self._tokens.undeclare()
@@ -158,11 +190,17 @@ class Watch:
 
 
 def _count(counted: Counted, found: Sample, now: float) -> bool:
-    """Whether the sample goes on from those before it; one that goes back is not the vehicle's."""
+    """Whether the sample goes on from those before it.
+
+    One goes back when a connection broke that it was waiting in, and another is there already.
+    """
     first, last, n = int(found.sequence[0]), int(found.sequence[-1]), len(found.ticks)
     if counted.first < 0:
         counted.first = first
-    elif not counted.last < first < counted.last + FORWARD:
+    elif first <= counted.last:
+        counted.late += 1
+        return False
+    elif first >= counted.last + FORWARD:
         counted.unreadable += 1
         return False
     else:

@@ -113,6 +113,8 @@ class WireFlight:
                 said = stop_all(self._children)
                 if self._publishing is not None:
                     said["publisher"] = self._publishing.stop()
+                    if problem := said["publisher"]["problem"]:
+                        self._note(f"diagnostics: {problem}")
         except OSError as error:
             where = error.filename or self._folder
             raise InfrastructureError(f"{where}: {error.strerror or error}") from error

@@ -4,7 +4,8 @@ The publisher listens; a flying process connects when it finds one, and goes on 
 a while when it does not. A datagram for which there is no room is dropped and counted. Who
 listens, stalls or dies makes no difference to the flight.
 
-A datagram that is a whole number of float64 is a row; any other is JSON, something said.
+A datagram that is a whole number of float64 is a row; any other is JSON, something said:
+`hello` first, then what happened, `bye` at the end.
 
 The socket is a SOCK_SEQPACKET in Linux's abstract namespace: whole datagrams, in order, an end
 that shows, no file to clean up, and like a port it belongs to a network namespace. A send costs
@@ -26,7 +27,8 @@ import numpy as np
 from fcu.interface.link import PortBusy
 
 LOOK_S = 0.5  # wall: between two looks for a publisher
-ROOM_BYTES = 1 << 20  # asked of the system for datagrams on their way
+ROOM_BYTES = 1 << 20  # asked of the system for datagrams on their way; it grants twice that
+FOR_WORDS = 8  # one part of so many is kept for what is said: it goes through when rows do not
 GREATEST_BYTES = 1 << 16  # of one datagram
 SUPPORTED = sys.platform == "linux"
 
@@ -53,8 +55,18 @@ def listen(instance: int) -> socket.socket:
 
 def is_ours(connected: socket.socket) -> bool:
     """Whether the process at the other end is of the same user."""
+    return _credentials(connected)[1] == os.getuid()
+
+
+def peer_pid(connected: socket.socket) -> int:
+    """The process at the other end."""
+    return _credentials(connected)[0]
+
+
+def _credentials(connected: socket.socket) -> tuple[int, int, int]:
     raw = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return int(_CREDENTIALS.unpack(raw)[1]) == os.getuid()
+    pid, uid, gid = _CREDENTIALS.unpack(raw)
+    return pid, uid, gid
 
 
 class Feed:
@@ -65,6 +77,7 @@ class Feed:
         self._address = address(instance)
         self._hello = {"hello": who, "pid": os.getpid()}
         self._socket: socket.socket | None = None
+        self._room = 0  # what was granted, as it is asked for
         self._due = 0.0
         self.dropped = 0  # rows for which there was no room, while there was a publisher
 
@@ -77,6 +90,7 @@ class Feed:
         found.setblocking(False)
         try:
             found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM_BYTES)
+            self._room = found.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) // 2
             found.connect(self._address)
             if not is_ours(found):
                 raise PermissionError("the publisher is another user's")
@@ -84,10 +98,10 @@ class Feed:
             found.close()
             return False
         self._socket = found
-        self.say(self._hello)
+        self.say(self._hello | {"dropped": self.dropped})
         return True
 
-    def send(self, row: np.ndarray[Any, Any] | bytes) -> None:
+    def send(self, row: np.ndarray[Any, Any]) -> None:
         """Hand on one row."""
         if self._socket is None:
             return
@@ -98,14 +112,32 @@ class Feed:
         except OSError:
             self._lose()
 
+    def tell(self, data: bytes) -> None:
+        """Hand on what is rare and matters, if need be through the room that rows are kept off."""
+        if self._socket is None:
+            return
+        self._keep_for_words(0)
+        try:
+            self._socket.send(data)
+        except BlockingIOError:
+            pass  # as much has been told already that nobody has taken
+        except OSError:
+            self._lose()
+            return
+        self._keep_for_words(self._room // FOR_WORDS)
+
     def say(self, said: dict[str, Any]) -> None:
         """Hand on what is no row."""
         data = json.dumps(said).encode()
-        self.send(data if len(data) % 8 else data + b" ")
+        self.tell(data if len(data) % 8 else data + b" ")
 
     def event(self, t: float, level: str, text: str) -> None:
         """Something happened at simulation time t (s)."""
         self.say({"event": text, "t": t, "level": level})
+
+    def _keep_for_words(self, size: int) -> None:
+        assert self._socket is not None
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._room - size)
 
     def _lose(self) -> None:
         assert self._socket is not None
@@ -114,6 +146,7 @@ class Feed:
         self._due = time.monotonic() + LOOK_S
 
     def close(self) -> None:
-        """The publisher sees the end."""
+        """The publisher sees the end, and hears what has not reached it."""
+        self.say({"bye": self._hello["hello"], "dropped": self.dropped})
         if self._socket is not None:
             self._lose()

@@ -3,6 +3,7 @@
     m_mrac/<run>/<vehicle>/<topic>            what is published, e.g. m_mrac/20261121-1700-up/1/fcu/law
     m_mrac/<run>/<vehicle>/alive/<process>    a liveliness token for each process that is there
     m_mrac/<run>/<vehicle>/about              answers a query with what runs, as JSON
+    m_mrac/<run>/<vehicle>/ended              put last: the number of the last tick of each topic
 
 A publisher's session has the namespace `m_mrac/<run>` and cannot write outside it. Which topics
 there are, and their messages, is derived from what a tick is: `gcs topics`, docs/schemas.
@@ -14,8 +15,9 @@ import re
 from typing import NamedTuple
 
 PREFIX = "m_mrac"
-ABOUT, ALIVE, EVENTS = "about", "alive", "events"
-PROCESSES = ("fcu", "plant", "publisher")
+ABOUT, ALIVE, ENDED, EVENTS = "about", "alive", "ended", "events"
+PUBLISHER = "publisher"
+PROCESSES = ("fcu", "plant", PUBLISHER)
 
 _PORT, _STEP = 7447, 10  # Zenoh's own number; ten apart, as publishers of a campaign need none
 
@@ -25,7 +27,7 @@ class Key(NamedTuple):
 
     run: str
     vehicle: str
-    topic: str  # or alive/<process>, or about
+    topic: str  # or alive/<process>, about, ended
 
 
 def port(instance: int) -> int:

@@ -1,0 +1,186 @@
+"""What comes to a publisher that no flying process of this version sends is refused, and said."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from fcu.interface import feed
+from fcu.interface.ports import ports
+from gcs_tools import bus, ticks
+from gcs_tools.feeding import PARAMS, SOURCES, WIDTHS, Feeds
+from gcs_tools.outlet import Outlet
+from gcs_tools.publisher import Publisher, about
+from gcs_tools.schema import FCU_COLUMNS
+from tests.bus.intruder import words
+
+SEQUENCE = FCU_COLUMNS.index("timing.sequence")
+HELLO = json.dumps({"hello": "fcu", "dropped": 3}).encode()  # no multiple of 8 long
+
+
+def row(number, t=0.0):
+    found = np.zeros(WIDTHS["fcu"])
+    found[[0, SEQUENCE]] = t, number
+    return found.tobytes()
+
+
+@pytest.fixture
+def publisher(instance):
+    feeds = Feeds(instance)
+    with bus.session(bus.for_publisher(instance, "feeding")) as session:
+        outlet = Outlet(session, str(ports(instance).system_id))
+        outlet.about = about("feeding", instance, {})
+        yield Publisher(feeds, outlet, None)
+    feeds.close()
+
+
+@pytest.fixture
+def connected(publisher, instance):
+    """`connected()`: somebody who feeds."""
+    sockets = []
+
+    def connect(*datagrams):
+        one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        one.settimeout(1.0)
+        one.connect(feed.address(instance))
+        for datagram in datagrams:
+            one.send(datagram)
+        sockets.append(one)
+        return one
+
+    yield connect
+    for one in sockets:
+        one.close()
+
+
+def is_hung_up_on(one):
+    try:
+        return one.recv(1) == b""
+    except ConnectionResetError:  # with what it has sent unread
+        return True
+
+
+def params(t, h):
+    found = np.ones(PARAMS)
+    found[:2] = t, h
+    return found.tobytes()
+
+
+LIES = {
+    "no hello": [row(0)],
+    "hello twice": [HELLO, HELLO],
+    "another length": [HELLO, bytes(8)],
+    "no number": [HELLO, row(np.nan)],
+    "a number below 0": [HELLO, row(-1.0)],
+    "a number too large": [HELLO, row(1e300)],
+    "no time": [HELLO, row(0, np.nan)],
+    "a time below 0": [HELLO, row(0, -1.0)],
+    "a time too large": [HELLO, row(0, 1e300)],
+    "a number twice": [HELLO, row(5), row(5)],
+    "a number that goes back": [HELLO, row(5), row(4)],
+    "parameters at no time": [HELLO, params(np.nan, 0.002)],
+    "parameters at too large a time": [HELLO, params(1e300, 0.002)],
+    "parameters without a period": [HELLO, params(0.0, 0.0)],
+    **{
+        f"said {w[:30].decode()}": [w]
+        for w in words()
+        if w.strip() != b'{"hello": "fcu", "dropped": 0}'
+    },
+}
+
+
+@pytest.mark.parametrize("datagrams", LIES.values(), ids=LIES.keys())
+def test_lies_are_refused(publisher, connected, capfd, datagrams):
+    honest = connected(HELLO.replace(b"fcu", b"plant") + b" ", bytes(8 * WIDTHS["plant"]))
+    publisher.pass_on()
+    liar = connected(*datagrams)
+    publisher.pass_on()
+    assert is_hung_up_on(liar)
+    assert ": not published" in capfd.readouterr().err
+    publisher.pass_on()
+    assert publisher.published == {"fcu": 0, "plant": 1}
+    honest.send(b"{}")
+    publisher.pass_on()
+    assert is_hung_up_on(honest)  # only now
+
+
+def test_a_second_of_a_kind_is_refused(publisher, connected, capfd):
+    connected(HELLO, row(0))
+    publisher.pass_on()
+    second = connected(HELLO, row(0))
+    publisher.pass_on()
+    assert is_hung_up_on(second)
+    assert "another fcu feeds already: not published" in capfd.readouterr().err
+    assert publisher.published["fcu"] == 1
+
+
+def test_who_says_nothing_is_hung_up_on(publisher, connected):
+    silent = connected()
+    began = time.monotonic()
+    publisher.pass_on()
+    silent.settimeout(0.0)
+    while True:
+        publisher.pass_on()
+        try:
+            assert silent.recv(1) == b""
+            break
+        except BlockingIOError:
+            assert time.monotonic() < began + 5.0
+    assert time.monotonic() > began + 0.9
+
+
+def test_no_more_than_some_are_heard(publisher, connected):
+    for _ in range(SOURCES):
+        connected()
+    publisher.pass_on()
+    one_more = connected()
+    publisher.pass_on()
+    assert is_hung_up_on(one_more)
+
+
+def test_what_was_dropped_is_counted(publisher, connected):
+    bye = json.dumps({"bye": "fcu", "dropped": 10}).encode()
+    connected(HELLO, row(5), row(6), row(9), bye if len(bye) % 8 else bye + b" ")
+    publisher.pass_on()
+    assert (publisher.published["fcu"], publisher.lost["fcu"]) == (3, 7)  # 10 - 3 of before
+
+
+def test_numbers_go_on_when_a_process_is_started_anew(publisher, connected, instance):
+    with bus.session(bus.for_tool(instance)) as session:
+        heard = session.declare_subscriber("m_mrac/*/*/fcu/timing", handler=bus.channel())
+        while not publisher._outlet.is_heard():
+            time.sleep(0.01)
+        for _ in range(2):
+            one = connected(HELLO, row(0), row(1))
+            publisher.pass_on()
+            one.close()
+            publisher.pass_on()
+        found = [ticks.unpack(heard.recv().payload.to_bytes()).sequence.tolist() for _ in range(2)]
+    assert found == [[0, 1], [2, 3]]
+
+
+def test_words_go_through_when_rows_do_not(instance):
+    feeds, fed = Feeds(instance), feed.Feed(instance, "fcu")
+    assert fed.find(0.0)
+    n = 0
+    while not fed.dropped:
+        fed.send(np.frombuffer(row(n)))
+        n += 1
+    fed.event(1.0, "info", "still heard")
+    fed.close()
+    feeds.accept()
+    [source] = feeds.sources
+    said, rows = [], 0
+    while not source.ended:
+        taken = source.take()
+        said += taken.said
+        rows += len(taken.rows)
+    assert (rows, source.lost) == (n - 1, 1)
+    assert [*said[0], *said[1], *said[2]] == [
+        "hello", "pid", "dropped", "event", "t", "level", "bye", "dropped",
+    ]  # fmt: skip
+    feeds.close()

@@ -1,0 +1,99 @@
+"""Recorders that are killed lose little, and what they leave is made whole, for other readers too."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs_tools import recording
+from tests.process.conftest import until
+
+READERS = Path(__file__).parents[1] / "readers"
+AT_ONCE, TIMES = 5, 2
+LEAST, MOST = 0.3, 3.0  # wall, s: how long a recorder lives after its first chunk
+LOST_S = 1.0  # simulation time, which is the wall's here
+
+
+@pytest.fixture(scope="session")
+def read_elsewhere():
+    """`read_elsewhere(path)`: what the TypeScript implementation of MCAP finds in a file."""
+    if shutil.which("node") is None:
+        pytest.fail("node is missing: install Node.js 18 or later and npm (apt install nodejs npm)")
+    if not (READERS / "node_modules").is_dir():
+        pytest.fail("another reader of MCAP files is missing: run `make readers`")
+
+    def read(path: Path) -> dict:
+        done = subprocess.run(
+            ["node", READERS / "read.mjs", path], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return read
+
+
+@pytest.fixture
+def vehicle(start, instance):
+    """A vehicle in real time."""
+    up = start("gcs_tools", "up", "--instance", instance, "--speed", "1")
+    up.says("ready")
+    yield instance
+    assert up.interrupted() == 0
+
+
+def is_whole(path, read_elsewhere):
+    """The recording at `path`, read by us and by others."""
+    done = subprocess.run(
+        [sys.executable, "-m", "gcs_tools", "recover", path],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "whole again" in done.stdout
+    ours, theirs = recording.read(path), read_elsewhere(path)
+    assert ours.complete
+    assert theirs["statistics"] == sum(t["messages"] for t in theirs["topics"].values())
+    for topic, rows in {**ours.reports, "/plant/truth": ours.plant}.items():
+        found = theirs["topics"][topic]
+        assert found["messages"] == len(rows)
+        assert found["last"]["t"] == rows[-1, 0]
+        for key, row in (("first_ns", 0), ("last_ns", -1)):
+            assert found[key] == round(rows[row, 0] * 1e9)
+    assert theirs["topics"]["/fcu/law"]["messages"] >= len(ours.fcu) > 0
+    return ours
+
+
+def test_ten_that_are_killed(vehicle, record, read_elsewhere):
+    chosen = random.Random(11)
+    witness = record(vehicle)
+    witness.under_way()
+    killed = []
+    for _ in range(TIMES):
+        recorders = [record(vehicle) for _ in range(AT_ONCE)]
+        for recorder in recorders:
+            recorder.under_way(1)
+        began = time.monotonic()
+        lives = sorted(chosen.uniform(LEAST, MOST) for _ in recorders)
+        for recorder, life in zip(recorders, lives, strict=True):
+            time.sleep(max(began + life - time.monotonic(), 0.0))  # so long it lives
+            recorder.killed()
+            killed.append((recorder.out, time.time()))
+    size = witness.out.stat().st_size
+    until(lambda: witness.out.stat().st_size > size + (1 << 20), "all that was published")
+    assert witness.interrupted()["lost"] == {}
+
+    published = recording.read(witness.out).reports["/fcu/timing"]
+    for path, at in killed:
+        found = is_whole(path, read_elsewhere).reports["/fcu/timing"]
+        assert (np.diff(found[:, 1]) == 1.0).all()
+        there = published[published[:, 2] <= at]
+        lost_s = there[-1, 0] - found[-1, 0]
+        assert lost_s <= LOST_S, path
+        same = np.isin(published[:, 1], found[:, 1])
+        assert (published[same] == found).all()
