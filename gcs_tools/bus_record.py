@@ -24,7 +24,7 @@ from gcs_tools.recording_file import RecordingFile
 from gcs_tools.schema import PACKAGE, PARAMS, TOPICS, schema
 from gcs_tools.ticks import Sample
 
-_ONCE = (PARAMS.name, events.TOPIC)  # topics of which what was before is wanted too
+SELDOM = (PARAMS.name, events.TOPIC)  # topics of which what was before is wanted too
 
 
 class BusRecorder:
@@ -51,7 +51,7 @@ class BusRecorder:
 
         It may be on its way too, with others before it: until the first chunk it is held back.
         """
-        if topic in _ONCE:
+        if topic in SELDOM:
             self._held[topic] = sample
 
     def add(self, topic: str, sample: Sample) -> None:
