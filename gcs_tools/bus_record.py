@@ -24,7 +24,7 @@ from gcs_tools.recording_file import RecordingFile
 from gcs_tools.schema import PACKAGE, PARAMS, TOPICS, schema
 from gcs_tools.ticks import Sample
 
-_ONCE = (PARAMS.name, events.TOPIC)  # topics of which what was before is wanted too
+SELDOM = (PARAMS.name, events.TOPIC)  # topics of which what was before is wanted too
 
 
 class BusRecorder:
@@ -39,22 +39,34 @@ class BusRecorder:
             channel = self._file.add_channel(topic.name, message, data)
             self._forms[topic.name] = channel, ticks.form(topic)
         self._events = self._file.add_channel(events.TOPIC, events.MESSAGE, events.schema())
-        self._before: dict[str, int] = {}  # by topic: the last sequence number from before
+        self._held: dict[str, Sample] = {}  # by topic: from before, yet to be written
+        self._written: dict[str, int] = {}  # by topic: the sequence number after what was held
         self._blocks: list[Block] = []
         self._pending = 0
         self.unusable = 0  # samples that no channel takes
         self.ticks = 0
 
     def before(self, topic: str, sample: Sample) -> None:
-        """The last tick before the recording: kept of what is rarely said."""
-        if topic in _ONCE:
-            self.add(topic, sample)
-            self._before[topic] = int(sample.sequence[-1])
+        """The last tick before the recording: kept of what is rarely said.
+
+        It may be on its way too, with others before it: until the first chunk it is held back.
+        """
+        if topic in SELDOM:
+            self._held[topic] = sample
 
     def add(self, topic: str, sample: Sample) -> None:
-        """One sample; one that is recorded from before is passed over."""
-        if int(sample.sequence[0]) <= self._before.get(topic, -1):
-            return
+        """One sample; of one that overlaps what was written from before, the rest."""
+        held = self._held.pop(topic, None)
+        if held is not None and held.sequence[-1] < sample.sequence[0]:
+            self._write(topic, held)
+        new = int(np.searchsorted(sample.sequence, self._written.get(topic, 0)))
+        if new:
+            sample = Sample(sample.sequence[new:], sample.time_ns[new:], sample.ticks[new:])
+        if sample.ticks:
+            self._write(topic, sample)
+        self.flush_if_due()
+
+    def _write(self, topic: str, sample: Sample) -> None:
         block = self._block(topic, sample)
         if block is None:
             self.unusable += 1
@@ -62,7 +74,6 @@ class BusRecorder:
         self.ticks += len(sample.ticks)
         self._blocks.append(block)
         self._pending += len(block.records)
-        self.flush_if_due()
 
     def _block(self, topic: str, sample: Sample) -> Block | None:
         if topic == events.TOPIC:
@@ -93,6 +104,10 @@ class BusRecorder:
             self._flush()
 
     def _flush(self) -> None:
+        for topic, held in self._held.items():
+            self._write(topic, held)
+            self._written[topic] = int(held.sequence[-1]) + 1
+        self._held.clear()
         blocks, self._blocks, self._pending = self._blocks, [], 0
         self._file.write(blocks)
 

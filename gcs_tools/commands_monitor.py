@@ -10,29 +10,33 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcs_tools.commands_bus import OK, WHICH, ZENOH, watched
+from gcs_tools.commands_bus import OK, USAGE, WHICH, ZENOH, fail, watched
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from gcs_tools.monitor.readings import Readings
 
-HEIGHT = 42  # lines of a single picture, at least
-LISTEN_S = 2.0  # wall: before a single picture
+WIDTH, HEIGHT = 140, 42  # columns and lines of a single picture: lines at least
 FRAMES_HZ = 5.0
 LOOK_S = 0.02  # wall: between two looks for what has come
 
 
 @click.command()
-@click.option("--once", is_flag=True, help="One picture after two seconds, and end; also off a terminal.")  # fmt: skip
+@click.option("--once", is_flag=True, help="One picture, and end; also off a terminal.")
+@click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="One picture as SVG, and end.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="The numbers of one picture as JSON, and end.")  # fmt: skip
+@click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Listen so long before a single picture, s.")  # fmt: skip
 @WHICH
 @ZENOH
-def monitor(once: bool, as_json: bool, instance: int | None, zenoh: Path | None) -> None:
+def monitor(
+    once: bool, svg: Path | None, as_json: bool, seconds: float, instance: int | None,
+    zenoh: Path | None,
+) -> None:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
     Stays when the vehicle goes, and goes on with the next one. Ctrl-C ends it. Exits 0; 3
-    without Zenoh.
+    without Zenoh, 2 when FILE cannot be written.
     """
     from rich.console import Console
 
@@ -42,24 +46,43 @@ def monitor(once: bool, as_json: bool, instance: int | None, zenoh: Path | None)
     from gcs_tools.monitor.screen import screen
 
     console = Console(highlight=False)
-    single = once or as_json or not console.is_terminal
+    single = once or as_json or svg is not None or not console.is_terminal
     try:
         while True:
             with watched(instance, zenoh, "publish") as watch:
                 follower = Follower(watch, kept=KEPT)
                 readings = Readings(follower)
                 if single:
-                    _listen(follower.take, LISTEN_S)
+                    _listen(follower.take, 0.5 * seconds)
+                    readings.speed()
+                    _listen(follower.take, 0.5 * seconds)
                     break
                 _live(console, readings)
     except KeyboardInterrupt:
         bus.leave(OK)
     if as_json:
         click.echo(json.dumps(readings.snapshot(), indent=2))
+    elif svg is not None:
+        _draw(readings, svg)
     else:
         height = max(console.size.height, HEIGHT)
         console.print(screen(readings, console.size.width, height), height=height)
     bus.leave(OK)
+
+
+def _draw(readings: Readings, svg: Path) -> None:
+    import io
+
+    from rich.console import Console
+
+    from gcs_tools.monitor.screen import screen
+
+    canvas = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO(), highlight=False)
+    canvas.print(screen(readings, WIDTH, HEIGHT), height=HEIGHT)
+    try:
+        svg.write_text(canvas.export_svg(title="gcs monitor"), encoding="utf-8")
+    except OSError as error:
+        fail(f"{svg}: {error.strerror}", USAGE)
 
 
 def _listen(take: Callable[[], bool], seconds: float) -> None:

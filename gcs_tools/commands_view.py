@@ -88,7 +88,7 @@ def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) ->
                 said = True
                 while not watch.succeeded:
                     follower.take()
-                    app.note = "gone" if watch.gone else ""
+                    app.gone = watch.gone
                     app.frame()
 
 

@@ -11,7 +11,7 @@ from gcs_tools import events, ticks
 from gcs_tools.events import Event
 from gcs_tools.layout import LayoutError, Rows, decode
 from gcs_tools.schema import PARAMS, TOPICS
-from gcs_tools.shown import DRAWN, WINDOW_S, Flight, Limits
+from gcs_tools.shown import DRAWN, WINDOW_S, Flight, Limits, ground_z
 from gcs_tools.ticks import Sample
 from gcs_tools.watch import Watch
 
@@ -28,6 +28,7 @@ class Follower:
         self.watch = watch
         mission = watch.about.get("title") or watch.about.get("mission")
         self.flight = Flight(str(mission or f"vehicle {watch.about.get('vehicle')}"), keep_s, kept)
+        self.flight.ground_z = ground_z(watch.about.get("values"))
         self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self.params: Rows | None = None  # the law's in force
         self.unusable = 0  # samples that are not what their topic says

@@ -71,16 +71,18 @@ def shown(found: dict[str, Any]) -> None:
             f" of run {found['run']}{mission}; there: {there}",
         )
     )
+    within = f"{keys.namespace(found['run'])}/{found['vehicle']}/"
+    console.print(Text(f"keys below {within}", style="dim"))
     table = Table(box=None, pad_edge=False, header_style="dim")
     for name in ("key", "message"):
-        table.add_column(name, overflow="fold")
+        table.add_column(name, no_wrap=True)
     for name in ("ticks/s", "samples/s", "kB/s", "B/tick", "lost", "last"):
         table.add_column(name, justify="right", no_wrap=True)
     for topic in found["topics"].values():
         idle = not topic["ticks"]
         lost = topic["lost"] + topic["unreadable"]
         table.add_row(
-            topic["key"],
+            topic["key"].removeprefix(within),
             topic["message"].rpartition(".")[2],
             "-" if idle else f"{topic['rate_hz']:.1f}",
             "-" if idle else f"{topic['samples_hz']:.1f}",

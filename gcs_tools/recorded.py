@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gcs_tools import ticks
-from gcs_tools.bus_record import BusRecorder
+from gcs_tools.bus_record import SELDOM, BusRecorder
 from gcs_tools.layout import LayoutError, decode
 from gcs_tools.schema import TIMING
 from gcs_tools.ticks import Sample
@@ -65,8 +65,10 @@ class Recorded:
     latency: Latency = field(default_factory=Latency)
 
     def see(self, topic: str, sample: Sample) -> None:
-        """A sample that was recorded."""
+        """A sample that was recorded; what is rarely said may be of long before."""
         times = sample.time_ns
+        if topic in SELDOM:
+            return
         if self.first_s is None:
             self.first_s = float(times[0]) * 1e-9
         self.last_s = max(self.last_s or 0.0, float(times[-1]) * 1e-9)

@@ -12,7 +12,7 @@ import numpy as np
 from gcs_tools import bus, events, ticks
 from gcs_tools.outlet import LOOK_S, Outlet
 from gcs_tools.recording import SCHEMA_VERSION, Messages, RecordingError, messages
-from gcs_tools.schema import TOPICS
+from gcs_tools.schema import PARAMS, TOPICS
 
 LEAVE_S = 4.0  # wall: how long who listens may take to have it all
 SLICE_NS = 10_000_000  # of simulation time that goes out together at speed 1
@@ -72,10 +72,11 @@ class Replay:
                     time.sleep(left)
 
     def _before(self, outlet: Outlet) -> None:
-        """What was said once and before: parameters in force when it begins."""
-        for topic, found in self._messages.items():
+        """The parameters in force when it begins."""
+        found = self._messages.get(PARAMS.name)
+        if found is not None:
             end = int(np.searchsorted(found.time_ns, self._first))
-            self._part(outlet, topic, found, slice(max(end - 1, 0), end))
+            self._part(outlet, PARAMS.name, found, slice(max(end - 1, 0), end))
 
     def _send(self, outlet: Outlet, start: int, end: int) -> None:
         for topic, found in self._messages.items():

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -227,7 +227,7 @@ def recorded(path: Path) -> Flight:
     if not len(recording.plant):
         raise RecordingError(f"{path}: nothing was recorded of this flight")
     flight = Flight(recording.metadata.get("title") or path.name, keep_s=math.inf)
-    flight.ground_z = _ground_z(recording.metadata)
+    flight.ground_z = ground_z(recording.metadata)
     if recording.params is not None:
         flight.limits = Limits.of(recording.params)
     flight.append(TRUTH, recording.plant)
@@ -239,9 +239,9 @@ def recorded(path: Path) -> Flight:
     return flight
 
 
-def _ground_z(metadata: dict[str, str]) -> float | None:
-    """The mission's, of which the recording says "-10.0 (default)"."""
+def ground_z(values: Any) -> float | None:
+    """The height of the ground (m) in a mission's values, which say "-10.0 (default)"."""
     try:
-        return float(metadata["flight.ground_z_m"].split()[0])
-    except (KeyError, IndexError, ValueError):
+        return float(values["flight.ground_z_m"].split()[0])
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         return None

@@ -87,11 +87,11 @@ def limits(r: Readings, width: int) -> Panel:
     t, off = r.norm("internals.delta_u")
     now = float(off[-1]) if len(off) else math.nan
     table.add_row("Δu", number(now, 2, "N"), spark(t, off, wide, low=0.0))
-    words = Text(f"at a limit {OF_LATE}: ", style=DIM)
+    words = Text(f"at a limit {OF_LATE}:", style=DIM)
     for label in ("thrust", "tilt", "rotor"):
         held = r.recent(r.flight.series(f"internals.{label}_saturated"))
         part = float(held.mean()) if len(held) else 0.0
-        words.append(f"{label} {100.0 * part:.1f} %  ", style=BAD if part > 0.0 else GOOD)
+        words.append(f" {label} {100.0 * part:.0f} %", style=BAD if part > 0.0 else GOOD)
     between = f"thrust {told.T_min:g} to {told.T_max:g} N, tilt to {star:g}°"
     return panel("Limits", table, words, Text(between, style=DIM))
 

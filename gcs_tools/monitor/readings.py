@@ -28,6 +28,7 @@ KEPT = {
         "timing.unpublished",
     ],
 }  # fmt: skip
+LOOK_S = 5.0  # wall: over which the speed of the flight is measured
 RECENT_S = 10.0  # simulation time: what "of late" means
 
 
@@ -48,7 +49,7 @@ class Readings:
     def speed(self) -> float:
         """Simulated seconds in one of the wall clock, over the last looks at it."""
         now, t = time.monotonic(), self.t
-        self._looks = [*(look for look in self._looks if now - look[0] < 3.0), (now, t)]
+        self._looks = [*(look for look in self._looks if now - look[0] < LOOK_S), (now, t)]
         wall, first = self._looks[0]
         return max((t - first) / (now - wall), 0.0) if now > wall else math.nan
 

@@ -61,7 +61,7 @@ class App:
             self.stop()
             raise _busy(port)
         self.url = f"http://{HOST}:{port}"
-        self.note = ""  # of who keeps a live flight current
+        self.gone = False  # whether the vehicle of a live flight has left
         self._now = flight.span[0] if flight.span else 0.0
         self._shown: tuple[float, bool, str] | None = None
         self._frames = 0
@@ -117,8 +117,9 @@ class App:
         """Whether the flight is live, and what the vehicle does at the present time."""
         if self._flight.span is None:
             return "live: waiting for a vehicle"
-        words = ["recording" if self._whole else self.note or "live"]
-        return ": ".join([*words, *filter(None, [self._flight.status(self._now)])])
+        kind = "recording" if self._whole else "gone, last" if self.gone else "live"
+        status = self._flight.status(self._now)
+        return f"{kind}: {status}" if status else kind.removesuffix(", last")
 
     def _charts(self) -> list[Plot]:
         panel = self._server.gui.add_panel()

@@ -67,6 +67,23 @@ def places(ends: Rows) -> Rows:
     return np.stack([ends[:-1] + inside, ends[1:] - inside], axis=1).ravel()
 
 
+def seeded(lines: Sequence[Rows]) -> list[Rows]:
+    """The same lines, none of which begins with what is not a number: uPlot finds no scale then.
+
+    It begins with the next value, or alone, and so unseen, with one that another line has.
+    """
+    known = np.concatenate(lines)
+    known = known[np.isfinite(known)]
+    spare = float(known[0]) if len(known) else 0.0
+    begun = []
+    for y in lines:
+        if not np.isfinite(y[0]):
+            y = y.copy()
+            y[0] = y[1] if np.isfinite(y[1]) else spare
+        begun.append(y)
+    return begun
+
+
 def value(series: Series | None, t: float) -> float:
     """The last value at or before t (s); not a number without one."""
     if series is None:
@@ -166,7 +183,7 @@ class Plot:
         limits = self._chart.limits(self._flight.limits)  # a live flight may tell others
         x, lines = self._x, [*self._ys, *(np.full(len(self._x), level) for level in limits)]
         if not self._whole:
-            return (x, *lines)
+            return (x, *seeded(lines))
         now = float(x[0]) if now is None else now
         at = int(np.searchsorted(x, now))
         mark = np.full(len(x) + 2, np.nan)

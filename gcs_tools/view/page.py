@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from html import escape
 
@@ -57,7 +58,8 @@ def told(flight: Flight, now: float) -> str:
 
 def _row(name: str, values: Iterable[float], unit: str) -> str:
     """A name, up to three numbers of one unit to the right, the unit."""
-    cells = [f"<code>{value:.3f}</code>" for value in values]
+    words = (f"{value:.3f}" if math.isfinite(value) else "–" for value in values)
+    cells = [f"<code>{word}</code>" for word in words]
     cells = ["<i></i>"] * (3 - len(cells)) + cells
     return f'<span data-told="{name}">{name}</span>{"".join(cells)}<i>{unit}</i>'
 

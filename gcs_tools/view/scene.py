@@ -48,7 +48,7 @@ def segments(points: Rows) -> Lines:
 
 
 class _Arrow:
-    """A wind, drawn from above the vehicle, and its speed."""
+    """A wind, drawn from where its parent is, and its speed."""
 
     def __init__(
         self, scene: viser.SceneApi, name: str, word: str, colour: Colour, wide: float
@@ -61,16 +61,16 @@ class _Arrow:
         )  # fmt: skip
         self._label = scene.add_label(f"{name}_label", word, anchor=anchor, visible=False)
 
-    def show(self, start: Rows, v_air_E: Rows) -> None:
-        """Blow from `start` (m) with v_air_E (m/s); what is not known of it counts as none."""
+    def show(self, v_air_E: Rows) -> None:
+        """Blow with v_air_E (m/s); what is not known of it counts as none."""
         wind = np.nan_to_num(v_air_E)
         speed = float(np.linalg.norm(wind))
         blows = CALM < speed < AROUND_M
         self._arrow.visible = self._label.visible = blows
         if not blows:
             return
-        tip = start + ARROW_M * wind
-        self._arrow.points = segments(np.stack([start, tip]))
+        tip = ARROW_M * wind
+        self._arrow.points = segments(np.stack([np.zeros(3), tip]))
         self._label.position = tip
         text = f"{self._word} {speed:.1f} m/s"
         if text != self._text:
@@ -92,7 +92,7 @@ class Scene:
             "/world/ground", infinite_grid=True, cell_size=1.0, section_size=10.0,
             cell_color=(214, 218, 224), section_color=(170, 178, 188), cell_thickness=0.8,
             section_thickness=1.2, fade_distance=160.0, plane_color=(240, 242, 245),
-            plane_opacity=0.6, shadow_opacity=0.25,
+            plane_opacity=0.6, shadow_opacity=0.25, visible=False,
         )  # fmt: skip
         self._vehicle = Octocopter(scene, "/world/vehicle", self._rotors)
         nowhere = segments(np.zeros((0, 3)))
@@ -102,11 +102,13 @@ class Scene:
         self._flown = scene.add_line_segments(
             "/world/flown", nowhere, FLOWN, thickness=4.5, thickness_units="screen"
         )
+        # what goes with the vehicle hangs on one node: lines are redrawn later than nodes move
+        self._here = scene.add_frame("/world/here", show_axes=False)
         self._plumb = scene.add_line_segments(
-            "/world/plumb", nowhere, SHADE, thickness=1.2, thickness_units="screen"
+            "/world/here/plumb", nowhere, SHADE, thickness=1.2, thickness_units="screen"
         )
         self._foot = scene.add_cylinder(
-            "/world/foot", 0.5, 0.01, SHADE, opacity=0.5, cast_shadow=False, visible=False
+            "/world/here/foot", 0.5, 0.01, SHADE, opacity=0.5, cast_shadow=False, visible=False
         )
         self._model = scene.add_icosphere("/world/model", 0.09, REFERENCE, visible=False)
         self._setpoint = scene.add_frame("/world/setpoint", show_axes=False, visible=False)
@@ -116,8 +118,9 @@ class Scene:
         scene.add_label(
             "/world/setpoint/name", "setpoint", anchor="top-center", position=(0.0, 0.0, -TARGET_M)
         )
-        self._true_air = _Arrow(scene, "/world/air_true", "wind", TRUE_AIR, 1.6)
-        self._air = _Arrow(scene, "/world/air_estimate", "estimate", AIR, 1.0)
+        scene.add_frame("/world/here/air", show_axes=False, position=(0.0, 0.0, 0.5))
+        self._true_air = _Arrow(scene, "/world/here/air/true", "wind", TRUE_AIR, 1.6)
+        self._air = _Arrow(scene, "/world/here/air/estimate", "estimate", AIR, 1.0)
         if whole:
             self._reference.points = segments(drawable(_reference(flight)))
 
@@ -134,9 +137,9 @@ class Scene:
             self._world.position = -r_E
         self._ways(now, r_E)
         self._goal(now)
-        above = r_E + np.array([0.0, 0.0, 0.5])
-        self._true_air.show(above, flight.vector("v_air_E", now))
-        self._air.show(above, flight.vector("wind.v_air_E", now))
+        self._here.position = r_E
+        self._true_air.show(flight.vector("v_air_E", now))
+        self._air.show(flight.vector("wind.v_air_E", now))
 
     def _ways(self, now: float, r_E: Rows) -> None:
         """The way flown up to `now`, a line down to the ground, and of a live flight its reference."""
@@ -146,9 +149,10 @@ class Scene:
         if not self._whole:
             self._reference.points = segments(drawable(_reference(flight)))
         if flight.ground_z is not None:
-            below = np.array([r_E[0], r_E[1], flight.ground_z])
+            below = np.array([0.0, 0.0, flight.ground_z - r_E[2]])
+            self._ground.visible = True
             self._ground.position = (0.0, 0.0, flight.ground_z)
-            self._plumb.points = segments(np.stack([r_E, below]))
+            self._plumb.points = segments(np.stack([np.zeros(3), below]))
             self._foot.position = below + np.array([0.0, 0.0, 0.01])
             self._foot.visible = True
 

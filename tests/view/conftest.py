@@ -23,10 +23,7 @@ OPTIONS = [
     "--disable-component-update", "--disable-sync",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]  # fmt: skip
-COMMAND = (  # `gcs view`
-    "from gcs_tools.__main__ import main; from gcs_tools.commands_view import view;"
-    " main.add_command(view); main(prog_name='gcs')"
-)
+COMMAND = "from gcs_tools.__main__ import main; main(prog_name='gcs')"
 
 
 @pytest.fixture(scope="session")

@@ -58,7 +58,7 @@ def test_the_page_waits_for_a_vehicle_and_then_follows_it(app, recording, look):
     assert page.locator("input[inputmode]").count() == 0  # there is no slider of time
     page.wait_for_function(
         """t => Object.values(window.__viserTestpoints.uplots).every(
-            u => Math.abs(u.chart.scales.x.max - t) < 0.1)""",
+            u => Math.abs(u.chart.scales.x.max - t) < 0.1 && Number.isFinite(u.chart.scales.y.min))""",
         arg=t,
     )
 

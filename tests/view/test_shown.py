@@ -8,7 +8,7 @@ import pytest
 from gcs_tools.recording import RecordingError
 from gcs_tools.schema import TOPICS
 from gcs_tools.shown import DRAWN, Flight, History, Limits, carried
-from gcs_tools.view.charts import places, stretches, thinned, value
+from gcs_tools.view.charts import places, seeded, stretches, thinned, value
 
 
 def _rows(t, *values):
@@ -119,6 +119,16 @@ def test_a_thinned_line_has_nothing_where_there_are_no_rows():
     late = thinned(np.array([9.9]), np.array([3.0]), ends)
     assert np.isnan(late[:-2]).all()
     assert late[-2:].tolist() == [3.0, 3.0]
+
+
+def test_no_line_begins_with_what_is_not_a_number():
+    nan = np.nan
+    lines = [np.array(y) for y in ([nan, 3.0, 4.0], [nan, nan, 5.0], [nan] * 3, [7.0, nan, nan])]
+    begun = seeded(lines)
+    assert [y[0] for y in begun] == [3.0, 3.0, 3.0, 7.0]
+    for y, before in zip(begun, lines, strict=True):
+        np.testing.assert_array_equal(y[1:], before[1:])
+    assert seeded([np.full(3, nan)])[0][0] == 0.0
 
 
 def test_values_are_those_of_the_last_row_by_then():

@@ -1,0 +1,82 @@
+"""The monitor shows what is on the bus: its numbers, and its picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rich.console import Console
+from rich.text import Text
+
+from fcu.kernel.buffers import columns
+from fcu.law.types import Tick
+from gcs_tools.monitor.draw import gauge, spark
+from sitl_plant.physics.types import PlantRecord
+
+PLANT, TICK = columns(PlantRecord).index, columns(Tick).index
+
+
+def plain(text: Text) -> str:
+    with Console(width=80).capture() as _:
+        return text.plain
+
+
+def test_its_numbers_are_the_flights(recording, replay, tool):
+    replay("--speed", "1", "--wait")
+    seen = tool("monitor", "--after", "2")
+    k = int(np.searchsorted(recording.plant[:, 0], seen["time_s"] - 1e-6))
+    plant, tick = recording.plant[k], recording.fcu[k]
+    assert seen["position_m"] == plant[PLANT("state.r_E.x") :][:3].tolist()
+    assert seen["wind_m_s"] == plant[PLANT("v_air_E.x") :][:3].tolist()
+    # the flight controller's answer to a tick may be in the next sample
+    ticks = recording.fcu[max(k - 40, 0) : k + 41]
+    assert seen["reference_m"] in ticks[:, TICK("internals.r_m.x") :][:, :3].tolist()
+    assert seen["mass_kg"] in ticks[:, TICK("state.m_hat")].tolist()
+    assert seen["thrust_N"] in ticks[:, TICK("internals.T_c")].tolist()
+    r, r_m = recording.plant[:, PLANT("state.r_E.x") :][:, :3], recording.fcu[:, TICK("internals.r_m.x") :][:, :3]  # fmt: skip
+    off = np.linalg.norm(r - r_m, axis=1)[max(k - 40, 0) : k + 41]
+    assert np.abs(off - seen["off_reference_m"]).min() < 1e-9
+    assert (seen["alive"], seen["lost"]) == (["fcu", "plant", "publisher"], {})
+    assert tick[0] == plant[0]
+
+
+@pytest.mark.parametrize(("columns_", "lines"), [(150, 45), (100, 30), (60, 20)])
+def test_its_picture_fits_the_terminal(replay, start, instance, columns_, lines):
+    import os
+
+    replay("--speed", "1", "--wait")
+    size = {"COLUMNS": str(columns_), "LINES": str(lines)}
+    program = start("gcs_tools", "monitor", "--once", "--instance", instance, env=os.environ | size)
+    assert program.wait() == 0, program.text()
+    picture = program.out.read_text()
+    assert all(len(line) <= columns_ for line in picture.splitlines())
+    for title in ("The paper's flight", "Tracking", "thrust"):
+        assert title in picture or columns_ < 100
+
+
+def test_a_picture_on_file(replay, start, instance, tmp_path):
+    replay("--speed", "1", "--wait")
+    program = start("gcs_tools", "monitor", "--svg", tmp_path / "m.svg", "--instance", instance)
+    assert program.wait() == 0, program.text()
+    assert "Estimates" in (tmp_path / "m.svg").read_text()
+
+
+def test_it_waits_for_a_vehicle_and_ends_on_request(start, instance):
+    program = start("gcs_tools", "monitor", "--instance", instance)
+    program.says(f"waiting for instance {instance} to publish")
+    assert program.interrupted() == 0
+
+
+def test_a_mark_stands_where_the_value_is_and_is_red_at_a_limit():
+    for value, at, near in ((0.0, 1, True), (50.0, 5, False), (100.0, 9, True), (170.0, 9, True)):
+        drawn = gauge(value, 0.0, 100.0, 11)
+        assert (len(drawn.plain), drawn.plain.index("●")) == (11, at)
+        assert ("red" in str(drawn.spans)) == near
+    assert "●" not in gauge(float("nan"), 0.0, 100.0, 11).plain
+
+
+def test_a_sparkline_shows_the_greatest_of_each_stretch():
+    t = np.linspace(0.001, 30.0, 3000)
+    values = np.where((t > 14.0) & (t < 14.1), 7.0, 0.0)
+    drawn = spark(t, values, 30).plain
+    assert drawn.index("█") == 14 and drawn.count("█") == 1 and set(drawn) == {"█", "▁"}
+    assert spark(t[:0], values[:0], 4).plain == "    "

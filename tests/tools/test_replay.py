@@ -1,0 +1,74 @@
+"""What was recorded goes back onto the bus, and comes off it as it was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gcs_tools.recording import read
+
+
+def same(a, b):
+    return a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def test_a_replay_recorded_is_the_recording(recording, replay, tool, recorded):
+    sent = replay("--speed", "max", "--wait")
+    said = tool("record", recorded)
+    assert sent.wait() == 0
+    assert (said["ticks"], said["lost"], said["ended"]) == (3000, {}, "the vehicle is gone")
+    found = read(recorded)
+    assert same(found.plant, recording.plant) and same(found.fcu, recording.fcu)
+    assert same(found.params, recording.params)
+    assert found.reports.keys() == recording.reports.keys()
+    assert all(same(found.reports[topic], rows) for topic, rows in recording.reports.items())
+    assert found.events == recording.events != []
+    assert found.metadata["mission"] == "paper_nominal"
+    assert said["latency_p50_s"] is None  # its ticks are old
+
+
+def test_a_part_of_it(recording, replay, tool, recorded):
+    replay("--speed", "max", "--wait", "--from", "1", "--to", "2.5")
+    said = tool("record", recorded)
+    assert (said["first_s"], said["last_s"]) == (1.0, 2.5)
+    found = read(recorded)
+    t = recording.fcu[:, 0]
+    assert same(found.fcu, recording.fcu[(t >= 1.0 - 1e-9) & (t <= 2.5 + 1e-9)])
+    assert same(found.params, recording.params)  # told before, and still in force
+
+
+def test_it_keeps_time(replay, tool, recorded):
+    replay("--speed", "2", "--wait")
+    seen = tool("monitor", "--after", "2")
+    assert 1.9 < seen["time_s"] < 6.0  # twice as fast as the wall, and not at once
+    assert seen["status"] == "offboard, armed"
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [(None, "No such file"), (b"", "not a recording"), (b"\x89MCAP0\r\n", "not a recording")],
+)
+def test_what_cannot_be_read_is_named(start, tmp_path, content, why):
+    path = tmp_path / "bad.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    program = start("gcs_tools", "replay", path)
+    assert program.wait() == 2
+    assert f"{path}: " in program.text() and why in program.text()
+
+
+def test_a_time_that_it_does_not_have_is_named(replay):
+    program = replay("--from", "100")
+    assert program.wait() == 2
+    assert "nothing from 100" in program.text()
+
+
+def test_it_is_interrupted(replay, until):
+    program = replay("--loop")
+    program.says("replaying")
+    assert program.interrupted() == 0
+
+
+def test_time_on_the_wire_is_whole_nanoseconds(recording):
+    ns = np.rint(recording.fcu[:, 0] * 1e9)
+    assert (ns % 2_000_000 == 0).all()

@@ -1,0 +1,69 @@
+"""What is on the bus, as a list; and the example of the docs."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fcu.interface import topics
+from fcu.interface.ports import ports
+from gcs_tools import events
+from gcs_tools.schema import TOPICS
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_topic_is_listed_with_its_message_and_rate(replay, tool, instance):
+    replay("--speed", "1", "--wait")
+    found = tool("topics", "--for", "2")
+    assert found["vehicle"] == str(ports(instance).system_id)
+    assert set(found["topics"]) == {*(topic.name for topic in TOPICS), events.TOPIC}
+    within = f"m_mrac/{found['run']}/{found['vehicle']}"
+    for topic in TOPICS:
+        line = found["topics"][topic.name]
+        assert line["key"] == within + topic.name
+        assert line["message"] == f"m_mrac.{topic.message}Ticks"
+        assert (line["lost"], line["unreadable"]) == (0, 0)
+        if topic.name != "/fcu/params":
+            assert 400.0 < line["rate_hz"] < 600.0
+
+
+def test_who_hears_nothing_says_so(start, instance):
+    program = start("gcs_tools", "topics", "--instance", instance)
+    program.says("waiting for instance")
+    assert program.interrupted() == 130
+
+
+def test_the_table_is_for_people(replay, start, instance):
+    replay("--speed", "1", "--wait")
+    program = start("gcs_tools", "topics", "--instance", instance)
+    assert program.wait() == 0
+    assert re.search(r"fcu/law +FcuLawTicks +\d+", " ".join(program.out.read_text().split()))
+
+
+def test_the_example_of_the_docs_reads_the_law(replay, instance, tmp_path):
+    text = (ROOT / "docs" / "diagnostics.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (protoc,) = re.findall(r"`(protoc .*?)`", text, re.DOTALL)
+    files = [str(p.relative_to(ROOT)) for p in (ROOT / "docs/schemas/m_mrac").glob("*.proto")]
+    words = protoc.split()[1:-1]
+    assert words == ["-I", "docs/schemas", "--python_out=."]
+    words[-1] = f"--python_out={tmp_path}"
+    subprocess.run(
+        [sys.executable, "-m", "grpc_tools.protoc", *words, *files], cwd=ROOT, check=True
+    )
+    (tmp_path / "example.py").write_text(code.replace("7447", str(topics.port(instance))))
+    replay("--speed", "1", "--wait")
+    with subprocess.Popen(
+        [sys.executable, "-u", "example.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    ) as example:
+        assert example.stdout.readline() == "paper_nominal\n"
+        first, second = (example.stdout.readline().split() for _ in range(2))
+        example.kill()
+    assert int(second[0]) == int(first[0]) + 1
+    assert float(second[1]) == pytest.approx(float(first[1]) + 0.002)
+    assert 4.0 < float(first[3]) < 12.0
