@@ -12,14 +12,17 @@ import pytest
 from fcu.interface import topics
 from gcs_tools import recording
 from gcs_tools.recorded import GONE, OUT_OF_SIGHT
-from tests.bus.conftest import BOTH, MEGABYTE, PACED, TICKS
+from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
 from tests.process.conftest import claimed_instance
 
 
 @BOTH
-def test_recorded(recorded, quiet, speed):
+def test_recorded_twice(recorded, record, instance, quiet, speed):
+    second = record(instance)
+    second.waits()
     flight, recorder = recorded(*speed)
     assert flight.trajectory() == quiet
+    assert len(second.adds_up().fcu) > 0
     found = recorder.adds_up()
     own = recording.read(flight.recording)
     assert own.complete
@@ -65,9 +68,8 @@ def test_no_zenoh(fly, quiet, instance, tmp_path, config, why):
 # --- those who listen
 
 
-@BOTH
-def test_a_recorder_that_is_suspended_for_good(recorded, quiet, speed):
-    flight, recorder = recorded(*speed)
+def test_a_recorder_that_is_suspended_for_good(recorded, quiet):
+    flight, recorder = recorded(*LOCKSTEP)
     recorder.program.signal(signal.SIGSTOP)
     assert flight.trajectory() == quiet
     recorder.program.signal(signal.SIGCONT)
@@ -92,9 +94,8 @@ def test_a_recorder_that_is_suspended_for_a_while(recorded, quiet, speed):
     assert len(own.fcu) == len(own.plant) == TICKS
 
 
-@BOTH
-def test_a_recorder_that_is_killed(recorded, quiet, speed):
-    flight, recorder = recorded(*speed)
+def test_a_recorder_that_is_killed(recorded, quiet):
+    flight, recorder = recorded(*LOCKSTEP)
     recorder.killed()
     assert flight.trajectory() == quiet
     assert not recording.read(recorder.out).complete
@@ -115,16 +116,6 @@ def test_a_recorder_without_room(fly, record, quiet, instance):
     assert len(recording.read(recorder.out).fcu) > 100
     assert flight.trajectory() == quiet
     assert flight.publisher_said == ""
-
-
-def test_two_recorders(fly, record, quiet, instance):
-    recorders = [record(instance), record(instance)]
-    for recorder in recorders:
-        recorder.waits()
-    flight = fly(instance, *PACED)
-    assert flight.trajectory() == quiet
-    for recorder in recorders:
-        assert len(recorder.adds_up().fcu) > TICKS // 2
 
 
 def test_two_flights_that_are_recorded_at_once(fly, record, quiet):

@@ -32,9 +32,8 @@ def test_a_publisher_that_is_suspended_for_good(recorded, quiet, speed):
     assert recording.read(recorder.out).complete
 
 
-@BOTH
-def test_a_publisher_that_is_killed(recorded, quiet, speed):
-    flight, recorder = recorded(*speed)
+def test_a_publisher_that_is_killed(recorded, quiet):
+    flight, recorder = recorded(*LOCKSTEP)
     os.kill(flight.publisher, signal.SIGKILL)
     assert flight.trajectory() == quiet
     assert "the publisher was killed by signal 9, before the flight had ended" in flight.said
