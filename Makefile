@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients readers fly test check bench schemas console stability
+.PHONY: help setup clients readers browser fly test check bench schemas console stability
 .DEFAULT_GOAL := setup
 
 # the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
@@ -39,10 +39,19 @@ tests/readers/node_modules/.installed: tests/readers/package.json tests/readers/
 	@npm ci --silent --prefix tests/readers
 	@touch $@
 
+browser:  ## Chromium from the system's packages, for the tests, where that can be done
+	@command -v chromium chromium-browser google-chrome google-chrome-stable >/dev/null || \
+		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+			echo "installing Chromium from the system's packages (once; about a minute) ..."; \
+			apt-get update -qq && apt-get install -y -qq chromium >/dev/null; \
+		else \
+			echo "the tests of gcs view need Chromium: install the system's package of it" >&2; \
+		fi
+
 fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
-test: clients readers  ## all tests
+test: clients readers browser  ## all tests
 	@.venv/bin/pytest -q -n 2 --dist loadfile
 
 check: setup  ## linters, types, who may import whom

@@ -20,7 +20,7 @@ from fcu.law.types import LawParams
 from gcs_tools import bus, events, ticks
 from gcs_tools.events import Event
 from gcs_tools.layout import Rows
-from gcs_tools.schema import FCU_COLUMNS, OF_FCU, OF_PLANT, PARAMS, PLANT_COLUMNS, TIMING
+from gcs_tools.schema import FCU_COLUMNS, OF_FCU, OF_PLANT, PARAMS, PLANT_COLUMNS, TOPICS
 from gcs_tools.ticks import Numbers, Packer
 
 ANSWERS = 16  # given in one go: who asks without end must not keep ticks waiting
@@ -120,9 +120,10 @@ class Outlet:
         return publisher
 
     def is_heard(self) -> bool:
-        """Whether somebody listens to the ticks of the flight controller."""
-        matching = self._publisher(TIMING.name, ticks.encoding(TIMING)).matching_status
-        return bool(matching.matching)
+        """Whether somebody listens to any topic."""
+        for topic in TOPICS:
+            self._publisher(topic.name, ticks.encoding(topic))
+        return any(publisher.matching_status.matching for publisher in self._publishers.values())
 
     # --- who is there
 

@@ -173,7 +173,8 @@ def geometry_file() -> FileDescriptorProto:
 def topic_file(topic: Topic) -> FileDescriptorProto:
     """The file with the message of `topic`."""
     file = _File(file_name(topic))
-    file.proto.dependency.append(GEOMETRY)
+    if any(is_value(kind) for kind in fields(topic.carries).values()):
+        file.proto.dependency.append(GEOMETRY)
     message = file.proto.message_type.add(name=topic.message)
     file.comment([4, 0], leading=f"{topic.name}: {_summary(topic.carries)}")
     of_tick = comments(Tick)
@@ -202,7 +203,8 @@ def _describe_ticks(file: _File, topic: Topic) -> None:
 
 def schema(topic: Topic) -> FileDescriptorSet:
     """Everything needed to decode the messages of `topic`."""
-    return FileDescriptorSet(file=[geometry_file(), topic_file(topic)])
+    file = topic_file(topic)
+    return FileDescriptorSet(file=[*([geometry_file()] if file.dependency else []), file])
 
 
 def proto_text(file: FileDescriptorProto) -> str:
