@@ -40,13 +40,15 @@ tests/readers/node_modules/.installed: tests/readers/package.json tests/readers/
 	@touch $@
 
 browser:  ## Chromium from the system's packages, for the tests, where that can be done
-	@command -v chromium chromium-browser google-chrome google-chrome-stable >/dev/null || \
-		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-			echo "installing Chromium from the system's packages (once; about a minute) ..."; \
-			apt-get update -qq && apt-get install -y -qq chromium >/dev/null; \
-		else \
-			echo "the tests of gcs view need Chromium: install the system's package of it" >&2; \
-		fi
+	@for name in chromium chromium-browser google-chrome google-chrome-stable; do \
+		command -v $$name >/dev/null && exit 0; \
+	done; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		echo "installing Chromium from the system's packages (once; about a minute) ..."; \
+		apt-get update -qq && apt-get install -y -qq chromium >/dev/null; \
+	else \
+		echo "the tests of gcs view need Chromium: install the system's package of it" >&2; \
+	fi
 
 fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal

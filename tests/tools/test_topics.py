@@ -57,7 +57,7 @@ def test_the_example_of_the_docs_reads_the_law(replay, instance, tmp_path):
         [sys.executable, "-m", "grpc_tools.protoc", *words, *files], cwd=ROOT, check=True
     )
     (tmp_path / "example.py").write_text(code.replace("7447", str(topics.port(instance))))
-    replay("--speed", "1", "--wait")
+    replay("--speed", "1", "--wait").says("replaying")
     with subprocess.Popen(
         [sys.executable, "-u", "example.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
     ) as example:
