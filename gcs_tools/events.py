@@ -94,6 +94,6 @@ def decode(schema: bytes, messages: list[bytes]) -> list[Event]:
     found = []
     for message in map(decoder.FromString, messages):
         t = (message.timestamp.seconds * _NS + message.timestamp.nanos) / _NS
-        level = LEVELS[message.level] if message.level < len(LEVELS) else LEVELS[0]
+        level = LEVELS[message.level] if 0 <= message.level < len(LEVELS) else LEVELS[0]
         found.append(Event(t, level, message.message))
     return found

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
+from google.protobuf.message import DecodeError
 
 from gcs_tools import events, ticks
 from gcs_tools.events import Event
@@ -54,7 +55,7 @@ class Follower:
                 self.events.extend(events.decode(events.schema(), sample.ticks))
             elif topic in self._forms:
                 self._append(topic, decode(self._forms[topic], sample.ticks))
-        except ValueError:  # LayoutError, and what decoding an event raises
+        except (ValueError, DecodeError):
             self.unusable += 1
 
     def _append(self, topic: str, rows: Rows) -> None:

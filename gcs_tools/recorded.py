@@ -38,6 +38,7 @@ class Latency:
             published = decode(self._form, sample.ticks)[:, self._published]
         except LayoutError:
             return
+        published = published[np.isfinite(published)]
         age = np.clip((time.time() - published) / _BIN_S, 0, _BINS - 1)
         self._counts += np.bincount(age.astype(np.int64), minlength=_BINS)
 
@@ -146,7 +147,7 @@ def record_until(
             for topic, sample in watch.take():
                 came = True
                 recorder.add(topic, sample)
-                done.unusable = recorder.unusable
+                done.unusable = recorder.unusable + watch.unknown
                 done.see(topic, sample)
             recorder.flush_if_due()
             progress(done.line())

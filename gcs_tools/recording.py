@@ -259,6 +259,9 @@ def _named(path: Path) -> Iterator[None]:
     except (McapError, ValueError, RuntimeError, DecodeError, struct.error) as error:
         # LayoutError and bad checksums are ValueErrors, lz4 raises RuntimeError
         raise RecordingError(f"{path}: {str(error) or 'not a recording'}") from error
+    except (KeyError, TypeError, AttributeError, IndexError, OverflowError) as error:
+        # of records that are whole and contradict each other
+        raise RecordingError(f"{path}: damaged ({error})") from error
 
 
 def read(path: Path) -> Recording:

@@ -12,10 +12,12 @@ import zenoh
 
 from fcu.interface import topics as keys
 from fcu.interface.topics import Key
-from gcs_tools import bus, ticks
+from gcs_tools import bus, events, ticks
 from gcs_tools.recording import SCHEMA_VERSION
+from gcs_tools.schema import TOPICS
 from gcs_tools.ticks import Sample, SampleError
 
+KNOWN = {*(topic.name for topic in TOPICS), events.TOPIC}
 ANSWER_S = 2.0  # wall: how long a vehicle may take to say what it is
 FORWARD = 1_000_000  # ticks: who is farther ahead is somebody else
 LOOK_S = 0.005  # wall: between two looks for what has come
@@ -59,6 +61,7 @@ class Watch:
         self.about: dict[str, Any] = {}
         self.alive: set[str] = set()  # its processes
         self.counted: dict[str, Counted] = {}
+        self.unknown = 0  # samples of topics that no vehicle has
         self.gone = False  # the vehicle has left the bus: a publisher may stay
         self.succeeded = False  # and another has come
         self._flew = False
@@ -145,6 +148,9 @@ class Watch:
             if key.topic == keys.ENDED:
                 self._hear_the_end(sample.payload.to_bytes())
                 continue
+            if f"/{key.topic}" not in KNOWN:
+                self.unknown += 1
+                continue
             counted = self.counted.setdefault(f"/{key.topic}", Counted())
             data = sample.payload.to_bytes()
             counted.samples += 1
@@ -215,6 +221,6 @@ def _count(counted: Counted, found: Sample, now: float) -> bool:
 def _object(data: bytes) -> dict[str, Any]:
     try:
         found = json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -120,8 +120,9 @@ class Readings:
     @property
     def strange(self) -> int:
         """Samples that were not the vehicle's."""
-        counted = self.follower.watch.counted
-        return self.follower.unusable + sum(c.unreadable for c in counted.values())
+        watch = self.follower.watch
+        unreadable = sum(c.unreadable for c in watch.counted.values())
+        return self.follower.unusable + watch.unknown + unreadable
 
     def snapshot(self) -> dict[str, Any]:
         """The numbers of one picture, for programs. None: not known."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.layout import Layout
 
@@ -15,6 +16,11 @@ _HEIGHTS = {"header": 3, "top": 12, "middle": 15}
 
 def screen(r: Readings, width: int, height: int) -> RenderableType:
     """The whole picture, for a terminal of so many columns and lines."""
+    with np.errstate(all="ignore"):  # what diverges is shown, not complained about
+        return _screen(r, width, height)
+
+
+def _screen(r: Readings, width: int, height: int) -> RenderableType:
     if width < WIDE or height < HIGH:
         return _narrow(r, width, height)
     inside = width // 2 - _FRAME

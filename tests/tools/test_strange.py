@@ -1,0 +1,79 @@
+"""What strangers send and what files become: counted or named, never a traceback."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from gcs_tools import events, ticks
+from gcs_tools.events import Event
+from gcs_tools.follow import Follower
+from gcs_tools.layout import Stack
+from gcs_tools.recorded import Latency
+from gcs_tools.recording import RecordingError, read
+from gcs_tools.schema import TIMING
+from gcs_tools.ticks import Sample
+from gcs_tools.watch import _object
+
+
+def sample(*messages: bytes) -> Sample:
+    sequence = np.arange(len(messages), dtype=np.uint64)
+    return Sample(sequence, sequence, list(messages))
+
+
+def test_a_level_that_there_is_not_is_unknown():
+    message = events._message_class(events.schema())(level=-7, message="x")
+    (event,) = events.decode(events.schema(), [message.SerializeToString()])
+    assert event == Event(0.0, "unknown", "x")
+
+
+@pytest.mark.parametrize(
+    ("topic", "data"), [("/events", b"\xff\xff"), ("/fcu/timing", b"short"), ("/plant/truth", b"")]
+)
+def test_what_is_no_message_of_its_topic_is_counted(topic, data):
+    watch = SimpleNamespace(about={}, latest=lambda: [(topic, sample(data))], take=list)
+    assert Follower(watch).unusable == (
+        1 if topic != "/fcu/timing" else 0
+    )  # which it does not read
+
+
+def test_a_time_that_is_none_has_no_age():
+    form, latency = ticks.form(TIMING), Latency()
+    row = np.full((1, len(form.names)), np.nan)
+    latency.see(sample(Stack([(b"", form, list(range(len(form.names))))]).encode(row).tobytes()))
+    assert latency.percentile(50.0) is None
+
+
+@pytest.mark.parametrize("data", [b"[" * 100_000, b"\xff", b"[]", b"3", b'"x"', b"{"])
+def test_what_is_no_object_says_nothing(data):
+    assert _object(data) == {}
+
+
+def test_a_recording_with_any_byte_changed_is_read_or_refused(recording, tmp_path):
+    """Also where no checksum is: records that contradict each other."""
+    whole, path = recording.path.read_bytes()[:80_000], tmp_path / "changed.mcap"
+    random = np.random.default_rng(1)
+    said = []
+    for at in random.integers(0, 40_000, 60):  # header, schemas, channels
+        changed = bytearray(whole)
+        changed[at] ^= int(random.integers(1, 256))
+        path.write_bytes(changed)
+        try:
+            read(path)
+        except RecordingError as error:
+            said.append(str(error))
+    assert len(said) > 5
+    assert all(words.startswith(f"{path}: ") for words in said)
+
+
+def test_another_programs_file_is_named(tmp_path):
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    with pytest.raises(RecordingError, match="not a recording of a flight"):
+        read(path)
