@@ -60,7 +60,10 @@ class Reporter:
         """
         report = self._report
         wind.read(row, self._drag, self._wind)
-        seen = vehicle.armed, vehicle.mode, vehicle.on_ground, vehicle.failsafe, vehicle.terminated
+        seen = (
+            vehicle.armed, vehicle.mode, vehicle.landed_state, vehicle.failsafe,
+            vehicle.terminated,
+        )  # fmt: skip
         if seen != self._seen:
             self._seen = seen
             report[_STATUS] = to_buffer(_status(vehicle))

@@ -34,7 +34,22 @@ def _creatable(
     return value
 
 
-@click.group(epilog=f"\b\n{table()}")
+class _Program(click.Group):
+    """Ends with 130 when it is interrupted, wherever it is."""
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run the command line, and exit."""
+        try:
+            code = super().main(*args, **{**options, "standalone_mode": False})
+        except click.ClickException as error:
+            error.show()
+            code = error.exit_code
+        except (click.Abort, KeyboardInterrupt):
+            code = INTERRUPTED
+        sys.exit(code if isinstance(code, int) else OK)
+
+
+@click.group(cls=_Program, epilog=f"\b\n{table()}")
 @click.version_option(package_name="m-mrac")
 def main() -> None:
     """Ground tools of the M-MRAC flight stack."""
@@ -265,6 +280,8 @@ def recover(recording: Path, out: Path | None) -> None:
     from gcs_tools.recording import RecordingError
     from gcs_tools.recover import recover as made_whole
 
+    if out is not None and out.exists():
+        raise click.UsageError(f"--out {out}: it exists already")
     try:
         done = made_whole(recording, out)
     except RecordingError as error:

@@ -162,8 +162,8 @@ def record(
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("--speed", default="1", show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
-@click.option("--from", "t_from", type=float, default=0.0, metavar="S", help="Simulation time to begin at, s.")  # fmt: skip
-@click.option("--to", "t_to", type=float, default=1e9, metavar="S", help="Simulation time to end at, s.")  # fmt: skip
+@click.option("--from", "t_from", type=float, default=0.0, callback=options.time_s, metavar="S", help="Simulation time to begin at, s.")  # fmt: skip
+@click.option("--to", "t_to", type=float, default=options.LATEST_S, callback=options.time_s, metavar="S", help="Simulation time to end at, s.")  # fmt: skip
 @click.option("--loop", is_flag=True, help="Again and again, until Ctrl-C.")
 @click.option("--wait", is_flag=True, help="Begin when somebody listens.")
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="As which; default: the first that nobody publishes.")  # fmt: skip
@@ -220,7 +220,7 @@ def replay(
 def topics(seconds: float, as_json: bool, instance: int | None, zenoh: Path | None) -> None:
     """What a vehicle has on the bus: key, message, rate seen, losses, sizes.
 
-    Exits 0 when it has heard something, 3 when not.
+    Exits 0 when it has heard something, 3 when not, 130 after Ctrl-C.
     """
     from gcs_tools import bus
     from gcs_tools.listed import heard, shown

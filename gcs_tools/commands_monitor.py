@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcs_tools.commands_bus import OK, USAGE, WHICH, ZENOH, fail, watched
+from gcs_tools.commands_bus import INTERRUPTED, OK, USAGE, WHICH, ZENOH, fail, watched
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,8 +35,8 @@ def monitor(
 ) -> None:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
-    Stays when the vehicle goes, and goes on with the next one. Ctrl-C ends it. Exits 0; 3
-    without Zenoh, 2 when FILE cannot be written.
+    Stays when the vehicle goes, and goes on with the next one. Ctrl-C ends it. Exits 0; 2
+    when FILE cannot be written, 3 without Zenoh, 130 when interrupted before a single picture.
     """
     from rich.console import Console
 
@@ -45,6 +45,8 @@ def monitor(
     from gcs_tools.monitor.readings import KEPT, Readings
     from gcs_tools.monitor.screen import screen
 
+    if svg is not None and not svg.absolute().parent.is_dir():
+        fail(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
     console = Console(highlight=False)
     single = once or as_json or svg is not None or not console.is_terminal
     try:
@@ -59,7 +61,7 @@ def monitor(
                     break
                 _live(console, readings)
     except KeyboardInterrupt:
-        bus.leave(OK)
+        bus.leave(INTERRUPTED if single else OK)
     if as_json:
         click.echo(json.dumps(readings.snapshot(), indent=2))
     elif svg is not None:

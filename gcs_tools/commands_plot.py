@@ -150,7 +150,9 @@ def _remarks(recording: Recording) -> tuple[str, ...]:
     if not recording.complete:
         rows = recording.fcu if len(recording.fcu) else recording.plant
         last = f" after {rows[-1, 0]:.3f} s" if len(rows) else ""
-        remarks.append(f"The recording was cut short{last}: what came later is missing.")
+        remarks.append(
+            f"The recording was cut short{last}: what came later is missing (gcs recover)."
+        )
     if recording.lost:
         lost = ", ".join(f"{n} of {topic}" for topic, n in recording.lost.items())
         remarks.append(f"Messages lost: {lost}.")

@@ -132,9 +132,9 @@ class Source:
             if "hello" in word:
                 if self.who or word["hello"] not in WIDTHS:
                     raise FeedError("a hello of nobody known")
-                self.who, self._dropped = word["hello"], int(word["dropped"])
+                self.who, self._dropped = word["hello"], _count(word["dropped"])
             elif "bye" in word:
-                word["dropped"] = int(word["dropped"])
+                word["dropped"] = _count(word["dropped"])
             else:
                 word["event"].encode()
                 if not 0.0 <= word["t"] < _T_MAX:
@@ -148,6 +148,13 @@ class Source:
     def close(self) -> None:
         """Hang up."""
         self._socket.close()
+
+
+def _count(told: Any) -> int:
+    """A number of rows. Raises ValueError."""
+    if not 0 <= int(told) < _EXACT:
+        raise ValueError(f"not a number of rows: {told}")
+    return int(told)
 
 
 class Feeds:

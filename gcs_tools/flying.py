@@ -228,6 +228,8 @@ class _Run:
     def _fly_pair(
         self, instance: int, recorder: Recorder, progress: Callable[[float], None]
     ) -> Flown:
+        if self._zenoh is not None:
+            self._show.note(f"published as instance {instance} (gcs monitor --instance {instance})")
         flight = WireFlight(
             self._scene, self._folder, instance, self._speed,
             (recorder.add_plant, recorder.add_fcu), progress,

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-import numpy as np
 from google.protobuf.message import DecodeError
 
+from fcu.interface.options import LATEST_S
 from gcs_tools import events, ticks
 from gcs_tools.events import Event
 from gcs_tools.layout import LayoutError, Rows, decode
 from gcs_tools.schema import PARAMS, TOPICS
 from gcs_tools.shown import DRAWN, WINDOW_S, Flight, Limits, ground_z
 from gcs_tools.ticks import Sample
-from gcs_tools.watch import Watch
+from gcs_tools.watch import Watch, printable
 
 KEPT_EVENTS = 100
 
@@ -52,14 +52,15 @@ class Follower:
     def _see(self, topic: str, sample: Sample) -> None:
         try:
             if topic == events.TOPIC:
-                self.events.extend(events.decode(events.schema(), sample.ticks))
+                found = events.decode(events.schema(), sample.ticks)
+                self.events.extend(e._replace(text=printable(e.text)) for e in found)
             elif topic in self._forms:
                 self._append(topic, decode(self._forms[topic], sample.ticks))
         except (ValueError, DecodeError):
             self.unusable += 1
 
     def _append(self, topic: str, rows: Rows) -> None:
-        if not np.isfinite(rows[:, 0]).all():
+        if not ((rows[:, 0] >= 0.0) & (rows[:, 0] <= LATEST_S)).all():
             raise LayoutError(f"{topic}: not a simulation time")
         if topic == PARAMS.name:
             self.params = rows[-1, 1:]

@@ -43,7 +43,7 @@ class Replay:
         if not moving:
             raise RecordingError(f"{path}: nothing was recorded of this flight")
         self._first = max(int(min(t[0] for t in moving)), round(t_from * 1e9))
-        self._last = min(int(max(t[-1] for t in moving)), round(min(t_to, 1e9) * 1e9))
+        self._last = min(int(max(t[-1] for t in moving)), round(t_to * 1e9))
         if self._first > self._last:
             raise RecordingError(f"{path}: nothing from {t_from:g} to {t_to:g} s")
 

@@ -218,9 +218,22 @@ def _count(counted: Counted, found: Sample, now: float) -> bool:
     return True
 
 
+def printable(text: str) -> str:
+    """`text` without what a terminal would act on, or could not show."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def _printable(found: Any) -> Any:
+    if isinstance(found, str):
+        return printable(found)
+    if isinstance(found, dict):
+        return {printable(name): _printable(value) for name, value in found.items()}
+    return [_printable(value) for value in found] if isinstance(found, list) else found
+
+
 def _object(data: bytes) -> dict[str, Any]:
     try:
-        found = json.loads(data)
+        found = _printable(json.loads(data))
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

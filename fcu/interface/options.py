@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 SLOWEST_HZ, FASTEST_HZ = 50.0, 2000.0
+LATEST_S = 1e7  # of simulation time: four months
 
 
 def speed(_context: click.Context, _option: click.Parameter, value: str) -> float | None:
@@ -15,9 +16,16 @@ def speed(_context: click.Context, _option: click.Parameter, value: str) -> floa
         number = float(value)
     except ValueError:
         number = 0.0
-    if not 0.0 < number < 1e6:
-        raise click.BadParameter(f"expected a number above 0 and below 1e6, or max; got {value}")
+    if not 1e-3 <= number < 1e6:
+        raise click.BadParameter(f"expected 0.001 to 1e6, or max; got {value}")
     return number
+
+
+def time_s(_context: click.Context, _option: click.Parameter, value: float) -> float:
+    """A simulation time. Raises BadParameter, also for what is not a number."""
+    if not 0.0 <= value <= LATEST_S:
+        raise click.BadParameter(f"expected 0 to {LATEST_S:g} s, got {value:g}")
+    return value
 
 
 def rate_hz(_context: click.Context, _option: click.Parameter, value: float) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fcu.interface import topics
 from fcu.interface.link import PortBusy, exclusive_socket
 
 INSTANCES = 10
@@ -63,7 +64,8 @@ def table() -> str:
     """The table as text, a line a port, for `--help`."""
     rows = [f"{row.first}{'+N' if row.step else '':4}{row.owner}" for row in _TABLE.values()]
     heading = f"UDP ports on loopback, instance N (0 to {INSTANCES - 1}), MAVLink system N+1:"
-    return "\n".join([heading, *(f"  {row}" for row in rows)])
+    tcp = f"and TCP {topics.port(0)}+{topics.port(1) - topics.port(0)}N  publisher, Zenoh"
+    return "\n".join([heading, *(f"  {row}" for row in rows), tcp])
 
 
 def first_free_instance(*names: str) -> int:

@@ -19,6 +19,7 @@ from fcu.vehicle.script import ATTITUDE, POSITION, Pose
 
 CLEAR = 0.05  # m above where it stood: lower is in the ground
 TOUCHING = 0.1  # m
+VALLEY = 0.5  # m below where it stood: the ground is another one here, and not known
 HINDERED = 0.2  # of the speed down that is asked for: something is in the way
 HINDERED_US, ANYWHERE_US = 60_000, 300_000  # for so long where the ground is, and elsewhere
 AT_REST, FALLING = 0.25, 1.0  # m/s
@@ -41,7 +42,7 @@ def way(was: Way, asked: Setpoint, pose: Pose, ground: float, limits: Limits) ->
 
     `ground`: height at which the vehicle stood, m; NaN if that is not known.
     """
-    if asked.level > POSITION or math.isnan(ground):
+    if asked.level > POSITION or math.isnan(ground) or pose.r_E.z < ground - VALLEY:
         return Way.AS_ASKED
     if not _into(asked, ground, limits):
         sinking = was is Way.DOWN and asked.v_c.z < 0.0
@@ -109,7 +110,7 @@ class Touchdown:
             self._since_us = None
             return False
         self._since_us = t_us if self._since_us is None else self._since_us
-        here = pose.r_E.z < ground + TOUCHING
+        here = -VALLEY < pose.r_E.z - ground < TOUCHING
         for_us = HINDERED_US if here else ANYWHERE_US
         there = here or (meant and length(v) < AT_REST)
         self.done = there and t_us - self._since_us >= for_us

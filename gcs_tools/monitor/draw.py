@@ -48,7 +48,7 @@ def spark(t: Rows, values: Rows, width: int, low: float | None = None) -> Text:
     known = np.isfinite(values)
     t, values = t[known], values[known]
     blocks = [" "] * width
-    if len(t):
+    if len(t) and t[-1] > t[-1] - SPARK_S:  # of a time with a meaning
         begin = t[-1] - SPARK_S
         inside = t > begin
         at = np.minimum(((t[inside] - begin) / SPARK_S * width).astype(int), width - 1)

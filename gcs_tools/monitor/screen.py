@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.layout import Layout
+from rich.text import Text
 
 from gcs_tools.monitor import panels
+from gcs_tools.monitor.draw import DIM
 from gcs_tools.monitor.readings import Readings
 
 WIDE, HIGH = 120, 38  # columns and lines from which the panels stand side by side
@@ -42,11 +44,12 @@ def _narrow(r: Readings, width: int, height: int) -> RenderableType:
     """One below the other, as many as there is room for."""
     inside = max(width - _FRAME, 60)
     rows: list[RenderableType] = [panels.header(r)]
-    room = height - _HEIGHTS["header"]
+    room = height - _HEIGHTS["header"] - 1
     for make, lines in (
         (panels.tracking, 12), (panels.limits, 9), (panels.estimates, 11), (panels.bus, 9)
     ):  # fmt: skip
         if room >= lines:
             rows.append(make(r, inside))
             room -= lines
-    return Group(*rows)
+    hint = f"more in a terminal of {WIDE} columns and {HIGH} lines; this has {width} and {height}"
+    return Group(*rows, Text(hint, style=DIM, overflow="ellipsis", no_wrap=True))

@@ -77,3 +77,17 @@ def test_another_programs_file_is_named(tmp_path):
         writer.finish()
     with pytest.raises(RecordingError, match="not a recording of a flight"):
         read(path)
+
+
+def test_what_a_terminal_would_act_on_is_not_shown():
+    told = b'{"title": "a\\u001b[2Jb\\ud800", "values": {"x\\n": ["\\u0007"]}}'
+    mark = "\N{REPLACEMENT CHARACTER}"
+    assert _object(told) == {"title": f"a{mark}[2Jb{mark}", "values": {f"x{mark}": [mark]}}
+
+
+@pytest.mark.parametrize("option", ["--from", "--to"])
+@pytest.mark.parametrize("value", ["nan", "-inf", "1e305", "-1"])
+def test_a_time_that_is_none_is_refused(start, recording, option, value):
+    program = start("gcs_tools", "replay", recording.path, option, value)
+    assert program.wait() == 2
+    assert "expected 0 to 1e+07 s" in program.text()

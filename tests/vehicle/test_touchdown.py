@@ -183,3 +183,14 @@ def test_a_vehicle_held_up_by_a_gust_goes_on_sinking():
     assert not seen.see(sinking, pose(5.0, Vec3(0.0, 0.0, -0.9)), GROUND, 400_000)
     assert seen.see(sinking, pose(4.9, Vec3(0.0, 0.0, -1.1)), GROUND, 420_000)
     assert not seen.done
+
+
+def test_below_where_it_stood_there_is_no_ground_to_land_on():
+    """Over a valley: lower than its place on the hill, with MR_SP_BELOW raised for it."""
+    pose = Pose(Vec3(0.0, 0.0, GROUND - 5.0), ZERO, 0.0)
+    asked = at(0.0, 0.0, GROUND - 5.0)
+    assert touchdown.way(Way.AS_ASKED, asked, pose, GROUND, LIMITS) is Way.AS_ASKED
+    seen, sinking = Touchdown(), asked._replace(v_c=Vec3(0.0, 0.0, -1.0))
+    for k in range(20):  # held up by a gust for two fifths of a second
+        seen.see(sinking, pose, GROUND, 20_000 * k, meant=False)
+    assert not seen.done
