@@ -174,12 +174,12 @@ def _close(opened: zenoh.Session) -> None:
         except zenoh.ZError:
             pass  # a peer that hangs: it will find out
 
+    global _stuck
+    _stuck = True  # also if we are interrupted meanwhile
     thread = threading.Thread(target=close, daemon=True, name="zenoh-close")
     thread.start()
     thread.join(CLOSE_S)
-    if thread.is_alive():
-        global _stuck
-        _stuck = True
+    _stuck = thread.is_alive()
 
 
 def leave(code: int) -> NoReturn:

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
 ALONE_S = 3.0  # wall: after that who waits with a file of their own is told what for
-UNSEEN = "connected, but no vehicle is published, or not to us"
+UNSEEN = "connected, but no vehicle answers, or not to us"
 
+LOOK_S = 0.2  # wall: between two looks for a publisher
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
     help="Zenoh's own configuration (docs/zenoh); default: loopback, without a router.",
@@ -54,14 +55,19 @@ def watched(instance: int | None, zenoh: Path | None, what: str) -> Iterator[Wat
 
     try:
         number = instance
-        if number is None and zenoh is None:
-            number = next(iter(bus.published()), 0)
-        if zenoh is None and number not in bus.published():
-            click.echo(f"waiting for instance {number} to {what} (start one: gcs up) ...", err=True)
+        if zenoh is None:
+            there = bus.published()
+            if number not in there if number is not None else not there:
+                who = "a vehicle" if number is None else f"instance {number}"
+                click.echo(f"waiting for {who} to {what} (start one: gcs up) ...", err=True)
+            while number is None and not there:
+                time.sleep(LOOK_S)
+                there = bus.published()
+            number = there[0] if number is None else number
         with bus.session(bus.for_tool(number or 0, zenoh)) as session:
             watch = Watch(session, "*" if number is None else str(ports(number).system_id))
             try:
-                watch.find(_told_when_alone(session, zenoh))
+                watch.find(_told_when_alone(session, zenoh, number))
                 yield watch
             finally:
                 watch.close()
@@ -69,18 +75,23 @@ def watched(instance: int | None, zenoh: Path | None, what: str) -> Iterator[Wat
         fail(str(error), error.exit_code)
 
 
-def _told_when_alone(session: Session, zenoh: Path | None) -> Callable[[], None]:
-    """What says once, to who waits with a file of their own, how far it leads."""
+def _told_when_alone(
+    session: Session, zenoh: Path | None, number: int | None
+) -> Callable[[], None]:
+    """What says once, to who waits though there is somebody, how far it leads."""
     from gcs_tools import bus
 
-    due = time.monotonic() + ALONE_S if zenoh is not None else math.inf
+    there = zenoh is not None or number in bus.published()
+    due = time.monotonic() + ALONE_S if there else math.inf
+    where = f"as {zenoh} says" if zenoh is not None else f"instance {number}"
+    who = "" if number is None or zenoh is None else f" (as instance {number})"
 
     def check() -> None:
         nonlocal due
         if time.monotonic() > due:
             due = math.inf
             why = UNSEEN if bus.connected(session) else bus.UNCONNECTED
-            click.echo(f"waiting, as {zenoh} says: {why} ...", err=True)
+            click.echo(f"waiting, {where}: {why}{who} ...", err=True)
 
     return check
 
@@ -185,6 +196,8 @@ def replay(
     from gcs_tools.replay import replay as send
 
     taken = bus.published() if zenoh is None else []
+    if instance in taken:
+        fail(f"instance {instance} is published already: choose another, or none")
     free = [n for n in range(INSTANCES) if n not in taken]
     number = instance if instance is not None else next(iter(free), 0)
     name = f"replay-{recording.absolute().parent.name}-{recording.stem}"

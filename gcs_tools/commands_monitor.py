@@ -68,7 +68,8 @@ def monitor(
         _draw(readings, svg)
     else:
         height = max(console.size.height, HEIGHT)
-        console.print(screen(readings, console.size.width, height), height=height)
+        width = console.size.width if console.is_terminal else WIDTH
+        Console(width=width, highlight=False).print(screen(readings, width, height), height=height)
     bus.leave(OK)
 
 

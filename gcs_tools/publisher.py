@@ -150,6 +150,7 @@ def about(run: str, instance: int, flies: dict[str, Any]) -> dict[str, Any]:
         "started": time.time(),
         "believed_drag": list(believed_drag()),
         "processes": {},
+        "mission": None,
         **flies,
     }
 

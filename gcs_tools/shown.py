@@ -121,6 +121,8 @@ class Limits(NamedTuple):
     T_max: float
     phi_star: float  # of roll and of pitch
     Omega_max: float
+    achieved: float  # 1: gravity is known to the prediction; 0, as printed: s_v_hat finds it
+    g: float
 
     @classmethod
     def of(cls, params: Rows) -> Limits:
@@ -134,7 +136,7 @@ class Limits(NamedTuple):
         rotors, limits = believed()
         return cls(
             float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
-            math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max,
+            math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max, 1.0, 9.81,
         )  # fmt: skip
 
 
@@ -183,15 +185,25 @@ class Flight:
         history = self._of[name]
         return history["t"], history[name]
 
+    def drag_over_mass(self, axis: str) -> Series:
+        """The truth of s_v_hat, m/s^2: as printed, gravity is in it."""
+        t, force = self.series(f"f_D_E.{axis}")
+        down = self.limits.g if axis == "z" and self.limits.achieved < 0.5 else 0.0
+        return t, force / self.along(t, "m") - down
+
     def along(self, t: Rows, name: str) -> Rows:
-        """The values of a column at the times t (s, ascending): of its last row by then, or NaN."""
+        """The values of a column at the times t (s, ascending); NaN where it has no row of that time.
+
+        What is a tick late, or lost, is not held against what is not.
+        """
         times, values = self.series(name)
         if len(t) == len(times) and np.array_equal(t, times):
             return values
         if not len(times):
             return np.full(len(t), np.nan)
         at = np.searchsorted(times, t + HALF_US, side="right") - 1
-        return np.where(at >= 0, values[np.maximum(at, 0)], np.nan)
+        same = (at >= 0) & (np.abs(times[np.maximum(at, 0)] - t) < 2.0 * HALF_US)
+        return np.where(same, values[np.maximum(at, 0)], np.nan)
 
     def way(self, name: str, until: float = math.inf) -> Rows:
         """A Vec3 over time, (n, 3), up to `until` (s)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +21,7 @@ from gcs_tools.ticks import Sample, SampleError
 KNOWN = {*(topic.name for topic in TOPICS), events.TOPIC}
 ANSWER_S = 2.0  # wall: how long a vehicle may take to say what it is
 FORWARD = 1_000_000  # ticks: who is farther ahead is somebody else
+RATE_S = 2.0  # wall: over which a rate is seen
 LOOK_S = 0.005  # wall: between two looks for what has come
 
 
@@ -36,12 +38,22 @@ class Counted:
     late: int = 0  # samples from before the last: they count as lost
     first: int = -1  # sequence numbers
     last: int = -1
-    seen: list[tuple[float, int]] = field(default_factory=list)  # wall, ticks: for the rate
+    seen: deque[tuple[float, int]] = field(default_factory=deque)  # wall, ticks: of RATE_S
 
-    def rate_hz(self, now: float, over_s: float = 2.0) -> float:
+    def see(self, now: float, n: int) -> None:
+        """So many ticks have come now (wall, s)."""
+        self.ticks += n
+        self.seen.append((now, n))
+        self._forget(now)
+
+    def rate_hz(self, now: float) -> float:
         """Ticks a second of late, by the wall."""
-        self.seen = [(at, n) for at, n in self.seen if now - at <= over_s]
-        return sum(n for _, n in self.seen) / over_s
+        self._forget(now)
+        return sum(n for _, n in self.seen) / RATE_S
+
+    def _forget(self, now: float) -> None:
+        while self.seen and now - self.seen[0][0] > RATE_S:
+            self.seen.popleft()
 
 
 class Watch:
@@ -201,6 +213,9 @@ def _count(counted: Counted, found: Sample, now: float) -> bool:
     One goes back when a connection broke that it was waiting in, and another is there already.
     """
     first, last, n = int(found.sequence[0]), int(found.sequence[-1]), len(found.ticks)
+    if last - first >= FORWARD:
+        counted.unreadable += 1
+        return False
     if counted.first < 0:
         counted.first = first
     elif first <= counted.last:
@@ -213,8 +228,7 @@ def _count(counted: Counted, found: Sample, now: float) -> bool:
         counted.lost += first - counted.last - 1
     counted.lost += last - first + 1 - n
     counted.last = last
-    counted.ticks += n
-    counted.seen.append((now, n))
+    counted.see(now, n)
     return True
 
 

@@ -13,7 +13,10 @@ from fcu.kernel.algebra import Vec3
 
 
 class Wind(NamedTuple):
-    """The wind that the disturbance estimate stands for, if the believed drag is true."""
+    """The wind that the disturbance estimate stands for.
+
+    If drag and thrust are as believed, and but for the error of mass times the acceleration.
+    """
 
     v_air_E: Vec3  # velocity of the air, m/s, E; z is NaN: an error of mass looks the same
 
@@ -35,9 +38,9 @@ class Timing(NamedTuple):
 
     sequence: float  # number of this tick, from 0
     published: float  # wall: when this row was handed on, s since 1970
-    cycle: float  # wall: from the arrival of the state to the answer, s
+    cycle: float  # wall: from reading the state to sending the answer, s
     cycle_max: float  # wall: the longest so far, s
-    load: float  # smoothed fraction of the control period that a tick takes
+    load: float  # smoothed: cycle over the control period, which at speed 1 is the wall's
     resent: float  # states that came twice because an answer was lost, so far
     refused: float  # datagrams of the plant link that were no usable states, so far
     unrecorded: float  # rows that the recorder had no room for, so far
@@ -58,7 +61,7 @@ class PlantTiming(NamedTuple):
     sequence: float  # number of this tick, from 0
     published: float  # wall: when this row was handed on, s since 1970
     late: float  # wall: how late this tick began, s; NaN at full speed, which has no deadlines
-    slips: float  # ticks that would have begun a whole period or more late, so far
+    slips: float  # whole periods that ticks began late by, so far
     resent: float  # states sent again because no answer came, so far
     unrecorded: float  # rows that the recorder had no room for, so far
     unpublished: float  # rows that the publisher had no room for, so far

@@ -46,7 +46,8 @@ def of(measured, s_v_hat, m_hat, drag):
     """Velocity of the air (m/s, E); its vertical component is NaN, not known.
 
     s_v_hat : drag over mass, m/s^2, E.  m_hat : kg.  drag : believed, N/(m/s)^2, body axes.
-    At a constant velocity m_hat s_v_hat is the drag across whatever m_hat is.
+    At a constant velocity m_hat s_v_hat is the drag across whatever m_hat is; otherwise the
+    error of mass times the acceleration enters. Thrust is taken to be as believed.
     """
     R_EB = matrix(measured.q_EB)
     f_E = m_hat * s_v_hat

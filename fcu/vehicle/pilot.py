@@ -134,7 +134,9 @@ class Pilot:
         assert self.setpoint is not None
         here = self.pose()
         flown: Setpoint = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
-        if not self._touchdown.see(flown, here, self._landed.ground, t_us, meant):
+        if not self._touchdown.see(
+            flown, here, self._landed.ground, t_us, meant, self._params.law.f_m
+        ):
             return False
         if self._touchdown.done:
             self.leader.take(touchdown.resting(flown, self._landed.light), t_us)

@@ -44,6 +44,7 @@ class Supervisor(Pilot):
         self._armed_us = 0
         self._landed_us = 0
         self._look_us = 0
+        self._untold = ""  # of the script's setpoint, as it was entered
 
     # --- what a ground station sees
 
@@ -110,7 +111,10 @@ class Supervisor(Pilot):
             self._landed_us = t_us
             said.append((Severity.INFO, "Landed"))
         if self.armed and self.mode is Mode.OFFBOARD and self.steer(t_us):
-            said.append((Severity.INFO, INTO_THE_GROUND))
+            self._untold = INTO_THE_GROUND
+        if self._untold:
+            said.append((Severity.INFO, self._untold))
+            self._untold = ""
         lands, scripted = self._is_landing, self.mode is Mode.OFFBOARD
         if self.armed and (lands or not scripted) and self.touch_down(t_us, lands) and not lands:
             said.append((Severity.WARNING, "Led into the ground: resting on it"))
@@ -327,7 +331,7 @@ class Supervisor(Pilot):
         if not self.armed:
             return
         if mode is Mode.OFFBOARD:
-            self.fly_script(t_us)
+            self._untold = self.fly_script(t_us)
             return
         assert self.home is not None
         plan = plan_of(mode, self._from(t_us), self.home, self._params, self._limits())

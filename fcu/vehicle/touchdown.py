@@ -22,6 +22,7 @@ TOUCHING = 0.1  # m
 VALLEY = 0.5  # m below where it stood: the ground is another one here, and not known
 HINDERED = 0.2  # of the speed down that is asked for: something is in the way
 HINDERED_US, ANYWHERE_US = 60_000, 300_000  # for so long where the ground is, and elsewhere
+LAZY = 0.5  # rad/s, f_m below which the reference model is slow to take up a speed
 AT_REST, FALLING = 0.25, 1.0  # m/s
 ABOVE = 0.5  # m: how high a place in the ground is gone to
 AHEAD_S = 0.5  # of its speed down: as much higher a place near the ground is aimed at
@@ -96,11 +97,13 @@ class Touchdown:
         self._since_us: int | None = None
 
     def see(
-        self, flown: Setpoint, pose: Pose, ground: float, t_us: int, meant: bool = True
-    ) -> bool:
+        self, flown: Setpoint, pose: Pose, ground: float, t_us: int, meant: bool = True,
+        f_m: float = 1.0,
+    ) -> bool:  # fmt: skip
         """One look; whether something has changed. `flown`: carried to this moment.
 
         `meant`: it is landing; else only a ground that is known can be what is in its way.
+        f_m : rad/s, of the reference model: a lazy one lags behind the speed that is asked for.
         """
         v = pose.v_E
         if self.done:
@@ -111,7 +114,8 @@ class Touchdown:
             return False
         self._since_us = t_us if self._since_us is None else self._since_us
         here = -VALLEY < pose.r_E.z - ground < TOUCHING
-        for_us = HINDERED_US if here else ANYWHERE_US
+        anywhere_us = ANYWHERE_US if f_m >= LAZY else round(2e6 / f_m)
+        for_us = HINDERED_US if here else anywhere_us
         there = here or (meant and length(v) < AT_REST)
         self.done = there and t_us - self._since_us >= for_us
         return self.done

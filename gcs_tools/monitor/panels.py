@@ -62,7 +62,7 @@ def tracking(r: Readings, width: int) -> Panel:
         ("rate predicted off", r.norm("internals.w_til"), "rad/s", 4),
     ):
         t, values = series
-        now = float(values[-1]) if len(values) else math.nan
+        now = r.now(series) if r.flies else math.nan
         drawn = np.log10(np.maximum(values, 10.0 ** -(digits + 1)))
         errors.add_row(label, number(now, digits, unit), spark(t, drawn, width - 40))
     rms = Text(f"off the reference, RMS {OF_LATE}: ", style=DIM)
@@ -73,11 +73,11 @@ def limits(r: Readings, width: int) -> Panel:
     """How far is it from what its actuators can do?"""
     told, wide = r.flight.limits, width - 23
     table = grid(3)
-    T_c = r.last("internals.T_c")
+    T_c = r.last("internals.T_c") if r.flies else math.nan
     table.add_row("thrust", number(T_c, 1, "N"), gauge(T_c, told.T_min, told.T_max, wide))
     star = math.degrees(told.phi_star)
     for label, axis in (("roll", "x"), ("pitch", "y")):
-        angle = math.degrees(r.last(f"internals.angles_c.{axis}"))
+        angle = math.degrees(r.last(f"internals.angles_c.{axis}")) if r.flies else math.nan
         table.add_row(label, number(angle, 1, "°"), gauge(angle, -star, star, wide))
     u = [r.last(f"command.u.{rotor}") for rotor in ROTORS]
     greatest = max((x for x in u if math.isfinite(x)), default=math.nan)
@@ -85,13 +85,14 @@ def limits(r: Readings, width: int) -> Panel:
     style = BAD if greatest > 0.98 else GOOD
     table.add_row("rotors", number(greatest, 2, "of 1"), Text(blocks, style=style))
     t, off = r.norm("internals.delta_u")
-    now = float(off[-1]) if len(off) else math.nan
+    now = r.now((t, off)) if r.flies else math.nan
     table.add_row("Δu", number(now, 2, "N"), spark(t, off, wide, low=0.0))
     words = Text(f"at a limit {OF_LATE}:", style=DIM)
     for label in ("thrust", "tilt", "rotor"):
-        held = r.recent(r.flight.series(f"internals.{label}_saturated"))
-        part = float(held.mean()) if len(held) else 0.0
-        words.append(f" {label} {100.0 * part:.0f} %", style=BAD if part > 0.0 else GOOD)
+        held = r.recent(r.flown(f"internals.{label}_saturated"))
+        part = float(held.mean()) if len(held) else math.nan
+        style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD
+        words.append(f" {label} {plain(100.0 * part, 0)} %", style=style)
     between = f"thrust {told.T_min:g} to {told.T_max:g} N, tilt to {star:g}°"
     return panel("Limits", table, words, Text(between, style=DIM))
 
@@ -104,7 +105,7 @@ def estimates(r: Readings, width: int) -> Panel:
     def line(label: str, name: str, truth: Series, digits: int) -> None:
         t, values = r.flight.series(name)
         estimate = float(values[-1]) if r.flies and len(values) else math.nan
-        is_true = float(truth[1][-1]) if len(truth[1]) else math.nan
+        is_true = r.now(truth)
         off = number(estimate - is_true, digits)
         drawn = spark(t, values, width - 47)
         table.add_row(label, number(estimate, digits), true(is_true, digits), off, drawn)
@@ -116,6 +117,7 @@ def estimates(r: Readings, width: int) -> Panel:
         line(f"inertia {axis}", f"state.J_hat.{axis}", r.flight.series(f"J.{axis}"), 3)
     held = r.last("internals.projected") > 0.5
     note = "projection holds one at its bound" if held else "all inside their bounds"
+    note = note if r.flies else "the law does not fly"
     return panel("Estimates", table, Text(note, style=WARN if held else DIM))
 
 
@@ -128,7 +130,7 @@ def wind(r: Readings, width: int) -> Panel:
         table.add_row(name, number(e, 2), true(v, 2), number(e - v, 2))
     table.add_row(ENU[2], Text("not known", style=DIM), true(truth[2], 2))
     rms = Text(f"off, level, RMS {OF_LATE}: ", style=DIM) + number(r.rms(r.wind_error()), 2, "m/s")
-    note = Text(f"if drag is {r.believed_drag} N/(m/s)², as believed", style=DIM)
+    note = Text(f"if drag is {r.believed_drag} N/(m/s)² and mass known", style=DIM)
     turning = grid(3)
     turning.add_row(*heads("angular disturbance", "estimate", ""))
     for axis, name in zip(XYZ, ("roll", "pitch", "yaw"), strict=True):
@@ -159,7 +161,7 @@ def bus(r: Readings, _width: int) -> Panel:
     late = 1e6 * r.recent(r.flight.series("timing.late"))
     none = Text("no deadlines at full speed", style=DIM)
     lines.add_row("lateness", percentiles(late) if len(late) else none)
-    lines.add_row("load", number(100.0 * r.last("timing.load"), 1, "% of the period"))
+    lines.add_row("load", number(100.0 * r.last("timing.load"), 1, "% of the control period"))
     counts = Text()
     for label, name in (
         ("slips", "slips"), ("resent", "resent"), ("refused", "refused"),

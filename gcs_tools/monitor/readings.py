@@ -73,6 +73,16 @@ class Readings:
         found = self.recent(series)
         return float(np.sqrt(np.mean(found * found))) if len(found) else math.nan
 
+    def now(self, series: Series) -> float:
+        """The last value that is known: what came last of one side may be yet to come of another."""
+        known = series[1][np.isfinite(series[1])]
+        return float(known[-1]) if len(known) else math.nan
+
+    def flown(self, name: str) -> Series:
+        """A column of the law; NaN while it does not fly."""
+        t, values = self.flight.series(name)
+        return t, np.where(self.flight.along(t, "engaged") > 0.5, values, np.nan)
+
     def norm(self, name: str) -> Series:
         """The length of a Vec3 over time."""
         columns = [self.flight.series(part) for part in parts(name)]
@@ -87,8 +97,7 @@ class Readings:
 
     def drag_over_mass(self, axis: str) -> Series:
         """The truth of s_v_hat, m/s^2."""
-        t, force = self.flight.series(f"f_D_E.{axis}")
-        return t, force / self.flight.along(t, "m")
+        return self.flight.drag_over_mass(axis)
 
     def wind_error(self) -> Series:
         """Length of the error of the level wind estimate (m/s)."""
@@ -126,14 +135,14 @@ class Readings:
 
     def snapshot(self) -> dict[str, Any]:
         """The numbers of one picture, for programs. None: not known."""
-        watch, off = self.follower.watch, self.recent(self.off_reference())
+        watch = self.follower.watch
         known = {
             "time_s": self.t,
-            "off_reference_m": float(off[-1]) if len(off) else math.nan,
+            "off_reference_m": self.now(self.off_reference()),
             "off_reference_rms_m": self.rms(self.off_reference()),
-            "thrust_N": self.last("internals.T_c"),
-            "roll_deg": math.degrees(self.last("internals.angles_c.x")),
-            "pitch_deg": math.degrees(self.last("internals.angles_c.y")),
+            "thrust_N": self.now(self.flown("internals.T_c")),
+            "roll_deg": math.degrees(self.now(self.flown("internals.angles_c.x"))),
+            "pitch_deg": math.degrees(self.now(self.flown("internals.angles_c.y"))),
             "mass_kg": self.last("state.m_hat") if self.flies else math.nan,
             "wind_error_rms_m_s": self.rms(self.wind_error()),
         }

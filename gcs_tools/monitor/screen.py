@@ -46,10 +46,13 @@ def _narrow(r: Readings, width: int, height: int) -> RenderableType:
     rows: list[RenderableType] = [panels.header(r)]
     room = height - _HEIGHTS["header"] - 1
     for make, lines in (
-        (panels.tracking, 12), (panels.limits, 9), (panels.estimates, 11), (panels.bus, 9)
+        (panels.tracking, 11), (panels.limits, 9), (panels.estimates, 11), (panels.wind, 14),
+        (panels.bus, 10),
     ):  # fmt: skip
         if room >= lines:
             rows.append(make(r, inside))
             room -= lines
+    if room > 2:
+        rows.append(panels.events(r, room - 2))
     hint = f"more in a terminal of {WIDE} columns and {HIGH} lines; this has {width} and {height}"
     return Group(*rows, Text(hint, style=DIM, overflow="ellipsis", no_wrap=True))

@@ -26,6 +26,7 @@ DOTTED: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (1, 2))}
 DASHED: dict[str, Any] = {"color": LIMIT, "linewidth": 0.9, "linestyle": (0, (5, 3))}
 STYLE: Any = {
     "font.size": 9.0,
+    "text.parse_math": False,  # a title may hold a $
     "axes.titlesize": 10.0,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",

@@ -42,11 +42,7 @@ class Estimate(NamedTuple):
 
 def translational(shown: Shown) -> list[Estimate]:
     """s_v_hat, m/s^2, E, and its truth: drag over mass. As printed, it has to find gravity too."""
-    printed = shown.told["achieved"] < 0.5
-    found = [Estimate(*of) for of in drag_over_mass(shown.plant, shown.fcu)]
-    if printed and found[2].truth is not None:
-        found[2] = found[2]._replace(truth=found[2].truth - shown.told["g"])
-    return found
+    return [Estimate(*of) for of in drag_over_mass(shown.plant, shown.fcu, shown.told)]
 
 
 def angular(shown: Shown) -> list[Estimate]:

@@ -103,10 +103,13 @@ def learned(
     legend(axes)
 
 
-def drag_over_mass(plant: Columns, fcu: Columns) -> list[tuple[str, Rows, Rows]]:
-    """(axis, s_v_hat, its truth), m/s^2, E."""
-    pairs = zip(ENU, fcu.axes("state.s_v_hat"), plant.axes("f_D_E"), strict=True)
-    return [(name, s_hat, f_D / plant["m"]) for name, s_hat, f_D in pairs]
+def drag_over_mass(
+    plant: Columns, fcu: Columns, told: dict[str, float]
+) -> list[tuple[str, Rows, Rows]]:
+    """(axis, s_v_hat, its truth), m/s^2, E. As printed, s_v_hat has to find gravity too."""
+    down = (0.0, 0.0, told["g"] if told["achieved"] < 0.5 else 0.0)
+    found = zip(ENU, fcu.axes("state.s_v_hat"), plant.axes("f_D_E"), down, strict=True)
+    return [(name, s_hat, f_D / plant["m"] - g) for name, s_hat, f_D, g in found]
 
 
 def inertia(plant: Columns, fcu: Columns) -> list[tuple[str, Rows, Rows]]:
@@ -125,7 +128,7 @@ def _overview(figure: Figure, flight: Flight, told: dict[str, float], title: str
     distance(grid["error"], flight)
     _thrust(grid["thrust"], shown, told)
     _tilt(grid["tilt"], shown, told)
-    learned(grid["drag"], "Drag force over mass, m/s²", flight.t, drag_over_mass(true, shown))
+    learned(grid["drag"], "Drag force over mass, m/s²", flight.t, drag_over_mass(true, shown, told))
     mass = [("estimate", shown["state.m_hat"], true["m"])]
     learned(grid["mass"], "Mass, kg", flight.t, mass, 1.0)
     learned(grid["inertia"], "Inertia, kg m²", flight.t, inertia(true, shown), 0.1)

@@ -54,12 +54,7 @@ def _seen(name: str) -> Callable[[Flight], Series]:
 
 def _drag_over_mass(axis: str) -> Callable[[Flight], Series]:
     """The truth of s_v_hat."""
-
-    def of(flight: Flight) -> Series:
-        t, force = flight.series(f"f_D_E.{axis}")
-        return t, force / flight.along(t, "m")
-
-    return of
+    return lambda flight: flight.drag_over_mass(axis)
 
 
 def _position_error(flight: Flight) -> Series:

@@ -368,7 +368,7 @@ def test_who_waits_is_told_what_for(name, ours, theirs, secured, publish, gcs, t
     whose = {"gcs": theirs, "other": ours}[name]
     told = {
         "gcs": "nobody is there, or one refuses the other",
-        "other": "connected, but no vehicle is published, or not to us",
+        "other": "connected, but no vehicle answers, or not to us",
     }
     file = of_stranger(port, tmp_path, "tls", whose.tls(name))
     gcs("record", "out.mcap", "--zenoh", file).says(f"waiting, as {file} says: {told[name]}")

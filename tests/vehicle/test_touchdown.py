@@ -194,3 +194,16 @@ def test_below_where_it_stood_there_is_no_ground_to_land_on():
     for k in range(20):  # held up by a gust for two fifths of a second
         seen.see(sinking, pose, GROUND, 20_000 * k, meant=False)
     assert not seen.done
+
+
+def test_a_lazy_reference_that_lags_behind_is_not_a_ground():
+    sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), Touchdown()
+    looks = [seen.see(sinking, pose(5.0), GROUND, k * 20_000, f_m=0.4) for k in range(300)]
+    assert looks.index(True) * 20_000 == 5_000_000
+
+
+def test_entering_offboard_with_a_setpoint_in_the_ground_is_told():
+    flown = Flown(None)
+    flown.up(2.5)
+    flown.stream(lambda: at(0.0, 0.0, -0.7), 30.0, lambda: not flown.vehicle.armed)
+    assert flown.said.count(INTO) == 1
