@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -68,7 +69,8 @@ def monitor(
         _draw(readings, svg)
     else:
         height = max(console.size.height, HEIGHT)
-        width = console.size.width if console.is_terminal else WIDTH
+        told = console.is_terminal or "COLUMNS" in os.environ
+        width = console.size.width if told else WIDTH
         Console(width=width, highlight=False).print(screen(readings, width, height), height=height)
     bus.leave(OK)
 
