@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import signal
 import sys
 import time
@@ -46,6 +47,9 @@ class _Program(click.Group):
             code = error.exit_code
         except (click.Abort, KeyboardInterrupt):
             code = INTERRUPTED
+        except OSError as error:  # of standard output: a full disk
+            click.echo(f"Error: {error.strerror or error}", err=True)
+            os._exit(INFRASTRUCTURE)  # what is still buffered would fail again
         sys.exit(code if isinstance(code, int) else OK)
 
 

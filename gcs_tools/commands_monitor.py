@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 140, 42  # columns and lines of a single picture: lines at least
 FRAMES_HZ = 5.0
+SPEED_S = 2.0  # wall: over which a single picture measures the speed of the flight
 LOOK_S = 0.02  # wall: between two looks for what has come
 
 
@@ -56,9 +57,9 @@ def monitor(
                 follower = Follower(watch, kept=KEPT)
                 readings = Readings(follower)
                 if single:
-                    _listen(follower.take, 0.5 * seconds)
+                    _listen(follower.take, seconds - min(SPEED_S, 0.5 * seconds))
                     readings.speed()
-                    _listen(follower.take, 0.5 * seconds)
+                    _listen(follower.take, min(SPEED_S, 0.5 * seconds))
                     break
                 _live(console, readings)
     except KeyboardInterrupt:

@@ -75,7 +75,11 @@ def plot(
         silence(sys.stdout)
         sys.exit(OK)
     except (RecordingError, OSError) as error:
-        text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+        text = (
+            f"{error.filename or 'standard output'}: {error.strerror}"
+            if isinstance(error, OSError)
+            else str(error)
+        )
         click.echo(f"Error: {text}", err=True)
         sys.exit(USAGE)
     except KeyboardInterrupt:

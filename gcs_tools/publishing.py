@@ -70,6 +70,12 @@ class Publishing:
             except OSError:
                 pass  # it has ended
 
+    def has_died(self) -> bool:
+        """Whether it has ended though it was not told to; says so once."""
+        died = self._publishes and bool(self._ended_early())
+        self._publishes = self._publishes and not died
+        return died
+
     def stop(self) -> dict[str, Any]:
         """End it, after those who feed it; what it said last, and under "problem" what went wrong."""
         problem = self._ended_early()

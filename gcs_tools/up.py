@@ -78,6 +78,11 @@ def up(
         try:
             while True:
                 check()
+                if publishing is not None and publishing.has_died():
+                    print(
+                        f"  diagnostics     ended (again with: gcs publish --instance {instance})",
+                        flush=True,
+                    )
                 time.sleep(0.1)
         except FlightEnded:
             _let_it_tell(fcu)

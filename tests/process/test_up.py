@@ -269,3 +269,13 @@ def test_a_plain_script_flies_and_lands(start, instance, script):
     landed = script.first("EXTENDED_SYS_STATE")
     assert landed.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
     assert fcu.interrupted() == 0
+
+
+def test_a_publisher_that_died_is_told_and_the_vehicle_stays_up(start, instance, until, alive):
+    up = start("gcs_tools", "up", "--instance", instance)
+    up.says("Zenoh")
+    pids = up.children()
+    os.kill(pids["gcs_tools"], signal.SIGKILL)
+    up.says(f"ended (again with: gcs publish --instance {instance})")
+    assert alive(pids["fcu"]) and alive(pids["sitl_plant"])
+    assert up.interrupted() == 0
