@@ -102,9 +102,10 @@ class Recorded:
             f" ({self.why})"
         ]  # fmt: skip
         by_topic = ", ".join(f"{topic} {n}" for topic, n in self.lost.items())
-        lines.append(f"  lost on the bus: {by_topic}" if by_topic else "  every tick is in it")
+        whole = f"  lost on the bus: {by_topic}" if by_topic else "  every tick is in it"
         if self.why == OUT_OF_SIGHT:
-            lines.append("  up to there: the publisher was killed, or the connection to it broke")
+            whole += " up to there: the publisher was killed, or the connection to it broke"
+        lines.append(whole)
         p50, p99 = self.latency.percentile(50.0), self.latency.percentile(99.0)
         if p50 is not None and p99 is not None:
             lines.append(f"  from tick to here: {p50 * 1e3:.1f} ms, 99 % within {p99 * 1e3:.1f} ms")
