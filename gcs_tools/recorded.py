@@ -62,6 +62,7 @@ class Recorded:
     counted: dict[str, Any] = field(default_factory=dict)  # by topic: watch.Counted
     unusable: int = 0
     end_seen: bool = False  # it was told what there was to record
+    _spans: dict[str, tuple[float, float]] = field(default_factory=dict)  # by topic
     replayed: bool = False  # its ticks were published long ago
     latency: Latency = field(default_factory=Latency)
 
@@ -70,13 +71,19 @@ class Recorded:
         times = sample.time_ns
         if topic in SELDOM:
             return
-        if self.first_s is None:
-            self.first_s = float(times[0]) * 1e-9
-        self.last_s = max(self.last_s or 0.0, float(times[-1]) * 1e-9)
+        first, last = float(times[0]) * 1e-9, float(times[-1]) * 1e-9
+        self.first_s = first if self.first_s is None else self.first_s
+        self.last_s = max(self.last_s or 0.0, last)
+        self._spans[topic] = (self._spans.get(topic, (first, last))[0], last)
         if topic == TIMING.name:
             self.ticks += len(times)
             if not self.replayed:
                 self.latency.see(sample)
+
+    @property
+    def least_s(self) -> float:
+        """Simulation time that is recorded of every topic."""
+        return min((last - first for first, last in self._spans.values()), default=0.0)
 
     @property
     def lost(self) -> dict[str, int]:
@@ -152,7 +159,7 @@ def record_until(
                 done.see(topic, sample)
             recorder.flush_if_due()
             progress(done.line())
-            if seconds is not None and (done.last_s or 0.0) - (done.first_s or 0.0) >= seconds:
+            if seconds is not None and done.least_s >= seconds:
                 done.why = f"{seconds:g} s are recorded"
                 return
             now = time.monotonic()

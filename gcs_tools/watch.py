@@ -19,6 +19,7 @@ from gcs_tools.schema import TOPICS
 from gcs_tools.ticks import Sample, SampleError
 
 KNOWN = {*(topic.name for topic in TOPICS), events.TOPIC}
+ASK_S = 0.5  # wall: between two questions for who is there
 ANSWER_S = 2.0  # wall: how long a vehicle may take to say what it is
 FORWARD = 1_000_000  # ticks: who is farther ahead is somebody else
 RATE_S = 2.0  # wall: over which a rate is seen
@@ -63,7 +64,7 @@ class Watch:
         """`vehicle`: its MAVLink system id; "*": the first that is there."""
         self._session = session
         self._vehicle = vehicle
-        alive = f"{keys.PREFIX}/*/{vehicle}/{keys.ALIVE}/*"
+        self._alive = alive = f"{keys.PREFIX}/*/{vehicle}/{keys.ALIVE}/*"
         self._tokens = session.liveliness().declare_subscriber(
             alive, handler=bus.channel(), history=True
         )
@@ -84,11 +85,15 @@ class Watch:
 
         Raises BusError when it is there and does not answer, or speaks another version.
         """
+        due = time.monotonic() + ASK_S
         while self.key is None:
             check()
             self._see_tokens()
             if self.key is None:
                 time.sleep(LOOK_S)
+            if self.key is None and time.monotonic() > due:  # a token may have been missed
+                due = time.monotonic() + ASK_S
+                self._ask_who_is_there()
         within = f"{keys.namespace(self.key.run)}/{self.key.vehicle}/**"
         self._subscriber = self._session.declare_subscriber(within, handler=bus.channel())
         self._ask(within)
@@ -97,6 +102,12 @@ class Watch:
             raise bus.BusError(
                 f"the vehicle publishes version {version}; this program reads {SCHEMA_VERSION}"
             )
+
+    def _ask_who_is_there(self) -> None:
+        """Ask for the tokens that there are, whatever was heard of them."""
+        for reply in self._session.liveliness().get(self._alive, timeout=ASK_S):
+            if reply.ok is not None:
+                self._see(str(reply.ok.key_expr), True)
 
     def _ask(self, selector: str) -> None:
         until = time.monotonic() + ANSWER_S
@@ -123,22 +134,25 @@ class Watch:
 
     def _see_tokens(self) -> None:
         while (token := self._tokens.try_recv()) is not None:
-            key = keys.take_apart(str(token.key_expr))
-            if key is None:
-                continue
-            there = token.kind == zenoh.SampleKind.PUT
-            if self.key is None and there:
-                self.key = key
-            if self.key is None:
-                continue
-            if key[:2] != self.key[:2]:
-                self.succeeded = self.succeeded or (there and self.gone)
-                continue
-            process = key.topic.removeprefix(f"{keys.ALIVE}/")
-            (self.alive.add if there else self.alive.discard)(process)
-            flying = self.alive - {keys.PUBLISHER}
-            self._flew = self._flew or bool(flying)
-            self.gone = not (flying if self._flew else self.alive)
+            self._see(str(token.key_expr), token.kind == zenoh.SampleKind.PUT)
+
+    def _see(self, token: str, there: bool) -> None:
+        """A process is there, or is there no more."""
+        key = keys.take_apart(token)
+        if key is None:
+            return
+        if self.key is None and there:
+            self.key = key
+        if self.key is None:
+            return
+        if key[:2] != self.key[:2]:
+            self.succeeded = self.succeeded or (there and self.gone)
+            return
+        process = key.topic.removeprefix(f"{keys.ALIVE}/")
+        (self.alive.add if there else self.alive.discard)(process)
+        flying = self.alive - {keys.PUBLISHER}
+        self._flew = self._flew or bool(flying)
+        self.gone = not (flying if self._flew else self.alive)
 
     def latest(self) -> list[tuple[str, Sample]]:
         """The last tick of each topic before it was watched, once; (topic, sample)."""
