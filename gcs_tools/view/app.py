@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import socket
 import time
+from collections import deque
 from contextlib import redirect_stdout
 from types import TracebackType
 from typing import Any, Self
@@ -20,6 +21,7 @@ from gcs_tools.view.scene import Scene
 HOST = "127.0.0.1"  # never another: the page asks nobody who they are
 PORTS = 20  # that are tried, one after the other, if none is asked for
 FRAME_S = 0.05  # of the scene
+ECHOES = 64  # frames after which a browser has said what it heard
 CHARTS_EVERY = 4  # frames, while time runs
 CHARTS_PX, PANEL_PX = 500, 300
 SPEEDS = ("0.25", "0.5", "1", "2", "4")
@@ -106,6 +108,7 @@ class App:
             first, last = self._flight.span
             self._slider: Any = gui.add_slider("Time, s", first, last, 0.001, first)
             self._set = first  # what the slider was last seen at
+            self._sent: deque[float] = deque(maxlen=ECHOES)  # and before, while it was played
             self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
             self._button = gui.add_button("Play")
             self._button.on_click(lambda _: self._press())
@@ -140,6 +143,7 @@ class App:
         first, last = self._flight.span
         if not self._playing and self._now >= last:
             self._slider.value = first
+        self._sent.clear()
         self._playing = not self._playing
 
     def run(self) -> None:
@@ -168,10 +172,14 @@ class App:
         """Follow the slider, and move it while the flight is played."""
         assert self._flight.span is not None
         first, last = self._flight.span
-        if self._slider.value != self._set:  # moved by hand
+        if self._slider.value in self._sent:  # an echo of a slow browser
+            self._slider.value = self._set
+        elif self._slider.value != self._set:  # moved by hand
             self._set = self._now = min(max(self._slider.value, first), last)
         if self._playing:
             self._now = min(last, self._now + elapsed * float(self._speed.value))
+            if self._set not in (first, self._now):
+                self._sent.append(self._set)
             self._slider.value = self._set = self._now
             if self._now >= last:
                 self._playing = False
