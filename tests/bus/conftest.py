@@ -58,6 +58,12 @@ class Flight:
     def publisher_said(self) -> str:
         return (self.run / "publisher.log").read_text()
 
+    @property
+    def publisher_complained(self) -> list[str]:
+        """Lines of its log but those of ticks that came too fast, as on a busy machine they do."""
+        lines = self.publisher_said.splitlines()
+        return [line for line in lines if "came too fast to be published" not in line]
+
     def unpublished(self, who: str) -> int:
         """Ticks that it says, at its end, did not reach its publisher."""
         found = re.search(rf"(\d+) ticks of the {who}\b.* came too fast to be published", self.said)

@@ -99,7 +99,7 @@ def test_a_recorder_that_is_killed(recorded, quiet):
     recorder.killed()
     assert flight.trajectory() == quiet
     assert not recording.read(recorder.out).complete
-    assert flight.publisher_said == ""
+    assert flight.publisher_complained == []
 
 
 def test_a_recorder_without_room(fly, record, quiet, instance):
@@ -115,7 +115,7 @@ def test_a_recorder_without_room(fly, record, quiet, instance):
     assert "ticks" in recorder.program.text()
     assert len(recording.read(recorder.out).fcu) > 100
     assert flight.trajectory() == quiet
-    assert flight.publisher_said == ""
+    assert flight.publisher_complained == []
 
 
 def test_two_flights_that_are_recorded_at_once(fly, record, quiet):
