@@ -23,6 +23,8 @@ HERE = "127.0.0.1"
 ADDRESSES = ("192.0.2.10:7447", f"{HERE}:7440")  # what a reader of the examples changes
 PASSWORD = "change me"
 RATE_HZ = 200.0
+RUN = "r"
+FOR_S = 1.5  # of flight that a tool records
 
 
 def free_port() -> int:

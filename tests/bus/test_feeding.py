@@ -17,6 +17,7 @@ from gcs_tools.outlet import Outlet
 from gcs_tools.publisher import Publisher, about
 from gcs_tools.schema import FCU_COLUMNS
 from tests.bus.intruder import words
+from tests.process.conftest import until
 
 SEQUENCE = FCU_COLUMNS.index("timing.sequence")
 HELLO = json.dumps({"hello": "fcu", "dropped": 3}).encode()  # no multiple of 8 long
@@ -152,8 +153,7 @@ def test_what_was_dropped_is_counted(publisher, connected):
 def test_numbers_go_on_when_a_process_is_started_anew(publisher, connected, instance):
     with bus.session(bus.for_tool(instance)) as session:
         heard = session.declare_subscriber("m_mrac/*/*/fcu/timing", handler=bus.channel())
-        while not publisher._outlet.is_heard():
-            time.sleep(0.01)
+        until(publisher._outlet.is_heard, "somebody who listens")
         for _ in range(2):
             one = connected(HELLO, row(0), row(1))
             publisher.pass_on()

@@ -81,7 +81,7 @@ def test_ten_that_are_killed(vehicle, record, read_elsewhere):
         began = time.monotonic()
         lives = sorted(chosen.uniform(LEAST, MOST) for _ in recorders)
         for recorder, life in zip(recorders, lives, strict=True):
-            time.sleep(max(began + life - time.monotonic(), 0.0))  # so long it lives
+            until(lambda end=began + life: time.monotonic() >= end, "its chosen moment")
             recorder.killed()
             killed.append((recorder.out, time.time()))
     size = witness.out.stat().st_size
