@@ -233,8 +233,8 @@ def command(state, params, setpoint, measured, v_til, w_til):
         tilt_filter,
         select3(below_position, Vec3(0.0, 0.0, 0.0), a_m),
         state.beta,
-        setpoint.psi_c + params.h * setpoint.psi_dot_c,
-        setpoint.psi_dot_c,
+        select(below_position, angles.z, setpoint.psi_c + params.h * setpoint.psi_dot_c),
+        select(below_position, w.z, setpoint.psi_dot_c),
     )
     return after, RotorCommand(u), internals
 
