@@ -35,14 +35,14 @@ from gcs_tools.scenario import scenario
 Random = np.random.Generator
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
-SECOND_S, END_S = 20.0, 45.0  # when the second setpoint comes, and the flight ends
+SECOND_S, END_S = 30.0, 65.0  # when the second setpoint comes, and the flight ends
 LAST_S, NEAR = 1.0, 0.3  # s, m: arrived
-COARSE_S = 0.01  # step of the look ahead
+COARSE_S = 0.005  # step of the look ahead
 COLUMNS = columns(Tick)
 THRUST, TILT, ROTOR = (
     COLUMNS.index(f"internals.{name}_saturated") for name in ("thrust", "tilt", "rotor")
 )
-MARGIN = COLUMNS.index("internals.margin_condition")
+MARGIN, CONDITION = (COLUMNS.index(f"internals.{n}") for n in ("margin", "margin_condition"))
 R, R_C = (slice(i, i + 3) for i in map(COLUMNS.index, ("measured.r_E.x", "setpoint.r_c.x")))
 
 
@@ -112,6 +112,14 @@ def drawn(random: Random) -> dict[str, Any]:
     }
 
 
+def saturated(rows: Rows) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """At which ticks thrust or tilt is at a limit, or the demand beyond what can be reached.
+
+    The law keeps a demand off the ground before it clips it, so its flags alone miss some.
+    """
+    return np.asarray((np.maximum(rows[:, THRUST], rows[:, TILT]) > 0.5) | (rows[:, MARGIN] < 0.0))
+
+
 def foreseen_n(law: LawParams, sent: Sequence[Setpoint]) -> list[float]:
     """The least condition (N) on the way to each setpoint, from rest at the one before."""
     coarse = law._replace(h=COARSE_S)
@@ -128,7 +136,7 @@ def fly(mission: Mission) -> Flown:
     transient = max(float(foreseen.transient_s(scene.law)), 0.3)
     settled, second = round(transient * rate), round(SECOND_S * rate)
     last = round(LAST_S * rate)
-    limited = np.maximum(rows[:, THRUST], rows[:, TILT]) > 0.5
+    limited = saturated(rows)
     ways = (slice(settled, second), slice(second, None))  # adaptation begins once
     ends = (slice(second - last, second), slice(-last, None))
     whole = len(rows) == scene.ticks
@@ -143,7 +151,7 @@ def fly(mission: Mission) -> Flown:
             whole and bool((away[ends[0]] < NEAR).all()),
             whole and bool((away[ends[1]] < NEAR).all()),
         ),
-        condition=float(rows[settled:, MARGIN].min()),
+        condition=float(rows[settled:, CONDITION].min()),
         transient_s=transient,
     )
 

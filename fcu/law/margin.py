@@ -21,7 +21,7 @@ from fcu.kernel.compile import kernel
 # its supremum is N_HALF / sqrt(gamma) times that of the disturbance's rate (README).
 N_HALF = 1.7131374
 PEAK_HALF = 1.1547005  # 1 / sqrt(1 - zeta^2): peak of its response to an initial difference
-FORGOTTEN = 0.3  # part of the mass that m_hat may be off by while the reference changes
+FORGOTTEN = 0.3  # part of the mass that m_hat may be off by when the reference changes
 KEPT = 0.1  # part of the room at a standstill that is never given away
 
 

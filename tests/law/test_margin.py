@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm
+from fcu.kernel.buffers import to_buffer
 from fcu.law import foreseen, margin
 
 STILL = Vec3(0.0, 0.0, 0.0)
@@ -131,12 +132,47 @@ def test_the_way_to_a_setpoint_is_looked_at_in_full(law):
     params = law(guard_wind_m_s=6.0)._replace(h=0.005)
     step = Setpoint(Vec3(3.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
     least, at, a, _ = foreseen.least(params, step, STILL, STILL)
-    assert least == margin.condition(params, Vec3(3.0, 0.0, 0.0), STILL, 0.0)
-    assert (at, a) == (0.0, (3.0, 0.0, 0.0))
+    jump = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0)
+    assert least == pytest.approx(margin.condition(params, jump, STILL, 0.0))
+    assert at == 0.0
+    assert a == pytest.approx(jump)
     moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
     _, at, _, v = foreseen.least(params, moving, STILL, STILL)
     assert at > 0.5
     assert norm(v) > 3.0
+
+
+def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_lag(law):
+    """And with the attitude's lag a reference model that is too fast for it overshoots."""
+    step = Setpoint(Vec3(1.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
+    rows = np.zeros((8000, 8))
+
+    def way(f_m, c_angle):
+        params = law(f_m=f_m, c_angle=c_angle)._replace(h=0.001)
+        foreseen.along(params, np.zeros(1), to_buffer(step)[None], STILL, STILL, rows)
+        return rows[:, 5].copy()
+
+    f, zeta, t = 1.0, 0.8, rows[:, 0]
+    quick = way(f, 1e4)
+    w_d = f * math.sqrt(1.0 - zeta**2)
+    exact = f**2 / w_d * np.exp(-zeta * f * t) * np.sin(w_d * t)
+    np.testing.assert_allclose(quick, exact, atol=2e-3)
+    # 1 m at f_m = 3 behind a lag of 0.2 s, by SciPy's step of 9/(0.2 s^3 + s^2 + 4.8 s + 9)
+    assert way(3.0, 5.0).min() == pytest.approx(-0.376, abs=0.01)
+    assert way(3.0, 1e4).min() > -0.02
+
+
+def test_a_script_of_setpoints_is_looked_at_as_one_way(law):
+    params = law()._replace(h=0.01)
+    there, back = (Setpoint(Vec3(x, 0.0, 0.0), STILL, STILL, 0.0, 0.0) for x in (2.0, -2.0))
+    rows = np.zeros((1500, 8))
+    script = np.array([to_buffer(there), to_buffer(back)])
+    foreseen.along(params, np.array([0.0, 7.0]), script, STILL, STILL, rows)
+    assert rows[0, 1] == foreseen.least(params, there, STILL, STILL)[0]
+    first, second = rows[:700, 1], rows[700:, 1]
+    assert second.min() < first.min()  # twice the way
+    assert rows[second.argmin() + 700, 0] == 7.0
+    assert np.abs(rows[-1, 5:]).max() < 0.01
 
 
 def test_the_condition_orders_as_it_should(law):
