@@ -10,7 +10,7 @@ in steady wind of the greatest speed from six sides, and in the paper's wind.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
