@@ -96,8 +96,8 @@ class Ball:
 class Box:
     """All matrices between `low` and `high`, component by component.
 
-    low, high : (..., i, j).  margin : by how much the outer box is wider, over the width; 0 for
-    hard.
+    low, high : (..., i, j); equal where a component is known.  margin : by how much the outer box
+    is wider, over the width; 0 for hard.
     """
 
     low: Array
@@ -105,8 +105,8 @@ class Box:
     margin: float = 0.1
 
     def __post_init__(self) -> None:
-        if not np.all(self.low < self.high):
-            raise ProjectionError("box: low must be below high in every component")
+        if not np.all(self.low <= self.high):
+            raise ProjectionError("box: low must not be above high in any component")
         if self.margin < 0.0:
             raise ProjectionError(f"box: margin must be 0 (hard) or above, got {self.margin}")
 
@@ -127,14 +127,10 @@ class Box:
 
     def rate(self, estimate: Array, Y: Array) -> Array:
         """Pr(estimate, Y): (..., i, j)."""
-        if self.margin > 0.0:
-            edge = 0.5 * self.margin * (self.high - self.low)
-            above = np.clip((estimate - self.high) / edge, 0.0, 1.0)
-            below = np.clip((self.low - estimate) / edge, 0.0, 1.0)
-        else:
-            above = np.where(estimate >= self.high, 1.0, 0.0)
-            below = np.where(estimate <= self.low, 1.0, 0.0)
-        return np.asarray(Y * (1.0 - np.where(Y > 0.0, above, below)))
+        edge = 0.5 * self.margin * (self.high - self.low)
+        above = np.where(Y > 0.0, _share(estimate - self.high, edge), 0.0)
+        below = np.where(Y < 0.0, _share(self.low - estimate, edge), 0.0)
+        return np.asarray(Y * (1.0 - above - below))
 
     def hold(self, estimate: Array) -> Array:
         """The point of the outer box that is nearest to an estimate: (..., i, j)."""
@@ -143,6 +139,12 @@ class Box:
     def contains(self, estimate: Array) -> Array:
         """bool (...): in the box itself, not only in the outer one."""
         return np.asarray(((self.low <= estimate) & (estimate <= self.high)).all(axis=(-2, -1)))
+
+
+def _share(past: Array, edge: Array) -> Array:
+    """From 0 inside to 1 at the outer edge, for components `past` the inner one; hard if no edge."""
+    smooth = np.clip(past / np.where(edge > 0.0, edge, 1.0), 0.0, 1.0)
+    return np.where(edge > 0.0, smooth, np.where(past >= 0.0, 1.0, 0.0))
 
 
 Set = Ball | Box
