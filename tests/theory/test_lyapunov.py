@@ -54,8 +54,9 @@ def batch(rng, count, structure, moving=False, beside=False, v_star=None):
         unknown(q, 1) if beside else None,
     )
     command = rng.normal(size=(count, q))
+    size = np.linalg.norm(ReferenceModel(A, B, Q).P, ord=2, axis=(1, 2))
     plant = Plant(
-        ReferenceModel(A, B, Q), truth, lambda t: command * np.sin(2.0 * t),
+        ReferenceModel(A, B, Q / size[:, None, None]), truth, lambda t: command * np.sin(2.0 * t),
         f=lambda x, r: np.concatenate([np.tanh(x[..., :2]), r[..., :1]], axis=-1),
         phi=(lambda x, r: np.tanh(x[..., 2:])) if beside else None,
         actuator=unlimited if v_star is None else symmetric(np.full(q, v_star)),
