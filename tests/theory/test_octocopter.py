@@ -16,6 +16,7 @@ from fcu.theory import octocopter
 from fcu.theory.adaptive import Estimates, control
 from fcu.theory.octocopter import Image
 from fcu.theory.projection import Structure
+from fcu.theory.simulate import LoopState
 from fcu.theory.systems import Uncertainty, constant, unlimited
 
 N = 1000
@@ -319,3 +320,49 @@ def test_the_control_of_the_general_form_is_the_demand_of_the_kernels(free, take
             np.testing.assert_allclose(rates_.C[axis, these], one.C[0], rtol=1e-12)
             assert not rates_.C[axis, ~these].any()
             assert rates_.Lambda[axis, 0] == pytest.approx(one.Lambda[0, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize("achieved", [True, False], ids=["achieved", "printed"])
+def test_as_printed_v_has_a_term_in_delta_u_and_by_the_achieved_force_it_has_not(
+    free, some, achieved
+):
+    """Position loop, constant truth: V' = -2 lambda |v_til|^2, as printed + 2 v_til.Delta_u/m."""
+    params = free(prediction="achieved" if achieved else "demanded")
+    m, s, e = 8.0, np.array([0.7, -0.4, -9.5]), some.v_til
+    f_c = some.a_ref - some.s_v
+    if achieved:
+        image = octocopter.position_achieved(params, some.v, some.m, some.s_v, some.T_a)
+        v_dot = some.T_a / m + s + G_E
+    else:
+        image = octocopter.position_demanded(params, some.v, some.m, some.s_v, f_c)
+        v_dot = some.T_a / m + s
+    v_hat_dot, rates_ = image.rates(e)
+    s_til = s - some.s_v
+    if achieved:
+        about_mass = (1.0 / m - 1.0 / some.m) * rates_.Lambda[:, 0, 0] / params.gamma_Lambda
+    else:
+        about_mass = (some.m - m) / m * rates_.Theta[:, 0, 0] / params.gamma_m
+    terms = [
+        2.0 * (e * (v_dot - v_hat_dot)).sum(axis=1),
+        -2.0 * (s_til * rates_.s[..., 0]).sum(axis=1) / params.gamma,
+        -2.0 * about_mass,
+    ]
+    expected = -2.0 * params.lambda_v * (e * e).sum(axis=1)
+    if not achieved:
+        expected = expected + 2.0 * (e * (some.T_a - some.m[:, None] * f_c)).sum(axis=1) / m
+    equal(sum(terms), expected, size(*terms, some.T_a))
+
+
+def test_the_control_is_off_by_the_mass_times_what_is_not_yet_known(law, some):
+    """v_0 - v = -m (s_til + Lambda_til T_d): in newtons, whatever the reference asks."""
+    params, m, s = law(), 8.0, np.array([0.7, -0.4, 0.3])
+    truth = Uncertainty(
+        constant(np.eye(3) / m), np.array(1.0 / m), Structure.SCALAR, s=constant(s[:, None])
+    )
+    loop = octocopter.position_loop(params, truth, lambda t: np.array([4.0, 7.0, 18.0]), unlimited)
+    x = np.concatenate([some.r, some.v], axis=1)
+    stored = Estimates(1.0 / some.m[:, None, None], s=some.s_v[..., None])
+    shown = loop.signals(0.0, LoopState(x, x, x, stored))
+    Lambda_til = (1.0 / m - 1.0 / some.m)[:, None]
+    expected = -m * (s - some.s_v + Lambda_til * shown.v)
+    equal(shown.v_0 - shown.v, expected, size(shown.v_0, shown.v))
