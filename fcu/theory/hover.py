@@ -21,7 +21,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from fcu.law.types import LawParams
-from fcu.theory.linear_loop import Loop, LoopBounds, Start, bounds
+from fcu.theory.linear_loop import LoopBounds, Start, bounds
+from fcu.theory.loop_bounds import position_loop
 from fcu.theory.region import Budget
 from fcu.theory.responses import Matrix, gain, peak
 
@@ -61,49 +62,16 @@ def K(params: LawParams, mass: float) -> float:
     return mass * f * math.hypot(f, 2.0 * params.zeta_m)
 
 
-def stiffness(params: LawParams, mass: float, T_0: float, m_hat: float | None = None) -> Matrix:
-    """G (1/s^2) across and along a steady force T_0 (N): how fast z is learnt, for each channel.
-
-    z = s_til + (error of 1/m) T is what the estimates leave of the acceleration. With the
-    achieved force 1/m is learnt, as printed m.
-    """
-    ratio = 1.0 if m_hat is None else m_hat / mass
-    if params.achieved:
-        across = params.gamma * ratio
-        along = across + params.gamma_Lambda * ratio * T_0 * T_0
-    else:
-        across = params.gamma * ratio
-        along = across + params.gamma_m * (T_0 / (mass * ratio)) ** 2 / mass
-    return np.array([across, across, along])
-
-
-def loop(params: LawParams, mass: float, T_0: float | None = None) -> Loop:
-    """The position loop about a steady force T_0 (N, up; hover if left out), z last.
-
-    x_til is v_til (m/s), z an acceleration (m/s^2), e position and velocity (m, m/s), the
-    control difference a force (N). Paper (34)-(38).
-    """
-    eye, zero = np.eye(3), np.zeros((3, 3))
-    T_0 = mass * params.g if T_0 is None else T_0
-    drive_e = np.vstack([zero, eye])
-    return Loop(
-        -params.lambda_v * eye, eye, eye, np.diag(stiffness(params, mass, T_0)),
-        np.kron(A(params), eye), drive_e, mass * eye, zero, 0.0 * drive_e,
-    )  # fmt: skip
-
-
 def loop_bounds(
     params: LawParams, mass: float, air: Air, m_hat_0: float | None = None
 ) -> LoopBounds:
     """Bounds about hover at rest; the estimate of mass may be wrong at first, m_hat_0 (kg).
 
-    Assumes a steady force: the regressor's own motion is not in it (README, theory). For
-    prediction error (m/s), control difference (N) and tracking (m and m/s, their norm).
+    Norms of the prediction error (m/s), control difference (N) and tracking error (m and m/s).
+    Assumes a steady force: `fcu.theory.loop_bounds` has the regressor's own motion. Paper (30).
     """
     z_0 = 0.0 if m_hat_0 is None else abs(m_hat_0 / mass - 1.0) * params.g
-    system = loop(params, mass)
-    delta = air.force_rate() / mass
-    return bounds(system, delta, Start(z=z_0))
+    return bounds(position_loop(params, mass), air.force_rate() / mass, Start(z=z_0))
 
 
 def position_error(params: LawParams, z: float) -> float:

@@ -80,16 +80,10 @@ class Start(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """How far G(t) and Lambda(t) go from the loop's constants: norms, or arrays of entries.
-
-    seen, heard : delta may hold, besides, heard |seen (x_til, z, e)| at most, entry by entry: rows
-    of the state (a x (n + q + m)) and what they add (q x a); only for norm "entries".
-    """
+    """How far G(t) and Lambda(t) go from the loop's constants: norms, or arrays of entries."""
 
     G: Matrix | float = 0.0
     Lambda: Matrix | float = 0.0
-    seen: Matrix | None = None
-    heard: Matrix | None = None
 
 
 class LoopBounds(NamedTuple):
@@ -99,6 +93,7 @@ class LoopBounds(NamedTuple):
     prediction_settled: Matrix  # and once the start is forgotten
     control: ControlDifference  # (30); of the largest component for norm "entries"
     control_settled: Matrix
+    control_peak: Matrix  # |v_0 - v| at all times
     tracking: Matrix  # |e| at all times
     tracking_settled: Matrix
     loop_gain: float  # of the small-gain argument, below 1
@@ -156,10 +151,9 @@ def bounds(
     ways = problem.ways
     v = system.control @ ways.z
     settled = problem.at_most(v, delta, lasting)
-    # only what delta holds of e ties the fast part to the slow one
-    fast = problem if moving.seen is not None else problem.without_e(len(system.fast))
+    fast = problem.without_e(len(system.fast))
     nu_1 = 0.5 * decay(fast.M) if nu_1 is None else nu_1
-    forgotten = fast._replace(rate=nu_1)
+    forgotten = fast._replace(rate=nu_1, found={})
     nothing = 0.0 * delta
     weighted, _ = forgotten.signals(nothing, begin)
     v_fast = v[:, : len(fast.M)]
@@ -169,6 +163,7 @@ def bounds(
         prediction_settled=problem.at_most(ways.x, delta, lasting),
         control=ControlDifference(float(beta_1.max()), nu_1, float(settled.max())),
         control_settled=settled,
+        control_peak=problem.at_most(v, delta, ever) + problem.started(v, begin),
         tracking=problem.at_most(ways.e, delta, ever) + problem.started(ways.e, begin),
         tracking_settled=problem.at_most(ways.e, delta, lasting),
         loop_gain=radius,
@@ -180,17 +175,18 @@ class _Problem(NamedTuple):
 
     M: Matrix
     ways: _Ways
-    fed: Matrix  # rows of the state that what moves multiplies: y_til, what delta holds, z
+    fed: Matrix  # rows of the state that what moves multiplies: y_til, z
     into_delta: Matrix  # and what they add to delta
     into_beside: Matrix  # and to what enters beside drive z
     norm: Norm
     rate: float  # 1/s
+    found: dict[bytes, tuple[Matrix, Matrix]]  # gains to an output, so that none is sought twice
 
     def without_e(self, size: int) -> _Problem:
         """The same of (x_til, z) alone, `size` states."""
         ways = self.ways
         cut = _Ways(*(way[:, :size] for way in ways[:4]), ways.beside[:size])
-        return self._replace(M=self.M[:size, :size], ways=cut, fed=self.fed[:, :size])
+        return self._replace(M=self.M[:size, :size], ways=cut, fed=self.fed[:, :size], found={})
 
     def _outputs(self) -> list[Matrix]:
         """The fed signals, one by one for norm "spectral" (a norm each), all at once else."""
@@ -199,17 +195,25 @@ class _Problem(NamedTuple):
         half = len(self.fed) // 2
         return [self.fed[:half], self.fed[half:]]
 
+    def _gains(self, out: Matrix) -> tuple[Matrix, Matrix]:
+        """To an output from delta, and from what enters beside drive z."""
+        key = out.tobytes()
+        if key not in self.found:
+            faster = self.M + self.rate * np.eye(len(self.M))
+            by_delta = gain(faster, self.ways.z.T, out, self.norm)
+            beside = 0.0 * by_delta[:, : len(self.into_beside)]
+            if np.any(self.into_beside):
+                beside = gain(faster, self.ways.beside, out, self.norm)
+            self.found[key] = by_delta, beside
+        return self.found[key]
+
     def _gain(self, out: Matrix) -> Matrix:
         """From bounds of the fed signals to what they can make of `out`."""
-        faster = self.M + self.rate * np.eye(len(self.M))
-        total = gain(faster, self.ways.z.T, out, self.norm) @ self.into_delta
-        if np.any(self.into_beside):
-            total = total + gain(faster, self.ways.beside, out, self.norm) @ self.into_beside
-        return total
+        by_delta, beside = self._gains(out)
+        return np.asarray(by_delta @ self.into_delta + beside @ self.into_beside)
 
     def _driven(self, out: Matrix, delta: Matrix) -> Matrix:
-        faster = self.M + self.rate * np.eye(len(self.M))
-        return gain(faster, self.ways.z.T, out, self.norm) @ delta
+        return np.asarray(self._gains(out)[0] @ delta)
 
     def started(self, out: Matrix, begin: list[Matrix]) -> Matrix:
         """Bound of `out` times e^(rate t) from the start alone."""
@@ -246,13 +250,8 @@ class _Problem(NamedTuple):
 def _problem(system: Loop, begin: list[Matrix], moving: Moving, norm: Norm) -> _Problem:
     q, ways = system.drive.shape[1], _ways(system)
     G, Lambda = _square(moving.G, q, norm), _square(moving.Lambda, q, norm)
-    watched = ways.y
-    if moving.seen is not None and moving.heard is not None:
-        if norm != "entries":
-            raise ValueError('what delta holds of the state goes by entries: give norm="entries"')
-        watched, G = np.vstack([ways.y, moving.seen]), np.hstack([G, moving.heard])
     into_delta = np.hstack([G, 0.0 * Lambda])
     into_beside = np.hstack([np.zeros((len(Lambda), G.shape[1])), Lambda])
     return _Problem(
-        system.whole, ways, np.vstack([watched, ways.z]), into_delta, into_beside, norm, 0.0
+        system.whole, ways, np.vstack([ways.y, ways.z]), into_delta, into_beside, norm, 0.0, {}
     )
