@@ -25,6 +25,7 @@ from gcs_tools.plot.drawing import (
     flagged,
     limits,
     line,
+    note,
 )
 from gcs_tools.plot.shown import ENU
 
@@ -129,13 +130,19 @@ def _velocity(axis: int) -> Row:
 
 
 def _rate(axis: int) -> Row:
+    span = ((-4.0, 4.0), (-3.0, 3.0), (-1.0, 1.5))[axis]
+
     def draw(axes: Axes, flown: Flown) -> None:
         colour, of = THREE[axis], "xyz"[axis]
-        line(axes, flown.t, flown.fcu[f"internals.w_c.{of}"], color=INK, **DOTTED)
+        asked = flown.fcu[f"internals.w_c.{of}"]
+        line(axes, flown.t, asked, color=INK, **DOTTED)
         line(axes, flown.t, flown.fcu[f"measured.w_B.{of}"], color=colour, **WIDE)
         line(axes, flown.t, flown.fcu[f"state.w_hat.{of}"], color=colour)
+        ends = [end for end in (asked.min(), asked.max()) if not span[0] <= end <= span[1]]
+        if ends:
+            note(axes, f"commanded at first: to {' and '.join(f'{end:.2g}' for end in ends)}")
 
-    return Row(f"{'pqr'[axis]}, rad/s", draw)
+    return Row(f"{'pqr'[axis]}, rad/s", draw, span=span)
 
 
 def _error(name: str) -> Callable[[Axes, Flown], None]:
