@@ -17,6 +17,7 @@ Value = float | str | None  # None: without meaning for that flight
 FIRST_S = 1.0  # the first second, in which a step from rest may saturate
 LOCKED_S = 2.0  # from which a flight that diverges never leaves its limits again
 SETTLED_S = 5.0
+THERE_M = 0.5  # of the setpoint: within it the vehicle has arrived
 GONE = 0.05  # of an initial error: below it the error has gone
 MILLI = 1e3
 
@@ -98,7 +99,18 @@ def _thrust(which: Callable[[Rows], Rows]) -> Callable[[Flown], Value]:
 def gone_from(flown: Flown) -> float | None:
     """Time (s) from which the distance stays below GONE of what it was at first; None: never."""
     error = flown.flight.position_error
-    above = np.flatnonzero(~(error < GONE * error[0]))
+    return _below_from(flown, error, GONE * float(error[0]))
+
+
+def there_from(flown: Flown) -> float | None:
+    """Time (s) from which the vehicle stays within THERE_M of the setpoint; None: never."""
+    return _below_from(flown, flown.flight.command_error, THERE_M)
+
+
+def _below_from(flown: Flown, error: Rows, limit: float) -> float | None:
+    above = np.flatnonzero(~(error < limit))
+    if not len(above):
+        return float(flown.t[0])
     return None if above[-1] + 1 == len(error) else float(flown.t[above[-1] + 1])
 
 
@@ -128,9 +140,16 @@ def _distances(figure: int) -> tuple[Quantity, ...]:
     )  # fmt: skip
 
 
+def _there(figure: int) -> Quantity:
+    return Quantity(
+        "within_0_5_m_of_setpoint_s", figure, "within 0.5 m of the setpoint from", there_from, 1, "s"
+    )  # fmt: skip
+
+
 QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     "nominal": (
         *_distances(1),
+        _there(1),
         _at_limit(2, "thrust", None),
         _at_limit(2, "thrust", FIRST_S),
         Quantity("thrust_max_from_1_s_n", 2, "greatest thrust from 1 s on", _thrust(np.max), 0, "N"),
@@ -152,6 +171,7 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("position_error_gone_s", 6, "below 5 % of that from", gone_from, 1, "s"),
         Quantity("position_max_from_5_s_m", 6, "greatest distance from 5 s on", _metric("position_max_m", SETTLED_S), 2, "m"),
         Quantity("position_final_m", 6, "greatest distance in the last second", _metric("position_final_m"), 2, "m"),
+        _there(6),
         _at_limit(7, "thrust", None),
         _at_limit(7, "thrust", FIRST_S),
         _at_limit(8, "tilt", None),
@@ -166,7 +186,8 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         _at_limit(10, "tilt", LOCKED_S, True),
         Quantity("ended", 11, "the flight", ended, 0, "", True),
         *_distances(11),
-        Quantity("position_max_m", 11, "greatest distance from the reference", _metric("position_max_m"), 1, "m"),
+        _there(11),
+        Quantity("position_max_m", 11, "greatest distance from the reference", _metric("position_max_m"), 2, "m"),
     ),
 }  # fmt: skip
 

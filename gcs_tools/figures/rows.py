@@ -140,7 +140,12 @@ def _rate(axis: int) -> Row:
         line(axes, flown.t, flown.fcu[f"state.w_hat.{of}"], color=colour)
         ends = [end for end in (asked.min(), asked.max()) if not span[0] <= end <= span[1]]
         if ends:
-            note(axes, f"commanded at first: to {' and '.join(f'{end:.2g}' for end in ends)}")
+            note(
+                axes,
+                f"commanded at first: to {' and '.join(f'{end:.2g}' for end in ends)}".replace(
+                    "-", "−"
+                ),
+            )
 
     return Row(f"{'pqr'[axis]}, rad/s", draw, span=span)
 
