@@ -139,6 +139,16 @@ def test_12_with_k_the_root_of_gamma_28_does_not_shrink(gamma):
     assert tracking == pytest.approx(gamma_A / lambda_A * math.sqrt(c_1 / lambda_P))
 
 
+def test_12_what_replaces_it_is_a_gain_of_1_03():
+    """e'' + 2 zeta f e' + f^2 e = z: the integral of |impulse response|, times f^2."""
+    zeta, f = 0.8, 1.4
+    root = math.sqrt(1.0 - zeta * zeta)
+    t = np.linspace(0.0, 30.0, 300_001)
+    response = np.exp(-zeta * f * t) * np.sin(root * f * t) / (root * f)
+    gain = np.trapezoid(abs(response), t) * f * f
+    assert gain == pytest.approx(1.03, abs=0.005)
+
+
 def left_over(L, theta, theta_hat, Y, projected):
     """What projection adds to half of V': it must not be positive. tr(.^T Lambda (Y - Pr))."""
     return float((theta - theta_hat) @ L @ (Y - projected))
