@@ -39,13 +39,15 @@ class Quantity:
         if flown.ended and not self.of_diverged:
             return None
         value = self.measure(flown)
-        return value if isinstance(value, str) or (value is not None and math.isfinite(value)) else None  # fmt: skip
+        return None if isinstance(value, float) and not math.isfinite(value) else value
 
     def said(self, value: Value) -> str:
         """As printed."""
         if value is None:
             return "–"
-        return value if isinstance(value, str) else f"{value:.{self.digits}f} {self.unit}"
+        if isinstance(value, str):
+            return value
+        return f"{value:.{self.digits}f}{'' if self.unit == '°' else ' '}{self.unit}"
 
 
 def _metric(name: str, t_from: float | None = None, scale: float = 1.0) -> Callable[[Flown], Value]:

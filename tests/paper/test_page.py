@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -13,7 +14,7 @@ from gcs_tools.figures import __main__ as command
 from gcs_tools.figures import page
 from gcs_tools.figures.cases import CASES, Case, fly
 from gcs_tools.figures.drawing import FIGURES
-from gcs_tools.figures.numbers import QUANTITIES, table
+from gcs_tools.figures.numbers import QUANTITIES, gone_from, table, there_from
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "paper.md"
@@ -86,6 +87,16 @@ def test_the_printed_flight_hangs_on_a_mass_far_too_low():
     assert not flown.ended
     assert flown.fcu["state.m_hat"][-1] < 2.0
     assert fly(Case("", "paper_printed", ("law.bounds.m_min=4.0",))).ended == "diverged"
+
+
+def test_gone_and_there_are_for_good(flights):
+    for flown in flights["wrong_start"]:
+        for error, limit, found in (
+            (flown.flight.position_error, 0.05 * 5.0 * 3.0**0.5, gone_from(flown)),
+            (flown.flight.command_error, 0.5, there_from(flown)),
+        ):
+            first = int(np.searchsorted(flown.t, found - 1e-6))
+            assert error[first - 1] >= limit > error[first:].max()
 
 
 def test_a_diverged_flight_has_no_digits(flights):
