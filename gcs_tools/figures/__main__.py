@@ -17,7 +17,7 @@ import click
 from gcs_tools.figures.page import PageError, written
 
 SCHEMA = 1
-NAMES = tuple(f"figure-{number}" for number in range(1, 12))
+NAMES = (*(f"figure-{number}" for number in range(1, 12)), "gamma")
 
 
 def _names(
@@ -57,15 +57,18 @@ def _numbers(as_json: bool, page: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from gcs_tools.figures import gamma
     from gcs_tools.figures.cases import CASES, fly
     from gcs_tools.figures.numbers import measured, table
 
     flights = {group: [fly(case) for case in cases] for group, cases in CASES.items()}
+    points = list(gamma.flown(gamma.QUOTED))
     tables = {group: table(group, flights[group]) for group in CASES}
+    tables[gamma.NAME] = gamma.table(points)
     if page:
         page.write_text(written(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
     if as_json:
-        found = {"schema": SCHEMA, "numbers": measured(flights)}
+        found = {"schema": SCHEMA, "numbers": measured(flights), gamma.NAME: gamma.measured(points)}
         print(json.dumps(found, allow_nan=False, ensure_ascii=False, indent=2))
         return
     out = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
@@ -76,7 +79,7 @@ def _numbers(as_json: bool, page: Path | None) -> None:
         for row in rows:
             shown.add_row(*row)
         out.print(shown)
-        for flown in flights[group]:
+        for flown in flights.get(group, ()):
             out.print(f"{flown.case.title}: {flown.command}", soft_wrap=True)
         out.print()
 
@@ -85,17 +88,19 @@ def _draw(out: Path, names: tuple[str, ...]) -> None:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+    from gcs_tools.figures import gamma
     from gcs_tools.figures.cases import CASES, Flown, fly
     from gcs_tools.figures.drawing import FIGURES, save
 
     out.mkdir(parents=True, exist_ok=True)
-    groups = dict.fromkeys(FIGURES[name].group for name in names)
+    groups = dict.fromkeys(FIGURES[name].group for name in names if name in FIGURES)
+    sweep = 2 * len(gamma.GAMMAS) if gamma.NAME in names else 0
     log = Console(stderr=True, highlight=False)
     with Progress(
         TextColumn("[bold]{task.description}"), BarColumn(bar_width=40), MofNCompleteColumn(),
         console=log, transient=True, disable=not log.is_terminal,
     ) as bar:  # fmt: skip
-        steps = sum(len(CASES[group]) for group in groups) + len(names)
+        steps = sum(len(CASES[group]) for group in groups) + sweep + len(names)
         task = bar.add_task("", total=steps)
         flights: dict[str, list[Flown]] = {}
         for group in groups:
@@ -104,10 +109,17 @@ def _draw(out: Path, names: tuple[str, ...]) -> None:
                 bar.update(task, description=f"flying {case.mission}")
                 flights[group].append(fly(case))
                 bar.advance(task)
+        points = []
+        for point in gamma.flown() if sweep else ():
+            bar.update(task, description=f"flying at γ = {point.gamma:g}", advance=1)
+            points.append(point)
         for name in names:
             bar.update(task, description=f"drawing {name}")
             path = out / f"{name}.png"
-            save(name, flights[FIGURES[name].group], path)
+            if name in FIGURES:
+                save(name, flights[FIGURES[name].group], path)
+            else:
+                gamma.save(points, path)
             bar.advance(task)
             click.echo(path)
 

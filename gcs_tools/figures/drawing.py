@@ -19,6 +19,7 @@ from gcs_tools.plot.drawing import DASHED, GREY, INK, LIMIT, STYLE, TIME
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Picture
 
 DPI = 100
 SMALLER: Any = {
@@ -92,48 +93,59 @@ def _figures() -> dict[str, Figure]:
 FIGURES = _figures()
 
 
-def save(name: str, flights: Sequence[Flown], path: Path) -> None:
-    """Draw one of FIGURES of its flights, the same bytes for the same flights. Raises OSError."""
+def write(path: Path, size: tuple[float, float], draw: Callable[[Picture], None]) -> None:
+    """What `draw` puts on a picture of `size` (inches), as a PNG. Raises OSError."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure as Picture
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
-    what = FIGURES[name]
-    heights = [row.height for row in what.rows]
-    size = (COLUMN * len(flights), ROW * sum(heights) + REST)
     with rc_context({**STYLE, **SMALLER}):
         picture = Picture(figsize=size, layout="constrained")
-        title = f"Figure {name.removeprefix('figure-')}: {what.title}"
-        picture.suptitle(title, x=0.01, ha="left", fontsize=12.0, fontweight="bold", color=INK)
-        grid = picture.subplots(
-            len(heights), len(flights), sharey="row", squeeze=False, height_ratios=heights
-        )
-        for column, flown in zip(grid.T, flights, strict=True):
-            column[0].set_title(what.number(flown))
-            column[0].annotate(
-                flown.case.title, (0.0, 1.0), (0.0, 20.0), "axes fraction", "offset points",
-                fontsize=10.0, fontweight="bold", color=INK,
-            )  # fmt: skip
-            column[-1].set_xlabel(TIME)
-            for axes, row in zip(column, what.rows, strict=True):
-                _draw(axes, row, flown)
-                axes.tick_params(labelbottom=axes is column[-1] or row.until is not None)
-            if flown.ended:
-                column[0].annotate(
-                    flown.ended, (float(flown.t[-1]), 0.5), (4.0, 0.0), ("data", "axes fraction"),
-                    "offset points", va="center", color=GREY,
-                )  # fmt: skip
-        for axes, row in zip(grid[:, 0], what.rows, strict=True):
-            axes.set_ylabel(row.label)
-        picture.align_ylabels(grid[:, 0])
-        handles: list[Artist] = [Line2D([], [], label=label, **how) for label, how in what.legend]
-        if any(how is DASHED for _, how in what.legend):
-            handles.append(Patch(facecolor=LIMIT, alpha=0.15, label="at the limit"))
-        picture.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        draw(picture)
         drawn = BytesIO()
         picture.savefig(drawn, format="png", dpi=DPI, metadata={"Software": None})
     path.write_bytes(drawn.getvalue())
+
+
+def save(name: str, flights: Sequence[Flown], path: Path) -> None:
+    """Draw one of FIGURES of its flights, the same bytes for the same flights. Raises OSError."""
+    what = FIGURES[name]
+    size = (COLUMN * len(flights), ROW * sum(row.height for row in what.rows) + REST)
+    title = f"Figure {name.removeprefix('figure-')}: {what.title}"
+    write(path, size, lambda picture: _lay_out(picture, title, what, flights))
+
+
+def _lay_out(picture: Picture, title: str, what: Figure, flights: Sequence[Flown]) -> None:
+    """Each flight a column with its number above, each quantity a row."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    heights = [row.height for row in what.rows]
+    picture.suptitle(title, x=0.01, ha="left", fontsize=12.0, fontweight="bold", color=INK)
+    grid = picture.subplots(
+        len(heights), len(flights), sharey="row", squeeze=False, height_ratios=heights
+    )
+    for column, flown in zip(grid.T, flights, strict=True):
+        column[0].set_title(what.number(flown))
+        column[0].annotate(
+            flown.case.title, (0.0, 1.0), (0.0, 20.0), "axes fraction", "offset points",
+            fontsize=10.0, fontweight="bold", color=INK,
+        )  # fmt: skip
+        column[-1].set_xlabel(TIME)
+        for axes, row in zip(column, what.rows, strict=True):
+            _draw(axes, row, flown)
+            axes.tick_params(labelbottom=axes is column[-1] or row.until is not None)
+        if flown.ended:
+            column[0].annotate(
+                flown.ended, (float(flown.t[-1]), 0.5), (4.0, 0.0), ("data", "axes fraction"),
+                "offset points", va="center", color=GREY,
+            )  # fmt: skip
+    for axes, row in zip(grid[:, 0], what.rows, strict=True):
+        axes.set_ylabel(row.label)
+    picture.align_ylabels(grid[:, 0])
+    handles: list[Artist] = [Line2D([], [], label=label, **how) for label, how in what.legend]
+    if any(how is DASHED for _, how in what.legend):
+        handles.append(Patch(facecolor=LIMIT, alpha=0.15, label="at the limit"))
+    picture.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 def _draw(axes: Axes, row: Row, flown: Flown) -> None:

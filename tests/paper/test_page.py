@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from gcs_tools.figures import __main__ as command
-from gcs_tools.figures import page
+from gcs_tools.figures import gamma, page
 from gcs_tools.figures.cases import CASES, Case, fly
 from gcs_tools.figures.drawing import FIGURES
 from gcs_tools.figures.numbers import QUANTITIES, gone_from, table, there_from
@@ -47,10 +48,16 @@ def test_what_counts_as_the_same_number(quoted, is_same):
     assert same(quoted, "0.26 m") == is_same
 
 
-@pytest.mark.parametrize("group", CASES)
-def test_the_page_quotes_what_is_flown(flights, group):
+@pytest.fixture(scope="module")
+def points():
+    return list(gamma.flown(gamma.QUOTED))
+
+
+@pytest.mark.parametrize("group", [*CASES, gamma.NAME])
+def test_the_page_quotes_what_is_flown(flights, points, group):
+    rows = table(group, flights[group]) if group in CASES else gamma.table(points)
     quoted = page.tables(TEXT)[group].splitlines()
-    measured = page.markdown(table(group, flights[group])).splitlines()
+    measured = page.markdown(rows).splitlines()
     assert len(quoted) == len(measured)
     wrong = [(a, b) for a, b in zip(quoted, measured, strict=True) if not same(a, b)]
     assert not wrong, "renew them: python -m gcs_tools.figures --numbers --write docs/paper.md"
@@ -82,6 +89,15 @@ def test_at_f_m_1_4_the_printed_law_saturates_for_good_and_the_repaired_one_does
     assert number(flights, "fast", "with Δu", "position_final_m") < 0.05
 
 
+def test_with_delta_u_the_prediction_error_falls_as_one_over_gamma(points):
+    errors = {p.gamma: p.error for p in points if p.title == "with Δu"}
+    assert set(errors) == set(gamma.QUOTED)
+    for low, high in pairwise(gamma.QUOTED[1:]):
+        assert errors[low] / errors[high] == pytest.approx(10.0, rel=0.05)
+    printed = {p.gamma: p.error for p in points if p.title == "as printed"}
+    assert printed[1e3] > 5.0 * errors[1e3]
+
+
 def test_the_printed_flight_hangs_on_a_mass_far_too_low():
     flown = fly(Case("", "paper_printed"))
     assert not flown.ended
@@ -105,9 +121,9 @@ def test_a_diverged_flight_has_no_digits(flights):
 
 
 def test_the_page_shows_every_figure():
-    assert tuple(FIGURES) == command.NAMES
+    assert (*FIGURES, gamma.NAME) == command.NAMES
     shown = re.findall(r"\]\(figures/([\w-]+)\.png\)", TEXT)
-    assert sorted(shown) == sorted(FIGURES)
+    assert sorted(shown) == sorted(command.NAMES)
     drawn = list((PAGE.parent / "figures").glob("*.png"))
     assert sum(path.stat().st_size for path in drawn) < 3e6
 
@@ -167,7 +183,9 @@ def test_a_page_without_the_marks_is_told(tmp_path):
 
 
 def test_numbers_for_machines(flights):
-    found = json.loads(called("--numbers", "--json").stdout)["numbers"]
+    whole = json.loads(called("--numbers", "--json").stdout)
+    assert whole["gamma"]["with Δu"].keys() == {f"{g:g}" for g in gamma.QUOTED}
+    found = whole["numbers"]
     assert found.keys() == CASES.keys()
     for group, cases in CASES.items():
         assert [*found[group]] == [case.title for case in cases]
