@@ -15,6 +15,7 @@ from pathlib import Path
 import click
 
 from gcs_tools.figures.page import PageError, written
+from gcs_tools.present import silence
 
 SCHEMA = 1
 NAMES = (*(f"figure-{number}" for number in range(1, 12)), "gamma")
@@ -48,9 +49,13 @@ def main(
             _numbers(as_json, page)
         else:
             _draw(out, names)
-    except (OSError, PageError) as error:
-        said = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else f"{page}: {error}"  # fmt: skip
-        raise click.UsageError(said) from error
+    except BrokenPipeError:
+        silence(sys.stdout)
+    except PageError as error:
+        raise click.UsageError(f"{page}: {error}") from error
+    except OSError as error:
+        where = error.filename or "standard output"
+        raise click.UsageError(f"{where}: {error.strerror}") from error
 
 
 def _numbers(as_json: bool, page: Path | None) -> None:
