@@ -49,7 +49,7 @@ R, R_C = (slice(i, i + 3) for i in map(COLUMNS.index, ("measured.r_E.x", "setpoi
 class Flown(NamedTuple):
     """One flight: what the condition said of its two ways, and what came of them."""
 
-    inside: tuple[bool, bool]  # each of the two setpoints, ungoverned
+    inside: tuple[bool, bool]  # up to the end of each of the two ways, ungoverned
     saturated: tuple[bool, bool]  # thrust or tilt at a limit, after the transient of take-over
     at_start: bool  # or within it
     rotors: bool  # the allocation gave something up after the transient
@@ -143,7 +143,7 @@ def fly(mission: Mission) -> Flown:
     away = np.linalg.norm(rows[:, R] - rows[:, R_C], axis=1)
     reachable = foreseen_n(scene.law, [scene.sent[0], scene.sent[-1]])
     return Flown(
-        inside=(reachable[0] >= 0.0, reachable[1] >= 0.0),
+        inside=(reachable[0] >= 0.0, min(reachable) >= 0.0),
         saturated=(bool(limited[ways[0]].any()), bool(limited[ways[1]].any()) or not whole),
         at_start=bool(limited[:settled].any()),
         rotors=bool((rows[settled:, ROTOR] > 0.5).any()),

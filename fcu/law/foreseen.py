@@ -31,10 +31,10 @@ def steps(params):
 def advanced(params, a_d, r, v, a, jumped):
     """Where the vehicle is a step later (r, v, a: m, m/s, m/s^2, E), and what is left of a jump.
 
-    It follows the acceleration a_d demanded with the lag of its attitude, 1/c_theta: a reference
-    model that is too fast for it demands more than it would of one without.
+    It follows the acceleration a_d demanded with the lags of attitude and rates, 1/c_theta + 1/c_q:
+    a reference model that is too fast for them demands more than it would without.
     """
-    h, lag = params.h, 1.0 / params.c_angle.y
+    h, lag = params.h, 1.0 / params.c_angle.y + 1.0 / params.c_rate.y
     a = (a + (h / lag) * a_d) / (1.0 + h / lag)
     v = v + h * a
     return r + h * v, v, a, jumped / (1.0 + 0.5 * h * params.lambda_v)
