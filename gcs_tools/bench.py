@@ -71,9 +71,11 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     from fcu.interface.messages import VehicleState
     from fcu.kernel.buffers import columns, size, to_buffer
     from fcu.law import cascade
+    from fcu.law.parameters import GOVERN
     from fcu.law.types import Internals, LawState, Tick
     from gcs_tools import rollout
-    from gcs_tools.bench_loops import law_steps, plant_steps
+    from gcs_tools.bench_loops import guard_steps, law_steps, margin_steps, plant_steps
+    from gcs_tools.envelope import with_guard
     from sitl_plant.physics.types import PlantRecord
 
     n, law, world = scene.ticks, to_buffer(scene.law), scene.world
@@ -104,6 +106,13 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
 
     step = per_call_s(lambda: law_steps(law, state, setpoint, rows, kept), len(rows), repeats)
     yield Figure("law_step_ns", "law, one step, compiled (ns)", step * 1e9)
+    step = per_call_s(lambda: margin_steps(law, state, rows), len(rows), repeats)
+    yield Figure("margin_ns", "of which its margins (ns)", step * 1e9)
+    governing = to_buffer(with_guard(scene.law, policy=GOVERN))
+    far = setpoint.copy()
+    far[:3] += 100.0
+    step = per_call_s(lambda: guard_steps(governing, state, far, rows), len(rows), repeats)
+    yield Figure("guard_ns", "and the guard, governing (ns)", step * 1e9)
     step = per_call_s(lambda: plant_steps(STEPS, plant, start, command), STEPS, repeats)
     yield Figure("plant_step_ns", "plant, one step of 1 ms, compiled (ns)", step * 1e9)
     step = per_call_s(ticks, CALLS, repeats)

@@ -98,13 +98,12 @@ class Envelope:
 
 def terms(law: LawParams, a: Vec3, v: Vec3) -> Terms:
     """Where the room goes at acceleration a (m/s^2, E) and velocity v (m/s, E)."""
-    guard, speed = law.guard, math.hypot(*v)
-    hover, f_v = margin.room(law, STILL, STILL), margin.dragging(law, v)
-    moved = margin.room(law, a, STILL)
-    wind = guard.c_D * guard.w_max**2
-    learning = margin.difference(law, speed)
-    known = margin.allowance(law, v, 0.0) - learning - wind
-    return Terms(hover, hover - moved, moved - margin.room(law, a, f_v) + known, wind, learning)
+    known, f_v = margin.known(law), margin.dragging(margin.known(law), v)
+    hover, moved = margin.room(known, STILL, STILL), margin.room(known, a, STILL)
+    wind = known.c_D * known.w_max**2
+    learning = margin.difference(known, math.hypot(*v))
+    own = moved - margin.room(known, a, f_v) + margin.allowance(known, v, 0.0) - learning - wind
+    return Terms(hover, hover - moved, own, wind, learning)
 
 
 def way(scene: Scenario, law: LawParams | None = None, scale: float = 1.0) -> Rows:
@@ -146,7 +145,7 @@ def step(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
     """The largest step (m) from rest."""
     coarse, guard = law._replace(h=LOOK_S), law.guard
     air = Air(guard.w_max, guard.w_dot_max, guard.c_D)
-    learning = margin.difference(law, 0.0)
+    learning = margin.difference(margin.known(law), 0.0)
     masses = (guard.m_min, guard.m_max)
 
     def exact(far: float) -> bool:
@@ -176,14 +175,14 @@ def _steps_of(scene: Scenario) -> tuple[Reach, ...]:
 
 def speed(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
     """The largest steady speed (m/s)."""
-    guard = law.guard
+    known = margin.known(law)
 
     def exact(v: float) -> bool:
-        return bool(margin.condition(law, STILL, Vec3(*(v * x for x in along)), 0.0) >= 0.0)
+        return bool(margin.condition(known, STILL, Vec3(*(v * x for x in along)), 0.0) >= 0.0)
 
     def ball(v: float) -> bool:
-        drag = guard.c_D * (v + guard.w_max) ** 2 + margin.difference(law, v)
-        return bool(drag <= margin.room(law, STILL, STILL))
+        drag = known.c_D * (v + known.w_max) ** 2 + margin.difference(known, v)
+        return bool(drag <= margin.room(known, STILL, STILL))
 
     return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
 
@@ -197,7 +196,8 @@ def wind(law: LawParams) -> Reach:
     """The greatest wind (m/s) in which hover has room."""
 
     def exact(w: float) -> bool:
-        return bool(margin.condition(with_guard(law, w_max=w), STILL, STILL, 0.0) >= 0.0)
+        known = margin.known(with_guard(law, w_max=w))
+        return bool(margin.condition(known, STILL, STILL, 0.0) >= 0.0)
 
     most = largest(exact) or 0.0
     return Reach("wind, in hover", "m/s", most, most)  # of a point, the ball is the set

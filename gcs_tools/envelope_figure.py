@@ -93,6 +93,4 @@ def _draw_steps(axes: Axes, mission: Mission) -> None:
 def _jumps(mission: Mission) -> list[float]:
     """Lengths (m) of the mission's steps; none for a curve."""
     places = [mission.flight.start.position_m, *(s.position_m for s in mission.flight.setpoints)]
-    return [
-        float(np.linalg.norm(np.subtract(b, a))) for a, b in pairwise(places)
-    ]
+    return [float(np.linalg.norm(np.subtract(b, a))) for a, b in pairwise(places)]

@@ -134,7 +134,8 @@ def command(state, params, setpoint, measured, v_til, w_til):
 
     # what the reference model is given: the setpoint, or what the limits leave of it
     asked = setpoint
-    setpoint, a_m, governed = governor.governed(params, state, asked, r, v)
+    known = margin.known(params)
+    setpoint, a_m, governed = governor.governed(params, known, state, asked, r, v)
 
     # position: demanded force, thrust, tilt
     f_c = position.f_c(params, state, setpoint, r, v)
@@ -203,9 +204,9 @@ def command(state, params, setpoint, measured, v_til, w_til):
         select(abs(state.T_trim) >= params.trim_max, 1.0, 0.0),
         setpoint.r_c,
         governed,
-        margin.distance(params, T_0),
-        margin.tilt_left(params, T_0),
-        margin.condition(params, a_d, v_m, state.beta),
+        margin.distance(known, T_0),
+        margin.tilt_left(params.phi_star, T_0),
+        margin.condition(known, a_d, v_m, state.beta),
     )
 
     next_r_m, next_v_m = reference_model.followed(params, setpoint, measured, r_m, v_m)

@@ -49,14 +49,14 @@ def least(params, setpoint, r, v):
     begins, m, m/s, E, in hover.  The jump of the demand is flown with m_hat, which may be
     FORGOTTEN more than the mass until that is learnt.
     """
-    worst, at = math.inf, 0.0
+    known, worst, at = margin.known(params), math.inf, 0.0
     a = Vec3(0.0, 0.0, 0.0)
     jumped = margin.FORGOTTEN * a_ref(params, setpoint, r, v)
     a_worst, v_worst = a, v
     for k in range(steps(params)):
         t = k * params.h
         a_d = a_ref(params, carried(setpoint, t), r, v)
-        holds = margin.condition(params, a_d + jumped, v, 0.0)
+        holds = margin.condition(known, a_d + jumped, v, 0.0)
         if holds < worst:
             worst, at, a_worst, v_worst = holds, t, a_d + jumped, v
         r, v, a, jumped = advanced(params, a_d, r, v, a, jumped)
@@ -70,7 +70,7 @@ def along(params, sent_at, setpoints, r, v, rows):
     sent_at : float64[m], s, the first at 0.  setpoints : float64[m, size(Setpoint)].
     A row: time (s), condition (N), acceleration demanded (m/s^2, E), velocity (m/s, E).
     """
-    sent = 0
+    known, sent = margin.known(params), 0
     setpoint = _unpack_setpoint(setpoints[0])
     a = Vec3(0.0, 0.0, 0.0)
     jumped = margin.FORGOTTEN * a_ref(params, setpoint, r, v)
@@ -83,7 +83,7 @@ def along(params, sent_at, setpoints, r, v, rows):
             jumped = jumped + margin.FORGOTTEN * (a_ref(params, setpoint, r, v) - before)
         a_d = a_ref(params, carried(setpoint, t - sent_at[sent]), r, v)
         asked = a_d + jumped
-        rows[k, 0], rows[k, 1] = t, margin.condition(params, asked, v, 0.0)
+        rows[k, 0], rows[k, 1] = t, margin.condition(known, asked, v, 0.0)
         rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
         r, v, a, jumped = advanced(params, a_d, r, v, a, jumped)

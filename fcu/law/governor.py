@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 
 from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3, clip, maximum, minimum, norm, select, select3
+from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select, select3
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import wrap
 from fcu.law import margin
 from fcu.law.approach import approach
 from fcu.law.reference_model import a_ref
 
-HALVINGS = 16
 SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says
 BRAKING = 0.6  # of the deceleration there is: the model lags behind the speed it is to have
 
@@ -29,36 +28,34 @@ def shortened(x, size):
 
 
 @kernel
-def speeds(params):
+def speeds(params, known):
     """The greatest speed (m/s) of the reference, and the deceleration (m/s^2) it brakes with.
 
     Both from what hover leaves: at that speed, in the direction that suits worst, KEPT of the
     room is left, which brakes.
     """
-    guard = params.guard
     still = Vec3(0.0, 0.0, 0.0)
-    R = margin.room(params, still, still)
+    R = margin.room(known, still, still)
     kept = margin.KEPT * R
-    # c x (w_max + share (x - w_max)) + difference = R - kept, with x = speed + w_max
-    share = 0.5 * (1.0 + math.cos(params.phi_star))
-    slope = margin.difference(params, 1.0) - margin.difference(params, 0.0)
-    a = guard.c_D * share
-    b = guard.c_D * (1.0 - share) * guard.w_max + slope
-    usable = R - kept - margin.difference(params, 0.0) + slope * guard.w_max
+    # c x (w_max + share (x - w_max)) + z_0 + z_1 (x - w_max) = R - kept, with x = speed + w_max
+    share = 0.5 * (1.0 + known.cos)
+    a = known.c_D * share
+    b = known.c_D * (1.0 - share) * known.w_max + known.z_1
+    usable = R - kept - known.z_0 + known.z_1 * known.w_max
     x = (math.sqrt(b * b + 4.0 * a * maximum(usable, 0.0)) - b) / (2.0 * a)
-    top = maximum(x - guard.w_max, SLOWEST)
-    brake = (kept + 0.5 * guard.c_D * (top + guard.w_max) * top) / guard.m_max
+    top = maximum(x - known.w_max, SLOWEST)
+    brake = (kept + 0.5 * known.c_D * (top + known.w_max) * top) / known.m_max
     return top, BRAKING * maximum(brake, 0.1)
 
 
 @kernel
-def wanted(params, setpoint, r_m, v_m):
+def wanted(params, known, setpoint, r_m, v_m):
     """Acceleration (m/s^2, E) that takes the reference to the setpoint within speed and jerk.
 
     That of (34) near the setpoint and at low speed.
     """
     f_m, zeta_m = params.f_m, params.zeta_m
-    top, brake = speeds(params)
+    top, brake = speeds(params, known)
     to_go = setpoint.r_c - r_m
     far = norm(to_go)
     c = f_m / (2.0 * zeta_m)
@@ -71,19 +68,43 @@ def wanted(params, setpoint, r_m, v_m):
 
 
 @kernel
-def within(params, a, f_v, radius):
-    """The largest part of acceleration a (m/s^2, E) whose demand is inside by `radius` (N)."""
-    fits = margin.room(params, a, f_v) >= radius
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        inside = margin.room(params, middle * a, f_v) >= radius
-        low, high = select(inside, middle, low), select(inside, high, middle)
-    return select(fits, 1.0, low)
+def first_root(a, b, c):
+    """The least positive root of a s^2 + 2 b s + c, with c >= 0; 1 if there is none below it."""
+    under = maximum(b * b - a * c, 0.0)
+    below = math.sqrt(under) - b
+    crosses = (b * b >= a * c) & (below > c)  # c / below < 1
+    return select(crosses, c / maximum(below, 1e-30), 1.0)
 
 
 @kernel
-def governed(params, state, setpoint, r, v):
+def within(known, a, f_v, radius):
+    """The largest part, up to 1, of acceleration a (m/s^2, E) whose demand is inside by `radius` (N).
+
+    f_v : `dragging`, N, E.  That of no acceleration has to be inside.
+    """
+    part = 1.0
+    for heavy in (0.0, 1.0):
+        m = known.m_min + heavy * (known.m_max - known.m_min)
+        hover, d = f_v + Vec3(0.0, 0.0, m * known.g), m * a
+        # of the cone: sin T_z - radius against cos |T_xy|
+        p_0, p_1 = known.sin * hover.z - radius, known.sin * d.z
+        cos2 = known.cos * known.cos
+        cone = first_root(
+            p_1 * p_1 - cos2 * (d.x * d.x + d.y * d.y),
+            p_0 * p_1 - cos2 * (hover.x * d.x + hover.y * d.y),
+            maximum(p_0 * p_0 - cos2 * (hover.x * hover.x + hover.y * hover.y), 0.0),
+        )
+        # of the two spheres
+        dd, hd, hh = dot(d, d), dot(hover, d), dot(hover, hover)
+        most, least = known.T_max - radius, known.T_min + radius
+        above = first_root(-dd, -hd, maximum(most * most - hh, 0.0))
+        below = first_root(dd, hd, maximum(hh - least * least, 0.0))
+        part = minimum(part, minimum(cone, minimum(above, below)))
+    return part
+
+
+@kernel
+def governed(params, known, state, setpoint, r, v):
     """The setpoint the reference model is given, its acceleration (m/s^2, E), 1 if it is governed.
 
     What is kept inside the limits is the acceleration that is demanded of the vehicle, the
@@ -92,17 +113,19 @@ def governed(params, state, setpoint, r, v):
     f_m, zeta_m, h = params.f_m, params.zeta_m, params.h
     r_m, v_m = state.r_m, state.v_m
     plain = a_ref(params, setpoint, r_m, v_m)  # (34)
-    a_wanted = wanted(params, setpoint, r_m, v_m)
+    if params.guard.policy != 1.0:  # all lanes of a campaign share it
+        return setpoint, plain, 0.0
+    a_wanted = wanted(params, known, setpoint, r_m, v_m)
     a = state.a_m + shortened(a_wanted - state.a_m, params.guard.jerk * h)
     closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
-    f_v = margin.dragging(params, v_m)
-    at_rest = margin.room(params, Vec3(0.0, 0.0, 0.0), f_v)
+    f_v = margin.dragging(known, v_m)
+    at_rest = margin.room(known, Vec3(0.0, 0.0, 0.0), f_v)
     radius = minimum(
-        margin.allowance(params, v_m, state.beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
+        margin.allowance(known, v_m, state.beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
     )
-    part = within(params, a + closing, f_v, radius)
+    part = within(known, a + closing, f_v, radius)
     a_g = part * (a + closing) - closing
-    limited = (norm(a_g - plain) > 1e-6) & (params.guard.policy == 1.0) & (setpoint.level < 0.5)
+    limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
     r_g = r_m + (a_g - a_c + 2.0 * f_m * zeta_m * (v_m - v_c)) / (f_m * f_m)  # (34) departure 17
     psi_g, psi_g_dot, _ = turned(params, state, setpoint)

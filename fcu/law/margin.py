@@ -13,6 +13,7 @@ f_v is the half of the drag that goes with v, the radius all the rest.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm
 from fcu.kernel.compile import kernel
@@ -25,59 +26,113 @@ FORGOTTEN = 0.3  # part of the mass that m_hat may be off by when the reference 
 KEPT = 0.1  # part of the room at a standstill that is never given away
 
 
+class Known(NamedTuple):
+    """What the margin needs of LawParams, worked out once a tick."""
+
+    T_min: float  # N
+    T_max: float  # N
+    sin: float  # of phi_star
+    cos: float
+    m_min: float  # kg
+    m_max: float  # kg
+    g: float  # m/s^2
+    c_D: float  # N/(m/s)^2
+    w_max: float  # m/s
+    z_0: float  # N, control difference that lasts, at rest
+    z_1: float  # N/(m/s), and what a speed adds to it
+
+
 @kernel
-def distance(params, T):
+def known(params):
+    """What is known of actuators, air and vehicle; with it the bound beta_2 gamma^(-1/2).
+
+    The control difference m z is bounded by N_HALF/sqrt(gamma) times what drives it: the rate of
+    drag, 2 c (|v| + w_max) (w_dot_max + g/2), and a mass that is not known while the reference's
+    acceleration changes. Paper (30).
+    """
+    guard = params.guard
+    per_rate = N_HALF / math.sqrt(params.gamma)
+    per_speed = 2.0 * guard.c_D * (guard.w_dot_max + 0.5 * params.g)
+    at_rest = per_speed * guard.w_max + FORGOTTEN * guard.m_max * guard.jerk
+    return Known(
+        params.T_min,
+        params.T_max,
+        math.sin(params.phi_star),
+        math.cos(params.phi_star),
+        guard.m_min,
+        guard.m_max,
+        params.g,
+        guard.c_D,
+        guard.w_max,
+        per_rate * at_rest,
+        per_rate * per_speed,
+    )  # (30)
+
+
+@kernel
+def distance(known, T):
     """From a force T (N, E) to the boundary of what the actuators reach; negative outside.
 
     Exact inside; outside no farther than it says. The set is the one the law keeps to
     (departure 13): tilt within a cone of phi_star, thrust within [T_min, T_max].
     """
-    aside = math.sqrt(T.x * T.x + T.y * T.y)
-    size = math.sqrt(aside * aside + T.z * T.z)
-    cone = T.z * math.sin(params.phi_star) - aside * math.cos(params.phi_star)
-    return minimum(cone, minimum(params.T_max - size, size - params.T_min))
+    aside2 = T.x * T.x + T.y * T.y
+    aside, size = math.sqrt(aside2), math.sqrt(aside2 + T.z * T.z)
+    cone = T.z * known.sin - aside * known.cos
+    return minimum(cone, minimum(known.T_max - size, size - known.T_min))
 
 
 @kernel
-def tilt_left(params, T):
+def tilt_left(phi_star, T):
     """From the tilt of a force to the tilt limit, rad; negative outside."""
-    return params.phi_star - math.atan2(math.sqrt(T.x * T.x + T.y * T.y), T.z)
+    return phi_star - math.atan2(math.sqrt(T.x * T.x + T.y * T.y), T.z)
 
 
 @kernel
-def dragging(params, v):
+def dragging(known, v):
     """The half of the drag (N, E) that goes with velocity v (m/s, E), against it taken positive.
 
     Drag is -D (v - w) with D = diag(c_i |v_i - w_i|) in some axes, 0 <= D <= c (|v| + w_max):
     D v lies in a ball about this vector, of the same radius.
     """
-    guard = params.guard
-    return (0.5 * guard.c_D * (norm(v) + guard.w_max)) * v
+    return (0.5 * known.c_D * (norm(v) + known.w_max)) * v
 
 
 @kernel
-def difference(params, speed):
-    """Bound (N) of the control difference m z once its start is forgotten. Paper (30), beta_2.
-
-    speed : m/s.  What drives it is the rate of drag over mass, and what the reference's jerk
-    makes of a mass that is not known.
-    """
-    guard = params.guard
-    drag_rate = 2.0 * guard.c_D * (speed + guard.w_max) * (guard.w_dot_max + 0.5 * params.g)
-    rate = drag_rate + FORGOTTEN * guard.m_max * guard.jerk
-    return N_HALF * rate / math.sqrt(params.gamma)  # (30)
+def difference(known, speed):
+    """Bound (N) of the control difference m z at a speed (m/s), its start forgotten. Paper (30)."""
+    return known.z_0 + known.z_1 * speed
 
 
 @kernel
-def allowance(params, v, beta):
+def allowance(known, v, beta):
     """Radius (N) of what is not known of the demand at velocity v (m/s, E).
 
     beta : what is left of the control difference at take-over, N.
     """
-    guard = params.guard
-    speed = norm(v)
-    drag = guard.c_D * (speed + guard.w_max) * (guard.w_max + 0.5 * speed)
-    return drag + difference(params, speed) + beta
+    speed, w_max = norm(v), known.w_max
+    drag = known.c_D * (speed + w_max) * (w_max + 0.5 * speed)
+    return drag + difference(known, speed) + beta
+
+
+@kernel
+def room(known, a, f_v):
+    """Distance (N) of m (a + g e3) + f_v to the limits, of the worse mass.
+
+    a : m/s^2, E.  f_v : `dragging`, N, E.
+    """
+    up = Vec3(a.x, a.y, a.z + known.g)
+    return minimum(distance(known, known.m_min * up + f_v), distance(known, known.m_max * up + f_v))
+
+
+@kernel
+def condition(known, a, v, beta):
+    """By how much (N) the demand of acceleration a at velocity v stays inside, whatever comes.
+
+    The exact set along the reference: what the guard uses. Above zero the demand saturates
+    nothing while the beliefs hold.
+    """
+    return room(known, a, dragging(known, v)) - allowance(known, v, beta)
 
 
 @kernel
@@ -97,26 +152,3 @@ def beta_1(params):
 def faded(params, beta):
     """`beta` (N) a tick later: it decays with nu_1 = lambda/2. Paper (30)."""
     return beta / (1.0 + 0.5 * params.h * params.lambda_v)  # (30)
-
-
-@kernel
-def room(params, a, f_v):
-    """Distance (N) of m (a + g e3) + f_v to the limits, of the worse mass.
-
-    a : m/s^2, E.  f_v : `dragging`, N, E.
-    """
-    guard = params.guard
-    up = Vec3(a.x, a.y, a.z + params.g)
-    return minimum(
-        distance(params, guard.m_min * up + f_v), distance(params, guard.m_max * up + f_v)
-    )
-
-
-@kernel
-def condition(params, a, v, beta):
-    """By how much (N) the demand of acceleration a at velocity v stays inside, whatever comes.
-
-    The exact set along the reference: what the guard uses. Above zero the demand saturates
-    nothing while the beliefs hold.
-    """
-    return room(params, a, dragging(params, v)) - allowance(params, v, beta)

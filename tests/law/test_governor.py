@@ -29,7 +29,9 @@ def test_with_room_the_setpoint_passes_to_the_bit(law, hover, fixed):
     params = law()
     state = at_rest(params, hover)._replace(a_m=Vec3(0.1, 0.0, 0.05))
     near = fixed((0.1, 0.0, 0.05))
-    given, a_m, governed = governor.governed(params, state, near, STILL, STILL)
+    given, a_m, governed = governor.governed(
+        params, margin.known(params), state, near, STILL, STILL
+    )
     assert given == near
     assert (a_m, governed) == ((0.1, 0.0, 0.05), 0.0)
 
@@ -37,7 +39,9 @@ def test_with_room_the_setpoint_passes_to_the_bit(law, hover, fixed):
 @pytest.mark.parametrize("policy", ["warn", "refuse"])
 def test_without_the_policy_it_passes_whatever_it_asks(law, hover, fixed, policy):
     params, far = law(guard=policy), fixed((400.0, 0.0, -700.0))
-    given, _, governed = governor.governed(params, at_rest(params, hover), far, STILL, STILL)
+    given, _, governed = governor.governed(
+        params, margin.known(params), at_rest(params, hover), far, STILL, STILL
+    )
     assert (given, governed) == (far, 0.0)
     yaw, rate, limited = governor.turned(params, at_rest(params, hover), fixed(psi=2.0))
     assert (yaw, rate, limited) == (2.0, 0.0, 0.0)
@@ -45,7 +49,9 @@ def test_without_the_policy_it_passes_whatever_it_asks(law, hover, fixed, policy
 
 def test_below_the_position_level_nothing_is_governed(law, hover, fixed):
     params, lying = law(), fixed((400.0, 0.0, 0.0), 2.0)._replace(level=1.0)
-    given, _, governed = governor.governed(params, at_rest(params, hover), lying, STILL, STILL)
+    given, _, governed = governor.governed(
+        params, margin.known(params), at_rest(params, hover), lying, STILL, STILL
+    )
     assert (given, governed) == (lying, 0.0)
 
 
@@ -57,7 +63,9 @@ def test_the_reference_model_given_r_g_accelerates_as_governed(law, hover, fixed
             r_m=vec(rng.normal(size=3)), v_m=vec(rng.normal(size=3)), a_m=vec(rng.normal(size=3))
         )
         setpoint = Setpoint(*(vec(rng.normal(size=3) * 20.0) for _ in range(3)), 0.0, 0.0)
-        given, a_m, _ = governor.governed(params, state, setpoint, state.r_m, state.v_m)
+        given, a_m, _ = governor.governed(
+            params, margin.known(params), state, setpoint, state.r_m, state.v_m
+        )
         f_m, zeta_m = params.f_m, params.zeta_m
         r_m, v_m = np.array(state.r_m), np.array(state.v_m)
         as_34 = np.array(given.a_c) - 2.0 * f_m * zeta_m * (v_m - given.v_c)
@@ -75,7 +83,7 @@ def test_what_is_demanded_stays_inside_by_the_allowance(law, hover):
         )
         setpoint = Setpoint(vec(rng.normal(size=3) * 60.0), STILL, STILL, 0.0, 0.0)
         r, v = vec(rng.normal(size=3)), vec(np.array(state.v_m) + rng.normal(size=3) * 0.5)
-        _, a_m, governed = governor.governed(params, state, setpoint, r, v)
+        _, a_m, governed = governor.governed(params, margin.known(params), state, setpoint, r, v)
         demanded = (
             np.array(a_m)
             - 2.0 * f_m * zeta_m * (np.array(v) - state.v_m)
@@ -83,18 +91,20 @@ def test_what_is_demanded_stays_inside_by_the_allowance(law, hover):
         )
         assert governed == 1.0
         allowance, f_v = (
-            margin.allowance(params, state.v_m, 0.0),
-            margin.dragging(params, state.v_m),
+            margin.allowance(margin.known(params), state.v_m, 0.0),
+            margin.dragging(margin.known(params), state.v_m),
         )
-        if allowance < (1.0 - margin.KEPT) * margin.room(params, STILL, f_v):
-            assert margin.room(params, vec(demanded), f_v) >= allowance - 1e-9
+        if allowance < (1.0 - margin.KEPT) * margin.room(margin.known(params), STILL, f_v):
+            assert margin.room(margin.known(params), vec(demanded), f_v) >= allowance - 1e-9
             held += 1
     assert held > 250
 
 
 def test_the_governed_reference_changes_its_acceleration_no_faster_than_told(law, hover, fixed):
     params, state = law(), at_rest(law(), hover)
-    _, a_m, _ = governor.governed(params, state, fixed((20.0, 0.0, 0.0)), STILL, STILL)
+    _, a_m, _ = governor.governed(
+        params, margin.known(params), state, fixed((20.0, 0.0, 0.0)), STILL, STILL
+    )
     assert a_m == pytest.approx((params.guard.jerk * params.h, 0.0, 0.0))
 
 
@@ -112,16 +122,16 @@ def test_a_point_is_approached_at_a_speed_that_stops_in_time(x):
 
 def test_at_its_greatest_speed_the_condition_holds_in_every_direction(law):
     params = law()
-    top, brake = governor.speeds(params)
+    top, brake = governor.speeds(params, margin.known(params))
     assert 2.0 < top < 6.0
     assert brake > 0.3
     rng = np.random.default_rng(5)
     for _ in range(200):
         way = rng.normal(size=3)
         v = vec(top * way / np.linalg.norm(way))
-        assert margin.condition(params, STILL, v, 0.0) > 0.0
+        assert margin.condition(margin.known(params), STILL, v, 0.0) > 0.0
         braking = (-brake / norm(v)) * v
-        assert margin.condition(params, braking, v, 0.0) > 0.0
+        assert margin.condition(margin.known(params), braking, v, 0.0) > 0.0
 
 
 def test_a_step_at_f_m_1_4_saturates_nothing_and_arrives(flight, fixed):
@@ -184,7 +194,14 @@ def test_yaw_begins_no_faster_than_it_can_turn(flight, fixed):
 def test_python_and_compiled_code_give_the_same_bits(law, hover, fixed):
     params = law()
     state = at_rest(params, hover)._replace(v_m=Vec3(1.0, 0.5, -0.2))
-    arguments = (params, state, fixed((9.0, -3.0, 2.0), 1.0), Vec3(0.1, 0.0, 0.0), STILL)
+    arguments = (
+        params,
+        margin.known(params),
+        state,
+        fixed((9.0, -3.0, 2.0), 1.0),
+        Vec3(0.1, 0.0, 0.0),
+        STILL,
+    )
     plain, compiled = governor.governed.py_func(*arguments), governor.governed(*arguments)
     for a, b in zip(plain[:2], compiled[:2], strict=True):
         assert to_buffer(a).tobytes() == to_buffer(b).tobytes()
