@@ -145,7 +145,7 @@ def edges(values: Sequence[float]) -> Array:
     """Between values that lie evenly on a logarithmic axis, and beyond the ends."""
     logs = np.log(values)
     half = 0.5 * (logs[1] - logs[0])
-    return np.exp(np.append(logs - half, logs[-1] + half))
+    return np.asarray(np.exp(np.append(logs - half, logs[-1] + half)))
 
 
 def draw(maps: Sequence[tuple[Curve, Array, Sequence[float]]], path: Path) -> None:

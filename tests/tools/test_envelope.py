@@ -1,0 +1,111 @@
+"""`gcs envelope`: what it prints, its codes, its figure; and that its numbers are those of flights."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from fcu.kernel.algebra import Vec3
+from fcu.law import margin
+from gcs_tools.envelope import envelope, largest, terms
+from gcs_tools.envelope_map import PAPER, WAYS, saturates
+from gcs_tools.guard_check import check, holds
+from gcs_tools.mission import load, override
+from gcs_tools.scenario import scenario
+
+
+def gcs(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "gcs_tools", "envelope", *map(str, arguments)],
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+
+
+def test_a_mission_that_is_certain_says_so(tmp_path):
+    picture = tmp_path / "room.png"
+    done = gcs("gust_step", "--figure", picture)
+    assert done.returncode == 0, done.stderr
+    assert "The condition holds" in done.stdout
+    assert "step to the side" in done.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert str(picture) in done.stdout
+
+
+def test_one_that_is_not_says_what_eats_it_and_what_would_do():
+    done = gcs("paper_fast", "--json")
+    assert done.returncode == 1, done.stderr
+    said = json.loads(done.stdout)
+    assert not said["holds"]
+    assert said["margin_n"] < -100.0
+    assert said["terms"]["left"] == pytest.approx(said["margin_n"])
+    f_m = next(c for c in said["changes"] if c["what"] == "f_m")
+    assert 0.3 < f_m["would_do"] < 1.0
+    plain = gcs("paper_fast").stdout
+    assert "eats most" in plain
+    assert "What would do" in plain
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("paper_nominall",), "did you mean paper_nominal"),
+        (("gust_step", "--figure", "room.txt"), "ends in none of .png"),
+        (("gust_step", "--figure", "nowhere/room.png"), "there is no folder nowhere"),
+        (("gust_step", "--set", "law.guard_mass_kg=[9, 7]"), "guard_mass_kg"),
+        (("gust_step", "--set", "law.guard=never"), "guard"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_said(arguments, said):
+    done = gcs(*arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_what_would_do_does():
+    """The largest f_m it names meets the condition, one that is 5 % more does not."""
+    found = envelope(load("paper_nominal"))
+    f_m = next(c.would_do for c in found.changes if c.what == "f_m")
+    assert envelope(override(load("paper_nominal"), f"law.f_m={f_m!r}")).holds
+    assert not envelope(override(load("paper_nominal"), f"law.f_m={1.05 * f_m!r}")).holds
+
+
+def test_the_terms_add_up_to_the_condition():
+    law = scenario(load("paper_nominal")).law
+    a, v = Vec3(1.0, -0.5, 0.7), Vec3(2.0, 1.0, -1.0)
+    spent = terms(law, a, v)
+    assert spent.left == pytest.approx(margin.condition(margin.known(law), a, v, 0.0))
+    assert min(spent) > 0.0
+
+
+def test_the_exact_set_reaches_farther_than_the_ball_and_that_farther_than_31():
+    for row in envelope(load("gust_step")).reach:
+        if row.ball is not None:
+            assert row.exact >= row.ball > 0.0
+        if row.theorem is not None:
+            assert row.ball > row.theorem > 0.0
+
+
+@pytest.mark.parametrize("way", sorted(WAYS))
+def test_the_largest_step_it_names_saturates_nothing_in_the_papers_wind(way):
+    step = next(r for r in envelope(load("gust_step")).reach if r.what == f"step {way}").exact
+    assert not any(saturates(world, 1.0, WAYS[way], step) for world in PAPER)
+    assert saturates(PAPER[0], 1.0, WAYS[way], 4.0 * step)
+
+
+def test_a_search_finds_the_end_of_what_holds():
+    assert largest(lambda x: x <= 3.7) == pytest.approx(3.7, rel=2e-3)
+    assert largest(lambda x: False) is None
+    assert largest(lambda x: True, 5.0) == 5.0
+
+
+def test_flights_inside_saturate_nothing_and_governed_flights_nothing_at_all():
+    """A few of `python -m gcs_tools.guard_check`, with a seed of their own."""
+    found = check(60, seed=7)
+    assert holds(found), found
+    assert found.ways_inside > 20
+    assert found.warned_saturated > 10
+    assert found.condition_least_n > -2.0
