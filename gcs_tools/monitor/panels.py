@@ -87,6 +87,7 @@ def limits(r: Readings, width: int) -> Panel:
     t, off = r.norm("internals.delta_u")
     now = r.now((t, off)) if r.flies else math.nan
     table.add_row("Δu", number(now, 2, "N"), spark(t, off, wide, low=0.0))
+    table.add_row(*_margin(r))
     words = Text(f"at a limit {OF_LATE}:", style=DIM)
     for label in ("thrust", "tilt", "rotor"):
         held = r.recent(r.flown(f"internals.{label}_saturated"))
@@ -94,7 +95,39 @@ def limits(r: Readings, width: int) -> Panel:
         style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD
         words.append(f" {label} {plain(100.0 * part, 0)} %", style=style)
     between = f"thrust {told.T_min:g} to {told.T_max:g} N, tilt to {star:g}°"
-    return panel("Limits", table, words, Text(between, style=DIM))
+    return panel("Limits", table, _condition(r), words, Text(between, style=DIM))
+
+
+def _margin(r: Readings) -> tuple[str, Text, Text]:
+    """What is left before the nearest limit, and of tilt: now, and the least of late."""
+
+    def left(name: str, scale: float, unit: str) -> tuple[Text, Text]:
+        found = r.recent(r.flown(name)) * scale
+        now = scale * r.last(name) if r.flies else math.nan
+        least = float(found.min()) if len(found) else math.nan
+        both = number(now, 1, unit), number(least, 1, unit)
+        for text, value in zip(both, (now, least), strict=True):
+            if value < 0.0:
+                text.stylize(BAD)
+        return both
+
+    force, least_force = left("internals.margin", 1.0, "N")
+    tilt, least_tilt = left("internals.margin_tilt", 180.0 / math.pi, "°")
+    beside = Text.assemble(tilt, (f"   least {OF_LATE} ", DIM), least_force, "  ", least_tilt)
+    return "margin", force, beside
+
+
+def _condition(r: Readings) -> Text:
+    """Whether the demand stays inside whatever comes, and what the guard does."""
+    by = r.last("internals.margin_condition") if r.flies else math.nan
+    words = Text("condition: ", style=DIM)
+    if math.isnan(by):
+        return words.append("-", style=DIM)
+    holds = f"holds by {plain(by, 1)} N" if by >= 0.0 else f"misses {plain(-by, 1)} N"
+    words.append(holds, style=GOOD if by >= 0.0 else WARN)
+    if r.last("internals.governed") > 0.5:
+        words.append("   governed", style=WARN)
+    return words
 
 
 def estimates(r: Readings, width: int) -> Panel:
