@@ -151,6 +151,11 @@ def way_to(setpoint: Setpoint) -> Way:
     return [(setpoint, STREAM_S), (then._replace(a_c=Vec3(0.0, 0.0, 0.0)), math.inf)]
 
 
+def is_same_way(a: Setpoint, b: Setpoint) -> bool:
+    """Whether two setpoints differ in yaw at most."""
+    return (a.level, a.r_c, a.v_c, a.a_c) == (b.level, b.r_c, b.v_c, b.a_c)
+
+
 def explained(look: Look, setpoint: Setpoint, short: float, reference: Buffer) -> Lack:
     """A setpoint of a stream that misses the condition by `short` N, in words."""
     r_m = Vec3(*reference[:3].tolist())

@@ -14,6 +14,7 @@ from fcu.interface.ground_numbers import LandedState, Result, Severity, SystemSt
 from fcu.interface.messages import Battery, Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import matrix
+from fcu.law.admission import is_same_way
 from fcu.params import Parameters
 from fcu.vehicle import guidance, modes
 from fcu.vehicle.foresight import beside
@@ -315,8 +316,11 @@ class Supervisor(Pilot):
             self.fly_script(t_us)
 
     def is_flown(self, setpoint: Setpoint) -> bool:
-        """Whether it is the script's that is flown already."""
-        return self.armed and self.mode is Mode.OFFBOARD and setpoint == self.script.setpoint
+        """Whether it is the script's that is flown already, but for its yaw."""
+        asked = self.script.setpoint
+        if not self.armed or self.mode is not Mode.OFFBOARD or asked is None:
+            return False
+        return is_same_way(setpoint, asked)
 
     # --- how
 
