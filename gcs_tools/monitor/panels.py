@@ -87,7 +87,6 @@ def limits(r: Readings, width: int) -> Panel:
     t, off = r.norm("internals.delta_u")
     now = r.now((t, off)) if r.flies else math.nan
     table.add_row("Δu", number(now, 2, "N"), spark(t, off, wide, low=0.0))
-    table.add_row(*_margin(r))
     words = Text(f"at a limit {OF_LATE}:", style=DIM)
     for label in ("thrust", "tilt", "rotor"):
         held = r.recent(r.flown(f"internals.{label}_saturated"))
@@ -95,26 +94,20 @@ def limits(r: Readings, width: int) -> Panel:
         style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD
         words.append(f" {label} {plain(100.0 * part, 0)} %", style=style)
     between = f"thrust {told.T_min:g} to {told.T_max:g} N, tilt to {star:g}°"
-    return panel("Limits", table, _condition(r), words, Text(between, style=DIM))
+    return panel("Limits", table, _margin(r), _condition(r), words, Text(between, style=DIM))
 
 
-def _margin(r: Readings) -> tuple[str, Text, Text]:
+def _margin(r: Readings) -> Text:
     """What is left before the nearest limit, and of tilt: now, and the least of late."""
-
-    def left(name: str, scale: float, unit: str) -> tuple[Text, Text]:
-        found = r.recent(r.flown(name)) * scale
-        now = scale * r.last(name) if r.flies else math.nan
+    now, of_late = Text("margin: ", style=DIM), Text(f"   least {OF_LATE}: ", style=DIM)
+    for name, scale, unit in (("margin", 1.0, " N "), ("margin_tilt", 180.0 / math.pi, "° ")):
+        found = scale * r.recent(r.flown(f"internals.{name}"))
+        left = scale * r.last(f"internals.{name}") if r.flies else math.nan
         least = float(found.min()) if len(found) else math.nan
-        both = number(now, 1, unit), number(least, 1, unit)
-        for text, value in zip(both, (now, least), strict=True):
-            if value < 0.0:
-                text.stylize(BAD)
-        return both
-
-    force, least_force = left("internals.margin", 1.0, "N")
-    tilt, least_tilt = left("internals.margin_tilt", 180.0 / math.pi, "°")
-    beside = Text.assemble(tilt, (f"   least {OF_LATE} ", DIM), least_force, "  ", least_tilt)
-    return "margin", force, beside
+        for words, value in ((now, left), (of_late, least)):
+            style = BAD if value < 0.0 else "bold" if math.isfinite(value) else DIM
+            words.append(plain(value, 1) + unit, style=style)
+    return now + of_late
 
 
 def _condition(r: Readings) -> Text:
