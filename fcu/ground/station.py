@@ -88,6 +88,7 @@ class Station:
             self._commands, self._requests, self._parameters, vehicle.script, self.tell
         )
         self._complained: dict[str, float] = {}
+        self._short_due = 0.0  # wall: when it is told again that a setpoint falls short
         self._home_told = 0
         self._mode_told: Mode | None = None
         self._row: Row = np.zeros(size(Tick))
@@ -219,12 +220,10 @@ class Station:
             return
         if self._falls_short(setpoint, now):
             script.refused += 1
-            vehicle.keep_script(t_us, now)
+            self._say_info(vehicle.keep_script(t_us, now))
             return
         script.take(setpoint, message, t_us, now)
-        said = vehicle.fly_script(t_us)
-        if said:
-            self.tell(Severity.INFO, said)
+        self._say_info(vehicle.fly_script(t_us))
         port.send(link, echo(t_us * 1e-6, message))
         if warning:
             self._complain(warning, now)
@@ -238,10 +237,17 @@ class Station:
         short = foresight.short(setpoint, reference)
         if short == 0.0:
             return False
-        words = foresight.words(setpoint, short, reference)
-        if words and self._complain(words, now):
-            foresight.told(setpoint)
+        if now >= self._short_due:  # to find the words takes longer than to look
+            words = foresight.words(setpoint, short, reference)
+            if words:
+                self._short_due = now + COMPLAIN_S
+                if self._complain(words, now):
+                    foresight.told(setpoint)
         return foresight.refuses
+
+    def _say_info(self, text: str) -> None:
+        if text:
+            self.tell(Severity.INFO, text)
 
     def _complain(self, text: str, now: float) -> bool:
         """Tell what is wrong with a stream: once, not at the stream's rate. Whether it was told."""

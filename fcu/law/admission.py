@@ -26,6 +26,7 @@ Way = Sequence[tuple[Setpoint, float]]
 LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
+GREAT = 1e6  # m, N: above it a number is only told to be so
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
 _NEAR = 1.0  # m: where a moving setpoint is, is not worth a word below
 
@@ -115,14 +116,15 @@ class Lack(NamedTuple):
 
 
 def newtons(short: float) -> str:
-    """What is missing, as text: never nothing."""
-    return f"{math.ceil(short)} N"
+    """What is missing, as text: never nothing. Of what diverges it may be any number."""
+    return f"{math.ceil(short)} N" if short < GREAT else f"{short:.2g} N"
 
 
 def metres(length: float) -> str:
     """A part of a step, as text, rounded down."""
-    tenths = math.floor(10.0 * length)
-    return f"{tenths / 10.0:.1f} m of it" if tenths > 0 else "no part of it"
+    if not 0.1 <= length < GREAT:
+        return "no part of it"
+    return f"{math.floor(10.0 * length) / 10.0:.1f} m of it"
 
 
 def percent(part: float, of: str) -> str:

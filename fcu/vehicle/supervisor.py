@@ -309,11 +309,12 @@ class Supervisor(Pilot):
         self._set_wake()
         return INTO_THE_GROUND if lands else ""
 
-    def keep_script(self, t_us: int, wall_s: float) -> None:
-        """The script has a setpoint that is not flown: what it flies by goes on."""
-        if self.armed and self.mode is Mode.OFFBOARD:
-            self.script.keep(t_us, wall_s)
-            self.fly_script(t_us)
+    def keep_script(self, t_us: int, wall_s: float) -> str:
+        """The script has a setpoint that is not flown: what it flies by goes on. What is to be said."""
+        if not self.armed or self.mode is not Mode.OFFBOARD:
+            return ""
+        self.script.keep(t_us, wall_s)
+        return self.fly_script(t_us)
 
     def is_flown(self, setpoint: Setpoint) -> bool:
         """Whether it is the script's that is flown already, but for its yaw."""

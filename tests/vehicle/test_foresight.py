@@ -157,6 +157,15 @@ def test_a_velocity_is_told_as_such(vehicle):
     )
 
 
+@pytest.mark.parametrize("place", [1e9, 1e200, math.inf, math.nan])
+def test_a_flight_that_has_diverged_is_looked_at_too(vehicle, place):
+    foresight, reference = vehicle("refuse").foresight, AT_REST.copy()
+    reference[2] = place
+    short = foresight.short(FAR, reference)
+    assert short >= 0.0
+    assert len(foresight.words(FAR, short, reference)) < 400
+
+
 def offboard(vehicle, setpoint):
     for us in (0, 20_000):
         vehicle.script.take(setpoint, None, us, us * 1e-6)
