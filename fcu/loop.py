@@ -93,6 +93,7 @@ class Loop:
         self._period_us = round(params.law.h * 1e6)
         self._jumps = 0
         self._state = np.zeros(size(LawState))
+        self.vehicle.law_state = self._state
         self._answer = b""
         self._time_us = -1
         self._heard = 0.0
@@ -109,6 +110,7 @@ class Loop:
             cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
             state = row[_STATE].copy()
         self._reporter.warm_up(row)
+        self.vehicle.foresight.warm_up()
         self.vehicle.state = measured
         self._ground.warm_up(row)
         self.vehicle.state = None
@@ -170,6 +172,7 @@ class Loop:
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
                 self._gate.take(self._received)
+                self._state[:6] = self._measured[:6]  # the reference is where the vehicle is
                 self.vehicle.battery = self._codec.battery
                 self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due

@@ -21,7 +21,7 @@ from fcu.law.parameters import ParameterError, check
 from fcu.law.stability import grounded, stable, unstable
 from fcu.law.types import LawParams
 from fcu.params_law import DECIDES, LAW, PREDICTION, with_values
-from fcu.params_table import BELOW, VEHICLE, Parameter
+from fcu.params_table import BELOW, NOT_ABOVE, VEHICLE, Parameter
 
 __all__ = ["Parameter", "Parameters", "ParamsFileError", "Refused"]
 
@@ -149,10 +149,13 @@ class Parameters:
         """Put values in force that are in range each. Raises Refused if not so together."""
         changed = {k: v for k, v in wanted.items() if v != self._base(k, wanted)}
         values = self._all_values(changed)
-        for low, high in BELOW:
-            if not values[low] < values[high]:
-                at = f"{low} {_number(values[low])} must be below {high} {_number(values[high])}"
-                raise Refused(OUT_OF_RANGE, refused + at)
+        for low, high in (*BELOW, *NOT_ABOVE):
+            strict = (low, high) in BELOW
+            if values[low] < values[high] or (values[low] == values[high] and not strict):
+                continue
+            must = "must be below" if strict else "must not be above"
+            at = f"{low} {_number(values[low])} {must} {high} {_number(values[high])}"
+            raise Refused(OUT_OF_RANGE, refused + at)
         if _of_law(changed) != _of_law(self._changed):
             law = with_values(self._start_law, _of_law(changed))
             try:

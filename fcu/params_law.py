@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from fcu.law.parameters import BOUNDS, DEFAULTS, PRINTED_BOUNDS
+from fcu.law.parameters import BOUNDS, DEFAULTS, GOVERN, POLICIES, PRINTED_BOUNDS, WARN
 from fcu.law.stability import rotor_lag
 from fcu.law.types import LawParams
 from fcu.params_table import Parameter
@@ -50,6 +50,14 @@ def _bound(field: str, *parameter: object) -> OfLaw:
     )
 
 
+def _believed(field: str, *parameter: object) -> OfLaw:
+    return OfLaw(
+        Parameter(*parameter),  # type: ignore[arg-type]
+        lambda law: float(getattr(law.guard, field)),
+        lambda law, value: law._replace(guard=law.guard._replace(**{field: value})),
+    )
+
+
 def _multiple(name: str, high: float, sentence: str) -> OfLaw:
     field = MULTIPLES[name]
     return OfLaw(
@@ -73,7 +81,13 @@ def _put_prediction(law: LawParams, achieved: float) -> LawParams:
     bounds = {f: new[f] if v == old[f] else v for f, v in law.bounds._asdict().items()}
     J_0 = {0.0: 0.0, 1.0: float(DEFAULTS["J_hat_0"])}
     J_hat_0 = J_0[achieved] if law.J_hat_0 == J_0[law.achieved] else law.J_hat_0
-    return law._replace(achieved=achieved, bounds=law.bounds._replace(**bounds), J_hat_0=J_hat_0)
+    policies = {0.0: WARN, 1.0: GOVERN}
+    policy = law.guard.policy
+    policy = policies[achieved] if policy == policies[law.achieved] else policy
+    return law._replace(
+        achieved=achieved, bounds=law.bounds._replace(**bounds), J_hat_0=J_hat_0,
+        guard=law.guard._replace(policy=policy),
+    )  # fmt: skip
 
 
 def _response(law: LawParams) -> float:
@@ -163,6 +177,21 @@ TABLE: tuple[OfLaw, ...] = (
     _bound("c_max", "MR_C_MAX", "", 0.0, 1000.0, BOUNDS["c_max"], "greatest coupling between rates"),
     _field("m_hat_0", "MR_M_0", "kg", 0.1, 100.0, DEFAULTS["m_hat_0"], "mass estimate at arming"),
     _field("J_hat_0", "MR_J_0", "kg m^2", 0.0, 10.0, DEFAULTS["J_hat_0"], "inertia estimate at arming"),
+    OfLaw(
+        Parameter(
+            "MR_GUARD", "", 0.0, 2.0, POLICIES[DEFAULTS["guard"]],
+            "when the actuators do not suffice: 0 warns, 1 governs, 2 refuses",
+            values=tuple(POLICIES.values()),
+        ),
+        lambda law: law.guard.policy,
+        lambda law, value: law._replace(guard=law.guard._replace(policy=value)),
+    ),
+    _believed("m_min", "MR_GRD_M_MIN", "kg", 0.1, 100.0, DEFAULTS["guard_mass_kg"][0], "least mass that the guard believes in"),
+    _believed("m_max", "MR_GRD_M_MAX", "kg", 0.1, 100.0, DEFAULTS["guard_mass_kg"][1], "greatest mass that it believes in"),
+    _believed("c_D", "MR_GRD_DRAG", "N/(m/s)^2", 0.001, 10.0, DEFAULTS["guard_drag"], "greatest drag coefficient that it believes in"),
+    _believed("w_max", "MR_GRD_WIND", "m/s", 0.0, 50.0, DEFAULTS["guard_wind_m_s"], "greatest wind that it believes in"),
+    _believed("w_dot_max", "MR_GRD_WRATE", "m/s^2", 0.0, 1000.0, DEFAULTS["guard_wind_rate_m_s2"], "greatest rate of that wind"),
+    _believed("jerk", "MR_GRD_JERK", "m/s^3", 0.1, 1000.0, DEFAULTS["guard_jerk_m_s3"], "fastest change of the acceleration of what is governed"),
     OfLaw(
         Parameter("MR_RATE", "Hz", 1.0, 10000.0, 500.0, "control rate, set at the start", True),
         lambda law: 1.0 / law.h,

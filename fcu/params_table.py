@@ -83,3 +83,6 @@ BELOW: tuple[tuple[str, str], ...] = (
     ("MR_M_MIN", "MR_M_MAX"),
     ("MR_J_MIN", "MR_J_MAX"),
 )
+
+# Of each pair the first must not be above the second.
+NOT_ABOVE: tuple[tuple[str, str], ...] = (("MR_GRD_M_MIN", "MR_GRD_M_MAX"),)

@@ -23,6 +23,7 @@ from fcu.kernel.buffers import to_buffer
 from fcu.law import wind
 from fcu.law.parameters import ParameterError
 from gcs_tools import result, rollout
+from gcs_tools.admitted import refusal
 from gcs_tools.instance import claimed
 from gcs_tools.logs import logged
 from gcs_tools.mission import Mission, MissionError, load, override
@@ -108,6 +109,9 @@ def fly_missions(
     """
     show = show or Quiet()
     ready = [prepared(name, settings, seed, rate_hz) for name in missions]
+    for mission, scene in ready:
+        if why := refusal(scene):
+            raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
     many = len(ready) > 1
     if out is not None and many:
         new_folder(out, "")

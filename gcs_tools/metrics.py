@@ -42,6 +42,9 @@ _TRUE_R, _R_M, _R_C = (
 )
 _V_C, _A_C = _columns(_TICK, "setpoint.v_c"), _columns(_TICK, "setpoint.a_c")
 _THRUST = _TICK.index("internals.T_c")
+_MARGIN, _MARGIN_TILT, _CONDITION = (
+    _TICK.index(f"internals.{name}") for name in ("margin", "margin_tilt", "margin_condition")
+)
 _TILT = [_TICK.index(f"internals.angles_c.{axis}") for axis in "xy"]
 
 
@@ -144,6 +147,11 @@ def _greatest(values: Rows) -> float:
     return float(finite.max()) if len(finite) else math.nan
 
 
+def _least(values: Rows) -> float:
+    """The least of the finite values; NaN without any."""
+    return -_greatest(-values)
+
+
 def _final(flight: Flight) -> float:
     """The worst position error of the last second; NaN if one is not finite."""
     if not len(flight.t):
@@ -156,9 +164,15 @@ def _settled(flight: Flight) -> Flight:
 
 
 def _fraction(column: str) -> Callable[[Flight], float]:
-    """The part of the ticks at which a flag of the internals is up."""
+    """The part of the ticks at which a flag of the internals is up; NaN if it is not known."""
     at = _TICK.index(f"internals.{column}")
-    return lambda flight: float(np.mean(flight.fcu[:, at] > 0.5)) if len(flight.t) else math.nan
+
+    def part(flight: Flight) -> float:
+        flag = flight.fcu[:, at]
+        known = len(flag) > 0 and not np.isnan(flag).any()
+        return float(np.mean(flag > 0.5)) if known else math.nan
+
+    return part
 
 
 METRICS: dict[str, Callable[[Flight], float]] = {
@@ -171,6 +185,10 @@ METRICS: dict[str, Callable[[Flight], float]] = {
     "thrust_saturated_fraction": _fraction("thrust_saturated"),
     "tilt_saturated_fraction": _fraction("tilt_saturated"),
     "rotor_saturated_fraction": _fraction("rotor_saturated"),
+    "governed_fraction": _fraction("governed"),
+    "margin_min_n": lambda f: _least(f.fcu[:, _MARGIN]),
+    "margin_tilt_min_deg": lambda f: math.degrees(_least(f.fcu[:, _MARGIN_TILT])),
+    "margin_condition_min_n": lambda f: _least(f.fcu[:, _CONDITION]),
     "thrust_max_n": lambda f: _greatest(f.fcu[:, _THRUST]),
     "tilt_max_deg": lambda f: math.degrees(_greatest(np.abs(f.fcu[:, _TILT]).ravel())),
     "nonfinite_samples": lambda f: float(np.sum(~np.isfinite(f.position_error))),

@@ -26,8 +26,17 @@ from gcs_tools.layout import LayoutError, Rows, decode, layout
 from gcs_tools.schema import FCU, PARAMS, PLANT, PLANT_TIMING, STATUS, TIMING, WIND, Topic
 from sitl_plant.physics.types import PlantRecord
 
-SCHEMA_VERSION = 2  # of what a recording holds; a reader refuses a newer one
-READ = ("1", "2")  # 1 has nothing but truth, ticks, parameters and events
+SCHEMA_VERSION = 3  # of what a recording holds; a reader refuses a newer one
+READ = ("1", "2", "3")  # 1 has nothing but truth, ticks, parameters and events
+# What 3 added: read as not a number from what is older.
+ADDED = {
+    "/fcu/law": {"state.a_m", "state.beta", "state.psi_g", "state.psi_g_dot"},
+    "/fcu/internals": {
+        "internals.r_g", "internals.governed", "internals.margin", "internals.margin_tilt",
+        "internals.margin_condition",
+    },
+    "/fcu/params": {"guard"},
+}  # fmt: skip
 SOURCE, BUS = "recorded_from", "bus"  # of metadata: a bus, unlike a flight, may lose messages
 METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
@@ -76,6 +85,7 @@ class _Contents:
     """The records of a file, sorted."""
 
     def __init__(self) -> None:
+        self.version = ""
         self.metadata: dict[str, str] = {}
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[str, Channel] = {}
@@ -131,8 +141,12 @@ def _column(contents: _Contents, topic: Topic, names: list[str]) -> _Column:
     form = layout(schema.data, schema.name)
     recorded = [topic.column(name) for name in form.names]
     expected = {*topic.own, *(topic.prefix + name for name in columns(topic.carries))}
+    lacks = expected - set(recorded)
+    if contents.version != str(SCHEMA_VERSION):
+        added = ADDED.get(topic.name, set())
+        lacks = {name for name in lacks if not {name, name.rpartition(".")[0]} & added}
     for problem, which in (
-        ("lacks", sorted(expected - set(recorded))),
+        ("lacks", sorted(lacks)),
         ("has the unknown", sorted(set(recorded) - expected)),
     ):
         if which:
@@ -157,7 +171,7 @@ def _together(found: dict[Topic, _Column], names: list[str]) -> Rows:
     """Whole rows, of the ticks that every topic has."""
     sequences = [column.sequence for column in found.values()]
     shared = reduce(np.intersect1d, sequences)
-    rows = np.empty((len(shared), len(names)))
+    rows = np.full((len(shared), len(names)), np.nan)
     first: Topic | None = None
     for topic, column in found.items():
         values = column.rows[np.isin(column.sequence, shared)]
@@ -198,7 +212,7 @@ def _params(contents: _Contents) -> Rows | None:
     column = _column(contents, PARAMS, names)
     if not len(column.rows):
         return None
-    row = np.empty(len(names))
+    row = np.full(len(names), np.nan)
     row[column.at] = column.rows[0]
     return row[1:]
 
@@ -220,8 +234,14 @@ class Messages(NamedTuple):
 
 
 def messages(path: Path) -> tuple[dict[str, str], dict[str, Messages]]:
-    """The metadata of the recording at `path`, and its messages by topic. Raises RecordingError."""
+    """The metadata of the recording at `path`, and its messages by topic.
+
+    Raises RecordingError, also for an older version's: its messages have other fields.
+    """
     contents, _ = _opened(path)
+    if contents.version != str(SCHEMA_VERSION):
+        why = f"recording version {contents.version}: only {SCHEMA_VERSION} can be replayed"
+        raise RecordingError(f"{path}: {why}")
     found = {}
     for topic, channel in contents.channels.items():
         of = contents.messages.get(channel.id, [])
@@ -248,6 +268,7 @@ def _opened(path: Path) -> tuple[_Contents, bool]:
             raise LayoutError("not a recording of a flight")
         if version not in READ:
             raise LayoutError(f"recording version {version}; this program reads {SCHEMA_VERSION}")
+        contents.version = version
     return contents, complete
 
 

@@ -32,6 +32,7 @@ from fcu.interface.ground_messages import (
     SetpointMessage,
 )
 from fcu.interface.ground_numbers import Result, Severity
+from fcu.interface.messages import Setpoint
 from fcu.interface.ports import Ports, owner
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
@@ -87,6 +88,7 @@ class Station:
             self._commands, self._requests, self._parameters, vehicle.script, self.tell
         )
         self._complained: dict[str, float] = {}
+        self._short_due = 0.0  # wall: when it is told again that a setpoint falls short
         self._home_told = 0
         self._mode_told: Mode | None = None
         self._row: Row = np.zeros(size(Tick))
@@ -216,21 +218,46 @@ class Station:
             script.refused += 1
             self._complain(f"Setpoint refused: {refused}", now)
             return
+        if self._falls_short(setpoint, now):
+            script.refused += 1
+            self._say_info(vehicle.keep_script(t_us, now))
+            return
         script.take(setpoint, message, t_us, now)
-        said = vehicle.fly_script(t_us)
-        if said:
-            self.tell(Severity.INFO, said)
+        self._say_info(vehicle.fly_script(t_us))
         port.send(link, echo(t_us * 1e-6, message))
         if warning:
             self._complain(warning, now)
 
-    def _complain(self, text: str, now: float) -> None:
-        """Tell what is wrong with a stream: once, not at the stream's rate."""
+    def _falls_short(self, setpoint: Setpoint, now: float) -> bool:
+        """Whether the guard refuses a setpoint; says so, or warns of it, once."""
+        vehicle = self._vehicle
+        if vehicle.is_flown(setpoint):
+            return False
+        foresight, reference = vehicle.foresight, vehicle.reference
+        short = foresight.short(setpoint, reference)
+        if short == 0.0:
+            return False
+        if now >= self._short_due:  # to find the words takes longer than to look
+            words = foresight.words(setpoint, short, reference)
+            if words:
+                self._short_due = now + COMPLAIN_S
+                if self._complain(words, now):
+                    foresight.told(setpoint)
+        return foresight.refuses
+
+    def _say_info(self, text: str) -> None:
+        if text:
+            self.tell(Severity.INFO, text)
+
+    def _complain(self, text: str, now: float) -> bool:
+        """Tell what is wrong with a stream: once, not at the stream's rate. Whether it was told."""
         kind = _NUMBERS.sub("", text)
         self._complained = {k: at for k, at in self._complained.items() if now - at < COMPLAIN_S}
         if kind not in self._complained and len(self._complained) < COMPLAINTS:
             self._complained[kind] = now
             self.tell(Severity.WARNING, text)
+            return True
+        return False
 
     def _sticks(self, message: ManualControl, t_us: int) -> None:
         """MANUAL_CONTROL in position mode: forward, right, up (half: still) and yaw, -1 to 1."""

@@ -224,18 +224,21 @@ def _estimates(v: View) -> Sequence[Packed]:
     values = {
         "m_hat": v.state.m_hat, "s_v_x": s.x, "s_v_y": s.y, "s_v_z": s.z, "v_til": norm,
         "saturated": saturated, "projected": i.projected,
+        "governed": i.governed, "margin_n": i.margin, "margin_deg": math.degrees(i.margin_tilt),
+        "margin_c": i.margin_condition,
     }  # fmt: skip
     return [tm.named_value_float(v.t, name, value) for name, value in values.items()]
 
 
 def _estimates_array(v: View) -> Sequence[Packed]:
-    """m_hat, s_v_hat, J_hat, s_w_hat, v_til, w_til, projected, thrust, tilt, rotor saturated."""
+    """What the law believes, what saturates, and the margins (N, rad, N)."""
     if not v.flying:
         return []
     s, i = v.state, v.internals
     data = [
         s.m_hat, *s.s_v_hat, *s.J_hat, *s.s_w_hat, *i.v_til, *i.w_til,
         i.projected, i.thrust_saturated, i.tilt_saturated, i.rotor_saturated,
+        i.governed, i.margin, i.margin_tilt, i.margin_condition,
     ]  # fmt: skip
     return [tm.debug_float_array(v.t, "mmrac", 0, data)]
 

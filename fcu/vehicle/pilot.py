@@ -12,11 +12,12 @@ import numpy as np
 
 from fcu.interface.ground_numbers import Result
 from fcu.interface.messages import Setpoint, VehicleState
-from fcu.kernel.buffers import from_buffer
+from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.kernel.rotations import euler, matrix
 from fcu.law.reference_model import carried
 from fcu.params import Parameters
 from fcu.vehicle import guidance, touchdown
+from fcu.vehicle.foresight import Foresight
 from fcu.vehicle.landed import Landed
 from fcu.vehicle.plans import SLOW_BELOW, Leader, limits
 from fcu.vehicle.script import Limits, Pose, Script, anchored
@@ -41,6 +42,8 @@ class Pilot:
         self._touchdown = Touchdown()
         self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
+        self.law_state: Row | None = None  # LawState after the last tick, as its buffer
+        self.foresight = Foresight(params)
 
     @property
     def measured(self) -> VehicleState | None:
@@ -62,6 +65,14 @@ class Pilot:
         m = self.measured
         assert m is not None
         return Pose(m.r_E, m.v_E, euler(matrix(m.q_EB)).z)
+
+    @property
+    def reference(self) -> Row:
+        """float64[6]: r_m and v_m of the reference model; the vehicle's own without a law."""
+        if self.law_state is not None:
+            return self.law_state[:6]
+        here = self.pose()
+        return np.concatenate([to_buffer(here.r_E), to_buffer(here.v_E)])
 
     def flown(self, t_us: int, pose: Pose | None = None) -> Setpoint:
         """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere.

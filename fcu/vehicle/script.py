@@ -125,6 +125,16 @@ class Script:
         self.setpoint, self.since_us, self.message = setpoint, at_us, message
         self._last = Clocks(at_us, wall_s)
 
+    def keep(self, at_us: int, wall_s: float) -> None:
+        """The script speaks, and what it says is not flown: on as before, at a steady velocity."""
+        was = self.setpoint
+        if was is None or was.level > POSITION:
+            return
+        self._last = Clocks(at_us, wall_s)
+        if was.a_c != STILL:
+            now: Setpoint = reference_model.carried(was, (at_us - self.since_us) * 1e-6)
+            self.setpoint, self.since_us = now._replace(a_c=STILL), at_us
+
     def forget(self) -> None:
         """A new stream has to begin."""
         self.setpoint, self.owner, self._last, self._stream = None, None, None, False

@@ -14,8 +14,10 @@ from fcu.interface.ground_numbers import LandedState, Result, Severity, SystemSt
 from fcu.interface.messages import Battery, Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import matrix
+from fcu.law.admission import is_same_way
 from fcu.params import Parameters
 from fcu.vehicle import guidance, modes
+from fcu.vehicle.foresight import beside
 from fcu.vehicle.guidance import STILL, Piece
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.pilot import Pilot, Row
@@ -227,9 +229,15 @@ class Supervisor(Pilot):
         too_much = asks_too_much(wanted, self._params)
         if too_much:
             return denied(wanted.value, too_much)
+        lack = None
+        if wanted is Mode.STEP:
+            away = Vec3(*(self._params[f"REF_STEP_{axis}"] for axis in "ENU"))
+            lack = self.foresight.of_step(self._from(t_us), away, self._limits(), self.reference)
+        if lack is not None and self.foresight.refuses:
+            return denied(wanted.value, str(lack))
         self.failsafe = ""
         self._enter(wanted, t_us)
-        return Verdict(Result.ACCEPTED, f"Mode {wanted.value}")
+        return Verdict(Result.ACCEPTED, f"Mode {wanted.value}{beside(lack)}")
 
     def take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Verdict:
         """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold."""
@@ -254,17 +262,23 @@ class Supervisor(Pilot):
             return denied("Reposition", Need.ARMED.value)
         if self._landed.landed:
             return denied("Reposition", Need.AIRBORNE.value)
+        was = self.cruise
         if speed is not None:
             told = self.change_speed(speed)
             if not told.good:
                 return told
-        here = self._from(t_us)
+        here, led = self._from(t_us), self._limits()
+        psi = here.psi if psi is None else psi
+        lack = self.foresight.of_move(here, to, led, self.reference)
+        if lack is not None and self.foresight.refuses:
+            self.cruise = was
+            return denied("Reposition", str(lack))
         self.failsafe = ""
         self._become(Mode.HOLD)
         self.begin_anew()
-        psi = here.psi if psi is None else psi
-        self._follow(guidance.through(here.r_E, here.v_E, [to], psi, self._limits()), t_us)
-        return Verdict(Result.ACCEPTED, f"Going {guidance.length(to - here.r_E):.0f} m")
+        self._follow(guidance.through(here.r_E, here.v_E, [to], psi, led), t_us)
+        far = guidance.length(to - here.r_E)
+        return Verdict(Result.ACCEPTED, f"Going {far:.0f} m{beside(lack)}")
 
     def move(self, v: Vec3, psi_dot: float, t_us: int) -> None:
         """Sticks in position mode: a velocity (m/s, E) and a yaw rate (rad/s)."""
@@ -294,6 +308,20 @@ class Supervisor(Pilot):
         lands = self.mode is Mode.OFFBOARD and self.armed and self.steer(t_us)
         self._set_wake()
         return INTO_THE_GROUND if lands else ""
+
+    def keep_script(self, t_us: int, wall_s: float) -> str:
+        """The script has a setpoint that is not flown: what it flies by goes on. What is to be said."""
+        if not self.armed or self.mode is not Mode.OFFBOARD:
+            return ""
+        self.script.keep(t_us, wall_s)
+        return self.fly_script(t_us)
+
+    def is_flown(self, setpoint: Setpoint) -> bool:
+        """Whether it is the script's that is flown already, but for its yaw."""
+        asked = self.script.setpoint
+        if not self.armed or self.mode is not Mode.OFFBOARD or asked is None:
+            return False
+        return is_same_way(setpoint, asked)
 
     # --- how
 

@@ -94,7 +94,33 @@ def limits(r: Readings, width: int) -> Panel:
         style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD
         words.append(f" {label} {plain(100.0 * part, 0)} %", style=style)
     between = f"thrust {told.T_min:g} to {told.T_max:g} N, tilt to {star:g}°"
-    return panel("Limits", table, words, Text(between, style=DIM))
+    return panel("Limits", table, _margin(r), _condition(r), words, Text(between, style=DIM))
+
+
+def _margin(r: Readings) -> Text:
+    """What is left before the nearest limit, and of tilt: now, and the least of late."""
+    now, of_late = Text("margin: ", style=DIM), Text(f"   least {OF_LATE}: ", style=DIM)
+    for name, scale, unit in (("margin", 1.0, " N "), ("margin_tilt", 180.0 / math.pi, "° ")):
+        found = scale * r.recent(r.flown(f"internals.{name}"))
+        left = scale * r.last(f"internals.{name}") if r.flies else math.nan
+        least = float(found.min()) if len(found) else math.nan
+        for words, value in ((now, left), (of_late, least)):
+            style = BAD if value < 0.0 else "bold" if math.isfinite(value) else DIM
+            words.append(plain(value, 1) + unit, style=style)
+    return now + of_late
+
+
+def _condition(r: Readings) -> Text:
+    """Whether the demand stays inside whatever comes, and what the guard does."""
+    by = r.last("internals.margin_condition") if r.flies else math.nan
+    words = Text("condition: ", style=DIM)
+    if math.isnan(by):
+        return words.append("-", style=DIM)
+    holds = f"holds by {plain(by, 1)} N" if by >= 0.0 else f"misses {plain(-by, 1)} N"
+    words.append(holds, style=GOOD if by >= 0.0 else WARN)
+    if r.last("internals.governed") > 0.5:
+        words.append("   governed", style=WARN)
+    return words
 
 
 def estimates(r: Readings, width: int) -> Panel:

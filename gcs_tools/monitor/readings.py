@@ -21,6 +21,8 @@ KEPT = {
     "/fcu/internals": [
         *DRAWN["/fcu/internals"], *parts("internals.delta_u"), "internals.projected",
         "internals.thrust_saturated", "internals.tilt_saturated", "internals.rotor_saturated",
+        "internals.governed", "internals.margin", "internals.margin_tilt",
+        "internals.margin_condition",
     ],
     "/fcu/command": [f"command.u.r{i}" for i in range(1, 9)],
     "/fcu/timing": [
@@ -143,6 +145,10 @@ class Readings:
             "thrust_N": self.now(self.flown("internals.T_c")),
             "roll_deg": math.degrees(self.now(self.flown("internals.angles_c.x"))),
             "pitch_deg": math.degrees(self.now(self.flown("internals.angles_c.y"))),
+            "margin_N": self.now(self.flown("internals.margin")),
+            "margin_deg": math.degrees(self.now(self.flown("internals.margin_tilt"))),
+            "margin_condition_N": self.now(self.flown("internals.margin_condition")),
+            "governed": self.now(self.flown("internals.governed")),
             "mass_kg": self.last("state.m_hat") if self.flies else math.nan,
             "wind_error_rms_m_s": self.rms(self.wind_error()),
         }

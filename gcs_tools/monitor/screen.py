@@ -46,7 +46,7 @@ def _narrow(r: Readings, width: int, height: int) -> RenderableType:
     rows: list[RenderableType] = [panels.header(r)]
     room = height - _HEIGHTS["header"] - 1
     for make, lines in (
-        (panels.tracking, 11), (panels.limits, 9), (panels.estimates, 11), (panels.wind, 14),
+        (panels.tracking, 11), (panels.limits, 11), (panels.estimates, 11), (panels.wind, 14),
         (panels.bus, 10),
     ):  # fmt: skip
         if room >= lines:

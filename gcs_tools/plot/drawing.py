@@ -21,6 +21,7 @@ GAP = 1.5  # of the usual step between samples: above it a line is broken
 X, Y, Z = "#0072b2", "#d55e00", "#009e73"  # told apart by colour-blind eyes too
 THREE = (X, Y, Z)
 MUTED, LIMIT, INK, GREY = "#a3a3a3", "#b22222", "#222222", "#666666"
+GOVERNED = "#cc9a00"  # where the guard steps in
 WIDE: dict[str, Any] = {"linewidth": 3.2, "alpha": 0.3}  # what a line is held against
 DOTTED: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (1, 2))}
 DASHED: dict[str, Any] = {"color": LIMIT, "linewidth": 0.9, "linestyle": (0, (5, 3))}
@@ -97,12 +98,12 @@ def limits(axes: Axes, low: float, high: float) -> None:
     axes.set_ylim(low - margin, high + margin)
 
 
-def flagged(axes: Axes, t: Rows, flag: Rows, label: str) -> None:
+def flagged(axes: Axes, t: Rows, flag: Rows, label: str, color: str = LIMIT) -> None:
     """A mark over the whole height wherever `flag` is up; in the legend only if it ever is."""
     up = flag > 0.5
     if up.any():
         axes.fill_between(
-            t, 0.0, 1.0, where=up.tolist(), transform=axes.get_xaxis_transform(), color=LIMIT,
+            t, 0.0, 1.0, where=up.tolist(), transform=axes.get_xaxis_transform(), color=color,
             alpha=0.15, linewidth=0.8, zorder=0, label=label,
         )  # fmt: skip
 

@@ -9,15 +9,19 @@ import numpy as np
 from gcs_tools.metrics import Rows
 from gcs_tools.plot.drawing import (
     DASHED,
+    GOVERNED,
     MUTED,
     THREE,
     TIME,
     WIDE,
     X,
+    Y,
+    empty,
     flagged,
     legend,
     limits,
     line,
+    note,
 )
 from gcs_tools.plot.numbers import Numbers, finite, least, percent
 from gcs_tools.plot.shown import Shown
@@ -26,8 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SIZE = (12.0, 9.0)  # inches
+SIZE = (12.0, 11.5)  # inches
 QUESTION = "How close to saturation?"
+MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "governed_fraction")
 ROTORS = [f"internals.thrusts.r{i}" for i in range(1, 9)]
 
 
@@ -63,6 +68,7 @@ def numbers(shown: Shown) -> Numbers:
         "thrust_limit_n": finite(told["T_max"]),
         "tilt_max_deg": shown.flight.metric("tilt_max_deg"),
         "tilt_limit_deg": finite(np.degrees(limit)),
+        **{name: shown.flight.metric(name) for name in MARGINS},
         **fractions,
     }
 
@@ -79,9 +85,9 @@ def answer(found: Numbers) -> str:
     return ", ".join(parts)
 
 
-def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
-    """Total thrust, tilt and rotors over time, each between its limits."""
-    thrust, tilt, rotors = figure.subplots(3, 1, sharex=True)
+def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
+    """Total thrust, tilt and rotors over time, each between its limits; what the demand leaves."""
+    thrust, tilt, rotors, margin = figure.subplots(4, 1, sharex=True)
     t, fcu, told = shown.t, shown.fcu, shown.told
 
     thrust.set_title("Total thrust, N")
@@ -109,7 +115,28 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
     limits(rotors, told["f_min"], told["f_max"])
     _finish(rotors, shown, "rotor", "gives up torque or thrust")
-    rotors.set_xlabel(TIME)
+    _margin(margin, shown, found)
+    margin.set_xlabel(TIME)
+
+
+def _margin(axes: Axes, shown: Shown, found: Numbers) -> None:
+    axes.set_title("From the demanded force to the nearest limit, N")
+    demand, condition = (shown.fcu[f"internals.{name}"] for name in ("margin", "margin_condition"))
+    if not np.isfinite(demand).any():
+        empty(axes, "not recorded")
+        return
+    line(axes, shown.t, demand, color=X, label="demand")
+    line(axes, shown.t, condition, color=Y, label="whatever may come (condition)")
+    axes.axhline(0.0, zorder=1, **DASHED)
+    axes.plot([], [], label="limit", **DASHED)
+    flagged(axes, shown.t, shown.fcu["internals.governed"], "governed", GOVERNED)
+    legend(axes)
+    left, governed = found["margin_min_n"], found["governed_fraction"]
+    assert left is not None
+    side = f"at least {left:.1f} N inside" if left >= 0.0 else f"up to {-left:.1f} N outside"
+    note(
+        axes, f"demand {side}" + (f", governed {percent(governed)} of the time" if governed else "")
+    )
 
 
 def _finish(axes: Axes, shown: Shown, which: str, flag: str) -> None:

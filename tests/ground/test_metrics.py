@@ -106,6 +106,20 @@ def test_saturation_is_a_part_of_the_flight() -> None:
     assert metric("thrust_saturated_fraction", plant, fcu, t_to=0.9) == 1.0
 
 
+def test_margins_are_the_least_of_the_flight() -> None:
+    plant, fcu = flight(9.9)
+    put(fcu, Tick, "internals.governed", 1.0, slice(0, 30))
+    for name, most in (("margin", 50.0), ("margin_tilt", 0.5), ("margin_condition", 9.0)):
+        put(fcu, Tick, f"internals.{name}", most)
+        put(fcu, Tick, f"internals.{name}", -0.1 * most, 7)
+    found = metrics(plant, fcu)
+    assert found["governed_fraction"] == 0.3
+    assert found["margin_min_n"] == -5.0
+    assert found["margin_tilt_min_deg"] == pytest.approx(math.degrees(-0.05))
+    assert found["margin_condition_min_n"] == -0.9
+    assert metric("margin_min_n", plant, fcu, t_from=1.0) == 50.0
+
+
 def test_thrust_and_tilt_are_those_commanded() -> None:
     plant, fcu = flight(5.0)
     put(fcu, Tick, "internals.T_achieved", 300.0)

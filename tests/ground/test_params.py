@@ -136,6 +136,7 @@ def test_refusals_name_value_and_reason(params):
     [
         ("MR_T_MAX", 4.0, "10 to 1000 N"),
         ("MR_M_MIN", 20.0, "MR_M_MIN 20 must be below MR_M_MAX 20"),
+        ("MR_GRD_M_MIN", 9.1, "MR_GRD_M_MIN 9.1 must not be above MR_GRD_M_MAX 9"),
         ("MR_J_MAX", 0.01, "MR_J_MIN 0.02 must be below MR_J_MAX 0.01"),
         ("MR_M_0", 0.5, "m_hat_0: expected a value in [1.0, 20.0] kg"),
         ("MR_M_MIN", 6.0, "m_hat_0: expected a value in [6.0, 20.0] kg"),
@@ -165,6 +166,33 @@ def test_a_start_that_is_unstable_may_be_mended(law):
     assert params.set("MR_ZETA_M", 0.9, True)  # still is
     assert params.set("MR_F_M", 1.0, True)
     refused(params, "MR_F_M", 8.0)
+
+
+def test_prediction_takes_the_guard_along_from_its_default(params, law):
+    """The condition is for the achieved force: as printed there is nothing but a warning."""
+    assert params["MR_GUARD"] == 1.0
+    assert params.set("MR_PRED", 0.0, False)
+    assert (params["MR_GUARD"], params.law.guard.policy) == (0.0, 0.0)
+    assert "MR_GUARD" in params.changed
+    for policy in (1.0, 2.0):
+        kind, why = refused(params, "MR_GUARD", policy)
+        assert kind == "VALUE_OUT_OF_RANGE" and "the condition is for what was achieved" in why
+    assert params.set("MR_PRED", 1.0, False)
+    assert params.law is law
+
+
+def test_a_guard_that_refuses_stands_against_the_printed_prediction(params):
+    assert params.set("MR_GUARD", 2.0, True)
+    assert params.law.guard.policy == 2.0
+    assert "guard: expected a value" in refused(params, "MR_PRED", 0.0)[1]
+    assert params.set("MR_GUARD", 0.0, True)
+    assert params.set("MR_PRED", 0.0, False)
+
+
+def test_the_guard_may_know_the_mass(params):
+    assert params.set("MR_GRD_M_MIN", 8.0, True)
+    assert params.set("MR_GRD_M_MAX", 8.0, True)
+    assert params.law.guard[1:3] == (8.0, 8.0)
 
 
 def test_prediction_takes_its_default_bounds_along(params, law):

@@ -17,11 +17,12 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from fcu.kernel.buffers import columns, size
-from fcu.law.types import LawParams, Tick
+from fcu.law.types import Guard, LawParams, Tick
 from gcs_tools import schema
 from gcs_tools.events import Event
+from gcs_tools.metrics import metrics
 from gcs_tools.record import Recorder
-from gcs_tools.recording import RecordingError, read
+from gcs_tools.recording import RecordingError, messages, read
 from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
 from sitl_plant.physics.types import PlantRecord
 
@@ -251,9 +252,34 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"flight.mcap"):
         read(path)
     version = b"schema_version\x01\x00\x00\x00"  # a name, and the length of its value
-    path.write_bytes(whole.replace(version + b"2", version + b"9"))
-    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 2"):
+    path.write_bytes(whole.replace(version + b"3", version + b"9"))
+    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 3"):
         read(path)
+
+
+def test_an_older_recording_is_read_without_what_it_does_not_have(tmp_path: Path) -> None:
+    """Five ticks of paper_nominal as version 2 wrote them, before there was a guard."""
+    path = Path(__file__).with_name("version_2.mcap")
+    recording = read(path)
+    assert recording.complete and len(recording.fcu) == len(recording.plant) == 5
+    assert recording.params is not None
+    unknown = set()
+    for cls, row in ((Tick, recording.fcu[-1]), (LawParams, recording.params)):
+        unknown |= {n for n, x in zip(columns(cls), row.tolist(), strict=True) if x != x}
+    assert {name.split(".")[1] for name in unknown} == {
+        "a_m", "beta", "psi_g", "psi_g_dot", "r_g", "governed", "margin", "margin_tilt",
+        "margin_condition", *Guard._fields,
+    }  # fmt: skip
+    found = metrics(recording.plant, recording.fcu)
+    assert found["thrust_saturated_fraction"] == 0.0
+    assert found["governed_fraction"] is found["margin_min_n"] is None
+    with pytest.raises(RecordingError, match=r"recording version 2: only 3 can be replayed"):
+        messages(path)
+    newer = tmp_path / "flight.mcap"  # of which nothing may be missing
+    version = b"schema_version\x01\x00\x00\x00"
+    newer.write_bytes(path.read_bytes().replace(version + b"2", version + b"3"))
+    with pytest.raises(RecordingError, match=r"/fcu/law lacks state.a_m.x"):
+        read(newer)
 
 
 def test_rows_that_are_none_are_refused(tmp_path: Path) -> None:

@@ -18,7 +18,8 @@ MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/*.toml"))
 METRICS = {
     "position_rms_m", "position_rms_settled_m", "position_max_m", "position_final_m",
     "command_rms_m", "command_rms_settled_m", "thrust_saturated_fraction",
-    "tilt_saturated_fraction", "rotor_saturated_fraction", "thrust_max_n", "tilt_max_deg",
+    "tilt_saturated_fraction", "rotor_saturated_fraction", "governed_fraction", "margin_min_n",
+    "margin_tilt_min_deg", "margin_condition_min_n", "thrust_max_n", "tilt_max_deg",
 }  # fmt: skip
 KEYS = {
     "mission", "title", "passed", "exit_code", "ended", "seed", "rate_hz", "sim_time_s",

@@ -43,6 +43,10 @@ def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:
     )
     assert found["tilt_max_deg"] == pytest.approx(36.0)
     assert found["rotor_saturated_fraction"] == 0.25
+    made.set_fcu(**{"internals.margin": np.where(made.t == 1.0, -3.0, 40.0)})
+    made.set_fcu(**{"internals.governed": made.t < 2.0})
+    margins = limits.numbers(all_of(made))
+    assert (margins["margin_min_n"], margins["governed_fraction"]) == (-3.0, 0.25)
     assert limits.answer(found) == (
         "thrust never at a limit (10 % of its range left), "
         "tilt never at a limit (20 % of its range left), rotors at a limit 25 % of the time"

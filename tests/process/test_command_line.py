@@ -61,6 +61,7 @@ def test_a_bad_mission_is_refused_with_its_line(gcs, tmp_path, text, expected):
         (("paper_nominal", "--set", "f_m"), "f_m"),
         (("paper_nominal", "--speed", "0"), "--speed"),
         (("paper_nominal", "--rate", "7"), "rate"),
+        (("paper_fast", "--set", 'law.guard="refuse"'), "19.7 m needs"),
         (("paper_nominal", "--instance", "10"), "--instance"),
         ((), "MISSION"),
     ],

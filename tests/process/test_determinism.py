@@ -17,6 +17,9 @@ NOMINAL = ("paper_nominal", "flight.duration_s=4")
 NOISY = ("noisy_state", "flight.duration_s=4")
 STREAMED = ("figure_eight", "flight.duration_s=4")
 GROUND = ("take_off", "flight.duration_s=9")  # two setpoints
+# all that it is sent is looked at, and none refused
+REFUSING = ("figure_eight", 'law.guard="refuse"', "flight.duration_s=4")
+REFUSING_STEPS = ("take_off", 'law.guard="refuse"', "flight.duration_s=9")
 LATE = ("noisy_state", "flight.duration_s=3", "plant.delay_s=0.02")
 
 
@@ -57,7 +60,11 @@ def test_a_busy_machine_changes_nothing(sha256, busy_neighbours):
     assert flown == {sha256(NOMINAL, in_process=True)}
 
 
-@pytest.mark.parametrize("flight", [NOISY, STREAMED, GROUND, LATE], ids=lambda f: "-".join(f))
+@pytest.mark.parametrize(
+    "flight",
+    [NOISY, STREAMED, GROUND, LATE, REFUSING, REFUSING_STEPS],
+    ids=lambda f: "-".join(f),
+)
 def test_noise_and_a_moving_setpoint_are_part_of_it(sha256, flight):
     assert sha256(flight) == sha256(flight, in_process=True)
 

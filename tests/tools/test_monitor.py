@@ -32,6 +32,9 @@ def test_its_numbers_are_the_flights(recording, replay, tool):
     assert seen["reference_m"] in ticks[:, TICK("internals.r_m.x") :][:, :3].tolist()
     assert seen["mass_kg"] in ticks[:, TICK("state.m_hat")].tolist()
     assert seen["thrust_N"] in ticks[:, TICK("internals.T_c")].tolist()
+    assert seen["margin_N"] in ticks[:, TICK("internals.margin")].tolist()
+    assert seen["margin_condition_N"] in ticks[:, TICK("internals.margin_condition")].tolist()
+    assert seen["governed"] in ticks[:, TICK("internals.governed")].tolist()
     r, r_m = recording.plant[:, PLANT("state.r_E.x") :][:, :3], recording.fcu[:, TICK("internals.r_m.x") :][:, :3]  # fmt: skip
     off = np.linalg.norm(r - r_m, axis=1)[max(k - 40, 0) : k + 41]
     assert np.abs(off - seen["off_reference_m"]).min() < 1e-9

@@ -1,0 +1,241 @@
+"""What is asked for, looked at before it is flown: held against the reference model flown out."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from fcu.interface.airframe import believed
+from fcu.interface.ground_numbers import Result
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.kernel.algebra import Rotors, Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rotations import from_euler
+from fcu.law import admission, margin
+from fcu.law.parameters import law_params
+from fcu.law.reference_model import a_ref, advance, carried
+from fcu.params import Parameters
+from fcu.vehicle import guidance
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.supervisor import Supervisor
+
+ZERO = Vec3(0.0, 0.0, 0.0)
+AT_REST = np.zeros(6)
+AIRFRAME = believed()
+LAW = law_params(*AIRFRAME, 500.0, {"guard": "refuse"})
+HOVER = math.sqrt(9.81 / 8.2e-5)
+ORIGIN = to_buffer(VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Rotors(*[HOVER] * 8)))
+
+
+def at(r=ZERO, v=ZERO, a=ZERO):
+    return Setpoint(r, v, a, 0.0, 0.0)
+
+
+def flown_out(law, way, reference):
+    """Every tick of the way, in plain Python: the least condition, N."""
+    r, v = Vec3(*reference[:3].tolist()), Vec3(*reference[3:].tolist())
+    worst = math.inf
+    for setpoint, for_s in way:
+        n = round((16.0 if math.isinf(for_s) else for_s) / law.h)
+        for k in range(n + 1):
+            now = carried(setpoint, k * law.h)
+            worst = min(worst, margin.condition(law, a_ref(law, now, r, v), v, 0.0))
+            r, v = advance(law, now, r, v) if k < n else (r, v)
+    return worst
+
+
+LED = guidance.Limits(2.0, 1.0, 1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("way", "reference"),
+    [
+        ([(at(Vec3(4.0, 7.0, 18.0)), math.inf)], AT_REST),
+        ([(at(Vec3(0.0, 4.0, 0.0)), math.inf)], np.array([0.0, 0.0, 0.0, 3.0, 0.0, -1.0])),
+        ([(at(v=Vec3(7.0, 0.0, 0.0)), math.inf)], AT_REST),
+        (admission.way_to(at(v=Vec3(3.0, 0.0, 0.0), a=Vec3(0.0, 4.0, 0.0))), AT_REST),
+        (guidance.through(ZERO, ZERO, [Vec3(6.0, 0.0, 3.0)], 0.0, LED), AT_REST),
+        (guidance.through(ZERO, ZERO, [Vec3(60.0, 0.0, 0.0)], 0.0, LED), AT_REST),
+    ],
+)
+def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, reference):
+    law = law_params(*AIRFRAME, 100.0)
+    expected = max(0.0, -flown_out(law, way, reference))
+    assert expected > 0.0 or len(way) != 1  # the steps are such that there is something to see
+    assert admission.Look(law).short(way, reference) == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("f_m", [0.5, 1.0, 1.4, 3.0])
+@pytest.mark.parametrize("towards", [Vec3(1.0, 0.0, 0.0), Vec3(0.0, -0.6, 0.8)])
+def test_what_is_said_to_do_does_and_a_little_more_does_not(f_m, towards):
+    look = admission.Look(LAW._replace(f_m=f_m))
+    far = 60.0
+    asked = at(far * towards)
+    short = look.short(admission.way_to(asked), AT_REST)
+    lack = admission.explained(look, asked, short, AT_REST)
+    assert lack.what == "60.0 m" and lack.would_do.endswith(" m of it")
+    fits = float(lack.would_do.split()[0])
+    assert look.short(admission.way_to(at(fits * towards)), AT_REST) == 0.0
+    finest = far / 2**admission.HALVINGS + 0.1
+    assert look.short(admission.way_to(at((fits + finest) * towards)), AT_REST) > 0.0
+
+
+def test_a_look_takes_little_of_a_tick():
+    """Told in the report, and no figure to be exact about: a tenth of a tick is far too much."""
+    look, way = admission.Look(LAW), admission.way_to(at(Vec3(4.0, 7.0, 18.0)))
+    look.short(way, AT_REST)
+    took = []
+    for _ in range(50):
+        began = time.perf_counter()
+        look.short(way, AT_REST)
+        took.append(time.perf_counter() - began)
+    assert min(took) < 2e-4
+
+
+def test_following_is_the_reference_model_tick_by_tick():
+    reference, r, v = AT_REST.copy(), ZERO, ZERO
+    asked = at(Vec3(1.0, 2.0, 3.0), v=Vec3(0.1, 0.0, 0.0))
+    admission.follow(to_buffer(LAW), to_buffer(asked), 250, reference)
+    for k in range(250):
+        r, v = advance(LAW, carried(asked, k * LAW.h), r, v)
+    assert reference.tolist() == [*r, *v]
+
+
+# --- the vehicle
+
+
+@pytest.fixture
+def vehicle():
+    """`vehicle(policy)`: armed in the air at the origin, with that guard."""
+
+    def one(policy):
+        params = Parameters(law_params(*AIRFRAME, 500.0, {"guard": policy}), 1)
+        supervisor = Supervisor(params, sim_only=True)
+        supervisor.observe(ORIGIN, 0, 0.0)
+        assert supervisor.arm(0, 0.0).good
+        return supervisor
+
+    return one
+
+
+FAR, NEAR = at(Vec3(30.0, 0.0, 0.0)), at(Vec3(2.0, 0.0, 0.0))
+
+
+def test_only_where_the_law_does_not_govern_somebody_looks(vehicle):
+    assert vehicle("govern").foresight.short(FAR, AT_REST) == 0.0
+    assert vehicle("warn").foresight.short(FAR, AT_REST) > 100.0
+    assert vehicle("refuse").foresight.short(FAR, AT_REST) > 100.0
+    assert vehicle("refuse").foresight.short(NEAR, AT_REST) == 0.0
+
+
+def test_below_the_position_level_nothing_is_refused(vehicle):
+    assert vehicle("refuse").foresight.short(FAR._replace(level=1.0), AT_REST) == 0.0
+
+
+def test_the_same_is_told_once_until_another_is_flown(vehicle):
+    foresight = vehicle("refuse").foresight
+    short = foresight.short(FAR, AT_REST)
+    words = foresight.words(FAR, short, AT_REST)
+    assert words.startswith(f"Setpoint refused: 30.0 m needs {math.ceil(short)} N more than there")
+    assert words.endswith(" m of it would do")
+    foresight.told(FAR)
+    assert foresight.words(FAR, short, AT_REST) == ""
+    assert foresight.words(FAR._replace(r_c=Vec3(29.0, 0.0, 0.0)), short, AT_REST)
+    assert foresight.short(NEAR, AT_REST) == 0.0
+    assert foresight.words(FAR, short, AT_REST) == words
+
+
+def test_a_velocity_is_told_as_such(vehicle):
+    foresight = vehicle("warn").foresight
+    fast = at(v=Vec3(12.0, 0.0, 0.0))
+    short = foresight.short(fast, AT_REST)
+    assert foresight.words(fast, short, AT_REST) == (
+        f"Setpoint at 12.0 m/s: {math.ceil(short)} N short, may saturate"
+    )
+
+
+@pytest.mark.parametrize("place", [1e9, 1e200, math.inf, math.nan])
+def test_a_flight_that_has_diverged_is_looked_at_too(vehicle, place):
+    foresight, reference = vehicle("refuse").foresight, AT_REST.copy()
+    reference[2] = place
+    short = foresight.short(FAR, reference)
+    assert short >= 0.0
+    assert len(foresight.words(FAR, short, reference)) < 400
+
+
+def offboard(vehicle, setpoint):
+    for us in (0, 20_000):
+        vehicle.script.take(setpoint, None, us, us * 1e-6)
+    assert vehicle.select(Mode.OFFBOARD, 20_000, 0.02).good
+
+
+def test_what_a_script_says_and_is_not_flown_keeps_it_going_at_a_steady_velocity(vehicle):
+    flying = vehicle("refuse")
+    offboard(flying, at(v=Vec3(1.0, 0.0, 0.0), a=Vec3(0.5, 0.0, 0.0)))
+    flying.keep_script(420_000, 0.42)
+    assert flying.setpoint.a_c == ZERO
+    assert flying.setpoint.v_c == Vec3(1.2, 0.0, 0.0)
+    assert (flying.setpoint.r_c.x, flying.since_us) == (pytest.approx(0.44), 420_000)
+    flown = flying.setpoint
+    flying.keep_script(820_000, 0.82)
+    assert flying.setpoint is flown
+    assert not flying.script.lost(1_800_000, 1.8, flying.lost_us)
+
+
+def test_an_attitude_does_not_go_on_without_its_script(vehicle):
+    flying = vehicle("refuse")
+    offboard(flying, at()._replace(level=1.0, T_c=80.0))
+    flying.keep_script(420_000, 0.42)
+    assert flying.script.lost(1_100_000, 1.1, flying.lost_us)
+
+
+def test_a_place_to_go_to_is_denied_and_nothing_changed(vehicle):
+    flying = vehicle("refuse")
+    before, cruise = flying.setpoint, flying.cruise
+    verdict = flying.reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, 10.0)
+    assert verdict.result is Result.DENIED
+    assert verdict.text.startswith("Reposition denied: 30.0 m at 10 m/s needs ")
+    part = float(verdict.text.split("; ")[1].split()[0]) / 100.0
+    assert verdict.text.endswith(" % of speed and acceleration would do")
+    assert (flying.setpoint, flying.cruise) == (before, cruise)
+    for name in ("MPC_ACC_HOR", "MPC_ACC_UP_MAX"):
+        assert flying._params.set(name, max(0.5, part * flying._params[name]), True)
+    assert flying.reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, part * 10.0).good
+
+
+def test_the_same_place_is_warned_of(vehicle):
+    verdict = vehicle("warn").reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, 10.0)
+    assert verdict.good and verdict.text.endswith(" N short: may saturate")
+    assert vehicle("govern").reposition(Vec3(30.0, 0.0, 0.0), None, 40_000).text == "Going 30 m"
+
+
+def test_a_step_of_the_reference_generator_is_denied(vehicle):
+    flying = vehicle("refuse")
+    assert flying._params.set("REF_STEP_E", 20.0, True)
+    verdict = flying.select(Mode.STEP, 40_000, 0.04)
+    assert verdict.result is Result.DENIED
+    assert verdict.text.startswith("Step denied: 20.0 m needs ")
+    assert flying.mode is Mode.HOLD
+    assert flying._params.set("REF_STEP_E", 2.0, True)
+    assert flying.select(Mode.STEP, 40_000, 0.04).good
+
+
+def test_what_the_vehicle_lays_down_by_itself_is_never_refused(vehicle):
+    """Even where not a hover meets the condition."""
+    flying = vehicle("refuse")
+    assert flying._params.set("MR_GRD_WIND", 30.0, True)
+    assert flying.foresight.short(at(), AT_REST) > 0.0
+    for mode in (Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.POSITION):
+        assert flying.select(mode, 40_000, 0.04).good
+    words = flying.foresight.words(at(), 5.0, AT_REST)
+    assert words == "Setpoint refused: 0.0 m needs 5 N more than there is; no part of it would do"
+
+
+def test_the_reference_is_the_law_s_once_there_is_one(vehicle):
+    flying = vehicle("refuse")
+    assert flying.reference.tolist() == [0.0] * 6
+    flying.law_state = np.arange(40.0)
+    assert flying.reference.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
