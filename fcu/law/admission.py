@@ -36,7 +36,7 @@ _unpack_setpoint = unpacker(Setpoint)
 
 @kernel
 def ahead(params_buffer, way, reference):
-    """The least `margin.condition` (N) on a way, ungoverned.
+    """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one.
 
     params_buffer : float64[size(LawParams)]; its first, h, is overwritten.
     way : float64[n, 1 + size(Setpoint)], for how long (s; the last: whatever it says), and what.
@@ -44,29 +44,29 @@ def ahead(params_buffer, way, reference):
     """
     params = _unpack_params(params_buffer)
     settled = foreseen.steps(params) * params.h
-    r_m = Vec3(reference[0], reference[1], reference[2])
-    v_m = Vec3(reference[3], reference[4], reference[5])
-    worst = math.inf
-    for i in range(len(way) - 1):
+    known = margin.known(params)
+    r = Vec3(reference[0], reference[1], reference[2])
+    v = Vec3(reference[3], reference[4], reference[5])
+    worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
+    a, jumped, before = zero, zero, zero
+    for i in range(len(way)):
         setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
-        looked = min(for_s, settled)
+        last = i == len(way) - 1
+        looked = settled if last else min(for_s, settled)
         n = max(1, math.ceil(LOOKS * looked / settled))
         params_buffer[0] = looked / n
         params = _unpack_params(params_buffer)
-        for k in range(n + 1):
-            now = carried(setpoint, k * params.h)
-            a = a_ref(params, now, r_m, v_m)
-            worst = min(worst, margin.condition(params, a, v_m, 0.0))
-            if k < n:
-                r_m, v_m = advance(params, now, r_m, v_m)
-        if for_s > settled:  # with it from there on
+        jumped = jumped + margin.FORGOTTEN * (a_ref(params, setpoint, r, v) - before)
+        for k in range(n):
+            a_d = a_ref(params, carried(setpoint, k * params.h), r, v)
+            worst = min(worst, margin.condition(known, a_d + jumped, v, 0.0))
+            r, v, a, jumped = foreseen.advanced(params, a_d, r, v, a, jumped)
+        if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
-            r_m, v_m = end.r_c, end.v_c
-            worst = min(worst, margin.condition(params, setpoint.a_c, v_m, 0.0))
-    params_buffer[0] = settled / LOOKS
-    params = _unpack_params(params_buffer)
-    last, _, _, _ = foreseen.least(params, _unpack_setpoint(way[-1, 1:]), r_m, v_m)
-    return min(worst, last)
+            r, v, a = end.r_c, end.v_c, setpoint.a_c
+            worst = min(worst, margin.condition(known, a, v, 0.0))
+        before = a_ref(params, carried(setpoint, for_s if not last else 0.0), r, v)
+    return worst
 
 
 @kernel
