@@ -68,14 +68,14 @@ def number(flights, group, title, key):
     return next(q for q in QUANTITIES[group] if q.key == key).of(flown)
 
 
-@pytest.mark.parametrize("title", ["as printed", "with Δu"])
+@pytest.mark.parametrize("title", ["as printed", "with Δu", "with the guard"])
 def test_at_f_m_1_thrust_and_tilt_are_inside_their_limits_after_a_second(flights, title):
     for which in ("thrust", "tilt"):
         assert number(flights, "nominal", title, f"{which}_at_limit_from_1_s_percent") == 0.0
     assert number(flights, "nominal", title, "position_rms_settled_m") < 0.15
 
 
-@pytest.mark.parametrize("title", ["as printed", "with Δu"])
+@pytest.mark.parametrize("title", ["as printed", "with Δu", "with the guard"])
 def test_a_wrong_start_is_gone_within_5_s(flights, title):
     assert number(flights, "wrong_start", title, "position_error_gone_s") < 5.0
 
@@ -87,6 +87,13 @@ def test_at_f_m_1_4_the_printed_law_saturates_for_good_and_the_repaired_one_does
         assert number(flights, "fast", "with Δu", key) == 0.0
     assert number(flights, "fast", "as printed", "ended").startswith("diverged")
     assert number(flights, "fast", "with Δu", "position_final_m") < 0.05
+
+
+@pytest.mark.parametrize("group", ["nominal", "fast"])
+def test_with_the_guard_nothing_saturates_and_it_arrives(flights, group):
+    for which in ("thrust", "tilt"):
+        assert number(flights, group, "with the guard", f"{which}_at_limit_percent") == 0.0
+    assert number(flights, group, "with the guard", "within_0_5_m_of_setpoint_s") < 10.0
 
 
 def test_with_delta_u_the_prediction_error_falls_as_one_over_gamma(points):
