@@ -1,0 +1,92 @@
+"""Before the run: does this command, from this start, keep the adaptive control inside its limits?
+
+For the paper's own system, Theta f = K x + K_0 g(x) - Lambda^-1 r with constant unknowns and a
+moving d inside Lambda: the regressor f moves with the state, whose bound needs that of the
+control difference, which needs that of f. They are found together, by repetition, and (31) with
+them. Theorem V.1 with nothing left to be looked up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fcu.theory.control_difference import ControlDifference
+from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, bounds, loop
+from fcu.theory.region import Budget, Reference, Sizes, adaptive_budget
+from fcu.theory.responses import Matrix, peak
+
+ROUNDS, SLACK = 100, 1e-3
+
+
+class Model(NamedTuple):
+    """The reference model and the predictor, and the true constant Lambda. Paper (1), (5)."""
+
+    A: Matrix
+    B: Matrix
+    P: Matrix
+    k: float
+    Lambda: Matrix
+    gamma_Theta: float
+    gamma_d: float
+
+
+class Assumptions(NamedTuple):
+    """Bounds (norms, at all times) of unknowns, estimates and of the reference trajectory."""
+
+    sizes: Sizes
+    d_rate: float
+    Theta_error: float  # |Theta - Theta_hat| that the projection allows, 2-norm
+    reference: Reference  # largest |x_m|, |r|, |g|
+    x_m_rate: float
+    r_rate: float
+    z_0: float  # |Theta_til f + d_til| at the start
+    e_0: float = 0.0
+    x_til_0: float = 0.0
+
+
+class Guarantee(NamedTuple):
+    """The condition (31), and the bounds that hold if it does."""
+
+    budget: Budget
+    bounds: LoopBounds
+
+
+def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
+    """The budget of (31) and the bounds of all errors, for a limit v_star of |v|.
+
+    Assumes that no projection acts. Raises UnstableError, and NoBoundError where the regressor
+    may move too far for a bound.
+    """
+    system_A = float(np.linalg.norm(model.A, 2))
+    driven = float(np.linalg.norm(model.B @ model.Lambda, 2))
+    sizes, at = assumed.sizes, assumed.reference
+    E, Z = assumed.e_0, assumed.z_0
+    for _ in range(ROUNDS):
+        E, Z = E * (1.0 + SLACK), Z * (1.0 + SLACK)
+        f_star = math.hypot(at.x_m + E, at.g + sizes.lambda_g * E, at.r)
+        x_rate = assumed.x_m_rate + system_A * E + driven * Z
+        f_rate = math.hypot(x_rate, sizes.lambda_g * x_rate, assumed.r_rate)
+        half = 0.5 * model.gamma_Theta * f_star * f_star
+        delta = assumed.d_rate + assumed.Theta_error * f_rate
+        found = bounds(
+            loop(model.A, model.B, model.P, model.k, model.Lambda, model.gamma_d + half), delta,
+            Start(assumed.x_til_0, assumed.z_0, assumed.e_0), Moving(G=half),
+        )  # fmt: skip
+        if found.tracking[0] <= E and found.control_peak[0] <= Z:
+            break
+        E, Z = float(found.tracking[0]), float(found.control_peak[0])
+    else:
+        raise NoBoundError("no bound: state and regressor chase each other; they move too far")
+    gamma_A = float(peak(model.A)[0, 0])
+    settled = float(found.control_settled[0])
+    difference = ControlDifference(
+        float(found.control_peak[0]) - settled, found.control.nu_1, settled
+    )
+    tracking = max(float(found.tracking[0]) - gamma_A * assumed.e_0, 0.0)
+    budget = adaptive_budget(
+        sizes, at, v_star, gamma_A, assumed.e_0, difference, tracking, model.gamma_d
+    )  # (31)
+    return Guarantee(budget, found)

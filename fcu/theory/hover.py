@@ -1,0 +1,164 @@
+"""The octocopter's region of attraction: conditions on steps and wind, in newtons and metres.
+
+The forces that can be had for every yaw angle are
+
+    |T_xy| <= T_z tan phi*,   T_min <= |T| <= T_max,   T_z > 0,
+
+neither a box nor around zero. Two conditions that are easy to state, after the exact set along
+the reference trajectory: the largest ball about hover, and the paper's (31), taken from the target
+(from the start it would count |K x_m| and |Lambda^-1 r|, which in truth cancel). Both are
+sufficient; that one fails predicts nothing.
+
+Forces in N, E; the mass is believed, and the wind a bound of its speed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from fcu.law.types import LawParams
+from fcu.theory.linear_loop import LoopBounds, Start, bounds
+from fcu.theory.loop_bounds import position_loop
+from fcu.theory.region import Budget
+from fcu.theory.responses import Matrix, gain, peak
+
+
+class Air(NamedTuple):
+    """What is assumed of the air: bounds of the wind and of its rate, and the drag coefficient."""
+
+    speed: float  # m/s
+    rate: float  # m/s^2
+    drag: float  # N/(m/s)^2
+
+    def force(self, v: float = 0.0) -> float:
+        """Largest drag (N) at any attitude of a vehicle at speed v (m/s). Section VI.B."""
+        return self.drag * (v + self.speed) ** 2
+
+    def force_rate(self) -> float:
+        """Largest rate of drag (N/s) at rest: that of c |w| w."""
+        return 2.0 * self.drag * self.speed * self.rate
+
+
+def A(params: LawParams) -> Matrix:
+    """Of one axis (2 x 2): position and velocity. Paper (34)."""
+    f, zeta = params.f_m, params.zeta_m
+    return np.array([[0.0, 1.0], [-f * f, -2.0 * f * zeta]])  # (34)
+
+
+def ball(params: LawParams, mass: float) -> float:
+    """R (N): every force this close to hover, mass * g up, can be had."""
+    weight = mass * params.g
+    aside = weight * math.sin(params.phi_star)
+    return min(params.T_max - weight, weight - params.T_min, aside)
+
+
+def K(params: LawParams, mass: float) -> float:
+    """|K| of the matching condition: |mass (f_m^2 I, 2 zeta_m f_m I)|, N per unit of state."""
+    f = params.f_m
+    return mass * f * math.hypot(f, 2.0 * params.zeta_m)
+
+
+def loop_bounds(
+    params: LawParams, mass: float, air: Air, m_hat_0: float | None = None
+) -> LoopBounds:
+    """Bounds about hover at rest; the estimate of mass may be wrong at first, m_hat_0 (kg).
+
+    Norms of the prediction error (m/s), control difference (N) and tracking error (m and m/s).
+    Assumes a steady force: `fcu.theory.loop_bounds` has the regressor's own motion. Paper (30).
+    """
+    z_0 = 0.0 if m_hat_0 is None else abs(m_hat_0 / mass - 1.0) * params.g
+    return bounds(position_loop(params, mass), air.force_rate() / mass, Start(z=z_0))
+
+
+def position_error(params: LawParams, z: float) -> float:
+    """Bound of |r - r_m| (m) from rest on it, for |z| (m/s^2) at all times: e'' + 2 zeta f e' + f^2 e = z."""
+    B, C = np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+    return float(gain(A(params), B, C)[0, 0]) * z
+
+
+class Step(NamedTuple):
+    """The reference model's answer to a step of 1 m from rest, in its largest values."""
+
+    speed: float  # m/s
+    away: float  # |x_m - x_c|, m and m/s
+    acceleration: float  # m/s^2
+
+
+def unit_step(params: LawParams) -> Step:
+    """Largest values along the reference model, each rounded up by less than 1e-4 of itself."""
+    M, start = A(params), np.array([[-1.0], [0.0]])
+    return Step(
+        float(peak(M, start, np.array([[0.0, 1.0]]))[0, 0]),
+        float(peak(M, start)[0, 0]),
+        float(peak(M, start, M[1:])[0, 0]),
+    )
+
+
+def ball_budget(
+    params: LawParams, mass: float, air: Air, step: float, adaptation: float = 0.0
+) -> Budget:
+    """Condition (B): mass |r_m''(t)| + d + mu <= R, for all t. Largest at some t.
+
+    step : m, from rest, in any direction. adaptation : mu (N), beta_1 + beta_2 gamma^(-1/2) and
+    what the tracking error adds.
+    """
+    states = step * _reference(params)
+    acceleration = mass * np.abs(states @ A(params)[1])
+    drag = air.drag * (np.abs(states[:, 1]) + air.speed) ** 2
+    worst = int(np.argmax(acceleration + drag))
+    return Budget(
+        limit=ball(params, mass), reference=float(acceleration[worst]), nonlinearity=0.0,
+        command=0.0, disturbance=float(drag[worst]), initial_error=0.0, lasting_error=adaptation,
+    )  # fmt: skip
+
+
+def theorem_budget(
+    params: LawParams, mass: float, air: Air, step: float, adaptation: float = 0.0,
+    e_0: float = 0.0,
+) -> Budget:  # fmt: skip
+    """Condition (N): (31) with the origin at the target, the limit R about hover.
+
+    e_0 : |x(0) - x_m(0)|, m and m/s. Other arguments as in `ball_budget`. Paper (31).
+    """
+    unit, per_state = unit_step(params), K(params, mass)
+    return Budget(
+        limit=ball(params, mass),
+        reference=per_state * unit.away * step,
+        nonlinearity=0.0,
+        command=0.0,
+        disturbance=air.force(unit.speed * step),
+        initial_error=per_state * float(peak(A(params))[0, 0]) * e_0,
+        lasting_error=adaptation,
+    )  # (31)
+
+
+POINTS = 400  # of the reference's answer
+
+
+def _reference(params: LawParams) -> Matrix:
+    """Position from the target and velocity (POINTS x 2) after a step of 1 m from rest."""
+    slow = params.f_m * min(params.zeta_m, 1.0 / params.zeta_m)
+    h = 8.0 / slow / POINTS
+    one, states = expm(A(params) * h), [np.array([-1.0, 0.0])]
+    for _ in range(POINTS - 1):
+        states.append(one @ states[-1])
+    return np.array(states)
+
+
+def largest_step(holds: object) -> float:
+    """Largest step (m) with margin, for a function from a step to its `Budget`; 0 for none."""
+    if not callable(holds):
+        raise TypeError("largest_step: give a function from a step (m) to a Budget")
+    low, high = 0.0, 1.0
+    if not holds(low).holds:
+        return 0.0
+    while holds(high).holds and high < 1e6:
+        low, high = high, 2.0 * high
+    while high - low > 1e-9 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle).holds else (low, middle)
+    return low

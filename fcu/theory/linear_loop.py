@@ -1,0 +1,257 @@
+"""Bounds of prediction error, control difference and tracking error, for any A, B, P.
+
+The errors of `fcu.theory.control_difference` as one linear system with state (x_til, z, e). The
+bounds are its L1 gains and peaks, so that some delta comes as close to them as one likes. A
+regressor or a Lambda that moves is a departure from constants, fed back from the bounds
+themselves: a small-gain argument, refused where its loop gain is not below one.
+
+Assumed: nothing saturates, no projection acts.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+from fcu.theory.control_difference import ControlDifference
+from fcu.theory.responses import Matrix, Norm, decay, gain, peak
+
+
+class NoBoundError(ValueError):
+    """What moves, moves too far for the small-gain argument: the loop gain found."""
+
+
+class Loop(NamedTuple):
+    """x_til' = F x_til + drive z, z' = -G output x_til + delta, e' = A e + drive_e z.
+
+    In the general case F = A - k I, output = B^T P, drive = drive_e = B Lambda (inside) or B
+    (beside). The octocopter predicts the velocity alone: F = -k I, and e is of position and
+    velocity. `unknown` and `unknown_e` are where a moving part of Lambda enters, times z.
+    """
+
+    F: Matrix  # n x n
+    drive: Matrix  # n x q
+    output: Matrix  # q x n
+    G: Matrix  # q x q
+    A: Matrix  # m x m
+    drive_e: Matrix  # m x q
+    control: Matrix  # q x q: v_0 - v = -control z
+    unknown: Matrix  # n x q
+    unknown_e: Matrix  # m x q
+
+    @property
+    def fast(self) -> Matrix:
+        """Of (x_til, z), n + q square."""
+        q = self.drive.shape[1]
+        return np.block([[self.F, self.drive], [-self.G @ self.output, np.zeros((q, q))]])
+
+    @property
+    def whole(self) -> Matrix:
+        """Of (x_til, z, e), n + q + m square."""
+        (n, q), m = self.drive.shape, len(self.A)
+        return np.block([
+            [self.fast, np.zeros((n + q, m))],
+            [np.zeros((m, n)), self.drive_e, self.A],
+        ])  # fmt: skip
+
+
+def loop(
+    A: Matrix, B: Matrix, P: Matrix, k: float, Lambda: Matrix, G: Matrix | float,
+    beside: bool = False,
+) -> Loop:  # fmt: skip
+    """The loop of the general M-MRAC for constant Lambda (q x q) and G (q x q, or a number)."""
+    A, B, Lambda = (np.atleast_2d(np.asarray(X, dtype=float)) for X in (A, B, Lambda))
+    n, q = B.shape
+    square = np.asarray(G, dtype=float) * np.eye(q) if np.ndim(G) == 0 else np.asarray(G)
+    F = A - k * np.eye(n)
+    if not beside:
+        return Loop(F, B @ Lambda, B.T @ P, square, A, B @ Lambda, np.eye(q), B, B)
+    return Loop(F, B, B.T @ P, square, A, B, np.linalg.inv(Lambda), 0.0 * B, 0.0 * B)
+
+
+class Start(NamedTuple):
+    """Norms at t = 0 (norm "spectral"), or arrays of absolute values (norm "entries")."""
+
+    x_til: Matrix | float = 0.0
+    z: Matrix | float = 0.0
+    e: Matrix | float = 0.0
+
+
+class Moving(NamedTuple):
+    """How far G(t) and Lambda(t) go from the loop's constants: norms, or arrays of entries."""
+
+    G: Matrix | float = 0.0
+    Lambda: Matrix | float = 0.0
+
+
+class LoopBounds(NamedTuple):
+    """Bounds of norms (1 number), or of each component."""
+
+    prediction: Matrix  # |x_til| at all times
+    prediction_settled: Matrix  # and once the start is forgotten
+    control: ControlDifference  # (30); of the largest component for norm "entries"
+    control_settled: Matrix
+    control_peak: Matrix  # |v_0 - v| at all times
+    tracking: Matrix  # |e| at all times
+    tracking_settled: Matrix
+    loop_gain: float  # of the small-gain argument, below 1
+
+
+class _Ways(NamedTuple):
+    """In and out of the state (x_til, z, e)."""
+
+    x: Matrix
+    z: Matrix
+    e: Matrix
+    y: Matrix
+    beside: Matrix
+
+
+def _ways(system: Loop) -> _Ways:
+    (n, q), m = system.drive.shape, len(system.A)
+    unit = np.eye(n + q + m)
+    x, z, e = unit[:n], unit[n : n + q], unit[n + q :]
+    beside = x.T @ system.unknown + e.T @ system.unknown_e
+    return _Ways(x, z, e, system.output @ x, beside)
+
+
+def _column(value: Matrix | float, rows: int, norm: Norm) -> Matrix:
+    column = np.asarray(value, dtype=float).reshape(-1)
+    rows = 1 if norm == "spectral" else rows
+    return np.full(rows, column[0]) if len(column) == 1 else column
+
+
+def _square(value: Matrix | float, rows: int, norm: Norm) -> Matrix:
+    if norm == "spectral":
+        return np.array([[float(np.asarray(value).reshape(-1)[0])]])
+    if np.ndim(value) == 0:
+        return float(np.asarray(value)) * np.ones((rows, rows))
+    return np.asarray(value, dtype=float)
+
+
+def bounds(
+    system: Loop, delta_star: Matrix | float, start: Start | None = None,
+    moving: Moving | None = None, norm: Norm = "spectral", nu_1: float | None = None,
+) -> LoopBounds:  # fmt: skip
+    """Bounds for |delta| at most delta_star at all times (a norm, or an array of entries).
+
+    nu_1 (1/s): rate at which the start is to be forgotten in (30), below the slowest mode of
+    (x_til, z); half of that if left out. Raises UnstableError, NoBoundError.
+    """
+    start, moving = start or Start(), moving or Moving()
+    (n, q), m = system.drive.shape, len(system.A)
+    rows = zip(start, (n, q, m), strict=True)
+    begin = [_column(value, count, norm) for value, count in rows]
+    delta = _column(delta_star, q, norm)
+    problem = _problem(system, begin, moving, norm)
+    lasting, radius = problem.signals(delta, [0.0 * value for value in begin])
+    ever, _ = problem.signals(delta, begin)
+    ways = problem.ways
+    v = system.control @ ways.z
+    settled = problem.at_most(v, delta, lasting)
+    fast = problem.without_e(len(system.fast))
+    nu_1 = 0.5 * decay(fast.M) if nu_1 is None else nu_1
+    forgotten = fast._replace(rate=nu_1, found={})
+    nothing = 0.0 * delta
+    weighted, _ = forgotten.signals(nothing, begin)
+    v_fast = v[:, : len(fast.M)]
+    beta_1 = forgotten.at_most(v_fast, nothing, weighted) + forgotten.started(v_fast, begin)
+    return LoopBounds(
+        prediction=problem.at_most(ways.x, delta, ever) + problem.started(ways.x, begin),
+        prediction_settled=problem.at_most(ways.x, delta, lasting),
+        control=ControlDifference(float(beta_1.max()), nu_1, float(settled.max())),
+        control_settled=settled,
+        control_peak=problem.at_most(v, delta, ever) + problem.started(v, begin),
+        tracking=problem.at_most(ways.e, delta, ever) + problem.started(ways.e, begin),
+        tracking_settled=problem.at_most(ways.e, delta, lasting),
+        loop_gain=radius,
+    )
+
+
+class _Problem(NamedTuple):
+    """The small-gain problem for signals times e^(rate t)."""
+
+    M: Matrix
+    ways: _Ways
+    fed: Matrix  # rows of the state that what moves multiplies: y_til, z
+    into_delta: Matrix  # and what they add to delta
+    into_beside: Matrix  # and to what enters beside drive z
+    norm: Norm
+    rate: float  # 1/s
+    found: dict[bytes, tuple[Matrix, Matrix]]  # gains to an output, so that none is sought twice
+
+    def without_e(self, size: int) -> _Problem:
+        """The same of (x_til, z) alone, `size` states."""
+        ways = self.ways
+        cut = _Ways(*(way[:, :size] for way in ways[:4]), ways.beside[:size])
+        return self._replace(M=self.M[:size, :size], ways=cut, fed=self.fed[:, :size], found={})
+
+    def _outputs(self) -> list[Matrix]:
+        """The fed signals, one by one for norm "spectral" (a norm each), all at once else."""
+        if self.norm == "entries":
+            return [self.fed]
+        half = len(self.fed) // 2
+        return [self.fed[:half], self.fed[half:]]
+
+    def _gains(self, out: Matrix) -> tuple[Matrix, Matrix]:
+        """To an output from delta, and from what enters beside drive z."""
+        key = out.tobytes()
+        if key not in self.found:
+            faster = self.M + self.rate * np.eye(len(self.M))
+            by_delta = gain(faster, self.ways.z.T, out, self.norm)
+            beside = 0.0 * by_delta[:, : len(self.into_beside)]
+            if np.any(self.into_beside):
+                beside = gain(faster, self.ways.beside, out, self.norm)
+            self.found[key] = by_delta, beside
+        return self.found[key]
+
+    def _gain(self, out: Matrix) -> Matrix:
+        """From bounds of the fed signals to what they can make of `out`."""
+        by_delta, beside = self._gains(out)
+        return np.asarray(by_delta @ self.into_delta + beside @ self.into_beside)
+
+    def _driven(self, out: Matrix, delta: Matrix) -> Matrix:
+        return np.asarray(self._gains(out)[0] @ delta)
+
+    def started(self, out: Matrix, begin: list[Matrix]) -> Matrix:
+        """Bound of `out` times e^(rate t) from the start alone."""
+        ways = (self.ways.x.T, self.ways.z.T, self.ways.e.T)
+        rows = 1 if self.norm == "spectral" else len(out)
+        total = np.zeros(rows)
+        for way, value in zip(ways, begin, strict=True):
+            if np.any(value) and np.any(way):
+                total = total + peak(self.M, way, out, self.rate, self.norm) @ value
+        return total
+
+    def at_most(self, out: Matrix, delta: Matrix, signals: Matrix) -> Matrix:
+        """Bound of `out` from rest, by delta and the fed signals."""
+        moved = self._gain(out) @ signals if np.any(signals) else 0.0
+        return self._driven(out, delta) + moved
+
+    def signals(self, delta: Matrix, begin: list[Matrix]) -> tuple[Matrix, float]:
+        """Bounds of the fed signals, closed on themselves, and the loop gain."""
+        free = np.concatenate([
+            self._driven(out, delta) + self.started(out, begin) for out in self._outputs()
+        ])  # fmt: skip
+        if not (np.any(self.into_delta) or np.any(self.into_beside)):
+            return 0.0 * free, 0.0
+        feedback = np.concatenate([self._gain(out) for out in self._outputs()])
+        radius = float(np.abs(np.linalg.eigvals(feedback)).max())
+        if radius >= 1.0:
+            raise NoBoundError(
+                "no bound: what moves (regressor, Lambda) moves too far for it, "
+                f"loop gain {radius:.3g}, not below 1"
+            )
+        return np.linalg.solve(np.eye(len(free)) - feedback, free), radius
+
+
+def _problem(system: Loop, begin: list[Matrix], moving: Moving, norm: Norm) -> _Problem:
+    q, ways = system.drive.shape[1], _ways(system)
+    G, Lambda = _square(moving.G, q, norm), _square(moving.Lambda, q, norm)
+    into_delta = np.hstack([G, 0.0 * Lambda])
+    into_beside = np.hstack([np.zeros((len(Lambda), G.shape[1])), Lambda])
+    return _Problem(
+        system.whole, ways, np.vstack([ways.y, ways.z]), into_delta, into_beside, norm, 0.0, {}
+    )

@@ -1,0 +1,279 @@
+"""Bounds of the octocopter's own loops, position and body rates, in flight: the regressor moves.
+
+Of the achieved form (`fcu.theory.octocopter`), unsaturated, mass and inertia constant, no
+projection acting. rho = Lambda / Lambda_hat is m_hat/m or J_hat/J, a what the reference model asks
+at the state that there is, T the force or torque. Then exactly,
+
+    x_til' = -k x_til + z              z' = delta - G(t) x_til
+    delta  = s' - (1 - rho) a'         G  = rho (gamma + gamma_Lambda T T^T)
+    e' = A e + B z                     T  = m (a + z - s - g)
+
+and a follows from the reference trajectory and z. Seen from a frame that turns with T, G is
+diagonal; the frame's rate is |T'|/|T| at most. That, the change of G and a' are fed back from the
+bounds themselves (a small-gain argument, refused where its gain is not below one), and the ranges
+of T and T' are found by repetition: as long as the bounds hold, so does what they were computed
+from, and at the start it does.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fcu.law.types import LawParams
+from fcu.theory.control_difference import ControlDifference
+from fcu.theory.linear_loop import Loop, NoBoundError
+from fcu.theory.octocopter import position_model
+from fcu.theory.responses import Matrix, decay, gain, peak
+
+ROUNDS = 60  # of repetition; it converges geometrically or not at all
+SLACK = 1e-3  # relative, by which what is assumed of the next round exceeds what was found
+
+
+class Flight(NamedTuple):
+    """What is assumed of a flight, axis by axis (each (3,), absolute values at all times)."""
+
+    s: Matrix  # disturbance, m/s^2 or rad/s^2
+    s_rate: Matrix  # 1/s of that
+    a: Matrix  # acceleration of the reference trajectory
+    jerk: Matrix  # and its rate
+    rho_low: float = 1.0  # estimate of mass or inertia over the truth, in flight
+    rho_high: float = 1.0
+    z_0: Matrix | float = 0.0  # |z| at the start: s(0) - s_hat(0) + (rho - 1) T/m
+    x_til_0: Matrix | float = 0.0
+    e_0: float = 0.0  # norm of the initial tracking error
+
+
+class FlightBounds(NamedTuple):
+    """Bounds of norms, over all times and once the start is forgotten."""
+
+    prediction: float  # m/s, rad/s
+    prediction_settled: float
+    control: ControlDifference  # (30); N, N m
+    tracking: float  # of position (m) or of the rates (rad/s)
+    tracking_settled: float
+    loop_gain: float  # of the small-gain argument, below 1
+    z: float  # |z| at all times, m/s^2, rad/s^2
+
+
+def at_rest(s: Matrix, s_rate: Matrix) -> Flight:
+    """A reference trajectory that is a point; mass or inertia known."""
+    return Flight(np.asarray(s), np.asarray(s_rate), np.zeros(3), np.zeros(3))
+
+
+def position_loop(params: LawParams, mass: float, G: Matrix | None = None) -> Loop:
+    """x_til = v_til (m/s), z (m/s^2), e of position and velocity, control difference in N.
+
+    G : 3 x 3, 1/s^2; about hover if left out. Paper (34)-(38).
+    """
+    if G is None:
+        G = np.diag(stiffness(params, mass, mass * params.g))
+    (A, drive_e), eye = position_model(params), np.eye(3)
+    return Loop(
+        -params.lambda_v * eye, eye, eye, G, A, drive_e, mass * eye, 0.0 * eye, 0.0 * drive_e
+    )
+
+
+def stiffness(params: LawParams, mass: float, T_0: float, m_hat: float | None = None) -> Matrix:
+    """G (1/s^2) across (twice) and along a steady force T_0 (N): how fast z is learnt.
+
+    With the achieved force 1/m is learnt; as printed m, from the demanded specific force.
+    """
+    m_hat = mass if m_hat is None else m_hat
+    across = params.gamma * m_hat / mass
+    if params.achieved:
+        along = across + params.gamma_Lambda * T_0 * T_0 * m_hat / mass
+    else:
+        along = across + params.gamma_m * (T_0 / m_hat) ** 2 / mass
+    return np.array([across, across, along])
+
+
+class _Channels(NamedTuple):
+    """Second-order channels that drive each other (c of them), and the reference model behind."""
+
+    k: float  # 1/s
+    low: Matrix  # (c,), G at least
+    high: Matrix  # (c,), G at most
+    delta: Matrix  # (c,), |s'| + |1 - rho| |a'| of the reference trajectory
+    turning: Matrix  # (c, c), how fast the channels turn into each other, rad/s
+    echo: Matrix  # (c, c), what a bound of |z| adds to delta
+
+
+class _Bound(NamedTuple):
+    X: Matrix  # (c,), |x_til|
+    Z: Matrix  # (c,), |z|
+    loop_gain: float
+
+
+def _solved(channels: _Channels, x_0: Matrix, z_0: Matrix, lasting: bool, rate: float) -> _Bound:
+    """Bounds of e^(rate t) |x_til| and |z|, by delta (if `lasting`) and from the start."""
+    c = len(channels.low)
+    to_X, to_Z = np.zeros((c, 2 * c)), np.zeros((c, 2 * c))
+    begun_X, begun_Z = np.zeros(c), np.zeros(c)
+    for i in range(c):
+        M = np.array([[-channels.k, 1.0], [-0.5 * (channels.low[i] + channels.high[i]), 0.0]])
+        g = gain(M + rate * np.eye(2), norm="entries")
+        to_X[i, [i, c + i]], to_Z[i, [i, c + i]] = g[0], g[1]
+        if x_0[i] > 0.0 or z_0[i] > 0.0:
+            begun = peak(M, rate=rate, norm="entries") @ [x_0[i], z_0[i]]
+            begun_X[i], begun_Z[i] = begun
+    departure = np.diag(0.5 * (channels.high - channels.low))
+    into = np.block([
+        [channels.turning, np.zeros((c, c))],
+        [departure, channels.turning + channels.echo],
+    ])  # fmt: skip
+    way = np.vstack([to_X, to_Z])
+    feedback = way @ into
+    radius = float(np.abs(np.linalg.eigvals(feedback)).max())
+    if radius >= 1.0:
+        raise NoBoundError(
+            f"no bound: force or estimates move too far for it, loop gain {radius:.3g}, not below 1"
+        )
+    source = np.concatenate([begun_X, begun_Z])
+    if lasting:
+        source = source + way[:, c:] @ channels.delta
+    found = np.linalg.solve(np.eye(2 * c) - feedback, source)
+    return _Bound(found[:c], found[c:], radius)
+
+
+def _pair(across: Matrix, along: float) -> Matrix:
+    return np.array([float(np.linalg.norm(across)), along])
+
+
+def position_bounds(params: LawParams, mass: float, flight: Flight) -> FlightBounds:
+    """Bounds of the position loop in flight: prediction (m/s), control (N), tracking (m).
+
+    Raises NoBoundError where force or estimate of mass may move too far for a bound.
+    """
+    (A, B), k, g = position_model(params), params.lambda_v, params.g
+    off = max(1.0 - flight.rho_low, flight.rho_high - 1.0)
+    asked = B.T @ A  # of e; a' of z adds asked B
+    a_of_z = float(gain(A, B, asked)[0, 0])
+    jerk_of_z = _jerk(A, B, asked, 0.0)
+    a_0 = float(np.linalg.norm(flight.a)) + float(peak(A, C=asked)[0, 0]) * flight.e_0
+    jerk_0 = float(np.linalg.norm(flight.jerk)) + float(peak(A, C=asked @ A)[0, 0]) * flight.e_0
+    z_start, x_start = (np.full(3, v) if np.ndim(v) == 0 else np.asarray(v)
+                        for v in (flight.z_0, flight.x_til_0))  # fmt: skip
+
+    Z, X, tilt = _pair(z_start[:2], float(z_start[2])), 0.0, 0.0
+    for _ in range(ROUNDS):
+        Z, X, tilt = (value * (1.0 + SLACK) for value in (Z, X, tilt))
+        aside = float(np.linalg.norm(flight.s[:2])) + a_0 + (1.0 + a_of_z) * (Z[0] + tilt * Z[1])
+        upward = float(flight.s[2]) + a_0 + (1.0 + a_of_z) * (Z[1] + tilt * Z[0])
+        most = mass * math.hypot(g + upward, aside)
+        least = mass * max(g - upward, 0.0)
+        if least <= 0.0:
+            raise NoBoundError("no bound: the force may vanish, and with it its direction")
+        assumed, tilt = tilt, min(aside * mass / least, 1.0)
+        high = flight.rho_high * (params.gamma + np.array([0.0, params.gamma_Lambda * most**2]))
+        low = flight.rho_low * (params.gamma + np.array([0.0, params.gamma_Lambda * least**2]))
+        jerk = jerk_0 + jerk_of_z * float(Z.sum())
+        # across itself T = m_hat (a - g - s_hat) moves with a' and s_hat' = gamma x_til alone
+        turning = flight.rho_high * mass * (jerk + params.gamma * X) / least
+        level, up = float(np.linalg.norm(flight.s_rate[:2])), float(flight.s_rate[2])
+        delta = np.array([level + tilt * up, up + tilt * level]) + off * jerk_0
+        seen = off * np.array([[1.0, tilt], [tilt, 1.0]])  # an axis of Earth from those of T
+        channels = _Channels(
+            k, low, high, delta, turning * (1.0 - np.eye(2)), jerk_of_z * seen
+        )
+        x_0 = _pair(x_start[:2], float(x_start[2])) + tilt * np.linalg.norm(x_start)
+        z_0 = _pair(z_start[:2], float(z_start[2])) + tilt * np.linalg.norm(z_start)
+        ever = _solved(channels, x_0, z_0, True, 0.0)
+        if np.all(ever.Z <= Z) and ever.X[0] <= X and tilt <= assumed:
+            break
+        Z, X = ever.Z, float(ever.X[0])
+    else:
+        raise NoBoundError("no bound: force and bounds chase each other; the flight moves too far")
+
+    settled = _solved(channels, 0.0 * x_0, 0.0 * z_0, True, 0.0)
+    slow = 0.5 * min(decay(A), *(_slowest(k, G) for G in 0.5 * (low + high)))
+    weighted = channels._replace(echo=_jerk(A, B, asked, slow) * seen)
+    beta_1 = _forgetting(weighted, x_0, z_0, slow)
+    # e'' + 2 zeta f e' + f^2 e = z = x_til' + k x_til: by z, or by x_til, which is smaller
+    position = np.hstack([np.eye(3), np.zeros((3, 3))])
+    by_z = float(gain(A, B, position)[0, 0])
+    by_x = float(gain(A, A @ B + k * B, position)[0, 0])
+    begun = float(peak(A, C=position)[0, 0]) * flight.e_0
+    from_x_0 = float(peak(A, B, position)[0, 0]) * float(np.linalg.norm(x_start))
+    X_ever, Z_ever = float(np.linalg.norm(ever.X)), float(np.linalg.norm(ever.Z))
+    X_settled, Z_settled = float(np.linalg.norm(settled.X)), float(np.linalg.norm(settled.Z))
+    return FlightBounds(
+        prediction=X_ever,
+        prediction_settled=X_settled,
+        control=ControlDifference(mass * beta_1, slow, mass * Z_settled),
+        tracking=min(by_z * Z_ever, by_x * X_ever + from_x_0) + begun,
+        tracking_settled=min(by_z * Z_settled, by_x * X_settled),
+        loop_gain=ever.loop_gain,
+        z=Z_ever,
+    )
+
+
+def _slowest(k: float, G: float) -> float:
+    return decay(np.array([[-k, 1.0], [-G, 0.0]]))
+
+
+def _jerk(A: Matrix, B: Matrix, asked: Matrix, rate: float) -> float:
+    """L1 gain from z to what e makes of a': asked (A e + B z)."""
+    M = A + rate * np.eye(len(A))
+    return float(gain(M, B, asked @ A)[0, 0] + np.linalg.norm(asked @ B, 2))
+
+
+def _forgetting(channels: _Channels, x_0: Matrix, z_0: Matrix, rate: float) -> float:
+    """beta_1 of (30), for z, at this rate; nought if nothing is to be forgotten."""
+    if not (np.any(x_0) or np.any(z_0)):
+        return 0.0
+    return float(np.linalg.norm(_solved(channels, x_0, z_0, False, rate).Z))
+
+
+def rate_bounds(params: LawParams, inertia: Matrix, flight: Flight) -> list[FlightBounds]:
+    """Bounds of the three rate loops, one by one: prediction and tracking (rad/s), control (N m).
+
+    inertia : (3,), kg m^2. The couplings are left out: assumes no rotation but what the errors
+    make of it. Raises NoBoundError.
+    """
+    return [_rate_bounds(params, axis, float(inertia[axis]), flight) for axis in range(3)]
+
+
+def _rate_bounds(params: LawParams, axis: int, J: float, flight: Flight) -> FlightBounds:
+    c, k = float(params.c_rate[axis]), params.lambda_w
+    off = max(1.0 - flight.rho_low, flight.rho_high - 1.0)
+    s, s_rate = float(flight.s[axis]), float(flight.s_rate[axis])
+    z_0, x_0 = (np.broadcast_to(np.asarray(v, dtype=float), 3)[axis : axis + 1]
+                for v in (flight.z_0, flight.x_til_0))  # fmt: skip
+    a_0, jerk_0 = float(flight.a[axis]) + c * flight.e_0, float(flight.jerk[axis]) + c * c * flight.e_0
+    Z = float(z_0[0])
+    for _ in range(ROUNDS):
+        Z *= 1.0 + SLACK
+        torque = J * (a_0 + s + 2.0 * Z)  # a of z has gain 1, z itself adds one
+        low = np.array([flight.rho_low * params.gamma])
+        high = np.array([flight.rho_high * (params.gamma + params.gamma_LambdaJ * torque**2)])
+        echo = np.array([[off * 2.0 * c]])  # a' of z: -c s/(s + c)
+        delta = np.array([s_rate + off * jerk_0])
+        channels = _Channels(k, low, high, delta, np.zeros((1, 1)), echo)
+        ever = _solved(channels, x_0, z_0, True, 0.0)
+        if float(ever.Z[0]) <= Z:
+            break
+        Z = float(ever.Z[0])
+    else:
+        raise NoBoundError("no bound: torque and bounds chase each other; the flight moves too far")
+    settled = _solved(channels, 0.0 * x_0, 0.0 * z_0, True, 0.0)
+    slow = 0.5 * min(c, _slowest(k, float(0.5 * (low + high)[0])))
+    echo = np.array([[off * (c + c * c / (c - slow))]])
+    beta_1 = _forgetting(channels._replace(echo=echo), x_0, z_0, slow)
+    by_x = float(gain(np.array([[-c]]), np.array([[k - c]]))[0, 0]) + 1.0
+    start = float(x_0[0]) + flight.e_0
+
+    def tracking(of: _Bound) -> float:
+        return min(float(of.Z[0]) / c, by_x * float(of.X[0]))
+
+    return FlightBounds(
+        prediction=float(ever.X[0]),
+        prediction_settled=float(settled.X[0]),
+        control=ControlDifference(J * beta_1, slow, J * float(settled.Z[0])),
+        tracking=tracking(ever) + start,
+        tracking_settled=tracking(settled),
+        loop_gain=ever.loop_gain,
+        z=float(ever.Z[0]),
+    )

@@ -1,0 +1,175 @@
+"""The region of attraction: which commands and starts keep the control inside its limits.
+
+Section V: the control that knows, v_0 = -K x - K_0 g(x) + Lambda^-1 r - d, is bounded term by
+term along the reference model, and what adaptation adds has to fit beside it. Every term is
+in the units of u, so that a `Budget` says which of them eats how much of the limit.
+
+"repaired" (the default): the limit is the smallest of the channels' and Lambda^-1 is bounded by
+the lower bound of Lambda; (31) and Theorem V.1 hold the adaptive tracking error and beta_1 and
+beta_2 gamma^(-1/2); the term lambda_g |K_0| |x_m|, which is not needed, is dropped. "printed" is
+the paper to the letter.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fcu.theory.bounds import Form
+from fcu.theory.control_difference import ControlDifference
+from fcu.theory.responses import Matrix
+
+
+class Sizes(NamedTuple):
+    """Bounds of the unknowns in v_0 (2-norms). Paper (3), (4)."""
+
+    K: float
+    Lambda_star: float  # upper bound of |Lambda|
+    Lambda_least: float  # lower bound of its eigenvalues
+    d_star: float  # inside Lambda
+    K_0: float = 0.0
+    lambda_g: float = 0.0  # Lipschitz constant of g
+    s_star: float = 0.0  # beside Lambda
+
+    @property
+    def per_state(self) -> float:
+        """|K| + lambda_g |K_0|: what a unit of tracking error costs."""
+        return self.K + self.lambda_g * self.K_0
+
+
+class Reference(NamedTuple):
+    """Norms along the reference model, at an instant or the largest of all. Paper (24)."""
+
+    x_m: float
+    r: float
+    g: float = 0.0  # |g(x_m)|
+
+
+class Budget(NamedTuple):
+    """What each term takes of the limit, in the units of u. Paper (24), (25), (31)."""
+
+    limit: float  # v*
+    reference: float  # to hold the reference state: |K| |x_m|
+    nonlinearity: float  # |K_0| |g(x_m)|
+    command: float  # |Lambda^-1| |r|
+    disturbance: float  # d*
+    initial_error: float  # gamma_A (|K| + lambda_g |K_0|) |e(0)|
+    tracking_error: float = 0.0  # what adaptation adds to e; not in the print
+    learning: float = 0.0  # beta_1
+    lasting_error: float = 0.0  # beta_2 gamma^(-1/2)
+
+    @property
+    def used(self) -> float:
+        """The sum of the terms."""
+        return sum(self[1:])
+
+    @property
+    def margin(self) -> float:
+        """What is left; the condition holds while it is not below zero."""
+        return self.limit - self.used
+
+    @property
+    def holds(self) -> bool:
+        """Whether the condition holds."""
+        return self.margin >= 0.0
+
+    @property
+    def largest(self) -> str:
+        """Name of the term that takes most."""
+        return max(self._fields[1:], key=lambda name: float(getattr(self, name)))
+
+
+def limit(channels: Matrix, form: Form = "repaired") -> float:
+    """v*: |v| below it keeps every channel inside its own limit. After (22).
+
+    Printed, sqrt(q) times the largest limit: necessary for a v inside the limits, not sufficient.
+    """
+    if form == "printed":
+        return math.sqrt(len(channels)) * float(np.max(channels))
+    return float(np.min(channels))
+
+
+def known_control(
+    K: Matrix, x: Matrix, K_0_g: Matrix, Lambda: Matrix, r: Matrix, d: Matrix,
+    form: Form = "repaired",
+) -> float:  # fmt: skip
+    """|v_0| at a state, directly. Paper (22), whose print has -Lambda^-1 r."""
+    sign = -1.0 if form == "printed" else 1.0
+    v_0 = -K @ x - K_0_g + sign * np.linalg.solve(Lambda, r) - d  # (22)
+    return float(np.linalg.norm(v_0))
+
+
+def known_budget(
+    sizes: Sizes, reference: Reference, v_star: float, gamma_A: float, e_0: float,
+    form: Form = "repaired",
+) -> Budget:  # fmt: skip
+    """The condition for the control that knows. Paper (24); (25) is its margin.
+
+    gamma_A : bound of |exp(A t)| at all times. e_0 : |x(0) - x_m(0)|.
+    """
+    printed = form == "printed"
+    return Budget(
+        limit=v_star,
+        reference=(sizes.per_state if printed else sizes.K) * reference.x_m,
+        nonlinearity=sizes.K_0 * reference.g,
+        command=reference.r / (sizes.Lambda_star if printed else sizes.Lambda_least),
+        disturbance=sizes.d_star + sizes.s_star / sizes.Lambda_least,
+        initial_error=gamma_A * sizes.per_state * e_0,
+    )  # (24)
+
+
+def adaptive_budget(
+    sizes: Sizes, reference: Reference, v_star: float, gamma_A: float, e_0: float,
+    difference: ControlDifference, tracking: float, gamma: float, form: Form = "repaired",
+) -> Budget:  # fmt: skip
+    """The condition for the adaptive control. Paper (31).
+
+    tracking : bound of |e| from e(0) = 0, that of (29) or of `linear_loop.bounds`. gamma : the
+    paper's; printed, beta_2 stands without its gamma^(-1/2) and the tracking error is left out.
+    """
+    known = known_budget(sizes, reference, v_star, gamma_A, e_0, form)
+    printed = form == "printed"
+    beta_2 = difference.lasting * math.sqrt(gamma)
+    return known._replace(
+        tracking_error=0.0 if printed else sizes.per_state * tracking,
+        learning=difference.beta_1,
+        lasting_error=beta_2 if printed else difference.lasting,
+    )  # (31)
+
+
+class Theorem(NamedTuple):
+    """Theorem V.1: what must be positive, and the ball in which the initial error must lie."""
+
+    positive: float  # v* - beta_1 - beta_2 - d* - rho_1 (repaired: and the tracking error)
+    rho_1: float  # of the reference model and the command, units of u
+    rho_2: float
+    e_0_most: float  # largest |e(0)|: rho_2 / gamma_A
+    e_0: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the theorem promises tracking without saturation."""
+        return self.positive > 0.0 and self.e_0 <= self.e_0_most
+
+
+def theorem(
+    sizes: Sizes, reference: Reference, v_star: float, gamma_A: float, e_0: float,
+    difference: ControlDifference, tracking: float, gamma: float, form: Form = "repaired",
+) -> Theorem:  # fmt: skip
+    """Theorem V.1, for the smallest rho_1 that the reference and the command allow.
+
+    Printed, the ball is rho_2 (|K| + lambda_g |K_0|) <= d* + rho_1, which grows with what it
+    should shrink with. Repaired, the right-hand side is what is left of v*. Arguments as in
+    `adaptive_budget`.
+    """
+    budget = adaptive_budget(
+        sizes, reference, v_star, gamma_A, e_0, difference, tracking, gamma, form
+    )
+    rho_1 = budget.reference + budget.nonlinearity + budget.command
+    adaptation = budget.learning + budget.lasting_error + budget.tracking_error
+    positive = v_star - adaptation - budget.disturbance - rho_1
+    room = budget.disturbance + rho_1 if form == "printed" else max(positive, 0.0)
+    rho_2 = room / sizes.per_state if sizes.per_state > 0.0 else math.inf
+    return Theorem(positive, rho_1, rho_2, rho_2 / gamma_A, e_0)
