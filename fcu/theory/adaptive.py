@@ -98,7 +98,7 @@ class Block:
     def rate(self, stored: Array, Y: Array) -> Array:
         """gamma Pr(estimate, Y) for the unknowns of the form: as stored. Paper (10)."""
         gamma = np.asarray(self.gamma)[..., None, None]
-        return np.asarray(gamma * self.kept_in.rate(stored, gathered(Y, self.structure)))
+        return np.asarray(gamma * self.kept_in.rate(stored, gathered(Y, self.structure)))  # (10)
 
 
 def gathered(Y: Array, structure: Structure) -> Array:
@@ -232,7 +232,7 @@ def estimate_rates(
         if block is None:
             return np.zeros_like(estimate)
         Y = column if regressor is None else outer(y_til, regressor)
-        return block.rate(estimate, Y)  # (10)
+        return block.rate(estimate, Y)
 
     return Estimates(
         rate(laws.Lambda, stored.Lambda, inside(full, known, u)),

@@ -15,14 +15,12 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 def times(M: Array, v: Array) -> Array:
     """M v: (..., i, j) by (..., j) to (..., i)."""
-    product: Array = (M @ v[..., None])[..., 0]
-    return product
+    return np.asarray(np.einsum("...ij,...j->...i", M, v))
 
 
 def transposed_times(M: Array, v: Array) -> Array:
     """M^T v: (..., i, j) by (..., i) to (..., j)."""
-    product: Array = (v[..., None, :] @ M)[..., 0, :]
-    return product
+    return np.asarray(np.einsum("...ji,...j->...i", M, v))
 
 
 def outer(a: Array, b: Array) -> Array:

@@ -39,8 +39,8 @@ class Flight(NamedTuple):
     s_rate: Matrix  # 1/s of that
     a: Matrix  # acceleration of the reference trajectory
     jerk: Matrix  # and its rate
-    rho_low: float = 1.0  # estimate of mass or inertia over the truth, in flight
-    rho_high: float = 1.0
+    rho_low: Matrix | float = 1.0  # estimate of mass (one) or inertia (3,) over the truth, in flight
+    rho_high: Matrix | float = 1.0
     z_0: Matrix | float = 0.0  # |z| at the start: s(0) - s_hat(0) + (rho - 1) T/m
     x_til_0: Matrix | float = 0.0
     e_0: float = 0.0  # norm of the initial tracking error
@@ -148,7 +148,8 @@ def position_bounds(params: LawParams, mass: float, flight: Flight) -> FlightBou
     Raises NoBoundError where force or estimate of mass may move too far for a bound.
     """
     (A, B), k, g = position_model(params), params.lambda_v, params.g
-    off = max(1.0 - flight.rho_low, flight.rho_high - 1.0)
+    rho_low, rho_high = float(flight.rho_low), float(flight.rho_high)
+    off = max(1.0 - rho_low, rho_high - 1.0)
     asked = B.T @ A  # of e; a' of z adds asked B
     a_of_z = float(gain(A, B, asked)[0, 0])
     jerk_of_z = _jerk(A, B, asked, 0.0)
@@ -167,11 +168,11 @@ def position_bounds(params: LawParams, mass: float, flight: Flight) -> FlightBou
         if least <= 0.0:
             raise NoBoundError("no bound: the force may vanish, and with it its direction")
         assumed, tilt = tilt, min(aside * mass / least, 1.0)
-        high = flight.rho_high * (params.gamma + np.array([0.0, params.gamma_Lambda * most**2]))
-        low = flight.rho_low * (params.gamma + np.array([0.0, params.gamma_Lambda * least**2]))
+        high = rho_high * (params.gamma + np.array([0.0, params.gamma_Lambda * most**2]))
+        low = rho_low * (params.gamma + np.array([0.0, params.gamma_Lambda * least**2]))
         jerk = jerk_0 + jerk_of_z * float(Z.sum())
         # across itself T = m_hat (a - g - s_hat) moves with a' and s_hat' = gamma x_til alone
-        turning = flight.rho_high * mass * (jerk + params.gamma * X) / least
+        turning = rho_high * mass * (jerk + params.gamma * X) / least
         level, up = float(np.linalg.norm(flight.s_rate[:2])), float(flight.s_rate[2])
         delta = np.array([level + tilt * up, up + tilt * level]) + off * jerk_0
         seen = off * np.array([[1.0, tilt], [tilt, 1.0]])  # an axis of Earth from those of T
@@ -238,7 +239,10 @@ def rate_bounds(params: LawParams, inertia: Matrix, flight: Flight) -> list[Flig
 
 def _rate_bounds(params: LawParams, axis: int, J: float, flight: Flight) -> FlightBounds:
     c, k = float(params.c_rate[axis]), params.lambda_w
-    off = max(1.0 - flight.rho_low, flight.rho_high - 1.0)
+    rho_low, rho_high = (
+        float(np.broadcast_to(rho, 3)[axis]) for rho in (flight.rho_low, flight.rho_high)
+    )
+    off = max(1.0 - rho_low, rho_high - 1.0)
     s, s_rate = float(flight.s[axis]), float(flight.s_rate[axis])
     z_0, x_0 = (np.broadcast_to(np.asarray(v, dtype=float), 3)[axis : axis + 1]
                 for v in (flight.z_0, flight.x_til_0))  # fmt: skip
@@ -247,8 +251,8 @@ def _rate_bounds(params: LawParams, axis: int, J: float, flight: Flight) -> Flig
     for _ in range(ROUNDS):
         Z *= 1.0 + SLACK
         torque = J * (a_0 + s + 2.0 * Z)  # a of z has gain 1, z itself adds one
-        low = np.array([flight.rho_low * params.gamma])
-        high = np.array([flight.rho_high * (params.gamma + params.gamma_LambdaJ * torque**2)])
+        low = np.array([rho_low * params.gamma])
+        high = np.array([rho_high * (params.gamma + params.gamma_LambdaJ * torque**2)])
         echo = np.array([[off * 2.0 * c]])  # a' of z: -c s/(s + c)
         delta = np.array([s_rate + off * jerk_0])
         channels = _Channels(k, low, high, delta, np.zeros((1, 1)), echo)

@@ -127,9 +127,12 @@ class Box:
 
     def rate(self, estimate: Array, Y: Array) -> Array:
         """Pr(estimate, Y): (..., i, j)."""
+        over, under = estimate - self.high, self.low - estimate
+        if max(over.max(), under.max()) < 0.0:
+            return Y
         edge = 0.5 * self.margin * (self.high - self.low)
-        above = np.where(Y > 0.0, _share(estimate - self.high, edge), 0.0)
-        below = np.where(Y < 0.0, _share(self.low - estimate, edge), 0.0)
+        above = np.where(Y > 0.0, _share(over, edge), 0.0)
+        below = np.where(Y < 0.0, _share(under, edge), 0.0)
         return np.asarray(Y * (1.0 - above - below))
 
     def hold(self, estimate: Array) -> Array:

@@ -23,7 +23,7 @@ from fcu.theory.adaptive import (
     lyapunov,
     prediction_rate,
 )
-from fcu.theory.arrays import Array, frobenius
+from fcu.theory.arrays import Array, transposed
 from fcu.theory.systems import Plant
 
 
@@ -213,22 +213,28 @@ def simulate(loop: ClosedLoop, start: LoopState, duration: float, h: float, ever
     return Run(np.array(times_kept), states, signals)
 
 
-def step_for(loop: ClosedLoop, f: float = 0.0, phi: float = 0.0, delta_u: float = 0.0) -> float:
-    """A step (s) for regressors of these norms: 0.3 over the fastest frequency of prediction.
+def step_for(
+    loop: ClosedLoop,
+    f: float = 0.0,
+    phi: float = 0.0,
+    delta_u: float = 0.0,
+    radians: float = 0.3,
+) -> float:
+    """A step (s) for regressors of these norms: `radians` of the batch's fastest prediction.
 
     Prediction error and estimates are an oscillator with frequency squared at most
-    |B Lambda B^T P| (gamma_Theta f^2 + gamma_d) + |B B^T P| (gamma_Lambda delta_u^2 +
-    gamma_C phi^2 + gamma_s), and L damps it.
+    |B^T P B| (|Lambda| (gamma_Theta f^2 + gamma_d) + gamma_Lambda delta_u^2 + gamma_C phi^2 +
+    gamma_s), and L damps it. delta_u is the norm of Lambda_hat's whole regressor. A batch is
+    as slow as its fastest system: scale each Q so that its P has norm 1, and gamma is the speed.
     """
     told, laws, truth = loop.predictor, loop.laws, loop.plant.truth
-    B, PB = told.B, told.P @ told.B
+    strength = np.linalg.norm(transposed(told.B) @ told.P @ told.B, ord=2, axis=(-2, -1))
+    damping = np.linalg.norm(told.L, ord=2, axis=(-2, -1))
 
     def gamma(block: Block | None) -> Array:
         return np.asarray(0.0 if block is None else block.gamma)
 
     within = gamma(laws.Theta) * f * f + gamma(laws.d)
     aside = gamma(laws.Lambda) * delta_u**2 + gamma(laws.C) * phi * phi + gamma(laws.s)
-    size = frobenius(B) * frobenius(PB)
-    squared = size * (truth.Lambda.bound * within + aside)
-    fastest = max(float(np.sqrt(squared.max())), float(frobenius(told.L).max()))
-    return 0.3 / fastest
+    frequency = np.sqrt(strength * (truth.Lambda.bound * within + aside))
+    return radians / max(float(frequency.max()), float(damping.max()))

@@ -242,9 +242,8 @@ class Plant:
 
     def known_control(self, t: float, x: Array, r: Array) -> Array:
         """v_0 (..., q), the control that would be right: x then follows (1). Paper (21)."""
-        beside = self.beside(t, x, r)
-        demanded = -self.inside(t, x, r) - solve(self.truth.Lambda.value(t), beside)  # (21)
-        return demanded
+        Lambda, beside = self.truth.Lambda.value(t), self.beside(t, x, r)
+        return -self.inside(t, x, r) - solve(Lambda, beside)  # (21)
 
 
 def solve(Lambda: Array, y: Array) -> Array:

@@ -1,0 +1,129 @@
+"""Prediction error against gamma, for the octocopter's position loop in the paper's wind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fcu.law.types import LawParams
+from fcu.theory import scenes
+from fcu.theory.adaptive import Estimates
+from fcu.theory.arrays import Array
+from fcu.theory.bounds import Assumed, Blocks, Unknown, prediction_bound
+from fcu.theory.linear_loop import NoBoundError
+from fcu.theory.loop_bounds import Flight, position_bounds
+from fcu.theory.octocopter import position_loop
+from fcu.theory.projection import Structure
+from fcu.theory.simulate import ClosedLoop, LoopState, Run, simulate
+from fcu.theory.systems import Uncertainty, Varying, constant, unlimited
+
+DRAG = 0.15  # N/(m/s)^2
+STEP = 0.3  # of integration, over the fastest frequency
+
+
+class GammaSweep(NamedTuple):
+    """Largest prediction errors (m/s) in hover, and their bounds, one for each gamma."""
+
+    gamma: Array
+    measured: Array
+    lyapunov: Array  # (20), of order 1/sqrt(gamma)
+    inverse: Array  # of order 1/gamma; nan where the force may move too far for it
+
+
+def with_gamma(params: LawParams, gamma: float) -> LawParams:
+    """The same law at another gamma: block gains in proportion, lambda = sqrt(gamma)."""
+    scale = gamma / params.gamma
+    return params._replace(
+        gamma=gamma,
+        gamma_m=params.gamma_m * scale,
+        gamma_Lambda=params.gamma_Lambda * scale,
+        gamma_J=params.gamma_J * scale,
+        gamma_LambdaJ=params.gamma_LambdaJ * scale,
+        gamma_c=params.gamma_c * scale,
+        lambda_v=math.sqrt(gamma),
+        lambda_w=math.sqrt(gamma),
+    )
+
+
+def believing(params: LawParams, mass: float, within: float) -> LawParams:
+    """The same law with its mass estimate held within a fraction of a mass (kg)."""
+    bounds = params.bounds._replace(m_min=mass * (1.0 - within), m_max=mass * (1.0 + within))
+    return params._replace(bounds=bounds, m_hat_0=mass)
+
+
+def hover_loop(params: LawParams, mass: float, s: Varying) -> ClosedLoop:
+    """The position loop at rest at the origin, disturbed by s ((..., 3, 1), m/s^2), unlimited."""
+    Lambda = constant(np.eye(3) / mass)
+    truth = Uncertainty(Lambda, np.asarray(1.0 / mass), Structure.SCALAR, s=s)
+    return position_loop(params, truth, lambda t: np.zeros(3), unlimited)
+
+
+def hover_start(mass: float, batch: tuple[int, ...] = ()) -> LoopState:
+    """At rest at the origin, mass known, no disturbance believed in."""
+    nothing = np.zeros((*batch, 6))
+    Lambda_hat = np.full((*batch, 1, 1), 1.0 / mass)
+    return LoopState(
+        nothing, nothing, nothing, Estimates(Lambda_hat, s=np.zeros((*batch, 3, 1)))
+    )  # fmt: skip
+
+
+def hover_run(
+    params: LawParams, mass: float, s: Varying, duration: float, batch: tuple[int, ...] = ()
+) -> Run:
+    """A simulated hover; the step follows from the gains."""
+    weight = mass * params.g
+    fastest = math.sqrt(params.gamma + params.gamma_Lambda * (1.3 * weight) ** 2)
+    h = STEP / max(fastest, params.lambda_v)
+    kept = max(1, int(0.02 / fastest / h * 10.0))
+    return simulate(hover_loop(params, mass, s), hover_start(mass, batch), duration, h, every=kept)
+
+
+def hover_assumed(params: LawParams, mass: float, s: Array, s_rate: Array) -> Assumed:
+    """What (14) assumes: the sets of projection, and the bounds of s and its rate, by axis (3,)."""
+    b = params.bounds
+    width = max(1.0 / b.m_min - 1.0 / mass, 1.0 / mass - 1.0 / b.m_max)
+    farthest = float(np.linalg.norm(np.asarray(s) + b.s_v_max))
+    return Assumed(
+        Unknown(1.0 / mass, error=width),
+        1.0 / mass,
+        s=Unknown(float(np.linalg.norm(s)), float(np.linalg.norm(s_rate)), error=farthest),
+    )
+
+
+def lyapunov_settled(params: LawParams, assumed: Assumed) -> float:
+    """(20) of the position loop (m/s): P = I, no A in the predictor of the velocity."""
+    gammas = Blocks(Lambda=params.gamma_Lambda, s=params.gamma)
+    bound = prediction_bound(
+        assumed, gammas, params.lambda_v, np.eye(3), np.zeros((3, 3)), np.zeros(3)
+    )
+    return float(bound.settled)
+
+
+def prediction_against_gamma(
+    gammas: Sequence[float], params: LawParams, mass: float = 8.0, within: float = 0.05,
+    duration: float = 12.0,
+) -> GammaSweep:  # fmt: skip
+    """Simulate a hover (duration s) in the paper's wind at each gamma, and bound its errors.
+
+    within : fraction of the mass (kg) that its estimate is held to. Measured over the whole
+    hover, from a start that knows the mass and no wind.
+    """
+    amplitude, omega = scenes.WIND
+    s = scenes.drag(amplitude, omega, DRAG / mass)
+    most = DRAG / mass * amplitude**2
+    flight = Flight(most, most * omega, np.zeros(3), np.zeros(3), 1.0 - within, 1.0 + within)
+    rows = []
+    for gamma in gammas:
+        law = believing(with_gamma(params, gamma), mass, within)
+        run = hover_run(law, mass, s, duration)
+        measured = float(np.linalg.norm((run.states.x - run.states.x_hat)[..., 3:], axis=-1).max())
+        try:
+            inverse = position_bounds(law, mass, flight).prediction
+        except NoBoundError:
+            inverse = math.nan
+        assumed = hover_assumed(law, mass, most, most * omega)
+        rows.append((gamma, measured, lyapunov_settled(law, assumed), inverse))
+    return GammaSweep(*np.array(rows).T)

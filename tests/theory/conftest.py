@@ -1,0 +1,63 @@
+"""The law as it is flown, and random systems of the general form, a batch at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import fcu
+from fcu.interface.airframe import airframe, load
+from fcu.interface.messages import VehicleState
+from fcu.kernel.algebra import Rotors, Vec3
+from fcu.kernel.rotations import from_euler
+from fcu.law import cascade
+from fcu.law.parameters import law_params
+from fcu.law.types import Bounds, LawParams, LawState
+
+OCTO = load(Path(fcu.__file__).with_name("octo.toml"))
+ZERO = Vec3(0.0, 0.0, 0.0)
+# -1e6 to 1e6, which no estimate of a test meets: as printed for the estimate itself, and by the
+# achieved force for its inverse
+PRINTED = Bounds(-1e6, 1e6, -1e6, 1e6, 1e6, 1e6, 1e6)
+ACHIEVED = Bounds(1e-6, -1e-6, 1e-6, -1e-6, 1e6, 1e6, 1e6)
+
+
+@pytest.fixture(scope="session")
+def law() -> Callable[..., LawParams]:
+    """LawParams of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
+    believed = airframe(OCTO["rotors"], "octo.toml")
+
+    def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
+        return law_params(believed, OCTO["limits"], rate_hz, chosen)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def free(law: Callable[..., LawParams]) -> Callable[..., LawParams]:
+    """LawParams whose sets of projection are out of the way, gains all different."""
+
+    def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
+        gains = {
+            "gamma": 900.0, "gamma_m": 0.7, "gamma_Lambda": 6e-4, "gamma_J": 0.9,
+            "gamma_LambdaJ": 1.1, "gamma_c": 0.8,
+        }  # fmt: skip
+        params = law(rate_hz, **{**gains, **chosen})
+        sets = ACHIEVED if params.achieved > 0.5 else PRINTED
+        return params._replace(lambda_v=31.0, lambda_w=29.0, bounds=sets)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def taken_over() -> Callable[[LawParams], LawState]:
+    """The state of a law that has just taken over at rest; tests replace its fields."""
+
+    def build(params: LawParams) -> LawState:
+        at_rest = VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Rotors(*[345.0] * 8))
+        return cascade.take_over(params, at_rest)
+
+    return build
