@@ -53,9 +53,14 @@ def points():
     return list(gamma.flown(gamma.QUOTED))
 
 
+@pytest.fixture(scope="module")
+def hovers():
+    return [gamma.hover(value) for value in gamma.QUOTED]
+
+
 @pytest.mark.parametrize("group", [*CASES, gamma.NAME])
-def test_the_page_quotes_what_is_flown(flights, points, group):
-    rows = table(group, flights[group]) if group in CASES else gamma.table(points)
+def test_the_page_quotes_what_is_flown(flights, points, hovers, group):
+    rows = table(group, flights[group]) if group in CASES else gamma.table(points, hovers)
     quoted = page.tables(TEXT)[group].splitlines()
     measured = page.markdown(rows).splitlines()
     assert len(quoted) == len(measured)
@@ -103,6 +108,13 @@ def test_with_delta_u_the_prediction_error_falls_as_one_over_gamma(points):
         assert errors[low] / errors[high] == pytest.approx(10.0, rel=0.05)
     printed = {p.gamma: p.error for p in points if p.title == "as printed"}
     assert printed[1e3] > 5.0 * errors[1e3]
+
+
+def test_the_theorys_hover_keeps_inside_both_bounds(hovers):
+    for sweep in hovers:
+        assert sweep.measured < sweep.lyapunov
+        assert np.isnan(sweep.inverse) or sweep.measured < sweep.inverse < sweep.lyapunov
+    assert np.isfinite(hovers[-1].inverse)
 
 
 def test_the_printed_flight_hangs_on_a_mass_far_too_low():
