@@ -147,6 +147,10 @@ def test_the_page_shows_every_figure():
     assert sum(path.stat().st_size for path in drawn) < 3e6
 
 
+def test_no_line_begins_a_list_by_accident():
+    assert not re.findall(r"^(?:\d+[.)]|[-+*]) ", TEXT, re.MULTILINE)
+
+
 def test_a_test_that_the_page_names_is_there():
     there = {
         name
