@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from gcs_tools.figures.page import PageError, written
+from gcs_tools.figures.page import PageError, check, written
 from gcs_tools.present import silence
 
 SCHEMA = 1
@@ -66,14 +66,21 @@ def _numbers(as_json: bool, page: Path | None) -> None:
     from gcs_tools.figures.cases import CASES, fly
     from gcs_tools.figures.numbers import measured, table
 
+    if page:
+        check(page.read_text(encoding="utf-8"), (*CASES, gamma.NAME))
     flights = {group: [fly(case) for case in cases] for group, cases in CASES.items()}
     points = list(gamma.flown(gamma.QUOTED))
+    hovers = [gamma.hover(value) for value in gamma.QUOTED]
     tables = {group: table(group, flights[group]) for group in CASES}
-    tables[gamma.NAME] = gamma.table(points)
+    tables[gamma.NAME] = gamma.table(points, hovers)
     if page:
         page.write_text(written(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
     if as_json:
-        found = {"schema": SCHEMA, "numbers": measured(flights), gamma.NAME: gamma.measured(points)}
+        found = {
+            "schema": SCHEMA,
+            "numbers": measured(flights),
+            gamma.NAME: gamma.measured(points, hovers),
+        }
         print(json.dumps(found, allow_nan=False, ensure_ascii=False, indent=2))
         return
     out = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
@@ -99,7 +106,7 @@ def _draw(out: Path, names: tuple[str, ...]) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     groups = dict.fromkeys(FIGURES[name].group for name in names if name in FIGURES)
-    sweep = 2 * len(gamma.GAMMAS) if gamma.NAME in names else 0
+    sweep = 2 * len(gamma.GAMMAS) + len(gamma.IN_THEORY) if gamma.NAME in names else 0
     log = Console(stderr=True, highlight=False)
     with Progress(
         TextColumn("[bold]{task.description}"), BarColumn(bar_width=40), MofNCompleteColumn(),
@@ -118,13 +125,18 @@ def _draw(out: Path, names: tuple[str, ...]) -> None:
         for point in gamma.flown() if sweep else ():
             bar.update(task, description=f"flying at γ = {point.gamma:g}", advance=1)
             points.append(point)
+        hovers = []
+        for value in gamma.IN_THEORY if sweep else ():
+            bar.update(task, description=f"hovering in theory at γ = {value:g}")
+            hovers.append(gamma.hover(value))
+            bar.advance(task)
         for name in names:
             bar.update(task, description=f"drawing {name}")
             path = out / f"{name}.png"
             if name in FIGURES:
                 save(name, flights[FIGURES[name].group], path)
             else:
-                gamma.save(points, path)
+                gamma.save(points, hovers, path)
             bar.advance(task)
             click.echo(path)
 

@@ -24,13 +24,21 @@ class Case:
     settings: tuple[str, ...] = ()  # TABLE.KEY=VALUE
 
 
-PRINTED, ACHIEVED = "as printed", "with Δu"
+PRINTED, ACHIEVED, GUARDED = "as printed", "with Δu", "with the guard"
+GOVERN = ("law.guard=govern",)
 CASES = {
-    "nominal": (Case(PRINTED, "paper_printed"), Case(ACHIEVED, "paper_nominal")),
+    "nominal": (
+        Case(PRINTED, "paper_printed"), Case(ACHIEVED, "paper_nominal"),
+        Case(GUARDED, "paper_nominal", GOVERN),
+    ),
     "wrong_start": (
         Case(PRINTED, "paper_printed_wrong_start"), Case(ACHIEVED, "wrong_start"),
+        Case(GUARDED, "wrong_start", GOVERN),
     ),
-    "fast": (Case(PRINTED, "paper_printed_fast"), Case(ACHIEVED, "paper_fast")),
+    "fast": (
+        Case(PRINTED, "paper_printed_fast"), Case(ACHIEVED, "paper_fast"),
+        Case(GUARDED, "paper_fast", GOVERN),
+    ),
 }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 COMMAND = "python -m gcs_tools.figures --numbers --write"
 END = "<!-- end of the numbers -->"
@@ -37,12 +37,21 @@ def tables(text: str) -> dict[str, str]:
     return {found[1]: found[2].strip() for found in pattern.finditer(text)}
 
 
+def check(text: str, groups: Iterable[str]) -> None:
+    """Raises PageError for a group whose table has no place in the page."""
+    for group in groups:
+        if not _place(group).search(text):
+            raise PageError(f"no table between {mark(group)!r} and {END!r}: add both lines")
+
+
 def written(text: str, found: Mapping[str, Table]) -> str:
     """The page with its tables replaced. Raises PageError for a group that it has no marks for."""
+    check(text, found)
     for group, rows in found.items():
-        pattern = re.compile(rf"{re.escape(mark(group))}\n.*?{re.escape(END)}", re.DOTALL)
-        if not pattern.search(text):
-            raise PageError(f"no table between {mark(group)!r} and {END!r}: add both lines")
         block = f"{mark(group)}\n\n{markdown(rows)}\n\n{END}"
-        text = pattern.sub(block.replace("\\", r"\\"), text)
+        text = _place(group).sub(block.replace("\\", r"\\"), text)
     return text
+
+
+def _place(group: str) -> re.Pattern[str]:
+    return re.compile(rf"{re.escape(mark(group))}\n.*?{re.escape(END)}", re.DOTALL)

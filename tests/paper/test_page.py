@@ -53,9 +53,14 @@ def points():
     return list(gamma.flown(gamma.QUOTED))
 
 
+@pytest.fixture(scope="module")
+def hovers():
+    return [gamma.hover(value) for value in gamma.QUOTED]
+
+
 @pytest.mark.parametrize("group", [*CASES, gamma.NAME])
-def test_the_page_quotes_what_is_flown(flights, points, group):
-    rows = table(group, flights[group]) if group in CASES else gamma.table(points)
+def test_the_page_quotes_what_is_flown(flights, points, hovers, group):
+    rows = table(group, flights[group]) if group in CASES else gamma.table(points, hovers)
     quoted = page.tables(TEXT)[group].splitlines()
     measured = page.markdown(rows).splitlines()
     assert len(quoted) == len(measured)
@@ -68,14 +73,14 @@ def number(flights, group, title, key):
     return next(q for q in QUANTITIES[group] if q.key == key).of(flown)
 
 
-@pytest.mark.parametrize("title", ["as printed", "with Δu"])
+@pytest.mark.parametrize("title", ["as printed", "with Δu", "with the guard"])
 def test_at_f_m_1_thrust_and_tilt_are_inside_their_limits_after_a_second(flights, title):
     for which in ("thrust", "tilt"):
         assert number(flights, "nominal", title, f"{which}_at_limit_from_1_s_percent") == 0.0
     assert number(flights, "nominal", title, "position_rms_settled_m") < 0.15
 
 
-@pytest.mark.parametrize("title", ["as printed", "with Δu"])
+@pytest.mark.parametrize("title", ["as printed", "with Δu", "with the guard"])
 def test_a_wrong_start_is_gone_within_5_s(flights, title):
     assert number(flights, "wrong_start", title, "position_error_gone_s") < 5.0
 
@@ -89,6 +94,13 @@ def test_at_f_m_1_4_the_printed_law_saturates_for_good_and_the_repaired_one_does
     assert number(flights, "fast", "with Δu", "position_final_m") < 0.05
 
 
+@pytest.mark.parametrize("group", ["nominal", "fast"])
+def test_with_the_guard_nothing_saturates_and_it_arrives(flights, group):
+    for which in ("thrust", "tilt"):
+        assert number(flights, group, "with the guard", f"{which}_at_limit_percent") == 0.0
+    assert number(flights, group, "with the guard", "within_0_5_m_of_setpoint_s") < 10.0
+
+
 def test_with_delta_u_the_prediction_error_falls_as_one_over_gamma(points):
     errors = {p.gamma: p.error for p in points if p.title == "with Δu"}
     assert set(errors) == set(gamma.QUOTED)
@@ -96,6 +108,13 @@ def test_with_delta_u_the_prediction_error_falls_as_one_over_gamma(points):
         assert errors[low] / errors[high] == pytest.approx(10.0, rel=0.05)
     printed = {p.gamma: p.error for p in points if p.title == "as printed"}
     assert printed[1e3] > 5.0 * errors[1e3]
+
+
+def test_the_theorys_hover_keeps_inside_both_bounds(hovers):
+    for sweep in hovers:
+        assert sweep.measured < sweep.lyapunov
+        assert np.isnan(sweep.inverse) or sweep.measured < sweep.inverse < sweep.lyapunov
+    assert np.isfinite(hovers[-1].inverse)
 
 
 def test_the_printed_flight_hangs_on_a_mass_far_too_low():
@@ -126,6 +145,10 @@ def test_the_page_shows_every_figure():
     assert sorted(shown) == sorted(command.NAMES)
     drawn = list((PAGE.parent / "figures").glob("*.png"))
     assert sum(path.stat().st_size for path in drawn) < 3e6
+
+
+def test_no_line_begins_a_list_by_accident():
+    assert not re.findall(r"^(?:\d+[.)]|[-+*]) ", TEXT, re.MULTILINE)
 
 
 def test_a_test_that_the_page_names_is_there():
