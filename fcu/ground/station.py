@@ -242,7 +242,7 @@ class Station:
             if words:
                 self._short_due = now + COMPLAIN_S
                 if self._complain(words, now):
-                    foresight.told(setpoint)
+                    foresight.told(setpoint, short)
         return foresight.refuses
 
     def _say_info(self, text: str) -> None:

@@ -33,6 +33,7 @@ from fcu.vehicle.script import Pose
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
+WORSE = 1.5  # a moving stream is warned of again when it falls short by so much more
 SAME = 0.1  # m, m/s: setpoints closer together than this are told of once
 
 
@@ -43,6 +44,7 @@ class Foresight:
         self._params = params
         self._look = Look(params.law)
         self._told: Setpoint | None = None
+        self._told_short = 0.0
 
     def warm_up(self) -> None:
         """Compile what a look needs."""
@@ -62,22 +64,30 @@ class Foresight:
         if self._params.law.guard.policy == GOVERN or setpoint.level > 0.0:
             return 0.0
         short = self._looks().short(way_to(setpoint), reference)
-        if short == 0.0:
+        if short == 0.0 and (self.refuses or setpoint.v_c == guidance.STILL):
             self._told = None
         return short
 
     def words(self, setpoint: Setpoint, short: float, reference: Row) -> str:
         """What is to be said of a setpoint that misses it; empty once the same has been `told`."""
-        if self._told is not None and _same(setpoint, self._told):
+        if self._told is not None and (
+            _same(setpoint, self._told) or self._goes_on(setpoint, short)
+        ):
             return ""
         lack = explained(self._looks(), setpoint, short, reference)
         if self.refuses:
             return f"Setpoint refused: {lack}"
         return f"Setpoint at {lack.what}: {newtons(short)} short, may saturate"
 
-    def told(self, setpoint: Setpoint) -> None:
+    def told(self, setpoint: Setpoint, short: float) -> None:
         """It has been said."""
-        self._told = setpoint
+        self._told, self._told_short = setpoint, short
+
+    def _goes_on(self, setpoint: Setpoint, short: float) -> bool:
+        """Whether it is of a moving stream that was warned of, and hardly worse."""
+        assert self._told is not None
+        moves = guidance.STILL not in (setpoint.v_c, self._told.v_c)
+        return moves and not self.refuses and short <= WORSE * self._told_short
 
     def of_move(self, here: Pose, to: Vec3, led: Limits, reference: Row) -> Lack | None:
         """What a vehicle led from `here` straight to `to` (m, E) lacks; None if nothing."""

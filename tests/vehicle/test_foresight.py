@@ -154,7 +154,7 @@ def test_the_same_is_told_once_until_another_is_flown(vehicle):
     words = foresight.words(FAR, short, AT_REST)
     assert words.startswith(f"Setpoint refused: 30.0 m needs {math.ceil(short)} N more than there")
     assert words.endswith(" m of it would do")
-    foresight.told(FAR)
+    foresight.told(FAR, short)
     assert foresight.words(FAR, short, AT_REST) == ""
     assert foresight.words(FAR._replace(r_c=Vec3(29.0, 0.0, 0.0)), short, AT_REST)
     assert foresight.short(NEAR, AT_REST) == 0.0
@@ -168,6 +168,21 @@ def test_a_velocity_is_told_as_such(vehicle):
     assert foresight.words(fast, short, AT_REST) == (
         f"Setpoint at 12.0 m/s: {math.ceil(short)} N short, may saturate"
     )
+
+
+def test_a_moving_stream_is_warned_of_once_until_it_is_much_worse(vehicle):
+    foresight = vehicle("warn").foresight
+    fast = at(v=Vec3(8.0, 0.0, 0.0))
+    short = foresight.short(fast, AT_REST)
+    assert foresight.words(fast, short, AT_REST)
+    foresight.told(fast, short)
+    assert foresight.short(at(v=Vec3(0.5, 0.0, 0.0)), AT_REST) == 0.0  # slow in between
+    assert foresight.words(at(v=Vec3(0.0, 8.0, 0.0)), short, AT_REST) == ""
+    assert foresight.words(fast, 1.6 * short, AT_REST) == ""  # the same to the number
+    assert foresight.words(at(v=Vec3(12.0, 0.0, 0.0)), 1.6 * short, AT_REST)
+    refusing = vehicle("refuse").foresight
+    refusing.told(fast, short)
+    assert refusing.words(at(v=Vec3(0.0, 8.0, 0.0)), short, AT_REST)
 
 
 @pytest.mark.parametrize("place", [1e9, 1e200, math.inf, math.nan])
