@@ -233,7 +233,7 @@ def command(state, params, setpoint, measured, v_til, w_til):
         state.T_trim,
         tilt_filter,
         select3(below_position, Vec3(0.0, 0.0, 0.0), a_m),
-        state.beta,
+        state.beta + select(below_position, 0.0, margin.doubt(params, a_m - state.a_m)),
         select(below_position, angles.z, setpoint.psi_c + params.h * setpoint.psi_dot_c),
         select(below_position, w.z, setpoint.psi_dot_c),
     )

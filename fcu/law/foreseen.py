@@ -28,8 +28,8 @@ def steps(params):
 
 
 @kernel
-def advanced(params, a_d, r, v, a, jumped):
-    """Where the vehicle is a step later (r, v, a: m, m/s, m/s^2, E), and what is left of a jump.
+def advanced(params, a_d, r, v, a):
+    """Where the vehicle is a step later: r, v, a (m, m/s, m/s^2, E).
 
     It follows the acceleration a_d demanded with the lags of attitude and rates, 1/c_theta + 1/c_q:
     a reference model that is too fast for them demands more than it would without.
@@ -37,7 +37,26 @@ def advanced(params, a_d, r, v, a, jumped):
     h, lag = params.h, 1.0 / params.c_angle.y + 1.0 / params.c_rate.y
     a = (a + (h / lag) * a_d) / (1.0 + h / lag)
     v = v + h * a
-    return r + h * v, v, a, jumped / (1.0 + 0.5 * h * params.lambda_v)
+    return r + h * v, v, a
+
+
+@kernel
+def misjudged(params, off, change):
+    """By how much (m/s^2, E) what is demanded may be off after a change of it (m/s^2, E).
+
+    m_hat may be off by FORGOTTEN when the demand changes; that is learnt with nu_1 = lambda/2.
+    """
+    return off / (1.0 + 0.5 * params.h * params.lambda_v) + margin.FORGOTTEN * change
+
+
+@kernel
+def holds(known, a_d, off, v):
+    """The condition (N) for a demand a_d (m/s^2, E) that is off by `off`, either way."""
+    more, less = (
+        margin.condition(known, a_d + off, v, 0.0),
+        margin.condition(known, a_d - off, v, 0.0),
+    )
+    return minimum(more, less)
 
 
 @kernel
@@ -46,20 +65,21 @@ def least(params, setpoint, r, v):
     acceleration (m/s^2, E) that is demanded and the velocity (m/s, E) there.
 
     params.h is the step of the look ahead, a hundredth of a second say.  r, v : where the way
-    begins, m, m/s, E, in hover.  The jump of the demand is flown with m_hat, which may be
-    FORGOTTEN more than the mass until that is learnt.
+    begins, m, m/s, E, in hover.
     """
     known, worst, at = margin.known(params), math.inf, 0.0
-    a = Vec3(0.0, 0.0, 0.0)
-    jumped = margin.FORGOTTEN * a_ref(params, setpoint, r, v)
-    a_worst, v_worst = a, v
+    zero = Vec3(0.0, 0.0, 0.0)
+    a, a_worst, v_worst = zero, zero, v
+    before, off = zero, zero
     for k in range(steps(params)):
         t = k * params.h
         a_d = a_ref(params, carried(setpoint, t), r, v)
-        holds = margin.condition(known, a_d + jumped, v, 0.0)
-        if holds < worst:
-            worst, at, a_worst, v_worst = holds, t, a_d + jumped, v
-        r, v, a, jumped = advanced(params, a_d, r, v, a, jumped)
+        off = misjudged(params, off, a_d - before)
+        now = holds(known, a_d, off, v)
+        if now < worst:
+            worst, at, a_worst, v_worst = now, t, a_d, v
+        r, v, a = advanced(params, a_d, r, v, a)
+        before = a_d
     return worst, at, a_worst, v_worst
 
 
@@ -72,21 +92,20 @@ def along(params, sent_at, setpoints, r, v, rows):
     """
     known, sent = margin.known(params), 0
     setpoint = _unpack_setpoint(setpoints[0])
-    a = Vec3(0.0, 0.0, 0.0)
-    jumped = margin.FORGOTTEN * a_ref(params, setpoint, r, v)
+    zero = Vec3(0.0, 0.0, 0.0)
+    a, before, off = zero, zero, zero
     for k in range(len(rows)):
         t = k * params.h
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
-            before = a_ref(params, carried(setpoint, t - sent_at[sent]), r, v)
             sent += 1
             setpoint = _unpack_setpoint(setpoints[sent])
-            jumped = jumped + margin.FORGOTTEN * (a_ref(params, setpoint, r, v) - before)
         a_d = a_ref(params, carried(setpoint, t - sent_at[sent]), r, v)
-        asked = a_d + jumped
-        rows[k, 0], rows[k, 1] = t, margin.condition(known, asked, v, 0.0)
-        rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
+        off = misjudged(params, off, a_d - before)
+        rows[k, 0], rows[k, 1] = t, holds(known, a_d, off, v)
+        rows[k, 2], rows[k, 3], rows[k, 4] = a_d.x, a_d.y, a_d.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
-        r, v, a, jumped = advanced(params, a_d, r, v, a, jumped)
+        r, v, a = advanced(params, a_d, r, v, a)
+        before = a_d
 
 
 @kernel

@@ -46,14 +46,12 @@ class Known(NamedTuple):
 def known(params):
     """What is known of actuators, air and vehicle; with it the bound beta_2 gamma^(-1/2).
 
-    The control difference m z is bounded by N_HALF/sqrt(gamma) times what drives it: the rate of
-    drag, 2 c (|v| + w_max) (w_dot_max + g/2), and a mass that is not known while the reference's
-    acceleration changes. Paper (30).
+    The control difference m z is bounded by N_HALF/sqrt(gamma) times the rate of drag,
+    2 c (|v| + w_max) (w_dot_max + g/2), beside what fades (beta). Paper (30).
     """
     guard = params.guard
     per_rate = N_HALF / math.sqrt(params.gamma)
     per_speed = 2.0 * guard.c_D * (guard.w_dot_max + 0.5 * params.g)
-    at_rest = per_speed * guard.w_max + FORGOTTEN * guard.m_max * guard.jerk
     return Known(
         params.T_min,
         params.T_max,
@@ -64,7 +62,7 @@ def known(params):
         params.g,
         guard.c_D,
         guard.w_max,
-        per_rate * at_rest,
+        per_rate * per_speed * guard.w_max,
         per_rate * per_speed,
     )  # (30)
 
@@ -108,7 +106,7 @@ def difference(known, speed):
 def allowance(known, v, beta):
     """Radius (N) of what is not known of the demand at velocity v (m/s, E).
 
-    beta : what is left of the control difference at take-over, N.
+    beta : what is left of the control difference of take-over and of changes, N.
     """
     speed, w_max = norm(v), known.w_max
     drag = known.c_D * (speed + w_max) * (w_max + 0.5 * speed)
@@ -146,6 +144,12 @@ def beta_1(params):
     off = maximum(abs(guard.m_max - m_0), abs(guard.m_min - m_0))
     wrong = guard.m_max * math.sqrt(params.gamma) * norm(params.v_hat_offset)
     return PEAK_HALF * (off * params.g + guard.c_D * guard.w_max * guard.w_max + wrong)  # (30)
+
+
+@kernel
+def doubt(params, a):
+    """Control difference (N) of a change a (m/s^2, E) of what is demanded: m_hat may be off."""
+    return FORGOTTEN * params.guard.m_max * norm(a)
 
 
 @kernel

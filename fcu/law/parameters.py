@@ -56,7 +56,7 @@ DEFAULTS: dict[str, Any] = {
     "guard_drag": 0.15,  # N/(m/s)^2, as octo.toml believes
     "guard_wind_m_s": 12.0,  # the paper's is up to 11.7
     "guard_wind_rate_m_s2": 20.0,  # the paper's is up to 18.5
-    "guard_jerk_m_s3": 10.0,
+    "guard_jerk_m_s3": 25.0,
 }
 
 POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}

@@ -111,7 +111,7 @@ class LawState(NamedTuple):
     T_trim: float  # slow trim of thrust, N
     tilt_filter: Vec3  # low-passed phi_c, theta_c (x, y), rad; z unused
     a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
-    beta: float  # what is left of the control difference at take-over, N (30)
+    beta: float  # control difference left of take-over, and of the reference's changes, N (30)
     psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
     psi_g_dot: float  # its rate, rad/s
 

@@ -42,21 +42,20 @@ def flown_out(law, way, reference):
     r, v = (np.array(reference[i : i + 3]) for i in (0, 3))
     lag, fades = 1.0 / law.c_angle.y + 1.0 / law.c_rate.y, math.exp(-0.5 * law.h * law.lambda_v)
     known, worst = margin.known(law), math.inf
-    a, jumped, before = np.zeros(3), np.zeros(3), np.zeros(3)
+    a, off, before = np.zeros(3), np.zeros(3), np.zeros(3)
 
-    def demanded(setpoint):
-        return np.array(a_ref(law, setpoint, Vec3(*r.tolist()), Vec3(*v.tolist())))
+    def condition(a_d):
+        return margin.condition(known, Vec3(*a_d.tolist()), Vec3(*v.tolist()), 0.0)
 
     for setpoint, for_s in way:
-        jumped = jumped + margin.FORGOTTEN * (demanded(setpoint) - before)
         n = round((16.0 if math.isinf(for_s) else for_s) / law.h)
         for k in range(n):
-            a_d = demanded(carried(setpoint, k * law.h))
-            asked = Vec3(*(a_d + jumped).tolist())
-            worst = min(worst, margin.condition(known, asked, Vec3(*v.tolist()), 0.0))
+            now = carried(setpoint, k * law.h)
+            a_d = np.array(a_ref(law, now, Vec3(*r.tolist()), Vec3(*v.tolist())))
+            off = fades * off + margin.FORGOTTEN * (a_d - before)
+            worst = min(worst, condition(a_d + off), condition(a_d - off))
             a = a + (1.0 - math.exp(-law.h / lag)) * (a_d - a)
-            r, v, jumped = r + law.h * v, v + law.h * a, fades * jumped
-        before = demanded(carried(setpoint, n * law.h))
+            r, v, before = r + law.h * v, v + law.h * a, a_d
     return worst
 
 

@@ -177,7 +177,7 @@ def test_where_the_ground_is_not_known_everything_is_flown_as_asked():
 
 def test_a_vehicle_held_up_by_a_gust_goes_on_sinking():
     sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), Touchdown()
-    looks = [seen.see(sinking, pose(5.0), GROUND, k * 20_000) for k in range(16)]
+    looks = [seen.see(sinking, pose(5.0), GROUND, k * 20_000) for k in range(30)]
     assert looks.index(True) * 20_000 == touchdown.ANYWHERE_US
     assert seen.done
     assert not seen.see(sinking, pose(5.0, Vec3(0.0, 0.0, -0.9)), GROUND, 400_000)
