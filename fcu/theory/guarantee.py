@@ -18,7 +18,7 @@ from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, boun
 from fcu.theory.region import Budget, Reference, Sizes, adaptive_budget
 from fcu.theory.responses import Matrix, peak
 
-ROUNDS, SLACK = 100, 1e-3
+ROUNDS, SLACK = 30, 1e-3
 
 
 class Model(NamedTuple):
