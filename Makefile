@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients readers browser fly test check bench schemas console stability
+.PHONY: help setup clients readers browser fly test check bench schemas console stability figures
 .DEFAULT_GOAL := setup
 
 # the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
@@ -75,3 +75,6 @@ console: clients  ## flown again: docs/mavproxy.txt
 
 stability: setup  ## flown again: docs/stability_map.png
 	@.venv/bin/python -m gcs_tools.stability_map
+
+figures: setup  ## flown again: the paper's figures, docs/figures
+	@.venv/bin/python -m gcs_tools.figures

@@ -15,7 +15,13 @@ import click
 
 from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
-from gcs_tools import commands_bus, commands_monitor, commands_plot, commands_view
+from gcs_tools import (
+    commands_bus,
+    commands_envelope,
+    commands_monitor,
+    commands_plot,
+    commands_view,
+)
 
 if TYPE_CHECKING:
     from gcs_tools.publishing import Zenoh
@@ -300,6 +306,7 @@ def recover(recording: Path, out: Path | None) -> None:
 
 for command in (
     commands_bus.publish, commands_bus.record, commands_bus.replay, commands_bus.topics,
+    commands_envelope.envelope,
     commands_monitor.monitor,
     commands_plot.plot,
     commands_view.view,

@@ -27,8 +27,8 @@ from gcs_tools.toml_lines import KeyPath, lines, nearest
 from gcs_tools.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [
-    "Mission", "MissionError", "Value", "folder", "last_change_s", "load", "override",
-    "setpoint_at", "setpoint_times",
+    "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
+    "override", "setpoint_at", "setpoint_times",
 ]  # fmt: skip
 
 
@@ -126,6 +126,11 @@ def load(name_or_path: str | Path) -> Mission:
         line = (at and at[1]) or len(text.splitlines())
         raise MissionError(f"{source}:{line}: {str(error)[: at and at.start()]}") from error
     return _checked(path.stem, source, given, {}, text)
+
+
+def from_tables(name: str, given: Mapping[str, Any]) -> Mission:
+    """A mission from tables that a program has made. Raises MissionError."""
+    return _checked(name, name, dict(given), {}, "")
 
 
 def override(mission: Mission, setting: str, option: str = "--set") -> Mission:

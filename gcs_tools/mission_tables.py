@@ -22,6 +22,7 @@ from gcs_tools.mission_fields import (
     Positive,
     Positives,
     Table,
+    TwoPositive,
     optional,
     wrong,
 )
@@ -74,6 +75,14 @@ class Law(Table):
     tilt_rate_max: Positive | None = optional("limit of the tilt command's rate, rad/s")
     yaw_rate_max: Positive | None = optional("limit of the commanded rate of yaw, rad/s")
     yaw_acceleration: Positive | None = optional("what yaw is believed to slow down with, rad/s^2")
+    guard: Literal["warn", "govern", "refuse"] | None = optional(
+        "when the actuators do not suffice"
+    )
+    guard_mass_kg: TwoPositive | None = optional("between which the mass is believed to lie")
+    guard_drag: Positive | None = optional("greatest drag coefficient, N/(m/s)^2")
+    guard_wind_m_s: NotNegative | None = optional("greatest velocity of the air")
+    guard_wind_rate_m_s2: NotNegative | None = optional("greatest rate of that velocity")
+    guard_jerk_m_s3: Positive | None = optional("fastest change of the reference's acceleration")
 
 
 # --- [wind]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from fcu.kernel.algebra import Vec3, clip, maximum, select
+from fcu.kernel.algebra import Vec3, clip, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import wrap
+from fcu.law.approach import approach
 
 
 @kernel
@@ -37,10 +38,8 @@ def yaw_rate(params, e_psi, psi_dot_c):
     whose own deceleration is that acceleration. As printed there is no limit.
     """
     c, a, top = params.c_angle.z, params.yaw_acceleration, params.yaw_rate_max
-    closing, e = c * e_psi, abs(e_psi)
-    knee = a / c
-    root = math.sqrt(maximum(2.0 * a * e - knee * knee, 0.0))
-    stops = select(abs(closing) > knee, root, abs(closing))
+    closing = c * e_psi
+    stops = approach(c, a, abs(e_psi))
     rate = psi_dot_c + clip(closing, -stops, stops)
     kept = clip(rate, -top, top)  # departure 16
     limited = (abs(closing) > stops) | (abs(rate) > top)

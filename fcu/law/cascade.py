@@ -18,6 +18,8 @@ from fcu.law import (
     allocation,
     attitude,
     entry,
+    governor,
+    margin,
     position,
     prediction,
     rates,
@@ -58,6 +60,10 @@ def take_over(params, measured):
         measured.Omega,
         0.0,
         Vec3(angles.x, angles.y, 0.0),
+        zero,
+        margin.beta_1(params),
+        angles.z,
+        measured.w_B.z,
     )
 
 
@@ -109,6 +115,10 @@ def adapt(state, params, measured):
         state.Omega_prev,
         position.trim(params, state, T_mean),
         state.tilt_filter,
+        state.a_m,
+        margin.faded(params, state.beta),
+        state.psi_g,
+        state.psi_g_dot,
     )
     return adapted, v_til, w_til
 
@@ -122,9 +132,14 @@ def command(state, params, setpoint, measured, v_til, w_til):
     cos_theta = math.sqrt(R_EB.e1.x * R_EB.e1.x + R_EB.e1.y * R_EB.e1.y) + 1e-30
     cos_psi, sin_psi = R_EB.e1.x / cos_theta, R_EB.e1.y / cos_theta
 
+    # what the reference model is given: the setpoint, or what the limits leave of it
+    asked = setpoint
+    setpoint, a_m, governed = governor.governed(params, state, asked, r, v)
+
     # position: demanded force, thrust, tilt
     f_c = position.f_c(params, state, setpoint, r, v)
-    T_d, narrowed = position.safe(params, state.m_hat * f_c)  # (37)
+    T_0 = state.m_hat * f_c  # (37)
+    T_d, narrowed = position.safe(params, T_0)
     T_c = position.thrust(params, T_d, e3)
     phi_c, theta_c, tilt_clipped = position.tilt(params, T_d, cos_psi, sin_psi)
     tilt_saturated, psi_c = maximum(tilt_clipped, narrowed), setpoint.psi_c
@@ -134,6 +149,7 @@ def command(state, params, setpoint, measured, v_til, w_til):
     given = entry.given(params, setpoint, angles, e3, cos_psi, sin_psi)
     f_c = select3(below_position, given.T_d / state.m_hat, f_c)
     T_d = select3(below_position, given.T_d, T_d)
+    T_0 = select3(below_position, given.T_d, T_0)
     T_c = select(below_position, given.T_c, T_c)
     angles_c = select3(below_position, given.angles_c, Vec3(phi_c, theta_c, psi_c))
     tilt_saturated = select(below_position, given.clipped, tilt_saturated)
@@ -158,6 +174,8 @@ def command(state, params, setpoint, measured, v_til, w_til):
     T_a = T_achieved * e3
     limited = (T_c <= params.T_min) or (T_c >= params.T_max)
     r_m, v_m = select3(below_position, r, state.r_m), select3(below_position, v, state.v_m)
+    g_E = Vec3(0.0, 0.0, -params.g * params.achieved)
+    a_d = f_c + g_E + state.s_v_hat
     internals = Internals(
         r_m,
         v_m,
@@ -183,6 +201,11 @@ def command(state, params, setpoint, measured, v_til, w_til):
         select(below_attitude, 0.0, rate_clipped),
         select(below_attitude, 0.0, yaw_limited),
         select(abs(state.T_trim) >= params.trim_max, 1.0, 0.0),
+        setpoint.r_c,
+        governed,
+        margin.distance(params, T_0),
+        margin.tilt_left(params, T_0),
+        margin.condition(params, a_d, v_m, state.beta),
     )
 
     next_r_m, next_v_m = reference_model.followed(params, setpoint, measured, r_m, v_m)
@@ -208,6 +231,10 @@ def command(state, params, setpoint, measured, v_til, w_til):
         Omega,
         state.T_trim,
         tilt_filter,
+        select3(below_position, Vec3(0.0, 0.0, 0.0), a_m),
+        state.beta,
+        select(below_position, angles.z, setpoint.psi_c + params.h * setpoint.psi_dot_c),
+        select(below_position, w.z, setpoint.psi_dot_c),
     )
     return after, RotorCommand(u), internals
 
@@ -245,10 +272,12 @@ def _idle(measured):
     state = LawState(
         measured.r_E, measured.v_E, measured.v_E, zero, 0.0, measured.w_B, zero, zero,
         0.0, 0.0, 0.0, 0.0, 0.0, zero, zero, 0.0, zero, measured.w_B, measured.Omega, 0.0, zero,
+        zero, 0.0, angles.z, measured.w_B.z,
     )  # fmt: skip
     internals = Internals(
         measured.r_E, measured.v_E, zero, zero, zero, zero, zero, zero, zero, 0.0, 0.0,
         angles, angles, zero, zero, zero, nothing, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        measured.r_E, 0.0, math.nan, math.nan, math.nan,
     )  # fmt: skip
     return state, RotorCommand(nothing), internals
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from fcu.interface.airframe import Airframe
 from fcu.kernel.algebra import Rotors, Vec3
-from fcu.law.types import Bounds, LawParams
+from fcu.law.types import Bounds, Guard, LawParams
 
 G = 9.81  # m/s^2
 
@@ -50,7 +50,17 @@ DEFAULTS: dict[str, Any] = {
     "rotor_response_s": 0.01,  # what the inverted rotor lag is made to look like
     "r_m_offset": [0.0, 0.0, 0.0],
     "v_hat_offset": [0.0, 0.0, 0.0],
+    # The guard (law/README.md, "The condition and the guard")
+    "guard": "govern",  # or "warn", "refuse"; as printed there is none, and it is "warn"
+    "guard_mass_kg": [7.0, 9.0],  # 8 kg, the paper's, and what a kilogram more or less does
+    "guard_drag": 0.15,  # N/(m/s)^2, as octo.toml believes
+    "guard_wind_m_s": 12.0,  # the paper's is up to 11.7
+    "guard_wind_rate_m_s2": 20.0,  # the paper's is up to 18.5
+    "guard_jerk_m_s3": 10.0,
 }
+
+POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}
+WARN, GOVERN, REFUSE = POLICIES.values()
 
 # Sets that hold every S1000 (6 to 11 kg take-off mass) with room; inertia after `J_hat_0`.
 BOUNDS: dict[str, float] = {
@@ -80,6 +90,17 @@ def _three(name: str, value: Any) -> Vec3:
     if len(row) != 3 or not all(math.isfinite(v) for v in row):
         raise ParameterError(f"{name}: expected a finite number or three, got {value!r}")
     return Vec3(*row)
+
+
+def _guard(value: Mapping[str, Any]) -> Guard:
+    mass = value["guard_mass_kg"]
+    if not (isinstance(mass, list | tuple) and len(mass) == 2):
+        raise ParameterError(f"guard_mass_kg: expected two numbers, least and most, got {mass!r}")
+    return Guard(
+        POLICIES[value["guard"]], float(mass[0]), float(mass[1]), float(value["guard_drag"]),
+        float(value["guard_wind_m_s"]), float(value["guard_wind_rate_m_s2"]),
+        float(value["guard_jerk_m_s3"]),
+    )  # fmt: skip
 
 
 def _columns(believed: Airframe) -> tuple[Rotors, Rotors, Rotors]:
@@ -125,6 +146,10 @@ def law_params(
             f"prediction: expected achieved or demanded, got {value['prediction']}"
         )
     achieved = value["prediction"] == "achieved"
+    if not achieved and "guard" not in given:
+        value["guard"] = "warn"
+    if value["guard"] not in POLICIES:
+        raise ParameterError(f"guard: expected {', '.join(POLICIES)}, got {value['guard']}")
     bounds = {**(BOUNDS if achieved else PRINTED_BOUNDS), **bounds_given}
     gamma = float(value["gamma"])
     h = 1.0 / rate_hz
@@ -160,6 +185,7 @@ def law_params(
         kappa=max(1.0, lag / float(value["rotor_response_s"])),
         rotor_mean=rotor_mean(h, lag),
         bounds=Bounds(**{k: float(v) for k, v in bounds.items()}),
+        guard=_guard(value),
         m_hat_0=float(value["m_hat_0"]),
         J_hat_0=float(value["J_hat_0"]) if achieved else 0.0,
         J_implicit=float(value["J_implicit"]),
@@ -181,7 +207,7 @@ def law_params(
 
 def check(params: LawParams) -> None:
     """Raise ParameterError for values that the kernels cannot work with."""
-    b = params.bounds
+    b, guard = params.bounds, params.guard
     for name, ok, expected in (
         ("f_m", 0.0 < params.f_m <= 10.0, "between 0 and 10 rad/s"),
         ("zeta_m", 0.0 < params.zeta_m <= 5.0, "between 0 and 5"),
@@ -197,6 +223,16 @@ def check(params: LawParams) -> None:
         ("bounds.m_min", 0.0 < b.m_min < b.m_max, "above 0 and below bounds.m_max"),
         ("tilt_max_deg", 0.0 < params.phi_star < math.radians(80.0), "between 0 and 80 degrees"),
         ("thrust_min_n", 0.0 <= params.T_min < params.T_max, "from 0 to below thrust_max_n"),
+        (
+            "guard",
+            params.achieved or guard.policy == WARN,
+            'of "warn" with prediction = "demanded": the condition is for what was achieved',
+        ),
+        ("guard_mass_kg", 0.0 < guard.m_min <= guard.m_max < math.inf, "[least, most] above 0 kg"),
+        ("guard_drag", 0.0 < guard.c_D < math.inf, "above 0 N/(m/s)^2"),
+        ("guard_wind_m_s", 0.0 <= guard.w_max < math.inf, "of 0 m/s or more"),
+        ("guard_wind_rate_m_s2", 0.0 <= guard.w_dot_max < math.inf, "of 0 m/s^2 or more"),
+        ("guard_jerk_m_s3", 0.0 < guard.jerk < math.inf, "above 0 m/s^3"),
     ):
         if not ok:
             raise ParameterError(f"{name}: expected a value {expected}")

@@ -24,6 +24,18 @@ class Bounds(NamedTuple):
     c_max: float  # each of the five coupling and gyroscopic coefficients
 
 
+class Guard(NamedTuple):
+    """What is believed of the flight to come, and what is done when it does not fit the actuators."""
+
+    policy: float  # 0 warn, 1 govern, 2 refuse
+    m_min: float  # kg, the vehicle's mass is believed to lie
+    m_max: float  # kg, between these
+    c_D: float  # N/(m/s)^2, greatest drag coefficient of any body axis
+    w_max: float  # m/s, greatest velocity of the air
+    w_dot_max: float  # m/s^2, greatest rate of that velocity
+    jerk: float  # m/s^3, fastest change of the reference's acceleration
+
+
 class LawParams(NamedTuple):
     """Everything the law is told. Constant in flight; a changed value is a new LawParams."""
 
@@ -57,6 +69,7 @@ class LawParams(NamedTuple):
     kappa: float  # rotor speed command over wanted change of speed: h^-1 of (7)
     rotor_mean: float  # weight of the earlier sample in a tick's mean of rotor speed or its square
     bounds: Bounds
+    guard: Guard
     m_hat_0: float  # kg, m_hat at take-over
     J_hat_0: float  # kg m^2, each J_hat at take-over
     J_implicit: float  # kg m^2, floor of J_hat in the backward-Euler step of the printed law
@@ -97,6 +110,10 @@ class LawState(NamedTuple):
     Omega_prev: Rotors  # rotor speeds at the last tick, rad/s
     T_trim: float  # slow trim of thrust, N
     tilt_filter: Vec3  # low-passed phi_c, theta_c (x, y), rad; z unused
+    a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
+    beta: float  # what is left of the control difference at take-over, N (30)
+    psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
+    psi_g_dot: float  # its rate, rad/s
 
 
 class Internals(NamedTuple):
@@ -126,6 +143,11 @@ class Internals(NamedTuple):
     tilt_rate_saturated: float  # 1 while the tilt command moves faster than is fed forward
     yaw_rate_saturated: float  # 1 while a limit cuts the yaw rate command
     trim_saturated: float  # 1 while the trim of thrust is at its limit
+    r_g: Vec3  # position setpoint that the reference model is given, m, E: r_c, or governed
+    governed: float  # 1 while that is not r_c
+    margin: float  # N, from the demanded force to the nearest limit; negative outside
+    margin_tilt: float  # rad, from its tilt to the tilt limit; negative outside
+    margin_condition: float  # N, by which the condition for what is still to come holds
 
 
 class Tick(NamedTuple):

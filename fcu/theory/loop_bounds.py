@@ -39,7 +39,9 @@ class Flight(NamedTuple):
     s_rate: Matrix  # 1/s of that
     a: Matrix  # acceleration of the reference trajectory
     jerk: Matrix  # and its rate
-    rho_low: Matrix | float = 1.0  # estimate of mass (one) or inertia (3,) over the truth, in flight
+    rho_low: Matrix | float = (
+        1.0  # estimate of mass (one) or inertia (3,) over the truth, in flight
+    )
     rho_high: Matrix | float = 1.0
     z_0: Matrix | float = 0.0  # |z| at the start: s(0) - s_hat(0) + (rho - 1) T/m
     x_til_0: Matrix | float = 0.0
@@ -176,9 +178,7 @@ def position_bounds(params: LawParams, mass: float, flight: Flight) -> FlightBou
         level, up = float(np.linalg.norm(flight.s_rate[:2])), float(flight.s_rate[2])
         delta = np.array([level + tilt * up, up + tilt * level]) + off * jerk_0
         seen = off * np.array([[1.0, tilt], [tilt, 1.0]])  # an axis of Earth from those of T
-        channels = _Channels(
-            k, low, high, delta, turning * (1.0 - np.eye(2)), jerk_of_z * seen
-        )
+        channels = _Channels(k, low, high, delta, turning * (1.0 - np.eye(2)), jerk_of_z * seen)
         x_0 = _pair(x_start[:2], float(x_start[2])) + tilt * np.linalg.norm(x_start)
         z_0 = _pair(z_start[:2], float(z_start[2])) + tilt * np.linalg.norm(z_start)
         ever = _solved(channels, x_0, z_0, True, 0.0)
@@ -246,7 +246,10 @@ def _rate_bounds(params: LawParams, axis: int, J: float, flight: Flight) -> Flig
     s, s_rate = float(flight.s[axis]), float(flight.s_rate[axis])
     z_0, x_0 = (np.broadcast_to(np.asarray(v, dtype=float), 3)[axis : axis + 1]
                 for v in (flight.z_0, flight.x_til_0))  # fmt: skip
-    a_0, jerk_0 = float(flight.a[axis]) + c * flight.e_0, float(flight.jerk[axis]) + c * c * flight.e_0
+    a_0, jerk_0 = (
+        float(flight.a[axis]) + c * flight.e_0,
+        float(flight.jerk[axis]) + c * c * flight.e_0,
+    )
     Z = float(z_0[0])
     for _ in range(ROUNDS):
         Z *= 1.0 + SLACK

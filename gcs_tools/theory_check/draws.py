@@ -229,5 +229,3 @@ def draw(rng: Rng, count: int, drawn: Shape, linear: bool) -> Draw:
         drawn, ClosedLoop(plant, predictor(reference, k), laws), LoopState(x, x_m, x_hat, estimates),
         assumed, gammas, k, r_star, r_rate, f_0, F,
     )  # fmt: skip
-
-

@@ -42,7 +42,9 @@ def test_as_printed_there_is_no_limit_and_a_limit_shows(law, hover, fixed):
     printed = law(prediction="demanded")
     assert attitude.yaw_rate(printed, 2.0, 0.5) == (20.5, 0.0)
     for prediction, flag in (("demanded", 0.0), ("achieved", 1.0)):
-        _, _, internals = cascade.first_step(law(prediction=prediction), fixed(psi=1.5), hover())
+        _, _, internals = cascade.first_step(
+            law(prediction=prediction, guard="warn"), fixed(psi=1.5), hover()
+        )
         assert internals.yaw_rate_saturated == flag
         assert internals.w_c.z > 1.0
 

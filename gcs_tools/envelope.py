@@ -1,0 +1,257 @@
+"""What the condition says of a mission before it flies: margin, limits, what eats it, what helps.
+
+Three conditions, from strong to weak: the exact set of what the actuators reach, along the way
+that the reference model lays down (what the guard uses: fcu/law/README.md, "The condition and the
+guard"); the largest ball about hover; and the paper's (31), with the origin at the target. Each is
+sufficient: that one fails predicts nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.law import foreseen, margin
+from fcu.law.types import LawParams
+from fcu.theory.hover import Air, ball_budget, theorem_budget
+from gcs_tools.mission import Mission
+from gcs_tools.scenario import Scenario, scenario
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+LOOK_S = 0.005  # step of the look ahead
+MOST, CLOSE = 1e3, 1e-3  # of a search: the largest value, and its relative accuracy
+STILL = Vec3(0.0, 0.0, 0.0)
+WAYS = {"up": (0.0, 0.0, 1.0), "to the side": (1.0, 0.0, 0.0), "down": (0.0, 0.0, -1.0)}
+
+
+class Terms(NamedTuple):
+    """What the room in hover goes to, N; what is left is the margin of the condition."""
+
+    hover: float  # from hover to the nearest limit, of the worse mass
+    acceleration: float  # what the way demands
+    speed: float  # drag of the vehicle's own speed, and what it adds to the wind's
+    wind: float  # drag of the greatest wind, in hover
+    learning: float  # the control difference that lasts: the wind's rate, the mass not known
+
+    @property
+    def left(self) -> float:
+        """The margin."""
+        return self.hover - sum(self[1:])
+
+    @property
+    def largest(self) -> str:
+        """Name of the term that takes most."""
+        return max(self._fields[1:], key=lambda name: float(getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The largest of something, by each condition; None where a condition has nothing to say."""
+
+    what: str
+    unit: str
+    exact: float
+    ball: float | None = None
+    theorem: float | None = None
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change with which the condition would hold for the mission as it stands otherwise."""
+
+    what: str
+    now: float
+    would_do: float | None  # None: no value of it alone would
+    unit: str
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What is known of a mission before it flies."""
+
+    mission: str
+    title: str
+    guard: str
+    holds: bool
+    margin_n: float  # least along the mission's way
+    at_s: float
+    terms: Terms
+    reach: tuple[Reach, ...]
+    changes: tuple[Change, ...]
+    transient_s: float  # after take-over; the condition does not count it
+    remark: str
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            **asdict(self), "terms": {**self.terms._asdict(), "left": self.terms.left},
+        }  # fmt: skip
+
+
+def terms(law: LawParams, a: Vec3, v: Vec3) -> Terms:
+    """Where the room goes at acceleration a (m/s^2, E) and velocity v (m/s, E)."""
+    guard, speed = law.guard, math.hypot(*v)
+    hover, f_v = margin.room(law, STILL, STILL), margin.dragging(law, v)
+    moved = margin.room(law, a, STILL)
+    wind = guard.c_D * guard.w_max**2
+    learning = margin.difference(law, speed)
+    known = margin.allowance(law, v, 0.0) - learning - wind
+    return Terms(hover, hover - moved, moved - margin.room(law, a, f_v) + known, wind, learning)
+
+
+def way(scene: Scenario, law: LawParams | None = None, scale: float = 1.0) -> Rows:
+    """The mission's way, ungoverned: rows of `foreseen.along`. `scale`: of its setpoints."""
+    law = scene.law if law is None else law
+    start = scene.world.start
+    sent = np.array([to_buffer(_scaled(s, start.r_E, scale)) for s in scene.sent])
+    rows = np.empty((math.ceil(scene.ticks * scene.period_us * 1e-6 / LOOK_S), 8))
+    coarse = law._replace(h=LOOK_S)
+    foreseen.along(coarse, scene.sent_at / scene.rate_hz, sent, start.r_E, start.v_E, rows)
+    return rows
+
+
+def _scaled(setpoint: Setpoint, start: Vec3, scale: float) -> Setpoint:
+    if scale == 1.0:
+        return setpoint
+    return setpoint._replace(
+        r_c=start + scale * (setpoint.r_c - start), v_c=scale * setpoint.v_c,
+        a_c=scale * setpoint.a_c,
+    )  # fmt: skip
+
+
+def largest(holds: Callable[[float], bool], most: float = MOST) -> float | None:
+    """The largest value from 0 to `most` for which something holds that holds below; None: for none."""
+    if not holds(1e-6):
+        return None
+    low, high = 0.0, min(1.0, most)
+    while holds(high):
+        if high >= most:
+            return most
+        low, high = high, min(2.0 * high, most)
+    while high - low > CLOSE * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def step(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
+    """The largest step (m) from rest."""
+    coarse, guard = law._replace(h=LOOK_S), law.guard
+    air = Air(guard.w_max, guard.w_dot_max, guard.c_D)
+    learning = margin.difference(law, 0.0)
+    masses = (guard.m_min, guard.m_max)
+
+    def exact(far: float) -> bool:
+        there = Setpoint(Vec3(*(far * x for x in along)), STILL, STILL, 0.0, 0.0)
+        return bool(foreseen.least(coarse, there, STILL, STILL)[0] >= 0.0)
+
+    def ball(far: float) -> bool:
+        return all(ball_budget(law, m, air, far, learning).holds for m in masses)
+
+    def theorem(far: float) -> bool:
+        return all(theorem_budget(law, m, air, far, learning).holds for m in masses)
+
+    return Reach(what, "m", largest(exact) or 0.0, largest(ball) or 0.0, largest(theorem) or 0.0)
+
+
+def _steps_of(scene: Scenario) -> tuple[Reach, ...]:
+    """The largest step the way of the mission's first, if it has one."""
+    r, to = scene.world.start.r_E, scene.sent[0].r_c
+    jump = (to.x - r.x, to.y - r.y, to.z - r.z)
+    far = math.hypot(*jump)
+    if far < 0.05:
+        return ()
+    x, y, z = jump
+    what = f"step the way of ({x:.3g}, {y:.3g}, {z:.3g})"
+    return (step(scene.law, (x / far, y / far, z / far), what),)
+
+
+def speed(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
+    """The largest steady speed (m/s)."""
+    guard = law.guard
+
+    def exact(v: float) -> bool:
+        return bool(margin.condition(law, STILL, Vec3(*(v * x for x in along)), 0.0) >= 0.0)
+
+    def ball(v: float) -> bool:
+        drag = guard.c_D * (v + guard.w_max) ** 2 + margin.difference(law, v)
+        return bool(drag <= margin.room(law, STILL, STILL))
+
+    return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
+
+
+def with_guard(law: LawParams, **fields: float) -> LawParams:
+    """The law with other beliefs."""
+    return law._replace(guard=law.guard._replace(**fields))
+
+
+def wind(law: LawParams) -> Reach:
+    """The greatest wind (m/s) in which hover has room."""
+
+    def exact(w: float) -> bool:
+        return bool(margin.condition(with_guard(law, w_max=w), STILL, STILL, 0.0) >= 0.0)
+
+    most = largest(exact) or 0.0
+    return Reach("wind, in hover", "m/s", most, most)  # of a point, the ball is the set
+
+
+def changes(scene: Scenario) -> tuple[Change, ...]:
+    """What, changed alone, would make the condition hold for the mission."""
+    law, guard = scene.law, scene.law.guard
+
+    def least(changed: LawParams, scale: float = 1.0) -> bool:
+        return bool(way(scene, changed, scale)[:, 1].min() >= 0.0)
+
+    middle = 0.5 * (guard.m_min + guard.m_max)
+    known = least(with_guard(law, m_min=middle, m_max=middle))
+    return (
+        Change("the setpoints nearer the start, times", 1.0,
+               largest(lambda k: least(law, k), 1.0), ""),
+        Change("f_m", law.f_m, largest(lambda f: least(law._replace(f_m=max(f, 0.05))), law.f_m),
+               "rad/s"),
+        Change("guard_wind_m_s", guard.w_max,
+               largest(lambda w: least(with_guard(law, w_max=w)), guard.w_max), "m/s"),
+        Change("a mass that is known", guard.m_max - guard.m_min, 0.0 if known else None,
+               "kg of doubt"),
+    )  # fmt: skip
+
+
+def envelope(mission: Mission) -> Envelope:
+    """What the condition says of a mission. Raises ParameterError, AirframeError, as flying it does."""
+    scene = scenario(mission)
+    law = scene.law
+    rows = way(scene)
+    worst = rows[rows[:, 1].argmin()]
+    holds = bool(worst[1] >= 0.0)
+    remark = (
+        "the mission flies the printed law, which winds up when it saturates: the condition is"
+        " that of the law with what was achieved"
+        if law.achieved < 0.5
+        else ""
+    )
+    return Envelope(
+        mission=mission.name,
+        title=mission.title,
+        guard=("warn", "govern", "refuse")[int(law.guard.policy)],
+        holds=holds,
+        margin_n=float(worst[1]),
+        at_s=float(worst[0]),
+        terms=terms(law, Vec3(*worst[2:5].tolist()), Vec3(*worst[5:8].tolist())),
+        reach=(
+            *_steps_of(scene),
+            *(step(law, along, f"step {name}") for name, along in WAYS.items()),
+            *(speed(law, along, f"speed {name}") for name, along in WAYS.items()),
+            wind(law),
+        ),
+        changes=() if holds else changes(scene),
+        transient_s=float(foreseen.transient_s(law)),
+        remark=remark,
+    )

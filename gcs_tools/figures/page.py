@@ -1,0 +1,48 @@
+"""The tables of numbers inside a page of Markdown, between two marks each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+COMMAND = "python -m gcs_tools.figures --numbers --write"
+END = "<!-- end of the numbers -->"
+
+Table = Sequence[Sequence[str]]
+
+
+class PageError(ValueError):
+    """A page without the marks that a table belongs between: says which."""
+
+
+def mark(group: str) -> str:
+    """What stands above a group's table."""
+    return f"<!-- numbers of {group}, by {COMMAND} -->"
+
+
+def markdown(rows: Table) -> str:
+    """A table; `rows[0]` is its head."""
+    head, *body = rows
+    lines = [
+        head,
+        [":-:" if i == 0 else "---" if i == 1 else "--:" for i in range(len(head))],
+        *body,
+    ]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def tables(text: str) -> dict[str, str]:
+    """The tables that a page has between marks, by group."""
+    pattern = re.compile(rf"<!-- numbers of (\w+), .*? -->\n(.*?)\n{re.escape(END)}", re.DOTALL)
+    return {found[1]: found[2].strip() for found in pattern.finditer(text)}
+
+
+def written(text: str, found: Mapping[str, Table]) -> str:
+    """The page with its tables replaced. Raises PageError for a group that it has no marks for."""
+    for group, rows in found.items():
+        pattern = re.compile(rf"{re.escape(mark(group))}\n.*?{re.escape(END)}", re.DOTALL)
+        if not pattern.search(text):
+            raise PageError(f"no table between {mark(group)!r} and {END!r}: add both lines")
+        block = f"{mark(group)}\n\n{markdown(rows)}\n\n{END}"
+        text = pattern.sub(block.replace("\\", r"\\"), text)
+    return text

@@ -1,0 +1,191 @@
+"""The margin: distances against geometry, the allowance against drag of every kind."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3, norm
+from fcu.kernel.buffers import to_buffer
+from fcu.law import foreseen, margin
+
+STILL = Vec3(0.0, 0.0, 0.0)
+
+
+def vec(row):
+    return Vec3(*np.asarray(row, dtype=float).tolist())
+
+
+def reachable(params, T):
+    """Whether the actuators reach a force for every heading, as the law keeps to."""
+    aside, size = math.hypot(T[0], T[1]), math.sqrt(T @ T)
+    tilt = math.atan2(aside, T[2])
+    return params.T_min <= size <= params.T_max and tilt <= params.phi_star
+
+
+def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(law):
+    """The set is convex but for its least thrust; from inside, the distance is exact."""
+    params, rng = law(), np.random.default_rng(1)
+    directions = rng.normal(size=(4000, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    tested = 0
+    while tested < 60:
+        T = rng.uniform([-150.0, -150.0, 0.0], [150.0, 150.0, 200.0])
+        found = margin.distance(params, vec(T))
+        assert (found >= 0.0) == reachable(params, T)
+        if found < 2.0:
+            continue
+        tested += 1
+        assert all(reachable(params, T + 0.999 * found * d) for d in directions)
+        assert not all(reachable(params, T + 1.05 * found * d) for d in directions)
+
+
+@pytest.mark.parametrize(
+    ("T", "limit"),
+    [
+        ((0.0, 0.0, 190.0), 10.0),  # thrust
+        ((0.0, 0.0, 8.0), 3.0),  # least thrust
+        ((0.0, 30.0, 80.0), 50.0 * math.sqrt(0.5)),  # tilt, at 45 degrees
+        ((0.0, 90.0, 80.0), -10.0 * math.sqrt(0.5)),
+        ((0.0, 0.0, 230.0), -30.0),
+    ],
+)
+def test_the_margin_is_to_the_nearest_limit(law, T, limit):
+    assert margin.distance(law(), vec(T)) == pytest.approx(limit, rel=1e-9)
+
+
+def test_the_tilt_that_is_left(law):
+    assert margin.tilt_left(law(), Vec3(0.0, 0.0, 80.0)) == pytest.approx(math.radians(45.0))
+    leaning = Vec3(80.0 * math.tan(math.radians(50.0)), 0.0, 80.0)
+    assert margin.tilt_left(law(), leaning) == pytest.approx(math.radians(-5.0))
+
+
+def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(law):
+    """Quadratic drag along body axes, coefficients up to the believed, winds up to the believed."""
+    params, rng = law(), np.random.default_rng(2)
+    guard, nearest = params.guard, math.inf
+    for _ in range(4000):
+        v = rng.normal(size=3) * rng.uniform(0.0, 6.0)
+        w = rng.normal(size=3)
+        w *= guard.w_max / np.linalg.norm(w) * rng.uniform() ** 0.2
+        if rng.uniform() < 0.5:
+            w = -guard.w_max * v / np.linalg.norm(v)  # head on
+        R = Rotation.random(random_state=rng).as_matrix()
+        if rng.uniform() < 0.3:
+            R = Rotation.align_vectors([v], [[1.0, 0.0, 0.0]])[0].as_matrix()
+        c = guard.c_D * rng.uniform(size=3) if rng.uniform() < 0.5 else np.full(3, guard.c_D)
+        air = R.T @ (v - w)
+        against = R @ (c * np.abs(air) * air)  # what thrust has to make up for
+        off = np.linalg.norm(against - np.array(margin.dragging(params, vec(v))))
+        speed = float(np.linalg.norm(v))
+        room = margin.allowance(params, vec(v), 0.0) - margin.difference(params, speed)
+        assert off <= room * (1.0 + 1e-12)
+        nearest = min(nearest, room - off)
+    assert nearest < 0.01  # the bound is met
+
+
+def test_the_control_differences_bound_is_the_l1_norm_of_its_response():
+    """x_til' = -lambda x_til + z, z' = -gamma x_til + delta: from delta to z, lambda = sqrt(gamma)."""
+    gamma = 1000.0
+    k, w = math.sqrt(gamma), math.sqrt(gamma)
+    w_d = w * math.sqrt(0.75)
+
+    def h(t):
+        return math.exp(-0.5 * k * t) * (math.cos(w_d * t) + (0.5 * k / w_d) * math.sin(w_d * t))
+
+    total = sum(
+        quad(lambda t: abs(h(t)), a, b)[0]
+        for a, b in zip(np.linspace(0.0, 2.0, 400), np.linspace(0.0, 2.0, 400)[1:], strict=False)
+    )
+    assert total * w == pytest.approx(margin.N_HALF, rel=1e-6)
+    peak = max(abs(h(t)) / math.exp(-0.5 * k * t) for t in np.linspace(0.0, 1.0, 20001))
+    assert peak == pytest.approx(margin.PEAK_HALF, rel=1e-6)
+
+
+def test_the_worse_mass_counts(law):
+    params = law(guard_mass_kg=[7.0, 9.0])
+    up, aside = Vec3(0.0, 0.0, 11.0), Vec3(5.0, 0.0, 0.0)
+    heavy, light = (law(guard_mass_kg=[m, m]) for m in (9.0, 7.0))
+    assert margin.room(params, up, STILL) == margin.room(heavy, up, STILL)
+    assert margin.room(params, aside, STILL) == margin.room(light, aside, STILL)
+    assert margin.room(heavy, up, STILL) < margin.room(light, up, STILL)
+
+
+def test_what_is_left_of_the_start_fades_no_faster_than_it_should(law):
+    params = law()
+    beta = start = margin.beta_1(params)
+    for _ in range(100):  # 0.2 s
+        beta = margin.faded(params, beta)
+    assert beta == pytest.approx(start * math.exp(-0.1 * params.lambda_v), rel=0.06)
+    assert beta >= start * math.exp(-0.1 * params.lambda_v)
+    wrong = margin.beta_1(law(v_hat_offset=[-1.5, -1.5, -1.5]))
+    assert wrong > start + 300.0
+
+
+def test_the_way_to_a_setpoint_is_looked_at_in_full(law):
+    """A step asks most at its start; a setpoint that moves off, where it has got up to speed."""
+    params = law(guard_wind_m_s=6.0)._replace(h=0.005)
+    step = Setpoint(Vec3(3.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
+    least, at, a, _ = foreseen.least(params, step, STILL, STILL)
+    jump = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0)
+    assert least == pytest.approx(margin.condition(params, jump, STILL, 0.0))
+    assert at == 0.0
+    assert a == pytest.approx(jump)
+    moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
+    _, at, _, v = foreseen.least(params, moving, STILL, STILL)
+    assert at > 0.5
+    assert norm(v) > 3.0
+
+
+def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_lag(law):
+    """And with the attitude's lag a reference model that is too fast for it overshoots."""
+    step = Setpoint(Vec3(1.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
+    rows = np.zeros((8000, 8))
+
+    def way(f_m, c_angle):
+        params = law(f_m=f_m, c_angle=c_angle)._replace(h=0.001)
+        foreseen.along(params, np.zeros(1), to_buffer(step)[None], STILL, STILL, rows)
+        return rows[:, 5].copy()
+
+    f, zeta, t = 1.0, 0.8, rows[:, 0]
+    quick = way(f, 1e4)
+    w_d = f * math.sqrt(1.0 - zeta**2)
+    exact = f**2 / w_d * np.exp(-zeta * f * t) * np.sin(w_d * t)
+    np.testing.assert_allclose(quick, exact, atol=2e-3)
+    # 1 m at f_m = 3 behind a lag of 0.2 s, by SciPy's step of 9/(0.2 s^3 + s^2 + 4.8 s + 9)
+    assert way(3.0, 5.0).min() == pytest.approx(-0.376, abs=0.01)
+    assert way(3.0, 1e4).min() > -0.02
+
+
+def test_a_script_of_setpoints_is_looked_at_as_one_way(law):
+    params = law()._replace(h=0.01)
+    there, back = (Setpoint(Vec3(x, 0.0, 0.0), STILL, STILL, 0.0, 0.0) for x in (2.0, -2.0))
+    rows = np.zeros((1500, 8))
+    script = np.array([to_buffer(there), to_buffer(back)])
+    foreseen.along(params, np.array([0.0, 7.0]), script, STILL, STILL, rows)
+    assert rows[0, 1] == foreseen.least(params, there, STILL, STILL)[0]
+    first, second = rows[:700, 1], rows[700:, 1]
+    assert second.min() < first.min()  # twice the way
+    assert rows[second.argmin() + 700, 0] == 7.0
+    assert np.abs(rows[-1, 5:]).max() < 0.01
+
+
+def test_the_condition_orders_as_it_should(law):
+    """More wind, less gain, more speed, more mass unknown: less margin."""
+    a, v = Vec3(1.0, 0.0, 0.5), Vec3(2.0, 0.0, 0.0)
+    plain = margin.condition(law(), a, v, 0.0)
+    assert margin.condition(law(guard_wind_m_s=13.0), a, v, 0.0) < plain
+    assert margin.condition(law(gamma=500.0), a, v, 0.0) < plain
+    assert margin.condition(law(guard_mass_kg=[6.5, 9.5]), a, v, 0.0) < plain
+    assert margin.condition(law(), a, Vec3(3.0, 0.0, 0.0), 0.0) < plain
+    assert margin.condition(law(), a, v, 5.0) == pytest.approx(plain - 5.0)
+
+
+def test_python_and_compiled_code_give_the_same_bits(law):
+    params, a, v = law(), Vec3(1.0, -2.0, 0.5), Vec3(2.0, 1.0, -0.3)
+    assert margin.condition.py_func(params, a, v, 1.5) == margin.condition(params, a, v, 1.5)
