@@ -19,7 +19,7 @@ from fcu.theory.bounds import Assumed, Unknown, prediction_bound, single
 from fcu.theory.control_difference import Channel, ControlDifference, control_difference
 from fcu.theory.linear_loop import bounds, loop
 from fcu.theory.octocopter import cone, position_loop
-from fcu.theory.projection import Ball, Box, Structure
+from fcu.theory.projection import Ball, Box, Set, Structure
 from fcu.theory.region import Reference, Sizes, adaptive_budget, known_budget, limit, theorem
 from fcu.theory.simulate import ClosedLoop, LoopState, Run, simulate
 from fcu.theory.systems import (
@@ -104,7 +104,7 @@ def _known_run(
     Theta = np.concatenate([K, -np.linalg.inv(Lambda)], axis=-1)
     d = constant(np.zeros((q, 1))) if d is None else d
     truth = Uncertainty(
-        constant(Lambda), np.linalg.eigvalsh(Lambda)[..., 0], Structure.DIAGONAL,
+        constant(Lambda), np.asarray(np.diag(Lambda).min()), Structure.DIAGONAL,
         Theta=constant(Theta), d=d,
     )  # fmt: skip
 
@@ -142,7 +142,7 @@ def command_over_lambda() -> ConditionFails:
     margins = [
         known_budget(sizes, reference, limit(limits), 1.0, 0.0, form).margin
         for form in ("printed", "repaired")
-    ]  # type: ignore[misc]
+    ]
     return ConditionFails(margins[0], margins[1], _saturated(run), run)
 
 
@@ -178,7 +178,7 @@ def ball_of_the_theorem() -> ConditionFails:
     found = [
         theorem(sizes, reference, v_star, 1.0, e_0, NO_DIFFERENCE, 0.0, 1.0, form)
         for form in ("printed", "repaired")
-    ]  # type: ignore[misc]
+    ]
     assert found[0].positive > 0.0
     run = _known_run(
         told, ONE, K * ONE, lambda t: np.array([r]), symmetric(np.array([v_star])),
@@ -213,7 +213,7 @@ def tracking_error_left_out() -> ConditionFails:
             sizes, reference, v_star, 1.0, 0.0, difference, tracking, gamma, form
         ).margin
         for form in ("printed", "repaired")
-    ]  # type: ignore[misc]
+    ]
     return ConditionFails(margins[0], margins[1], _saturated(run), run)
 
 
@@ -237,7 +237,10 @@ def ball_and_diagonal() -> Growth:
     d_hat = np.array([[math.cos(at)], [math.sin(at)]])
     x_til = np.array([0.0, 0.02])
     start = LoopState(x_til, x_til, np.zeros(2), Estimates(Lambda, d=d_hat))
-    sets = {"ball": Ball(1.0, 0.0), "box": Box(-np.ones((2, 1)), np.ones((2, 1)), 0.0)}
+    sets: dict[str, Set] = {
+        "ball": Ball(1.0, 0.0),
+        "box": Box(-np.ones((2, 1)), np.ones((2, 1)), 0.0),
+    }
     largest = {}
     for name, kept_in in sets.items():
         laws = Laws(None, d=Block(gamma, kept_in), weight=Structure.DIAGONAL, unsound=True)

@@ -1,7 +1,7 @@
 """The guarantees of fcu.theory against simulation.
 
-    python -m gcs_tools.theory_check                  1000 random systems a bound, the octocopter's loops
-    python -m gcs_tools.theory_check --systems 100    fewer
+python -m gcs_tools.theory_check                  1000 random systems a bound, the octocopter's loops
+python -m gcs_tools.theory_check --systems 100    fewer
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ def main(systems: int, seed: int, steps: int, as_json: bool) -> None:
         click.echo(json.dumps(report.content(lines), indent=2, allow_nan=False))
     else:
         Console().print(report.table(lines))
-    loose = [line for line in lines if line.part == "octocopter" and line.tightness["median"] > MEDIAN]
+    loose = [
+        line for line in lines if line.part == "octocopter" and line.tightness["median"] > MEDIAN
+    ]
     sys.exit(1 if findings.exceeded or loose else 0)
 
 

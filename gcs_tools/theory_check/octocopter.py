@@ -38,7 +38,7 @@ class Scene(NamedTuple):
     s: Varying
     most: Array
     rate: Array
-    count: int
+    runs: int
 
 
 def scene(amplitude: Array, omega: Array, over: float | Array, gamma: float) -> Scene:
@@ -89,11 +89,13 @@ def position(
     except NoBoundError:
         yield from excluded("position", "the regressor moves too far")
         return
-    run = hover_run(law, mass, drawn.s, duration, (drawn.count,))
+    run = hover_run(law, mass, drawn.s, duration, (drawn.runs,))
     m_hat = 1.0 / run.states.estimates.Lambda[..., 0, 0]
-    at_edge = ((m_hat <= 1.0001 * LOW * mass) | (m_hat >= 0.9999 * HIGH * mass)).any(axis=0)
+    at_edge = np.asarray((m_hat <= 1.0001 * LOW * mass) | (m_hat >= 0.9999 * HIGH * mass)).any(
+        axis=0
+    )
     states = run.states
-    for i in range(drawn.count):
+    for i in range(drawn.runs):
         if at_edge[i]:
             yield from excluded("position", "projection acts")
             continue
@@ -116,11 +118,12 @@ def rates(
     bounds = rate_bounds(law, J, flight)
     run = _rate_run(law, drawn, J, duration)
     Lambda_hat = run.states.estimates.Lambda[..., 0]
-    at_edge = ((Lambda_hat <= 1.0 / high) | (Lambda_hat >= 1.0 / low)).any(axis=0)
+    off = (Lambda_hat <= 1.0 / high) | (Lambda_hat >= 1.0 / low)
+    at_edge: list[list[bool]] = np.any(off, axis=0).tolist()
     states, v_til = run.states, run.signals.v_0 - run.signals.v
-    for i in range(drawn.count):
+    for i in range(drawn.runs):
         for axis in range(3):
-            if at_edge[i, axis]:
+            if at_edge[i][axis]:
                 yield from excluded("rates", "projection acts")
                 continue
             yield from compared(
@@ -135,10 +138,10 @@ def _rate_run(law: LawParams, drawn: Scene, J: Array, duration: float) -> Run:
         C=constant(np.zeros((3, 5))), s=drawn.s,
     )  # fmt: skip
     whole = rate_loop(law, truth, lambda t: np.zeros(3), unlimited)
-    nothing = np.zeros((drawn.count, 3))
+    nothing = np.zeros((drawn.runs, 3))
     start = LoopState(nothing, nothing, nothing, Estimates(
-        np.tile(1.0 / J[:, None], (drawn.count, 1, 1)), C=np.zeros((drawn.count, 3, 5)),
-        s=np.zeros((drawn.count, 3, 1)),
+        np.tile(1.0 / J[:, None], (drawn.runs, 1, 1)), C=np.zeros((drawn.runs, 3, 5)),
+        s=np.zeros((drawn.runs, 3, 1)),
     ))  # fmt: skip
     h = step_for(whole, delta_u=0.1)
     return simulate(whole, start, duration, h, every=max(1, int(0.02 / (h * law.lambda_w))))

@@ -93,7 +93,7 @@ class RegionDraw:
     def loop(self, actuator: Actuator) -> ClosedLoop:
         """The closed loops with an actuator."""
         truth = Uncertainty(
-            constant(self.Lambda), np.linalg.eigvalsh(self.Lambda)[:, 0], Structure.SCALAR,
+            constant(self.Lambda), self.Lambda[:, 0, 0], Structure.SCALAR,
             Theta=constant(self.Theta), d=self.d,
         )  # fmt: skip
         laws = Laws(

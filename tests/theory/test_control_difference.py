@@ -53,7 +53,10 @@ def test_the_control_gain_has_these_values(zeta, N):
 @pytest.mark.parametrize("zeta", ZETAS)
 def test_some_disturbance_attains_the_bounds_and_none_exceeds_them(zeta):
     c = channel(zeta)
-    for out, bound in ((1, control_difference(c, 0.0, 1.0).lasting), (0, settled_prediction(c, 1.0))):
+    for out, bound in (
+        (1, control_difference(c, 0.0, 1.0).lasting),
+        (0, settled_prediction(c, 1.0)),
+    ):
         found = worst(c, out)
         assert 0.98 * bound < found <= bound * (1.0 + 1e-9)
 
@@ -139,7 +142,11 @@ def test_any_loop_against_random_disturbances_and_moving_regressors(beside, norm
                 size = np.abs(part) if norm == "entries" else np.linalg.norm(part)
                 most[name] = np.maximum(most[name], size)
             assert np.max(np.abs(v)) <= control.at((i + 1) * h)
-        for name, bound in (("x", found.prediction), ("v", found.control_peak), ("e", found.tracking)):
+        for name, bound in (
+            ("x", found.prediction),
+            ("v", found.control_peak),
+            ("e", found.tracking),
+        ):
             assert np.all(most[name] <= bound)
             tightest = min(tightest, float(np.min(bound / most[name])))
     assert tightest < 4.0

@@ -82,9 +82,7 @@ def test_too_little_known_of_the_mass_or_too_much_wind_has_no_bound(law):
     with pytest.raises(NoBoundError, match="force may vanish"):
         position_bounds(params, MASS, WIND._replace(s=np.array([0.0, 0.0, 10.0])))
     with pytest.raises(NoBoundError):
-        rate_bounds(
-            params, np.full(3, 0.3), WIND._replace(rho_low=0.2, rho_high=3.0)
-        )
+        rate_bounds(params, np.full(3, 0.3), WIND._replace(rho_low=0.2, rho_high=3.0))
 
 
 def test_prediction_error_falls_as_one_over_gamma_its_bounds_as_they_say(law):

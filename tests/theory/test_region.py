@@ -20,7 +20,9 @@ from fcu.theory.region import (
     theorem,
 )
 
-SIZES = Sizes(K=2.0, Lambda_star=4.0, Lambda_least=0.5, d_star=0.3, K_0=0.5, lambda_g=3.0, s_star=0.1)
+SIZES = Sizes(
+    K=2.0, Lambda_star=4.0, Lambda_least=0.5, d_star=0.3, K_0=0.5, lambda_g=3.0, s_star=0.1
+)
 AT = Reference(x_m=1.5, r=2.0, g=0.7)
 DIFFERENCE = ControlDifference(beta_1=0.25, nu_1=1.0, lasting=0.02)
 

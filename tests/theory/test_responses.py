@@ -34,7 +34,10 @@ def test_gain_and_peak_are_above_and_close_to_what_is_found_by_sampling(seed):
     M, E, C = hurwitz(seed)
 
     X, h = answer(M, E, C)
-    for norm, sizes in (("spectral", np.linalg.norm(X, 2, axis=(1, 2))), ("entries", abs(X[:, 0, 1]))):
+    for norm, sizes in (
+        ("spectral", np.linalg.norm(X, 2, axis=(1, 2))),
+        ("entries", abs(X[:, 0, 1])),
+    ):
         found = h * (sizes.sum() - 0.5 * sizes[0])
         bound = gain(M, E, C, norm=norm)
         assert found * (1.0 - 1e-5) <= bound[0, -1] <= found * (1.0 + 10 * TIGHT)
@@ -59,7 +62,10 @@ def test_closed_forms_of_a_channel_are_its_l1_gains(zeta):
     to_x, to_z = gain(M, np.array([[0.0], [1.0]]), norm="entries")[:, 0]
     # where the roots meet, the eigenvectors do too, and the bound is coarser
     tight = 0.04 if zeta == 1.0 else TIGHT
-    for found, exact in ((to_z * omega, control_gain(zeta)), (to_x * omega**2, prediction_gain(zeta))):
+    for found, exact in (
+        (to_z * omega, control_gain(zeta)),
+        (to_x * omega**2, prediction_gain(zeta)),
+    ):
         assert exact * (1.0 - 1e-9) <= found <= exact * (1.0 + tight)
 
 
