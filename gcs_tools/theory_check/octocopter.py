@@ -90,13 +90,11 @@ def position(
         yield from excluded("position", "the regressor moves too far")
         return
     run = hover_run(law, mass, drawn.s, duration, (drawn.runs,))
-    m_hat = 1.0 / run.states.estimates.Lambda[..., 0, 0]
-    at_edge = np.asarray((m_hat <= 1.0001 * LOW * mass) | (m_hat >= 0.9999 * HIGH * mass)).any(
-        axis=0
-    )
+    rho = 1.0 / (mass * run.states.estimates.Lambda[..., 0, 0])
+    least, most = np.atleast_1d(rho.min(axis=0)), np.atleast_1d(rho.max(axis=0))
     states = run.states
     for i in range(drawn.runs):
-        if at_edge[i]:
+        if least[i] <= 1.0001 * LOW or most[i] >= 0.9999 * HIGH:
             yield from excluded("position", "projection acts")
             continue
         yield from compared(
