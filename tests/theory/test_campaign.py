@@ -14,19 +14,36 @@ from gcs_tools.theory_check.check import Excluded, Held, held
 from gcs_tools.theory_check.report import Findings
 
 
-def test_no_bound_is_exceeded_by_random_systems():
-    findings = Findings()
-    for found in check.random_systems(seed=7, systems=8, steps=300):
-        findings.add("random", found)
+def test_no_bound_is_exceeded_by_100_random_systems():
+    findings, rng = Findings(), np.random.default_rng(7)
+    batches = [(check.general_batch, 15, decade) for decade in (1, 2, 3, 4)]
+    batches += [(check.linear_batch, 8, decade) for decade in (1, 2, 3, 4)]
+    batches += [(check.region_batch, 5, decade) for decade in (3, 4)]
+    for make, count, decade in batches:
+        findings.add("random", make(rng, count, decade, 300))
     lines = {line.name: line for line in findings.lines()}
-    assert set(lines) == {
-        "prediction (14)", "prediction, 1/gamma", "control difference (30)", "tracking",
-        "control inside the region (31)",
+    least = {
+        "prediction (14)": 92, "prediction, 1/gamma": 15, "control difference (30)": 15,
+        "tracking": 15, "control inside the region (31)": 5,
     }  # fmt: skip
-    for line in lines.values():
-        assert line.held >= 8
+    assert set(lines) == set(least)
+    for name, line in lines.items():
+        assert line.held >= least[name]
         assert line.exceeded == 0
         assert 1.0 <= line.tightness["min"] < 15.0
+
+
+def test_a_campaign_goes_on_until_it_has_counted_enough(monkeypatch):
+    asked = []
+
+    def half(rng, count, decade, steps):
+        asked.append(decade)
+        return [held("b", 2.0, 1.0)] * (count // 2) + [Excluded("b", "why")] * (count - count // 2)
+
+    monkeypatch.setattr(check, "BATCHES", (half,))
+    found = [one for batch in check.random_systems(1, systems=20, batch=10) for one in batch]
+    assert sum(isinstance(one, Held) for one in found) == 20
+    assert asked == [1, 2, 3, 4]
 
 
 @pytest.mark.parametrize("loop", ["position", "rates"])
