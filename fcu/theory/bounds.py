@@ -183,7 +183,8 @@ def prediction_bound(
         rate = k + 0.5 * np.linalg.eigvals(np.linalg.solve(P, Q)).real.min(axis=-1)
     level = c1(known, form).over(gammas) + c2(known, form).over(gammas) / (2.0 * rate)  # (17)
     V_0 = initial_V(known, gammas, P, x_til_0, form)
-    return PredictionBound(V_0, level, rate, np.linalg.eigvalsh(P)[..., 0])  # (18)
+    least = np.asarray(np.linalg.eigvalsh(P)[..., 0], dtype=np.float64)
+    return PredictionBound(V_0, level, rate, least)  # (18)
 
 
 def reference_bound(decay: Decay, B: Matrix, x_m_0: Matrix, r_star: float) -> float:

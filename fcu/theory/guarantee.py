@@ -18,7 +18,7 @@ from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, boun
 from fcu.theory.region import Budget, Reference, Sizes, adaptive_budget
 from fcu.theory.responses import Matrix, peak
 
-ROUNDS, SLACK = 100, 1e-3
+ROUNDS, SLACK = 30, 5e-3  # of repetition; relative, by which each round assumes more
 
 
 class Model(NamedTuple):

@@ -15,6 +15,8 @@ Forces in N, E; the mass is believed, and the wind a bound of its speed.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +90,7 @@ class Step(NamedTuple):
     acceleration: float  # m/s^2
 
 
+@lru_cache(maxsize=64)
 def unit_step(params: LawParams) -> Step:
     """Largest values along the reference model, each rounded up by less than 1e-4 of itself."""
     M, start = A(params), np.array([[-1.0], [0.0]])
@@ -101,7 +104,7 @@ def unit_step(params: LawParams) -> Step:
 def ball_budget(
     params: LawParams, mass: float, air: Air, step: float, adaptation: float = 0.0
 ) -> Budget:
-    """Condition (B): mass |r_m''(t)| + d + mu <= R, for all t. Largest at some t.
+    """Condition (B): mass |r_m''(t)| + d + mu <= R, at the worst time.
 
     step : m, from rest, in any direction. adaptation : mu (N), beta_1 + beta_2 gamma^(-1/2) and
     what the tracking error adds.
@@ -136,9 +139,11 @@ def theorem_budget(
     )  # (31)
 
 
-POINTS = 400  # of the reference's answer
+POINTS = 2000  # of the reference's answer
+FARTHEST = 1e6  # m, of a step that is looked for
 
 
+@lru_cache(maxsize=64)
 def _reference(params: LawParams) -> Matrix:
     """Position from the target and velocity (POINTS x 2) after a step of 1 m from rest."""
     slow = params.f_m * min(params.zeta_m, 1.0 / params.zeta_m)
@@ -149,16 +154,14 @@ def _reference(params: LawParams) -> Matrix:
     return np.array(states)
 
 
-def largest_step(holds: object) -> float:
-    """Largest step (m) with margin, for a function from a step to its `Budget`; 0 for none."""
-    if not callable(holds):
-        raise TypeError("largest_step: give a function from a step (m) to a Budget")
+def largest_step(condition: Callable[[float], Budget]) -> float:
+    """Largest step (m) for which a condition, from a step to its `Budget`, holds; 0 for none."""
     low, high = 0.0, 1.0
-    if not holds(low).holds:
+    if not condition(low).holds:
         return 0.0
-    while holds(high).holds and high < 1e6:
+    while condition(high).holds and high < FARTHEST:
         low, high = high, 2.0 * high
     while high - low > 1e-9 * high:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle).holds else (low, middle)
+        low, high = (middle, high) if condition(middle).holds else (low, middle)
     return low

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.responses import Matrix, Norm, decay, gain, peak
 
@@ -68,7 +67,8 @@ def loop(
     F = A - k * np.eye(n)
     if not beside:
         return Loop(F, B @ Lambda, B.T @ P, square, A, B @ Lambda, np.eye(q), B, B)
-    return Loop(F, B, B.T @ P, square, A, B, np.linalg.inv(Lambda), 0.0 * B, 0.0 * B)
+    control = np.asarray(np.linalg.inv(Lambda), dtype=np.float64)
+    return Loop(F, B, B.T @ P, square, A, B, control, 0.0 * B, 0.0 * B)
 
 
 class Start(NamedTuple):
@@ -185,7 +185,8 @@ class _Problem(NamedTuple):
     def without_e(self, size: int) -> _Problem:
         """The same of (x_til, z) alone, `size` states."""
         ways = self.ways
-        cut = _Ways(*(way[:, :size] for way in ways[:4]), ways.beside[:size])
+        x, z, e, y = (way[:, :size] for way in ways[:4])
+        cut = _Ways(x, z, e, y, ways.beside[:size])
         return self._replace(M=self.M[:size, :size], ways=cut, fed=self.fed[:, :size], found={})
 
     def _outputs(self) -> list[Matrix]:

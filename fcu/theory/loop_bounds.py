@@ -162,7 +162,7 @@ def position_bounds(params: LawParams, mass: float, flight: Flight) -> FlightBou
 
     Z, X, tilt = _pair(z_start[:2], float(z_start[2])), 0.0, 0.0
     for _ in range(ROUNDS):
-        Z, X, tilt = (value * (1.0 + SLACK) for value in (Z, X, tilt))
+        Z, X, tilt = Z * (1.0 + SLACK), X * (1.0 + SLACK), tilt * (1.0 + SLACK)
         aside = float(np.linalg.norm(flight.s[:2])) + a_0 + (1.0 + a_of_z) * (Z[0] + tilt * Z[1])
         upward = float(flight.s[2]) + a_0 + (1.0 + a_of_z) * (Z[1] + tilt * Z[0])
         most = mass * math.hypot(g + upward, aside)

@@ -20,6 +20,7 @@ from fcu.theory.simulate import ClosedLoop, LoopState
 from fcu.theory.systems import (
     Plant,
     ReferenceModel,
+    Signal,
     Uncertainty,
     Varying,
     swinging,
@@ -84,7 +85,7 @@ def shape(rng: Rng, decade: int) -> Shape:
 
 def spread(rng: Rng, low: float, high: float, size: Any) -> Array:
     """Log-uniform."""
-    return np.exp(rng.uniform(np.log(low), np.log(high), size))
+    return np.asarray(np.exp(rng.uniform(np.log(low), np.log(high), size)))
 
 
 def model(rng: Rng, count: int, n: int, q: int) -> ReferenceModel:
@@ -102,9 +103,9 @@ def lambdas(rng: Rng, count: int, drawn: Shape, moving: bool) -> tuple[Varying, 
     """Lambda(t) with eigenvalues of at least LEAST, and what is assumed of it."""
     one = drawn.structure is Structure.SCALAR
     mean = spread(rng, 2.0 * LEAST, 3.0, (count, 1 if one else drawn.q))
-    swing = (mean - LEAST) * rng.uniform(0.1, 0.9, mean.shape) * (1.0 if moving else 0.0)
+    swing: Array = (mean - LEAST) * rng.uniform(0.1, 0.9, mean.shape) * (1.0 if moving else 0.0)
     omega = spread(rng, 0.5, 10.0, mean.shape)
-    phase = rng.uniform(0.0, 6.0, mean.shape)
+    phase = np.asarray(rng.uniform(0.0, 6.0, mean.shape))
     if one:
         mean, swing, omega, phase = (
             np.repeat(v, drawn.q, axis=-1) for v in (mean, swing, omega, phase)
@@ -158,7 +159,8 @@ def gains(rng: Rng, count: int, drawn: Shape) -> tuple[Blocks, Array]:
     return Blocks(block(), block(), block(), block(), block()), k
 
 
-def commands(rng: Rng, count: int, q: int, size: float) -> tuple[Any, Array, Array]:
+def commands(rng: Rng, count: int, q: int, size: float) -> tuple[Signal, Array, Array]:
+    """Sinusoidal commands r(t), and bounds (N,) of |r| and |r'|."""
     mean, swing = size * rng.normal(size=(count, q)), size * rng.uniform(0.0, 1.0, (count, q))
     omega = spread(rng, 0.3, 3.0, (count, q))
 
@@ -196,7 +198,9 @@ def draw(rng: Rng, count: int, drawn: Shape, linear: bool) -> Draw:
     high = 1.1 * np.asarray(of_Lambda.star)[:, None, None] * np.ones((counted, 1))
     low = np.full((count, counted, 1), 0.8 * LEAST)
     Lambda_box = Box(low, high, 0.1 if drawn.smooth else 0.0)
-    width = np.maximum(Lambda_box.outer_high - LEAST, of_Lambda.star[:, None, None] - low)
+    width = np.maximum(
+        Lambda_box.outer_high - LEAST, np.asarray(of_Lambda.star)[:, None, None] - low
+    )
     of_Lambda = of_Lambda._replace(error=frobenius(np.maximum(width, 0.0)))
     adapted = not (linear and drawn.beside)
     start_Lambda = 0.5 * (low + high)

@@ -25,8 +25,9 @@ from fcu.theory.systems import (
 )
 from gcs_tools.theory_check.draws import Rng, commands, model, spread, unknown
 
-WIDTH = 0.1  # Theta_hat is kept within this of a guess, component by component
-OFF = 0.05  # and the truth is within this of it
+WIDTH = 0.02  # Theta_hat is kept within this of a guess, component by component
+OFF = 0.01  # and the truth is within this of it
+SHARE = 0.05  # gamma of Theta over that of d: with more it learns d in Theta's place
 ROOM = 3.0  # projection set of d_hat over the size of d
 
 
@@ -93,12 +94,12 @@ class RegionDraw:
     def loop(self, actuator: Actuator) -> ClosedLoop:
         """The closed loops with an actuator."""
         truth = Uncertainty(
-            constant(self.Lambda), np.linalg.eigvalsh(self.Lambda)[:, 0], Structure.SCALAR,
+            constant(self.Lambda), self.Lambda[:, 0, 0], Structure.SCALAR,
             Theta=constant(self.Theta), d=self.d,
         )  # fmt: skip
         laws = Laws(
             Lambda=Block(self.gamma, Ball(ROOM * self.Lambda[:, 0, 0], 0.0), Structure.SCALAR),
-            Theta=Block(self.gamma, Box(self.guess - WIDTH, self.guess + WIDTH, 0.0)),
+            Theta=Block(SHARE * self.gamma, Box(self.guess - WIDTH, self.guess + WIDTH, 0.0)),
             d=Block(self.gamma, Ball(ROOM * self.d_star, 0.0)),
             weight=Structure.SCALAR,
         )
@@ -114,7 +115,7 @@ class RegionDraw:
 
 
 def region_draw(rng: Rng, count: int, decade: int) -> RegionDraw:
-    """Systems with commands and starts of a few tenths; gamma from 10^decade, one for all blocks."""
+    """Systems with commands and starts of a few tenths; gamma from 10^decade."""
     q = int(rng.integers(1, 4))
     n, g = int(rng.integers(q, 5)), int(rng.integers(1, 3))
     reference = model(rng, count, n, q)
