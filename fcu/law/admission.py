@@ -48,7 +48,7 @@ def ahead(params_buffer, way, reference):
     r = Vec3(reference[0], reference[1], reference[2])
     v = Vec3(reference[3], reference[4], reference[5])
     worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
-    a, before, off = zero, zero, zero
+    w, a, before, off = zero, zero, zero, zero
     for i in range(len(way)):
         setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
         last = i == len(way) - 1
@@ -60,11 +60,12 @@ def ahead(params_buffer, way, reference):
             a_d = a_ref(params, carried(setpoint, k * params.h), r, v)
             off = foreseen.misjudged(params, off, a_d - before)
             worst = min(worst, foreseen.holds(known, a_d, off, v))
-            r, v, a = foreseen.advanced(params, a_d, r, v, a)
+            r, v, w, a = foreseen.advanced(params, a_d, r, v, w, a)
             before = a_d
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
-            r, v, a, before = end.r_c, end.v_c, setpoint.a_c, setpoint.a_c
+            r, v = end.r_c, end.v_c
+            w = a = before = setpoint.a_c
             worst = min(worst, margin.condition(known, a, v, 0.0))
     return worst
 

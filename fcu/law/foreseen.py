@@ -28,16 +28,19 @@ def steps(params):
 
 
 @kernel
-def advanced(params, a_d, r, v, a):
-    """Where the vehicle is a step later: r, v, a (m, m/s, m/s^2, E).
+def advanced(params, a_d, r, v, w, a):
+    """Where the vehicle is a step later: r, v, w, a (m, m/s, m/s^2, m/s^2, E).
 
-    It follows the acceleration a_d demanded with the lags of attitude and rates, 1/c_theta + 1/c_q:
-    a reference model that is too fast for them demands more than it would without.
+    Its acceleration a follows the one demanded, a_d, behind two lags: that of attitude, 1/c_theta
+    (to w), and that of the rates, 1/c_q. A reference model too fast for them demands more than it
+    would without.
     """
-    h, lag = params.h, 1.0 / params.c_angle.y + 1.0 / params.c_rate.y
-    a = (a + (h / lag) * a_d) / (1.0 + h / lag)
+    h = params.h
+    of_attitude, of_rates = h * params.c_angle.y, h * params.c_rate.y
+    w = (w + of_attitude * a_d) / (1.0 + of_attitude)
+    a = (a + of_rates * w) / (1.0 + of_rates)
     v = v + h * a
-    return r + h * v, v, a
+    return r + h * v, v, w, a
 
 
 @kernel
@@ -69,7 +72,7 @@ def least(params, setpoint, r, v):
     """
     known, worst, at = margin.known(params), math.inf, 0.0
     zero = Vec3(0.0, 0.0, 0.0)
-    a, a_worst, v_worst = zero, zero, v
+    w, a, a_worst, v_worst = zero, zero, zero, v
     before, off = zero, zero
     for k in range(steps(params)):
         t = k * params.h
@@ -78,7 +81,7 @@ def least(params, setpoint, r, v):
         now = holds(known, a_d, off, v)
         if now < worst:
             worst, at, a_worst, v_worst = now, t, a_d, v
-        r, v, a = advanced(params, a_d, r, v, a)
+        r, v, w, a = advanced(params, a_d, r, v, w, a)
         before = a_d
     return worst, at, a_worst, v_worst
 
@@ -93,7 +96,7 @@ def along(params, sent_at, setpoints, r, v, rows):
     known, sent = margin.known(params), 0
     setpoint = _unpack_setpoint(setpoints[0])
     zero = Vec3(0.0, 0.0, 0.0)
-    a, before, off = zero, zero, zero
+    w, a, before, off = zero, zero, zero, zero
     for k in range(len(rows)):
         t = k * params.h
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
@@ -104,7 +107,7 @@ def along(params, sent_at, setpoints, r, v, rows):
         rows[k, 0], rows[k, 1] = t, holds(known, a_d, off, v)
         rows[k, 2], rows[k, 3], rows[k, 4] = a_d.x, a_d.y, a_d.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
-        r, v, a = advanced(params, a_d, r, v, a)
+        r, v, w, a = advanced(params, a_d, r, v, w, a)
         before = a_d
 
 

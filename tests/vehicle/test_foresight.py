@@ -40,9 +40,11 @@ def flown_out(law, way, reference):
     The vehicle follows with the lag of attitude and rates; a jump is flown with a wrong mass.
     """
     r, v = (np.array(reference[i : i + 3]) for i in (0, 3))
-    lag, fades = 1.0 / law.c_angle.y + 1.0 / law.c_rate.y, math.exp(-0.5 * law.h * law.lambda_v)
+    attitude, rates, fades = (
+        math.exp(-law.h * x) for x in (law.c_angle.y, law.c_rate.y, 0.5 * law.lambda_v)
+    )
     known, worst = margin.known(law), math.inf
-    a, off, before = np.zeros(3), np.zeros(3), np.zeros(3)
+    w, a, off, before = (np.zeros(3) for _ in range(4))
 
     def condition(a_d):
         return margin.condition(known, Vec3(*a_d.tolist()), Vec3(*v.tolist()), 0.0)
@@ -54,7 +56,8 @@ def flown_out(law, way, reference):
             a_d = np.array(a_ref(law, now, Vec3(*r.tolist()), Vec3(*v.tolist())))
             off = fades * off + margin.FORGOTTEN * (a_d - before)
             worst = min(worst, condition(a_d + off), condition(a_d - off))
-            a = a + (1.0 - math.exp(-law.h / lag)) * (a_d - a)
+            w = a_d + attitude * (w - a_d)
+            a = w + rates * (a - w)
             r, v, before = r + law.h * v, v + law.h * a, a_d
     return worst
 
