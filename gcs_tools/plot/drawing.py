@@ -7,7 +7,7 @@ against (wide and pale), and dashed red is a limit, in every figure.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -53,6 +53,17 @@ STYLE: Any = {
     "pdf.fonttype": 42,
 }
 TIME = "simulation time, s"
+
+
+def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:
+    """A log scale with plain numbers: powers of ten would be mathematical text, which is off."""
+    from matplotlib.ticker import NullFormatter
+
+    for name in which:
+        axes.set(**{f"{name}scale": "log"})
+        axis = axes.xaxis if name == "x" else axes.yaxis
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(NullFormatter())
 
 
 def thin(t: Rows, y: Rows) -> tuple[Rows, Rows]:

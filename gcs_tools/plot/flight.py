@@ -24,6 +24,7 @@ from gcs_tools.plot.drawing import (
     legend,
     limits,
     line,
+    logarithmic,
 )
 from gcs_tools.plot.numbers import Numbers, length, percent
 from gcs_tools.plot.shown import ENU, Columns, Shown
@@ -54,7 +55,7 @@ def distance(axes: Axes, flight: Flight) -> None:
     """On a log scale: from the metres of a start to the millimetres of a settled flight."""
     axes.set_title("Distance from the reference, m")
     t, error = flight.t, flight.position_error
-    axes.set_yscale("log")
+    logarithmic(axes, "y")
     greatest = flight.metric("position_max_m")
     axes.set_ylim(1e-3, max(1.0, 2.0 * (greatest or 0.0)))
     line(axes, t, np.maximum(error, 1e-4), color=INK, linewidth=0.8)

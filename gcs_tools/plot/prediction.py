@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs_tools.metrics import Rows
-from gcs_tools.plot.drawing import INK, THREE, TIME, Y, flagged, legend, line, zoom
+from gcs_tools.plot.drawing import INK, THREE, TIME, Y, flagged, legend, line, logarithmic, zoom
 from gcs_tools.plot.numbers import Numbers, finite, greatest, percent, rms, said
 from gcs_tools.plot.shown import ENU, Shown
 
@@ -80,7 +80,7 @@ def _by_axis(axes: Axes, shown: Shown, name: str, title: str, of: tuple[str, ...
 def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: str) -> None:
     axes.set_title(f"Size |{'ṽ' if name == V else 'ω̃'}|, {unit}")
     t, size = shown.t, MILLI * _size(shown, name)
-    axes.set_yscale("log")
+    logarithmic(axes, "y")
     seen = size[np.isfinite(size) & (size > 0.0)]
     low, high = np.quantile(seen, (0.001, 1.0)).tolist() if len(seen) else (LEAST, 1.0)
     axes.set_ylim(max(LEAST, 0.5 * low), max(10.0 * LEAST, 3.0 * high))

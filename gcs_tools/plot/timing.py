@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs_tools.metrics import Rows
-from gcs_tools.plot.drawing import DASHED, INK, THREE, TIME, X, Y, empty, legend, line, note
+from gcs_tools.plot.drawing import (
+    DASHED,
+    INK,
+    THREE,
+    TIME,
+    X,
+    Y,
+    empty,
+    legend,
+    line,
+    logarithmic,
+    note,
+)
 from gcs_tools.plot.numbers import Numbers
 from gcs_tools.plot.shown import Columns, Missing, Shown
 from gcs_tools.schema import PLANT_TIMING, TIMING
@@ -158,14 +170,13 @@ def _spread(
     if (values < LEAST_US).any():
         values = np.maximum(values, LEAST_US)
         note(series, f"below {LEAST_US:g} µs is shown as {LEAST_US:g} µs")
-    series.set_yscale("log")
+    logarithmic(series, "y")
     line(series, t, values, color=colour, linewidth=0.7)
     seen = values[np.isfinite(values)]
     low, high = float(seen.min()), max(float(seen.max()), 2.0)
     bins = np.geomspace(0.9 * low, 1.1 * high, BINS).tolist()
     histogram.hist(seen, bins=bins, color=colour, alpha=0.6)
-    histogram.set_xscale("log")
-    histogram.set_yscale("log")
+    logarithmic(histogram, "x", "y")
     for share, words, style in ((0.5, "median", "-"), (0.99, "99 %:", (0, (1, 1)))):
         at = float(np.quantile(seen, share))
         histogram.axvline(at, color=INK, linewidth=1.2, linestyle=style, label=f"{words} {at:.0f}")
