@@ -44,7 +44,7 @@ def ahead(params_buffer, way, reference):
     """
     params = _unpack_params(params_buffer)
     settled = foreseen.steps(params) * params.h
-    known = margin.known(params)
+    known, more = margin.known(params), foreseen.hurry(params)
     r = Vec3(reference[0], reference[1], reference[2])
     v = Vec3(reference[3], reference[4], reference[5])
     worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
@@ -59,14 +59,14 @@ def ahead(params_buffer, way, reference):
         for k in range(n):
             a_d = a_ref(params, carried(setpoint, k * params.h), r, v)
             off = foreseen.misjudged(params, off, a_d - before)
-            worst = min(worst, foreseen.holds(known, a_d, off, v))
+            worst = min(worst, foreseen.holds(known, more * a_d, more * off, v))
             r, v, w, a = foreseen.advanced(params, a_d, r, v, w, a)
             before = a_d
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
             r, v = end.r_c, end.v_c
             w = a = before = setpoint.a_c
-            worst = min(worst, margin.condition(known, a, v, 0.0))
+            worst = min(worst, margin.condition(known, more * a, v, 0.0))
     return worst
 
 

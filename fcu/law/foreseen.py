@@ -15,6 +15,7 @@ from fcu.kernel.compile import kernel
 from fcu.law import margin
 from fcu.law.reference_model import a_ref, carried
 
+QUICK = 0.6  # of a time constant of the reference model: attitude and rates may lag so much
 SETTLED = 8.0  # time constants of the reference model after which there is nothing to come
 
 _unpack_setpoint = unpacker(Setpoint)
@@ -25,6 +26,18 @@ def steps(params):
     """How many steps of params.h it takes the reference model to settle."""
     slowest = params.f_m * minimum(params.zeta_m, 0.5 / maximum(params.zeta_m, 0.5))
     return math.ceil(SETTLED / (slowest * params.h))
+
+
+@kernel
+def hurry(params):
+    """What a demand is multiplied by for a reference model too quick for attitude and rates.
+
+    1 while 2 zeta_m f_m (1/c_theta + 1/c_q) is below QUICK. Above, a step also runs into the torque
+    of the rotors, which the condition does not know: each per cent more counts as one of demand.
+    Where that begins was set by flights.
+    """
+    lags = 1.0 / params.c_angle.y + 1.0 / params.c_rate.y
+    return maximum(1.0, 2.0 * params.zeta_m * params.f_m * lags / QUICK)
 
 
 @kernel
@@ -70,7 +83,7 @@ def least(params, setpoint, r, v):
     params.h is the step of the look ahead, a hundredth of a second say.  r, v : where the way
     begins, m, m/s, E, in hover.
     """
-    known, worst, at = margin.known(params), math.inf, 0.0
+    known, worst, at, more = margin.known(params), math.inf, 0.0, hurry(params)
     zero = Vec3(0.0, 0.0, 0.0)
     w, a, a_worst, v_worst = zero, zero, zero, v
     before, off = zero, zero
@@ -78,9 +91,9 @@ def least(params, setpoint, r, v):
         t = k * params.h
         a_d = a_ref(params, carried(setpoint, t), r, v)
         off = misjudged(params, off, a_d - before)
-        now = holds(known, a_d, off, v)
+        now = holds(known, more * a_d, more * off, v)
         if now < worst:
-            worst, at, a_worst, v_worst = now, t, a_d, v
+            worst, at, a_worst, v_worst = now, t, more * a_d, v
         r, v, w, a = advanced(params, a_d, r, v, w, a)
         before = a_d
     return worst, at, a_worst, v_worst
@@ -93,7 +106,7 @@ def along(params, sent_at, setpoints, r, v, rows):
     sent_at : float64[m], s, the first at 0.  setpoints : float64[m, size(Setpoint)].
     A row: time (s), condition (N), acceleration demanded (m/s^2, E), velocity (m/s, E).
     """
-    known, sent = margin.known(params), 0
+    known, sent, more = margin.known(params), 0, hurry(params)
     setpoint = _unpack_setpoint(setpoints[0])
     zero = Vec3(0.0, 0.0, 0.0)
     w, a, before, off = zero, zero, zero, zero
@@ -104,8 +117,9 @@ def along(params, sent_at, setpoints, r, v, rows):
             setpoint = _unpack_setpoint(setpoints[sent])
         a_d = a_ref(params, carried(setpoint, t - sent_at[sent]), r, v)
         off = misjudged(params, off, a_d - before)
-        rows[k, 0], rows[k, 1] = t, holds(known, a_d, off, v)
-        rows[k, 2], rows[k, 3], rows[k, 4] = a_d.x, a_d.y, a_d.z
+        asked = more * a_d
+        rows[k, 0], rows[k, 1] = t, holds(known, asked, more * off, v)
+        rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
         r, v, w, a = advanced(params, a_d, r, v, w, a)
         before = a_d
