@@ -191,7 +191,7 @@ TABLE: tuple[OfLaw, ...] = (
     _believed("c_D", "MR_GRD_DRAG", "N/(m/s)^2", 0.001, 10.0, DEFAULTS["guard_drag"], "greatest drag coefficient that it believes in"),
     _believed("w_max", "MR_GRD_WIND", "m/s", 0.0, 50.0, DEFAULTS["guard_wind_m_s"], "greatest wind that it believes in"),
     _believed("w_dot_max", "MR_GRD_WRATE", "m/s^2", 0.0, 1000.0, DEFAULTS["guard_wind_rate_m_s2"], "greatest rate of that wind"),
-    _believed("jerk", "MR_GRD_JERK", "m/s^3", 0.1, 1000.0, DEFAULTS["guard_jerk_m_s3"], "fastest change of the acceleration of what is governed"),
+    _believed("jerk", "MR_GRD_JERK", "m/s^3", 5.0, 1000.0, DEFAULTS["guard_jerk_m_s3"], "fastest change of the acceleration of what is governed"),
     OfLaw(
         Parameter("MR_RATE", "Hz", 1.0, 10000.0, 500.0, "control rate, set at the start", True),
         lambda law: 1.0 / law.h,

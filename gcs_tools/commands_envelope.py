@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,8 @@ NAMED = {
     "speed": "drag of its own speed",
     "wind": "drag of the wind",
     "learning": "estimates that lag",
+    "tracking": "closing the error that they leave",
+    "doubt": "a jump, with a mass not known",
 }
 
 
@@ -38,8 +41,9 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
     "Ball        the largest ball of forces about hover\n"
     "(31)        the paper's condition, repaired, taken from the target\n\n"
     "Each is sufficient: that one does not hold predicts nothing.\n\n"
-    "Exit codes: 0 the condition holds along the mission's way, 1 it does not, 2 the mission cannot\n"
-    "be flown or the figure not written; 130 interrupted."
+    "Exit codes: 0 the condition holds along the mission's way, or the guard will govern what does\n"
+    "not fit; 1 it does not hold; 2 the mission cannot be flown or the figure not written; 130\n"
+    "interrupted."
 )
 @click.argument("mission")
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission.")  # fmt: skip
@@ -63,7 +67,8 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
             _show(found, Console(highlight=False))
             if figure is not None:
                 print(f"{figure}")
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed by whoever started this
+            sys.stdout.flush()
     except MissionError as error:
         click.echo(f"Error: {error}", err=True)
         sys.exit(USAGE)
@@ -72,17 +77,19 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
 
         silence(sys.stdout)
     except OSError as error:
-        click.echo(f"Error: {error.filename or figure}: {error.strerror}", err=True)
+        at = error.filename or figure or "standard output"
+        click.echo(f"Error: {at}: {error.strerror}", err=True)
         sys.exit(USAGE)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
-    sys.exit(HOLDS if found.holds else DOES_NOT_HOLD)
+    sys.exit(HOLDS if found.holds or found.governed else DOES_NOT_HOLD)
 
 
 def _found(name: str, settings: tuple[str, ...], figure: Path | None) -> Envelope:
     """Raises MissionError, OSError."""
     from fcu.interface.airframe import AirframeError
     from fcu.law.parameters import ParameterError
+    from fcu.theory.responses import UnstableError
     from gcs_tools.envelope import envelope as of
     from gcs_tools.mission import MissionError, load, override
 
@@ -96,7 +103,7 @@ def _found(name: str, settings: tuple[str, ...], figure: Path | None) -> Envelop
             from gcs_tools.envelope_figure import save
 
             save(mission, found, figure)
-    except (ParameterError, AirframeError) as error:
+    except (ParameterError, AirframeError, UnstableError) as error:
         raise MissionError(f"{mission.source}: {error}") from error
     return found
 
@@ -108,15 +115,18 @@ def _show(found: Envelope, console: Console) -> None:
     sign, colour = ("holds", "green") if found.holds else ("does not hold", "yellow")
     console.print(Text(found.mission, style="bold"), Text(f"guard {found.guard}", style="dim"))
     console.print(Text(f"The condition {sign}:", style=f"bold {colour}"), _sentence(found))
-    if found.remark:
-        console.print(Text(f"Note: {found.remark}.", style="dim"))
+    if found.governed:
+        console.print("That is as it is asked. The guard governs: flown more gently, it does hold.")
+    for remark in found.remarks:
+        console.print(Text(f"Beyond what is said here: {remark}.", style="yellow"))
     console.print()
 
     spent = Table("At its tightest", "N", box=None, pad_edge=False, header_style="dim")
     spent.columns[1].justify = "right"
-    spent.add_row("room in hover, to the nearest limit", f"{found.terms.hover:.1f}")
+    none = "" if found.terms.hover > 0.0 else "  <- the actuators do not carry what is believed"
+    spent.add_row(f"room in hover, to the nearest limit{none}", f"{found.terms.hover:.1f}")
     for name, words in NAMED.items():
-        eats = "  <- eats most" if name == found.terms.largest else ""
+        eats = "  <- eats most" if name == found.terms.largest and found.terms.hover > 0.0 else ""
         spent.add_row(f"  {words}{eats}", f"{-getattr(found.terms, name):.1f}")
     spent.add_row("left", f"{found.terms.left:.1f}", style=f"bold {colour}")
     console.print(spent)
@@ -136,10 +146,10 @@ def _show(found: Envelope, console: Console) -> None:
             would = (
                 "not enough"
                 if change.would_do is None
-                else f"{change.would_do:.3g} {change.unit}".rstrip()
+                else f"{_down(change.would_do)} {change.unit}".rstrip()
             )
             console.print(f"  {change.what} {change.now:.3g} -> {would}")
-        if found.guard != "govern":
+        if found.can_be_governed:
             console.print('  law.guard="govern", which flies there more gently')
     after = "thrust and tilt are certain from"
     console.print()
@@ -147,9 +157,18 @@ def _show(found: Envelope, console: Console) -> None:
 
 
 def _columns(row: Reach) -> list[str]:
-    return ["-" if v is None else f"{v:.1f}" for v in (row.exact, row.ball, row.theorem)]
+    """What is certain is rounded down."""
+    columns = (row.exact, row.ball, row.theorem)
+    return ["-" if v is None else f"{math.floor(10.0 * v) / 10.0:.1f}" for v in columns]
+
+
+def _down(value: float) -> str:
+    """Three digits, rounded down: so much still holds."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2) if value > 0.0 else 1.0
+    return f"{math.floor(value / step) * step:.3g}"
 
 
 def _sentence(found: Envelope) -> str:
     how = "left" if found.holds else "short"
-    return f"{abs(found.margin_n):.1f} N {how} at {found.at_s:.1f} s, its tightest moment."
+    size = math.ceil(-10.0 * found.margin_n) / 10.0 if found.margin_n < 0.0 else found.margin_n
+    return f"{size:.1f} N {how} at {found.at_s:.1f} s, its tightest moment."

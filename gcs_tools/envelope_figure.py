@@ -20,8 +20,10 @@ EVERY = 4  # of the look ahead's rows
 SHARES = {
     "wind": ("drag of the wind", "#9ecae1"),
     "learning": ("estimates that lag", "#c7b9e0"),
+    "tracking": ("closing the error that they leave", "#dadaeb"),
     "speed": ("drag of its own speed", "#a1d99b"),
     "acceleration": ("what the way demands", "#fdae6b"),
+    "doubt": ("a jump, with a mass not known", "#fdd0a2"),
 }
 POINTS = 9  # along f_m
 DIRECTIONS = {
@@ -46,7 +48,10 @@ def save(mission: Mission, found: Envelope, path: Path) -> None:
 def _draw_way(axes: Axes, mission: Mission, found: Envelope) -> None:
     scene = scenario(mission)
     rows = way(scene)[::EVERY]
-    spent = [terms(scene.law, Vec3(*row[2:5].tolist()), Vec3(*row[5:8].tolist())) for row in rows]
+    spent = [
+        terms(scene.law, Vec3(*row[2:5].tolist()), Vec3(*row[5:8].tolist()), float(row[1]))
+        for row in rows
+    ]
     t, hover = rows[:, 0], spent[0].hover
     below = np.zeros(len(t))
     for name, (words, colour) in SHARES.items():

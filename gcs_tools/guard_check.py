@@ -182,6 +182,21 @@ class Check(NamedTuple):
     redrawn: int  # that the rule of gains refused
 
 
+WORDS = {
+    "flights": "flown, each as asked and governed",
+    "ways_inside": "as asked, ways (two a flight) for which the condition holds",
+    "inside_saturated": "  of these that saturate after the transient",
+    "governed_saturated": "governed flights that saturate, from the first tick on",
+    "governed_rotors": "governed flights with a rotor at its limit after the transient",
+    "governed_arrived": "governed, ways at whose end it is there (two a flight)",
+    "warned_saturated": "as asked, ways outside the condition that saturate",
+    "warned_lost": "as asked, ways outside the condition that do not arrive",
+    "condition_least_n": "governed, least condition after the transient, N",
+    "transient_most_s": "longest transient, s",
+    "redrawn": "drawn again, since their gains are not stable",
+}
+
+
 def flights(n: int, seed: int = 1) -> tuple[list[dict[str, Any]], int]:
     """`n` draws whose gains are stable, and how many were not."""
     random, kept, refused = np.random.default_rng(seed), list[dict[str, Any]](), 0
@@ -234,8 +249,10 @@ def holds(found: Check) -> bool:
 
 
 @click.command()
-@click.option("--flights", "n", default=2000, show_default=True, help="how many are drawn")
-@click.option("--seed", default=1, show_default=True)
+@click.option("--flights", "n", default=2000, show_default=True, type=click.IntRange(1), help="how many are drawn")  # fmt: skip
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(0), help="of what is drawn"
+)
 @click.option("--json", "as_json", is_flag=True, help="a JSON object on standard output")
 def main(n: int, seed: int, as_json: bool) -> None:
     """Fly random flights as asked and governed; exit 1 if the guard did not hold."""
@@ -243,10 +260,11 @@ def main(n: int, seed: int, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({**found._asdict(), "holds": holds(found)}, indent=2))
     else:
-        table = Table("of", "", title=f"{n} flights of two setpoints each, as asked and governed")
+        table = Table("of flights of two setpoints each", "", box=None)
         for name, value in found._asdict().items():
-            table.add_row(name.replace("_", " "), f"{value:.4g}")
+            table.add_row(WORDS[name], f"{value:.4g}")
         Console().print(table)
+        click.echo("the guard held" if holds(found) else "the guard did not hold")
     sys.exit(0 if holds(found) else 1)
 
 

@@ -44,7 +44,7 @@ def ahead(params_buffer, way, reference):
     """
     params = _unpack_params(params_buffer)
     settled = foreseen.steps(params) * params.h
-    known, more = margin.known(params), foreseen.hurry(params)
+    known, more, adds = margin.known(params), foreseen.hurry(params), foreseen.closed(params)
     r = Vec3(reference[0], reference[1], reference[2])
     v = Vec3(reference[3], reference[4], reference[5])
     worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
@@ -59,14 +59,14 @@ def ahead(params_buffer, way, reference):
         for k in range(n):
             a_d = a_ref(params, carried(setpoint, k * params.h), r, v)
             off = foreseen.misjudged(params, off, a_d - before)
-            worst = min(worst, foreseen.holds(known, more * a_d, more * off, v))
+            worst = min(worst, foreseen.holds(known, more * a_d, more * off, v, adds))
             r, v, w, a = foreseen.advanced(params, a_d, r, v, w, a)
             before = a_d
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
             r, v = end.r_c, end.v_c
             w = a = before = setpoint.a_c
-            worst = min(worst, margin.condition(known, more * a, v, 0.0))
+            worst = min(worst, foreseen.holds(known, more * a, zero, v, adds))
     return worst
 
 
@@ -133,13 +133,15 @@ def percent(part: float, of: str) -> str:
     return f"{math.floor(100.0 * part)} % of {of}" if part >= 0.01 else f"no part of {of}"
 
 
-def most(look: Look, way_of: Callable[[float], Way], reference: Buffer) -> float:
+def most(
+    look: Look, way_of: Callable[[float], Way], reference: Buffer, halvings: int = HALVINGS
+) -> float:
     """The largest part, from 0 to 1, of which the way meets the condition, by halving.
 
     way_of : from a part to the way of it.
     """
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         middle = 0.5 * (low + high)
         fits = look.short(way_of(middle), reference) == 0.0
         low, high = (middle, high) if fits else (low, middle)

@@ -61,7 +61,7 @@ def take_over(params, measured):
         0.0,
         Vec3(angles.x, angles.y, 0.0),
         zero,
-        margin.beta_1(params),
+        margin.beta_1(params, measured.v_E),
         angles.z,
         measured.w_B.z,
     )

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 
 from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3, maximum, minimum
+from fcu.kernel.algebra import Vec3, maximum, minimum, norm
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
 from fcu.law import margin
 from fcu.law.reference_model import a_ref, carried
 
 QUICK = 0.6  # of a time constant of the reference model: attitude and rates may lag so much
+LONGEST = 300.0  # s, that is looked ahead at most
 SETTLED = 8.0  # time constants of the reference model after which there is nothing to come
 
 _unpack_setpoint = unpacker(Setpoint)
@@ -25,7 +26,7 @@ _unpack_setpoint = unpacker(Setpoint)
 def steps(params):
     """How many steps of params.h it takes the reference model to settle."""
     slowest = params.f_m * minimum(params.zeta_m, 0.5 / maximum(params.zeta_m, 0.5))
-    return math.ceil(SETTLED / (slowest * params.h))
+    return math.ceil(minimum(SETTLED / slowest, LONGEST) / params.h)
 
 
 @kernel
@@ -66,13 +67,30 @@ def misjudged(params, off, change):
 
 
 @kernel
-def holds(known, a_d, off, v):
-    """The condition (N) for a demand a_d (m/s^2, E) that is off by `off`, either way."""
-    more, less = (
-        margin.condition(known, a_d + off, v, 0.0),
-        margin.condition(known, a_d - off, v, 0.0),
+def closed(params):
+    """What closing the tracking error adds to the demand, over `margin.difference`.
+
+    The control difference z moves the vehicle off its reference, e'' + 2 zeta f e' + f^2 e = z, and
+    the demand with it: the L1 norm of (2 zeta f s + f^2)/(s^2 + 2 zeta f s + f^2), times what of z is
+    slow. Not in (31).
+    """
+    zeta = minimum(params.zeta_m, 0.99)  # above it the norm is smaller
+    root = math.sqrt(1.0 - zeta * zeta)
+    first = math.exp(-2.0 * zeta * math.acos(zeta) / root)  # overshoots of its step response
+    gain = 1.0 + 2.0 * first / (1.0 - math.exp(-math.pi * zeta / root))
+    return gain * margin.SETTLES / margin.LASTS
+
+
+@kernel
+def holds(known, a_d, off, v, adds):
+    """The condition (N) for a demand a_d (m/s^2, E) that is off by `off`, either way.
+
+    adds : `closed`.
+    """
+    more = adds * margin.difference(known, norm(v))
+    return minimum(
+        margin.condition(known, a_d + off, v, more), margin.condition(known, a_d - off, v, more)
     )
-    return minimum(more, less)
 
 
 @kernel
@@ -86,12 +104,12 @@ def least(params, setpoint, r, v):
     known, worst, at, more = margin.known(params), math.inf, 0.0, hurry(params)
     zero = Vec3(0.0, 0.0, 0.0)
     w, a, a_worst, v_worst = zero, zero, zero, v
-    before, off = zero, zero
+    before, off, adds = zero, zero, closed(params)
     for k in range(steps(params)):
         t = k * params.h
         a_d = a_ref(params, carried(setpoint, t), r, v)
         off = misjudged(params, off, a_d - before)
-        now = holds(known, more * a_d, more * off, v)
+        now = holds(known, more * a_d, more * off, v, adds)
         if now < worst:
             worst, at, a_worst, v_worst = now, t, more * a_d, v
         r, v, w, a = advanced(params, a_d, r, v, w, a)
@@ -109,7 +127,7 @@ def along(params, sent_at, setpoints, r, v, rows):
     known, sent, more = margin.known(params), 0, hurry(params)
     setpoint = _unpack_setpoint(setpoints[0])
     zero = Vec3(0.0, 0.0, 0.0)
-    w, a, before, off = zero, zero, zero, zero
+    w, a, before, off, adds = zero, zero, zero, zero, closed(params)
     for k in range(len(rows)):
         t = k * params.h
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
@@ -118,7 +136,7 @@ def along(params, sent_at, setpoints, r, v, rows):
         a_d = a_ref(params, carried(setpoint, t - sent_at[sent]), r, v)
         off = misjudged(params, off, a_d - before)
         asked = more * a_d
-        rows[k, 0], rows[k, 1] = t, holds(known, asked, more * off, v)
+        rows[k, 0], rows[k, 1] = t, holds(known, asked, more * off, v, adds)
         rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
         r, v, w, a = advanced(params, a_d, r, v, w, a)
@@ -132,4 +150,4 @@ def transient_s(params):
     Paper (30): beta_1 e^(-nu_1 t).
     """
     nu_1 = 0.5 * params.lambda_v
-    return math.log(maximum(margin.beta_1(params), 1.0)) / nu_1  # (30)
+    return math.log(maximum(margin.beta_1(params, Vec3(0.0, 0.0, 0.0)), 1.0)) / nu_1  # (30)

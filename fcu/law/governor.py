@@ -37,12 +37,10 @@ def speeds(params, known):
     still = Vec3(0.0, 0.0, 0.0)
     R = margin.room(known, still, still)
     kept = margin.KEPT * R
-    # c x (w_max + share (x - w_max)) + z_0 + z_1 (x - w_max) = R - kept, with x = speed + w_max
-    share = 0.5 * (1.0 + known.cos)
-    a = known.c_D * share
-    b = known.c_D * (1.0 - share) * known.w_max + known.z_1
+    # c x^2 + z_0 + z_1 (x - w_max) = R - kept, with x = speed + w_max
     usable = R - kept - known.z_0 + known.z_1 * known.w_max
-    x = (math.sqrt(b * b + 4.0 * a * maximum(usable, 0.0)) - b) / (2.0 * a)
+    root = math.sqrt(known.z_1 * known.z_1 + 4.0 * known.c_D * maximum(usable, 0.0))
+    x = (root - known.z_1) / (2.0 * known.c_D)
     top = maximum(x - known.w_max, SLOWEST)
     brake = (kept + 0.5 * known.c_D * (top + known.w_max) * top) / known.m_max
     return top, BRAKING * maximum(brake, 0.1)
@@ -70,9 +68,9 @@ def wanted(params, known, setpoint, r_m, v_m):
 @kernel
 def first_root(a, b, c):
     """The least positive root of a s^2 + 2 b s + c, with c >= 0; 1 if there is none below it."""
-    under = maximum(b * b - a * c, 0.0)
-    below = math.sqrt(under) - b
-    crosses = (b * b >= a * c) & (below > c)  # c / below < 1
+    under = b * b - a * c
+    below = math.sqrt(maximum(under, 0.0)) - b
+    crosses = (under >= -1e-9 * (b * b)) & (below > c)  # c / below < 1; it may touch zero only
     return select(crosses, c / maximum(below, 1e-30), 1.0)
 
 
@@ -99,7 +97,9 @@ def within(known, a, f_v, radius):
         most, least = known.T_max - radius, known.T_min + radius
         above = first_root(-dd, -hd, maximum(most * most - hh, 0.0))
         below = first_root(dd, hd, maximum(hh - least * least, 0.0))
-        part = minimum(part, minimum(cone, minimum(above, below)))
+        down = known.T_z_min + radius - hover.z
+        floor = select(d.z < minimum(down, -1e-30), down / minimum(d.z, -1e-30), 1.0)
+        part = minimum(part, minimum(minimum(cone, floor), minimum(above, below)))
     return part
 
 
@@ -123,7 +123,7 @@ def governed(params, known, state, setpoint, r, v):
     radius = minimum(
         margin.allowance(known, v_m, state.beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
     )
-    part = within(known, a + closing, f_v, radius)
+    part = select(at_rest > 0.0, within(known, a + closing, f_v, radius), 1.0)
     a_g = part * (a + closing) - closing
     limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c

@@ -1,7 +1,7 @@
 """How far a demand is from the actuators' limits, and whether it stays inside whatever comes.
 
-The actuators reach the forces T (N, E) with T_min <= |T| <= T_max and a tilt below phi*, for
-every heading. On a path with acceleration a and velocity v the law demands
+The law asks the actuators for forces T (N, E) with T_min <= |T| <= T_max, a tilt below phi* and
+T_z >= T_dz_min, which they reach for every heading. On a path with acceleration a and velocity v the law demands
 
     T = m (a + g e3) - f_D + m z
 
@@ -18,10 +18,12 @@ from typing import NamedTuple
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm
 from fcu.kernel.compile import kernel
 
-# L1 norm of the control difference for lambda = sqrt(gamma), a damping ratio of one half:
-# its supremum is N_HALF / sqrt(gamma) times that of the disturbance's rate (README).
-N_HALF = 1.7131374
-PEAK_HALF = 1.1547005  # 1 / sqrt(1 - zeta^2): peak of its response to an initial difference
+# Across the thrust, with lambda = sqrt(gamma) and m_hat down to 0.7 of the mass, where it is worst:
+# the supremum of the control difference is LASTS / sqrt(gamma) times that of the disturbance's rate
+# (an L1 norm), and its response to an initial difference peaks at PEAK e^(-nu_1 t) (README).
+LASTS = 1.9374136
+PEAK = 1.2472191
+SETTLES = 1.4285714  # its gain for what changes slowly, 1 / 0.7, over sqrt(gamma) too
 FORGOTTEN = 0.3  # part of the mass that m_hat may be off by when the reference changes
 KEPT = 0.1  # part of the room at a standstill that is never given away
 
@@ -31,6 +33,7 @@ class Known(NamedTuple):
 
     T_min: float  # N
     T_max: float  # N
+    T_z_min: float  # N, floor of the vertical force
     sin: float  # of phi_star
     cos: float
     m_min: float  # kg
@@ -46,15 +49,16 @@ class Known(NamedTuple):
 def known(params):
     """What is known of actuators, air and vehicle; with it the bound beta_2 gamma^(-1/2).
 
-    The control difference m z is bounded by N_HALF/sqrt(gamma) times the rate of drag,
+    The control difference m z is bounded by LASTS/sqrt(gamma) times the rate of drag,
     2 c (|v| + w_max) (w_dot_max + g/2), beside what fades (beta). Paper (30).
     """
     guard = params.guard
-    per_rate = N_HALF / math.sqrt(params.gamma)
+    per_rate = LASTS / math.sqrt(params.gamma)
     per_speed = 2.0 * guard.c_D * (guard.w_dot_max + 0.5 * params.g)
     return Known(
         params.T_min,
         params.T_max,
+        params.T_dz_min * params.achieved,
         math.sin(params.phi_star),
         math.cos(params.phi_star),
         guard.m_min,
@@ -72,12 +76,13 @@ def distance(known, T):
     """From a force T (N, E) to the boundary of what the actuators reach; negative outside.
 
     Exact inside; outside no farther than it says. The set is the one the law keeps to
-    (departure 13): tilt within a cone of phi_star, thrust within [T_min, T_max].
+    (departure 13): tilt within a cone of phi_star, thrust within [T_min, T_max], height off a floor.
     """
     aside2 = T.x * T.x + T.y * T.y
     aside, size = math.sqrt(aside2), math.sqrt(aside2 + T.z * T.z)
     cone = T.z * known.sin - aside * known.cos
-    return minimum(cone, minimum(known.T_max - size, size - known.T_min))
+    thrust = minimum(known.T_max - size, size - known.T_min)
+    return minimum(minimum(cone, T.z - known.T_z_min), thrust)
 
 
 @kernel
@@ -134,22 +139,25 @@ def condition(known, a, v, beta):
 
 
 @kernel
-def beta_1(params):
-    """Control difference (N) at take-over at most. Paper (30), beta_1.
+def beta_1(params, v):
+    """Control difference (N) at take-over at v (m/s, E) at most. Paper (30), beta_1.
 
-    Weight that m_hat leaves out, drag that s_v_hat does, and a predictor that starts wrong.
+    Weight that m_hat leaves out, drag that s_v_hat does, and a predictor that starts wrong; the last
+    by what the fastest channel, along full thrust, makes of it.
     """
     guard = params.guard
     m_0 = params.m_hat_0
     off = maximum(abs(guard.m_max - m_0), abs(guard.m_min - m_0))
-    wrong = guard.m_max * math.sqrt(params.gamma) * norm(params.v_hat_offset)
-    return PEAK_HALF * (off * params.g + guard.c_D * guard.w_max * guard.w_max + wrong)  # (30)
+    air = norm(v) + guard.w_max
+    fastest = math.sqrt(params.gamma + params.gamma_Lambda * params.T_max * params.T_max)
+    wrong = guard.m_max * fastest * norm(params.v_hat_offset)
+    return PEAK * (off * params.g + guard.c_D * air * air + wrong)  # (30)
 
 
 @kernel
 def doubt(params, a):
     """Control difference (N) of a change a (m/s^2, E) of what is demanded: m_hat may be off."""
-    return FORGOTTEN * params.guard.m_max * norm(a)
+    return PEAK * FORGOTTEN * params.guard.m_max * norm(a)
 
 
 @kernel

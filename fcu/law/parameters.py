@@ -228,11 +228,15 @@ def check(params: LawParams) -> None:
             params.achieved or guard.policy == WARN,
             'of "warn" with prediction = "demanded": the condition is for what was achieved',
         ),
-        ("guard_mass_kg", 0.0 < guard.m_min <= guard.m_max < math.inf, "[least, most] above 0 kg"),
-        ("guard_drag", 0.0 < guard.c_D < math.inf, "above 0 N/(m/s)^2"),
-        ("guard_wind_m_s", 0.0 <= guard.w_max < math.inf, "of 0 m/s or more"),
-        ("guard_wind_rate_m_s2", 0.0 <= guard.w_dot_max < math.inf, "of 0 m/s^2 or more"),
-        ("guard_jerk_m_s3", 0.0 < guard.jerk < math.inf, "above 0 m/s^3"),
+        (
+            "guard_mass_kg",
+            0.1 <= guard.m_min <= guard.m_max <= 100.0,
+            "[least, most], from 0.1 to 100 kg",
+        ),
+        ("guard_drag", 1e-4 <= guard.c_D <= 10.0, "from 0.0001 to 10 N/(m/s)^2"),
+        ("guard_wind_m_s", 0.0 <= guard.w_max <= 100.0, "from 0 to 100 m/s"),
+        ("guard_wind_rate_m_s2", 0.0 <= guard.w_dot_max <= 1000.0, "from 0 to 1000 m/s^2"),
+        ("guard_jerk_m_s3", 5.0 <= guard.jerk <= 1000.0, "from 5 to 1000 m/s^3"),
     ):
         if not ok:
             raise ParameterError(f"{name}: expected a value {expected}")

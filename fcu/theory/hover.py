@@ -55,7 +55,8 @@ def ball(params: LawParams, mass: float) -> float:
     """R (N): every force this close to hover, mass * g up, can be had."""
     weight = mass * params.g
     aside = weight * math.sin(params.phi_star)
-    return min(params.T_max - weight, weight - params.T_min, aside)
+    lowest = max(params.T_min, params.achieved * params.T_dz_min)
+    return min(params.T_max - weight, weight - lowest, aside)
 
 
 def K(params: LawParams, mass: float) -> float:

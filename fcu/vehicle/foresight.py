@@ -34,6 +34,7 @@ from fcu.vehicle.script import Pose
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 WORSE = 1.5  # a moving stream is warned of again when it falls short by so much more
+ROUGHLY = 5  # halvings, of what each command costs: a flood of refused ones must not stop the loop
 SAME = 0.1  # m, m/s: setpoints closer together than this are told of once
 
 
@@ -120,7 +121,7 @@ class Foresight:
         short = self._looks().short(way_of(1.0), reference)
         if short == 0.0:
             return None
-        part = most(self._looks(), way_of, reference) if self.refuses else 0.0
+        part = most(self._looks(), way_of, reference, ROUGHLY) if self.refuses else 0.0
         return Lack(what, short, part_of(part))
 
     def _looks(self) -> Look:

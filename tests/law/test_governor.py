@@ -100,6 +100,42 @@ def test_what_is_demanded_stays_inside_by_the_allowance(law, hover):
     assert held > 250
 
 
+def test_the_scale_is_the_largest_that_fits(law):
+    """Against halving, in every direction, straight up and down too."""
+    params, rng = law(), np.random.default_rng(6)
+    known, cut = margin.known(params), 0
+    for k in range(400):
+        a = vec(rng.normal(size=3) * 10.0 * ([0.0, 0.0, 1.0] if k % 4 == 0 else [1.0, 1.0, 1.0]))
+        f_v = margin.dragging(known, vec(rng.normal(size=3)))
+        radius = rng.uniform(0.0, 0.9) * margin.room(known, STILL, f_v)
+        part = governor.within(known, a, f_v, radius)
+        assert 0.0 < part <= 1.0
+        assert margin.room(known, part * a, f_v) >= radius - 1e-6
+        if part < 1.0:
+            cut += 1
+            assert margin.room(known, (1.001 * part) * a, f_v) < radius + 1e-9
+    assert cut > 100
+
+
+@pytest.mark.parametrize("masses", [[0.3, 9.0], [7.0, 25.0]])
+def test_beliefs_that_no_hover_meets_leave_the_position_loop_closed(flight, fixed, masses):
+    """Nothing can be kept then; it is flown to, at the speed of the governor."""
+    settings = ("law.guard=govern", f"law.guard_mass_kg={masses}")
+    rows = flight([(0.0, fixed((4.0, 0.0, 4.0)))], 20.0, wind=True, settings=settings)
+    r = rows["measured"]["r_E"][-1]
+    assert math.dist((r["x"], r["y"], r["z"]), (4.0, 0.0, 4.0)) < 0.2
+    assert rows["internals"]["margin_condition"].max() < 0.0
+
+
+@pytest.mark.parametrize("f_m", [0.5, 1.0, 3.0])
+def test_the_slowest_change_that_is_allowed_arrives(flight, fixed, f_m):
+    settings = ("law.guard=govern", "law.guard_jerk_m_s3=5.0", f"law.f_m={f_m}")
+    rows = flight([(0.0, fixed((20.0, 0.0, 0.0)))], 40.0, settings=settings)
+    x = rows["internals"]["r_m"]["x"]
+    assert x.max() < 20.0 * 1.03
+    assert x[-1] == pytest.approx(20.0, abs=0.05)
+
+
 def test_the_governed_reference_changes_its_acceleration_no_faster_than_told(law, hover, fixed):
     params, state = law(), at_rest(law(), hover)
     _, a_m, _ = governor.governed(

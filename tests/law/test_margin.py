@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ def reachable(params, T):
     """Whether the actuators reach a force for every heading, as the law keeps to."""
     aside, size = math.hypot(T[0], T[1]), math.sqrt(T @ T)
     tilt = math.atan2(aside, T[2])
-    return params.T_min <= size <= params.T_max and tilt <= params.phi_star
+    floor = T[2] >= params.T_dz_min
+    return params.T_min <= size <= params.T_max and tilt <= params.phi_star and floor
 
 
 def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(law):
@@ -49,7 +51,7 @@ def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(la
     ("T", "limit"),
     [
         ((0.0, 0.0, 190.0), 10.0),  # thrust
-        ((0.0, 0.0, 8.0), 3.0),  # least thrust
+        ((0.0, 0.0, 28.0), 8.0),  # the floor of the vertical force
         ((0.0, 30.0, 80.0), 50.0 * math.sqrt(0.5)),  # tilt, at 45 degrees
         ((0.0, 90.0, 80.0), -10.0 * math.sqrt(0.5)),
         ((0.0, 0.0, 230.0), -30.0),
@@ -93,22 +95,48 @@ def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(law):
     assert nearest < 0.01  # the bound is met
 
 
-def test_the_control_differences_bound_is_the_l1_norm_of_its_response():
-    """x_til' = -lambda x_til + z, z' = -gamma x_til + delta: from delta to z, lambda = sqrt(gamma)."""
+@pytest.mark.parametrize("rho", [0.7, 1.0, 1.3])
+def test_the_control_differences_bound_is_the_l1_norm_of_its_response(rho):
+    """x_til' = -lambda x_til + z, z' = delta - rho gamma x_til: delta to z, lambda = sqrt(gamma).
+
+    rho = m_hat/m: the constants are those of 0.7, where the bound is largest.
+    """
     gamma = 1000.0
-    k, w = math.sqrt(gamma), math.sqrt(gamma)
-    w_d = w * math.sqrt(0.75)
+    k, w = math.sqrt(gamma), math.sqrt(rho * gamma)
+    w_d = math.sqrt(w * w - 0.25 * k * k)
 
     def h(t):
         return math.exp(-0.5 * k * t) * (math.cos(w_d * t) + (0.5 * k / w_d) * math.sin(w_d * t))
 
-    total = sum(
-        quad(lambda t: abs(h(t)), a, b)[0]
-        for a, b in zip(np.linspace(0.0, 2.0, 400), np.linspace(0.0, 2.0, 400)[1:], strict=False)
-    )
-    assert total * w == pytest.approx(margin.N_HALF, rel=1e-6)
+    grid = np.linspace(0.0, 2.0, 400)
+    l1 = sum(quad(lambda t: abs(h(t)), a, b)[0] for a, b in pairwise(grid)) * math.sqrt(gamma)
     peak = max(abs(h(t)) / math.exp(-0.5 * k * t) for t in np.linspace(0.0, 1.0, 20001))
-    assert peak == pytest.approx(margin.PEAK_HALF, rel=1e-6)
+    slow = quad(h, 0.0, 2.0, limit=200)[0] * math.sqrt(gamma)
+    worst = pytest.approx if rho == 0.7 else lambda x, rel: AtMost(x)
+    assert l1 == worst(margin.LASTS, rel=1e-6)
+    assert peak == worst(margin.PEAK, rel=1e-6)
+    assert slow == worst(margin.SETTLES, rel=1e-6)
+
+
+class AtMost:
+    """Equal to what is no larger."""
+
+    def __init__(self, limit):
+        self.limit = limit
+
+    def __eq__(self, other):
+        return other <= self.limit
+
+
+@pytest.mark.parametrize("zeta_m", [0.3, 0.5, 0.8, 0.95])
+def test_what_closing_the_error_adds_is_an_l1_norm(law, zeta_m):
+    t, steps = np.linspace(0.0, 80.0, 400_001, retstep=True)
+    w = math.sqrt(1.0 - zeta_m**2)
+    h = np.exp(-zeta_m * t) * (
+        2.0 * zeta_m * np.cos(w * t) + (1.0 - 2.0 * zeta_m**2) / w * np.sin(w * t)
+    )
+    gain = foreseen.closed(law(zeta_m=zeta_m)) * margin.LASTS / margin.SETTLES
+    assert gain == pytest.approx(np.abs(h).sum() * steps, rel=1e-3)
 
 
 def test_the_worse_mass_counts(law):
@@ -126,13 +154,14 @@ def test_the_worse_mass_counts(law):
 
 def test_what_is_left_of_the_start_fades_no_faster_than_it_should(law):
     params = law()
-    beta = start = margin.beta_1(params)
+    beta = start = margin.beta_1(params, STILL)
     for _ in range(100):  # 0.2 s
         beta = margin.faded(params, beta)
     assert beta == pytest.approx(start * math.exp(-0.1 * params.lambda_v), rel=0.06)
     assert beta >= start * math.exp(-0.1 * params.lambda_v)
-    wrong = margin.beta_1(law(v_hat_offset=[-1.5, -1.5, -1.5]))
+    wrong = margin.beta_1(law(v_hat_offset=[-1.5, -1.5, -1.5]), STILL)
     assert wrong > start + 300.0
+    assert margin.beta_1(params, Vec3(5.0, 0.0, 0.0)) > start + 20.0
 
 
 def test_the_way_to_a_setpoint_is_looked_at_in_full(law):
@@ -140,8 +169,9 @@ def test_the_way_to_a_setpoint_is_looked_at_in_full(law):
     params = law(guard_wind_m_s=6.0)._replace(h=0.005)
     step = Setpoint(Vec3(3.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
     least, at, a, _ = foreseen.least(params, step, STILL, STILL)
-    jump = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0)
-    assert least == pytest.approx(margin.condition(margin.known(params), jump, STILL, 0.0))
+    jump, known = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0), margin.known(params)
+    more = foreseen.closed(params) * margin.difference(known, 0.0)
+    assert least == pytest.approx(margin.condition(known, jump, STILL, more))
     assert (at, a) == (0.0, (3.0, 0.0, 0.0))
     moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
     _, at, _, v = foreseen.least(params, moving, STILL, STILL)

@@ -14,7 +14,7 @@ from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.law import admission, margin
+from fcu.law import admission, foreseen, margin
 from fcu.law.parameters import law_params
 from fcu.law.reference_model import a_ref, advance, carried
 from fcu.params import Parameters
@@ -46,8 +46,11 @@ def flown_out(law, way, reference):
     known, worst = margin.known(law), math.inf
     w, a, off, before = (np.zeros(3) for _ in range(4))
 
+    more, adds = foreseen.hurry(law), foreseen.closed(law)
+
     def condition(a_d):
-        return margin.condition(known, Vec3(*a_d.tolist()), Vec3(*v.tolist()), 0.0)
+        tracking = adds * margin.difference(known, float(np.linalg.norm(v)))
+        return margin.condition(known, Vec3(*(more * a_d).tolist()), Vec3(*v.tolist()), tracking)
 
     for setpoint, for_s in way:
         n = round((16.0 if math.isinf(for_s) else for_s) / law.h)
