@@ -5,7 +5,7 @@ from __future__ import annotations
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.law import cascade, governor, margin
+from fcu.law import cascade, margin
 from fcu.law.types import Internals, LawState
 from sitl_plant.physics import dynamics, tick
 
@@ -54,19 +54,4 @@ def margin_steps(params_buffer, state_buffer, measured_rows):
         known = margin.known(params)
         seen += margin.distance(known, T) + margin.tilt_left(params.phi_star, T)
         seen += margin.condition(known, state.a_m, v, state.beta)
-    return seen
-
-
-@kernel
-def guard_steps(params_buffer, state_buffer, setpoint_buffer, measured_rows):
-    """A tick of the governor for each row of `measured_rows`; returns a sum over what it gives."""
-    params, state = cascade.unpack_params(params_buffer), _unpack_state(state_buffer)
-    setpoint = _unpack_setpoint(setpoint_buffer)
-    seen = 0.0
-    for i in range(len(measured_rows)):
-        measured = _unpack_measured(measured_rows[i])
-        given, a_m, governed = governor.governed(
-            params, margin.known(params), state, setpoint, measured.r_E, measured.v_E
-        )
-        seen += given.r_c.x + a_m.y + governed
     return seen
