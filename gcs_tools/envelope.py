@@ -294,7 +294,7 @@ def envelope(mission: Mission) -> Envelope:
         reach=(
             *_steps_of(scene),
             *(step(law, along, f"step {name}") for name, along in WAYS.items()),
-            *(speed(law, along, f"speed {name}") for name, along in WAYS.items()),
+            *(speed(law, along, f"steady speed {name}") for name, along in WAYS.items()),
             wind(law),
         ),
         changes=() if holds else changes(scene),

@@ -64,7 +64,8 @@ class _Copy:
                 record.publish_time, record.sequence,
             )  # fmt: skip
             self.messages += 1
-            self.times = [*self.times[:1], record.log_time]
+            first, last = self.times or (record.log_time, 0)
+            self.times = [min(first, record.log_time), max(last, record.log_time)]
 
 
 def recover(path: Path, out: Path | None = None) -> Recovered:

@@ -30,6 +30,7 @@ from fcu.interface.ports import owner, ports
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
 TOGETHER = 256  # messages of one datagram: a vehicle may send all it has in one
 ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
+REFUSED = "Setpoint refused"  # how the vehicle begins to say so
 
 T = TypeVar("T")
 
@@ -76,7 +77,10 @@ class Vehicle:
         for message in heard:
             self.on_message(message)
             if isinstance(message, StatusText):
-                self._texts.append(message.text)
+                if message.chunk and self._texts:  # a long text comes in pieces
+                    self._texts[-1] += message.text
+                else:
+                    self._texts.append(message.text)
                 self.on_text(message.text)
         return heard
 
@@ -132,16 +136,21 @@ class Vehicle:
         sent = setpoint_numbers(setpoint)
 
         def answer(message: GroundMessage) -> bool | None:
+            if isinstance(message, StatusText) and message.text.startswith(REFUSED):
+                return False
             mine = isinstance(message, PositionTarget) and message.numbers == sent
             return True if mine else None
 
         packed = self._codec.framed(asks.setpoint(self._target, time_s, setpoint, type_mask))
         self._texts.clear()
         try:
-            self._ask(packed, answer, "the echo of a setpoint")
+            accepted = self._ask(packed, answer, "the echo of a setpoint")
         except VehicleError as error:
             why = "; ".join(self._texts)
             raise VehicleError(f"{error}{': ' + why if why else ''}") from None
+        if not accepted:
+            self.messages(0.1)  # the rest of the reason
+            raise VehicleError("; ".join(self._texts))
 
     def arm(self) -> None:
         """Arm. Raises VehicleError."""
