@@ -57,6 +57,11 @@ class Foresight:
         """Whether what misses the condition is not flown."""
         return self._params.law.guard.policy == REFUSE
 
+    @property
+    def refused(self) -> bool:
+        """Whether the last setpoint of the script was refused."""
+        return self.refuses and self._told is not None
+
     def short(self, setpoint: Setpoint, reference: Row) -> float:
         """By how much (N) a script's setpoint misses the condition; 0: nothing is to be said.
 

@@ -225,7 +225,9 @@ class Supervisor(Pilot):
         need = modes.denied(wanted, self._met(t_us, wall_s))
         if need is not None:
             rejected = Result.TEMPORARILY_REJECTED if need is Need.SETPOINTS else Result.DENIED
-            return Verdict(rejected, f"{wanted.value} denied: {need.value}")
+            refused = need is Need.SETPOINTS and self.foresight.refused
+            why = "the guard refuses its setpoints" if refused else need.value
+            return Verdict(rejected, f"{wanted.value} denied: {why}")
         too_much = asks_too_much(wanted, self._params)
         if too_much:
             return denied(wanted.value, too_much)

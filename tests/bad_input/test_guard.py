@@ -94,6 +94,7 @@ def test_no_stream_begins_with_what_is_refused(hover, tmp_path):
         flight.send(flight.setpoint(**HIGH))
         flight.sync()
     assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    flight.says("Offboard denied: the guard refuses its setpoints")
     assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED  # it holds
     assert flight.mode() == HOLD
 
