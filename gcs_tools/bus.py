@@ -13,6 +13,7 @@ import re
 import socket
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,8 @@ from fcu.interface.link import HOST
 from fcu.interface.ports import INSTANCES
 
 CLOSE_S = 2.0  # wall: how long closing may take
+TAKEN_S, AGAIN_S = 2.0, 0.1  # wall: how long a port may be taken, how often to try
+TAKEN = "Address already in use"
 UNCONNECTED = "nobody is there, or one refuses the other (RUST_LOG=warn tells why)"
 WAITING = 8192  # samples that a channel holds; when it is full the network waits, and then drops
 
@@ -157,14 +160,23 @@ def session(config: zenoh.Config) -> Iterator[zenoh.Session]:
     """A session, closed at the end. Raises BusError if it cannot be opened."""
     if "RUST_LOG" in os.environ:  # or Zenoh says nothing
         zenoh.try_init_log_from_env()
-    try:
-        opened = zenoh.open(config)
-    except zenoh.ZError as error:
-        raise BusError(_short(error)) from error
+    opened = _open(config)
     try:
         yield opened
     finally:
         _close(opened)
+
+
+def _open(config: zenoh.Config) -> zenoh.Session:
+    """Raises BusError. A port may still be of a publisher that is about to end: that is waited for."""
+    until = time.monotonic() + TAKEN_S
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            if TAKEN not in str(error) or time.monotonic() > until:
+                raise BusError(_short(error)) from error
+        time.sleep(AGAIN_S)
 
 
 def _close(opened: zenoh.Session) -> None:
