@@ -51,14 +51,20 @@ def flown_z(flight):
 HIGH = {"r": (0.0, 0.0, -60.0)}  # 40 m up from where it hovers
 
 
-def test_a_setpoint_is_refused_in_words_once_and_what_was_flown_goes_on(guarded):
-    flight = guarded(2)
+def told_of_a_stream(flight):
+    """The one warning that a script hears which asks for HIGH again and again."""
     for _ in range(6):
         flight.tick(100)
         flight.send(flight.setpoint(**HIGH))
         flight.sync()
     ((severity, text),) = said(flight)
     assert severity == WARNING
+    return text
+
+
+def test_a_setpoint_is_refused_in_words_once_and_what_was_flown_goes_on(guarded):
+    flight = guarded(2)
+    text = told_of_a_stream(flight)
     assert text.startswith("Setpoint refused: 40.0 m needs ") and text.endswith(" m of it would do")
     assert flight.mode() == OFFBOARD  # 1.2 s of simulation time after the last that was flown
     assert flown_z(flight) == 20.0
@@ -112,12 +118,7 @@ def test_an_attitude_is_never_refused(guarded):
 
 def test_a_warning_comes_once_and_the_setpoint_is_flown(guarded):
     flight = guarded(0)
-    for _ in range(6):
-        flight.tick(100)
-        flight.send(flight.setpoint(**HIGH))
-        flight.sync()
-    ((severity, text),) = said(flight)
-    assert severity == WARNING
+    text = told_of_a_stream(flight)
     assert text.startswith("Setpoint at 40.0 m: ") and text.endswith(" N short, may saturate")
     assert flown_z(flight) == 60.0
 

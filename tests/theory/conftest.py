@@ -16,6 +16,7 @@ from fcu.kernel.rotations import from_euler
 from fcu.law import cascade
 from fcu.law.parameters import law_params
 from fcu.law.types import Bounds, LawParams, LawState
+from tests.theory.instants import States
 
 OCTO = load(Path(fcu.__file__).with_name("octo.toml"))
 ZERO = Vec3(0.0, 0.0, 0.0)
@@ -61,3 +62,9 @@ def taken_over() -> Callable[[LawParams], LawState]:
         return cascade.take_over(params, at_rest)
 
     return build
+
+
+@pytest.fixture(scope="session")
+def some() -> States:
+    """1000 random instants, the same for every test."""
+    return States(7)
