@@ -63,18 +63,18 @@ check: setup  ## linters, types, who may import whom
 	@.venv/bin/lint-imports
 
 schemas: setup  ## written again: the schemas of recordings and missions, the page of parameters
-	@.venv/bin/python -m gcs_tools.schema docs/schemas
-	@.venv/bin/python -m gcs_tools.mission_schema
-	@.venv/bin/python -m fcu.params_page docs/parameters.md
+	@.venv/bin/python -m gcs_tools.recording.schema docs/schemas
+	@.venv/bin/python -m gcs_tools.missions.schema
+	@.venv/bin/python -m fcu.parameters_page docs/parameters.md
 
 bench: setup  ## the measurements of docs/bench.md
-	@.venv/bin/python -m gcs_tools.bench
+	@.venv/bin/python -m gcs_tools.studies.bench
 
 console: clients  ## flown again: docs/mavproxy.txt
-	@.venv/bin/python -m gcs_tools.console docs/mavproxy.txt
+	@.venv/bin/python -m gcs_tools.studies.console docs/mavproxy.txt
 
 stability: setup  ## flown again: docs/stability_map.png
-	@.venv/bin/python -m gcs_tools.stability_map
+	@.venv/bin/python -m gcs_tools.studies.stability_map
 
 figures: setup  ## flown again: the paper's figures, docs/figures
-	@.venv/bin/python -m gcs_tools.figures
+	@.venv/bin/python -m gcs_tools.studies.figures

@@ -40,7 +40,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     show_default=True,
     help="Control rate, Hz.",
 )
-@click.option("--law", type=click.Path(path_type=Path), help="LawParams as JSON, in place of octo.toml and --rate.")  # fmt: skip
+@click.option("--law", type=click.Path(path_type=Path), help="LawParams as JSON, in place of s1000.toml and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="As what it presents itself; modes are encoded as PX4's in both.")  # fmt: skip
 @click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth.")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
@@ -70,17 +70,17 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
-    from fcu.ground.view import Identity
     from fcu.interface.feed import Feed
-    from fcu.interface.geodesy import Origin
-    from fcu.interface.ground_numbers import Autopilot
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
     from fcu.kernel.compile import is_cached
     from fcu.loop import INFRASTRUCTURE, Loop, say
-    from fcu.params import Parameters, ParamsFileError
+    from fcu.mavlink.enums import Autopilot
+    from fcu.mavlink.geodesy import Origin
+    from fcu.parameters import Parameters, ParamsFileError
     from fcu.reporting import WIDTH, Reporter
+    from fcu.services.view import Identity
 
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance

@@ -1,4 +1,4 @@
-"""What the flight controller is started with: octo.toml, or LawParams somebody has prepared."""
+"""What the flight controller is started with: s1000.toml, or LawParams somebody has prepared."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 from fcu.interface.airframe import OCTO, AirframeError, believed, believed_drag
 from fcu.interface.handover import HandoverError, load
 from fcu.kernel.algebra import Vec3
-from fcu.law.parameters import ParameterError, check, law_params
-from fcu.law.types import LawParams
+from fcu.laws.mmrac.parameters import ParameterError, check, law_params
+from fcu.laws.mmrac.types import LawParams
 
 
 class ConfigurationError(ValueError):
@@ -24,7 +24,7 @@ def read_drag(path: Path = OCTO) -> Vec3:
 
 
 def read_law(path: Path | None, rate_hz: float) -> LawParams:
-    """LawParams from a file, or of octo.toml at a control rate (Hz). Raises ConfigurationError."""
+    """LawParams from a file, or of s1000.toml at a control rate (Hz). Raises ConfigurationError."""
     try:
         if path is None:
             return law_params(*believed(), rate_hz)

@@ -16,19 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu.ground.station import Station
-from fcu.ground.view import Identity
-from fcu.interface.ground_numbers import Severity
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
-from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.buffers import columns, size, to_buffer
-from fcu.law import cascade
-from fcu.law.types import LawState, Tick
-from fcu.params import Parameters
+from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac.types import LawState, Tick
+from fcu.mavlink.enums import Severity
+from fcu.mavlink.plant_link import PlantCodec, WireError
+from fcu.parameters import Parameters
 from fcu.reporting import WIDTH, Reporter
+from fcu.services.station import Station
+from fcu.services.view import Identity
 from fcu.vehicle.gate import Gate
 from fcu.vehicle.supervisor import Supervisor
 

@@ -15,8 +15,8 @@ from fcu.interface.feed import Feed
 from fcu.interface.tape import Tape
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size, to_buffer
-from fcu.law import wind
-from fcu.law.types import LawParams, Tick
+from fcu.laws.mmrac import wind
+from fcu.laws.mmrac.types import LawParams, Tick
 from fcu.vehicle.modes import MODES
 from fcu.vehicle.supervisor import Supervisor
 

@@ -15,16 +15,14 @@ import click
 
 from fcu.interface import options
 from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports, table
-from gcs_tools import (
-    commands_bus,
-    commands_envelope,
-    commands_monitor,
-    commands_plot,
-    commands_view,
-)
+from gcs_tools.cli import bus_commands as commands_bus
+from gcs_tools.cli import envelope as commands_envelope
+from gcs_tools.cli import monitor as commands_monitor
+from gcs_tools.cli import plot as commands_plot
+from gcs_tools.cli import view as commands_view
 
 if TYPE_CHECKING:
-    from gcs_tools.publishing import Zenoh
+    from gcs_tools.live.publishing import Zenoh
 
 OK, USAGE, INFRASTRUCTURE, INTERRUPTED = 0, 2, 3, 130
 
@@ -73,7 +71,7 @@ def _interrupt(_signal: int, _frame: object) -> None:
 
 def _published(publish: bool, zenoh: Path | None) -> Zenoh | None:
     """How what is flown is put on Zenoh. Raises click's UsageError for a file that is not there."""
-    from gcs_tools.publishing import Zenoh
+    from gcs_tools.live.publishing import Zenoh
 
     if zenoh is not None and not zenoh.is_file():
         raise click.UsageError(f"--zenoh {zenoh}: no such file")
@@ -84,7 +82,7 @@ def _print_json(content: Any) -> None:
     try:
         print(json.dumps(content, allow_nan=False, indent=2), flush=True)
     except BrokenPipeError:
-        from gcs_tools.present import silence
+        from gcs_tools.cli.present import silence
 
         silence(sys.stdout)
 
@@ -133,8 +131,8 @@ def fly(
     Starts a flight controller and a plant, sends the mission over MAVLink as a ground script
     would, holds what was flown against the mission's [expect], and stops both.
     """
-    from gcs_tools import present
-    from gcs_tools.flying import UsageError, fly_missions
+    from gcs_tools.cli import present
+    from gcs_tools.flight.flying import UsageError, fly_missions
 
     try:
         results = fly_missions(
@@ -156,7 +154,7 @@ def fly(
         sys.exit(INTERRUPTED)
     code = max(r.exit_code for r in results)
     if junit is not None:
-        from gcs_tools import result
+        from gcs_tools.judging import result
 
         try:
             result.junit(results, junit)
@@ -192,10 +190,10 @@ def up(
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
-    from gcs_tools.flying import UsageError, flies, new_folder, prepared
-    from gcs_tools.instance import claimed
-    from gcs_tools.processes import InfrastructureError, Misused
-    from gcs_tools.up import up as run
+    from gcs_tools.flight.flying import UsageError, flies, new_folder, prepared
+    from gcs_tools.flight.instance import claimed
+    from gcs_tools.flight.processes import InfrastructureError, Misused
+    from gcs_tools.flight.up import up as run
 
     try:
         flown, scene = (None, None) if mission is None else prepared(mission)
@@ -245,8 +243,8 @@ def setpoint(
 
     from fcu.interface.link import PortBusy
     from fcu.kernel.algebra import Vec3
-    from gcs_tools.setpoint import distance, fly_to
-    from gcs_tools.vehicle import Vehicle, VehicleError
+    from gcs_tools.flight.setpoint import distance, fly_to
+    from gcs_tools.flight.vehicle import Vehicle, VehicleError
 
     if not all(math.isfinite(v) and abs(v) <= 1e5 for v in (x, y, z, yaw_deg or 0.0)):
         raise click.UsageError("X, Y, Z and --yaw-deg must be finite numbers, at most 1e5")
@@ -287,8 +285,8 @@ def recover(recording: Path, out: Path | None) -> None:
 
     Exits 0 when it is whole, 2 when it cannot be read, is damaged, or cannot be written.
     """
-    from gcs_tools.recording import RecordingError
-    from gcs_tools.recover import recover as made_whole
+    from gcs_tools.recording.reader import RecordingError
+    from gcs_tools.recording.repair import recover as made_whole
 
     if out is not None and out.exists():
         raise click.UsageError(f"--out {out}: it exists already")

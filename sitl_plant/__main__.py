@@ -50,10 +50,10 @@ def main(
     from fcu.interface.starter import announce, watched
     from fcu.interface.tape import Tape
     from fcu.kernel.compile import is_cached
+    from sitl_plant.loop import INFRASTRUCTURE, WIDTH, Server, say
     from sitl_plant.pacing import Pacer
     from sitl_plant.physics.world import World
     from sitl_plant.physics.world import world as still_air
-    from sitl_plant.server import INFRASTRUCTURE, WIDTH, Server, say
 
     try:
         world = load(world_file, World) if world_file else still_air(rate_hz)

@@ -1,7 +1,7 @@
 """What an airframe is, to the controller that flies it and to the plant that stands in for it.
 
 The schema is shared, the values never: the controller reads what it believes from
-`fcu/octo.toml`, the plant what is true from `sitl_plant/truth.toml`.
+`fcu/airframes/s1000.toml`, the plant what is true from `sitl_plant/truth.toml`.
 Frame: body Forward-Left-Up, origin at the centre of mass, rotors in the plane z = 0.
 """
 
@@ -68,7 +68,7 @@ def airframe(table: dict[str, Any], source: str = "airframe") -> Airframe:
     )
 
 
-OCTO = Path(__file__).resolve().parents[1] / "octo.toml"
+OCTO = Path(__file__).resolve().parents[1] / "airframes" / "s1000.toml"
 
 
 def believed(path: Path = OCTO) -> tuple[Airframe, dict[str, Any]]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.law.types import LawParams
+from fcu.laws.mmrac.types import LawParams
 from fcu.theory.adaptive import Block, Estimates, Laws, predictor
 from fcu.theory.arrays import Array
 from fcu.theory.bounds import Assumed, Unknown, prediction_bound, single

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from fcu.law.types import LawParams
+from fcu.laws.mmrac.types import LawParams
 from fcu.theory.linear_loop import LoopBounds, Start, bounds
 from fcu.theory.loop_bounds import position_loop
 from fcu.theory.region import Budget

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.law.types import LawParams
+from fcu.laws.mmrac.types import LawParams
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.linear_loop import Loop, NoBoundError
 from fcu.theory.octocopter import position_model

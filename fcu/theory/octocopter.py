@@ -5,7 +5,7 @@ must be the continuous right-hand sides of the kernels in `fcu.law`. `position_l
 `rate_loop` are whole loops, to be simulated: the form that predicts with what was achieved, with
 an attitude and rotors that follow at once. Where the image is not exact: README.
 
-Arrays have any leading axes. Frames and units as in `fcu.law.types`. Every set is a hard box,
+Arrays have any leading axes. Frames and units as in `fcu.laws.mmrac.types`. Every set is a hard box,
 as the kernels' is.
 """
 
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.law.types import LawParams
+from fcu.laws.mmrac.types import LawParams
 from fcu.theory.adaptive import (
     Block,
     Estimates,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.law.types import LawParams
+from fcu.laws.mmrac.types import LawParams
 from fcu.theory import scenes
 from fcu.theory.adaptive import Estimates
 from fcu.theory.arrays import Array

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fcu.interface.ground_numbers import LandedState, Severity, SystemStatus
 from fcu.interface.messages import Battery
 from fcu.kernel.algebra import Vec3
-from fcu.params import Parameters
+from fcu.mavlink.enums import LandedState, Severity, SystemStatus
+from fcu.parameters import Parameters
 from fcu.vehicle import modes
 from fcu.vehicle.guidance import Piece
 from fcu.vehicle.modes import Event, Mode

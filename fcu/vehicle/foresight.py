@@ -12,21 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from fcu.guard.admission import Lack, Look, Way, explained, metres, most, newtons, percent, way_to
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.law.admission import (
-    Lack,
-    Look,
-    Way,
-    explained,
-    metres,
-    most,
-    newtons,
-    percent,
-    way_to,
-)
-from fcu.law.parameters import GOVERN, REFUSE
-from fcu.params import Parameters
+from fcu.laws.mmrac.parameters import GOVERN, REFUSE
+from fcu.parameters import Parameters
 from fcu.vehicle import guidance
 from fcu.vehicle.guidance import Limits, length
 from fcu.vehicle.script import Pose

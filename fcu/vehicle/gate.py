@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface.ground_numbers import Severity
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import norm
 from fcu.kernel.buffers import size, unpacker
 from fcu.kernel.compile import kernel
+from fcu.mavlink.enums import Severity
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from fcu.interface.ground_numbers import AutoMode, MainMode
+from fcu.mavlink.enums import AutoMode, MainMode
 
 
 class Mode(Enum):

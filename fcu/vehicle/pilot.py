@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface.ground_numbers import Result
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.kernel.rotations import euler, matrix
-from fcu.law.reference_model import carried
-from fcu.params import Parameters
+from fcu.laws.mmrac.reference_model import carried
+from fcu.mavlink.enums import Result
+from fcu.parameters import Parameters
 from fcu.vehicle import guidance, touchdown
 from fcu.vehicle.foresight import Foresight
 from fcu.vehicle.landed import Landed

@@ -8,7 +8,7 @@ from itertools import chain
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.params import Parameters
+from fcu.parameters import Parameters
 from fcu.vehicle import guidance
 from fcu.vehicle.guidance import STILL, Limits, Piece
 from fcu.vehicle.modes import Mode

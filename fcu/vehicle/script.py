@@ -10,9 +10,11 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from fcu.interface.geodesy import Origin, to_local
-from fcu.interface.ground_messages import AttitudeSetpointMessage, SetpointMessage, Source
-from fcu.interface.ground_numbers import (
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.rotations import euler, matrix, wrap
+from fcu.laws.mmrac import reference_model
+from fcu.mavlink.enums import (
     BODY_FRAMES,
     IGNORE_ACCELERATION,
     IGNORE_ATTITUDE,
@@ -25,11 +27,9 @@ from fcu.interface.ground_numbers import (
     OFFSET_FRAMES,
     RELATIVE_FRAMES,
 )
-from fcu.interface.ground_numbers import Frame as MavFrame
-from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3
-from fcu.kernel.rotations import euler, matrix, wrap
-from fcu.law import reference_model
+from fcu.mavlink.enums import Frame as MavFrame
+from fcu.mavlink.geodesy import Origin, to_local
+from fcu.mavlink.ground_messages import AttitudeSetpointMessage, SetpointMessage, Source
 from fcu.vehicle.guidance import STILL, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 
-from fcu.interface.ground_numbers import Result
+from fcu.guard.admission import is_same_way
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import matrix
-from fcu.law.admission import is_same_way
+from fcu.mavlink.enums import Result
 from fcu.vehicle import guidance, modes
 from fcu.vehicle.conduct import Conduct
 from fcu.vehicle.foresight import beside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fcu.interface.ground_numbers import Result
+from fcu.mavlink.enums import Result
 
 
 @dataclass

@@ -12,7 +12,9 @@ from fcu.interface.airframe import load
 from sitl_plant.physics.parameters import TRUTH, plant_params, start_state, steps_per_tick
 from sitl_plant.physics.types import PlantParams, PlantState
 
-BELIEVED = TRUTH.parents[1] / "fcu" / "octo.toml"  # what truth.toml is a difference from
+BELIEVED = (
+    TRUTH.parents[1] / "fcu" / "airframes" / "s1000.toml"
+)  # what truth.toml is a difference from
 
 
 class Noise(NamedTuple):

@@ -14,10 +14,10 @@ import pymavlink.dialects.v20.common as mavlink
 from fcu.interface.airframe import believed
 from fcu.interface.messages import VehicleState
 from fcu.interface.ports import ports
-from fcu.interface.wire import PlantCodec
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
+from fcu.mavlink.plant_link import PlantCodec
 
 NAN = math.nan
 STILL = Vec3(0.0, 0.0, 0.0)

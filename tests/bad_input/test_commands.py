@@ -1,6 +1,6 @@
 """Commands that cannot be carried out: an answer, a reason, the vehicle as it was.
 
-`tests/ground/README.md` says which line of the bad-input catalogue is where.
+`tests/bad_input/README.md` says which line of the bad-input catalogue is where.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Datagrams that are no messages, and too many of them.
 
-`tests/ground/README.md` says which line of the bad-input catalogue is where.
+`tests/bad_input/README.md` says which line of the bad-input catalogue is where.
 """
 
 from __future__ import annotations

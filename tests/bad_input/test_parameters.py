@@ -1,6 +1,6 @@
 """Parameters that cannot be set, and what the vehicle has not.
 
-`tests/ground/README.md` says which line of the bad-input catalogue is where.
+`tests/bad_input/README.md` says which line of the bad-input catalogue is where.
 """
 
 from __future__ import annotations

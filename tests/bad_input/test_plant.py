@@ -1,6 +1,6 @@
 """A plant that says what cannot be: the vehicle flies on.
 
-`tests/ground/README.md` says which line of the bad-input catalogue is where.
+`tests/bad_input/README.md` says which line of the bad-input catalogue is where.
 """
 
 from __future__ import annotations

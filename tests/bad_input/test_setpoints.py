@@ -1,6 +1,6 @@
 """Setpoints that cannot be flown, and streams that stop.
 
-`tests/ground/README.md` says which line of the bad-input catalogue is where.
+`tests/bad_input/README.md` says which line of the bad-input catalogue is where.
 """
 
 from __future__ import annotations

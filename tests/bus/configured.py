@@ -16,7 +16,7 @@ import numpy as np
 import trustme
 
 from fcu.interface.feed import Feed
-from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS
+from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "zenoh"
 HERE = "127.0.0.1"

@@ -11,9 +11,10 @@ import pytest
 
 from fcu.interface import topics
 from fcu.interface.ports import ports
-from gcs_tools import recording, result
-from gcs_tools.recorded import GONE
-from gcs_tools.schema import TOPICS
+from gcs_tools.judging import result
+from gcs_tools.live.recorded import GONE
+from gcs_tools.recording import reader as recording
+from gcs_tools.recording.schema import TOPICS
 from tests.process.conftest import Program, _until, claimed_instance, instance, start, until
 
 __all__ = ["_until", "instance", "start"]

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 import zenoh
 
 from fcu.interface import feed
-from gcs_tools.feeding import PARAMS, WIDTHS
+from gcs_tools.live.feeding import PARAMS, WIDTHS
 
 RANDOM = random.Random(4)
 

@@ -14,7 +14,7 @@ import sys
 
 import zenoh
 
-from gcs_tools import bus
+from gcs_tools.live import bus
 
 FORGED = ("fcu/timing", "fcu/law", "plant/truth")  # puts, one each a round
 AT_LEAST = 300  # puts

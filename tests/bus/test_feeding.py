@@ -11,11 +11,11 @@ import pytest
 
 from fcu.interface import feed
 from fcu.interface.ports import ports
-from gcs_tools import bus, ticks
-from gcs_tools.feeding import PARAMS, SOURCES, WIDTHS, Feeds
-from gcs_tools.outlet import Outlet
-from gcs_tools.publisher import Publisher, about
-from gcs_tools.schema import FCU_COLUMNS
+from gcs_tools.live import bus, ticks
+from gcs_tools.live.feeding import PARAMS, SOURCES, WIDTHS, Feeds
+from gcs_tools.live.outlet import Outlet
+from gcs_tools.live.publisher import Publisher, about
+from gcs_tools.recording.schema import FCU_COLUMNS
 from tests.bus.intruder import words
 from tests.process.conftest import until
 

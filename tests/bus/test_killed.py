@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_tools import recording
+from gcs_tools.recording import reader as recording
 from tests.process.conftest import until
 
 READERS = Path(__file__).parents[1] / "readers"

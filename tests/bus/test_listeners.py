@@ -10,8 +10,8 @@ import socket
 import pytest
 
 from fcu.interface import topics
-from gcs_tools import recording
-from gcs_tools.recorded import GONE, OUT_OF_SIGHT
+from gcs_tools.live.recorded import GONE, OUT_OF_SIGHT
+from gcs_tools.recording import reader as recording
 from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
 from tests.process.conftest import claimed_instance
 

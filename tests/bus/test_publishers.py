@@ -9,9 +9,9 @@ import signal
 import pytest
 
 from fcu.interface import feed, topics
-from gcs_tools import recording
-from gcs_tools.feeding import Feeds
-from gcs_tools.recorded import GONE, OUT_OF_SIGHT
+from gcs_tools.live.feeding import Feeds
+from gcs_tools.live.recorded import GONE, OUT_OF_SIGHT
+from gcs_tools.recording import reader as recording
 from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
 from tests.process.conftest import until
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gcs_tools import console
+from gcs_tools.studies import console
 
 
 def test_a_whole_flight(vehicle):

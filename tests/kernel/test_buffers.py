@@ -11,7 +11,7 @@ import pytest
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel import buffers
 from fcu.kernel.algebra import Vec3
-from fcu.law.types import LawParams, LawState, Tick
+from fcu.laws.mmrac.types import LawParams, LawState, Tick
 from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
 
 VALUES = [

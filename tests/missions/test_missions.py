@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import gcs_tools
-from gcs_tools import recording
-from gcs_tools.result import read
+from gcs_tools.judging.result import read
+from gcs_tools.recording import reader as recording
 
 MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/*.toml"))
 METRICS = {

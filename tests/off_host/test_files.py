@@ -9,7 +9,8 @@ import subprocess
 
 import pytest
 
-from gcs_tools import bus, result
+from gcs_tools.judging import result
+from gcs_tools.live import bus
 from tests.bus.configured import (
     EXAMPLES,
     FOR_S,

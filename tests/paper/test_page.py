@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gcs_tools.figures import __main__ as command
-from gcs_tools.figures import gamma, page
-from gcs_tools.figures.cases import CASES, Case, fly
-from gcs_tools.figures.drawing import FIGURES
-from gcs_tools.figures.numbers import QUANTITIES, gone_from, table, there_from
+from gcs_tools.studies.figures import __main__ as command
+from gcs_tools.studies.figures import gamma, page
+from gcs_tools.studies.figures.cases import CASES, Case, fly
+from gcs_tools.studies.figures.drawing import FIGURES
+from gcs_tools.studies.figures.numbers import QUANTITIES, gone_from, table, there_from
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "paper.md"
@@ -65,7 +65,9 @@ def test_the_page_quotes_what_is_flown(flights, points, hovers, group):
     measured = page.markdown(rows).splitlines()
     assert len(quoted) == len(measured)
     wrong = [(a, b) for a, b in zip(quoted, measured, strict=True) if not same(a, b)]
-    assert not wrong, "renew them: python -m gcs_tools.figures --numbers --write docs/paper.md"
+    assert not wrong, (
+        "renew them: python -m gcs_tools.studies.figures --numbers --write docs/paper.md"
+    )
 
 
 def number(flights, group, title, key):

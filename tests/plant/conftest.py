@@ -18,7 +18,7 @@ from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params
 from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
 
-BELIEVED = load(Path(fcu.__file__).with_name("octo.toml"))["rotors"]
+BELIEVED = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")["rotors"]
 
 
 @pytest.fixture(scope="session")

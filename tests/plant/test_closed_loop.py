@@ -16,14 +16,14 @@ from fcu.interface.airframe import airframe, load
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size, to_buffer
-from fcu.law import cascade
-from fcu.law.parameters import law_params
-from fcu.law.types import LawState, Tick
+from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.types import LawState, Tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params, start_state, steps_per_tick
 
 ROOT = Path(fcu.__file__).parents[1]
-OCTO = load(Path(fcu.__file__).with_name("octo.toml"))
+OCTO = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
 WIND = {
     "amplitude_m_s": [7.2, 7.2, 5.7],
     "frequency_rad_s": [1.5, 1.6, 1.7],

@@ -13,10 +13,10 @@ import pytest
 from fcu.interface.airframe import believed
 from fcu.interface.diagnostics import PlantReport, Report
 from fcu.kernel.buffers import columns, to_buffer
-from fcu.law.parameters import law_params
-from fcu.law.types import LawParams, Tick
-from gcs_tools.recording import Recording
-from gcs_tools.schema import FCU_COLUMNS, PLANT_COLUMNS, PLANT_TIMING, TIMING, WIND
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.types import LawParams, Tick
+from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS, PLANT_TIMING, TIMING, WIND
 from sitl_plant.physics.types import PlantRecord
 
 RATE_HZ = 500.0

@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from gcs_tools import commands_plot, recording
-from gcs_tools.commands_plot import plot
-from gcs_tools.plot.figures import FORMATS, STANDARD
-from gcs_tools.record import Recorder
+from gcs_tools.cli import plot as commands_plot
+from gcs_tools.cli.plot import plot
+from gcs_tools.pictures.plot.figures import FORMATS, STANDARD
+from gcs_tools.recording import reader as recording
+from gcs_tools.recording.recorder import Recorder
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gcs_tools.plot.drawing import broken, flagged, zoom
-from gcs_tools.plot.figures import FORMATS, STANDARD, save
-from gcs_tools.plot.shown import Shown
+from gcs_tools.pictures.plot.drawing import broken, flagged, zoom
+from gcs_tools.pictures.plot.figures import FORMATS, STANDARD, save
+from gcs_tools.pictures.plot.shown import Shown
 
 STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_tools.plot import estimates, limits, prediction, timing, tracking, wind
-from gcs_tools.plot.numbers import length, percent, short
-from gcs_tools.plot.shown import Missing, Shown
+from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
+from gcs_tools.pictures.plot.numbers import length, percent, short
+from gcs_tools.pictures.plot.shown import Missing, Shown
 
 
 def all_of(made: Any, t_from: float | None = None, t_to: float | None = None) -> Shown:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from fcu.kernel.buffers import to_buffer
-from gcs_tools import rollout
-from gcs_tools.mission import load, override
-from gcs_tools.plot import estimates
-from gcs_tools.plot.shown import Shown
-from gcs_tools.recording import Recording
-from gcs_tools.scenario import scenario
+from gcs_tools.flight import rollout
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.missions.mission import load, override
+from gcs_tools.pictures.plot import estimates
+from gcs_tools.pictures.plot.shown import Shown
+from gcs_tools.recording.reader import Recording
 
 
 def test_the_angular_truth_explains_the_motion() -> None:

@@ -11,9 +11,9 @@ import gcs_tools
 from fcu.interface.airframe import believed
 from fcu.interface.handover import GRANT
 from fcu.interface.messages import RotorCommand, VehicleState
-from fcu.interface.wire import PlantCodec
 from fcu.kernel.buffers import columns, size
-from gcs_tools import recording
+from fcu.mavlink.plant_link import PlantCodec
+from gcs_tools.recording import reader as recording
 from sitl_plant.physics.types import PlantRecord
 
 ANSWER_S = 5.0

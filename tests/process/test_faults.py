@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from fcu.interface.ports import ports
-from gcs_tools import recording, result
-from gcs_tools.vehicle import Vehicle, VehicleError
+from gcs_tools.flight.vehicle import Vehicle, VehicleError
+from gcs_tools.judging import result
+from gcs_tools.recording import reader as recording
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
 

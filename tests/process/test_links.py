@@ -15,8 +15,8 @@ import pytest
 from fcu.interface.airframe import believed
 from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.interface.ports import ports
-from fcu.interface.wire import PlantCodec, WireError
 from fcu.kernel.buffers import columns, size
+from fcu.mavlink.plant_link import PlantCodec, WireError
 
 ANSWER_S = 5.0
 MS = 2000  # us: one tick at 500 Hz

@@ -8,9 +8,9 @@ import pytest
 import gcs_tools
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.buffers import columns, size
-from fcu.law import cascade
-from fcu.law.types import LawState, Tick
-from gcs_tools import recording
+from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac.types import LawState, Tick
+from gcs_tools.recording import reader as recording
 
 TICK = columns(Tick)
 

@@ -13,12 +13,12 @@ from fcu.interface.airframe import airframe, load
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.rotations import from_euler
-from fcu.law import cascade
-from fcu.law.parameters import law_params
-from fcu.law.types import Bounds, LawParams, LawState
+from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.types import Bounds, LawParams, LawState
 from tests.theory.instants import States
 
-OCTO = load(Path(fcu.__file__).with_name("octo.toml"))
+OCTO = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
 ZERO = Vec3(0.0, 0.0, 0.0)
 # -1e6 to 1e6, which no estimate of a test meets: as printed for the estimate itself, and by the
 # achieved force for its inverse
@@ -29,7 +29,7 @@ ACHIEVED = Bounds(1e-6, -1e-6, 1e-6, -1e-6, 1e6, 1e6, 1e6)
 @pytest.fixture(scope="session")
 def law() -> Callable[..., LawParams]:
     """LawParams of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
-    believed = airframe(OCTO["rotors"], "octo.toml")
+    believed = airframe(OCTO["rotors"], "s1000.toml")
 
     def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
         return law_params(believed, OCTO["limits"], rate_hz, chosen)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gcs_tools.theory_check import check, octocopter
-from gcs_tools.theory_check.__main__ import main
-from gcs_tools.theory_check.check import Excluded, Held, held
-from gcs_tools.theory_check.report import Findings
+from gcs_tools.studies.theory_check import check, octocopter
+from gcs_tools.studies.theory_check.__main__ import main
+from gcs_tools.studies.theory_check.check import Excluded, Held, held
+from gcs_tools.studies.theory_check.report import Findings
 
 
 def test_no_bound_is_exceeded_by_100_random_systems():

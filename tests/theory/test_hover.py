@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from fcu.guard import margin
 from fcu.kernel.algebra import Vec3
-from fcu.law import margin
 from fcu.theory.hover import (
     Air,
     K,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fcu.interface.messages import Setpoint
-from fcu.law import position, rates
+from fcu.laws.mmrac import position, rates
 from fcu.theory import octocopter
 from fcu.theory.adaptive import Estimates, control
 from fcu.theory.octocopter import Image

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.law import adaptation, prediction
+from fcu.laws.mmrac import adaptation, prediction
 from fcu.theory import octocopter
 from tests.theory.instants import COUPLINGS, N, equal, size, vec3
 

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fcu.kernel.algebra import Vec3
-from fcu.law import adaptation, prediction
+from fcu.laws.mmrac import adaptation, prediction
 from fcu.theory import octocopter
 
 END = 0.5  # s

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs_tools.flying import fly
-from gcs_tools.recording import Recording, read
+from gcs_tools.flight.flying import fly
+from gcs_tools.recording.reader import Recording, read
 from tests.process.conftest import _until, claimed_instance, instance, start
 
 __all__ = ["_until", "instance", "start"]

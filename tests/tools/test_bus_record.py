@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools import events
-from gcs_tools.bus_record import BusRecorder
-from gcs_tools.events import Event
-from gcs_tools.recording import read
-from gcs_tools.ticks import Sample
+from gcs_tools.live.bus_record import BusRecorder
+from gcs_tools.live.ticks import Sample
+from gcs_tools.recording import events
+from gcs_tools.recording.events import Event
+from gcs_tools.recording.reader import read
 
 
 def said(*numbers: int) -> Sample:

@@ -8,13 +8,13 @@ import sys
 
 import pytest
 
+from fcu.guard import margin
 from fcu.kernel.algebra import Vec3
-from fcu.law import margin
-from gcs_tools.envelope import envelope, largest, terms
-from gcs_tools.envelope_map import PAPER, WAYS, saturates
-from gcs_tools.guard_check import check, holds
-from gcs_tools.mission import load, override
-from gcs_tools.scenario import scenario
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.judging.envelope import envelope, largest, terms
+from gcs_tools.missions.mission import load, override
+from gcs_tools.studies.envelope_map import PAPER, WAYS, saturates
+from gcs_tools.studies.guard_check import check, holds
 
 
 def gcs(*arguments):
@@ -114,7 +114,7 @@ def test_a_search_finds_the_end_of_what_holds():
 
 
 def test_flights_inside_saturate_nothing_and_governed_flights_nothing_at_all():
-    """A few of `python -m gcs_tools.guard_check`, with a seed of their own."""
+    """A few of `python -m gcs_tools.studies.guard_check`, with a seed of their own."""
     found = check(60, seed=7)
     assert holds(found), found
     assert found.ways_inside > 20

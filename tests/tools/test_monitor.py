@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.text import Text
 
 from fcu.kernel.buffers import columns
-from fcu.law.types import Tick
-from gcs_tools.monitor.draw import gauge, spark
+from fcu.laws.mmrac.types import Tick
+from gcs_tools.pictures.monitor.draw import gauge, spark
 from sitl_plant.physics.types import PlantRecord
 
 PLANT, TICK = columns(PlantRecord).index, columns(Tick).index

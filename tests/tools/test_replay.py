@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools.recording import read
+from gcs_tools.recording.reader import read
 
 
 def same(a, b):

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from gcs_tools import events, ticks
-from gcs_tools.events import Event
-from gcs_tools.follow import Follower
-from gcs_tools.layout import Stack
-from gcs_tools.recorded import Latency
-from gcs_tools.recording import RecordingError, read
-from gcs_tools.schema import TIMING
-from gcs_tools.ticks import Sample
-from gcs_tools.watch import _object
+from gcs_tools.live import ticks
+from gcs_tools.live.follow import Follower
+from gcs_tools.live.recorded import Latency
+from gcs_tools.live.ticks import Sample
+from gcs_tools.live.watch import _object
+from gcs_tools.recording import events
+from gcs_tools.recording.events import Event
+from gcs_tools.recording.layout import Stack
+from gcs_tools.recording.reader import RecordingError, read
+from gcs_tools.recording.schema import TIMING
 
 
 def sample(*messages: bytes) -> Sample:

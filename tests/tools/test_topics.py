@@ -11,8 +11,8 @@ import pytest
 
 from fcu.interface import topics
 from fcu.interface.ports import ports
-from gcs_tools import events
-from gcs_tools.schema import TOPICS
+from gcs_tools.recording import events
+from gcs_tools.recording.schema import TOPICS
 
 ROOT = Path(__file__).parents[2]
 

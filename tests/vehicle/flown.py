@@ -10,10 +10,10 @@ from fcu.interface.airframe import believed
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size, to_buffer
-from fcu.law import cascade
-from fcu.law.parameters import law_params
-from fcu.law.types import LawState, Tick
-from fcu.params import Parameters
+from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.types import LawState, Tick
+from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.supervisor import Supervisor
 from sitl_plant.physics import dynamics, tick

@@ -8,16 +8,16 @@ import time
 import numpy as np
 import pytest
 
+from fcu.guard import admission, foreseen, margin
 from fcu.interface.airframe import believed
-from fcu.interface.ground_numbers import Result
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.law import admission, foreseen, margin
-from fcu.law.parameters import law_params
-from fcu.law.reference_model import a_ref, advance, carried
-from fcu.params import Parameters
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.reference_model import a_ref, advance, carried
+from fcu.mavlink.enums import Result
+from fcu.parameters import Parameters
 from fcu.vehicle import guidance
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.supervisor import Supervisor

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from fcu.kernel.algebra import Vec3
-from fcu.law.reference_model import carried
+from fcu.laws.mmrac.reference_model import carried
 from fcu.vehicle import guidance
 from fcu.vehicle.guidance import Limits, length
 

@@ -7,10 +7,10 @@ import math
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
-from fcu.interface.geodesy import Origin, to_geodetic
-from fcu.interface.ground_wire import GroundCodec
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
+from fcu.mavlink.geodesy import Origin, to_geodetic
+from fcu.mavlink.ground_link import GroundCodec
 from fcu.vehicle.guidance import STILL
 from fcu.vehicle.script import Frame, Limits, Pose, Script, of_position
 

@@ -7,13 +7,13 @@ import math
 import pytest
 
 from fcu.interface.airframe import believed
-from fcu.interface.ground_numbers import LandedState, Result, SystemStatus
 from fcu.interface.messages import Battery, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.law.parameters import law_params
-from fcu.params import Parameters
+from fcu.laws.mmrac.parameters import law_params
+from fcu.mavlink.enums import LandedState, Result, SystemStatus
+from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.supervisor import Supervisor
 

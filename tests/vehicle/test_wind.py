@@ -9,7 +9,7 @@ import pytest
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.rotations import from_euler, matrix, rotate, rotate_back
-from fcu.law.wind import of
+from fcu.laws.mmrac.wind import of
 from fcu.vehicle.wind import Wind
 
 DRAG = Vec3(0.15, 0.2, 0.25)

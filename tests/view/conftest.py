@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from gcs_tools.flying import fly
-from gcs_tools.recording import read
+from gcs_tools.flight.flying import fly
+from gcs_tools.recording.reader import read
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 PATIENCE_MS = 60_000  # wall: of a browser that renders in software on a busy machine

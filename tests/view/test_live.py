@@ -11,10 +11,10 @@ import pytest
 
 from fcu.interface.ports import INSTANCES
 from fcu.kernel.buffers import columns
-from fcu.law.types import Tick
-from gcs_tools.schema import FCU, PLANT, WIND
-from gcs_tools.shown import Flight, carried
-from gcs_tools.view.app import App, free_port
+from fcu.laws.mmrac.types import Tick
+from gcs_tools.pictures.shown import Flight, carried
+from gcs_tools.pictures.view.app import App, free_port
+from gcs_tools.recording.schema import FCU, PLANT, WIND
 from sitl_plant.physics.types import PlantRecord
 from tests.view.pictures import node, told
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.buffers import columns
-from fcu.law.types import Tick
+from fcu.laws.mmrac.types import Tick
 from sitl_plant.physics.types import PlantRecord
 from tests.view.pictures import caption, node, picture, told
 

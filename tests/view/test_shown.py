@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools.recording import RecordingError
-from gcs_tools.schema import TOPICS
-from gcs_tools.shown import DRAWN, Flight, History, Limits, carried
-from gcs_tools.view.charts import places, seeded, stretches, thinned, value
+from gcs_tools.pictures.shown import DRAWN, Flight, History, Limits, carried
+from gcs_tools.pictures.view.charts import places, seeded, stretches, thinned, value
+from gcs_tools.recording.reader import RecordingError
+from gcs_tools.recording.schema import TOPICS
 
 
 def _rows(t, *values):
@@ -140,7 +140,7 @@ def test_values_are_those_of_the_last_row_by_then():
 
 
 def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
-    from gcs_tools.shown import recorded
+    from gcs_tools.pictures.shown import recorded
 
     flight = recorded(recording.path)
     assert flight.limits == Limits.believed()  # paper_nominal changes none
@@ -149,8 +149,8 @@ def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
 
 
 def test_a_recording_without_a_flight_is_refused(tmp_path):
-    from gcs_tools.record import Recorder
-    from gcs_tools.shown import recorded
+    from gcs_tools.pictures.shown import recorded
+    from gcs_tools.recording.recorder import Recorder
 
     path = tmp_path / "flight.mcap"
     with Recorder(path, {"title": "nothing"}):

@@ -1,0 +1,178 @@
+"""Whether what is asked for meets the condition, and how much of it would. Not in the paper.
+
+`foreseen` on flat buffers, for the edge of a process, in steps much coarser than a tick. A way is
+what is flown one after the other: setpoints, each for so long, the last until it is reached.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.guard import foreseen, margin
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3, norm
+from fcu.kernel.buffers import size, to_buffer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.laws.mmrac.reference_model import a_ref, advance, carried
+from fcu.laws.mmrac.types import LawParams
+
+Buffer = np.ndarray[Any, np.dtype[np.float64]]
+Way = Sequence[tuple[Setpoint, float]]
+
+LOOKS = 500  # at a way's last setpoint, and at most at any other
+HALVINGS = 10
+STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
+GREAT = 1e6  # m, N: above it a number is only told to be so
+_WIDTH = 1 + size(Setpoint)  # of a row of a way
+_NEAR = 1.0  # m: where a moving setpoint is, is not worth a word below
+
+_unpack_params = unpacker(LawParams)
+_unpack_setpoint = unpacker(Setpoint)
+
+
+@kernel
+def ahead(params_buffer, way, reference):
+    """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one.
+
+    params_buffer : float64[size(LawParams)]; its first, h, is overwritten.
+    way : float64[n, 1 + size(Setpoint)], for how long (s; the last: whatever it says), and what.
+    reference : float64[6], r_m and v_m where the way begins, m, m/s, E.
+    """
+    params = _unpack_params(params_buffer)
+    settled = foreseen.steps(params) * params.h
+    known, more, adds = margin.known(params), foreseen.hurry(params), foreseen.closed(params)
+    r = Vec3(reference[0], reference[1], reference[2])
+    v = Vec3(reference[3], reference[4], reference[5])
+    worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
+    w, a, before, off = zero, zero, zero, zero
+    for i in range(len(way)):
+        setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
+        last = i == len(way) - 1
+        looked = settled if last else min(for_s, settled)
+        n = max(1, math.ceil(LOOKS * looked / settled))
+        params_buffer[0] = looked / n
+        params = _unpack_params(params_buffer)
+        for k in range(n):
+            a_d = a_ref(params, carried(setpoint, k * params.h), r, v)
+            off = foreseen.misjudged(params, off, a_d - before)
+            worst = min(worst, foreseen.holds(known, more * a_d, more * off, v, adds))
+            r, v, w, a = foreseen.advanced(params, a_d, r, v, w, a)
+            before = a_d
+        if for_s > settled and not last:  # with it from there on
+            end = carried(setpoint, for_s)
+            r, v = end.r_c, end.v_c
+            w = a = before = setpoint.a_c
+            worst = min(worst, foreseen.holds(known, more * a, zero, v, adds))
+    return worst
+
+
+@kernel
+def follow(params_buffer, setpoint_buffer, ticks, reference):
+    """Bring `reference` (float64[6]: r_m, v_m) on by as many ticks as the setpoint is flown."""
+    params = _unpack_params(params_buffer)
+    setpoint = _unpack_setpoint(setpoint_buffer)
+    r_m = Vec3(reference[0], reference[1], reference[2])
+    v_m = Vec3(reference[3], reference[4], reference[5])
+    for k in range(ticks):
+        r_m, v_m = advance(params, carried(setpoint, k * params.h), r_m, v_m)
+    reference[0], reference[1], reference[2] = r_m.x, r_m.y, r_m.z
+    reference[3], reference[4], reference[5] = v_m.x, v_m.y, v_m.z
+
+
+class Look:
+    """Looks ahead with one set of the law's parameters."""
+
+    def __init__(self, params: LawParams) -> None:
+        self.params = params
+        self._buffer = to_buffer(params)
+
+    def short(self, way: Way, reference: Buffer) -> float:
+        """By how much (N) a way misses the condition; 0 if it meets it.
+
+        reference : float64[6], r_m and v_m where it begins.
+        """
+        rows = np.empty((len(way), _WIDTH))
+        for row, (setpoint, for_s) in zip(rows, way, strict=True):
+            row[0], row[1:] = for_s, to_buffer(setpoint)
+        self._buffer[0] = self.params.h
+        return max(0.0, -float(ahead(self._buffer, rows, reference)))
+
+
+class Lack(NamedTuple):
+    """A way that misses the condition, in words."""
+
+    what: str  # was asked for: how far, how fast
+    short: float  # N
+    would_do: str  # the largest part of it that meets the condition
+
+    def __str__(self) -> str:
+        """As a reason not to fly it."""
+        return (
+            f"{self.what} needs {newtons(self.short)} more than there is; {self.would_do} would do"
+        )
+
+
+def newtons(short: float) -> str:
+    """What is missing, as text: never nothing. Of what diverges it may be any number."""
+    return f"{math.ceil(short)} N" if short < GREAT else f"{short:.2g} N"
+
+
+def metres(length: float) -> str:
+    """A part of a step, as text, rounded down."""
+    if not 0.1 <= length < GREAT:
+        return "no part of it"
+    return f"{math.floor(10.0 * length) / 10.0:.1f} m of it"
+
+
+def percent(part: float, of: str) -> str:
+    """A part of what is not a step, as text, rounded down."""
+    return f"{math.floor(100.0 * part)} % of {of}" if part >= 0.01 else f"no part of {of}"
+
+
+def most(
+    look: Look, way_of: Callable[[float], Way], reference: Buffer, halvings: int = HALVINGS
+) -> float:
+    """The largest part, from 0 to 1, of which the way meets the condition, by halving.
+
+    way_of : from a part to the way of it.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        fits = look.short(way_of(middle), reference) == 0.0
+        low, high = (middle, high) if fits else (low, middle)
+    return low
+
+
+def way_to(setpoint: Setpoint) -> Way:
+    """The way of one setpoint of a stream: its acceleration ends when the next could be there."""
+    if setpoint.a_c == Vec3(0.0, 0.0, 0.0):
+        return [(setpoint, math.inf)]
+    then: Setpoint = carried(setpoint, STREAM_S)
+    return [(setpoint, STREAM_S), (then._replace(a_c=Vec3(0.0, 0.0, 0.0)), math.inf)]
+
+
+def is_same_way(a: Setpoint, b: Setpoint) -> bool:
+    """Whether two setpoints differ in yaw at most."""
+    return (a.level, a.r_c, a.v_c, a.a_c) == (b.level, b.r_c, b.v_c, b.a_c)
+
+
+def explained(look: Look, setpoint: Setpoint, short: float, reference: Buffer) -> Lack:
+    """A setpoint of a stream that misses the condition by `short` N, in words."""
+    r_m = Vec3(*reference[:3].tolist())
+    to_go = setpoint.r_c - r_m
+    far, speed = norm(to_go), norm(setpoint.v_c)
+
+    def of(part: float) -> Way:
+        v_c, a_c = part * setpoint.v_c, part * setpoint.a_c
+        return way_to(setpoint._replace(r_c=r_m + part * to_go, v_c=v_c, a_c=a_c))
+
+    part = most(look, of, reference)
+    if speed == 0.0:
+        return Lack(f"{far:.1f} m", short, metres(part * far))
+    away = f" and {far:.1f} m" if far > _NEAR else ""
+    return Lack(f"{speed:.1f} m/s{away}", short, percent(part, "it"))

@@ -1,0 +1,155 @@
+"""The reference model's input, governed: the setpoint brought so near that the condition holds.
+
+The reference model follows (34) with r_g in place of r_c. While nothing is to be limited r_g is
+r_c, to the bit. Not in the paper; a reference governor in the sense of its [12].
+"""
+
+from __future__ import annotations
+
+import math
+
+from fcu.guard import margin
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select, select3
+from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import wrap
+from fcu.laws.mmrac.approach import approach
+from fcu.laws.mmrac.reference_model import a_ref
+
+SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says
+BRAKING = 0.6  # of the deceleration there is: the model lags behind the speed it is to have
+
+
+@kernel
+def shortened(x, size):
+    """A Vec3 of the same direction, no longer than `size`; itself if it is not."""
+    length = norm(x)
+    return select3(length > size, (size / (length + 1e-30)) * x, x)
+
+
+@kernel
+def speeds(params, known):
+    """The greatest speed (m/s) of the reference, and the deceleration (m/s^2) it brakes with.
+
+    Both from what hover leaves: at that speed, in the direction that suits worst, KEPT of the
+    room is left, which brakes.
+    """
+    still = Vec3(0.0, 0.0, 0.0)
+    R = margin.room(known, still, still)
+    kept = margin.KEPT * R
+    # c x^2 + z_0 + z_1 (x - w_max) = R - kept, with x = speed + w_max
+    usable = R - kept - known.z_0 + known.z_1 * known.w_max
+    root = math.sqrt(known.z_1 * known.z_1 + 4.0 * known.c_D * maximum(usable, 0.0))
+    x = (root - known.z_1) / (2.0 * known.c_D)
+    top = maximum(x - known.w_max, SLOWEST)
+    brake = (kept + 0.5 * known.c_D * (top + known.w_max) * top) / known.m_max
+    return top, BRAKING * maximum(brake, 0.1)
+
+
+@kernel
+def wanted(params, known, setpoint, r_m, v_m):
+    """Acceleration (m/s^2, E) that takes the reference to the setpoint within speed and jerk.
+
+    That of (34) near the setpoint and at low speed.
+    """
+    f_m, zeta_m = params.f_m, params.zeta_m
+    top, brake = speeds(params, known)
+    to_go = setpoint.r_c - r_m
+    far = norm(to_go)
+    c = f_m / (2.0 * zeta_m)
+    v_to = (approach(c, brake, far) / (far + 1e-30)) * to_go
+    v_wanted = shortened(setpoint.v_c + v_to, top)
+    short_by = v_wanted - v_m
+    short = norm(short_by)
+    change = approach(2.0 * f_m * zeta_m, 0.5 * params.guard.jerk, short)
+    return setpoint.a_c + (change / (short + 1e-30)) * short_by
+
+
+@kernel
+def first_root(a, b, c):
+    """The least positive root of a s^2 + 2 b s + c, with c >= 0; 1 if there is none below it."""
+    under = b * b - a * c
+    below = math.sqrt(maximum(under, 0.0)) - b
+    crosses = (under >= -1e-9 * (b * b)) & (below > c)  # c / below < 1; it may touch zero only
+    return select(crosses, c / maximum(below, 1e-30), 1.0)
+
+
+@kernel
+def within(known, a, f_v, radius):
+    """The largest part, up to 1, of acceleration a (m/s^2, E) whose demand is inside by `radius` (N).
+
+    f_v : `dragging`, N, E.  That of no acceleration has to be inside.
+    """
+    part = 1.0
+    for heavy in (0.0, 1.0):
+        m = known.m_min + heavy * (known.m_max - known.m_min)
+        hover, d = f_v + Vec3(0.0, 0.0, m * known.g), m * a
+        # of the cone: sin T_z - radius against cos |T_xy|
+        p_0, p_1 = known.sin * hover.z - radius, known.sin * d.z
+        cos2 = known.cos * known.cos
+        cone = first_root(
+            p_1 * p_1 - cos2 * (d.x * d.x + d.y * d.y),
+            p_0 * p_1 - cos2 * (hover.x * d.x + hover.y * d.y),
+            maximum(p_0 * p_0 - cos2 * (hover.x * hover.x + hover.y * hover.y), 0.0),
+        )
+        # of the two spheres
+        dd, hd, hh = dot(d, d), dot(hover, d), dot(hover, hover)
+        most, least = known.T_max - radius, known.T_min + radius
+        above = first_root(-dd, -hd, maximum(most * most - hh, 0.0))
+        below = first_root(dd, hd, maximum(hh - least * least, 0.0))
+        down = known.T_z_min + radius - hover.z
+        floor = select(d.z < minimum(down, -1e-30), down / minimum(d.z, -1e-30), 1.0)
+        part = minimum(part, minimum(minimum(cone, floor), minimum(above, below)))
+    return part
+
+
+@kernel
+def governed(params, known, state, setpoint, r, v):
+    """The setpoint the reference model is given, its acceleration (m/s^2, E), 1 if it is governed.
+
+    What is kept inside the limits is the acceleration that is demanded of the vehicle, the
+    reference's plus what closes the tracking error; the reference gives way.
+    """
+    f_m, zeta_m, h = params.f_m, params.zeta_m, params.h
+    r_m, v_m = state.r_m, state.v_m
+    plain = a_ref(params, setpoint, r_m, v_m)  # (34)
+    if params.guard.policy != 1.0:  # all lanes of a campaign share it
+        return setpoint, plain, 0.0
+    a_wanted = wanted(params, known, setpoint, r_m, v_m)
+    a = state.a_m + shortened(a_wanted - state.a_m, params.guard.jerk * h)
+    closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
+    f_v = margin.dragging(known, v_m)
+    at_rest = margin.room(known, Vec3(0.0, 0.0, 0.0), f_v)
+    radius = minimum(
+        margin.allowance(known, v_m, state.beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
+    )
+    part = select(at_rest > 0.0, within(known, a + closing, f_v, radius), 1.0)
+    a_g = part * (a + closing) - closing
+    limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)
+    r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
+    r_g = r_m + (a_g - a_c + 2.0 * f_m * zeta_m * (v_m - v_c)) / (f_m * f_m)  # (34) departure 17
+    psi_g, psi_g_dot, _ = turned(params, state, setpoint)
+    given = Setpoint(
+        select3(limited, r_g, r_c), v_c, a_c, psi_g, psi_g_dot, setpoint.level,
+        setpoint.tilt_c, setpoint.w_c, setpoint.T_c,
+    )  # fmt: skip
+    return given, select3(limited, a_g, plain), select(limited, 1.0, 0.0)
+
+
+@kernel
+def turned(params, state, setpoint):
+    """Yaw (rad) and its rate (rad/s) that are commanded, and 1 if they are not the setpoint's.
+
+    Yaw is the weak axis: its command too gets no faster than the rotors' drag can turn.
+    """
+    h, c, a, top = params.h, params.c_angle.z, params.yaw_acceleration, params.yaw_rate_max
+    e = wrap(setpoint.psi_c - state.psi_g)
+    rate = clip(setpoint.psi_dot_c + math.copysign(approach(c, a, abs(e)), e), -top, top)
+    rate = clip(rate, state.psi_g_dot - a * h, state.psi_g_dot + a * h)
+    off = (abs(e) > 1e-6) | (abs(rate - setpoint.psi_dot_c) > 1e-6)
+    limited = off & (params.guard.policy == 1.0) & (setpoint.level < 0.5)
+    return (
+        select(limited, state.psi_g, setpoint.psi_c),
+        select(limited, rate, setpoint.psi_dot_c),
+        select(limited, 1.0, 0.0),
+    )

@@ -1,0 +1,271 @@
+"""What the flight controller tells ground stations, as MAVLink messages: one builder a message.
+
+Arguments are in the frames inside (Earth ENU, body FLU, SI); `t` is simulation time, s. NaN is
+what is not known. Every field is saturated to its type, so no number raises.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fcu.kernel.algebra import Quat, Rotors, Vec3
+from fcu.kernel.rotations import euler, matrix
+from fcu.mavlink.enums import Frame
+from fcu.mavlink.fields import attitude, body, earth, heading
+from fcu.mavlink.framing import Packed
+from fcu.mavlink.geodesy import Geodetic
+from fcu.mavlink.kinds import message as _message
+
+OCTOROTOR = 14  # MAV_TYPE
+_CUSTOM, _ARMED = 1, 128  # MAV_MODE_FLAG
+_UNKNOWN_16 = 2**16 - 1
+_NAN_21 = (math.nan, *[0.0] * 20)  # a covariance that is not known
+
+
+def _ms(t: float) -> float:
+    return 1e3 * t
+
+
+def _us(t: float) -> float:
+    return 1e6 * t
+
+
+def _known(x: float, unknown: float) -> float:
+    return unknown if math.isnan(x) else x
+
+
+# --- identity and status
+
+
+def heartbeat(
+    autopilot: int, armed: bool, main_mode: int, sub_mode: int, status: int, flags: int = 0
+) -> Packed:
+    """HEARTBEAT of an octocopter; `flags` are MAV_MODE_FLAGs beside custom mode and armed."""
+    return _message(
+        "HEARTBEAT", type=OCTOROTOR, autopilot=autopilot,
+        base_mode=_CUSTOM | flags | (_ARMED if armed else 0),
+        custom_mode=main_mode << 16 | sub_mode << 24, system_status=status, mavlink_version=3,
+    )  # fmt: skip
+
+
+def sys_status(
+    present: int, enabled: int, health: int, load: float, voltage: float, current: float,
+    remaining: float, errors: int,
+) -> Packed:  # fmt: skip
+    """SYS_STATUS; load and remaining are fractions, V, A; errors: messages dropped."""
+    return _message(
+        "SYS_STATUS", onboard_control_sensors_present=present,
+        onboard_control_sensors_enabled=enabled, onboard_control_sensors_health=health,
+        load=min(1000.0 * load, 1000.0), voltage_battery=_known(1e3 * voltage, _UNKNOWN_16),
+        current_battery=_known(1e2 * current, -1), battery_remaining=_known(1e2 * remaining, -1),
+        errors_comm=errors,
+    )  # fmt: skip
+
+
+def battery_status(
+    voltage: float, current: float, drawn_Ah: float, remaining: float, left_s: float, cells: int,
+    charge_state: int, energy_J: float,
+) -> Packed:  # fmt: skip
+    """BATTERY_STATUS, lithium polymer for all functions; V, A, A h, fraction, s, J."""
+    each = _known(1e3 * voltage / max(cells, 1), _UNKNOWN_16)
+    volts = [each] * min(cells, 10) + [_UNKNOWN_16] * (10 - min(cells, 10))
+    return _message(
+        "BATTERY_STATUS", battery_function=1, type=1, temperature=2**15 - 1, voltages=volts,
+        current_battery=_known(1e2 * current, -1), current_consumed=_known(1e3 * drawn_Ah, -1),
+        energy_consumed=_known(1e-2 * energy_J, -1), battery_remaining=_known(1e2 * remaining, -1),
+        time_remaining=_known(left_s, 0), charge_state=charge_state,
+    )  # fmt: skip
+
+
+def extended_state(landed_state: int) -> Packed:
+    """EXTENDED_SYS_STATE."""
+    return _message("EXTENDED_SYS_STATE", landed_state=landed_state)
+
+
+def system_time(unix_s: float, t: float) -> Packed:
+    """SYSTEM_TIME: the time of day (s since 1970) and simulation time."""
+    return _message("SYSTEM_TIME", time_unix_usec=_us(unix_s), time_boot_ms=_ms(t))
+
+
+# --- attitude and position
+
+
+def attitude_euler(t: float, q_EB: Quat, w_B: Vec3) -> Packed:
+    """ATTITUDE: roll, pitch and yaw of the body in NED."""
+    angles = euler(matrix(Quat(*map(float, q_EB))))
+    w = body(w_B)
+    return _message(
+        "ATTITUDE", time_boot_ms=_ms(t), roll=angles.x, pitch=-angles.y, yaw=heading(angles.z),
+        rollspeed=w.x, pitchspeed=w.y, yawspeed=w.z,
+    )  # fmt: skip
+
+
+def attitude_quaternion(t: float, q_EB: Quat, w_B: Vec3) -> Packed:
+    """ATTITUDE_QUATERNION."""
+    q, w = attitude(q_EB), body(w_B)
+    return _message(
+        "ATTITUDE_QUATERNION", time_boot_ms=_ms(t), q1=q.w, q2=q.x, q3=q.y, q4=q.z,
+        rollspeed=w.x, pitchspeed=w.y, yawspeed=w.z,
+    )  # fmt: skip
+
+
+def local_position(t: float, r_E: Vec3, v_E: Vec3) -> Packed:
+    """LOCAL_POSITION_NED."""
+    r, v = earth(r_E), earth(v_E)
+    return _message(
+        "LOCAL_POSITION_NED", time_boot_ms=_ms(t), x=r.x, y=r.y, z=r.z, vx=v.x, vy=v.y, vz=v.z
+    )
+
+
+def global_position(t: float, place: Geodetic, above_home: float, v_E: Vec3, psi: float) -> Packed:
+    """GLOBAL_POSITION_INT; heading of the nose."""
+    v = earth(v_E)
+    return _message(
+        "GLOBAL_POSITION_INT", time_boot_ms=_ms(t), lat=1e7 * place.lat_deg,
+        lon=1e7 * place.lon_deg, alt=1e3 * place.alt_m, relative_alt=1e3 * above_home,
+        vx=1e2 * v.x, vy=1e2 * v.y, vz=1e2 * v.z, hdg=_centidegrees(heading(psi)),
+    )  # fmt: skip
+
+
+def _centidegrees(angle: float) -> float:
+    return round(math.degrees(angle) * 100.0) % 36000 if math.isfinite(angle) else _UNKNOWN_16
+
+
+def gps_raw(t: float, place: Geodetic, v_E: Vec3) -> Packed:
+    """GPS_RAW_INT: the state is known, so a fix of the best kind with many satellites."""
+    speed = math.hypot(v_E.x, v_E.y)
+    course = _centidegrees(0.5 * math.pi - math.atan2(v_E.y, v_E.x)) if speed > 0.1 else _UNKNOWN_16
+    return _message(
+        "GPS_RAW_INT", time_usec=_us(t), fix_type=6, lat=1e7 * place.lat_deg,
+        lon=1e7 * place.lon_deg, alt=1e3 * place.alt_m, eph=50, epv=50, vel=1e2 * speed,
+        cog=course, satellites_visible=20, alt_ellipsoid=1e3 * place.alt_m, h_acc=10, v_acc=10,
+        vel_acc=10,
+    )  # fmt: skip
+
+
+def gps_global_origin(origin: Geodetic) -> Packed:
+    """GPS_GLOBAL_ORIGIN: the place of local (0, 0, 0)."""
+    return _message(
+        "GPS_GLOBAL_ORIGIN", latitude=1e7 * origin.lat_deg, longitude=1e7 * origin.lon_deg,
+        altitude=1e3 * origin.alt_m,
+    )  # fmt: skip
+
+
+def home_position(place: Geodetic, r_E: Vec3) -> Packed:
+    """HOME_POSITION."""
+    r = earth(r_E)
+    return _message(
+        "HOME_POSITION", latitude=1e7 * place.lat_deg, longitude=1e7 * place.lon_deg,
+        altitude=1e3 * place.alt_m, x=r.x, y=r.y, z=r.z, q=(math.nan,) * 4,
+    )  # fmt: skip
+
+
+def altitude(t: float, amsl: float, local: float, above_home: float) -> Packed:
+    """ALTITUDE, m."""
+    return _message(
+        "ALTITUDE", time_usec=_us(t), altitude_monotonic=amsl, altitude_amsl=amsl,
+        altitude_local=local, altitude_relative=above_home, altitude_terrain=math.nan,
+        bottom_clearance=math.nan,
+    )  # fmt: skip
+
+
+def vfr_hud(
+    airspeed: float, groundspeed: float, psi: float, throttle: float, alt: float, climb: float
+) -> Packed:
+    """VFR_HUD; throttle is a fraction."""
+    degrees = round(math.degrees(heading(psi))) % 360 if math.isfinite(psi) else 0
+    return _message(
+        "VFR_HUD", airspeed=airspeed, groundspeed=groundspeed, heading=degrees,
+        throttle=1e2 * throttle, alt=alt, climb=climb,
+    )  # fmt: skip
+
+
+def odometry(t: float, r_E: Vec3, q_EB: Quat, v_B: Vec3, w_B: Vec3) -> Packed:
+    """ODOMETRY in LOCAL_NED and BODY_FRD; `v_B`: velocity in body axes."""
+    r, q, v, w = earth(r_E), attitude(q_EB), body(v_B), body(w_B)
+    return _message(
+        "ODOMETRY", time_usec=_us(t), frame_id=Frame.LOCAL_NED, child_frame_id=Frame.BODY_FRD,
+        x=r.x, y=r.y, z=r.z, q=(q.w, q.x, q.y, q.z), vx=v.x, vy=v.y, vz=v.z,
+        rollspeed=w.x, pitchspeed=w.y, yawspeed=w.z, pose_covariance=_NAN_21,
+        velocity_covariance=_NAN_21,
+    )  # fmt: skip
+
+
+# --- rotors and air
+
+
+def rotors(t: float, Omega: Rotors, spin: Rotors) -> Packed:
+    """ACTUATOR_OUTPUT_STATUS: rotor speeds (rad/s), signed by the rotors' spin."""
+    speeds = [o * s for o, s in zip(Omega, spin, strict=True)]
+    return _message("ACTUATOR_OUTPUT_STATUS", time_usec=_us(t), active=0xFF, actuator=speeds)
+
+
+def servo_output_raw(t: float, u: Sequence[float]) -> Packed:
+    """SERVO_OUTPUT_RAW: eight commands of 0 to 1 as 1000 to 2000 us."""
+    raw = {f"servo{i}_raw": 1000.0 + 1000.0 * each for i, each in enumerate(u, start=1)}
+    return _message("SERVO_OUTPUT_RAW", time_usec=_us(t), **raw)
+
+
+def esc_status(
+    t: float, first: int, rpm: Sequence[float], volts: Sequence[float], amperes: Sequence[float]
+) -> Packed:
+    """ESC_STATUS of four, from `first` on; rpm signed by direction."""
+    return _message(
+        "ESC_STATUS", index=first, time_usec=_us(t), rpm=rpm, voltage=volts, current=amperes
+    )
+
+
+def esc_info(t: float, first: int, counter: int, count: int, online: int) -> Packed:
+    """ESC_INFO of four, from `first` on: no failures, temperature unknown."""
+    return _message(
+        "ESC_INFO", index=first, time_usec=_us(t), counter=counter, count=count, info=online,
+        temperature=[2**15 - 1] * 4,
+    )  # fmt: skip
+
+
+def _sigma(variance: float) -> float:
+    return math.sqrt(variance) if variance >= 0.0 else math.nan
+
+
+def wind_cov(t: float, v_air_E: Vec3, var_horiz: float, var_vert: float, alt: float) -> Packed:
+    """WIND_COV: velocity of the air; variability as one sigma; how accurate is not known.
+
+    Takes variances, m^2/s^2; one that is negative is not known.
+    """
+    v = earth(v_air_E)
+    return _message(
+        "WIND_COV", time_usec=_us(t), wind_x=v.x, wind_y=v.y, wind_z=v.z,
+        var_horiz=_sigma(var_horiz), var_vert=_sigma(var_vert), wind_alt=alt,
+        horiz_accuracy=0.0, vert_accuracy=0.0,
+    )  # fmt: skip
+
+
+def wind(v_air_E: Vec3) -> Packed:
+    """WIND: where it comes from (deg from North), how fast, and downwards (m/s)."""
+    come_from = math.degrees(math.atan2(-v_air_E.x, -v_air_E.y))
+    # not `% 360`, which makes 360 of what is less than 0 by a rounding
+    direction = come_from + 360.0 if come_from < -1e-4 else abs(come_from)
+    return _message(
+        "WIND", direction=direction, speed=math.hypot(v_air_E.x, v_air_E.y), speed_z=-v_air_E.z
+    )
+
+
+def estimator_status(t: float, flags: int) -> Packed:
+    """ESTIMATOR_STATUS: the state is reported, not estimated; its accuracy is not known."""
+    return _message(
+        "ESTIMATOR_STATUS", time_usec=_us(t), flags=flags, pos_horiz_accuracy=math.nan,
+        pos_vert_accuracy=math.nan,
+    )  # fmt: skip
+
+
+def named_value_float(t: float, name: str, value: float) -> Packed:
+    """NAMED_VALUE_FLOAT; a name has at most ten characters."""
+    return _message("NAMED_VALUE_FLOAT", time_boot_ms=_ms(t), name=name.encode(), value=value)
+
+
+def debug_float_array(t: float, name: str, number: int, data: Sequence[float]) -> Packed:
+    """DEBUG_FLOAT_ARRAY of at most 58 values."""
+    return _message(
+        "DEBUG_FLOAT_ARRAY", time_usec=_us(t), name=name.encode(), array_id=number, data=data
+    )

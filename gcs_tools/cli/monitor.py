@@ -1,0 +1,114 @@
+"""The command `gcs monitor`."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gcs_tools.cli.bus_commands import INTERRUPTED, OK, USAGE, WHICH, ZENOH, fail, watched
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gcs_tools.pictures.monitor.readings import Readings
+
+WIDTH, HEIGHT = 140, 42  # columns and lines of a single picture: lines at least
+FRAMES_HZ = 5.0
+SPEED_S = 2.0  # wall: over which a single picture measures the speed of the flight
+LOOK_S = 0.02  # wall: between two looks for what has come
+
+
+@click.command()
+@click.option("--once", is_flag=True, help="One picture, and end; also off a terminal.")
+@click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="One picture as SVG, and end.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="The numbers of one picture as JSON, and end.")  # fmt: skip
+@click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Listen so long before a single picture, s.")  # fmt: skip
+@WHICH
+@ZENOH
+def monitor(
+    once: bool, svg: Path | None, as_json: bool, seconds: float, instance: int | None,
+    zenoh: Path | None,
+) -> None:  # fmt: skip
+    """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
+
+    Stays when the vehicle goes, and goes on with the next one. Ctrl-C ends it. Exits 0; 2
+    when FILE cannot be written, 3 without Zenoh, 130 when interrupted before a single picture.
+    """
+    from rich.console import Console
+
+    from gcs_tools.live import bus
+    from gcs_tools.live.follow import Follower
+    from gcs_tools.pictures.monitor.readings import KEPT, Readings
+    from gcs_tools.pictures.monitor.screen import screen
+
+    if svg is not None and not svg.absolute().parent.is_dir():
+        fail(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
+    console = Console(highlight=False)
+    single = once or as_json or svg is not None or not console.is_terminal
+    try:
+        while True:
+            with watched(instance, zenoh, "publish") as watch:
+                follower = Follower(watch, kept=KEPT)
+                readings = Readings(follower)
+                if single:
+                    _listen(follower.take, seconds - min(SPEED_S, 0.5 * seconds))
+                    readings.speed()
+                    _listen(follower.take, min(SPEED_S, 0.5 * seconds))
+                    break
+                _live(console, readings)
+    except KeyboardInterrupt:
+        bus.leave(INTERRUPTED if single else OK)
+    if as_json:
+        click.echo(json.dumps(readings.snapshot(), indent=2))
+    elif svg is not None:
+        _draw(readings, svg)
+    else:
+        height = max(console.size.height, HEIGHT)
+        told = console.is_terminal or "COLUMNS" in os.environ
+        width = console.size.width if told else WIDTH
+        Console(width=width, highlight=False).print(screen(readings, width, height), height=height)
+    bus.leave(OK)
+
+
+def _draw(readings: Readings, svg: Path) -> None:
+    import io
+
+    from rich.console import Console
+
+    from gcs_tools.pictures.monitor.screen import screen
+
+    canvas = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO(), highlight=False)
+    canvas.print(screen(readings, WIDTH, HEIGHT), height=HEIGHT)
+    try:
+        svg.write_text(canvas.export_svg(title="gcs monitor"), encoding="utf-8")
+    except OSError as error:
+        fail(f"{svg}: {error.strerror}", USAGE)
+
+
+def _listen(take: Callable[[], bool], seconds: float) -> None:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if not take():
+            time.sleep(LOOK_S)
+
+
+def _live(console: Console, readings: Readings) -> None:
+    """Until the vehicle is gone and another is there."""
+    from rich.live import Live
+
+    from gcs_tools.pictures.monitor.screen import screen
+
+    follower = readings.follower
+    with Live(console=console, screen=True, auto_refresh=False) as live:
+        while True:
+            _listen(follower.take, 1.0 / FRAMES_HZ)
+            size = console.size
+            live.update(screen(readings, size.width, size.height), refresh=True)
+            if follower.watch.succeeded:
+                return

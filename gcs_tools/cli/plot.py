@@ -1,0 +1,163 @@
+"""`gcs plot`: the standard figures of a recording."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from gcs_tools.recording.reader import Recording
+
+OK, USAGE, INTERRUPTED = 0, 2, 130
+NAMES = ("flight", "tracking", "limits", "prediction", "estimates", "wind", "timing")
+FORMATS = ("png", "svg", "pdf")
+
+
+def _names(
+    _context: click.Context, _option: click.Parameter, value: str | None
+) -> tuple[str, ...] | None:
+    if value is None:
+        return None
+    names = tuple(dict.fromkeys(name.strip() for name in value.split(",")))
+    for name in names:
+        if name not in NAMES:
+            close = difflib.get_close_matches(name, NAMES, n=1)
+            meant = f" (did you mean {close[0]}?)" if close else ""
+            raise click.BadParameter(f"no figure {name!r}{meant}; there are {', '.join(NAMES)}")
+    return names
+
+
+@click.command(
+    epilog="\b\n"
+    "flight      the overview that gcs fly draws\n"
+    "tracking    did it go where the reference went?\n"
+    "limits      how close to saturation?\n"
+    "prediction  does the predictor hold?\n"
+    "estimates   are the estimates right? with truth and the bounds of projection\n"
+    "wind        is the wind known? RMS against the truth, from 1 s after take-over\n"
+    "timing      did both processes keep time?\n\n"
+    "Exit codes: 0 drawn, 2 the recording cannot be read, a figure that was asked for by name\n"
+    "cannot be drawn of it, or a file cannot be written; 130 interrupted."
+)
+@click.argument("run", type=click.Path(path_type=Path), metavar="RUN.mcap")
+@click.option("--what", callback=_names, metavar="NAME,NAME...", help="Which; default: all that RUN can show.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN; of one figure also a file.")  # fmt: skip
+@click.option("--from", "t_from", type=float, metavar="S", help="Simulation time from which, s.")
+@click.option("--to", "t_to", type=float, metavar="S", help="Simulation time up to which, s.")
+@click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: as --out ends, or png.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print paths and numbers as JSON.")
+def plot(
+    run: Path, what: tuple[str, ...] | None, out: Path | None, t_from: float | None,
+    t_to: float | None, kind: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Draw the standard figures of the recording RUN.mcap, each with the number that matters."""
+    from gcs_tools.cli.present import silence
+    from gcs_tools.recording.reader import RecordingError, read
+
+    names = what or NAMES
+    try:
+        place, kind = _places(run, names, out, kind)
+        recording = read(run)
+        _inside(recording, t_from, t_to)
+        drawn, failed = _draw(recording, names, place, kind, (t_from, t_to), what is not None)
+        for name, found in drawn.items():
+            if not as_json and found["path"] is not None:
+                print(f"{found['path']}  {name}: {found['answer']}", flush=True)
+        if as_json:
+            print(json.dumps(drawn, allow_nan=False, ensure_ascii=False, indent=2), flush=True)
+    except BrokenPipeError:
+        silence(sys.stdout)
+        sys.exit(OK)
+    except (RecordingError, OSError) as error:
+        text = (
+            f"{error.filename or 'standard output'}: {error.strerror}"
+            if isinstance(error, OSError)
+            else str(error)
+        )
+        click.echo(f"Error: {text}", err=True)
+        sys.exit(USAGE)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    sys.exit(USAGE if failed else OK)
+
+
+def _places(
+    run: Path, names: tuple[str, ...], out: Path | None, kind: str | None
+) -> tuple[Callable[[str], Path], str]:
+    """Where each figure goes, and as what. Raises click.UsageError, OSError."""
+    ending = "" if out is None or out.is_dir() else out.suffix.lower().removeprefix(".")
+    if out is not None and ending:
+        if ending not in FORMATS:
+            raise click.UsageError(f"--out {out}: ends in none of {', '.join(FORMATS)}")
+        if kind not in (None, ending):
+            raise click.UsageError(f"--out {out} is not --format {kind}")
+        if len(names) > 1:
+            raise click.UsageError(f"--out {out}: a folder for {len(names)} figures, please")
+        return lambda _: out, ending
+    kind = kind or "png"
+    folder = out or run.parent
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    return lambda name: folder / f"{run.stem}-{name}.{kind}", kind
+
+
+def _inside(recording: Recording, t_from: float | None, t_to: float | None) -> None:
+    """Refuse a window that holds nothing of the recording. Raises click.UsageError."""
+    if t_from is not None and t_to is not None and not t_from < t_to:
+        raise click.UsageError(f"--from {t_from:g} is not before --to {t_to:g}")
+    times = [rows[[0, -1], 0] for rows in (recording.plant, recording.fcu) if len(rows)]
+    if not times:
+        return
+    first, last = min(float(t[0]) for t in times), max(float(t[1]) for t in times)
+    if (t_from is not None and not t_from <= last) or (t_to is not None and not t_to >= first):
+        raise click.UsageError(f"nothing in that window: {recording.path} has {first:g} to {last:g} s")  # fmt: skip
+
+
+def _draw(
+    recording: Recording, names: tuple[str, ...], place: Callable[[str], Path], kind: str,
+    window: tuple[float | None, float | None], asked: bool,
+) -> tuple[dict[str, dict[str, Any]], bool]:  # fmt: skip
+    """What was drawn and its numbers, by name, and whether one that was asked for was not."""
+    from gcs_tools.pictures.plot.figures import STANDARD, save
+    from gcs_tools.pictures.plot.shown import Missing, Shown
+
+    remarks = _remarks(recording)
+    for remark in remarks:
+        click.echo(f"{recording.path}: {remark}", err=True)
+    shown = Shown.of(recording, *window)
+    mission = recording.metadata.get("mission")
+    source = f"{mission}, {recording.path.name}" if mission else recording.path.name
+    drawn: dict[str, dict[str, Any]] = {}
+    failed = False
+    for name in names:
+        path = place(name)
+        try:
+            found = save(name, shown, path, kind, source, remarks)
+        except Missing as missing:
+            click.echo(f"{'Error: ' if asked else ''}{name}: not drawn, {missing}", err=True)
+            drawn[name] = {"path": None, "missing": str(missing)}
+            failed = failed or asked
+            continue
+        drawn[name] = {"path": str(path), "answer": STANDARD[name].answer(found), **found}
+    return drawn, failed
+
+
+def _remarks(recording: Recording) -> tuple[str, ...]:
+    """What is not whole about a recording."""
+    remarks = []
+    if not recording.complete:
+        rows = recording.fcu if len(recording.fcu) else recording.plant
+        last = f" after {rows[-1, 0]:.3f} s" if len(rows) else ""
+        remarks.append(
+            f"The recording was cut short{last}: what came later is missing (gcs recover)."
+        )
+    if recording.lost:
+        lost = ", ".join(f"{n} of {topic}" for topic, n in recording.lost.items())
+        remarks.append(f"Messages lost: {lost}.")
+    return tuple(remarks)

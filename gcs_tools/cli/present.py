@@ -1,0 +1,142 @@
+"""What a person sees of a flight: progress in simulation time, then the verdict."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import IO, Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.table import Table
+from rich.text import Text
+
+from gcs_tools.judging.result import Result
+
+
+class Tell(Protocol):
+    """Told how far a flight is."""
+
+    def __call__(self, time_s: float) -> None:
+        """Simulation time flown, s."""
+
+
+class Show(Protocol):
+    """Where progress and verdicts go."""
+
+    def note(self, text: str) -> None:
+        """Something a person waits for is going on."""
+
+    @contextmanager
+    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+        """A flight is under way."""
+
+    def verdict(self, result: Result, folder: str) -> None:
+        """A flight has been judged."""
+
+
+class Quiet:
+    """Shows nothing: for machine-readable output, and for use from Python."""
+
+    def note(self, text: str) -> None:
+        """Nothing."""
+
+    @contextmanager
+    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+        """Nothing."""
+        yield lambda time_s: None
+
+    def verdict(self, result: Result, folder: str) -> None:
+        """Nothing."""
+
+
+class _Terminal(Console):
+    """A console that falls silent when nobody reads it any more (`gcs fly ... | head`)."""
+
+    def on_broken_pipe(self) -> None:
+        """The flight goes on, and the exit code is still its own."""
+        self.quiet = True
+        silence(self.file)
+
+
+def silence(stream: IO[str]) -> None:
+    """Let a stream whose reader is gone end in nothing, also what it has still buffered."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+class Terminal:
+    """Progress on standard error, verdicts on standard output."""
+
+    def __init__(self) -> None:
+        self._log = _Terminal(stderr=True, highlight=False)
+        self._out = _Terminal(highlight=False)
+
+    def note(self, text: str) -> None:
+        """One line."""
+        self._log.print(Text(text, style="dim"), soft_wrap=True)
+
+    @contextmanager
+    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+        """A bar in simulation time."""
+        bar = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(bar_width=40),
+            TaskProgressColumn(),
+            TextColumn("{task.completed:5.1f} / {task.total:.1f} s"),
+            console=self._log,
+            transient=True,
+            disable=not self._log.is_terminal,
+        )
+        with bar:
+            task = bar.add_task(mission, total=duration_s)
+            yield lambda time_s: bar.update(task, completed=time_s)
+
+    def verdict(self, result: Result, folder: str) -> None:
+        """The title, a table of the expectations, and where the run is."""
+        self._out.print(Text(result.title, style="bold"))
+        if result.error:
+            self._out.print(Text(result.error, style="red"), soft_wrap=True)
+        if result.expectations:
+            table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
+            table.add_column("")
+            table.add_column("expected")
+            table.add_column("measured", justify="right")
+            for line in result.expectations:
+                style = "green" if line.passed else "red"
+                value = line.value
+                shown = (
+                    "-" if value is None else value if isinstance(value, str) else f"{value:.4g}"
+                )
+                mark = Text("met" if line.passed else "MISSED", style=style)
+                table.add_row(mark, line.text, Text(shown, style=style))
+            self._out.print(table)
+        speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
+        self._out.print(
+            Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),
+            soft_wrap=True,
+        )
+
+
+@contextmanager
+def recording_progress() -> Iterator[Callable[[str], None]]:
+    """A line on standard error that says how a recording stands; none off a terminal."""
+    console = _Terminal(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield lambda line: None
+        return
+    with console.status("waiting for the first tick", spinner="point") as status:
+        yield status.update
+
+
+@contextmanager
+def replay_progress() -> Iterator[Callable[[float], None]]:
+    """A line on standard error that says how far a replay is; none off a terminal."""
+    console = _Terminal(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield lambda t: None
+        return
+    with console.status("", spinner="point") as status:
+        yield lambda t: status.update(f"{t:10.3f} s")

@@ -1,0 +1,98 @@
+"""The command `gcs view`."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gcs_tools.cli.bus_commands import INFRASTRUCTURE, OK, USAGE, WHICH, ZENOH, fail, watched
+
+if TYPE_CHECKING:
+    from gcs_tools.pictures.view.app import App
+
+INSTALL = "pip install 'm-mrac[view]'"
+FIRST_PORT = 8080
+
+
+@click.command()
+@click.argument("recording", required=False, type=click.Path(path_type=Path))
+@click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"To serve the page on; default: {FIRST_PORT}, or the next that is free.")  # fmt: skip
+@click.option("--no-open", is_flag=True, help="Do not open a browser.")
+@WHICH
+@ZENOH
+def view(
+    recording: Path | None, port: int | None, no_open: bool, instance: int | None,
+    zenoh: Path | None,
+) -> None:  # fmt: skip
+    """Show a flight in a browser: in space, and its estimates against the truth.
+
+    With RECORDING (a flight.mcap) that flight, to be played; without, the vehicle that is up, and
+    when it goes the next one. The page is served to this machine alone and needs no network.
+
+    Ctrl-C ends it. Exits 0; 2 when RECORDING or CONFIG cannot be read; 3 when no port is free,
+    without Zenoh, or when what the page needs is not installed.
+    """
+    if recording is not None and (instance is not None or zenoh is not None):
+        raise click.UsageError("--instance and --zenoh are for a live vehicle, not for a RECORDING")
+    try:
+        from gcs_tools.pictures.view.app import NoPort, free_port
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith(("fcu", "gcs_tools", "sitl_plant")):
+            raise
+        fail(f"the page needs {error.name}, which is not installed: {INSTALL}")
+    from gcs_tools.live import bus
+    from gcs_tools.recording.reader import RecordingError
+
+    try:
+        at = free_port(port, FIRST_PORT)
+        if port is None and at != FIRST_PORT:
+            click.echo(f"port {FIRST_PORT} is in use, {at} is not", err=True)
+        if recording is not None:
+            _recorded(recording, at, no_open)
+        else:
+            _live(at, no_open, instance, zenoh)
+    except RecordingError as error:
+        fail(str(error), USAGE)
+    except NoPort as error:
+        fail(str(error), INFRASTRUCTURE)
+    except KeyboardInterrupt:
+        click.echo("stopped", err=True)
+    bus.leave(OK)
+
+
+def _recorded(recording: Path, port: int, no_open: bool) -> None:
+    """Until interrupted."""
+    from gcs_tools.pictures.shown import recorded
+    from gcs_tools.pictures.view.app import App
+
+    with App(recorded(recording), port, whole=True) as app:
+        _say(app, no_open)
+        app.run()
+
+
+def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) -> None:
+    """Until interrupted: one vehicle after the other, on one port, so that pages stay open."""
+    from gcs_tools.live.follow import Follower
+    from gcs_tools.pictures.view.app import App
+
+    said = False
+    while True:
+        with watched(instance, zenoh, "publish") as watch:
+            follower = Follower(watch)
+            with App(follower.flight, port, whole=False) as app:
+                if not said:
+                    _say(app, no_open)
+                said = True
+                while not watch.succeeded:
+                    follower.take()
+                    app.gone = watch.gone
+                    app.frame()
+
+
+def _say(app: App, no_open: bool) -> None:
+    click.echo(f"{app.url} (Ctrl-C ends it)")
+    if not no_open:
+        webbrowser.open(app.url)

@@ -1,0 +1,312 @@
+"""Flying missions: prepared, flown one way or the other, judged, and left on file.
+
+from gcs_tools import fly
+result = fly("paper_nominal", settings=["law.f_m=1.4"])
+assert result.passed
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.airframe import AirframeError, believed_drag
+from fcu.kernel.buffers import to_buffer
+from fcu.laws.mmrac import wind
+from fcu.laws.mmrac.parameters import ParameterError
+from gcs_tools.cli.present import Quiet, Show
+from gcs_tools.flight import rollout
+from gcs_tools.flight.instance import claimed
+from gcs_tools.flight.processes import InfrastructureError
+from gcs_tools.flight.scenario import Scenario, arrival, scenario
+from gcs_tools.flight.wire_flight import R_C, Flown, WireFlight
+from gcs_tools.judging import result
+from gcs_tools.judging.admitted import refusal
+from gcs_tools.judging.result import Result
+from gcs_tools.judging.verdict import OK, judge
+from gcs_tools.live.publishing import Zenoh
+from gcs_tools.missions.mission import Mission, MissionError, load, override
+from gcs_tools.recording.logs import logged
+from gcs_tools.recording.reader import RecordingError
+from gcs_tools.recording.recorder import Recorder
+
+INFRASTRUCTURE, INTERRUPTED = 3, 130
+PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
+RUNS = Path("runs")
+
+
+class UsageError(ValueError):
+    """A mission, a setting or a folder that cannot be used: which, and what was expected."""
+
+
+def prepared(
+    name: str,
+    settings: Sequence[str] = (),
+    seed: int | None = None,
+    rate_hz: float | None = None,
+) -> tuple[Mission, Scenario]:
+    """A mission with its changes, and what it flies. Raises UsageError."""
+    try:
+        mission = load(name)
+        for setting in settings:
+            mission = override(mission, setting)
+        if seed is not None:
+            mission = override(mission, f"flight.seed={seed}", "--seed")
+        if rate_hz is not None:
+            mission = override(mission, f"flight.rate_hz={rate_hz:g}", "--rate")
+        return mission, scenario(mission)
+    except MissionError as error:
+        raise UsageError(str(error)) from error
+    except (ParameterError, AirframeError) as error:
+        raise UsageError(f"{name}: [law] {error}") from error
+
+
+def new_folder(out: Path | None, name: str) -> Path:
+    """An empty folder for a run: `out`, or a new one in runs/. Raises UsageError."""
+    try:
+        if out is None:
+            stamp = time.strftime("%Y%m%d-%H%M%S")
+            for n in range(1000):
+                folder = RUNS / f"{stamp}-{name}{f'-{n}' if n else ''}"
+                try:
+                    folder.mkdir(parents=True)
+                    return folder
+                except FileExistsError:
+                    continue
+        assert out is not None
+        out.mkdir(parents=True, exist_ok=True)
+        if any(out.iterdir()):
+            raise UsageError(f"--out {out}: the folder is not empty")
+        return out
+    except OSError as error:
+        where = RUNS if out is None else out
+        raise UsageError(f"{where}: cannot make the run's folder: {error.strerror}") from error
+
+
+def fly_missions(
+    missions: Sequence[str],
+    *,
+    speed: float | None = None,
+    seed: int | None = None,
+    rate_hz: float | None = None,
+    out: Path | None = None,
+    settings: Sequence[str] = (),
+    in_process: bool = False,
+    instance: int | None = None,
+    show: Show | None = None,
+    zenoh: Zenoh | None = None,
+) -> list[Result]:
+    """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
+
+    `zenoh`: how it is published; None: not.
+    """
+    show = show or Quiet()
+    ready = [prepared(name, settings, seed, rate_hz) for name in missions]
+    for mission, scene in ready:
+        if why := refusal(scene):
+            raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
+    many = len(ready) > 1
+    if out is not None and many:
+        new_folder(out, "")
+    results: list[Result] = []
+    for mission, scene in ready:
+        nth = sum(flown.mission == mission.name for flown in results)
+        own = out and out / (f"{mission.name}-{nth}" if nth else mission.name)
+        folder = new_folder(own if many else out, mission.name)
+        flown = _Run(mission, scene, folder, speed, in_process, instance, show, zenoh).fly()
+        show.verdict(flown, str(folder))
+        results.append(flown)
+        if flown.exit_code == INTERRUPTED:
+            break
+    return results
+
+
+def fly(mission: str, **options: Any) -> Result:
+    """Fly one mission; options as for `fly_missions`. Raises UsageError."""
+    return fly_missions([mission], **options)[0]
+
+
+class _Run:
+    """One mission, one folder."""
+
+    def __init__(
+        self, mission: Mission, scene: Scenario, folder: Path, speed: float | None,
+        in_process: bool, instance: int | None, show: Show, zenoh: Zenoh | None,
+    ) -> None:  # fmt: skip
+        self._mission = mission
+        self._scene = scene
+        self._folder = folder
+        self._speed = speed
+        self._in_process = in_process
+        self._instance = instance
+        self._show = show
+        self._zenoh = zenoh
+
+    def fly(self) -> Result:
+        """Fly, judge, and write everything down; never raises for what a flight can do."""
+        flown, exit_code, error = self._recorded()
+        judged = judge(self._mission, self._scene, flown, exit_code, error, versions())
+        try:
+            if len(flown.fcu) > 1:
+                from gcs_tools.pictures.plot import flight_figure
+
+                flight_figure(
+                    flown.plant, flown.fcu, to_buffer(self._scene.law),
+                    self._mission.title, self._folder / "flight.png",
+                )  # fmt: skip
+        except OSError as failed:
+            judged = _spoilt(judged, INFRASTRUCTURE, f"flight.png: {failed.strerror or failed}")
+        except KeyboardInterrupt:
+            judged = _spoilt(judged, INTERRUPTED, "interrupted")
+        try:
+            judged.write(self._folder / "result.json")
+        except (OSError, result.ResultError) as failed:
+            judged = _spoilt(judged, INFRASTRUCTURE, str(failed))
+        return judged
+
+    def _recorded(self) -> tuple[Flown, int, str | None]:
+        """What was flown, on file too; an exit code and an error if it was cut short."""
+        flown, exit_code, error = _nothing(), OK, None
+        try:
+            with Recorder(self._folder / "flight.mcap", self._metadata()) as recorder:
+                recorder.set_params(to_buffer(self._scene.law))
+                try:
+                    flown = self._flown(recorder)
+                except _Cut as cut:
+                    flown, exit_code, error = cut.flown, cut.exit_code, cut.error
+                for event in logged(self._folder):
+                    recorder.event(event.t, event.text, event.level)
+        except RecordingError as failed:
+            exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"
+        except KeyboardInterrupt:
+            exit_code, error = INTERRUPTED, "interrupted"
+        return flown, exit_code, error
+
+    def _flown(self, recorder: Recorder) -> Flown:
+        duration = self._scene.ticks / self._scene.rate_hz
+        with self._show.flight(self._mission.name, duration) as progress:
+            if self._in_process:
+                return self._by_rollout(recorder, progress)
+            return self._over_the_wire(recorder, progress)
+
+    def _by_rollout(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
+        from fcu.kernel.compile import is_cached
+
+        if not is_cached("rollout"):
+            self._show.note("compiling law and plant, once for this version (about 20 s)")
+        began = time.monotonic()
+        rollout.warm_up(self._scene)
+        first = time.monotonic()
+        plant, fcu = rollout.fly(self._scene)
+        wall = time.monotonic() - first
+        progress(len(plant) / self._scene.rate_hz)
+        flown = self._cut_at_arrival(Flown(plant, fcu, False, first - began, wall))
+        try:
+            recorder.add_plant(flown.plant)
+            recorder.add_fcu(flown.fcu)
+            recorder.add_wind(flown.fcu[:, 0], wind.read_all(flown.fcu, to_buffer(believed_drag())))
+        except RecordingError as failed:
+            raise _cut(flown, f"recording: {failed}") from failed
+        return flown
+
+    def _over_the_wire(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
+        from fcu.kernel.compile import is_cached
+
+        if not (is_cached("tick") and is_cached("advance")):
+            self._show.note("compiling law and plant, once for this version (about 20 s)")
+        try:
+            with claimed(self._instance, *PORTS) as instance:
+                if self._instance is None and instance:
+                    self._show.note(f"instance {instance}: those before it are in use")
+                return self._fly_pair(instance, recorder, progress)
+        except OSError as error:
+            raise _cut(_nothing(), str(error.strerror or error)) from error
+
+    def _fly_pair(
+        self, instance: int, recorder: Recorder, progress: Callable[[float], None]
+    ) -> Flown:
+        if self._zenoh is not None:
+            self._show.note(f"published as instance {instance} (gcs monitor --instance {instance})")
+        flight = WireFlight(
+            self._scene, self._folder, instance, self._speed,
+            (recorder.add_plant, recorder.add_fcu), progress,
+            self._zenoh, flies(self._mission, self._scene), self._show.note,
+        )  # fmt: skip
+        try:
+            return self._cut_at_arrival(flight.fly())
+        except InfrastructureError as error:
+            raise _cut(flight.flown(), str(error)) from error
+        except KeyboardInterrupt as error:
+            raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
+
+    def _cut_at_arrival(self, flown: Flown) -> Flown:
+        n = arrival(self._scene, flown.plant, flown.fcu, R_C)
+        if n is None:
+            return flown
+        return replace(flown, plant=flown.plant[:n], fcu=flown.fcu[:n], arrived=True)
+
+    def _metadata(self) -> dict[str, str]:
+        mission = self._mission
+        return {
+            "mission": mission.name,
+            "title": mission.title,
+            "seed": str(mission.flight.seed),
+            "rate_hz": str(self._scene.rate_hz),
+            "believed_drag": str(list(believed_drag())),
+            **{f"version.{k}": v for k, v in versions().items()},
+            **{k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
+        }
+
+
+def flies(mission: Mission | None, scene: Scenario | None) -> dict[str, Any]:
+    """What a vehicle that is published says of what it flies."""
+    if mission is None or scene is None:
+        return {"mission": None, "versions": versions()}
+    return {
+        "mission": mission.name,
+        "title": mission.title,
+        "seed": mission.flight.seed,
+        "rate_hz": scene.rate_hz,
+        "values": {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
+        "versions": versions(),
+    }
+
+
+class _Cut(Exception):
+    """A flight that could not be brought to its end; what was flown of it."""
+
+    def __init__(self, flown: Flown, exit_code: int, error: str) -> None:
+        super().__init__(error)
+        self.flown, self.exit_code, self.error = flown, exit_code, error
+
+
+def _cut(flown: Flown, why: str) -> _Cut:
+    """Cut short by what flies it."""
+    at = flown.plant[-1, 0] if len(flown.plant) else 0.0
+    return _Cut(flown, INFRASTRUCTURE, f"{why} (last simulation time {at:.3f} s)")
+
+
+def _nothing() -> Flown:
+    return Flown(np.zeros((0, 0)), np.zeros((0, 0)))
+
+
+def _spoilt(judged: Result, exit_code: int, error: str) -> Result:
+    """A result of which something could not be kept; what went wrong first stays its error."""
+    worst = max(exit_code, judged.exit_code)
+    return replace(judged, passed=False, exit_code=worst, error=judged.error or error)
+
+
+def versions() -> dict[str, str]:
+    """What flew: the package, and what its numbers depend on."""
+    names = ("m-mrac", "numpy", "numba", "pymavlink", "mcap", "protobuf")
+    found = {name: version(name) for name in names}
+    return {**found, "python": platform.python_version(), "machine": platform.machine(),
+            "system": os.uname().sysname if hasattr(os, "uname") else platform.system()}  # fmt: skip

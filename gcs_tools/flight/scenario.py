@@ -1,0 +1,101 @@
+"""A mission turned into what is flown: the law's parameters, the plant's world, the setpoints.
+
+Both ways of flying start from here, so they cannot differ in what they fly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.airframe import believed
+from fcu.interface.messages import Setpoint
+from fcu.kernel.buffers import to_buffer
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.types import LawParams
+from fcu.mavlink.frames import setpoint_through_the_wire
+from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
+from sitl_plant.physics import tick
+from sitl_plant.physics.world import World, world
+
+Buffer = np.ndarray[Any, np.dtype[np.float64]]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One flight, ready to be flown."""
+
+    law: LawParams
+    world: World
+    ticks: int
+    period_us: int
+    sent_at: np.ndarray[Any, np.dtype[np.int64]]  # ticks at which setpoints are sent
+    sent: tuple[Setpoint, ...]  # what the script sends at them
+    arrive: tuple[float, int] | None  # within m of the setpoint, for ticks: the flight is over
+
+    @property
+    def rate_hz(self) -> float:
+        """Control ticks a second."""
+        return self.world.rate_hz
+
+    @property
+    def setpoints(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """float64[m, 19]: the setpoints as the vehicle decodes them."""
+        return np.array([to_buffer(setpoint_through_the_wire(s)) for s in self.sent])
+
+    def noise(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """float64[n, 12] noise on the reported state, or float64[0, 12] for none."""
+        scale = self.world.noise_scale
+        if not scale.any():
+            return np.zeros((0, tick.NOISE))
+        return np.random.default_rng(int(self.world.seed)).standard_normal((n, tick.NOISE)) * scale
+
+
+def scenario(mission: Mission) -> Scenario:
+    """What a mission flies. Raises ParameterError or AirframeError for what cannot be flown."""
+    flight = mission.flight
+    airframe, limits = believed()
+    chosen = mission.law.model_dump(exclude_none=True)
+    start = flight.start.model_dump(exclude_none=True)
+    ticks = [int(k) for k in setpoint_times(flight)]
+    arrive = flight.arrive
+    return Scenario(
+        law=law_params(airframe, limits, flight.rate_hz, chosen),
+        world=world(
+            rate_hz=flight.rate_hz,
+            seed=flight.seed,
+            plant=mission.plant.model_dump(exclude_none=True),
+            wind=mission.wind.model_dump(exclude_none=True),
+            start=start,
+            ground_z_m=flight.ground_z_m,
+            arena_m=flight.arena_m,
+        ),
+        ticks=round(flight.duration_s * flight.rate_hz),
+        period_us=round(1e6 / flight.rate_hz),
+        sent_at=np.array(ticks, dtype=np.int64),
+        sent=tuple(setpoint_at(flight, k / flight.rate_hz) for k in ticks),
+        arrive=None if arrive is None else (arrive.within_m, round(arrive.for_s * flight.rate_hz)),
+    )
+
+
+def arrival(scene: Scenario, plant: Buffer, fcu: Buffer, r_c: slice) -> int | None:
+    """The number of ticks flown when the vehicle has arrived; None if it has not.
+
+    `plant`, `fcu`: rows so far.  `r_c`: columns of the setpoint's position in a fcu row.
+    """
+    if scene.arrive is None:
+        return None
+    within, held = scene.arrive
+    n = min(len(plant), len(fcu))
+    last = int(scene.sent_at[-1])
+    near = np.linalg.norm(plant[:n, 1:4] - fcu[:n, r_c], axis=1) <= within
+    near[:last] = False
+    run = 0
+    for k in range(last, n):
+        run = run + 1 if near[k] else 0
+        if run >= max(held, 1):
+            return k + 1
+    return None

@@ -1,0 +1,188 @@
+"""A ground script's view of the vehicle: commands and setpoints over MAVLink, with their answers.
+
+What a user's own script would do, no more: everything here crosses the UDP link.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from fcu.interface.link import UdpLink
+from fcu.interface.messages import Setpoint
+from fcu.interface.ports import owner, ports
+from fcu.mavlink import asks
+from fcu.mavlink.enums import AutoMode, CommandId, MainMode, Result, SystemStatus
+from fcu.mavlink.fields import setpoint_numbers
+from fcu.mavlink.ground_link import GroundCodec
+from fcu.mavlink.ground_messages import (
+    CommandAck,
+    GroundMessage,
+    Heartbeat,
+    LocalPosition,
+    PositionTarget,
+    Source,
+    StatusText,
+)
+
+ME = Source(255, 190)  # a ground station, as MAVLink numbers them
+TOGETHER = 256  # messages of one datagram: a vehicle may send all it has in one
+ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
+REFUSED = "Setpoint refused"  # how the vehicle begins to say so
+
+T = TypeVar("T")
+
+
+class VehicleError(RuntimeError):
+    """The vehicle did not answer, or refused: what was asked, and its reason in words."""
+
+
+class Vehicle:
+    """One vehicle, met on its script link."""
+
+    def __init__(self, instance: int) -> None:
+        """Raises PortBusy when another script has the link."""
+        at = ports(instance)
+        self._link = UdpLink(at.script, at.fcu_script, owner("script"))
+        self._codec = GroundCodec(*ME, at_once=TOGETHER)
+        self._target = Source(at.system_id, 1)
+        self._texts: list[str] = []
+        self.on_text: Callable[[str], None] = lambda _text: None  # what the vehicle says
+        self.on_message: Callable[[GroundMessage], None] = lambda _message: None  # all it sends
+        self.on_wait: Callable[[], None] = lambda: None  # called while waiting; may raise
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._link.close()
+
+    def wait_ready(self, timeout_s: float = 60.0) -> None:
+        """Until the vehicle says that it could arm. Raises VehicleError."""
+        until = time.monotonic() + timeout_s
+        self._link.send(self._codec.framed(asks.ground_heartbeat()))
+        while time.monotonic() < until:
+            for message in self.messages(0.2):
+                if isinstance(message, Heartbeat) and message.status >= SystemStatus.STANDBY:
+                    return
+        raise VehicleError(f"no vehicle ready within {timeout_s:.0f} s")
+
+    def messages(self, timeout_s: float) -> list[GroundMessage]:
+        """What arrives within the time: as soon as there is anything, all that is there."""
+        self.on_wait()
+        self._link.wait(timeout_s)
+        heard: list[GroundMessage] = []
+        while (datagram := self._link.receive()) is not None:
+            heard += self._codec.parse(datagram)
+        for message in heard:
+            self.on_message(message)
+            if isinstance(message, StatusText):
+                if message.chunk and self._texts:  # a long text comes in pieces
+                    self._texts[-1] += message.text
+                else:
+                    self._texts.append(message.text)
+                self.on_text(message.text)
+        return heard
+
+    def _ask(
+        self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str,
+        tries: int = TRIES,
+    ) -> T:  # fmt: skip
+        for _ in range(tries):
+            self._link.send(datagram)
+            found = self._await(answer, ANSWER_S)
+            if found is not None:
+                return found
+        silent = ANSWER_S * tries
+        raise VehicleError(
+            f"the flight controller has been silent for {silent:.0f} s, asked for {what}"
+        )
+
+    def _await(self, answer: Callable[[GroundMessage], T | None], timeout_s: float) -> T | None:
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for message in self.messages(until - time.monotonic()):
+                found = answer(message)
+                if found is not None:
+                    return found
+        return None
+
+    def command(self, command: CommandId, *params: float, tries: int = TRIES) -> None:
+        """Send a command and await its acknowledgement. Raises VehicleError with the reason."""
+        self._texts.clear()
+
+        def answer(message: GroundMessage) -> int | None:
+            mine = isinstance(message, CommandAck) and message.command == command
+            return message.result if mine else None  # type: ignore[union-attr]
+
+        def outcome(message: GroundMessage) -> int | None:
+            result = answer(message)
+            return None if result == Result.IN_PROGRESS else result
+
+        packed = self._codec.framed(asks.command_long(self._target, command, params))
+        result = self._ask(packed, answer, command.name, tries)
+        if result == Result.IN_PROGRESS:
+            ended = self._await(outcome, ANSWER_S * tries)
+            if ended is None:
+                raise VehicleError(f"{command.name} was begun, and has not ended")
+            result = ended
+        if result != Result.ACCEPTED:
+            self.messages(0.1)  # the reason follows the acknowledgement
+            why = "; ".join(self._texts) or Result(result).name
+            raise VehicleError(f"{command.name} refused: {why}")
+
+    def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
+        """Send a setpoint and await its echo: from then on it is what the vehicle flies."""
+        sent = setpoint_numbers(setpoint)
+
+        def answer(message: GroundMessage) -> bool | None:
+            if isinstance(message, StatusText) and message.text.startswith(REFUSED):
+                return False
+            mine = isinstance(message, PositionTarget) and message.numbers == sent
+            return True if mine else None
+
+        packed = self._codec.framed(asks.setpoint(self._target, time_s, setpoint, type_mask))
+        self._texts.clear()
+        try:
+            accepted = self._ask(packed, answer, "the echo of a setpoint")
+        except VehicleError as error:
+            why = "; ".join(self._texts)
+            raise VehicleError(f"{error}{': ' + why if why else ''}") from None
+        if not accepted:
+            self.messages(0.1)  # the rest of the reason
+            raise VehicleError("; ".join(self._texts))
+
+    def arm(self) -> None:
+        """Arm. Raises VehicleError."""
+        self.command(CommandId.ARM_DISARM, 1.0)
+
+    def offboard(self) -> None:
+        """Fly the setpoints sent. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.OFFBOARD, AutoMode.NONE)
+
+    def hold(self, tries: int = TRIES) -> None:
+        """Stay where it is; asked so often, half a second apart. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.LOITER, tries=tries)
+
+    def take_off(self, height_m: float) -> None:
+        """Climb by so much from here. Raises VehicleError."""
+        nan = math.nan
+        self.command(CommandId.TAKEOFF, nan, nan, nan, nan, nan, nan, height_m)
+
+    def position(self, timeout_s: float = 5.0) -> LocalPosition:
+        """The next position it reports. Raises VehicleError."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for message in self.messages(0.2):
+                if isinstance(message, LocalPosition):
+                    return message
+        raise VehicleError(f"no position within {timeout_s:.0f} s")
+
+    def heartbeat(self, timeout_s: float = 5.0) -> Heartbeat:
+        """The next heartbeat. Raises VehicleError."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            for message in self.messages(0.2):
+                if isinstance(message, Heartbeat):
+                    return message
+        raise VehicleError(f"no heartbeat within {timeout_s:.0f} s")

@@ -1,0 +1,41 @@
+"""Whether a vehicle whose guard refuses would fly a mission's setpoints, known before it flies.
+
+Looked at as the vehicle looks at each when it arrives: from where the reference model (34) is
+then, which under that policy is the mission's alone to say.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcu.guard import admission
+from fcu.interface.messages import Setpoint
+from fcu.kernel.buffers import from_buffer, to_buffer
+from fcu.laws.mmrac.parameters import REFUSE
+from fcu.mavlink.frames import through_the_wire
+from gcs_tools.flight.scenario import Scenario
+from sitl_plant.physics import tick
+
+
+def refusal(scene: Scenario) -> str:
+    """Which of its setpoints would be refused, and why; empty if none."""
+    if scene.law.guard.policy != REFUSE:
+        return ""
+    look, law = admission.Look(scene.law), to_buffer(scene.law)
+    start = through_the_wire(tick.as_reported(scene.world.start))
+    reference = np.array([*start.r_E, *start.v_E])
+    before = None
+    for k, row in zip(scene.sent_at.tolist(), scene.setpoints, strict=True):
+        setpoint = from_buffer(Setpoint, row)
+        if before is not None:
+            admission.follow(law, to_buffer(before[1]), k - before[0], reference)
+        if before is None or not admission.is_same_way(setpoint, before[1]):
+            way = admission.way_to(setpoint)
+            short = look.short(way, reference)
+            if short > 0.0:
+                lack = admission.explained(look, setpoint, short, reference)
+                return f"setpoint at {k / scene.rate_hz:g} s refused: {lack}"
+        if before is None:  # it takes over there
+            reference[:3] += scene.law.r_m_offset
+        before = k, setpoint
+    return ""

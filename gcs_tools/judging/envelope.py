@@ -1,0 +1,305 @@
+"""What the condition says of a mission before it flies: margin, limits, what eats it, what helps.
+
+Three conditions, from strong to weak: the exact set of what the actuators reach, along the way
+that the reference model lays down (what the guard uses: fcu/laws/mmrac/README.md, "The condition and the
+guard"); the largest ball about hover; and the paper's (31), with the origin at the target. Each is
+sufficient: that one fails predicts nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.guard import foreseen, margin
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.laws.mmrac.parameters import GOVERN
+from fcu.laws.mmrac.types import LawParams
+from fcu.theory.hover import Air, ball_budget, theorem_budget
+from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.missions.mission import Mission
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+LOOK_S = 0.005  # step of the look ahead
+MOST, CLOSE = 1e3, 1e-3  # of a search: the largest value, and its relative accuracy
+STILL = Vec3(0.0, 0.0, 0.0)
+WAYS = {"up": (0.0, 0.0, 1.0), "to the side": (1.0, 0.0, 0.0), "down": (0.0, 0.0, -1.0)}
+
+
+class Terms(NamedTuple):
+    """What the room in hover goes to, N; what is left is the margin of the condition."""
+
+    hover: float  # from hover to the nearest limit, of the worse mass
+    acceleration: float  # what the way demands
+    speed: float  # drag of the vehicle's own speed, and what it adds to the wind's
+    wind: float  # drag of the greatest wind, in hover
+    learning: float  # the control difference that lasts: estimates that lag behind the wind
+    tracking: float  # what closing the error that they leave adds
+    doubt: float  # a change of the demand, made with a mass that is not known
+
+    @property
+    def left(self) -> float:
+        """The margin."""
+        return self.hover - sum(self[1:])
+
+    @property
+    def largest(self) -> str:
+        """Name of the term that takes most."""
+        return max(self._fields[1:], key=lambda name: float(getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The largest of something, by each condition; None where a condition has nothing to say."""
+
+    what: str
+    unit: str
+    exact: float
+    ball: float | None = None
+    theorem: float | None = None
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change with which the condition would hold for the mission as it stands otherwise."""
+
+    what: str
+    now: float
+    would_do: float | None  # None: no value of it alone would
+    unit: str
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What is known of a mission before it flies."""
+
+    mission: str
+    title: str
+    guard: str
+    holds: bool
+    margin_n: float  # least along the mission's way
+    at_s: float
+    terms: Terms
+    reach: tuple[Reach, ...]
+    changes: tuple[Change, ...]
+    transient_s: float  # after take-over; the condition does not count it
+    can_be_governed: bool  # by a guard that is told to
+    governed: bool  # the guard will govern what does not fit, and hover has room to
+    remarks: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            **asdict(self), "terms": {**self.terms._asdict(), "left": self.terms.left},
+        }  # fmt: skip
+
+
+def terms(law: LawParams, a: Vec3, v: Vec3, left: float) -> Terms:
+    """Where the room goes at acceleration a (m/s^2, E) and velocity v (m/s, E), with `left` (N) left."""
+    known, f_v = margin.known(law), margin.dragging(margin.known(law), v)
+    hover, moved = margin.room(known, STILL, STILL), margin.room(known, a, STILL)
+    wind = known.c_D * known.w_max**2
+    learning = margin.difference(known, math.hypot(*v))
+    own = moved - margin.room(known, a, f_v) + margin.allowance(known, v, 0.0) - learning - wind
+    tracking = foreseen.closed(law) * learning
+    spent = (hover - moved) + own + wind + learning + tracking
+    return Terms(hover, hover - moved, own, wind, learning, tracking, hover - spent - left)
+
+
+def way(scene: Scenario, law: LawParams | None = None, scale: float = 1.0) -> Rows:
+    """The mission's way, ungoverned: rows of `foreseen.along`. `scale`: of its setpoints."""
+    law = scene.law if law is None else law
+    start = scene.world.start
+    sent = np.array([to_buffer(_scaled(s, start.r_E, scale)) for s in scene.sent])
+    rows = np.empty((math.ceil(scene.ticks * scene.period_us * 1e-6 / LOOK_S), 8))
+    coarse = law._replace(h=LOOK_S)
+    foreseen.along(coarse, scene.sent_at / scene.rate_hz, sent, start.r_E, start.v_E, rows)
+    return rows
+
+
+def _scaled(setpoint: Setpoint, start: Vec3, scale: float) -> Setpoint:
+    if scale == 1.0:
+        return setpoint
+    return setpoint._replace(
+        r_c=start + scale * (setpoint.r_c - start), v_c=scale * setpoint.v_c,
+        a_c=scale * setpoint.a_c,
+    )  # fmt: skip
+
+
+def largest(holds: Callable[[float], bool], most: float = MOST) -> float | None:
+    """The largest value from 0 to `most` for which something holds that holds below; None: for none."""
+    if not holds(1e-6):
+        return None
+    low, high = 0.0, min(1.0, most)
+    while holds(high):
+        if high >= most:
+            return most
+        low, high = high, min(2.0 * high, most)
+    while high - low > CLOSE * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def step(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
+    """The largest step (m) from rest."""
+    coarse, guard = law._replace(h=LOOK_S), law.guard
+    air = Air(guard.w_max, guard.w_dot_max, guard.c_D)
+    # the error of tracking, and of a jump with a mass not known: printed, (31) leaves both out
+    learning = margin.difference(margin.known(law), 0.0) * (1.0 + float(foreseen.closed(law)))
+    masses = (guard.m_min, guard.m_max)
+
+    def exact(far: float) -> bool:
+        there = Setpoint(Vec3(*(far * x for x in along)), STILL, STILL, 0.0, 0.0)
+        return bool(foreseen.least(coarse, there, STILL, STILL)[0] >= 0.0)
+
+    def uncertain(far: float) -> float:
+        return float(learning + margin.FORGOTTEN * guard.m_max * law.f_m**2 * far)
+
+    def ball(far: float) -> bool:
+        return all(ball_budget(law, m, air, far, uncertain(far)).holds for m in masses)
+
+    def theorem(far: float) -> bool:
+        return all(theorem_budget(law, m, air, far, uncertain(far)).holds for m in masses)
+
+    return Reach(what, "m", largest(exact) or 0.0, largest(ball) or 0.0, largest(theorem) or 0.0)
+
+
+def _steps_of(scene: Scenario) -> tuple[Reach, ...]:
+    """The largest step the way of the mission's first, if it has one."""
+    r, to = scene.world.start.r_E, scene.sent[0].r_c
+    jump = (to.x - r.x, to.y - r.y, to.z - r.z)
+    far = math.hypot(*jump)
+    if far < 0.05:
+        return ()
+    x, y, z = jump
+    what = f"step the way of ({x:.3g}, {y:.3g}, {z:.3g})"
+    return (step(scene.law, (x / far, y / far, z / far), what),)
+
+
+def speed(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
+    """The largest steady speed (m/s)."""
+    known, adds = margin.known(law), float(foreseen.closed(law))
+
+    def exact(v: float) -> bool:
+        more = adds * margin.difference(known, v)
+        return bool(margin.condition(known, STILL, Vec3(*(v * x for x in along)), more) >= 0.0)
+
+    def ball(v: float) -> bool:
+        drag = known.c_D * (v + known.w_max) ** 2 + (1.0 + adds) * margin.difference(known, v)
+        return bool(drag <= margin.room(known, STILL, STILL))
+
+    return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
+
+
+def with_guard(law: LawParams, **fields: float) -> LawParams:
+    """The law with other beliefs."""
+    return law._replace(guard=law.guard._replace(**fields))
+
+
+def wind(law: LawParams) -> Reach:
+    """The greatest wind (m/s) in which hover has room."""
+
+    def exact(w: float) -> bool:
+        known = margin.known(with_guard(law, w_max=w))
+        more = float(foreseen.closed(law)) * margin.difference(known, 0.0)
+        return bool(margin.condition(known, STILL, STILL, more) >= 0.0)
+
+    most = largest(exact) or 0.0
+    return Reach("wind, in hover", "m/s", most, most)  # of a point, the ball is the set
+
+
+def changes(scene: Scenario) -> tuple[Change, ...]:
+    """What, changed alone, would make the condition hold for the mission."""
+    law, guard = scene.law, scene.law.guard
+
+    def least(changed: LawParams, scale: float = 1.0) -> bool:
+        return bool(way(scene, changed, scale)[:, 1].min() >= 0.0)
+
+    middle = 0.5 * (guard.m_min + guard.m_max)
+    known = least(with_guard(law, m_min=middle, m_max=middle))
+    return (
+        Change("the setpoints nearer the start, times", 1.0,
+               largest(lambda k: least(law, k), 1.0), ""),
+        Change("f_m", law.f_m, largest(lambda f: least(law._replace(f_m=max(f, 0.05))), law.f_m),
+               "rad/s"),
+        Change("guard_wind_m_s", guard.w_max,
+               largest(lambda w: least(with_guard(law, w_max=w)), guard.w_max), "m/s"),
+        Change("a mass that is known", guard.m_max - guard.m_min, 0.0 if known else None,
+               "kg of doubt"),
+    )  # fmt: skip
+
+
+def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
+    """Where the mission's own truth lies beyond what the guard is told to believe."""
+    guard, wind, plant = scene.law.guard, mission.wind, scene.world.params
+    swing, rate = np.array(wind.amplitude_m_s), np.array(wind.frequency_rad_s)
+    steady = np.abs(wind.steady_m_s) + np.abs(swing)
+    most = float(np.linalg.norm(np.maximum(steady, steady + np.abs(wind.step_m_s))))
+    masses = [plant.m]
+    if mission.plant.mass_change is not None:
+        masses.append(mission.plant.mass_change.mass_kg)
+    found = []
+    if most > guard.w_max:
+        found.append(f"its wind, up to {most:.3g} m/s, is beyond guard_wind_m_s {guard.w_max:.3g}")
+    if wind.step_at_s is not None:
+        found.append("its wind steps, faster than any guard_wind_rate_m_s2")
+    elif (fastest := float(np.linalg.norm(swing * rate))) > guard.w_dot_max:
+        found.append(
+            f"its wind, changing by up to {fastest:.3g} m/s^2, is beyond guard_wind_rate_m_s2"
+            f" {guard.w_dot_max:.3g}"
+        )
+    for mass in masses:
+        if not guard.m_min <= mass <= guard.m_max:
+            found.append(
+                f"its mass, {mass:.3g} kg, is not in guard_mass_kg"
+                f" [{guard.m_min:.3g}, {guard.m_max:.3g}]"
+            )
+    if (drag := max(plant.c_D)) > guard.c_D:
+        found.append(f"its drag, {drag:.3g} N/(m/s)^2, is beyond guard_drag {guard.c_D:.3g}")
+    if mission.plant.rotor_loss:
+        found.append("it loses a rotor, which no condition knows")
+    return tuple(found)
+
+
+def envelope(mission: Mission) -> Envelope:
+    """What the condition says of a mission. Raises ParameterError, AirframeError, as flying it does."""
+    scene = scenario(mission)
+    law = scene.law
+    rows = way(scene)
+    worst = rows[rows[:, 1].argmin()]
+    holds = bool(worst[1] >= 0.0)
+    remarks = beyond(mission, scene)
+    if law.achieved < 0.5:
+        remarks += (
+            "it flies the printed law, which winds up when it saturates: the condition is that of"
+            " the law with what was achieved",
+        )
+    at_rest = margin.condition(margin.known(law), STILL, STILL, 0.0)
+    return Envelope(
+        mission=mission.name,
+        title=mission.title,
+        guard=("warn", "govern", "refuse")[int(law.guard.policy)],
+        holds=holds,
+        margin_n=float(worst[1]),
+        at_s=float(worst[0]),
+        terms=terms(law, Vec3(*worst[2:5].tolist()), Vec3(*worst[5:8].tolist()), float(worst[1])),
+        reach=(
+            *_steps_of(scene),
+            *(step(law, along, f"step {name}") for name, along in WAYS.items()),
+            *(speed(law, along, f"steady speed {name}") for name, along in WAYS.items()),
+            wind(law),
+        ),
+        changes=() if holds else changes(scene),
+        transient_s=float(foreseen.transient_s(law)),
+        can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and law.guard.policy != GOVERN),
+        governed=law.guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
+        remarks=remarks,
+    )

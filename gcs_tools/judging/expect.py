@@ -1,0 +1,104 @@
+"""What a mission expects of its flight, held against what was measured.
+
+`[expect]` in a mission file maps a metric to a limit, in one of these forms:
+
+    position_rms_settled_m = 0.03                            # at most
+    position_rms_m = { limit = 0.03, from = 12.0, to = 20.0 }  # in a window of time, s
+    position_max_m = { at_least = 50.0 }
+    ended = "diverged"                                       # how the flight must end
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from gcs_tools.judging.metrics import METRICS
+
+MetricFunction = Callable[[str, float | None, float | None], float | None]
+
+GOOD_ENDINGS = ("time", "arrived")
+_KEYS = ("limit", "at_least", "from", "to")
+
+
+class ExpectError(ValueError):
+    """An [expect] entry that cannot be judged: names the key and what was expected."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """One line of [expect], judged."""
+
+    name: str
+    limit: float | str  # at most, or at least, as `text` says; for `ended`, the ending(s)
+    value: float | str | None  # measured; None: the metric has no value, which fails
+    passed: bool
+    text: str  # the expectation as a person reads it, without the value
+
+    def __str__(self) -> str:
+        """The expectation and what was measured, in one line."""
+        return f"{self.text}: {'no value' if self.value is None else _number(self.value)}"
+
+
+class _Bound(NamedTuple):
+    """A limit of one metric."""
+
+    limit: float
+    at_least: bool
+    t_from: float | None
+    t_to: float | None
+
+
+def _number(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
+def _bound(name: str, entry: Any) -> _Bound:
+    table = dict(entry) if isinstance(entry, Mapping) else {"limit": entry}
+    unknown = [key for key in table if key not in _KEYS]
+    if unknown:
+        raise ExpectError(f"[expect] {name}.{unknown[0]}: expected one of {', '.join(_KEYS)}")
+    if ("limit" in table) == ("at_least" in table):
+        raise ExpectError(f"[expect] {name}: expected either limit or at_least")
+    for key, value in table.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not math.isfinite(value):
+            raise ExpectError(f"[expect] {name}.{key}: expected a finite number, got {value!r}")
+    at_least = "at_least" in table
+    limit = float(table["at_least" if at_least else "limit"])
+    return _Bound(limit, at_least, table.get("from"), table.get("to"))
+
+
+def _judge_metric(name: str, entry: Any, metric: MetricFunction) -> Expectation:
+    bound = _bound(name, entry)
+    value = metric(name, bound.t_from, bound.t_to) if name in METRICS else None
+    if value is not None and not math.isfinite(value):
+        value = None
+    passed = value is not None and (
+        value >= bound.limit if bound.at_least else value <= bound.limit
+    )
+    text = f"{name} {'≥' if bound.at_least else '≤'} {_number(bound.limit)}"
+    if bound.t_from is not None:
+        text += f" from {bound.t_from:g} s"
+    if bound.t_to is not None:
+        text += f" to {bound.t_to:g} s"
+    return Expectation(name, bound.limit, value, passed, text)
+
+
+def judge(expect: Mapping[str, Any], metric: MetricFunction, ended: str) -> list[Expectation]:
+    """Each entry of `expect` judged, how the flight ended first.
+
+    metric : value of a metric from and to a time (s); None where there is none.
+    ended : how the flight ended. Where nothing else is expected: in time or by arriving.
+    Raises ExpectError for an entry that is none of the forms above.
+    """
+    wanted = expect.get("ended")
+    if wanted is not None and not isinstance(wanted, str):
+        raise ExpectError(f"[expect] ended: expected a word, got {wanted!r}")
+    endings = GOOD_ENDINGS if wanted is None else (wanted,)
+    limit = " or ".join(endings)
+    first = Expectation("ended", limit, ended, ended in endings, f"ended = {limit}")
+    rest = [_judge_metric(n, entry, metric) for n, entry in expect.items() if n != "ended"]
+    return [first, *rest]

@@ -1,0 +1,189 @@
+"""The verdict on one flight, as result.json, and on several, as JUnit XML.
+
+A result is written whole or not at all, holds finite numbers only, and says which version of
+its form it has; a reader refuses a newer one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gcs_tools.judging.expect import Expectation
+
+SCHEMA_VERSION = 1
+HASHED_COLUMNS = 22  # of a PlantRecord: t, r, v, q, w, rotor speeds
+INFRASTRUCTURE = 3  # exit code: not the flight failed, what flies it did
+
+
+class ResultError(Exception):
+    """A result that cannot be written or read: names the file, or the value, and the reason."""
+
+
+@dataclass(frozen=True)
+class InForce:
+    """A value a flight was flown with, and where it came from (s1000.toml, mission, --set)."""
+
+    value: Any
+    origin: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """Everything that result.json says; its keys are these names."""
+
+    mission: str
+    title: str
+    passed: bool
+    exit_code: int
+    ended: str  # time, arrived, diverged, crashed, aborted
+    seed: int
+    rate_hz: float
+    sim_time_s: float  # first to last tick
+    wall_time_s: float  # first to last tick
+    real_time_factor: float
+    startup_s: float  # from the command to the first tick
+    ticks: int
+    slips: int
+    trajectory_sha256: str
+    versions: dict[str, str]
+    values: dict[str, InForce]  # dotted name -> value in force
+    expectations: list[Expectation]
+    metrics: dict[str, float | None]  # None: without a value
+    error: str | None = None  # what ended the flight when the exit code is 3 or 130
+    schema_version: int = field(default=SCHEMA_VERSION)
+
+    def write(self, path: Path) -> None:
+        """Replace `path` by this result, atomically and durably.
+
+        Raises ResultError naming the first value that is not finite, or why writing failed.
+        """
+        content = asdict(self)
+        for name, value in _numbers("", content):
+            if not math.isfinite(value):
+                raise ResultError(f"{path}: {name} is {value}, results are finite")
+        _replace(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _numbers(name: str, content: Any) -> Iterable[tuple[str, float]]:
+    """Every float in nested dicts and lists, with its dotted name."""
+    if isinstance(content, float):
+        yield name, content
+    elif isinstance(content, dict):
+        for key, value in content.items():
+            yield from _numbers(f"{name}.{key}".lstrip("."), value)
+    elif isinstance(content, list | tuple):
+        for i, value in enumerate(content):
+            yield from _numbers(f"{name}[{i}]", value)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file so that `path` is always either the old one or the whole new one."""
+    temporary: str | None = None
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with open(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide it from others
+        os.replace(temporary, path)
+        temporary = None
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise ResultError(f"{path}: {error.strerror}") from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the new name durable, where folders can be opened (not on Windows)."""
+    if os.name != "posix":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def read(path: Path) -> Result:
+    """The result at `path`.
+
+    Raises ResultError if it cannot be read, is no result, or is of a newer form than known.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultError(f"{path}: {error.strerror}") from error
+    except ValueError as error:
+        raise ResultError(f"{path}: not JSON ({error})") from error
+    version = content.get("schema_version") if isinstance(content, dict) else None
+    if not isinstance(version, int):
+        raise ResultError(f"{path}: not a result (no schema_version)")
+    if version > SCHEMA_VERSION:
+        raise ResultError(
+            f"{path}: a result of version {version}; this program reads up to {SCHEMA_VERSION}"
+        )
+    try:
+        known = {f.name for f in fields(Result)}
+        values = {name: InForce(**entry) for name, entry in content.pop("values").items()}
+        expectations = [Expectation(**entry) for entry in content.pop("expectations")]
+        given = {name: value for name, value in content.items() if name in known}
+        return Result(values=values, expectations=expectations, **given)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ResultError(f"{path}: not a result ({error})") from error
+
+
+def trajectory_sha256(plant: np.ndarray[Any, np.dtype[np.float64]]) -> str:
+    """SHA-256 of t, r, v, q, w and rotor speeds of every row of the plant, little-endian float64.
+
+    plant : float64 (n, size(PlantRecord)).
+    """
+    rows = np.ascontiguousarray(plant[:, :HASHED_COLUMNS], dtype="<f8")
+    return hashlib.sha256(rows.tobytes()).hexdigest()
+
+
+def junit(results: Iterable[Result], path: Path) -> None:
+    """Write JUnit XML: a test case a mission, a failure with each expectation missed.
+
+    Raises ResultError if it cannot be written.
+    """
+    suite = ET.Element("testsuite", name="gcs fly")
+    count = {"tests": 0, "failures": 0, "errors": 0}
+    total_s = 0.0
+    for result in results:
+        seconds = result.startup_s + result.wall_time_s
+        total_s += seconds
+        case = ET.SubElement(
+            suite, "testcase", classname="missions", name=result.mission, time=f"{seconds:.3f}"
+        )
+        count["tests"] += 1
+        missed = [str(e) for e in result.expectations if not e.passed]
+        if result.exit_code >= INFRASTRUCTURE:
+            count["errors"] += 1
+            problem = ET.SubElement(case, "error", message=result.error or result.ended)
+        elif not result.passed:
+            count["failures"] += 1
+            problem = ET.SubElement(case, "failure", message="; ".join(missed) or result.ended)
+        else:
+            continue
+        problem.text = "\n".join([result.title, *(f"[expect] {line}" for line in missed)])
+    for name, number in count.items():
+        suite.set(name, str(number))
+    suite.set("time", f"{total_s:.3f}")
+    ET.indent(suite)
+    _replace(
+        path, '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(suite, "unicode") + "\n"
+    )

@@ -1,0 +1,129 @@
+"""The [flight] table of a mission: where it starts, what it is told, how long it lasts.
+
+Frames: Earth East-North-Up; angles from East, counter-clockwise.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from gcs_tools.missions.fields import (
+    ZERO,
+    Coordinate,
+    NotNegative,
+    Numbers,
+    Position,
+    Positive,
+    Rate,
+    Table,
+    optional,
+    wrong,
+)
+
+
+def _timed(value: Any) -> Any:
+    """[at_s, x, y, z] as a table."""
+    if not isinstance(value, list):
+        return value
+    if len(value) != 4:
+        raise wrong((), "four numbers: at_s, x, y, z", value)
+    return {"at_s": value[0], "position_m": value[1:]}
+
+
+class Start(Table):
+    """The state in which the flight begins: level, rotors at hover speed."""
+
+    position_m: Position = Field(ZERO, description="ENU; on the ground, its height is the ground's")
+    velocity_m_s: Numbers = Field(ZERO, description="ENU")
+    yaw_deg: float = Field(0.0, description="from East, counter-clockwise")
+    on_ground: bool = Field(False, description="standing on its gear, rotors stopped")
+
+
+class TimedSetpoint(Table):
+    """A position to hold from a time on. Short form: [at_s, x, y, z]."""
+
+    at_s: NotNegative
+    position_m: Position
+
+
+class FigureEight(Table):
+    """x = a/2 sin p, y = b/2 sin 2p about the centre, size_m = [a, b]; p grows from rest."""
+
+    kind: Literal["figure_eight"]
+    centre_m: Position = Field(ZERO, description="ENU, m: where it begins, and where it crosses")
+    size_m: Annotated[tuple[Positive, Positive], Field(strict=False)] = Field(
+        description="length (East) and width (North), m"
+    )
+    speed_max_m_s: Positive | None = optional("speed where it crosses, its greatest; or period_s")
+    period_s: Positive | None = optional("time of one round, s; or speed_max_m_s")
+    ramp_s: NotNegative = Field(5.0, description="time from rest to full speed, s")
+
+    @model_validator(mode="after")
+    def _one_speed(self) -> Self:
+        if (self.speed_max_m_s is None) == (self.period_s is None):
+            raise wrong((), "either speed_max_m_s or period_s")
+        return self
+
+
+class Yaw(Table):
+    """A yaw command that swings about yaw_deg: amplitude sin(frequency t)."""
+
+    amplitude_rad: float
+    frequency_rad_s: NotNegative
+
+
+class Arrive(Table):
+    """End the flight once it has been near the last setpoint for a while."""
+
+    within_m: Positive
+    for_s: NotNegative
+
+
+Setpoint = Annotated[
+    TimedSetpoint, BeforeValidator(_timed, json_schema_input_type=TimedSetpoint | list[float])
+]
+
+
+class Flight(Table):
+    """Where the flight starts, what it is told, how long it lasts."""
+
+    duration_s: Annotated[float, Field(ge=0.01, le=3600.0)]
+    rate_hz: Rate = Field(500, description="control ticks a second")
+    seed: Annotated[int, Field(ge=0, lt=2**53)] = Field(1, description="of the noise")
+    start: Start = Start()
+    ground_z_m: Coordinate = Field(-10.0, description="height of the ground, m")
+    arena_m: Positive = Field(100.0, description="farther from the start the flight has diverged")
+    setpoints: Annotated[tuple[Setpoint, ...], Field(strict=False)] = Field(
+        (), description="positions over time, the first at 0; or curve"
+    )
+    curve: FigureEight | None = optional("a moving setpoint; or setpoints")
+    yaw: Yaw | None = optional("a swing of the yaw command")
+    yaw_deg: float | None = optional("yaw command; left out: the yaw of the start")
+    stream_hz: Annotated[int, Field(ge=2, le=100)] = Field(
+        20, description="rate at which a moving setpoint is sent"
+    )
+    arrive: Arrive | None = optional("when to end before duration_s")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if bool(self.setpoints) == (self.curve is not None):
+            raise wrong((), "either setpoints or curve")
+        times = [s.at_s for s in self.setpoints]
+        if times and times[0] != 0.0:
+            raise wrong(("setpoints", 0, "at_s"), "0 (a flight begins with a setpoint)", times[0])
+        for i, (before, at_s) in enumerate(pairwise(times), start=1):
+            if at_s <= before:
+                raise wrong(("setpoints", i, "at_s"), f"a time after {before:g}", at_s)
+        if times and times[-1] >= self.duration_s:
+            last = ("setpoints", len(times) - 1, "at_s")
+            raise wrong(last, f"a time before duration_s, {self.duration_s:g}", times[-1])
+        if self.start.on_ground and self.start.velocity_m_s != ZERO:
+            raise wrong(("start", "velocity_m_s"), "zero on the ground", self.start.velocity_m_s)
+        height = self.start.position_m[2]
+        if not self.start.on_ground and height <= self.ground_z_m:
+            key = ("start", "position_m", 2)
+            raise wrong(key, f"a height above ground_z_m, {self.ground_z_m:g}", height)
+        return self

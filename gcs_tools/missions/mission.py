@@ -1,0 +1,280 @@
+"""Missions: a TOML file read, checked, and changed from the command line.
+
+    mission = override(load("paper_nominal"), "law.f_m=1.4")
+
+What is wrong with a file is said with its line, its key and what was expected there.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ValidationError
+
+from gcs_tools.missions.fields import Table
+from gcs_tools.missions.flight import Flight
+from gcs_tools.missions.tables import Document, Law, Plant, Wind
+from gcs_tools.missions.toml_lines import KeyPath, lines, nearest
+from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
+
+__all__ = [
+    "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
+    "override", "setpoint_at", "setpoint_times",
+]  # fmt: skip
+
+
+class MissionError(ValueError):
+    """A mission that cannot be flown: file, line, key and what was expected, one line each."""
+
+
+class Value(NamedTuple):
+    """A value in force, and where it came from."""
+
+    value: Any
+    origin: str
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A mission file that may be flown."""
+
+    name: str
+    source: str  # the file, as messages name it
+    title: str
+    flight: Flight
+    law: Law
+    wind: Wind
+    plant: Plant
+    expect: Table
+    given: Mapping[str, Any]  # the tables as written, with what was changed since
+    changed: Mapping[KeyPath, str]  # key -> the option that changed it
+
+    def expectations(self) -> dict[str, Any]:
+        """[expect] as plain values: metric -> { limit or at_least, from, to }, ended -> a word."""
+        return self.expect.model_dump(by_alias=True, exclude_none=True)
+
+    def values_in_force(self) -> dict[str, Value]:
+        """Dotted key -> value and origin, for all that the flight depends on.
+
+        Origins: default, s1000.toml, truth.toml, mission, or the option that changed it.
+        """
+        from gcs_tools.missions.origins import values_in_force
+
+        return values_in_force(self)
+
+
+# --- finding
+
+
+def folder() -> Path:
+    """Where the shipped missions are: in the package, or in the checkout it is used from."""
+    package = Path(str(files("gcs_tools")))
+    shipped = package / "missions" / "shipped"
+    return shipped if shipped.is_dir() else package.parent / "missions"
+
+
+def _path(name: str) -> Path:
+    if name.endswith(".toml") or "/" in name or Path(name).is_file():
+        return Path(name)
+    path = folder() / f"{name}.toml"
+    if not path.is_file():
+        known = sorted(p.stem for p in folder().glob("*.toml"))
+        raise MissionError(
+            f"{name}: no such mission{_meant(name, known)}; there are {', '.join(known)}"
+        )
+    return path
+
+
+def _shown(path: Path) -> str:
+    """`path` from the working directory, where it lies below it."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _meant(word: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
+# --- checking
+
+
+def load(name_or_path: str | Path) -> Mission:
+    """A shipped mission by its name, or any by its file. Raises MissionError."""
+    path = _path(str(name_or_path))
+    source = _shown(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        given = tomllib.loads(text)
+    except OSError as error:
+        raise MissionError(f"{source}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise MissionError(f"{source}: expected UTF-8 text ({error.reason})") from error
+    except tomllib.TOMLDecodeError as error:
+        at = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        line = (at and at[1]) or len(text.splitlines())
+        raise MissionError(f"{source}:{line}: {str(error)[: at and at.start()]}") from error
+    return _checked(path.stem, source, given, {}, text)
+
+
+def from_tables(name: str, given: Mapping[str, Any]) -> Mission:
+    """A mission from tables that a program has made. Raises MissionError."""
+    return _checked(name, name, dict(given), {}, "")
+
+
+def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
+    """`mission` with TABLE.KEY=VALUE changed; a VALUE that is not TOML is taken as a word.
+
+    `option` is the origin that the value is reported with. Raises MissionError.
+    """
+    key, equals, written = (part.strip() for part in setting.partition("="))
+    if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key) or not written:
+        raise MissionError(f"{option} {setting}: expected TABLE.KEY=VALUE")
+    try:
+        value = tomllib.loads(f"value = {written}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        if not re.fullmatch(r"[A-Za-z_][\w-]*", written):
+            raise MissionError(
+                f"{option} {setting}: expected a TOML value, got {written}"
+            ) from error
+        value = written
+    *tables, last = names = key.split(".")
+    given: dict[str, Any] = copy.deepcopy(dict(mission.given))
+    table: Any = given
+    for name in tables:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise MissionError(f"{option} {setting}: {name} is not a table")
+    table[last] = value
+    changed = {**mission.changed, tuple(names): option}
+    made = _checked(mission.name, f"{option} {setting}", given, changed)
+    return replace(made, source=mission.source)
+
+
+def _checked(
+    name: str, source: str, given: dict[str, Any], changed: Mapping[KeyPath, str], text: str = ""
+) -> Mission:
+    found = lines(text)
+    try:
+        tables = Document.model_validate(given)
+    except ValidationError as error:
+        raise MissionError("\n".join(_problems(error, source, found))) from error
+    return Mission(
+        name,
+        source,
+        tables.title,
+        tables.flight,
+        tables.law,
+        tables.wind,
+        tables.plant,
+        tables.expect,
+        given,
+        changed,
+    )
+
+
+# --- what is wrong, in words
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "finite_number": "a finite number",
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "model_type": "a table",
+    "tuple_type": "an array",
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "less_than": "a number < {lt:g}",
+    "less_than_equal": "a number <= {le:g}",
+    "literal_error": "{expected}",
+    "mission": "{expected}",
+}
+_NOTHING = object()
+
+
+def _problems(error: ValidationError, source: str, found: dict[KeyPath, int]) -> Iterator[str]:
+    """One line for each problem, in the order of the file."""
+    placed = []
+    for problem in error.errors(include_url=False):
+        path: KeyPath = problem["loc"]
+        context, got = problem.get("ctx", {}), problem["input"]
+        kind = problem["type"]
+        if kind == "mission":
+            path, got = (*path, *context["key"]), context["got"]
+            got = _NOTHING if got is None else got
+        if kind == "extra_forbidden":
+            said = f"no such key{_elsewhere(path) or _meant(str(path[-1]), _known(path[:-1]))}"
+        elif kind == "missing":
+            said = "is missing" if isinstance(path[-1], str) else _numbers_missing(path)
+        elif kind == "too_long":
+            said = f"expected {context['max_length']} numbers, got {_written(got)}"
+        else:
+            expected = _EXPECTED.get(kind, problem["msg"]).format(**context)
+            said = f"expected {expected}"
+            said += "" if got is _NOTHING else f", got {_written(got)}"
+        line = nearest(found, path)
+        where = source if line is None else f"{source}:{line}"
+        placed.append((line or 0, f"{where}: {_key(path, got)}: {said}"))
+    return (text for _, text in sorted(placed, key=lambda item: item[0]))
+
+
+def _numbers_missing(path: KeyPath) -> str:
+    return f"expected a number here, the array has {path[-1]}"
+
+
+def _key(path: KeyPath, got: Any) -> str:
+    """`[flight] setpoints[0].at_s`; `title` and tables themselves stand alone."""
+    text = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path[1:]).removeprefix(".")
+    if text:
+        return f"[{path[0]}] {text}"
+    known = Document.model_fields.get(str(path[0]))
+    is_table = isinstance(got, dict) if known is None else any(_models(known.annotation))
+    return f"[{path[0]}]" if is_table else str(path[0])
+
+
+def _elsewhere(path: KeyPath) -> str:
+    """Where a key is that was given without its table."""
+    if len(path) == 1:
+        for name, field in Document.model_fields.items():
+            for model in _models(field.annotation):
+                if path[0] in model.model_fields:
+                    return f" (did you mean {field.alias or name}.{path[0]}?)"
+    return ""
+
+
+def _known(path: KeyPath) -> list[str]:
+    """The keys of the table at `path`."""
+    model: Any = Document
+    for name in path:
+        if isinstance(name, str):
+            model = next(iter(_models(model.model_fields[name].annotation)))
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _models(kind: Any) -> Iterator[type[BaseModel]]:
+    """The tables in an annotation: of `X | None`, of `tuple[X, ...]`, annotated or not."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+    for part in getattr(kind, "__args__", ()):
+        yield from _models(part)
+
+
+def _written(value: Any) -> str:
+    """A value as TOML would have it, cut where it is long."""
+    try:
+        text = json.dumps(value)
+    except TypeError:
+        text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

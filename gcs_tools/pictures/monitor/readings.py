@@ -1,0 +1,175 @@
+"""The numbers of the monitor: a followed flight, read now, of late and over time."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+from gcs_tools.live.follow import Follower
+from gcs_tools.pictures.shown import DRAWN, XYZ, Series, parts
+from gcs_tools.recording.layout import Rows
+
+KEPT = {
+    **DRAWN,
+    "/plant/truth": [*DRAWN["/plant/truth"], *parts("w_air_B")],
+    "/plant/timing": ["timing.late", "timing.slips"],
+    "/fcu/law": [*DRAWN["/fcu/law"], *parts("state.s_w_hat")],
+    "/fcu/internals": [
+        *DRAWN["/fcu/internals"], *parts("internals.delta_u"), "internals.projected",
+        "internals.thrust_saturated", "internals.tilt_saturated", "internals.rotor_saturated",
+        "internals.governed", "internals.margin", "internals.margin_tilt",
+        "internals.margin_condition",
+    ],
+    "/fcu/command": [f"command.u.r{i}" for i in range(1, 9)],
+    "/fcu/timing": [
+        "timing.cycle", "timing.load", "timing.resent", "timing.refused", "timing.unrecorded",
+        "timing.unpublished",
+    ],
+}  # fmt: skip
+LOOK_S = 5.0  # wall: over which the speed of the flight is measured
+RECENT_S = 10.0  # simulation time: what "of late" means
+
+
+class Readings:
+    """What is known of a flight. NaN: not known."""
+
+    def __init__(self, follower: Follower) -> None:
+        self.follower = follower
+        self.flight = follower.flight
+        self._looks: list[tuple[float, float]] = []  # wall, simulation time
+
+    @property
+    def t(self) -> float:
+        """Simulation time of the last tick, s."""
+        span = self.flight.span
+        return span[1] if span else math.nan
+
+    def speed(self) -> float:
+        """Simulated seconds in one of the wall clock, over the last looks at it."""
+        now, t = time.monotonic(), self.t
+        self._looks = [*(look for look in self._looks if now - look[0] < LOOK_S), (now, t)]
+        wall, first = self._looks[0]
+        return max((t - first) / (now - wall), 0.0) if now > wall else math.nan
+
+    def last(self, name: str) -> float:
+        """A column in its last row."""
+        _, values = self.flight.series(name)
+        return float(values[-1]) if len(values) else math.nan
+
+    def vector(self, name: str) -> list[float]:
+        """A Vec3 in its last row."""
+        return [self.last(part) for part in parts(name)]
+
+    def recent(self, series: Series) -> Rows:
+        """The values of the last RECENT_S that are known."""
+        t, values = series
+        found: Rows = values[t > (t[-1] - RECENT_S if len(t) else 0.0)]
+        return found[np.isfinite(found)]
+
+    def rms(self, series: Series) -> float:
+        """Of late."""
+        found = self.recent(series)
+        return float(np.sqrt(np.mean(found * found))) if len(found) else math.nan
+
+    def now(self, series: Series) -> float:
+        """The last value that is known: what came last of one side may be yet to come of another."""
+        known = series[1][np.isfinite(series[1])]
+        return float(known[-1]) if len(known) else math.nan
+
+    def flown(self, name: str) -> Series:
+        """A column of the law; NaN while it does not fly."""
+        t, values = self.flight.series(name)
+        return t, np.where(self.flight.along(t, "engaged") > 0.5, values, np.nan)
+
+    def norm(self, name: str) -> Series:
+        """The length of a Vec3 over time."""
+        columns = [self.flight.series(part) for part in parts(name)]
+        return columns[0][0], np.sqrt(sum(values * values for _, values in columns))
+
+    def off_reference(self) -> Series:
+        """Distance of the true position from the reference model (m), while the law flies."""
+        f = self.flight
+        t = f.series("internals.r_m.x")[0]
+        off = [f.along(t, f"state.r_E.{a}") - f.along(t, f"internals.r_m.{a}") for a in XYZ]
+        return t, np.where(f.along(t, "engaged") > 0.5, np.sqrt(sum(o * o for o in off)), np.nan)
+
+    def drag_over_mass(self, axis: str) -> Series:
+        """The truth of s_v_hat, m/s^2."""
+        return self.flight.drag_over_mass(axis)
+
+    def wind_error(self) -> Series:
+        """Length of the error of the level wind estimate (m/s)."""
+        f = self.flight
+        t = f.series("v_air_E.x")[0]
+        off = [f.along(t, f"wind.v_air_E.{a}") - f.along(t, f"v_air_E.{a}") for a in "xy"]
+        return t, np.hypot(off[0], off[1])
+
+    @property
+    def flies(self) -> bool:
+        """Whether the law flies."""
+        return self.last("engaged") > 0.5
+
+    @property
+    def believed_drag(self) -> str:
+        """The coefficients that the wind estimate believes in, N/(m/s)^2, as text."""
+        told = self.follower.watch.about.get("believed_drag")
+        try:
+            drag: Any = json.loads(told) if isinstance(told, str) else told
+            return ", ".join(f"{float(c):g}" for c in drag)
+        except (TypeError, ValueError):
+            return "?"
+
+    def lost(self, who: str) -> int:
+        """Ticks of "fcu" or "plant" that did not come."""
+        counted = self.follower.watch.counted
+        return sum(c.lost for topic, c in counted.items() if topic.startswith(f"/{who}/"))
+
+    @property
+    def strange(self) -> int:
+        """Samples that were not the vehicle's."""
+        watch = self.follower.watch
+        unreadable = sum(c.unreadable for c in watch.counted.values())
+        return self.follower.unusable + watch.unknown + unreadable
+
+    def snapshot(self) -> dict[str, Any]:
+        """The numbers of one picture, for programs. None: not known."""
+        watch = self.follower.watch
+        known = {
+            "time_s": self.t,
+            "off_reference_m": self.now(self.off_reference()),
+            "off_reference_rms_m": self.rms(self.off_reference()),
+            "thrust_N": self.now(self.flown("internals.T_c")),
+            "roll_deg": math.degrees(self.now(self.flown("internals.angles_c.x"))),
+            "pitch_deg": math.degrees(self.now(self.flown("internals.angles_c.y"))),
+            "margin_N": self.now(self.flown("internals.margin")),
+            "margin_deg": math.degrees(self.now(self.flown("internals.margin_tilt"))),
+            "margin_condition_N": self.now(self.flown("internals.margin_condition")),
+            "governed": self.now(self.flown("internals.governed")),
+            "mass_kg": self.last("state.m_hat") if self.flies else math.nan,
+            "wind_error_rms_m_s": self.rms(self.wind_error()),
+        }
+        vectors = {
+            "position_m": self.vector("state.r_E"),
+            "reference_m": self.vector("internals.r_m"),
+            "wind_estimate_m_s": self.vector("wind.v_air_E"),
+            "wind_m_s": self.vector("v_air_E"),
+        }
+        return {
+            "schema": 1,
+            "run": watch.about.get("run"),
+            "vehicle": watch.about.get("vehicle"),
+            "alive": sorted(watch.alive),
+            "status": self.flight.status(self.t) or None,
+            **{name: _known(value) for name, value in known.items()},
+            **{name: [_known(v) for v in vector] for name, vector in vectors.items()},
+            "ticks": {topic: c.ticks for topic, c in watch.counted.items()},
+            "lost": {topic: c.lost for topic, c in watch.counted.items() if c.lost},
+        }
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None

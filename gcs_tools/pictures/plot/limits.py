@@ -1,0 +1,145 @@
+"""Thrust and tilt against their limits: how close to saturation?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs_tools.judging.metrics import Rows
+from gcs_tools.pictures.plot.drawing import (
+    DASHED,
+    GOVERNED,
+    MUTED,
+    THREE,
+    TIME,
+    WIDE,
+    X,
+    Y,
+    empty,
+    flagged,
+    legend,
+    limits,
+    line,
+    note,
+)
+from gcs_tools.pictures.plot.numbers import Numbers, finite, least, percent
+from gcs_tools.pictures.plot.shown import Shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SIZE = (12.0, 11.5)  # inches
+QUESTION = "How close to saturation?"
+MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "governed_fraction")
+ROTORS = [f"internals.thrusts.r{i}" for i in range(1, 9)]
+
+
+def _rotors(shown: Shown) -> Rows:
+    """Allocated thrusts, N, (8, n)."""
+    return np.stack([shown.fcu[name] for name in ROTORS])
+
+
+def _room(values: Rows, low: float, high: float) -> float | None:
+    """The least distance from a limit, over the range between both; None without a number."""
+    return least(np.minimum(values - low, high - values) / (high - low))
+
+
+def numbers(shown: Shown) -> Numbers:
+    """Least room left before each limit, over its range; and how often at it. Raises Missing."""
+    told = shown.told
+    limit = told["phi_star"]
+    tilt = np.abs(np.stack(shown.fcu.axes("internals.angles_c", "xy"))).max(axis=0)
+    thrust = shown.fcu["internals.T_c"]
+    n = len(shown.t)
+    fractions = {
+        f"{which}_saturated_fraction": float(
+            np.sum(shown.fcu[f"internals.{which}_saturated"] > 0.5)
+        )
+        / n
+        for which in ("thrust", "tilt", "rotor")
+    }
+    return {
+        "thrust_room_fraction": _room(thrust, told["T_min"], told["T_max"]),
+        "tilt_room_fraction": least(1.0 - tilt / limit),
+        "rotor_room_fraction": _room(_rotors(shown), told["f_min"], told["f_max"]),
+        "thrust_max_n": shown.flight.metric("thrust_max_n"),
+        "thrust_limit_n": finite(told["T_max"]),
+        "tilt_max_deg": shown.flight.metric("tilt_max_deg"),
+        "tilt_limit_deg": finite(np.degrees(limit)),
+        **{name: shown.flight.metric(name) for name in MARGINS},
+        **fractions,
+    }
+
+
+def answer(found: Numbers) -> str:
+    """In one line."""
+    parts = []
+    for which, word in (("thrust", "thrust"), ("tilt", "tilt"), ("rotor", "rotors")):
+        share = found[f"{which}_saturated_fraction"]
+        at = f"at a limit {percent(share)} of the time" if share else "never at a limit"
+        room = found[f"{which}_room_fraction"]
+        left = "" if share or room is None else f" ({percent(room)} of its range left)"
+        parts.append(f"{word} {at}{left}")
+    return ", ".join(parts)
+
+
+def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
+    """Total thrust, tilt and rotors over time, each between its limits; what the demand leaves."""
+    thrust, tilt, rotors, margin = figure.subplots(4, 1, sharex=True)
+    t, fcu, told = shown.t, shown.fcu, shown.told
+
+    thrust.set_title("Total thrust, N")
+    line(thrust, t, fcu["internals.T_achieved"], color=MUTED, label="achieved", **WIDE)
+    line(thrust, t, fcu["internals.T_c"], color=X, label="commanded")
+    limits(thrust, told["T_min"], told["T_max"])
+    _finish(thrust, shown, "thrust", "at the limit")
+
+    tilt.set_title("Roll and pitch, degrees")
+    angles, commands = (fcu.axes(f"internals.{name}", "xy") for name in ("angles", "angles_c"))
+    for colour, angle in zip(THREE, angles, strict=False):
+        line(tilt, t, np.degrees(angle), color=colour, **WIDE)
+    for name, colour, angle in zip(("roll", "pitch"), THREE, commands, strict=False):
+        line(tilt, t, np.degrees(angle), color=colour, label=f"{name} commanded")
+    tilt.plot([], [], color=MUTED, label="flown", **WIDE)
+    limit = float(np.degrees(told["phi_star"]))
+    limits(tilt, -limit, limit)
+    tilt.set_yticks([-limit, -limit / 2, 0.0, limit / 2, limit])
+    _finish(tilt, shown, "tilt", "at the limit")
+
+    rotors.set_title("Thrust of the eight rotors as allocated, N")
+    each = _rotors(shown)
+    line(rotors, t, each.max(axis=0), color=THREE[1], linewidth=0.9, label="greatest of eight")
+    line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
+    line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
+    limits(rotors, told["f_min"], told["f_max"])
+    _finish(rotors, shown, "rotor", "gives up torque or thrust")
+    _margin(margin, shown, found)
+    margin.set_xlabel(TIME)
+
+
+def _margin(axes: Axes, shown: Shown, found: Numbers) -> None:
+    axes.set_title("From the demanded force to the nearest limit, N")
+    demand, condition = (shown.fcu[f"internals.{name}"] for name in ("margin", "margin_condition"))
+    if not np.isfinite(demand).any():
+        empty(axes, "not recorded")
+        return
+    line(axes, shown.t, demand, color=X, label="demand")
+    line(axes, shown.t, condition, color=Y, label="whatever may come (condition)")
+    axes.axhline(0.0, zorder=1, **DASHED)
+    axes.plot([], [], label="limit", **DASHED)
+    flagged(axes, shown.t, shown.fcu["internals.governed"], "governed", GOVERNED)
+    legend(axes)
+    left, governed = found["margin_min_n"], found["governed_fraction"]
+    assert left is not None
+    side = f"at least {left:.1f} N inside" if left >= 0.0 else f"up to {-left:.1f} N outside"
+    note(
+        axes, f"demand {side}" + (f", governed {percent(governed)} of the time" if governed else "")
+    )
+
+
+def _finish(axes: Axes, shown: Shown, which: str, flag: str) -> None:
+    axes.plot([], [], label="limit", **DASHED)
+    flagged(axes, shown.t, shown.fcu[f"internals.{which}_saturated"], flag)
+    legend(axes)

@@ -1,0 +1,134 @@
+"""A recording whose writer was killed, made whole: what can be read, with its index and its end.
+
+Any MCAP file will do, ours or not. What was written up to the last whole chunk is kept; readers
+that look for the index at the end of a file (Foxglove, PlotJuggler) then open it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import struct
+import tempfile
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Channel, Header, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+
+from gcs_tools.recording.reader import RecordingError, whole_records
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What became of a file."""
+
+    messages: int
+    first_s: float  # log time of the first and the last message; simulation time in ours
+    last_s: float
+    complete: bool  # it had its end: nothing was done
+    damage: str  # what the reading ended at, if not at the end of the file
+
+
+class _Copy:
+    """Records from one file to another, their schemas and channels numbered anew."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas = {0: 0}
+        self._channels: dict[int, int] = {}
+        self.messages = 0
+        self.times: list[int] = []  # of the first message and the last, ns
+
+    def take(self, record: object) -> None:
+        """One record; what only helps to find others is written anew at the end."""
+        if isinstance(record, Header):
+            self._writer.start(record.profile, record.library)
+        elif isinstance(record, Schema) and record.id not in self._schemas:
+            self._schemas[record.id] = self._writer.register_schema(
+                record.name, record.encoding, record.data
+            )
+        elif isinstance(record, Channel) and record.id not in self._channels:
+            self._channels[record.id] = self._writer.register_channel(
+                record.topic, record.message_encoding, self._schemas[record.schema_id],
+                record.metadata,
+            )  # fmt: skip
+        elif isinstance(record, Metadata):
+            self._writer.add_metadata(record.name, record.metadata)
+        elif isinstance(record, Message):
+            self._writer.add_message(
+                self._channels[record.channel_id], record.log_time, record.data,
+                record.publish_time, record.sequence,
+            )  # fmt: skip
+            self.messages += 1
+            first, last = self.times or (record.log_time, 0)
+            self.times = [min(first, record.log_time), max(last, record.log_time)]
+
+
+def recover(path: Path, out: Path | None = None) -> Recovered:
+    """Make the recording at `path` whole, in its place or as `out`.
+
+    In its place only if it was merely cut short: what lies behind a damage is lost, and stays in
+    the file as it was. Raises RecordingError, with both files as they were, if nothing can be
+    read, if it is still written, if it is damaged and there is no `out`, or if the new file cannot be written.
+    """
+    target = path if out is None else out
+    try:
+        data = _unwritten(path)
+        end, whole = whole_records(data)
+        handle, name = tempfile.mkstemp(dir=target.absolute().parent, prefix=f".{target.name}.")
+        part = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                writer = Writer(stream, chunk_size=256 * 1024, compression=CompressionType.LZ4)
+                copy = _Copy(writer)
+                damage = _copied(data[:end], copy, path)
+                writer.finish()
+                stream.flush()
+                os.fsync(stream.fileno())
+            first, last = (1e-9 * t for t in (copy.times[0], copy.times[-1]))
+            done = Recovered(copy.messages, first, last, whole and not damage, damage)
+            if damage and out is None:
+                raise RecordingError(
+                    f"{path}: damaged after {last:.3f} s ({damage}); "
+                    "what lies before can be had with --out FILE"
+                )
+            if not (done.complete and out is None):
+                os.chmod(part, path.stat().st_mode & 0o777)
+                os.replace(part, target)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{error.filename or path}: {error.strerror}") from error
+    return done
+
+
+def _unwritten(path: Path) -> bytes:
+    """What is in a file that nobody writes to. Raises RecordingError, OSError."""
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RecordingError(f"{path}: it is being recorded (end the flight first)") from None
+        return file.read()
+
+
+def _copied(data: bytes, copy: _Copy, path: Path) -> str:
+    """Copy whole records; the damage that the reading ended at, if it did."""
+    try:
+        for record in StreamReader(BytesIO(data), validate_crcs=True).records:
+            copy.take(record)
+    except EndOfFile:  # the regular end of what a killed recorder leaves
+        pass
+    except (McapError, ValueError, RuntimeError, KeyError, struct.error) as error:
+        if copy.messages == 0:
+            raise RecordingError(f"{path}: {str(error) or 'not a recording'}") from error
+        if isinstance(error, RuntimeError):  # of lz4, in its own words
+            return "a chunk that cannot be decompressed"
+        return str(error) or type(error).__name__
+    if copy.messages == 0:
+        raise RecordingError(f"{path}: no message of it was written")
+    return ""

@@ -1,0 +1,291 @@
+"""`make bench`: what a step costs, and how fast a flight goes, on this machine.
+
+Everything is measured in one run, so that figures can be compared: on a machine that does
+other work too, ratios hold better than figures. Medians of several, unless it says else.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gcs_tools.studies import bench_bus
+from gcs_tools.studies.measured import Figure
+
+if TYPE_CHECKING:
+    from gcs_tools.flight.scenario import Scenario
+    from gcs_tools.flight.wire_flight import Flown
+
+SCHEMA = 1  # of --json: raised when a key changes its meaning or goes
+MISSION = "paper_nominal"
+RATE_HZ = 500.0
+STEPS = 10_000  # of a compiled loop, at most
+CALLS = 20_000  # from Python
+
+
+def per_call_s(run: Callable[[], Any], calls: int, repeats: int) -> float:
+    """Median of the seconds that each of `calls` takes, where one `run()` makes them all."""
+    run()
+    taken = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        run()
+        taken.append((time.perf_counter() - began) / calls)
+    return statistics.median(taken)
+
+
+def streamed(duration_s: float) -> Scenario:
+    """The paper's flight, its moving yaw sent 20 times a second of simulation time."""
+    from gcs_tools.flight import flying
+
+    settings = [f"flight.duration_s={duration_s:g}"]
+    return flying.prepared(MISSION, settings, rate_hz=RATE_HZ)[1]
+
+
+def constant(scene: Scenario) -> Scenario:
+    """The same with a constant yaw: one setpoint, so time is never held under way."""
+    only = scene.sent[0]._replace(psi_dot_c=0.0)
+    return replace(scene, sent_at=scene.sent_at[:1], sent=(only,))
+
+
+# --- in this process
+
+
+def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
+    """Steps inside compiled code, a tick called from Python, whole flights by rollout."""
+    import numpy as np
+
+    from fcu.interface.messages import VehicleState
+    from fcu.kernel.buffers import columns, size, to_buffer
+    from fcu.laws.mmrac import cascade
+    from fcu.laws.mmrac.parameters import GOVERN
+    from fcu.laws.mmrac.types import Internals, LawState, Tick
+    from gcs_tools.flight import rollout
+    from gcs_tools.judging.envelope import with_guard
+    from gcs_tools.studies.bench_loops import law_steps, margin_steps, plant_steps
+    from sitl_plant.physics.types import PlantRecord
+
+    n, law, world = scene.ticks, to_buffer(scene.law), scene.world
+    plant, start = to_buffer(world.params), to_buffer(world.start)
+    plant_rows, fcu_rows = np.zeros((n, size(PlantRecord))), np.zeros((n, size(Tick)))
+
+    setpoints, noise = scene.setpoints, scene.noise(n)
+
+    def fly() -> None:
+        rollout.rollout(
+            plant, law, start, scene.sent_at, setpoints, noise,
+            int(world.delay_ticks), world.steps, scene.period_us, n, plant_rows, fcu_rows,
+        )  # fmt: skip
+
+    flight = per_call_s(fly, n, 3 * repeats)
+    row = fcu_rows[n // 2]
+    at = columns(Tick).index("state.r_m.x")
+    state, setpoint, out = row[at : at + size(LawState)].copy(), setpoints[0], row.copy()
+    command = row[columns(Tick).index("command.u.r1") :][:8].copy()
+
+    rows = fcu_rows[n // 2 + 1 :][:STEPS, 1 : 1 + size(VehicleState)].copy()
+    kept = np.zeros((len(rows), size(Internals)))
+    measured = rows[0]
+
+    def ticks() -> None:
+        for _ in range(CALLS):
+            cascade.tick(1.0, cascade.FLYING, state, law, setpoint, 0.0, measured, out)
+
+    step = per_call_s(lambda: law_steps(law, state, setpoint, rows, kept), len(rows), repeats)
+    yield Figure("law_step_ns", "law, one step, compiled (ns)", step * 1e9)
+    step = per_call_s(lambda: margin_steps(law, state, rows), len(rows), repeats)
+    yield Figure("margin_ns", "of which its margins (ns)", step * 1e9)
+    governing = to_buffer(with_guard(scene.law, policy=GOVERN))
+    far = setpoint.copy()
+    far[:3] += 100.0
+    step = per_call_s(lambda: law_steps(governing, state, far, rows, kept), len(rows), repeats)
+    yield Figure("law_governing_ns", "law, one step, its guard governing (ns)", step * 1e9)
+    step = per_call_s(lambda: plant_steps(STEPS, plant, start, command), STEPS, repeats)
+    yield Figure("plant_step_ns", "plant, one step of 1 ms, compiled (ns)", step * 1e9)
+    step = per_call_s(ticks, CALLS, repeats)
+    yield Figure("tick_call_us", "cascade.tick(buffers) from Python (us)", step * 1e6)
+    label = f"rollout, one core, {world.steps} plant steps a tick (million ticks/s)"
+    yield Figure("rollout_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
+    yield from recorder(plant_rows, fcu_rows, law, repeats)
+
+
+def recorder(plant_rows: Any, fcu_rows: Any, law: Any, repeats: int) -> Iterator[Figure]:
+    """What recording costs a tick, fed in batches as a flight feeds it."""
+    from fcu.interface.tape import BATCH
+    from gcs_tools.recording.recorder import Recorder
+
+    taken = []
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as folder:
+            began = time.perf_counter()
+            with Recorder(Path(folder) / "flight.mcap", {}) as recording:
+                recording.set_params(law)
+                for i in range(0, len(plant_rows), BATCH):
+                    recording.add_plant(plant_rows[i : i + BATCH])
+                    recording.add_fcu(fcu_rows[i : i + BATCH])
+            taken.append((time.perf_counter() - began) / len(plant_rows))
+    yield Figure("recorder_tick_us", "recorder, one tick (us)", statistics.median(taken) * 1e6)
+
+
+# --- over the wire
+
+
+@contextmanager
+def listeners(instance: int, wanted: bool) -> Iterator[None]:
+    """Two clients that the vehicle streams telemetry to, if wanted."""
+    if not wanted:
+        yield
+        return
+    arguments = [sys.executable, "-m", "gcs_tools.studies.bench_clients", str(instance)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(arguments, stdin=pipe, stdout=pipe, text=True) as clients:
+        yield
+        heard, _ = clients.communicate()
+    if "0" in heard.split()[-2:]:
+        raise RuntimeError(f"a client heard nothing: {heard}")
+
+
+def flown(scene: Scenario, speed: float | None = None, clients: bool = False) -> Flown:
+    """One flight over UDP, with both processes and recording. Raises InfrastructureError.
+
+    `clients`: with two that the vehicle streams telemetry to.
+    """
+    from fcu.kernel.buffers import to_buffer
+    from gcs_tools.flight.flying import PORTS
+    from gcs_tools.flight.instance import claimed
+    from gcs_tools.flight.wire_flight import WireFlight
+    from gcs_tools.recording.recorder import Recorder
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        recording = Recorder(folder / "flight.mcap", {})
+        with recording, claimed(None, *PORTS) as instance:
+            recording.set_params(to_buffer(scene.law))
+            takers = (recording.add_plant, recording.add_fcu)
+            with listeners(instance, clients):
+                return WireFlight(scene, folder, instance, speed, takers, lambda _t: None).fly()
+
+
+def lockstep(scene: Scenario, repeats: int) -> Iterator[Figure]:
+    """As fast as it goes: each kind of flight in turn, so that they meet the same machine."""
+    kinds = {"constant": constant(scene), "streamed": scene, "clients": constant(scene)}
+    walls: dict[str, list[float]] = {kind: [] for kind in kinds}
+    for _ in range(repeats):
+        for kind, flight in kinds.items():
+            walls[kind].append(flown(flight, clients=kind == "clients").wall_time_s)
+    ratio = statistics.median(walls["constant"]) / statistics.median(walls["clients"])
+    label = "lockstep over UDP, with telemetry to two clients over without"
+    yield Figure("lockstep_clients_ratio", label, ratio, "0.8")
+    for kind in ("constant", "streamed"):
+        wall = statistics.median(walls[kind])
+        label = f"lockstep over UDP, recorded, {kind} yaw"
+        yield Figure(f"lockstep_{kind}_ticks_s", f"{label} (ticks/s)", scene.ticks / wall)
+        factor = scene.ticks / scene.rate_hz / wall
+        wanted = "40, aim 89"
+        yield Figure(f"lockstep_{kind}_real_time_factor", f"{label} (x real time)", factor, wanted)
+
+
+def real_time(scene: Scenario) -> Iterator[Figure]:
+    """Paced by the wall clock: how late ticks start. One flight."""
+    said = flown(scene, 1.0).said["plant"]
+    for key in ("p50", "p99", "max"):
+        label = f"real time, lateness of a tick, {key} (us)"
+        yield Figure(f"lateness_{key}_us", label, said["lateness"][f"{key}_us"])
+    yield Figure("slips", f"real time, slips in {scene.ticks} ticks", said["slips"])
+
+
+# --- the commands
+
+
+def commands(repeats: int) -> Iterator[Figure]:
+    """How long a person waits for `gcs --help`, and for the first tick of a warm `gcs fly`."""
+    gcs = [sys.executable, "-m", "gcs_tools"]
+    devnull = subprocess.DEVNULL
+
+    def ask() -> None:
+        subprocess.run([*gcs, "--help"], stdout=devnull, check=True)
+
+    yield Figure("help_s", "gcs --help (s)", per_call_s(ask, 1, repeats))
+    waits = []
+    for _ in range(3):
+        with tempfile.TemporaryDirectory() as name:
+            began, settings = time.time(), ["--set", "flight.duration_s=0.1"]
+            fly = [*gcs, "fly", MISSION, *settings, "--out", name]
+            subprocess.run(fly, stdout=devnull, stderr=devnull, check=False)
+            # the processes are started when the world has been written for them
+            started = (Path(name) / "world.json").stat().st_mtime - began
+            result = json.loads((Path(name) / "result.json").read_text())
+            waits.append(started + result["startup_s"])
+    label = "gcs fly, warm, from the command to the first tick (s)"
+    yield Figure("first_tick_s", label, statistics.median(waits))
+
+
+def machine() -> dict[str, str]:
+    """What it was measured on."""
+    from gcs_tools.flight.flying import versions
+
+    model = platform.processor() or platform.machine()
+    about = Path("/proc/cpuinfo")
+    if about.exists():
+        lines = about.read_text().splitlines()
+        named = [line.partition(":")[2].strip() for line in lines if "model name" in line]
+        model = named[0] if named else model
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    return {"cpu": model, "cores": str(os.cpu_count()), "load_before": load, **versions()}
+
+
+def measured(repeats: int, duration_s: float) -> Iterator[Figure]:
+    """Every figure, each as soon as it is known."""
+    scene = streamed(duration_s)
+    yield from compiled(scene, repeats)
+    yield from lockstep(scene, repeats)
+    yield from real_time(streamed(10.0))
+    yield from bench_bus.figures()
+    yield from commands(repeats)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output.")
+@click.option("--repeats", default=5, show_default=True, type=click.IntRange(1), help="Medians of so many.")  # fmt: skip
+@click.option("--duration", "duration_s", default=60.0, show_default=True, type=click.FloatRange(1.0), help="Simulated seconds of a flight.")  # fmt: skip
+def main(as_json: bool, repeats: int, duration_s: float) -> None:
+    """Measure what a step costs and how fast a flight goes, in two or three minutes."""
+    from rich.console import Console
+    from rich.table import Table
+
+    about, log = machine(), Console(stderr=True, highlight=False)
+    figures = []
+    for figure in measured(repeats, duration_s):
+        figures.append(figure)
+        if log.is_terminal:
+            log.print(f"[dim]{figure.label}: {figure.value:.4g}[/]")
+    if as_json:
+        values = {figure.key: figure.value for figure in figures}
+        print(json.dumps({"schema": SCHEMA, "machine": about, "figures": values}, indent=2))
+        return
+    title = f"{RATE_HZ:g} Hz, flights of {duration_s:g} s, medians of {repeats}"
+    table = Table(title=title, title_justify="left", box=None)
+    for column in ("measured", "value", "wanted"):
+        table.add_column(column, justify="right" if column == "value" else "left")
+    for figure in figures:
+        table.add_row(figure.label, f"{figure.value:,.4g}", figure.wanted)
+    out = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    out.print(table)
+    out.print("; ".join(f"{name} {value}" for name, value in about.items()), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""What is flown for the paper's figures: three flights, each under several laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fcu.kernel.buffers import columns
+from fcu.laws.mmrac.types import LawParams, Tick
+from gcs_tools.flight import rollout
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.judging.metrics import Flight, Rows
+from gcs_tools.missions.mission import load, override
+from gcs_tools.pictures.plot.shown import Columns
+from sitl_plant.physics import dynamics
+from sitl_plant.physics.types import PlantRecord
+
+
+@dataclass(frozen=True)
+class Case:
+    """One flight: a mission, and what is changed in it."""
+
+    title: str
+    mission: str
+    settings: tuple[str, ...] = ()  # TABLE.KEY=VALUE
+
+
+PRINTED, ACHIEVED, GUARDED = "as printed", "with Δu", "with the guard"
+GOVERN = ("law.guard=govern",)
+CASES = {
+    "nominal": (
+        Case(PRINTED, "paper_printed"), Case(ACHIEVED, "paper_nominal"),
+        Case(GUARDED, "paper_nominal", GOVERN),
+    ),
+    "wrong_start": (
+        Case(PRINTED, "paper_printed_wrong_start"), Case(ACHIEVED, "wrong_start"),
+        Case(GUARDED, "wrong_start", GOVERN),
+    ),
+    "fast": (
+        Case(PRINTED, "paper_printed_fast"), Case(ACHIEVED, "paper_fast"),
+        Case(GUARDED, "paper_fast", GOVERN),
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A flight, by rows at the ticks at which the law was flying."""
+
+    case: Case
+    law: LawParams
+    flight: Flight
+    plant: Columns  # PlantRecord
+    fcu: Columns  # Tick
+    ended: str  # "", or why before its time: "diverged" or "crashed"
+    duration_s: float  # that the mission has
+
+    @property
+    def t(self) -> Rows:
+        """Simulation time, s, (n,)."""
+        return self.flight.t
+
+    @property
+    def command(self) -> str:
+        """Flies it again."""
+        settings = "".join(f" --set {setting}" for setting in self.case.settings)
+        return f"gcs fly {self.case.mission}{settings}"
+
+
+def fly(case: Case) -> Flown:
+    """Fly one. Raises MissionError."""
+    mission = load(case.mission)
+    for setting in case.settings:
+        mission = override(mission, setting)
+    scene = scenario(mission)
+    plant, fcu = rollout.fly(scene)
+    ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(plant[-1, -1], "")
+    flight = Flight.of(plant, fcu)
+    return Flown(
+        case, scene.law, flight, Columns(flight.plant, columns(PlantRecord)),
+        Columns(flight.fcu, columns(Tick)), ended, mission.flight.duration_s,
+    )  # fmt: skip

@@ -1,0 +1,230 @@
+"""The margin: distances against geometry, the allowance against drag of every kind."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from fcu.guard import foreseen, margin
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3, norm
+from fcu.kernel.buffers import to_buffer
+
+STILL = Vec3(0.0, 0.0, 0.0)
+
+
+def vec(row):
+    return Vec3(*np.asarray(row, dtype=float).tolist())
+
+
+def reachable(params, T):
+    """Whether the actuators reach a force for every heading, as the law keeps to."""
+    aside, size = math.hypot(T[0], T[1]), math.sqrt(T @ T)
+    tilt = math.atan2(aside, T[2])
+    floor = T[2] >= params.T_dz_min
+    return params.T_min <= size <= params.T_max and tilt <= params.phi_star and floor
+
+
+def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(law):
+    """The set is convex but for its least thrust; from inside, the distance is exact."""
+    params, rng = law(), np.random.default_rng(1)
+    directions = rng.normal(size=(4000, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    tested = 0
+    while tested < 60:
+        T = rng.uniform([-150.0, -150.0, 0.0], [150.0, 150.0, 200.0])
+        found = margin.distance(margin.known(params), vec(T))
+        assert (found >= 0.0) == reachable(params, T)
+        if found < 2.0:
+            continue
+        tested += 1
+        assert all(reachable(params, T + 0.999 * found * d) for d in directions)
+        assert not all(reachable(params, T + 1.05 * found * d) for d in directions)
+
+
+@pytest.mark.parametrize(
+    ("T", "limit"),
+    [
+        ((0.0, 0.0, 190.0), 10.0),  # thrust
+        ((0.0, 0.0, 28.0), 8.0),  # the floor of the vertical force
+        ((0.0, 30.0, 80.0), 50.0 * math.sqrt(0.5)),  # tilt, at 45 degrees
+        ((0.0, 90.0, 80.0), -10.0 * math.sqrt(0.5)),
+        ((0.0, 0.0, 230.0), -30.0),
+    ],
+)
+def test_the_margin_is_to_the_nearest_limit(law, T, limit):
+    assert margin.distance(margin.known(law()), vec(T)) == pytest.approx(limit, rel=1e-9)
+
+
+def test_the_tilt_that_is_left(law):
+    assert margin.tilt_left(law().phi_star, Vec3(0.0, 0.0, 80.0)) == pytest.approx(
+        math.radians(45.0)
+    )
+    leaning = Vec3(80.0 * math.tan(math.radians(50.0)), 0.0, 80.0)
+    assert margin.tilt_left(law().phi_star, leaning) == pytest.approx(math.radians(-5.0))
+
+
+def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(law):
+    """Quadratic drag along body axes, coefficients up to the believed, winds up to the believed."""
+    params, rng = law(), np.random.default_rng(2)
+    guard, nearest = params.guard, math.inf
+    for _ in range(4000):
+        v = rng.normal(size=3) * rng.uniform(0.0, 6.0)
+        w = rng.normal(size=3)
+        w *= guard.w_max / np.linalg.norm(w) * rng.uniform() ** 0.2
+        if rng.uniform() < 0.5:
+            w = -guard.w_max * v / np.linalg.norm(v)  # head on
+        R = Rotation.random(random_state=rng).as_matrix()
+        if rng.uniform() < 0.3:
+            R = Rotation.align_vectors([v], [[1.0, 0.0, 0.0]])[0].as_matrix()
+        c = guard.c_D * rng.uniform(size=3) if rng.uniform() < 0.5 else np.full(3, guard.c_D)
+        air = R.T @ (v - w)
+        against = R @ (c * np.abs(air) * air)  # what thrust has to make up for
+        off = np.linalg.norm(against - np.array(margin.dragging(margin.known(params), vec(v))))
+        speed = float(np.linalg.norm(v))
+        room = margin.allowance(margin.known(params), vec(v), 0.0) - margin.difference(
+            margin.known(params), speed
+        )
+        assert off <= room * (1.0 + 1e-12)
+        nearest = min(nearest, room - off)
+    assert nearest < 0.01  # the bound is met
+
+
+@pytest.mark.parametrize("rho", [0.7, 1.0, 1.3])
+def test_the_control_differences_bound_is_the_l1_norm_of_its_response(rho):
+    """x_til' = -lambda x_til + z, z' = delta - rho gamma x_til: delta to z, lambda = sqrt(gamma).
+
+    rho = m_hat/m: the constants are those of 0.7, where the bound is largest.
+    """
+    gamma = 1000.0
+    k, w = math.sqrt(gamma), math.sqrt(rho * gamma)
+    w_d = math.sqrt(w * w - 0.25 * k * k)
+
+    def h(t):
+        return math.exp(-0.5 * k * t) * (math.cos(w_d * t) + (0.5 * k / w_d) * math.sin(w_d * t))
+
+    grid = np.linspace(0.0, 2.0, 400)
+    l1 = sum(quad(lambda t: abs(h(t)), a, b)[0] for a, b in pairwise(grid)) * math.sqrt(gamma)
+    peak = max(abs(h(t)) / math.exp(-0.5 * k * t) for t in np.linspace(0.0, 1.0, 20001))
+    slow = quad(h, 0.0, 2.0, limit=200)[0] * math.sqrt(gamma)
+    worst = pytest.approx if rho == 0.7 else lambda x, rel: AtMost(x)
+    assert l1 == worst(margin.LASTS, rel=1e-6)
+    assert peak == worst(margin.PEAK, rel=1e-6)
+    assert slow == worst(margin.SETTLES, rel=1e-6)
+
+
+class AtMost:
+    """Equal to what is no larger."""
+
+    def __init__(self, limit):
+        self.limit = limit
+
+    def __eq__(self, other):
+        return other <= self.limit
+
+
+@pytest.mark.parametrize("zeta_m", [0.3, 0.5, 0.8, 0.95])
+def test_what_closing_the_error_adds_is_an_l1_norm(law, zeta_m):
+    t, steps = np.linspace(0.0, 80.0, 400_001, retstep=True)
+    w = math.sqrt(1.0 - zeta_m**2)
+    h = np.exp(-zeta_m * t) * (
+        2.0 * zeta_m * np.cos(w * t) + (1.0 - 2.0 * zeta_m**2) / w * np.sin(w * t)
+    )
+    gain = foreseen.closed(law(zeta_m=zeta_m)) * margin.LASTS / margin.SETTLES
+    assert gain == pytest.approx(np.abs(h).sum() * steps, rel=1e-3)
+
+
+def test_the_worse_mass_counts(law):
+    params = law(guard_mass_kg=[7.0, 9.0])
+    up, aside = Vec3(0.0, 0.0, 11.0), Vec3(5.0, 0.0, 0.0)
+    heavy, light = (law(guard_mass_kg=[m, m]) for m in (9.0, 7.0))
+    assert margin.room(margin.known(params), up, STILL) == margin.room(
+        margin.known(heavy), up, STILL
+    )
+    assert margin.room(margin.known(params), aside, STILL) == margin.room(
+        margin.known(light), aside, STILL
+    )
+    assert margin.room(margin.known(heavy), up, STILL) < margin.room(margin.known(light), up, STILL)
+
+
+def test_what_is_left_of_the_start_fades_no_faster_than_it_should(law):
+    params = law()
+    beta = start = margin.beta_1(params, STILL)
+    for _ in range(100):  # 0.2 s
+        beta = margin.faded(params, beta)
+    assert beta == pytest.approx(start * math.exp(-0.1 * params.lambda_v), rel=0.06)
+    assert beta >= start * math.exp(-0.1 * params.lambda_v)
+    wrong = margin.beta_1(law(v_hat_offset=[-1.5, -1.5, -1.5]), STILL)
+    assert wrong > start + 300.0
+    assert margin.beta_1(params, Vec3(5.0, 0.0, 0.0)) > start + 20.0
+
+
+def test_the_way_to_a_setpoint_is_looked_at_in_full(law):
+    """A step asks most at its start; a setpoint that moves off, where it has got up to speed."""
+    params = law(guard_wind_m_s=6.0)._replace(h=0.005)
+    step = Setpoint(Vec3(3.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
+    least, at, a, _ = foreseen.least(params, step, STILL, STILL)
+    jump, known = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0), margin.known(params)
+    more = foreseen.closed(params) * margin.difference(known, 0.0)
+    assert least == pytest.approx(margin.condition(known, jump, STILL, more))
+    assert (at, a) == (0.0, (3.0, 0.0, 0.0))
+    moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
+    _, at, _, v = foreseen.least(params, moving, STILL, STILL)
+    assert at > 0.5
+    assert norm(v) > 3.0
+
+
+def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_lag(law):
+    """And with the attitude's lag a reference model that is too fast for it overshoots."""
+    step = Setpoint(Vec3(1.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
+    rows = np.zeros((8000, 8))
+
+    def way(f_m, c_angle):
+        params = law(f_m=f_m, c_angle=c_angle, c_rate=1e6)._replace(h=0.001)
+        foreseen.along(params, np.zeros(1), to_buffer(step)[None], STILL, STILL, rows)
+        return rows[:, 5].copy()
+
+    f, zeta, t = 1.0, 0.8, rows[:, 0]
+    quick = way(f, 1e4)
+    w_d = f * math.sqrt(1.0 - zeta**2)
+    exact = f**2 / w_d * np.exp(-zeta * f * t) * np.sin(w_d * t)
+    np.testing.assert_allclose(quick, exact, atol=2e-3)
+    # 1 m at f_m = 3 behind a lag of 0.2 s, by SciPy's step of 9/(0.2 s^3 + s^2 + 4.8 s + 9)
+    assert way(3.0, 5.0).min() == pytest.approx(-0.376, abs=0.01)
+    assert way(3.0, 1e4).min() > -0.02
+
+
+def test_a_script_of_setpoints_is_looked_at_as_one_way(law):
+    params = law()._replace(h=0.01)
+    there, back = (Setpoint(Vec3(x, 0.0, 0.0), STILL, STILL, 0.0, 0.0) for x in (2.0, -2.0))
+    rows = np.zeros((1500, 8))
+    script = np.array([to_buffer(there), to_buffer(back)])
+    foreseen.along(params, np.array([0.0, 7.0]), script, STILL, STILL, rows)
+    assert rows[0, 1] == foreseen.least(params, there, STILL, STILL)[0]
+    first, second = rows[:700, 1], rows[700:, 1]
+    assert second.min() < first.min()  # twice the way
+    assert rows[second.argmin() + 700, 0] == 7.0
+    assert np.abs(rows[-1, 5:]).max() < 0.01
+
+
+def test_the_condition_orders_as_it_should(law):
+    """More wind, less gain, more speed, more mass unknown: less margin."""
+    a, v = Vec3(1.0, 0.0, 0.5), Vec3(2.0, 0.0, 0.0)
+    plain = margin.condition(margin.known(law()), a, v, 0.0)
+    assert margin.condition(margin.known(law(guard_wind_m_s=13.0)), a, v, 0.0) < plain
+    assert margin.condition(margin.known(law(gamma=500.0)), a, v, 0.0) < plain
+    assert margin.condition(margin.known(law(guard_mass_kg=[6.5, 9.5])), a, v, 0.0) < plain
+    assert margin.condition(margin.known(law()), a, Vec3(3.0, 0.0, 0.0), 0.0) < plain
+    assert margin.condition(margin.known(law()), a, v, 5.0) == pytest.approx(plain - 5.0)
+
+
+def test_python_and_compiled_code_give_the_same_bits(law):
+    params, a, v = law(), Vec3(1.0, -2.0, 0.5), Vec3(2.0, 1.0, -0.3)
+    assert margin.condition.py_func(margin.known(params), a, v, 1.5) == margin.condition(
+        margin.known(params), a, v, 1.5
+    )

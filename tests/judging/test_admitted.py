@@ -1,0 +1,69 @@
+"""Missions whose setpoints a guard that refuses would not fly: known before anything starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import gcs_tools
+from gcs_tools.flight.flying import UsageError, fly_missions, prepared
+from gcs_tools.judging.admitted import refusal
+
+REFUSE = 'law.guard="refuse"'
+
+
+def why(mission: str, *settings: str) -> str:
+    return refusal(prepared(mission, settings)[1])
+
+
+def steps(*places: tuple[float, float, float, float]) -> str:
+    """`steps((at_s, x, y, z), ...)`: a setting of setpoints."""
+    each = ", ".join(f"{{at_s={t}, position_m=[{x}, {y}, {z}]}}" for t, x, y, z in places)
+    return f"flight.setpoints=[{each}]"
+
+
+def test_it_is_said_which_why_and_how_much_would_do() -> None:
+    said = why("paper_fast", REFUSE)
+    assert said.startswith("setpoint at 0 s refused: 19.7 m needs ")
+    assert said.endswith(" m of it would do")
+
+
+@pytest.mark.parametrize("policy", ["warn", "govern"])
+def test_other_policies_fly_it(policy: str) -> None:
+    assert why("paper_fast", f'law.guard="{policy}"') == ""
+
+
+def test_what_is_said_to_do_is_flown_and_saturates_nothing(tmp_path: Path) -> None:
+    """Rotors aside that turn the vehicle into its step, whose acceleration jumps."""
+    part = float(why("paper_fast", REFUSE).split("; ")[1].split()[0]) / 19.72
+    less = steps((0.0, 4.0 * part, 7.0 * part, 18.0 * part))
+    rotors = "expect.rotor_saturated_fraction={limit=0.0, from=0.5}"
+    found = gcs_tools.fly(
+        "paper_fast", settings=[REFUSE, less, "law.J_hat_0=0.3", rotors], in_process=True,
+        out=tmp_path / "run",
+    )  # fmt: skip
+    assert found.passed, found.expectations
+    for which in ("thrust", "tilt"):
+        assert found.metrics[f"{which}_saturated_fraction"] == 0.0
+    assert found.metrics["governed_fraction"] == 0.0
+
+
+def test_a_later_setpoint_is_looked_at_from_where_the_reference_is_then() -> None:
+    near = (0.0, 0.0, 0.0, 3.0)
+    assert why("gust_step", REFUSE, steps(near)) == ""
+    far = why("gust_step", REFUSE, steps(near, (10.0, 0.0, 0.0, 40.0)))
+    assert far.startswith("setpoint at 10 s refused: 37.0 m needs ")
+    assert why("gust_step", REFUSE, steps(near, (10.0, 0.0, 0.0, 8.0))) == ""
+    back = why("gust_step", REFUSE, steps(near, (0.4, 0.0, 0.0, 40.0)))
+    assert back.startswith("setpoint at 0.4 s refused: 39.")  # still on its way
+
+
+def test_nothing_is_flown_before_it_is_known_of_all(tmp_path: Path) -> None:
+    with pytest.raises(
+        UsageError, match=r'paper_fast: setpoint at 0 s .* \(law.guard = "refuse"\)'
+    ):
+        fly_missions(
+            ["gust_step", "paper_fast"], settings=[REFUSE], in_process=True, out=tmp_path / "runs"
+        )
+    assert not (tmp_path / "runs").exists()

@@ -1,0 +1,85 @@
+"""What passes and what fails, and how it is said."""
+
+import math
+
+import pytest
+
+from gcs_tools.judging.expect import ExpectError, judge
+
+MEASURED = {"position_rms_m": 0.025, "position_max_m": 90.0, "thrust_max_n": math.nan}
+
+
+def measured(name: str, t_from: float | None, t_to: float | None) -> float | None:
+    value = MEASURED.get(name)
+    return None if value is None else value * (1.0 if t_from is None else t_from)
+
+
+@pytest.mark.parametrize(
+    ("entry", "passed", "text"),
+    [
+        (0.025, True, "position_rms_m ≤ 0.025: 0.025"),
+        (0.0249, False, "position_rms_m ≤ 0.0249: 0.025"),
+        (1, True, "position_rms_m ≤ 1: 0.025"),
+        ({"limit": 0.25, "from": 12.0}, False, "position_rms_m ≤ 0.25 from 12 s: 0.3"),
+        ({"limit": 0.05, "from": 2, "to": 20.5}, True,
+         "position_rms_m ≤ 0.05 from 2 s to 20.5 s: 0.05"),
+        ({"at_least": 0.02}, True, "position_rms_m ≥ 0.02: 0.025"),
+        ({"at_least": 0.03}, False, "position_rms_m ≥ 0.03: 0.025"),
+    ],
+)  # fmt: skip
+def test_limits(entry: object, passed: bool, text: str) -> None:
+    _, judged = judge({"position_rms_m": entry}, measured, "time")
+    assert (judged.passed, str(judged)) == (passed, text)
+
+
+@pytest.mark.parametrize("name", ["command_rms_m", "thrust_max_n", "no_such_metric"])
+def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
+    for entry in (1e9, {"at_least": -1e9}):
+        _, judged = judge({name: entry}, measured, "time")
+        assert not judged.passed and judged.value is None
+        assert str(judged).endswith(": no value")
+
+
+@pytest.mark.parametrize(
+    ("ended", "passed"),
+    [
+        ("time", True),
+        ("arrived", True),
+        ("diverged", False),
+        ("crashed", False),
+        ("aborted", False),
+    ],
+)
+def test_a_flight_must_end_well_unless_expected_not_to(ended: str, passed: bool) -> None:
+    (judged,) = judge({}, measured, ended)
+    assert judged.passed is passed
+    assert str(judged) == f"ended = time or arrived: {ended}"
+
+
+def test_divergence_can_be_expected() -> None:
+    expect = {"position_max_m": {"at_least": 50.0}, "ended": "diverged"}
+    assert [e.passed for e in judge(expect, measured, "diverged")] == [True, True]
+    assert [e.passed for e in judge(expect, measured, "time")] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("expect", "reason"),
+    [
+        (
+            {"position_rms_m": {"limt": 1.0}},
+            r"position_rms_m.limt: expected one of limit, at_least",
+        ),
+        ({"position_rms_m": {"from": 1.0}}, "position_rms_m: expected either limit or at_least"),
+        ({"position_rms_m": {"limit": 1, "at_least": 1}}, "expected either limit or at_least"),
+        ({"position_rms_m": math.nan}, "position_rms_m.limit: expected a finite number, got nan"),
+        (
+            {"position_rms_m": "small"},
+            "position_rms_m.limit: expected a finite number, got 'small'",
+        ),
+        ({"position_rms_m": True}, "expected a finite number, got True"),
+        ({"ended": 3}, "ended: expected a word, got 3"),
+    ],
+)
+def test_what_cannot_be_judged_is_refused(expect: dict[str, object], reason: str) -> None:
+    with pytest.raises(ExpectError, match=reason):
+        judge(expect, measured, "time")

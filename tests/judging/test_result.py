@@ -1,0 +1,146 @@
+"""A result is finite, whole or absent, and read back as it was."""
+
+import hashlib
+import json
+import math
+import os
+import struct
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fcu.kernel.buffers import columns, size
+from gcs_tools.judging.expect import Expectation
+from gcs_tools.judging.result import InForce, Result, ResultError, junit, read, trajectory_sha256
+from sitl_plant.physics.types import PlantRecord
+
+MET = Expectation("ended", "time or arrived", "time", True, "ended = time or arrived")
+MISSED = Expectation("position_rms_m", 0.03, 0.5, False, "position_rms_m ≤ 0.03")
+RESULT = Result(
+    mission="paper_nominal",
+    title="The octocopter flies the paper's wind.",
+    passed=True,
+    exit_code=0,
+    ended="time",
+    seed=1,
+    rate_hz=500.0,
+    sim_time_s=60.0,
+    wall_time_s=1.2,
+    real_time_factor=50.0,
+    startup_s=0.8,
+    ticks=30_000,
+    slips=0,
+    trajectory_sha256="0" * 64,
+    versions={"m-mrac": "0.1.0"},
+    values={"law.f_m": InForce(1.0, "mission"), "plant.mass_kg": InForce(8.0, "truth.toml")},
+    expectations=[MET],
+    metrics={"position_rms_m": 0.02, "position_final_m": None},
+)
+FAILED = replace(
+    RESULT, mission="paper_fast", passed=False, exit_code=1, expectations=[MET, MISSED]
+)
+BROKEN = replace(
+    RESULT, mission="weak_rotor", passed=False, exit_code=3, ended="aborted",
+    expectations=[], error="sitl-plant died at 3.214 s",
+)  # fmt: skip
+
+
+def test_it_is_read_as_it_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    for result in (RESULT, FAILED, BROKEN):
+        result.write(path)
+        assert read(path) == result
+    assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_its_keys_are_those_promised(tmp_path: Path) -> None:
+    RESULT.write(tmp_path / "result.json")
+    content = json.loads((tmp_path / "result.json").read_text())
+    assert content["schema_version"] == 1
+    assert content["expectations"][0]["name"] == "ended"
+    assert content["values"]["law.f_m"] == {"value": 1.0, "origin": "mission"}
+    assert set(content) >= {
+        "mission", "title", "passed", "exit_code", "ended", "seed", "rate_hz", "sim_time_s",
+        "wall_time_s", "real_time_factor", "startup_s", "ticks", "slips", "trajectory_sha256",
+        "versions", "values", "expectations", "metrics",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("result", "name"),
+    [
+        (replace(RESULT, real_time_factor=math.inf), "real_time_factor is inf"),
+        (replace(RESULT, metrics={"thrust_max_n": math.nan}), "metrics.thrust_max_n is nan"),
+        (replace(RESULT, values={"a.b": InForce([0.0, math.inf], "")}), r"a.b.value\[1\] is inf"),
+    ],
+)
+def test_what_is_not_finite_is_named_and_not_written(
+    tmp_path: Path, result: Result, name: str
+) -> None:
+    path = tmp_path / "result.json"
+    RESULT.write(path)
+    with pytest.raises(ResultError, match=name):
+        result.write(path)
+    assert read(path) == RESULT
+
+
+def test_a_write_that_fails_leaves_the_old_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "result.json"
+    RESULT.write(path)
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ResultError, match=r"result.json: No space left on device"):
+        FAILED.write(path)
+    assert read(path) == RESULT
+    assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    for text, reason in (
+        (None, "No such file"),
+        ("{", "not JSON"),
+        ("[]", "not a result"),
+        ('{"schema_version": 2}', "of version 2; this program reads up to 1"),
+        ('{"schema_version": 1}', "not a result"),
+        ('{"schema_version": 1, "values": {}, "expectations": []}', "not a result .*'mission'"),
+    ):
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises(ResultError, match=f"result.json: .*{reason}"):
+            read(path)
+
+
+def test_the_hash_is_of_the_first_22_columns() -> None:
+    names = columns(PlantRecord)
+    assert names[0] == "t" and names[21] == "state.Omega.r8"
+    rows = np.arange(2.0 * size(PlantRecord)).reshape(2, -1)
+    width = size(PlantRecord)
+    numbers = [*range(22), *range(width, width + 22)]
+    assert trajectory_sha256(rows) == hashlib.sha256(struct.pack("<44d", *numbers)).hexdigest()
+
+
+def test_junit_tells_failures_from_errors(tmp_path: Path) -> None:
+    path = tmp_path / "junit.xml"
+    junit([RESULT, FAILED, BROKEN], path)
+    suite = ET.parse(path).getroot()
+    assert suite.attrib == {
+        "name": "gcs fly", "tests": "3", "failures": "1", "errors": "1", "time": "6.000",
+    }  # fmt: skip
+    good, failed, broken = suite
+    assert (good.get("name"), len(good)) == ("paper_nominal", 0)
+    failure = failed.find("failure")
+    assert failure is not None and failure.text is not None
+    assert failure.get("message") == "position_rms_m ≤ 0.03: 0.5"
+    assert "[expect] position_rms_m ≤ 0.03: 0.5" in failure.text
+    error = broken.find("error")
+    assert error is not None
+    assert error.get("message") == "sitl-plant died at 3.214 s"

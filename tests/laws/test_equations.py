@@ -1,0 +1,100 @@
+"""The marks in the code and the tables of fcu/laws/mmrac/README.md, held against each other."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import fcu
+from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.laws.mmrac.types import Bounds, Internals, LawParams, LawState
+
+ROOT = Path(fcu.__file__).parents[1]
+LAW = ROOT / "fcu" / "laws" / "mmrac"
+README = (LAW / "README.md").read_text(encoding="utf-8")
+MARKED = [
+    *sorted((ROOT / "fcu" / "laws").rglob("*.py")),
+    *sorted((ROOT / "fcu" / "guard").glob("*.py")),
+    *sorted((ROOT / "sitl_plant" / "physics").rglob("*.py")),
+]
+
+COMMENT = re.compile(r"#\s*((?:\(\d+\)\s*)*)(?:departure ([\d, ]+))?$")
+
+
+def section(title):
+    """The lines of one `## ` section."""
+    return README.split(f"\n## {title}\n")[1].split("\n## ")[0].splitlines()
+
+
+def table(title):
+    """The rows of a section's table, as stripped cells, without its head."""
+    rows = [line for line in section(title) if line.startswith("|")]
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[2:]]
+
+
+def marks():
+    """(equations, departures, file, function) of every marked line."""
+    for path in MARKED:
+        text = path.read_text(encoding="utf-8")
+        functions = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)]
+        for number, line in enumerate(text.splitlines(), 1):
+            found = COMMENT.search(line)
+            if not found or not (found[1] or found[2]):
+                continue
+            names = [f.name for f in functions if f.lineno <= number <= f.end_lineno]
+            assert names, f"{path}:{number}: a mark outside a function"
+            equations = re.findall(r"\(\d+\)", found[1])
+            departures = [int(d) for d in re.findall(r"\d+", found[2] or "")]
+            yield equations, departures, path, names[-1]
+
+
+def test_every_marked_equation_is_in_the_index_and_every_row_is_marked():
+    marked = {(e, path, name) for equations, _, path, name in marks() for e in equations}
+    indexed = [(e, (LAW / file).resolve(), name) for e, _, file, name in table("Equations")]
+    assert len(indexed) == len(set(indexed))
+    assert marked == set(indexed)
+
+
+def test_the_index_is_in_the_order_of_the_paper():
+    numbers = [int(row[0].strip("()")) for row in table("Equations")]
+    assert numbers == sorted(numbers)
+
+
+def test_every_departure_in_the_code_is_listed_and_every_one_listed_is_in_the_code():
+    marked = {d for _, departures, _, _ in marks() for d in departures}
+    listed = [int(n) for n in re.findall(r"^(\d+)\. \*\*", README, re.MULTILINE)]
+    assert listed == list(range(1, len(listed) + 1))
+    assert marked == set(listed)
+
+
+def test_a_departure_named_anywhere_is_one_of_the_list():
+    listed = len(re.findall(r"^\d+\. \*\*", README, re.MULTILINE))
+    for path in [*MARKED, LAW / "README.md"]:
+        for number in re.findall(r"departures? (\d+)", path.read_text(encoding="utf-8")):
+            assert 1 <= int(number) <= listed, path
+
+
+def test_equations_cited_in_the_code_are_the_papers():
+    """The paper numbers its equations from 1 to 45."""
+    for path in MARKED:
+        for cited in re.findall(r"Paper ([^.\n]*)", path.read_text(encoding="utf-8")):
+            assert all(1 <= int(n) <= 45 for n in re.findall(r"\((\d+)\)", cited)), path
+
+
+@pytest.mark.parametrize(
+    "cls", [Bounds, Internals, LawParams, LawState, RotorCommand, Setpoint, VehicleState]
+)
+def test_every_field_has_a_row_in_the_symbol_table(cls):
+    named = {name for row in table("Symbols") for name in re.findall(r"`(\w+)`", row[1])}
+    assert set(cls._fields) <= named
+
+
+def test_every_symbol_is_in_the_file_its_row_names():
+    for row in table("Symbols"):
+        assert len(row) == 6, row
+        text = (LAW / row[5]).read_text(encoding="utf-8")
+        for name in re.findall(r"`(\w+)`", row[1]):
+            assert re.search(rf"^    {name}: ", text, re.MULTILINE), f"{name} in {row[5]}"

@@ -1,0 +1,37 @@
+"""The figure is drawn of any flight, and thinning a line keeps its peaks."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fcu.kernel.buffers import size
+from fcu.laws.mmrac.types import LawParams, Tick
+from gcs_tools.pictures.plot import POINTS, flight_figure, thin
+from sitl_plant.physics.types import PlantRecord
+
+
+def test_thinning_keeps_the_peaks() -> None:
+    t = np.arange(100_001) / 500.0
+    y = np.sin(t)
+    y[[12_345, 54_321, 100_000]] = 7.0, -9.0, 5.0
+    at, thinned = thin(t, y)
+    assert len(at) <= 2 * POINTS
+    assert (np.diff(at) >= 0.0).all()
+    for peak in (12_345, 54_321, 100_000):
+        assert y[peak] in thinned and t[peak] in at
+
+
+@pytest.mark.parametrize("n", [0, 1, 5000])
+@pytest.mark.parametrize("bad", [False, True])
+def test_any_flight_is_drawn(tmp_path: Path, n: int, bad: bool) -> None:
+    random = np.random.default_rng(1)
+    plant, fcu = random.random((n, size(PlantRecord))), random.random((n, size(Tick)))
+    if bad:
+        plant[n // 2 :], fcu[n // 2 :] = np.nan, np.inf
+    plant[:, 0] = fcu[:, 0] = np.arange(n) / 500.0
+    fcu[:, -1] = 2.0
+    params = random.random(size(LawParams))
+    path = tmp_path / "flight.png"
+    flight_figure(plant, fcu, params, "A flight of noise.", path)
+    assert path.read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,337 @@
+"""What is recorded is read back to the bit, by us and by others, also after a sudden end."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from fcu.kernel.buffers import columns, size
+from fcu.laws.mmrac.types import Guard, LawParams, Tick
+from gcs_tools.judging.metrics import metrics
+from gcs_tools.recording import schema
+from gcs_tools.recording.events import Event
+from gcs_tools.recording.reader import RecordingError, messages, read
+from gcs_tools.recording.recorder import Recorder
+from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
+from sitl_plant.physics.types import PlantRecord
+
+ROOT = Path(__file__).parents[2]
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+PLANT, TICK = size(PlantRecord), size(Tick)  # of a row, before its report
+
+
+def any_rows(n: int, cls: Any, seed: int = 1) -> Rows:
+    """Rows of every kind of bit pattern, at 500 Hz; `cls`: what is in a row, or its width."""
+    width = cls if isinstance(cls, int) else size(cls)
+    bits = np.random.default_rng(seed).integers(0, 2**64, (n, width), dtype=np.uint64)
+    rows = bits.view(np.float64)
+    kinds = [0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324]
+    rows[:, 1 : 1 + len(kinds)] = kinds
+    rows[:, 0] = np.arange(n) * 2000 * 1e-6
+    return rows
+
+
+def same_bits(a: Rows | None, b: Rows) -> bool:
+    return a is not None and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def write(path: Path, n: int, batch: int = 50) -> tuple[Rows, Rows]:
+    """Whole rows, with their reports."""
+    plant, fcu = any_rows(n, len(PLANT_COLUMNS)), any_rows(n, len(FCU_COLUMNS))
+    with Recorder(path, {"mission": "paper_nominal"}) as recorder:
+        for i in range(0, n, batch):
+            recorder.add_plant(plant[i : i + batch])
+            recorder.add_fcu(fcu[i : i + batch])
+    return plant, fcu
+
+
+@pytest.mark.parametrize("batch", [1, 7, 1000])
+def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
+    path = tmp_path / "flight.mcap"
+    plant, fcu = write(path, 500, batch)
+    recording = read(path)
+    assert recording.complete and not recording.lost
+    assert same_bits(recording.plant, plant[:, :PLANT])
+    assert same_bits(recording.fcu, fcu[:, :TICK])
+    timing = np.column_stack([plant[:, 0], plant[:, PLANT:]])
+    assert same_bits(recording.reports["/plant/timing"], timing)
+    for topic, first, last in (("wind", 0, 3), ("status", 3, 10), ("timing", 10, None)):
+        report = fcu[:, TICK:][:, first:last]
+        assert same_bits(recording.reports[f"/fcu/{topic}"], np.column_stack([fcu[:, 0], report]))
+    assert recording.params is None
+    assert recording.metadata == {"mission": "paper_nominal"}
+
+
+def test_parameters_and_events_come_back(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    told = any_rows(1, LawParams)[0]
+    with Recorder(path, {}) as recorder:
+        recorder.set_params(told)
+        recorder.event(2.002, "rotor 3 lost", level="warning")
+        recorder.event(0.5, "take-over")
+        with pytest.raises(ValueError, match="already"):
+            recorder.set_params(told)
+        with pytest.raises(ValueError, match="level loud"):
+            recorder.event(0.0, "", level="loud")
+    recording = read(path)
+    assert same_bits(recording.params, told)
+    assert recording.events == [
+        Event(0.5, "info", "take-over"),
+        Event(2.002, "warning", "rotor 3 lost"),
+    ]
+
+
+def test_others_read_it_through_the_schemas_in_the_file(tmp_path: Path) -> None:
+    """mcap's own indexed reader and google.protobuf, knowing nothing of this project."""
+    path = tmp_path / "flight.mcap"
+    plant, fcu = write(path, 400)
+    topics = {topic.name: topic for topic in schema.TOPICS}
+    seen = dict.fromkeys(topics, 0)
+    classes: dict[str, Any] = {}
+    last_time = 0
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        for found, channel, message in reader.iter_messages():
+            assert found is not None
+            if found.name not in classes:
+                pool = DescriptorPool()
+                for proto in FileDescriptorSet.FromString(found.data).file:
+                    pool.AddSerializedFile(proto.SerializeToString())
+                classes[found.name] = GetMessageClass(pool.FindMessageTypeByName(found.name))
+            decoded = classes[found.name].FromString(message.data)
+            topic, k = topics[channel.topic], seen[channel.topic]
+            seen[channel.topic] += 1
+            assert message.log_time == message.publish_time == k * 2_000_000 >= last_time
+            assert message.sequence == k
+            last_time = message.log_time
+            of_plant = topic in schema.OF_PLANT
+            names, row = (PLANT_COLUMNS, plant[k]) if of_plant else (FCU_COLUMNS, fcu[k])
+            at = {name: i for i, name in enumerate(names)}
+            for name in ("t", *(topic.prefix + name for name in columns(topic.carries))):
+                value = decoded
+                for part in name.removeprefix(topic.prefix).split("."):
+                    value = getattr(value, part)
+                assert np.float64(value).tobytes() == row[at[name]].tobytes(), name
+    assert seen == {name: 400 if name != schema.PARAMS.name else 0 for name in topics}
+
+
+def test_a_chunk_is_written_when_a_second_has_passed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, rows = tmp_path / "flight.mcap", any_rows(3, PlantRecord)
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    recorder = Recorder(path, {})
+    recorder.add_plant(rows[:1])
+    assert len(read(path).plant) == 0
+    now[0] += 1.0
+    recorder.add_plant(rows[1:2])
+    recording = read(path)
+    assert same_bits(recording.plant, rows[:2])
+    assert not recording.complete
+    recorder.close()
+    recorder.close()  # a second call does nothing
+
+
+KILLED = """
+import sys
+import time
+from pathlib import Path
+from gcs_tools.recording.recorder import Recorder
+from tests.recording.test_record import PlantRecord, Tick, any_rows
+
+recorder = Recorder(Path(sys.argv[1]), {"mission": "killed"})
+recorder.add_plant(any_rows(600, PlantRecord)[:300])
+recorder.add_fcu(any_rows(600, Tick)[:300])
+recorder.flush()
+recorder.add_plant(any_rows(600, PlantRecord)[300:301])
+print("recording", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_killed_recorder_leaves_what_it_had_written(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    with subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(path)],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"recording\n"
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+    recording = read(path)
+    assert not recording.complete
+    assert same_bits(recording.plant, any_rows(600, PlantRecord)[:300])
+    assert same_bits(recording.fcu, any_rows(600, Tick)[:300])
+    assert recording.metadata == {"mission": "killed"}
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from gcs_tools.recording.recorder import Recorder
+from gcs_tools.recording.reader import RecordingError
+from tests.recording.test_record import PlantRecord, Tick, any_rows
+
+plant, fcu = any_rows(2000, PlantRecord), any_rows(2000, Tick)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+with Recorder(Path(sys.argv[1]), {}) as recorder:
+    try:
+        for i in range(0, 2000, 50):
+            recorder.add_plant(plant[i : i + 50])
+            recorder.add_fcu(fcu[i : i + 50])
+    except RecordingError as error:
+        print(error)
+    recorder.close()
+"""
+
+
+def test_a_full_disk_is_named_and_leaves_whole_chunks(tmp_path: Path) -> None:
+    pytest.importorskip("resource", reason="file size limits are POSIX")
+    path = tmp_path / "flight.mcap"
+    process = subprocess.run(
+        [sys.executable, "-c", FULL, str(path)], cwd=ROOT, capture_output=True, text=True
+    )
+    assert process.stdout == f"{path}: File too large\n"
+    assert process.stderr.endswith(f"RecordingError: {path}: File too large\n")  # of close()
+    assert path.stat().st_size == 1_000_000
+    recording = read(path)
+    n = len(recording.plant)
+    assert 100 <= n < 2000 and not recording.complete
+    assert same_bits(recording.plant, any_rows(2000, PlantRecord)[:n])
+    assert same_bits(recording.fcu, any_rows(2000, Tick)[: len(recording.fcu)])
+
+
+def test_cut_anywhere_it_gives_the_ticks_before_the_cut(tmp_path: Path) -> None:
+    path, cut = tmp_path / "flight.mcap", tmp_path / "cut.mcap"
+    plant, fcu = write(path, 400)
+    data = path.read_bytes()
+    lengths = []
+    for end in range(30_000, len(data), 4801):
+        cut.write_bytes(data[:end])
+        recording = read(cut)
+        n, m = len(recording.plant), len(recording.fcu)
+        assert not recording.complete
+        assert same_bits(recording.plant, plant[:n, :PLANT])
+        assert same_bits(recording.fcu, fcu[:m, :TICK])
+        lengths.append(n)
+    assert lengths == sorted(lengths) and lengths[0] == 0 < lengths[-1] == 400
+
+
+def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    with pytest.raises(RecordingError, match=r"flight.mcap: No such file"):
+        read(path)
+    with pytest.raises(RecordingError, match=r"nowhere.*No such file"):
+        Recorder(tmp_path / "nowhere" / "flight.mcap", {})
+    write(path, 100)
+    with pytest.raises(RecordingError, match=r"flight.mcap: File exists"):
+        Recorder(path, {})
+    whole = path.read_bytes()
+    for content, reason in ((b"", "not a recording"), (b"a text, not", ".*not a valid MCAP")):
+        path.write_bytes(content)
+        with pytest.raises(RecordingError, match=f"flight.mcap: {reason}"):
+            read(path)
+    damaged = bytearray(whole)
+    damaged[len(whole) // 2] ^= 1  # in the chunk
+    path.write_bytes(damaged)
+    with pytest.raises(RecordingError, match=r"flight.mcap"):
+        read(path)
+    version = b"schema_version\x01\x00\x00\x00"  # a name, and the length of its value
+    path.write_bytes(whole.replace(version + b"3", version + b"9"))
+    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 3"):
+        read(path)
+
+
+def test_an_older_recording_is_read_without_what_it_does_not_have(tmp_path: Path) -> None:
+    """Five ticks of paper_nominal as version 2 wrote them, before there was a guard."""
+    path = Path(__file__).with_name("version_2.mcap")
+    recording = read(path)
+    assert recording.complete and len(recording.fcu) == len(recording.plant) == 5
+    assert recording.params is not None
+    unknown = set()
+    for cls, row in ((Tick, recording.fcu[-1]), (LawParams, recording.params)):
+        unknown |= {n for n, x in zip(columns(cls), row.tolist(), strict=True) if x != x}
+    assert {name.split(".")[1] for name in unknown} == {
+        "a_m", "beta", "psi_g", "psi_g_dot", "r_g", "governed", "margin", "margin_tilt",
+        "margin_condition", *Guard._fields,
+    }  # fmt: skip
+    found = metrics(recording.plant, recording.fcu)
+    assert found["thrust_saturated_fraction"] == 0.0
+    assert found["governed_fraction"] is found["margin_min_n"] is None
+    with pytest.raises(RecordingError, match=r"recording version 2: only 3 can be replayed"):
+        messages(path)
+    newer = tmp_path / "flight.mcap"  # of which nothing may be missing
+    version = b"schema_version\x01\x00\x00\x00"
+    newer.write_bytes(path.read_bytes().replace(version + b"2", version + b"3"))
+    with pytest.raises(RecordingError, match=r"/fcu/law lacks state.a_m.x"):
+        read(newer)
+
+
+def test_rows_that_are_none_are_refused(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "flight.mcap", {}) as recorder:
+        with pytest.raises(ValueError, match=rf"expected float64 \(n, {size(PlantRecord)}\)"):
+            recorder.add_plant(np.zeros((2, 40)))
+        with pytest.raises(ValueError, match="not a simulation time: nan"):
+            recorder.add_plant(np.full((1, size(PlantRecord)), np.nan))
+
+
+def rewrite(source: Path, to: Path, keep: Callable[[str, int], bool]) -> None:
+    """Copy a recording with mcap's own writer, message by message, as other tools do."""
+    with source.open("rb") as file, to.open("wb") as out:
+        reader, writer = make_reader(file), Writer(out)
+        writer.start()
+        summary = reader.get_summary()
+        assert summary is not None
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        numbers = {}
+        for number, channel in summary.channels.items():
+            found = summary.schemas[channel.schema_id]
+            kind = writer.register_schema(found.name, found.encoding, found.data)
+            numbers[number] = writer.register_channel(channel.topic, "protobuf", kind)
+        for _, channel, message in reader.iter_messages():
+            if keep(channel.topic, message.sequence):
+                writer.add_message(
+                    numbers[channel.id], message.log_time, message.data,
+                    message.publish_time, message.sequence,
+                )  # fmt: skip
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def test_a_copy_by_another_tool_is_read(tmp_path: Path) -> None:
+    plant, fcu = write(tmp_path / "flight.mcap", 300)
+    rewrite(tmp_path / "flight.mcap", tmp_path / "copy.mcap", lambda topic, k: True)
+    recording = read(tmp_path / "copy.mcap")
+    assert same_bits(recording.plant, plant[:, :PLANT])
+    assert same_bits(recording.fcu, fcu[:, :TICK])
+
+
+@pytest.mark.parametrize(
+    ("lost", "reason"),
+    [
+        (("/plant/truth", 7), "/plant/truth: tick 7 is missing"),
+        (("/fcu/law", 99), "/fcu/law .* not of the same ticks"),
+    ],
+)
+def test_a_missing_tick_is_not_passed_over(
+    tmp_path: Path, lost: tuple[str, int], reason: str
+) -> None:
+    write(tmp_path / "flight.mcap", 100)
+    rewrite(tmp_path / "flight.mcap", tmp_path / "copy.mcap", lambda *message: message != lost)
+    with pytest.raises(RecordingError, match=reason):
+        read(tmp_path / "copy.mcap")

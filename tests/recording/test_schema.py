@@ -1,0 +1,49 @@
+"""The schemas say what the NamedTuples say, and docs/schemas is what they say now."""
+
+from pathlib import Path
+
+import pytest
+
+from fcu.kernel.buffers import columns
+from fcu.laws.mmrac.types import LawParams, Tick
+from gcs_tools.recording import events, schema
+from gcs_tools.recording.layout import LayoutError, layout
+from sitl_plant.physics.types import PlantRecord
+
+FOLDER = Path(__file__).parents[2] / "docs" / "schemas"
+
+
+def names(topic: schema.Topic) -> list[str]:
+    form = layout(schema.schema(topic).SerializeToString(), f"{schema.PACKAGE}.{topic.message}")
+    return [topic.column(name) for name in form.names]
+
+
+def test_files_are_current() -> None:
+    written = {str(path.relative_to(FOLDER)): path.read_text() for path in FOLDER.rglob("*.proto")}
+    assert written == schema.texts(), "run `make schemas`"
+
+
+def test_every_column_is_recorded_once() -> None:
+    assert names(schema.PLANT) == columns(PlantRecord)
+    assert names(schema.PARAMS) == ["t", *columns(LawParams)]
+    of_tick = [name for topic in schema.FCU for name in names(topic) if name != "t"]
+    assert sorted([*of_tick, "t"]) == sorted(columns(Tick))
+
+
+def test_every_message_starts_with_the_time() -> None:
+    assert all(names(topic)[0] == "t" for topic in schema.TOPICS)
+
+
+def test_units_and_frames_stand_beside_the_fields() -> None:
+    text = schema.texts()
+    assert (
+        "Vec3 r_m = 3;  // reference model position at the next tick, m, E"
+        in (text["m_mrac/fcu_law.proto"])
+    )
+    assert "double engaged = 2;  // 0 idle, 1 take-over" in text["m_mrac/fcu_law.proto"]
+    assert "    Vec3 r_E = 1;  // m\n" in text["m_mrac/plant_truth.proto"]
+
+
+def test_a_message_with_text_has_no_fixed_layout() -> None:
+    with pytest.raises(LayoutError, match=r"foxglove.Log.timestamp|seconds"):
+        layout(events.schema(), events.MESSAGE)
