@@ -6,7 +6,7 @@ from typing import Any
 def __getattr__(name: str) -> Any:
     """`fly`, imported when asked for: importing the package stays free."""
     if name == "fly":
-        from gcs_tools.flight.flying import fly
+        from gcs_tools.flight.run import fly
 
         return fly
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -82,7 +82,7 @@ def _print_json(content: Any) -> None:
     try:
         print(json.dumps(content, allow_nan=False, indent=2), flush=True)
     except BrokenPipeError:
-        from gcs_tools.cli.present import silence
+        from gcs_tools.cli.terminal import silence
 
         silence(sys.stdout)
 
@@ -131,8 +131,8 @@ def fly(
     Starts a flight controller and a plant, sends the mission over MAVLink as a ground script
     would, holds what was flown against the mission's [expect], and stops both.
     """
-    from gcs_tools.cli import present
-    from gcs_tools.flight.flying import UsageError, fly_missions
+    from gcs_tools.cli import terminal as present
+    from gcs_tools.flight.run import UsageError, fly_missions
 
     try:
         results = fly_missions(
@@ -190,9 +190,9 @@ def up(
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
-    from gcs_tools.flight.flying import UsageError, flies, new_folder, prepared
     from gcs_tools.flight.instance import claimed
     from gcs_tools.flight.processes import InfrastructureError, Misused
+    from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
     from gcs_tools.flight.up import up as run
 
     try:
@@ -243,8 +243,8 @@ def setpoint(
 
     from fcu.interface.link import PortBusy
     from fcu.kernel.algebra import Vec3
+    from gcs_tools.flight.ground_script import Vehicle, VehicleError
     from gcs_tools.flight.setpoint import distance, fly_to
-    from gcs_tools.flight.vehicle import Vehicle, VehicleError
 
     if not all(math.isfinite(v) and abs(v) <= 1e5 for v in (x, y, z, yaw_deg or 0.0)):
         raise click.UsageError("X, Y, Z and --yaw-deg must be finite numbers, at most 1e5")

@@ -144,7 +144,7 @@ def record(
     Waits for a vehicle if there is none. Exits 0 when the vehicle is gone, the time is up or
     Ctrl-C was pressed; 2 when OUT cannot be written or CONFIG read; 3 without Zenoh.
     """
-    from gcs_tools.cli.present import recording_progress
+    from gcs_tools.cli.terminal import recording_progress
     from gcs_tools.live import bus
     from gcs_tools.live.recorded import Recorded, record_until
     from gcs_tools.recording.reader import RecordingError
@@ -189,7 +189,7 @@ def replay(
     """
     from fcu.interface.ports import ports
     from fcu.interface.topics import run_name
-    from gcs_tools.cli.present import replay_progress
+    from gcs_tools.cli.terminal import replay_progress
     from gcs_tools.live import bus
     from gcs_tools.live.replay import Replay
     from gcs_tools.live.replay import replay as send

@@ -73,7 +73,7 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
         click.echo(f"Error: {error}", err=True)
         sys.exit(USAGE)
     except BrokenPipeError:
-        from gcs_tools.cli.present import silence
+        from gcs_tools.cli.terminal import silence
 
         silence(sys.stdout)
     except OSError as error:
@@ -100,7 +100,7 @@ def _found(name: str, settings: tuple[str, ...], figure: Path | None) -> Envelop
     try:
         found = of(mission)
         if figure is not None:
-            from gcs_tools.pictures.envelope_figure import save
+            from gcs_tools.pictures.plot.envelope import save
 
             save(mission, found, figure)
     except (ParameterError, AirframeError, UnstableError) as error:

@@ -57,7 +57,7 @@ def plot(
     t_to: float | None, kind: str | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Draw the standard figures of the recording RUN.mcap, each with the number that matters."""
-    from gcs_tools.cli.present import silence
+    from gcs_tools.cli.terminal import silence
     from gcs_tools.recording.reader import RecordingError, read
 
     names = what or NAMES
@@ -125,12 +125,12 @@ def _draw(
 ) -> tuple[dict[str, dict[str, Any]], bool]:  # fmt: skip
     """What was drawn and its numbers, by name, and whether one that was asked for was not."""
     from gcs_tools.pictures.plot.figures import STANDARD, save
-    from gcs_tools.pictures.plot.shown import Missing, Shown
+    from gcs_tools.pictures.plot.window import Missing, Window
 
     remarks = _remarks(recording)
     for remark in remarks:
         click.echo(f"{recording.path}: {remark}", err=True)
-    shown = Shown.of(recording, *window)
+    shown = Window.of(recording, *window)
     mission = recording.metadata.get("mission")
     source = f"{mission}, {recording.path.name}" if mission else recording.path.name
     drawn: dict[str, dict[str, Any]] = {}

@@ -65,7 +65,7 @@ def view(
 
 def _recorded(recording: Path, port: int, no_open: bool) -> None:
     """Until interrupted."""
-    from gcs_tools.pictures.shown import recorded
+    from gcs_tools.pictures.history import recorded
     from gcs_tools.pictures.view.app import App
 
     with App(recorded(recording), port, whole=True) as app:

@@ -16,7 +16,7 @@ from fcu.mavlink.enums import (
     MainMode,
 )
 from fcu.mavlink.ground_messages import ExtendedState, GroundMessage, Heartbeat, LocalPosition
-from gcs_tools.flight.vehicle import Vehicle, VehicleError
+from gcs_tools.flight.ground_script import Vehicle, VehicleError
 
 TAKEOFF_M = 2.5
 CLOSE_M, SLOW_M_S = 0.3, 0.3

@@ -22,6 +22,7 @@ from fcu.interface.link import PortBusy
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import columns, size
 from fcu.laws.mmrac.types import Tick
+from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.processes import (
     Child,
     Collector,
@@ -31,7 +32,6 @@ from gcs_tools.flight.processes import (
     stop_all,
 )
 from gcs_tools.flight.scenario import Scenario, arrival
-from gcs_tools.flight.vehicle import Vehicle, VehicleError
 from gcs_tools.live.publishing import Publishing, Zenoh
 from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
 from sitl_plant.physics.types import PlantRecord

@@ -67,7 +67,7 @@ def settle_from(fcu: Rows) -> float:
 
 
 @dataclass(frozen=True)
-class Flight:
+class EngagedTicks:
     """A flight's ticks at which the law was flying, and the errors at each."""
 
     t: Rows  # s
@@ -78,7 +78,7 @@ class Flight:
     settle_from_s: float
 
     @classmethod
-    def of(cls, plant: Rows, fcu: Rows, settle_from_s: float | None = None) -> Flight:
+    def of(cls, plant: Rows, fcu: Rows, settle_from_s: float | None = None) -> EngagedTicks:
         """Join the rows of plant and flight controller that belong to one time.
 
         plant : float64 (n, size(PlantRecord)).  fcu : float64 (m, size(Tick)).
@@ -99,12 +99,12 @@ class Flight:
             settle_from_s=settle_from(fcu) if settle_from_s is None else settle_from_s,
         )
 
-    def window(self, t_from: float | None, t_to: float | None) -> Flight:
+    def window(self, t_from: float | None, t_to: float | None) -> EngagedTicks:
         """The ticks from t_from to t_to (s, both included); None: from the start, to the end."""
         low = 0 if t_from is None else np.searchsorted(self.t, t_from - _HALF_US)
         high = len(self.t) if t_to is None else np.searchsorted(self.t, t_to + _HALF_US)
         inside = slice(int(low), int(high))
-        return Flight(
+        return EngagedTicks(
             self.t[inside],
             self.position_error[inside],
             self.command_error[inside],
@@ -152,22 +152,22 @@ def _least(values: Rows) -> float:
     return -_greatest(-values)
 
 
-def _final(flight: Flight) -> float:
+def _final(flight: EngagedTicks) -> float:
     """The worst position error of the last second; NaN if one is not finite."""
     if not len(flight.t):
         return math.nan
     return float(flight.position_error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
 
 
-def _settled(flight: Flight) -> Flight:
+def _settled(flight: EngagedTicks) -> EngagedTicks:
     return flight.window(flight.settle_from_s, None)
 
 
-def _fraction(column: str) -> Callable[[Flight], float]:
+def _fraction(column: str) -> Callable[[EngagedTicks], float]:
     """The part of the ticks at which a flag of the internals is up; NaN if it is not known."""
     at = _TICK.index(f"internals.{column}")
 
-    def part(flight: Flight) -> float:
+    def part(flight: EngagedTicks) -> float:
         flag = flight.fcu[:, at]
         known = len(flag) > 0 and not np.isnan(flag).any()
         return float(np.mean(flag > 0.5)) if known else math.nan
@@ -175,7 +175,7 @@ def _fraction(column: str) -> Callable[[Flight], float]:
     return part
 
 
-METRICS: dict[str, Callable[[Flight], float]] = {
+METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "position_rms_m": lambda f: _rms(f.position_error),
     "position_rms_settled_m": lambda f: _rms(_settled(f).position_error),
     "position_max_m": lambda f: _greatest(f.position_error),
@@ -196,8 +196,8 @@ METRICS: dict[str, Callable[[Flight], float]] = {
 
 
 def metrics(plant: Rows, fcu: Rows, settle_from_s: float | None = None) -> dict[str, float | None]:
-    """Every metric of a flight (rows as for Flight.of); None for one without a value."""
-    return Flight.of(plant, fcu, settle_from_s).metrics()
+    """Every metric of a flight (rows as for EngagedTicks.of); None for one without a value."""
+    return EngagedTicks.of(plant, fcu, settle_from_s).metrics()
 
 
 def metric(
@@ -209,4 +209,4 @@ def metric(
     settle_from_s: float | None = None,
 ) -> float | None:
     """One metric of a flight from t_from to t_to (s); None for one without a value."""
-    return Flight.of(plant, fcu, settle_from_s).metric(name, t_from, t_to)
+    return EngagedTicks.of(plant, fcu, settle_from_s).metric(name, t_from, t_to)

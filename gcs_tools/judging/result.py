@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.judging.expect import Expectation
+from gcs_tools.judging.expectations import Expectation
 
 SCHEMA_VERSION = 1
 HASHED_COLUMNS = 22  # of a PlantRecord: t, r, v, q, w, rotor speeds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.wire_flight import Flown
-from gcs_tools.judging import expect, metrics, result
+from gcs_tools.judging import expectations, metrics, result
 from gcs_tools.judging.result import Result
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import last_change_s
@@ -25,17 +25,17 @@ def judge(
 
     `error`: what cut it short, in words.
     """
-    expectations: list[expect.Expectation] = []
+    judged: list[expectations.Expectation] = []
     measured: dict[str, float | None] = {}
     ended = "aborted"
     if len(flown.plant) and len(flown.fcu):
         settle = last_change_s(mission.flight) + metrics.SETTLE_S
-        flight = metrics.Flight.of(flown.plant, flown.fcu, settle)
+        flight = metrics.EngagedTicks.of(flown.plant, flown.fcu, settle)
         measured = flight.metrics()
         if exit_code == OK:
             ended = _ended(flown)
-            expectations = expect.judge(mission.expectations(), flight.metric, ended)
-    passed = exit_code == OK and all(e.passed for e in expectations)
+            judged = expectations.judge(mission.expectations(), flight.metric, ended)
+    passed = exit_code == OK and all(e.passed for e in judged)
     if exit_code == OK and not passed:
         exit_code = MISSED
     sim_time = float(flown.plant[-1, 0]) if len(flown.plant) else 0.0
@@ -57,7 +57,7 @@ def judge(
         trajectory_sha256=result.trajectory_sha256(flown.plant) if len(flown.plant) else "",
         versions=versions,
         values={k: result.InForce(v.value, v.origin) for k, v in mission.values_in_force().items()},
-        expectations=expectations,
+        expectations=judged,
         metrics=measured,
         error=error,
     )

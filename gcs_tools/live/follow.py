@@ -1,4 +1,4 @@
-"""A live flight: what a Watch takes, decoded, into a Flight that can be shown."""
+"""A live flight: what a Watch takes, decoded, into a FlightHistory that can be shown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fcu.interface.options import LATEST_S
 from gcs_tools.live import ticks
 from gcs_tools.live.ticks import Sample
 from gcs_tools.live.watch import Watch, printable
-from gcs_tools.pictures.shown import DRAWN, WINDOW_S, Flight, Limits, ground_z
+from gcs_tools.pictures.history import DRAWN, WINDOW_S, FlightHistory, Limits, ground_z
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import LayoutError, Rows, decode
@@ -26,10 +26,12 @@ class Follower:
     def __init__(
         self, watch: Watch, keep_s: float = WINDOW_S, kept: Mapping[str, list[str]] = DRAWN
     ) -> None:
-        """`watch`: one that has found its vehicle.  `keep_s`, `kept`: as for Flight."""
+        """`watch`: one that has found its vehicle.  `keep_s`, `kept`: as for FlightHistory."""
         self.watch = watch
         mission = watch.about.get("title") or watch.about.get("mission")
-        self.flight = Flight(str(mission or f"vehicle {watch.about.get('vehicle')}"), keep_s, kept)
+        self.flight = FlightHistory(
+            str(mission or f"vehicle {watch.about.get('vehicle')}"), keep_s, kept
+        )
         self.flight.ground_z = ground_z(watch.about.get("values"))
         self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self.params: Rows | None = None  # the law's in force

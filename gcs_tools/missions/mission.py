@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 
 from gcs_tools.missions.fields import Table
-from gcs_tools.missions.flight import Flight
+from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.tables import Document, Law, Plant, Wind
 from gcs_tools.missions.toml_lines import KeyPath, lines, nearest
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
@@ -67,7 +67,7 @@ class Mission:
 
         Origins: default, s1000.toml, truth.toml, mission, or the option that changed it.
         """
-        from gcs_tools.missions.origins import values_in_force
+        from gcs_tools.missions.values import values_in_force
 
         return values_in_force(self)
 

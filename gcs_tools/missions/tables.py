@@ -26,7 +26,7 @@ from gcs_tools.missions.fields import (
     optional,
     wrong,
 )
-from gcs_tools.missions.flight import Flight
+from gcs_tools.missions.flight_table import Flight
 
 # --- [law]
 

@@ -10,7 +10,7 @@ import math
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from gcs_tools.missions.flight import FigureEight, Flight
+from gcs_tools.missions.flight_table import FigureEight, Flight
 
 _REST = Vec3(0.0, 0.0, 0.0)
 

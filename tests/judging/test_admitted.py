@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import gcs_tools
-from gcs_tools.flight.flying import UsageError, fly_missions, prepared
-from gcs_tools.judging.admitted import refusal
+from gcs_tools.flight.run import UsageError, fly_missions, prepared
+from gcs_tools.judging.preflight_check import refusal
 
 REFUSE = 'law.guard="refuse"'
 

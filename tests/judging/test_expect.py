@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gcs_tools.judging.expect import ExpectError, judge
+from gcs_tools.judging.expectations import ExpectError, judge
 
 MEASURED = {"position_rms_m": 0.025, "position_max_m": 90.0, "thrust_max_n": math.nan}
 

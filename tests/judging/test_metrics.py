@@ -8,7 +8,7 @@ import pytest
 
 from fcu.kernel.buffers import columns, size
 from fcu.laws.mmrac.types import Tick
-from gcs_tools.judging.metrics import METRICS, Flight, metric, metrics, settle_from
+from gcs_tools.judging.metrics import METRICS, EngagedTicks, metric, metrics, settle_from
 from sitl_plant.physics.types import PlantRecord
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -145,7 +145,7 @@ def test_a_diverged_flight_has_finite_metrics() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [0.0, 0.0, 80.0], 150)
     put(plant, PlantRecord, "state.r_E", [0.0, np.inf, np.nan], slice(198, None))
-    found = Flight.of(plant, fcu).metrics()
+    found = EngagedTicks.of(plant, fcu).metrics()
     assert found["position_max_m"] == 80.0
     assert found["nonfinite_samples"] == 3.0
     assert found["position_rms_m"] is None  # no mean square of what is not finite

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.buffers import columns, size
-from gcs_tools.judging.expect import Expectation
+from gcs_tools.judging.expectations import Expectation
 from gcs_tools.judging.result import InForce, Result, ResultError, junit, read, trajectory_sha256
 from sitl_plant.physics.types import PlantRecord
 

@@ -21,7 +21,7 @@ from fcu.laws.mmrac import cascade
 from fcu.laws.mmrac.parameters import law_params
 from fcu.laws.mmrac.types import LawParams, LawState, Tick
 from gcs_tools.flight import rollout
-from gcs_tools.flight.flying import prepared
+from gcs_tools.flight.run import prepared
 from gcs_tools.flight.scenario import Scenario
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.algebra import Vec3
-from gcs_tools.missions.flight import Flight
+from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 EIGHT = {"kind": "figure_eight", "centre_m": [1.0, 2.0, 3.0], "size_m": [24.0, 12.0]}

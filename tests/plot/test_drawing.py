@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gcs_tools.pictures.plot.drawing import broken, flagged, zoom
 from gcs_tools.pictures.plot.figures import FORMATS, STANDARD, save
-from gcs_tools.pictures.plot.shown import Shown
+from gcs_tools.pictures.plot.style import broken, flagged, zoom
+from gcs_tools.pictures.plot.window import Window
 
 STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 
@@ -20,15 +20,15 @@ STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_figure_is_written_in_each_format(made: Any, tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"tracking.{kind}"
-    save("tracking", Shown.of(made.recording(), None, None), path, kind, "made up")
+    save("tracking", Window.of(made.recording(), None, None), path, kind, "made up")
     assert path.read_bytes().startswith(STARTS[kind])
 
 
 def test_question_answer_and_remarks_stand_in_the_figure(made: Any, tmp_path: Path) -> None:
     path = tmp_path / "wind.svg"
     made.set_fcu(**{"wind.v_air_E.x": 3.0, "wind.v_air_E.y": 4.0})
-    shown = Shown.of(made.recording(), None, None)
-    save("wind", shown, path, "svg", "made_up, flight.mcap", ("Messages lost: 3 of /fcu/wind.",))
+    window = Window.of(made.recording(), None, None)
+    save("wind", window, path, "svg", "made_up, flight.mcap", ("Messages lost: 3 of /fcu/wind.",))
     text = path.read_text(encoding="utf-8")
     for said in (
         "Is the wind known?", "Horizontal RMS 5 m/s", "made_up, flight.mcap", "Messages lost: 3",
@@ -51,7 +51,7 @@ def test_any_flight_is_drawn(
         made.plant[n // 2 :, 1:], made.fcu[n // 2 :, 1:] = np.nan, np.inf
     made.set_fcu(engaged=2.0)
     path = tmp_path / "figure.png"
-    save(name, Shown.of(made.recording(), None, None), path, "png", "noise")
+    save(name, Window.of(made.recording(), None, None), path, "png", "noise")
     assert path.read_bytes().startswith(STARTS["png"])
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
 from gcs_tools.pictures.plot.numbers import length, percent, short
-from gcs_tools.pictures.plot.shown import Missing, Shown
+from gcs_tools.pictures.plot.window import Missing, Window
 
 
-def all_of(made: Any, t_from: float | None = None, t_to: float | None = None) -> Shown:
-    return Shown.of(made.recording(), t_from, t_to)
+def all_of(made: Any, t_from: float | None = None, t_to: float | None = None) -> Window:
+    return Window.of(made.recording(), t_from, t_to)
 
 
 def test_tracking_is_the_distance_from_the_reference(made: Any) -> None:
@@ -110,10 +110,10 @@ def test_the_angular_truth_is_unknown_on_the_ground_and_without_the_coefficient(
     assert p is not None
     assert np.isnan(p[made.t < 1.0]).all() and (p[made.t >= 1.0] == 0.0).all()
     del made.metadata["plant.drag_torque"]
-    shown = all_of(made)
-    assert all(e.truth is None for e in estimates.angular(shown))
-    assert estimates.numbers(shown)["angular_rms_settled_rad_s2"] is None
-    assert any("No truth for ŝ_ω" in said for said in estimates.notes(shown))
+    window = all_of(made)
+    assert all(e.truth is None for e in estimates.angular(window))
+    assert estimates.numbers(window)["angular_rms_settled_rad_s2"] is None
+    assert any("No truth for ŝ_ω" in said for said in estimates.notes(window))
 
 
 def test_couplings_follow_from_inertia(made: Any) -> None:
@@ -145,7 +145,7 @@ def test_wind_is_compared_at_ticks_that_both_have(made: Any) -> None:
     made.set_fcu(**{"wind.v_air_E.x": made.t})
     recording = made.recording()
     recording.reports["/fcu/wind"] = recording.reports["/fcu/wind"][100::3]
-    found = wind.numbers(Shown.of(recording, None, None))
+    found = wind.numbers(Window.of(recording, None, None))
     assert found["from_s"] == pytest.approx(1.0)
     assert found["horizontal_rms_m_s"] == pytest.approx(0.0, abs=1e-12)
 
@@ -168,22 +168,22 @@ def test_timing_counts_within_the_window(made: Any) -> None:
 
 def test_full_speed_has_no_lateness(made: Any) -> None:
     made.set_plant(**{"timing.late": np.nan})
-    shown = all_of(made)
-    found = timing.numbers(shown)
+    window = all_of(made)
+    found = timing.numbers(window)
     assert found["late_max_us"] is None
     assert found["period_us"] == pytest.approx(2000.0)
     assert "without deadlines" in timing.answer(found)
-    assert any("full speed" in said for said in timing.notes(shown))
+    assert any("full speed" in said for said in timing.notes(window))
 
 
 def test_a_flight_that_is_not_finite_has_no_value(made: Any) -> None:
     made.set_plant(**{"state.r_E.x": np.where(made.t > 6.0, np.inf, 0.0)})
     made.set_fcu(**{"internals.v_til.x": np.nan, "internals.T_c": np.inf, "state.m_hat": np.nan})
-    shown = all_of(made)
-    assert tracking.numbers(shown)["position_rms_settled_m"] is None
-    assert prediction.numbers(shown)["velocity_rms_settled_m_s"] is None
-    assert limits.numbers(shown)["thrust_room_fraction"] is None
-    found = estimates.numbers(shown)
+    window = all_of(made)
+    assert tracking.numbers(window)["position_rms_settled_m"] is None
+    assert prediction.numbers(window)["velocity_rms_settled_m_s"] is None
+    assert limits.numbers(window)["thrust_room_fraction"] is None
+    found = estimates.numbers(window)
     assert found["mass_error_final_kg"] is None
     assert "mass no value" in estimates.answer(found)
 
@@ -206,7 +206,7 @@ def test_a_law_that_never_flew_shows_nothing(made: Any, module: Any) -> None:
 )
 def test_what_is_missing_is_named(made: Any, module: Any, changed: Any, why: str) -> None:
     with pytest.raises(Missing, match=why):
-        module.numbers(Shown.of(made.recording(**changed), None, None))
+        module.numbers(Window.of(made.recording(**changed), None, None))
 
 
 @pytest.mark.parametrize(
@@ -226,7 +226,7 @@ def test_a_window_keeps_what_counts_as_settled(make: Callable[..., Any]) -> None
     """Settled is five seconds after the last step of the whole flight, at 3 s here."""
     made = make(12.0)
     made.set_fcu(**{"setpoint.r_c.x": np.where(made.t < 3.0, 0.0, 1.0)})
-    shown = all_of(made, 6.0, 10.0)
-    assert (shown.t[0], shown.t[-1]) == (6.0, 10.0)
-    assert shown.settled_from_s == 8.0
+    window = all_of(made, 6.0, 10.0)
+    assert (window.t[0], window.t[-1]) == (6.0, 10.0)
+    assert window.settled_from_s == 8.0
     assert all_of(made, 1.0, 4.0).settled_from_s == 1.0  # nothing is settled: all of it

@@ -11,7 +11,7 @@ from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
 from gcs_tools.pictures.plot import estimates
-from gcs_tools.pictures.plot.shown import Shown
+from gcs_tools.pictures.plot.window import Window
 from gcs_tools.recording.reader import Recording
 
 
@@ -23,16 +23,16 @@ def test_the_angular_truth_explains_the_motion() -> None:
     plant, fcu = rollout.fly(scene)
     metadata = {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()}
     law = to_buffer(scene.law)
-    shown = Shown.of(
+    window = Window.of(
         Recording(Path("weak.mcap"), metadata, plant, fcu, law, [], {}, {}, True), None, None
     )
-    truth = np.stack([e.truth for e in estimates.angular(shown) if e.truth is not None], axis=1)
+    truth = np.stack([e.truth for e in estimates.angular(window) if e.truth is not None], axis=1)
     assert truth.shape == (1500, 3)
 
-    h, J = 1.0 / 500.0, shown.plant.vectors("J")
-    w, Omega = shown.plant.vectors("state.w_B"), [f"state.Omega.r{i}" for i in range(1, 9)]
+    h, J = 1.0 / 500.0, window.plant.vectors("J")
+    w, Omega = window.plant.vectors("state.w_B"), [f"state.Omega.r{i}" for i in range(1, 9)]
     # what the truth leaves: the rotors' believed torque, couplings, and their gyroscopic torque
-    turning = np.stack([shown.plant[name] for name in Omega], axis=1)
+    turning = np.stack([window.plant[name] for name in Omega], axis=1)
     spin, airframe = np.array(scene.law.spin), scene.world.params.airframe
     gyro = (
         airframe.J_m

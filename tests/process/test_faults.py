@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from fcu.interface.ports import ports
-from gcs_tools.flight.vehicle import Vehicle, VehicleError
+from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.judging import result
 from gcs_tools.recording import reader as recording
 

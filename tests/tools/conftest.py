@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_tools.flight.flying import fly
+from gcs_tools.flight.run import fly
 from gcs_tools.recording.reader import Recording, read
 from tests.process.conftest import _until, claimed_instance, instance, start
 

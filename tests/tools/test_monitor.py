@@ -9,7 +9,7 @@ from rich.text import Text
 
 from fcu.kernel.buffers import columns
 from fcu.laws.mmrac.types import Tick
-from gcs_tools.pictures.monitor.draw import gauge, spark
+from gcs_tools.pictures.monitor.widgets import gauge, spark
 from sitl_plant.physics.types import PlantRecord
 
 PLANT, TICK = columns(PlantRecord).index, columns(Tick).index

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gcs_tools.flight.flying import fly
+from gcs_tools.flight.run import fly
 from gcs_tools.recording.reader import read
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -12,7 +12,7 @@ import pytest
 from fcu.interface.ports import INSTANCES
 from fcu.kernel.buffers import columns
 from fcu.laws.mmrac.types import Tick
-from gcs_tools.pictures.shown import Flight, carried
+from gcs_tools.pictures.history import FlightHistory, carried
 from gcs_tools.pictures.view.app import App, free_port
 from gcs_tools.recording.schema import FCU, PLANT, WIND
 from sitl_plant.physics.types import PlantRecord
@@ -23,7 +23,7 @@ AT = columns(PlantRecord).index
 
 @pytest.fixture
 def app():
-    flight = Flight("under test")
+    flight = FlightHistory("under test")
     shown = App(flight, free_port(None, 8200), whole=False)
     shown.flight = flight
     yield shown

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools.pictures.shown import DRAWN, Flight, History, Limits, carried
+from gcs_tools.pictures.history import DRAWN, FlightHistory, Limits, TopicHistory, carried
 from gcs_tools.pictures.view.charts import places, seeded, stretches, thinned, value
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.schema import TOPICS
@@ -16,7 +16,7 @@ def _rows(t, *values):
 
 
 def test_history_keeps_the_newest_seconds_of_all_that_was_appended():
-    history = History(["t", "unused", "x"], ["x"], keep_s=2.0)
+    history = TopicHistory(["t", "unused", "x"], ["x"], keep_s=2.0)
     t = np.arange(0.0, 30.0, 0.001)
     for batch in np.array_split(_rows(t, -t, 10.0 * t), 977):
         history.append(batch)
@@ -27,7 +27,7 @@ def test_history_keeps_the_newest_seconds_of_all_that_was_appended():
 
 
 def test_history_grows_as_long_as_everything_is_kept():
-    history = History(["t"], [])
+    history = TopicHistory(["t"], [])
     t = np.arange(100_000) * 0.002
     for batch in np.array_split(t[:, None], 71):
         history.append(batch)
@@ -35,7 +35,7 @@ def test_history_grows_as_long_as_everything_is_kept():
 
 
 def test_time_that_goes_back_begins_a_new_flight():
-    history = History(["t", "x"], ["x"])
+    history = TopicHistory(["t", "x"], ["x"])
     history.append(_rows([1.0, 2.0], [1.0, 2.0]))
     history.append(_rows([3.0, 0.0, 0.5], [3.0, 7.0, 8.0]))
     assert history["t"].tolist() == [0.0, 0.5]
@@ -59,7 +59,7 @@ def _append(flight, topic, **columns):
 
 
 def test_a_moment_has_the_last_row_of_each_topic_by_then():
-    flight = Flight("a flight")
+    flight = FlightHistory("a flight")
     assert flight.span is None
     assert np.isnan(flight.value("m", 1.0))
     assert flight.status(1.0) == ""
@@ -78,7 +78,7 @@ def test_a_moment_has_the_last_row_of_each_topic_by_then():
 
 
 def test_the_ground_is_found_under_a_vehicle_that_stands_on_it():
-    flight = Flight("a flight")
+    flight = FlightHistory("a flight")
     _append(flight, "/plant/truth", t=[0.0], state_r_E_z=[4.0], on_ground=[0.0])
     assert flight.ground_z is None
     _append(flight, "/plant/truth", t=[0.5], state_r_E_z=[2.3], on_ground=[1.0])
@@ -140,7 +140,7 @@ def test_values_are_those_of_the_last_row_by_then():
 
 
 def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
-    from gcs_tools.pictures.shown import recorded
+    from gcs_tools.pictures.history import recorded
 
     flight = recorded(recording.path)
     assert flight.limits == Limits.believed()  # paper_nominal changes none
@@ -149,7 +149,7 @@ def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
 
 
 def test_a_recording_without_a_flight_is_refused(tmp_path):
-    from gcs_tools.pictures.shown import recorded
+    from gcs_tools.pictures.history import recorded
     from gcs_tools.recording.recorder import Recorder
 
     path = tmp_path / "flight.mcap"

@@ -9,7 +9,9 @@ import numpy as np
 from rich.panel import Panel
 from rich.text import Text
 
-from gcs_tools.pictures.monitor.draw import (
+from gcs_tools.pictures.history import ROTORS, XYZ, Series
+from gcs_tools.pictures.monitor.readings import RECENT_S, Readings
+from gcs_tools.pictures.monitor.widgets import (
     BAD,
     DIM,
     GOOD,
@@ -25,8 +27,6 @@ from gcs_tools.pictures.monitor.draw import (
     spark,
     true,
 )
-from gcs_tools.pictures.monitor.readings import RECENT_S, Readings
-from gcs_tools.pictures.shown import ROTORS, XYZ, Series
 
 ENU = ("east", "north", "up")
 OF_LATE = f"over the last {RECENT_S:.0f} s"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.live.follow import Follower
-from gcs_tools.pictures.shown import DRAWN, XYZ, Series, parts
+from gcs_tools.pictures.history import DRAWN, XYZ, Series, parts
 from gcs_tools.recording.layout import Rows
 
 KEPT = {

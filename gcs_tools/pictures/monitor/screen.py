@@ -8,8 +8,8 @@ from rich.layout import Layout
 from rich.text import Text
 
 from gcs_tools.pictures.monitor import panels
-from gcs_tools.pictures.monitor.draw import DIM
 from gcs_tools.pictures.monitor.readings import Readings
+from gcs_tools.pictures.monitor.widgets import DIM
 
 WIDE, HIGH = 120, 38  # columns and lines from which the panels stand side by side
 _FRAME = 6  # columns that a frame and its padding take

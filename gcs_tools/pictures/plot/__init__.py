@@ -3,7 +3,7 @@
 matplotlib is imported when something is drawn, not before: it takes longer than all else.
 """
 
-from gcs_tools.pictures.plot.drawing import POINTS, thin
-from gcs_tools.pictures.plot.flight import flight_figure
+from gcs_tools.pictures.plot.overview import flight_figure
+from gcs_tools.pictures.plot.style import POINTS, thin
 
 __all__ = ["POINTS", "flight_figure", "thin"]

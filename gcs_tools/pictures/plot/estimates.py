@@ -7,20 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gcs_tools.judging.metrics import Rows
-from gcs_tools.pictures.plot.drawing import (
-    DASHED,
-    INK,
-    MUTED,
-    THREE,
-    TIME,
-    WIDE,
-    legend,
-    line,
-    zoom,
-)
-from gcs_tools.pictures.plot.flight import drag_over_mass, inertia
 from gcs_tools.pictures.plot.numbers import Numbers, finite, percent, rms, said
-from gcs_tools.pictures.plot.shown import Shown
+from gcs_tools.pictures.plot.overview import drag_over_mass, inertia
+from gcs_tools.pictures.plot.style import DASHED, INK, MUTED, THREE, TIME, WIDE, legend, line, zoom
+from gcs_tools.pictures.plot.window import Window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,12 +30,12 @@ class Estimate(NamedTuple):
     truth: Rows | None  # None: not recorded
 
 
-def translational(shown: Shown) -> list[Estimate]:
+def translational(window: Window) -> list[Estimate]:
     """s_v_hat, m/s^2, E, and its truth: drag over mass. As printed, it has to find gravity too."""
-    return [Estimate(*of) for of in drag_over_mass(shown.plant, shown.fcu, shown.told)]
+    return [Estimate(*of) for of in drag_over_mass(window.plant, window.fcu, window.told)]
 
 
-def angular(shown: Shown) -> list[Estimate]:
+def angular(window: Window) -> list[Estimate]:
     """s_w_hat, rad/s^2, B, and its truth.
 
     The truth is what turns the body beside what the controller believes that its rotors do: the
@@ -53,67 +43,67 @@ def angular(shown: Shown) -> list[Estimate]:
     the metadata, and the rotors' true torque less the believed one of the same speeds; over
     inertia. Without c, and while the ground pushes too, there is none.
     """
-    c_tau = shown.truth(DRAG_TORQUE)
-    hats = shown.fcu.axes("state.s_w_hat")
+    c_tau = window.truth(DRAG_TORQUE)
+    hats = window.fcu.axes("state.s_w_hat")
     if c_tau is None or len(c_tau) != 3:
         return [Estimate(name, hat, None) for name, hat in zip("pqr", hats, strict=True)]
-    a = shown.plant.vectors("state.w_B") - shown.plant.vectors("w_air_B")
-    tau = shown.plant.vectors("tau_B") - _believed_torque(shown) - c_tau * a * np.abs(a)
-    truth = tau / shown.plant.vectors("J")
-    truth[shown.plant["on_ground"] > 0.5] = np.nan
+    a = window.plant.vectors("state.w_B") - window.plant.vectors("w_air_B")
+    tau = window.plant.vectors("tau_B") - _believed_torque(window) - c_tau * a * np.abs(a)
+    truth = tau / window.plant.vectors("J")
+    truth[window.plant["on_ground"] > 0.5] = np.nan
     return [Estimate(name, hats[i], truth[:, i]) for i, name in enumerate("pqr")]
 
 
-def _believed_torque(shown: Shown) -> Rows:
+def _believed_torque(window: Window) -> Rows:
     """Torque (N m, B), (n, 3), of the true rotor speeds with the coefficients the law was told."""
     rotors = [f"r{i}" for i in range(1, 9)]
-    x, y, spin = (np.array([shown.told[f"{of}.{r}"] for r in rotors]) for of in ("x", "y", "spin"))
-    Omega = np.stack([shown.plant[f"state.Omega.{r}"] for r in rotors], axis=1)
-    effect = np.stack([y, -x, -shown.told["k_Q"] * spin])
-    torque: Rows = (shown.told["c_T"] * Omega * Omega) @ effect.T
+    x, y, spin = (np.array([window.told[f"{of}.{r}"] for r in rotors]) for of in ("x", "y", "spin"))
+    Omega = np.stack([window.plant[f"state.Omega.{r}"] for r in rotors], axis=1)
+    effect = np.stack([y, -x, -window.told["k_Q"] * spin])
+    torque: Rows = (window.told["c_T"] * Omega * Omega) @ effect.T
     return torque
 
 
-def couplings(shown: Shown) -> list[Estimate]:
+def couplings(window: Window) -> list[Estimate]:
     """The five coefficients of (43). Those of products of rates follow from the true inertia.
 
     Those of the rotors' gyroscopic torque hang on a rotor's inertia, which is not recorded.
     """
-    x, y, z = shown.plant.axes("J")
+    x, y, z = window.plant.axes("J")
     return [
-        Estimate("p1", shown.fcu["state.c_p1_hat"], (y - z) / x),
-        Estimate("q1", shown.fcu["state.c_q1_hat"], (z - x) / y),
-        Estimate("r1", shown.fcu["state.c_r1_hat"], (x - y) / z),
-        Estimate("p2", shown.fcu["state.c_p2_hat"], None),
-        Estimate("q2", shown.fcu["state.c_q2_hat"], None),
+        Estimate("p1", window.fcu["state.c_p1_hat"], (y - z) / x),
+        Estimate("q1", window.fcu["state.c_q1_hat"], (z - x) / y),
+        Estimate("r1", window.fcu["state.c_r1_hat"], (x - y) / z),
+        Estimate("p2", window.fcu["state.c_p2_hat"], None),
+        Estimate("q2", window.fcu["state.c_q2_hat"], None),
     ]
 
 
-def _norm_rms(shown: Shown, of: list[Estimate]) -> float | None:
+def _norm_rms(window: Window, of: list[Estimate]) -> float | None:
     """RMS of the distance of three estimates from their truth, once settled."""
-    pairs = [(e.hat - e.truth)[shown.settled] for e in of if e.truth is not None]
+    pairs = [(e.hat - e.truth)[window.settled] for e in of if e.truth is not None]
     if len(pairs) < 3:
         return None
     square = np.sum(np.square(pairs), axis=0)
     return rms(np.sqrt(square[~np.isnan(square)]))
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """Errors at the end, or RMS once settled; how often projection holds one. Raises Missing."""
-    m, m_hat = shown.plant["m"], shown.fcu["state.m_hat"]
-    shown.t, shown.told  # noqa: B018  what the figure needs
-    off = [float((J_hat[-1] - J[-1]) / J[-1]) for _, J_hat, J in inertia(shown.plant, shown.fcu)]
-    drag = translational(shown)
+    m, m_hat = window.plant["m"], window.fcu["state.m_hat"]
+    window.t, window.told  # noqa: B018  what the figure needs
+    off = [float((J_hat[-1] - J[-1]) / J[-1]) for _, J_hat, J in inertia(window.plant, window.fcu)]
+    drag = translational(window)
     return {
         "mass_error_final_kg": finite(m_hat[-1] - m[-1]),
         "mass_error_final_fraction": finite((m_hat[-1] - m[-1]) / m[-1]),
         "inertia_error_final_fraction": finite(max(off, key=abs)),
-        "drag_rms_settled_m_s2": _norm_rms(shown, drag),
+        "drag_rms_settled_m_s2": _norm_rms(window, drag),
         "drag_across_rms_settled_m_s2": rms(
-            np.hypot(*((e.hat - e.truth)[shown.settled] for e in drag[:2] if e.truth is not None))
+            np.hypot(*((e.hat - e.truth)[window.settled] for e in drag[:2] if e.truth is not None))
         ),
-        "angular_rms_settled_rad_s2": _norm_rms(shown, angular(shown)),
-        "projected_fraction": finite(float(np.mean(shown.fcu["internals.projected"] > 0.5))),
+        "angular_rms_settled_rad_s2": _norm_rms(window, angular(window)),
+        "projected_fraction": finite(float(np.mean(window.fcu["internals.projected"] > 0.5))),
     }
 
 
@@ -133,9 +123,9 @@ def answer(found: Numbers) -> str:
     )
 
 
-def notes(shown: Shown) -> list[str]:
+def notes(window: Window) -> list[str]:
     """What to know when reading it."""
-    if shown.truth(DRAG_TORQUE) is None:
+    if window.truth(DRAG_TORQUE) is None:
         angular_truth = "No truth for ŝ_ω: this recording does not name the true drag torque."
     else:
         angular_truth = (
@@ -144,32 +134,32 @@ def notes(shown: Shown) -> list[str]:
     printed = "Prediction as printed: ŝ_v has to find gravity too, so its truth holds it."
     return [
         "Mass and vertical drag are told apart only by manoeuvres: in hover their errors cancel.",
-        *([printed] if shown.told["achieved"] < 0.5 else []),
+        *([printed] if window.told["achieved"] < 0.5 else []),
         angular_truth,
         "ĉ: p1, q1 and r1 are of couplings; p2 and q2 (thin) are gyroscopic and have no truth, as "
         "the true inertia of a rotor is not recorded.",
     ]
 
 
-def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
+def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     """Five groups of estimates, and how much of its set each uses."""
     (drag, mass), (disturbance, moments), (coefficients, used) = figure.subplots(3, 2, sharex=True)
-    told, plant, fcu = shown.told, shown.plant, shown.fcu
+    told, plant, fcu = window.told, window.plant, window.fcu
     bound = {name: told[f"bounds.{name}"] for name in ("s_v_max", "s_w_max", "c_max")}
     m, J = ((told[f"bounds.{name}_min"], told[f"bounds.{name}_max"]) for name in "mJ")
 
-    s_v = translational(shown)
-    _group(drag, shown, "Drag force over mass ŝ_v, m/s²", s_v, symmetric(bound["s_v_max"]), 1.0)
+    s_v = translational(window)
+    _group(drag, window, "Drag force over mass ŝ_v, m/s²", s_v, symmetric(bound["s_v_max"]), 1.0)
     m_hat = [Estimate("estimate", fcu["state.m_hat"], plant["m"])]
-    _group(mass, shown, "Mass m̂, kg", m_hat, m)
-    s_w = angular(shown)
+    _group(mass, window, "Mass m̂, kg", m_hat, m)
+    s_w = angular(window)
     title = "Angular disturbance ŝ_ω, rad/s²"
-    _group(disturbance, shown, title, s_w, symmetric(bound["s_w_max"]), 0.1)
+    _group(disturbance, window, title, s_w, symmetric(bound["s_w_max"]), 0.1)
     J_hat = [Estimate(*of) for of in inertia(plant, fcu)]
-    _group(moments, shown, "Inertia Ĵ, kg m²", J_hat, J)
-    c = couplings(shown)
+    _group(moments, window, "Inertia Ĵ, kg m²", J_hat, J)
+    c = couplings(window)
     title = "Coefficients ĉ"
-    _group(coefficients, shown, title, c, symmetric(bound["c_max"]), 0.5)
+    _group(coefficients, window, title, c, symmetric(bound["c_max"]), 0.5)
 
     used.set_title("Share of its set used")
     sets = (
@@ -179,7 +169,7 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     )  # fmt: skip
     for (name, of, (low, high)), colour in zip(sets, (*FIVE[:3], INK, FIVE[3]), strict=True):
         off = np.abs(np.stack([e.hat for e in of]) - 0.5 * (low + high)).max(axis=0)
-        line(used, shown.t, off / (0.5 * (high - low)), color=colour, label=name)
+        line(used, window.t, off / (0.5 * (high - low)), color=colour, label=name)
     used.axhline(1.0, label="held", zorder=1, **DASHED)
     used.set_ylim(0.0, 1.08)
     legend(used)
@@ -193,12 +183,12 @@ def symmetric(bound: float) -> tuple[float, float]:
 
 
 def _group(
-    axes: Axes, shown: Shown, title: str, of: list[Estimate], within: tuple[float, float],
+    axes: Axes, window: Window, title: str, of: list[Estimate], within: tuple[float, float],
     least: float | None = None,
 ) -> None:  # fmt: skip
     """Estimates over truths. With `least`, zoomed to what is settled; without, to the bounds."""
     axes.set_title(title)
-    t = shown.t
+    t = window.t
     for e, colour in zip(of, FIVE, strict=False):
         if e.truth is not None:
             line(axes, t, e.truth, color=colour, **WIDE)
@@ -216,5 +206,5 @@ def _group(
         axes.plot([], [], label="bound", **DASHED)
     else:
         lines = [e.hat for e in of] + [e.truth for e in of if e.truth is not None]
-        zoom(axes, t, lines, shown.settled_from_s, least, f"bounds ±{high:g}")
+        zoom(axes, t, lines, window.settled_from_s, least, f"bounds ±{high:g}")
     legend(axes)

@@ -8,10 +8,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gcs_tools.pictures.plot import estimates, flight, limits, prediction, timing, tracking, wind
-from gcs_tools.pictures.plot.drawing import GREY, INK, STYLE
+from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
+from gcs_tools.pictures.plot import overview as flight
 from gcs_tools.pictures.plot.numbers import Numbers
-from gcs_tools.pictures.plot.shown import Shown
+from gcs_tools.pictures.plot.style import GREY, INK, STYLE
+from gcs_tools.pictures.plot.window import Window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,10 +28,10 @@ class Standard:
 
     question: str  # that it answers; empty: it has its own heading
     size: tuple[float, float]  # inches
-    numbers: Callable[[Shown], Numbers]  # raises Missing
+    numbers: Callable[[Window], Numbers]  # raises Missing
     answer: Callable[[Numbers], str]  # one line
-    draw: Callable[[Figure, Shown, Numbers], None]
-    notes: Callable[[Shown], list[str]] = lambda _: []
+    draw: Callable[[Figure, Window, Numbers], None]
+    notes: Callable[[Window], list[str]] = lambda _: []
 
 
 STANDARD = {
@@ -55,7 +56,7 @@ STANDARD = {
 
 
 def save(
-    name: str, shown: Shown, path: Path, kind: str, source: str, remarks: tuple[str, ...] = ()
+    name: str, window: Window, path: Path, kind: str, source: str, remarks: tuple[str, ...] = ()
 ) -> Numbers:
     """Draw one of STANDARD to `path` as `kind`, one of FORMATS; the numbers that it shows.
 
@@ -67,9 +68,9 @@ def save(
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     which = STANDARD[name]
-    found = which.numbers(shown)
+    found = which.numbers(window)
     width, height = which.size
-    below = [*which.notes(shown), *remarks]
+    below = [*which.notes(window), *remarks]
     top = 0.62 if which.question else 0.0
     bottom = _LINE * len(below) + (_MARGIN if below else 0.0)
     with rc_context(STYLE):
@@ -89,7 +90,7 @@ def save(
         for i, text in enumerate(reversed(below)):
             at = (0.5 * _MARGIN + _LINE * i) / height
             figure.text(left, at, text, va="bottom", fontsize=8.0, color=GREY)
-        which.draw(figure, shown, found)
+        which.draw(figure, window, found)
         picture = BytesIO()
         figure.savefig(picture, format=kind, dpi=DPI)
     try:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs_tools.judging.metrics import Rows
-from gcs_tools.pictures.plot.drawing import (
+from gcs_tools.pictures.plot.numbers import Numbers, finite, least, percent
+from gcs_tools.pictures.plot.style import (
     DASHED,
     GOVERNED,
     MUTED,
@@ -23,8 +24,7 @@ from gcs_tools.pictures.plot.drawing import (
     line,
     note,
 )
-from gcs_tools.pictures.plot.numbers import Numbers, finite, least, percent
-from gcs_tools.pictures.plot.shown import Shown
+from gcs_tools.pictures.plot.window import Window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,9 +36,9 @@ MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "gov
 ROTORS = [f"internals.thrusts.r{i}" for i in range(1, 9)]
 
 
-def _rotors(shown: Shown) -> Rows:
+def _rotors(window: Window) -> Rows:
     """Allocated thrusts, N, (8, n)."""
-    return np.stack([shown.fcu[name] for name in ROTORS])
+    return np.stack([window.fcu[name] for name in ROTORS])
 
 
 def _room(values: Rows, low: float, high: float) -> float | None:
@@ -46,16 +46,16 @@ def _room(values: Rows, low: float, high: float) -> float | None:
     return least(np.minimum(values - low, high - values) / (high - low))
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """Least room left before each limit, over its range; and how often at it. Raises Missing."""
-    told = shown.told
+    told = window.told
     limit = told["phi_star"]
-    tilt = np.abs(np.stack(shown.fcu.axes("internals.angles_c", "xy"))).max(axis=0)
-    thrust = shown.fcu["internals.T_c"]
-    n = len(shown.t)
+    tilt = np.abs(np.stack(window.fcu.axes("internals.angles_c", "xy"))).max(axis=0)
+    thrust = window.fcu["internals.T_c"]
+    n = len(window.t)
     fractions = {
         f"{which}_saturated_fraction": float(
-            np.sum(shown.fcu[f"internals.{which}_saturated"] > 0.5)
+            np.sum(window.fcu[f"internals.{which}_saturated"] > 0.5)
         )
         / n
         for which in ("thrust", "tilt", "rotor")
@@ -63,12 +63,12 @@ def numbers(shown: Shown) -> Numbers:
     return {
         "thrust_room_fraction": _room(thrust, told["T_min"], told["T_max"]),
         "tilt_room_fraction": least(1.0 - tilt / limit),
-        "rotor_room_fraction": _room(_rotors(shown), told["f_min"], told["f_max"]),
-        "thrust_max_n": shown.flight.metric("thrust_max_n"),
+        "rotor_room_fraction": _room(_rotors(window), told["f_min"], told["f_max"]),
+        "thrust_max_n": window.flight.metric("thrust_max_n"),
         "thrust_limit_n": finite(told["T_max"]),
-        "tilt_max_deg": shown.flight.metric("tilt_max_deg"),
+        "tilt_max_deg": window.flight.metric("tilt_max_deg"),
         "tilt_limit_deg": finite(np.degrees(limit)),
-        **{name: shown.flight.metric(name) for name in MARGINS},
+        **{name: window.flight.metric(name) for name in MARGINS},
         **fractions,
     }
 
@@ -85,16 +85,16 @@ def answer(found: Numbers) -> str:
     return ", ".join(parts)
 
 
-def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
+def draw(figure: Figure, window: Window, found: Numbers) -> None:
     """Total thrust, tilt and rotors over time, each between its limits; what the demand leaves."""
     thrust, tilt, rotors, margin = figure.subplots(4, 1, sharex=True)
-    t, fcu, told = shown.t, shown.fcu, shown.told
+    t, fcu, told = window.t, window.fcu, window.told
 
     thrust.set_title("Total thrust, N")
     line(thrust, t, fcu["internals.T_achieved"], color=MUTED, label="achieved", **WIDE)
     line(thrust, t, fcu["internals.T_c"], color=X, label="commanded")
     limits(thrust, told["T_min"], told["T_max"])
-    _finish(thrust, shown, "thrust", "at the limit")
+    _finish(thrust, window, "thrust", "at the limit")
 
     tilt.set_title("Roll and pitch, degrees")
     angles, commands = (fcu.axes(f"internals.{name}", "xy") for name in ("angles", "angles_c"))
@@ -106,30 +106,30 @@ def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
     limit = float(np.degrees(told["phi_star"]))
     limits(tilt, -limit, limit)
     tilt.set_yticks([-limit, -limit / 2, 0.0, limit / 2, limit])
-    _finish(tilt, shown, "tilt", "at the limit")
+    _finish(tilt, window, "tilt", "at the limit")
 
     rotors.set_title("Thrust of the eight rotors as allocated, N")
-    each = _rotors(shown)
+    each = _rotors(window)
     line(rotors, t, each.max(axis=0), color=THREE[1], linewidth=0.9, label="greatest of eight")
     line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
     line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
     limits(rotors, told["f_min"], told["f_max"])
-    _finish(rotors, shown, "rotor", "gives up torque or thrust")
-    _margin(margin, shown, found)
+    _finish(rotors, window, "rotor", "gives up torque or thrust")
+    _margin(margin, window, found)
     margin.set_xlabel(TIME)
 
 
-def _margin(axes: Axes, shown: Shown, found: Numbers) -> None:
+def _margin(axes: Axes, window: Window, found: Numbers) -> None:
     axes.set_title("From the demanded force to the nearest limit, N")
-    demand, condition = (shown.fcu[f"internals.{name}"] for name in ("margin", "margin_condition"))
+    demand, condition = (window.fcu[f"internals.{name}"] for name in ("margin", "margin_condition"))
     if not np.isfinite(demand).any():
         empty(axes, "not recorded")
         return
-    line(axes, shown.t, demand, color=X, label="demand")
-    line(axes, shown.t, condition, color=Y, label="whatever may come (condition)")
+    line(axes, window.t, demand, color=X, label="demand")
+    line(axes, window.t, condition, color=Y, label="whatever may come (condition)")
     axes.axhline(0.0, zorder=1, **DASHED)
     axes.plot([], [], label="limit", **DASHED)
-    flagged(axes, shown.t, shown.fcu["internals.governed"], "governed", GOVERNED)
+    flagged(axes, window.t, window.fcu["internals.governed"], "governed", GOVERNED)
     legend(axes)
     left, governed = found["margin_min_n"], found["governed_fraction"]
     assert left is not None
@@ -139,7 +139,7 @@ def _margin(axes: Axes, shown: Shown, found: Numbers) -> None:
     )
 
 
-def _finish(axes: Axes, shown: Shown, which: str, flag: str) -> None:
+def _finish(axes: Axes, window: Window, which: str, flag: str) -> None:
     axes.plot([], [], label="limit", **DASHED)
-    flagged(axes, shown.t, shown.fcu[f"internals.{which}_saturated"], flag)
+    flagged(axes, window.t, window.fcu[f"internals.{which}_saturated"], flag)
     legend(axes)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs_tools.judging.metrics import Rows
-from gcs_tools.pictures.plot.drawing import (
+from gcs_tools.pictures.plot.numbers import Numbers, finite, greatest, percent, rms, said
+from gcs_tools.pictures.plot.style import (
     INK,
     THREE,
     TIME,
@@ -18,8 +19,7 @@ from gcs_tools.pictures.plot.drawing import (
     logarithmic,
     zoom,
 )
-from gcs_tools.pictures.plot.numbers import Numbers, finite, greatest, percent, rms, said
-from gcs_tools.pictures.plot.shown import ENU, Shown
+from gcs_tools.pictures.plot.window import ENU, Window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,24 +32,24 @@ MILLI = 1e3  # m/s and rad/s are shown in thousandths
 LEAST = 1e-6  # of them that a log scale shows
 
 
-def _size(shown: Shown, name: str) -> Rows:
+def _size(window: Window, name: str) -> Rows:
     """Euclidean norm at each tick."""
-    x, y, z = shown.fcu.axes(name)
+    x, y, z = window.fcu.axes(name)
     size: Rows = np.hypot(np.hypot(x, y), z)
     return size
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """RMS of what is settled, and the worst. Raises Missing."""
     found: Numbers = {}
-    shown.t  # noqa: B018  what the figure needs
+    window.t  # noqa: B018  what the figure needs
     for name, key, unit in ((V, "velocity", "m_s"), (W, "rate", "rad_s")):
-        size = _size(shown, name)
-        found[f"{key}_rms_settled_{unit}"] = rms(size[shown.settled])
+        size = _size(window, name)
+        found[f"{key}_rms_settled_{unit}"] = rms(size[window.settled])
         found[f"{key}_max_{unit}"] = greatest(size)
-    held = shown.fcu["internals.projected"] > 0.5
+    held = window.fcu["internals.projected"] > 0.5
     found["projected_fraction"] = finite(float(np.mean(held)))
-    found["settled_from_s"] = shown.settled_from_s
+    found["settled_from_s"] = window.settled_from_s
     return found
 
 
@@ -62,34 +62,34 @@ def answer(found: Numbers) -> str:
     )
 
 
-def notes(_shown: Shown) -> list[str]:
+def notes(_shown: Window) -> list[str]:
     """What to know when reading it."""
     return ["Errors are measured minus predicted, (36) and (41), after each tick."]
 
 
-def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
+def draw(figure: Figure, window: Window, found: Numbers) -> None:
     """The errors by axis, and their size on a log scale."""
     (v, v_size), (w, w_size) = figure.subplots(2, 2, sharex=True)
-    _by_axis(v, shown, V, "Velocity error ṽ, mm/s", ENU)
-    _by_axis(w, shown, W, "Body rate error ω̃, mrad/s", ("p", "q", "r"))
-    _by_size(v_size, shown, V, found["velocity_rms_settled_m_s"], "mm/s")
-    _by_size(w_size, shown, W, found["rate_rms_settled_rad_s"], "mrad/s")
+    _by_axis(v, window, V, "Velocity error ṽ, mm/s", ENU)
+    _by_axis(w, window, W, "Body rate error ω̃, mrad/s", ("p", "q", "r"))
+    _by_size(v_size, window, V, found["velocity_rms_settled_m_s"], "mm/s")
+    _by_size(w_size, window, W, found["rate_rms_settled_rad_s"], "mrad/s")
     for axes in (w, w_size):
         axes.set_xlabel(TIME)
 
 
-def _by_axis(axes: Axes, shown: Shown, name: str, title: str, of: tuple[str, ...]) -> None:
+def _by_axis(axes: Axes, window: Window, name: str, title: str, of: tuple[str, ...]) -> None:
     axes.set_title(title)
-    parts = [MILLI * part for part in shown.fcu.axes(name)]
+    parts = [MILLI * part for part in window.fcu.axes(name)]
     for label, colour, part in zip(of, THREE, parts, strict=True):
-        line(axes, shown.t, part, color=colour, linewidth=0.9, label=label)
-    zoom(axes, shown.t, parts, shown.settled_from_s)
+        line(axes, window.t, part, color=colour, linewidth=0.9, label=label)
+    zoom(axes, window.t, parts, window.settled_from_s)
     legend(axes)
 
 
-def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: str) -> None:
+def _by_size(axes: Axes, window: Window, name: str, settled: float | None, unit: str) -> None:
     axes.set_title(f"Size |{'ṽ' if name == V else 'ω̃'}|, {unit}")
-    t, size = shown.t, MILLI * _size(shown, name)
+    t, size = window.t, MILLI * _size(window, name)
     logarithmic(axes, "y")
     seen = size[np.isfinite(size) & (size > 0.0)]
     low, high = np.quantile(seen, (0.001, 1.0)).tolist() if len(seen) else (LEAST, 1.0)
@@ -97,7 +97,7 @@ def _by_size(axes: Axes, shown: Shown, name: str, settled: float | None, unit: s
     line(axes, t, np.maximum(size, LEAST), color=INK, linewidth=0.8)
     if settled is not None:
         label = f"settled RMS {said(MILLI * settled, unit)}"
-        start = shown.settled_from_s
+        start = window.settled_from_s
         axes.hlines(max(MILLI * settled, LEAST), start, t[-1], color=Y, linewidth=1.6, label=label)
-    flagged(axes, t, shown.fcu["internals.projected"], "an estimate held by projection")
+    flagged(axes, t, window.fcu["internals.projected"], "an estimate held by projection")
     legend(axes)

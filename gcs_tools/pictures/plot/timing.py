@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs_tools.judging.metrics import Rows
-from gcs_tools.pictures.plot.drawing import (
+from gcs_tools.pictures.plot.numbers import Numbers
+from gcs_tools.pictures.plot.style import (
     DASHED,
     INK,
     THREE,
@@ -20,8 +21,7 @@ from gcs_tools.pictures.plot.drawing import (
     logarithmic,
     note,
 )
-from gcs_tools.pictures.plot.numbers import Numbers
-from gcs_tools.pictures.plot.shown import Columns, Missing, Shown
+from gcs_tools.pictures.plot.window import Columns, Missing, Window
 from gcs_tools.recording.schema import PLANT_TIMING, TIMING
 
 if TYPE_CHECKING:
@@ -45,17 +45,17 @@ COUNTED = {  # what is counted so far: name in the figure -> (topic, column)
 }
 
 
-def _rows(shown: Shown, topic: str) -> Columns | None:
-    rows = shown.reports.get(topic)
+def _rows(window: Window, topic: str) -> Columns | None:
+    rows = window.reports.get(topic)
     return rows if rows is not None and len(rows) else None
 
 
-def _count(shown: Shown, topic: str, column: str) -> tuple[Rows, Rows] | None:
+def _count(window: Window, topic: str, column: str) -> tuple[Rows, Rows] | None:
     """Times, and how many came within the window up to each; None if not recorded."""
-    rows = _rows(shown, topic)
+    rows = _rows(window, topic)
     if rows is None:
         return None
-    before = shown.before.get(topic)
+    before = window.before.get(topic)
     base = before[column][0] if before is not None and len(before) else 0.0
     return rows["t"], rows[column] - base
 
@@ -72,9 +72,9 @@ def _quantiles(values: Rows, name: str) -> Numbers:
     }
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """Wall times in microseconds, and what was counted in the window. Raises Missing."""
-    fcu, plant = _rows(shown, TIMING.name), _rows(shown, PLANT_TIMING.name)
+    fcu, plant = _rows(window, TIMING.name), _rows(window, PLANT_TIMING.name)
     if fcu is None and plant is None:
         raise Missing(
             f"neither {TIMING.name} nor {PLANT_TIMING.name} is in the recording"
@@ -84,20 +84,20 @@ def numbers(shown: Shown) -> Numbers:
     found = {
         **_quantiles(none if fcu is None else fcu["cycle"], "cycle"),
         **_quantiles(none if plant is None else plant["late"], "late"),
-        "period_us": _period(shown),
+        "period_us": _period(window),
     }
     for name, parts in COUNTED.items():
-        counts = [c for part in parts if (c := _count(shown, *part)) is not None]
+        counts = [c for part in parts if (c := _count(window, *part)) is not None]
         found[name] = sum(float(count[-1]) for _, count in counts) if counts else None
     return found
 
 
-def _period(shown: Shown) -> float | None:
+def _period(window: Window) -> float | None:
     """Wall time from one tick to the next, us: as paced, or of real time for a flight that is not."""
-    plant = _rows(shown, PLANT_TIMING.name)
+    plant = _rows(window, PLANT_TIMING.name)
     if plant is not None and np.isfinite(plant["late"]).sum() > 1:
         return MICRO * float(np.median(np.diff(plant["published"])))
-    return None if shown.params is None else MICRO * shown.told["h"]
+    return None if window.params is None else MICRO * window.told["h"]
 
 
 def answer(found: Numbers) -> str:
@@ -119,13 +119,13 @@ def answer(found: Numbers) -> str:
     return ", ".join(parts)
 
 
-def notes(shown: Shown) -> list[str]:
+def notes(window: Window) -> list[str]:
     """What to know when reading it."""
     said = ["Wall times of the machine that flew: they differ from flight to flight."]
     for topic in (TIMING.name, PLANT_TIMING.name):
-        if _rows(shown, topic) is None:
+        if _rows(window, topic) is None:
             said.append(f"{topic} is not in the recording.")
-    plant = _rows(shown, PLANT_TIMING.name)
+    plant = _rows(window, PLANT_TIMING.name)
     if plant is not None and not np.isfinite(plant["late"]).any():
         said.append(
             "Flown at full speed: there are no deadlines to be late for; time from tick to tick is "
@@ -134,14 +134,14 @@ def notes(shown: Shown) -> list[str]:
     return said
 
 
-def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
+def draw(figure: Figure, window: Window, found: Numbers) -> None:
     """Series and histogram of cycle and lateness, and what was counted."""
     measured = []
     for topic, column, title, colour in (
         (TIMING.name, "cycle", "Flight controller: from state to answer, µs", X),
         (PLANT_TIMING.name, "late", "Plant: start of a tick after its deadline, µs", Y),
     ):
-        rows = _rows(shown, topic)
+        rows = _rows(window, topic)
         if rows is not None and np.isfinite(rows[column]).any():
             measured.append((column, title, colour, rows["t"], MICRO * rows[column]))
     layout: list[Any] = [[column, f"{column} spread"] for column, *_ in measured]
@@ -159,7 +159,7 @@ def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
         series.set_xlim(*_span(t))
         histogram.set_title("Ticks by time, µs")
         _spread(series, histogram, t, values, colour, found["period_us"])
-    _counts(grid["counts"], shown)
+    _counts(grid["counts"], window)
     grid["counts"].set_xlabel(TIME)
 
 
@@ -193,13 +193,13 @@ def _span(t: Rows) -> tuple[float, float]:
     return float(t[0]) - room, float(t[-1]) + room
 
 
-def _counts(axes: Axes, shown: Shown) -> None:
+def _counts(axes: Axes, window: Window) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.set_title("Counted so far")
     found = {}
     for name, parts in COUNTED.items():
-        counts = [c for part in parts if (c := _count(shown, *part)) is not None]
+        counts = [c for part in parts if (c := _count(window, *part)) is not None]
         if counts:
             t = np.unique(np.concatenate([at for at, _ in counts]))
             found[name] = t, sum((_held(t, *count) for count in counts), np.zeros(len(t)))

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_tools.pictures.plot.drawing import (
+from gcs_tools.pictures.plot.numbers import Numbers, length
+from gcs_tools.pictures.plot.overview import distance
+from gcs_tools.pictures.plot.style import (
     DOTTED,
     INK,
     MUTED,
@@ -18,9 +20,7 @@ from gcs_tools.pictures.plot.drawing import (
     legend,
     line,
 )
-from gcs_tools.pictures.plot.flight import distance
-from gcs_tools.pictures.plot.numbers import Numbers, length
-from gcs_tools.pictures.plot.shown import ENU, Shown
+from gcs_tools.pictures.plot.window import ENU, Window
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,16 +30,16 @@ RESTS = 30  # setpoints that are drawn from above; more are a path, and the refe
 QUESTION = "Did it go where the reference went?"
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """Distances from the reference model (34). Raises Missing."""
-    t, error = shown.t, shown.flight.position_error
+    t, error = window.t, window.flight.position_error
     finite = np.isfinite(error)
     worst_at = float(t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
     names = ("position_rms_settled_m", "position_max_m", "position_final_m", "position_rms_m")
     return {
-        **{name: shown.flight.metric(name) for name in names},
+        **{name: window.flight.metric(name) for name in names},
         "position_max_at_s": worst_at,
-        "settled_from_s": shown.flight.settle_from_s,
+        "settled_from_s": window.flight.settle_from_s,
     }
 
 
@@ -51,15 +51,15 @@ def answer(found: Numbers) -> str:
     return first + worst
 
 
-def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
+def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     """Position over time, from above, and the distance from the reference."""
     grid = figure.subplot_mosaic(
         [["east", "above"], ["north", "above"], ["up", "above"], ["error", "error"]],
         width_ratios=[1.4, 1.0],
         height_ratios=[1.0, 1.0, 1.0, 1.25],
     )
-    t, fcu = shown.t, shown.fcu
-    flown = shown.plant.axes("state.r_E")
+    t, fcu = window.t, window.fcu
+    flown = window.plant.axes("state.r_E")
     reference, told = fcu.axes("internals.r_m"), fcu.axes("setpoint.r_c")
     for i, (name, colour) in enumerate(zip(ENU, THREE, strict=True)):
         axes = grid[name]
@@ -88,5 +88,5 @@ def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
     above.set_aspect("equal", adjustable="datalim")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, columnspacing=0.8,
                  handlelength=1.2)  # fmt: skip
-    distance(grid["error"], shown.flight)
+    distance(grid["error"], window.flight)
     grid["error"].set_xlabel(TIME)

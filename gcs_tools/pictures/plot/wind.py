@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs_tools.judging.metrics import Rows
-from gcs_tools.pictures.plot.drawing import INK, MUTED, THREE, TIME, WIDE, Y, legend, line, zoom
 from gcs_tools.pictures.plot.numbers import Numbers, greatest, rms, said
-from gcs_tools.pictures.plot.shown import Missing, Shown
+from gcs_tools.pictures.plot.style import INK, MUTED, THREE, TIME, WIDE, Y, legend, line, zoom
+from gcs_tools.pictures.plot.window import Missing, Window
 from gcs_tools.recording.schema import WIND
 
 if TYPE_CHECKING:
@@ -36,22 +36,22 @@ def error(t: Rows, estimate: Rows, truth: Rows, from_s: float) -> Numbers:
     }
 
 
-def _both(shown: Shown) -> tuple[Rows, Rows, Rows]:
+def _both(window: Window) -> tuple[Rows, Rows, Rows]:
     """Times, estimates and truths (m/s, E) at the ticks that have both. Raises Missing."""
-    t, told = shown.t, shown.report(WIND.name)
+    t, told = window.t, window.report(WIND.name)
     _, ours, theirs = np.intersect1d(
         np.rint(t * 1e6), np.rint(told["t"] * 1e6), return_indices=True
     )
     if not len(ours):
         raise Missing(f"{WIND.name} has no tick in common with the truth")
-    return t[ours], told.vectors("v_air_E")[theirs], shown.plant.vectors("v_air_E")[ours]
+    return t[ours], told.vectors("v_air_E")[theirs], window.plant.vectors("v_air_E")[ours]
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """RMS errors, and the strongest true wind. Raises Missing."""
-    t, estimate, truth = _both(shown)
+    t, estimate, truth = _both(window)
     return {
-        **error(t, estimate, truth, max(shown.taken_over_s + START_S, float(t[0]))),
+        **error(t, estimate, truth, max(window.taken_over_s + START_S, float(t[0]))),
         "true_max_m_s": greatest(np.hypot(truth[:, 0], truth[:, 1])),
     }
 
@@ -65,9 +65,9 @@ def answer(found: Numbers) -> str:
     )
 
 
-def notes(shown: Shown) -> list[str]:
+def notes(window: Window) -> list[str]:
     """What the estimate assumes."""
-    true = shown.truth("plant.drag")
+    true = window.truth("plant.drag")
     here = "" if true is None else f" (true here: {', '.join(f'{c:g}' for c in true)} N/(m/s)²)"
     return [
         f"Assumes the drag coefficients that the flight controller believes{here}.",
@@ -75,10 +75,10 @@ def notes(shown: Shown) -> list[str]:
     ]
 
 
-def draw(figure: Figure, shown: Shown, found: Numbers) -> None:
+def draw(figure: Figure, window: Window, found: Numbers) -> None:
     """East and north over time, and the distance between the two winds."""
     east, north, distance = figure.subplots(3, 1, sharex=True)
-    t, estimate, truth = _both(shown)
+    t, estimate, truth = _both(window)
     start = found["from_s"] or 0.0
     for i, (axes, name) in enumerate(((east, "east"), (north, "north"))):
         axes.set_title(f"Velocity of the air, {name}, m/s")

@@ -12,10 +12,10 @@ from typing import Any, Self
 
 import viser
 
-from gcs_tools.pictures.shown import Flight
+from gcs_tools.pictures.history import FlightHistory
+from gcs_tools.pictures.quantities import FLIGHT, RATES
 from gcs_tools.pictures.view import page
 from gcs_tools.pictures.view.charts import Plot
-from gcs_tools.pictures.view.quantities import FLIGHT, RATES
 from gcs_tools.pictures.view.scene import Scene
 
 HOST = "127.0.0.1"  # never another: the page asks nobody who they are
@@ -54,7 +54,7 @@ def _busy(port: int) -> NoPort:
 class App:
     """A page that shows one flight, served until `stop`."""
 
-    def __init__(self, flight: Flight, port: int, *, whole: bool) -> None:
+    def __init__(self, flight: FlightHistory, port: int, *, whole: bool) -> None:
         """whole : the flight is over; the page has a slider of time. Raises NoPort."""
         self._flight, self._whole = flight, whole
         with redirect_stdout(io.StringIO()):  # it greets, verbose or not

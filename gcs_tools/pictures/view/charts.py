@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.pictures.plot.drawing import INK, LIMIT
-from gcs_tools.pictures.shown import HALF_US, Flight, Series
-from gcs_tools.pictures.view.quantities import LEAST_ERROR_M, Chart, Line
+from gcs_tools.pictures.history import HALF_US, FlightHistory, Series
+from gcs_tools.pictures.plot.style import INK, LIMIT
+from gcs_tools.pictures.quantities import LEAST_ERROR_M, Chart, Line
 from gcs_tools.recording.layout import Rows
 
 if TYPE_CHECKING:
@@ -108,13 +108,13 @@ class Plot:
     """One chart in a panel of the page."""
 
     def __init__(
-        self, gui: viser.GuiApi, chart: Chart, flight: Flight, *, whole: bool, last: bool
+        self, gui: viser.GuiApi, chart: Chart, flight: FlightHistory, *, whole: bool, last: bool
     ) -> None:
         """whole : the flight is over, and a mark shows the time.  last : with numbers of time."""
         self._chart, self._flight, self._whole = chart, flight, whole
         behind = [line.behind for line in chart.lines if line.behind is not None]
         self._drawn = [*behind, *(line.of for line in chart.lines)]  # the later over the earlier
-        self._series: dict[Callable[[Flight], Series] | None, Series] = {}
+        self._series: dict[Callable[[FlightHistory], Series] | None, Series] = {}
         self._x, self._ys = np.zeros(2), [np.full(2, np.nan) for _ in self._drawn]
         self._limits = chart.limits(flight.limits)
         if whole:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from html import escape
 
-from gcs_tools.pictures.shown import Flight
+from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view.octocopter import SHARES, Colour
 from gcs_tools.pictures.view.scene import AIR, FLOWN, REFERENCE, SETPOINT, TRUE_AIR
 
@@ -46,7 +46,7 @@ def heading(title: str, kind: str) -> str:
     return f'{STYLE}<div class="heading"><b>{escape(title)}</b>{escape(kind)}</div>'
 
 
-def told(flight: Flight, now: float) -> str:
+def told(flight: FlightHistory, now: float) -> str:
     """Time, place, speed and errand of the vehicle at `now` (s)."""
     said = _row("time", [now], "s") + "<i></i><i>east</i><i>north</i><i>up</i><i></i>"
     said += _row("position", flight.vector("state.r_E", now), "m")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcu.interface.airframe import believed
-from gcs_tools.pictures.shown import ROTORS, Flight
+from gcs_tools.pictures.history import ROTORS, FlightHistory
 from gcs_tools.pictures.view.octocopter import Colour, Octocopter
 from gcs_tools.recording.layout import Rows
 
@@ -80,7 +80,7 @@ class _Arrow:
 class Scene:
     """What is drawn of a flight in three dimensions."""
 
-    def __init__(self, scene: viser.SceneApi, flight: Flight, *, whole: bool) -> None:
+    def __init__(self, scene: viser.SceneApi, flight: FlightHistory, *, whole: bool) -> None:
         """whole : the flight is over, and the reference is drawn to its end."""
         self._flight, self._whole = flight, whole
         self._rotors = believed()[0]
@@ -167,7 +167,7 @@ class Scene:
             self._setpoint.position = np.nan_to_num(flight.vector("setpoint.r_c", now))
 
 
-def _reference(flight: Flight) -> Rows:
+def _reference(flight: FlightHistory) -> Rows:
     """Where the reference model was, while the law flew: (n, 3)."""
     flies = flight.along(flight.series("internals.r_m.x")[0], "engaged") > 0.5
     flown: Rows = flight.way("internals.r_m")[flies]

@@ -8,9 +8,9 @@ from fcu.kernel.buffers import columns
 from fcu.laws.mmrac.types import LawParams, Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.judging.metrics import Flight, Rows
+from gcs_tools.judging.metrics import EngagedTicks, Rows
 from gcs_tools.missions.mission import load, override
-from gcs_tools.pictures.plot.shown import Columns
+from gcs_tools.pictures.plot.window import Columns
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
@@ -48,7 +48,7 @@ class Flown:
 
     case: Case
     law: LawParams
-    flight: Flight
+    flight: EngagedTicks
     plant: Columns  # PlantRecord
     fcu: Columns  # Tick
     ended: str  # "", or why before its time: "diverged" or "crashed"
@@ -74,7 +74,7 @@ def fly(case: Case) -> Flown:
     scene = scenario(mission)
     plant, fcu = rollout.fly(scene)
     ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(plant[-1, -1], "")
-    flight = Flight.of(plant, fcu)
+    flight = EngagedTicks.of(plant, fcu)
     return Flown(
         case, scene.law, flight, Columns(flight.plant, columns(PlantRecord)),
         Columns(flight.fcu, columns(Tick)), ended, mission.flight.duration_s,

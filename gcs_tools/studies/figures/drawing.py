@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.pictures.plot.drawing import DASHED, GREY, INK, LIMIT, STYLE, TIME
+from gcs_tools.pictures.plot.style import DASHED, GREY, INK, LIMIT, STYLE, TIME
 from gcs_tools.studies.figures import rows
 from gcs_tools.studies.figures.cases import Flown
 from gcs_tools.studies.figures.numbers import QUANTITIES, ended

@@ -18,7 +18,7 @@ import numpy as np
 from fcu.theory.sweep import GammaSweep, prediction_against_gamma
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load
-from gcs_tools.pictures.plot.drawing import DASHED, GREY, INK, LIMIT, X, Y
+from gcs_tools.pictures.plot.style import DASHED, GREY, INK, LIMIT, X, Y
 from gcs_tools.studies.figures.cases import ACHIEVED, PRINTED, Case, fly
 from gcs_tools.studies.figures.drawing import write
 from gcs_tools.studies.figures.numbers import MILLI, SETTLED_S, late, norm

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs_tools.judging.metrics import Rows
-from gcs_tools.pictures.plot.drawing import (
+from gcs_tools.pictures.plot.style import (
     DASHED,
     DOTTED,
     GREY,
@@ -25,7 +25,7 @@ from gcs_tools.pictures.plot.drawing import (
     line,
     note,
 )
-from gcs_tools.pictures.plot.shown import ENU
+from gcs_tools.pictures.plot.window import ENU
 from gcs_tools.studies.figures.cases import Flown
 from gcs_tools.studies.figures.numbers import FIRST_S, MILLI, SETTLED_S, norm
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_tools.pictures.plot.drawing import INK, THREE, X, Y
-from gcs_tools.pictures.shown import XYZ, Flight, Limits, Series
+from gcs_tools.pictures.history import XYZ, FlightHistory, Limits, Series
+from gcs_tools.pictures.plot.style import INK, THREE, X, Y
 
 LEAST_ERROR_M = 1e-3  # the error axis is logarithmic: less is drawn as this
 
@@ -18,8 +18,8 @@ class Line(NamedTuple):
 
     label: str
     colour: str
-    of: Callable[[Flight], Series]
-    behind: Callable[[Flight], Series] | None = None
+    of: Callable[[FlightHistory], Series]
+    behind: Callable[[FlightHistory], Series] | None = None
     behind_is: str = "truth"
 
 
@@ -37,27 +37,27 @@ class Chart(NamedTuple):
     fine: float | None = None  # below this (of the unit) linear, above it logarithmic
 
 
-def _law(name: str, scale: float = 1.0) -> Callable[[Flight], Series]:
+def _law(name: str, scale: float = 1.0) -> Callable[[FlightHistory], Series]:
     """A column of the law; not a number while it does not fly."""
 
-    def of(flight: Flight) -> Series:
+    def of(flight: FlightHistory) -> Series:
         t, values = flight.series(name)
         return t, np.where(flight.along(t, "engaged") > 0.5, scale * values, np.nan)
 
     return of
 
 
-def _seen(name: str) -> Callable[[Flight], Series]:
+def _seen(name: str) -> Callable[[FlightHistory], Series]:
     """A column of anybody else."""
     return lambda flight: flight.series(name)
 
 
-def _drag_over_mass(axis: str) -> Callable[[Flight], Series]:
+def _drag_over_mass(axis: str) -> Callable[[FlightHistory], Series]:
     """The truth of s_v_hat."""
     return lambda flight: flight.drag_over_mass(axis)
 
 
-def _position_error(flight: Flight) -> Series:
+def _position_error(flight: FlightHistory) -> Series:
     """Of the true position against the reference model, as in gcs_tools.judging.metrics."""
     t = flight.series("internals.r_m.x")[0]
     squares = [
@@ -69,8 +69,8 @@ def _position_error(flight: Flight) -> Series:
 
 
 def _axes(
-    of: Callable[[str], Callable[[Flight], Series]],
-    truth: Callable[[str], Callable[[Flight], Series]] | None = None,
+    of: Callable[[str], Callable[[FlightHistory], Series]],
+    truth: Callable[[str], Callable[[FlightHistory], Series]] | None = None,
     labels: tuple[str, str, str] = ("east", "north", "up"),
 ) -> tuple[Line, ...]:
     """Three lines, of the components of a vector."""

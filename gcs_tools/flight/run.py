@@ -22,14 +22,14 @@ from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.mmrac import wind
 from fcu.laws.mmrac.parameters import ParameterError
-from gcs_tools.cli.present import Quiet, Show
+from gcs_tools.cli.terminal import Quiet, Show
 from gcs_tools.flight import rollout
 from gcs_tools.flight.instance import claimed
 from gcs_tools.flight.processes import InfrastructureError
 from gcs_tools.flight.scenario import Scenario, arrival, scenario
 from gcs_tools.flight.wire_flight import R_C, Flown, WireFlight
 from gcs_tools.judging import result
-from gcs_tools.judging.admitted import refusal
+from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result
 from gcs_tools.judging.verdict import OK, judge
 from gcs_tools.live.publishing import Zenoh

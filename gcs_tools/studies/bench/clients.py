@@ -1,6 +1,6 @@
 """Two listeners for `make bench`: a ground station and a second script, as processes of their own.
 
-    python -m gcs_tools.studies.bench_clients INSTANCE
+    python -m gcs_tools.studies.bench.clients INSTANCE
 
 Each sends heartbeats and reads what the vehicle streams. Prints one line when both hear
 it, and the number of datagrams each has read when its standard input closes.

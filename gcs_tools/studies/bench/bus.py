@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.studies.measured import Figure
+from gcs_tools.studies.bench.figure import Figure
 
 FLIGHT_S = 20.0  # in real time
 ROWS, BURST = 4096, 32  # reported, and between two pauses
@@ -30,8 +30,8 @@ def figures() -> Iterator[Figure]:
 def costs() -> Iterator[Figure]:
     """What a report costs the control thread after its answer is on its way."""
     from fcu.interface.feed import SUPPORTED
-    from gcs_tools.flight.flying import PORTS
     from gcs_tools.flight.instance import claimed
+    from gcs_tools.flight.run import PORTS
 
     with claimed(None, *PORTS) as instance:
         alone = _reports(instance)
@@ -88,8 +88,8 @@ def _reports(instance: int) -> float:
 
 def heard(rate_hz: int) -> Iterator[Figure]:
     """A flight in real time, and a subscriber that records it: how old ticks are when they come."""
-    from gcs_tools.flight.flying import PORTS
     from gcs_tools.flight.instance import claimed
+    from gcs_tools.flight.run import PORTS
 
     with claimed(None, *PORTS) as instance:
         pass  # it is free: the flight below claims it

@@ -60,7 +60,7 @@ def carried(topic: Topic) -> list[str]:
     return [*topic.own, *(topic.prefix + name for name in columns(topic.carries))]
 
 
-class History:
+class TopicHistory:
     """Rows of one topic, oldest first: all of them, or those of the newest `keep_s` seconds."""
 
     def __init__(
@@ -140,7 +140,7 @@ class Limits(NamedTuple):
         )  # fmt: skip
 
 
-class Flight:
+class FlightHistory:
     """A flight as far as it is known: a history for each topic, and what belongs to them."""
 
     def __init__(
@@ -155,7 +155,7 @@ class Flight:
         self.limits = Limits.believed()
         self.ground_z: float | None = None  # m; None until it is known
         self._topics = {
-            topic.name: History(carried(topic), kept[topic.name], keep_s)
+            topic.name: TopicHistory(carried(topic), kept[topic.name], keep_s)
             for topic in TOPICS
             if topic.name in kept
         }
@@ -233,12 +233,12 @@ class Flight:
         return f"{mode.lower().replace('_', ' ')}, {armed}{failsafe}"
 
 
-def recorded(path: Path) -> Flight:
+def recorded(path: Path) -> FlightHistory:
     """The flight of a recording. Raises RecordingError if it cannot be read or is empty."""
     recording = read(path)
     if not len(recording.plant):
         raise RecordingError(f"{path}: nothing was recorded of this flight")
-    flight = Flight(recording.metadata.get("title") or path.name, keep_s=math.inf)
+    flight = FlightHistory(recording.metadata.get("title") or path.name, keep_s=math.inf)
     flight.ground_z = ground_z(recording.metadata)
     if recording.params is not None:
         flight.limits = Limits.of(recording.params)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fcu.kernel.buffers import columns
 from fcu.laws.mmrac.types import LawParams, Tick
-from gcs_tools.judging.metrics import Flight, Rows
+from gcs_tools.judging.metrics import EngagedTicks, Rows
 from gcs_tools.recording.reader import SEEN, Recording
 from sitl_plant.physics.types import PlantRecord
 
@@ -45,10 +45,12 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Shown:
+class Window:
     """What is shown of a flight. Rows are those from `t_from` to `t_to` (s, both included)."""
 
-    flight: Flight  # ticks at which the law was flying; what is settled is of the whole flight
+    flight: (
+        EngagedTicks  # ticks at which the law was flying; what is settled is of the whole flight
+    )
     plant: Columns  # PlantRecord, at those ticks
     fcu: Columns  # Tick, at those ticks
     taken_over_s: float  # when the law first flew, also before the window; infinite: never
@@ -58,9 +60,9 @@ class Shown:
     metadata: dict[str, str]
 
     @classmethod
-    def of(cls, recording: Recording, t_from: float | None, t_to: float | None) -> Shown:
+    def of(cls, recording: Recording, t_from: float | None, t_to: float | None) -> Window:
         """What `recording` has from t_from to t_to; None: from the start, to the end."""
-        whole = Flight.of(recording.plant, recording.fcu)
+        whole = EngagedTicks.of(recording.plant, recording.fcu)
         flight = whole.window(t_from, t_to)
         low, high = -np.inf if t_from is None else t_from, np.inf if t_to is None else t_to
         reports, before = {}, {}

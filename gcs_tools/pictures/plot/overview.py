@@ -9,8 +9,9 @@ import numpy as np
 
 from fcu.kernel.buffers import columns
 from fcu.laws.mmrac.types import LawParams, Tick
-from gcs_tools.judging.metrics import Flight, Rows
-from gcs_tools.pictures.plot.drawing import (
+from gcs_tools.judging.metrics import EngagedTicks, Rows
+from gcs_tools.pictures.plot.numbers import Numbers, length, percent
+from gcs_tools.pictures.plot.style import (
     DASHED,
     DOTTED,
     INK,
@@ -26,8 +27,7 @@ from gcs_tools.pictures.plot.drawing import (
     line,
     logarithmic,
 )
-from gcs_tools.pictures.plot.numbers import Numbers, length, percent
-from gcs_tools.pictures.plot.shown import ENU, Columns, Shown
+from gcs_tools.pictures.plot.window import ENU, Columns, Window
 from sitl_plant.physics.types import PlantRecord
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def _position(axes: Axes, plant: Columns, fcu: Columns) -> None:
     legend(axes)
 
 
-def distance(axes: Axes, flight: Flight) -> None:
+def distance(axes: Axes, flight: EngagedTicks) -> None:
     """On a log scale: from the metres of a start to the millimetres of a settled flight."""
     axes.set_title("Distance from the reference, m")
     t, error = flight.t, flight.position_error
@@ -118,33 +118,33 @@ def inertia(plant: Columns, fcu: Columns) -> list[tuple[str, Rows, Rows]]:
     return list(zip("xyz", fcu.axes("state.J_hat"), plant.axes("J"), strict=True))
 
 
-def _overview(figure: Figure, flight: Flight, told: dict[str, float], title: str) -> None:
-    true, shown = Columns(flight.plant, columns(PlantRecord)), Columns(flight.fcu, columns(Tick))
+def _overview(figure: Figure, flight: EngagedTicks, told: dict[str, float], title: str) -> None:
+    true, fcu = Columns(flight.plant, columns(PlantRecord)), Columns(flight.fcu, columns(Tick))
     grid = figure.subplot_mosaic(
         [["position", "error"], ["thrust", "tilt"], ["drag", "drag"], ["mass", "inertia"]],
         sharex=True,
     )
     figure.suptitle(title, x=0.012, ha="left", fontsize=13.0, fontweight="bold", color=INK)
-    _position(grid["position"], true, shown)
+    _position(grid["position"], true, fcu)
     distance(grid["error"], flight)
-    _thrust(grid["thrust"], shown, told)
-    _tilt(grid["tilt"], shown, told)
-    learned(grid["drag"], "Drag force over mass, m/s²", flight.t, drag_over_mass(true, shown, told))
-    mass = [("estimate", shown["state.m_hat"], true["m"])]
+    _thrust(grid["thrust"], fcu, told)
+    _tilt(grid["tilt"], fcu, told)
+    learned(grid["drag"], "Drag force over mass, m/s²", flight.t, drag_over_mass(true, fcu, told))
+    mass = [("estimate", fcu["state.m_hat"], true["m"])]
     learned(grid["mass"], "Mass, kg", flight.t, mass, 1.0)
-    learned(grid["inertia"], "Inertia, kg m²", flight.t, inertia(true, shown), 0.1)
+    learned(grid["inertia"], "Inertia, kg m²", flight.t, inertia(true, fcu), 0.1)
     for name in ("mass", "inertia"):
         grid[name].set_xlabel(TIME)
 
 
-def numbers(shown: Shown) -> Numbers:
+def numbers(window: Window) -> Numbers:
     """How the flight went. Raises Missing."""
     names = (
         "position_rms_settled_m", "position_max_m", "thrust_saturated_fraction",
         "tilt_saturated_fraction",
     )  # fmt: skip
-    shown.t, shown.told  # noqa: B018  what the figure needs
-    return {name: shown.flight.metric(name) for name in names}
+    window.t, window.told  # noqa: B018  what the figure needs
+    return {name: window.flight.metric(name) for name in names}
 
 
 def answer(found: Numbers) -> str:
@@ -156,9 +156,9 @@ def answer(found: Numbers) -> str:
     )
 
 
-def draw(figure: Figure, shown: Shown, _found: Numbers) -> None:
-    """The overview of what is shown."""
-    _overview(figure, shown.flight, shown.told, shown.metadata.get("title", "A flight"))
+def draw(figure: Figure, window: Window, _found: Numbers) -> None:
+    """The overview of a window."""
+    _overview(figure, window.flight, window.told, window.metadata.get("title", "A flight"))
 
 
 def flight_figure(
@@ -168,14 +168,14 @@ def flight_figure(
 
     plant : float64 (n, size(PlantRecord)).  fcu : float64 (m, size(Tick)).
     params : float64 (size(LawParams),), of which the limits are taken.
-    settle_from_s : as for metrics.Flight.  Raises OSError if it cannot be written.
+    settle_from_s : as for metrics.EngagedTicks.  Raises OSError if it cannot be written.
     """
     # here, not above: matplotlib takes longer to import than all else of a command
     from matplotlib import rc_context
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    flight = Flight.of(plant, fcu, settle_from_s)
+    flight = EngagedTicks.of(plant, fcu, settle_from_s)
     told = dict(zip(columns(LawParams), params.tolist(), strict=True))
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout=ConstrainedLayoutEngine(h_pad=0.09, w_pad=0.12))

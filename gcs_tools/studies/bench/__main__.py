@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gcs_tools.studies import bench_bus
-from gcs_tools.studies.measured import Figure
+from gcs_tools.studies.bench import bus as bench_bus
+from gcs_tools.studies.bench.figure import Figure
 
 if TYPE_CHECKING:
     from gcs_tools.flight.scenario import Scenario
@@ -49,7 +49,7 @@ def per_call_s(run: Callable[[], Any], calls: int, repeats: int) -> float:
 
 def streamed(duration_s: float) -> Scenario:
     """The paper's flight, its moving yaw sent 20 times a second of simulation time."""
-    from gcs_tools.flight import flying
+    from gcs_tools.flight import run as flying
 
     settings = [f"flight.duration_s={duration_s:g}"]
     return flying.prepared(MISSION, settings, rate_hz=RATE_HZ)[1]
@@ -75,7 +75,7 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     from fcu.laws.mmrac.types import Internals, LawState, Tick
     from gcs_tools.flight import rollout
     from gcs_tools.judging.envelope import with_guard
-    from gcs_tools.studies.bench_loops import law_steps, margin_steps, plant_steps
+    from gcs_tools.studies.bench.loops import law_steps, margin_steps, plant_steps
     from sitl_plant.physics.types import PlantRecord
 
     n, law, world = scene.ticks, to_buffer(scene.law), scene.world
@@ -149,7 +149,7 @@ def listeners(instance: int, wanted: bool) -> Iterator[None]:
     if not wanted:
         yield
         return
-    arguments = [sys.executable, "-m", "gcs_tools.studies.bench_clients", str(instance)]
+    arguments = [sys.executable, "-m", "gcs_tools.studies.bench.clients", str(instance)]
     pipe = subprocess.PIPE
     with subprocess.Popen(arguments, stdin=pipe, stdout=pipe, text=True) as clients:
         yield
@@ -164,8 +164,8 @@ def flown(scene: Scenario, speed: float | None = None, clients: bool = False) ->
     `clients`: with two that the vehicle streams telemetry to.
     """
     from fcu.kernel.buffers import to_buffer
-    from gcs_tools.flight.flying import PORTS
     from gcs_tools.flight.instance import claimed
+    from gcs_tools.flight.run import PORTS
     from gcs_tools.flight.wire_flight import WireFlight
     from gcs_tools.recording.recorder import Recorder
 
@@ -235,7 +235,7 @@ def commands(repeats: int) -> Iterator[Figure]:
 
 def machine() -> dict[str, str]:
     """What it was measured on."""
-    from gcs_tools.flight.flying import versions
+    from gcs_tools.flight.run import versions
 
     model = platform.processor() or platform.machine()
     about = Path("/proc/cpuinfo")
