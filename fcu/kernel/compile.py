@@ -6,6 +6,7 @@ Python, in a process and in a campaign).
 
 numba's own cache does not notice that a *called* function in another file changed.
 The cache therefore lives in a folder named by the hash of every source that takes part.
+A law of a user's own has a folder beside it, named by the hash of its sources too.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core.caching import FunctionCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -40,18 +42,24 @@ def _sources() -> list[Path]:
     return [p for p in files if takes_part(p)]
 
 
-def _fingerprint() -> str:
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {platform.machine()}".encode())
+def _digest(start: str, folders: tuple[str, ...] = ()) -> str:
+    digest = hashlib.sha256(start.encode())
     for path in _sources():
-        digest.update(str(path.relative_to(_ROOT)).encode())
-        digest.update(path.read_bytes())
+        name = path.relative_to(_ROOT).as_posix()
+        if not folders or name.startswith(folders):
+            digest.update(name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def digest(*folders: str) -> str:
+    """A hash of the sources below `folders` ("fcu/laws") that take part; of all if none is named."""
+    return _digest("", folders)
 
 
 def _cache_folder() -> Path | None:
     """The folder for this version of the sources, or None where none can be written."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    folder = Path(home) / "m-mrac" / _fingerprint()
+    folder = Path(home) / "m-mrac" / FINGERPRINT
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".probe-{os.getpid()}"
@@ -63,20 +71,59 @@ def _cache_folder() -> Path | None:
     return folder
 
 
+FINGERPRINT = _digest(f"{numba.__version__} {sys.version} {platform.machine()}")
 CACHE_FOLDER = _cache_folder()
-if CACHE_FOLDER is not None:
-    numba.config.CACHE_DIR = str(CACHE_FOLDER)
+
+_apart: dict[str, Path | None] = {}  # folders of packages that are not ours
 
 
-def is_cached(name: str) -> bool:
+def keep_apart(package: str, digest: str) -> None:
+    """Cache the kernels of a package of a user's in a folder of their own, named by a digest."""
+    beside = CACHE_FOLDER
+    _apart[package] = None if beside is None else beside.with_name(f"{beside.name}-{digest}")
+
+
+def is_cached(name: str, package: str = "fcu") -> bool:
     """Whether compiled code for the kernel function called `name` is on disk already."""
-    return CACHE_FOLDER is not None and any(CACHE_FOLDER.rglob(f"*.{name}-*.nbi"))
+    folder = _apart.get(package, CACHE_FOLDER)
+    return folder is not None and any(folder.rglob(f"*.{name}-*.nbi"))
+
+
+class _OurCache(FunctionCache):  # type: ignore[misc]  # numba has no types
+    """The cache of a kernel of ours: of values that a user has declared it keeps nothing.
+
+    Who reads an index has to be able to import every class in it; the user's kernel that calls
+    ours is cached whole, in its own folder.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        return None if any(map(_is_strange, sig)) else super().load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        if not any(map(_is_strange, sig)):
+            super().save_overload(sig, data)
+
+
+def _is_strange(kind: Any) -> bool:
+    """Whether a type holds a NamedTuple that is declared outside our packages."""
+    if not isinstance(kind, numba.types.BaseTuple):
+        return False
+    named = isinstance(kind, numba.types.BaseNamedTuple)
+    strange = named and kind.instance_class.__module__.partition(".")[0] not in _PACKAGES
+    return strange or any(map(_is_strange, kind.types))
 
 
 def kernel(function: F) -> F:
     """Compile `function` on first call, with the project's flags."""
-    cached = CACHE_FOLDER is not None and not function.__code__.co_filename.startswith("<")
+    package = function.__module__.partition(".")[0]
+    folder = _apart.get(package, CACHE_FOLDER)
+    cached = folder is not None and not function.__code__.co_filename.startswith("<")
+    if cached:
+        numba.config.CACHE_DIR = str(folder)  # which numba reads when it decorates
     # inlined, a kernel costs no copies of its NamedTuples: a rollout runs 1.6 times as fast
     flags = {"nogil": True, "error_model": "numpy", "forceinline": True}
-    compiled: F = numba.njit(cache=cached, **flags)(function)
-    return compiled
+    compiled: Any = numba.njit(cache=cached, **flags)(function)
+    if cached and package in _PACKAGES:
+        compiled._cache = _OurCache(function)
+    made: F = compiled
+    return made

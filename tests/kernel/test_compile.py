@@ -1,0 +1,55 @@
+"""What is cached where: ours by our sources, a user's apart, so that neither spoils the other."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+LEVERS = """
+from typing import NamedTuple
+from fcu.kernel.algebra import select
+from fcu.kernel.compile import kernel
+
+class Lever(NamedTuple):
+    arm: float
+
+@kernel
+def longer(a, b):
+    return select(a.arm > b.arm, a, b)
+"""
+OURS = "from fcu.kernel.algebra import select; print(select(True, 2.0, 1.0))"
+THEIRS = """
+from fcu.kernel.compile import keep_apart
+keep_apart("levers", "0123")
+from levers import Lever, longer
+print(longer(Lever(2.0), Lever(1.0)).arm)
+"""
+
+
+def _run(folder: Path, script: str) -> str:
+    env = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(folder)}
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env=env, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return done.stdout
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_value_of_a_users_leaves_our_cache_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "levers.py").write_text(LEVERS)
+    assert _run(tmp_path, OURS) == "2.0\n"
+    ours, *others = sorted((tmp_path / "cache" / "m-mrac").iterdir())
+    before = _files(ours)
+    assert before
+    assert others == []
+    assert _run(tmp_path, THEIRS) == "2.0\n"
+    assert _files(ours) == before
+    _, apart = sorted((tmp_path / "cache" / "m-mrac").iterdir())
+    assert apart.name == f"{ours.name}-0123"
+    assert any("longer" in name for name in _files(apart))
