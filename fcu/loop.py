@@ -17,10 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from fcu.interface.link import UdpLink
-from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
-from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.mmrac import cascade
 from fcu.laws.mmrac.types import LawState, Tick
 from fcu.mavlink.enums import Severity
@@ -37,11 +38,9 @@ JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 OK, INFRASTRUCTURE = 0, 3
 LOAD_SMOOTHED = 1.0 / 256.0
 
-_TICK = columns(Tick)
-_STATE_AT = _TICK.index("state.r_m.x")
-_STATE = slice(_STATE_AT, _STATE_AT + size(LawState))
-_COMMAND_AT = _TICK.index("command.u.r1")
-_COMMAND = slice(_COMMAND_AT, _COMMAND_AT + size(RotorCommand))
+_STATE, _COMMAND = slice_of(Tick, "state"), slice_of(Tick, "command")
+_R_M, _V_M = slice_of(LawState, "r_m"), slice_of(LawState, "v_m")
+_R, _V = slice_of(VehicleState, "r_E"), slice_of(VehicleState, "v_E")
 
 
 @dataclass
@@ -104,7 +103,7 @@ class Loop:
         """Compile what a tick needs, by flying one that goes nowhere."""
         row, state = np.zeros(WIDTH), np.zeros(size(LawState))
         measured = np.zeros(size(VehicleState))
-        measured[6] = 1.0
+        measured[column_of(VehicleState, "q_EB.w")] = 1.0
         Gate().pass_on(measured, 0.002, 0)
         for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
             cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
@@ -172,7 +171,8 @@ class Loop:
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
                 self._gate.take(self._received)
-                self._state[:6] = self._measured[:6]  # the reference is where the vehicle is
+                self._state[_R_M] = self._measured[_R]  # the reference is where the vehicle is
+                self._state[_V_M] = self._measured[_V]
                 self.vehicle.battery = self._codec.battery
                 self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due

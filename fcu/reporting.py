@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface.diagnostics import Report, Status, Wind
+from fcu.interface.diagnostics import Report, Status, Timing, fcu_row
 from fcu.interface.feed import Feed
 from fcu.interface.tape import Tape
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.mmrac import wind
 from fcu.laws.mmrac.types import LawParams, Tick
 from fcu.vehicle.modes import MODES
@@ -22,13 +23,12 @@ from fcu.vehicle.supervisor import Supervisor
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
-WIDTH = size(Tick) + size(Report)  # float64 in a row
+FcuRow = fcu_row(Tick)
+WIDTH = size(FcuRow)  # float64 in a row
 
 _REPORT = slice(size(Tick), WIDTH)
-_AT = columns(Report).index
-_STATUS = slice(size(Wind), size(Wind) + size(Status))
-_OFF = _AT("status.position_off")
-_SEQUENCE = _AT("timing.sequence")
+_WIND, _STATUS, _TIMING = (slice_of(Report, name) for name in Report._fields)
+_OFF = column_of(Report, "status.position_off")
 
 
 class Reporter:
@@ -40,7 +40,7 @@ class Reporter:
         self.feed = feed
         self._drag = to_buffer(drag)
         self._report = np.zeros(size(Report))
-        self._wind = self._report[: size(Wind)]
+        self._wind = self._report[_WIND]
         self._seen: tuple[Any, ...] = ()
         self._told: LawParams | None = None
         self._sequence = 0.0
@@ -69,9 +69,10 @@ class Reporter:
             report[_STATUS] = to_buffer(_status(vehicle))
         report[_OFF] = off
         self.cycle_max_s = max(self.cycle_max_s, cycle_s)
-        report[_SEQUENCE:] = (
-            self._sequence, time.time(), cycle_s, self.cycle_max_s, load,
-            resent, refused, self.tape.dropped, self.feed.dropped,
+        report[_TIMING] = Timing(
+            sequence=self._sequence, published=time.time(), cycle=cycle_s,
+            cycle_max=self.cycle_max_s, load=load, resent=resent, refused=refused,
+            unrecorded=self.tape.dropped, unpublished=self.feed.dropped,
         )  # fmt: skip
         row[_REPORT] = report
         self._sequence += 1.0

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface.diagnostics import PlantReport
+from fcu.interface.diagnostics import PlantTiming, plant_row
 from fcu.interface.feed import Feed
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
@@ -26,7 +26,8 @@ from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
 from fcu.interface.tape import Tape
-from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.kernel.buffers import from_buffer, size, to_buffer
+from fcu.kernel.rows import column, slice_of
 from fcu.mavlink.plant_link import PlantCodec, WireError
 from sitl_plant.pacing import Pacer
 from sitl_plant.physics import dynamics, tick
@@ -39,11 +40,10 @@ OK, INFRASTRUCTURE = 0, 3
 ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
 BATTERY_HZ = 10.0  # of simulation time
 _NOISE_BLOCK = 4096  # rows drawn at once
-_BATTERY_AT = columns(PlantRecord).index(f"battery.{Battery._fields[0]}")
-_BATTERY = slice(_BATTERY_AT, _BATTERY_AT + size(Battery))
 
-WIDTH = size(PlantRecord) + size(PlantReport)  # float64 in a row
-_REPORT = slice(size(PlantRecord), WIDTH)
+PlantRow = plant_row(PlantRecord)
+WIDTH = size(PlantRow)  # float64 in a row
+_TIMING = slice_of(PlantRow, "timing")
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -83,7 +83,6 @@ class Server:
         self._world = world
         self._tape = tape
         self._feed = feed
-        self._report = np.zeros(size(PlantReport))
         self.pacer = pacer
         self._control = control
         self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
@@ -112,7 +111,9 @@ class Server:
         state, row = self._start.copy(), np.zeros(WIDTH)
         drawn = self._drawn.copy()
         tick.observe(self._params, state, drawn, 0.0, self._start, row)
-        self._battery = Battery(*row[_BATTERY].tolist())  # for the first keep-alive
+        self._battery = from_buffer(
+            Battery, column(PlantRecord, row, "battery")
+        )  # for the first keep-alive
         tick.sense(state, np.zeros(tick.NOISE), self._reported)
         tick.advance(self._params, state, drawn, self._command, 0.0, self._world.steps)
 
@@ -174,7 +175,7 @@ class Server:
             self._params, self._state, self._drawn, self._time_s, self._start, row
         )  # fmt: skip
         if self._reports_battery:
-            self._battery = Battery(*row[_BATTERY].tolist())
+            self._battery = from_buffer(Battery, column(PlantRecord, row, "battery"))
         self._hand_on(row)
         if ended != dynamics.FLYING:
             what = ENDINGS[ended]
@@ -187,11 +188,11 @@ class Server:
 
     def _hand_on(self, row: Buffer) -> None:
         """Complete the row of this tick: to the recorder, and to the publisher."""
-        self._report[:] = (
-            self._tick, time.time(), self.pacer.late_s, self.pacer.slips,
-            self.figures.resent, self._tape.dropped, self._feed.dropped,
+        row[_TIMING] = PlantTiming(
+            sequence=self._tick, published=time.time(), late=self.pacer.late_s,
+            slips=self.pacer.slips, resent=self.figures.resent,
+            unrecorded=self._tape.dropped, unpublished=self._feed.dropped,
         )  # fmt: skip
-        row[_REPORT] = self._report
         self._feed.send(row)
         self._tape.done()
 

@@ -1,15 +1,18 @@
 """What both processes say of each tick beside the law's and the plant's own values.
 
-A row of the flight controller is a Tick (fcu.laws.mmrac.types) and then a Report; a row of the plant
-is a PlantRecord and then a PlantReport. Whoever records or publishes a flight gets whole rows.
+A row of the flight controller is a Tick (fcu.laws.mmrac.types) and then a Report: `fcu_row(Tick)`;
+a row of the plant is a PlantRecord and then a PlantReport: `plant_row(PlantRecord)`. Whoever
+records or publishes a flight gets whole rows.
 Wall times are of this machine: they differ from flight to flight, and nothing flown reads them.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 from fcu.kernel.algebra import Vec3
+from fcu.kernel.rows import joined
 
 
 class Wind(NamedTuple):
@@ -71,3 +74,15 @@ class PlantReport(NamedTuple):
     """What the plant says of a tick."""
 
     timing: PlantTiming
+
+
+@cache
+def fcu_row(tick: Any) -> Any:
+    """The class of a whole row of the flight controller. `tick`: the class of what its law tells."""
+    return joined("FcuRow", tick, Report)
+
+
+@cache
+def plant_row(record: Any) -> Any:
+    """The class of a whole row of the plant. `record`: the class of its truth."""
+    return joined("PlantRow", record, PlantReport)

@@ -1,12 +1,13 @@
 """Between NamedTuples (inside compiled code) and float64 buffers (at the edge of a process).
 
 Every leaf of a kernel value is a float64, so a value is a flat float64 array, in the
-order of its declaration. The declaration is the layout: dtype, column names, packing
-and unpacking are derived from it, never written out.
+order of its declaration. The declaration is the layout: column names, packing and
+unpacking are derived from it, never written out. `rows` reads a buffer by name.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
@@ -51,11 +52,24 @@ def size(cls: Any) -> int:
     return sum(1 for _ in leaves(cls))
 
 
-def dtype(cls: Any) -> np.dtype[Any]:
-    """Structured little-endian dtype of `cls`, nested as the class is."""
-    return np.dtype(
-        [(name, dtype(kind) if is_value(kind) else "<f8") for name, kind in fields(cls).items()]
-    )
+@cache
+def field_type(cls: Any, name: str) -> Any:
+    """The type of the field `name` (dotted) of `cls`: float, or a NamedTuple class; of "" `cls`.
+
+    Raises AttributeError if there is no such field.
+    """
+    kind = cls
+    for part in name.split(".") if name else ():
+        if not is_value(kind) or part not in kind._fields:
+            raise AttributeError(f"{cls.__name__} has no field {name}")
+        kind = fields(kind)[part]
+    return kind
+
+
+def offset(cls: Any, name: str) -> int:
+    """The column at which the field `name` (dotted) begins in a buffer of `cls`; of "" 0."""
+    path = tuple(name.split(".")) if name else ()
+    return next(i for i, leaf in enumerate(leaves(cls)) if leaf.path[: len(path)] == path)
 
 
 def columns(cls: Any) -> list[str]:
@@ -81,33 +95,35 @@ def _flattener(cls: Any) -> Callable[[Any], tuple[float, ...]]:
 def from_buffer(cls: type[T], buffer: Sequence[float] | np.ndarray[Any, Any]) -> T:
     """A value from a flat array of `size(cls)` floats."""
     kind: Any = cls
-    value: T = _builder(kind)(np.asarray(buffer, dtype=np.float64).tolist())
+    value: T = builder(kind)(np.asarray(buffer, dtype=np.float64).tolist())
     return value
 
 
 @cache
-def _builder(cls: Any) -> Callable[[list[float]], Any]:
-    """What `unpacker` compiles, as plain Python: from a list of floats."""
-    scope = _constructors(cls, {})
-    exec(f"def build(b):\n    return {_construct(cls, iter(range(size(cls))))}\n", scope)
-    build: Callable[[list[float]], Any] = scope["build"]
+def builder(cls: Any) -> Callable[[Any], Any]:
+    """What `unpacker` compiles, as plain Python: from a sequence of leaves."""
+    expression, scope = _construction(cls, 0)
+    exec(f"def build(b):\n    return {expression}\n", scope)
+    build: Callable[[Any], Any] = scope["build"]
     return build
 
 
-def _constructors(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
-    found[cls.__name__] = cls
-    for kind in fields(cls).values():
-        if is_value(kind):
-            _constructors(kind, found)
-    return found
+def _construction(cls: Any, first: int) -> tuple[str, dict[str, Any]]:
+    """An expression that makes a `cls` of b[first], b[first + 1], ..., and the names it needs.
 
+    Classes of one name may be in one value (the State of a law, the State of its guard).
+    """
+    names: dict[Any, str] = {}
+    index = itertools.count(first)
 
-def _construct(cls: Any, index: Iterator[int]) -> str:
-    parts = [
-        _construct(kind, index) if is_value(kind) else f"b[{next(index)}]"
-        for kind in fields(cls).values()
-    ]
-    return f"{cls.__name__}({', '.join(parts)})"
+    def construct(kind: Any) -> str:
+        if not is_value(kind):
+            return f"b[{next(index)}]"
+        name = names.setdefault(kind, f"{kind.__name__}_{len(names)}")
+        return f"{name}({', '.join(map(construct, fields(kind).values()))})"
+
+    expression = construct(cls)
+    return expression, {name: kind for kind, name in names.items()}
 
 
 def _compiled(source: str, name: str, scope: dict[str, Any]) -> Callable[..., Any]:
@@ -116,13 +132,15 @@ def _compiled(source: str, name: str, scope: dict[str, Any]) -> Callable[..., An
     return function
 
 
-def unpacker(cls: Any) -> Callable[..., Any]:
-    """A compiled function `(buffer) -> cls`, for use inside kernels."""
-    body = _construct(cls, iter(range(size(cls))))
-    return _compiled(f"def unpack(b):\n    return {body}\n", "unpack", _constructors(cls, {}))
+def unpacker(cls: Any, field: str = "") -> Callable[..., Any]:
+    """A compiled function `(buffer) -> cls`, for use inside kernels; of its `field` (dotted) alone."""
+    body, scope = _construction(field_type(cls, field), offset(cls, field))
+    return _compiled(f"def unpack(b):\n    return {body}\n", "unpack", scope)
 
 
-def packer(cls: Any) -> Callable[..., Any]:
-    """A compiled function `(buffer, value)` that writes the value, for use inside kernels."""
-    lines = [f"    b[{i}] = v.{leaf.name}" for i, leaf in enumerate(leaves(cls))]
+def packer(cls: Any, field: str = "") -> Callable[..., Any]:
+    """A compiled function `(buffer, value)` that writes the value, or that of its `field` (dotted)."""
+    kind, first = field_type(cls, field), offset(cls, field)
+    parts = [f"v.{leaf.name}" for leaf in leaves(kind)] if is_value(kind) else ["v"]
+    lines = [f"    b[{first + i}] = {part}" for i, part in enumerate(parts)]
     return _compiled("def pack(b, v):\n" + "\n".join(lines) + "\n", "pack", {})

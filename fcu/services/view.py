@@ -14,8 +14,9 @@ import numpy as np
 
 from fcu.interface.messages import Battery, VehicleState
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import columns, from_buffer, size
+from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rotations import euler, matrix
+from fcu.kernel.rows import column
 from fcu.laws.mmrac.types import Internals, LawParams, LawState, Tick
 from fcu.mavlink.geodesy import Geodetic, Origin, to_geodetic
 from fcu.parameters import Parameters
@@ -23,14 +24,6 @@ from fcu.vehicle.supervisor import Supervisor
 from fcu.vehicle.wind import Wind
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
-
-_TICK = columns(Tick)
-_STATE_AT = _TICK.index("state.r_m.x")
-_STATE = slice(_STATE_AT, _STATE_AT + size(LawState))
-_COMMAND_AT = _TICK.index("command.u.r1")
-_COMMAND = slice(_COMMAND_AT, _COMMAND_AT + 8)
-_INTERNALS_AT = _TICK.index("internals.r_m.x")
-_INTERNALS = slice(_INTERNALS_AT, _INTERNALS_AT + size(Internals))
 
 
 @dataclass(frozen=True)
@@ -79,13 +72,13 @@ class View:
     @cached_property
     def state(self) -> LawState:
         """What the law remembers after this tick."""
-        state: LawState = from_buffer(LawState, self.row[_STATE])
+        state: LawState = from_buffer(LawState, column(Tick, self.row, "state"))
         return state
 
     @cached_property
     def internals(self) -> Internals:
         """What the law computed at this tick."""
-        internals: Internals = from_buffer(Internals, self.row[_INTERNALS])
+        internals: Internals = from_buffer(Internals, column(Tick, self.row, "internals"))
         return internals
 
     @cached_property
@@ -102,7 +95,7 @@ class View:
     @property
     def commanded(self) -> list[float]:
         """Rotor speeds as commanded, over full speed, 0 to 1."""
-        commanded: list[float] = self.row[_COMMAND].tolist()
+        commanded: list[float] = column(Tick, self.row, "command").tolist()
         return commanded
 
     @property

@@ -131,9 +131,9 @@ class Conduct(Pilot):
         """Whether what is flown is not above the vehicle: a script may be about to take off."""
         if self._is_landing:
             return True
-        assert self.state is not None
+        assert self.measured is not None
         return self.setpoint is None or self.setpoint.level > 0.0 or (
-            self.setpoint.r_c.z <= float(self.state[2]) + 0.1 and self.setpoint.v_c.z <= 0.0
+            self.setpoint.r_c.z <= self.measured.r_E.z + 0.1 and self.setpoint.v_c.z <= 0.0
         )  # fmt: skip
 
     @property

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import norm
-from fcu.kernel.buffers import size, unpacker
+from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
 from fcu.mavlink.enums import Severity
 
@@ -25,6 +25,7 @@ JUMP = 1.0  # m in one tick, beside v h; no impact moves a vehicle so far
 STUCK_US, LOOK_US = 1_000_000, 20_000  # simulation time
 
 _unpack = unpacker(VehicleState)
+_put_r_E = packer(VehicleState, "r_E")
 
 
 @kernel
@@ -39,7 +40,7 @@ def admit(received, flown, h):
     for i in range(received.size):
         flown[i] = received[i]
     if off > JUMP:
-        flown[0], flown[1], flown[2] = expected.x, expected.y, expected.z
+        _put_r_E(flown, expected)
     return off
 
 

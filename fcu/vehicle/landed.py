@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.messages import VehicleState
-from fcu.kernel.buffers import columns
+from fcu.kernel.rows import column_of, slice_of
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -24,9 +24,8 @@ LIGHT = 0.5  # of the thrust in flight
 LEARNT = 0.01  # of the thrust of one look: two seconds' worth
 CLEAR = 0.15  # m above where it stood: in the air whatever the rotors do
 
-_AT = columns(VehicleState).index
-_Z, _V = _AT("r_E.z"), slice(_AT("v_E.x"), _AT("v_E.x") + 3)
-_OMEGA = slice(_AT("Omega.r1"), _AT("Omega.r1") + 8)
+_Z, _V = column_of(VehicleState, "r_E.z"), slice_of(VehicleState, "v_E")
+_OMEGA = slice_of(VehicleState, "Omega")
 
 
 class Landed:

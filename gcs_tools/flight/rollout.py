@@ -14,6 +14,7 @@ import numpy as np
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.rows import column_of
 from fcu.laws.mmrac import cascade, reference_model
 from fcu.laws.mmrac.types import Tick
 from fcu.mavlink.frames import command_through_the_wire, through_the_wire
@@ -25,6 +26,7 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 _unpack_setpoint = unpacker(Setpoint)
 _pack_tick = packer(Tick)
+_recorded_state = unpacker(PlantRecord, "state")
 
 
 @kernel
@@ -44,7 +46,6 @@ def rollout(
     law = cascade.unpack_params(law_buffer)
     start = tick.unpack_state(start_buffer)
     state, law_state = start, cascade.take_over(law, through_the_wire(tick.as_reported(start)))
-    first_state = 1  # column of PlantRecord at which its state begins
     drawn = battery.BatteryState(0.0, 0.0)
     sent = 0
     for k in range(n):
@@ -55,7 +56,7 @@ def rollout(
             return k + 1
 
         late = max(k - delay, 0)
-        shown = tick.unpack_state(plant_rows[late, first_state:]) if delay > 0 else state
+        shown = _recorded_state(plant_rows[late]) if delay > 0 else state
         if len(noise) > 0:
             measured = through_the_wire(tick.report(shown, noise[k]))
         else:
@@ -90,7 +91,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
         scene.sent_at, scene.setpoints, scene.noise(n), int(scene.world.delay_ticks),
         scene.world.steps, scene.period_us, n, plant_rows, fcu_rows,
     )  # fmt: skip
-    ended = plant_rows[rows - 1, -1] != dynamics.FLYING
+    ended = plant_rows[rows - 1, column_of(PlantRecord, "ended")] != dynamics.FLYING
     return plant_rows[:rows], fcu_rows[: rows - 1 if ended else rows]
 
 

@@ -20,7 +20,8 @@ import numpy as np
 from fcu.interface import handover
 from fcu.interface.link import PortBusy
 from fcu.interface.messages import Setpoint
-from fcu.kernel.buffers import columns, size
+from fcu.kernel.buffers import size
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.mmrac.types import Tick
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.processes import (
@@ -40,9 +41,8 @@ STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
-_FCU, _PLANT = columns(Tick), columns(PlantRecord)
-_ENDED = _PLANT.index("ended")
-R_C = slice(_FCU.index("setpoint.r_c.x"), _FCU.index("setpoint.r_c.x") + 3)
+_ENDED = column_of(PlantRecord, "ended")
+R_C = slice_of(Tick, "setpoint.r_c")
 
 
 @dataclass

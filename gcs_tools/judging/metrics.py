@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fcu.kernel.buffers import columns
+from fcu.kernel.rows import column
 from fcu.laws.mmrac.types import Tick
 from sitl_plant.physics.types import PlantRecord
 
@@ -25,28 +25,6 @@ SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metr
 FINAL_S = 1.0  # length of the last part of a flight that position_final_m looks at
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
-_TICK = columns(Tick)
-_PLANT = columns(PlantRecord)
-
-
-def _columns(names: list[str], value: str) -> list[int]:
-    """Columns of a Vec3 of the row, by its dotted name."""
-    return [names.index(f"{value}.{axis}") for axis in "xyz"]
-
-
-_T, _ENGAGED = _TICK.index("t"), _TICK.index("engaged")
-_TRUE_R, _R_M, _R_C = (
-    _columns(_PLANT, "state.r_E"),
-    _columns(_TICK, "internals.r_m"),
-    _columns(_TICK, "setpoint.r_c"),
-)
-_V_C, _A_C = _columns(_TICK, "setpoint.v_c"), _columns(_TICK, "setpoint.a_c")
-_THRUST = _TICK.index("internals.T_c")
-_MARGIN, _MARGIN_TILT, _CONDITION = (
-    _TICK.index(f"internals.{name}") for name in ("margin", "margin_tilt", "margin_condition")
-)
-_TILT = [_TICK.index(f"internals.angles_c.{axis}") for axis in "xy"]
-
 
 def settle_from(fcu: Rows) -> float:
     """Simulation time (s) from which a flight counts as settled.
@@ -55,15 +33,22 @@ def settle_from(fcu: Rows) -> float:
     a moving setpoint (one with a velocity or an acceleration) makes no step. Infinite for a
     flight in which the law never flew.
     """
-    flying = fcu[fcu[:, _ENGAGED] > 0.5]
-    if not len(flying):
+    fcu = _flying(fcu)
+    if not len(fcu):
         return math.inf
-    taken_over = np.flatnonzero(flying[:, _ENGAGED] < 1.5)
-    resting = (flying[:, _V_C + _A_C] == 0.0).all(axis=1)
-    moved = (flying[1:, _R_C] != flying[:-1, _R_C]).any(axis=1)
+    taken_over = np.flatnonzero(column(Tick, fcu, "engaged") < 1.5)
+    v_c, a_c = column(Tick, fcu, "setpoint.v_c"), column(Tick, fcu, "setpoint.a_c")
+    resting = (v_c == 0.0).all(axis=1) & (a_c == 0.0).all(axis=1)
+    r_c = column(Tick, fcu, "setpoint.r_c")
+    moved = (r_c[1:] != r_c[:-1]).any(axis=1)
     steps = 1 + np.flatnonzero(moved & resting[1:] & resting[:-1])
     last = max([0, *taken_over.tolist(), *steps.tolist()])
-    return float(flying[last, _T]) + SETTLE_S
+    return float(column(Tick, fcu, "t")[last]) + SETTLE_S
+
+
+def _flying(fcu: Rows) -> Rows:
+    """The ticks at which the law was flying."""
+    return fcu[column(Tick, fcu, "engaged") > 0.5]
 
 
 @dataclass(frozen=True)
@@ -84,20 +69,26 @@ class EngagedTicks:
         plant : float64 (n, size(PlantRecord)).  fcu : float64 (m, size(Tick)).
         settle_from_s : from where settled metrics count; by default `settle_from(fcu)`.
         """
-        fcu = fcu[fcu[:, _ENGAGED] > 0.5]
+        fcu = _flying(fcu)
         _, of_plant, of_fcu = np.intersect1d(
-            np.rint(plant[:, 0] * 1e6), np.rint(fcu[:, _T] * 1e6), return_indices=True
+            np.rint(column(PlantRecord, plant, "t") * 1e6),
+            np.rint(column(Tick, fcu, "t") * 1e6),
+            return_indices=True,
         )
         plant, fcu = plant[of_plant], fcu[of_fcu]
-        true_r = plant[:, _TRUE_R]
+        true_r = column(PlantRecord, plant, "state.r_E")
         return cls(
-            t=fcu[:, _T],
-            position_error=_distance(true_r, fcu[:, _R_M]),
-            command_error=_distance(true_r, fcu[:, _R_C]),
+            t=column(Tick, fcu, "t"),
+            position_error=_distance(true_r, column(Tick, fcu, "internals.r_m")),
+            command_error=_distance(true_r, column(Tick, fcu, "setpoint.r_c")),
             plant=plant,
             fcu=fcu,
             settle_from_s=settle_from(fcu) if settle_from_s is None else settle_from_s,
         )
+
+    def told(self, name: str) -> Rows:
+        """What the controller told of each tick: a field of Tick by its dotted name."""
+        return column(Tick, self.fcu, name)
 
     def window(self, t_from: float | None, t_to: float | None) -> EngagedTicks:
         """The ticks from t_from to t_to (s, both included); None: from the start, to the end."""
@@ -159,16 +150,22 @@ def _final(flight: EngagedTicks) -> float:
     return float(flight.position_error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
 
 
+def _tilts(flight: EngagedTicks) -> Rows:
+    """Commanded roll and pitch of all ticks, rad, unsigned."""
+    angles_c = (flight.told(f"internals.angles_c.{axis}") for axis in "xy")
+    both: Rows = np.abs(np.concatenate(list(angles_c)))
+    return both
+
+
 def _settled(flight: EngagedTicks) -> EngagedTicks:
     return flight.window(flight.settle_from_s, None)
 
 
-def _fraction(column: str) -> Callable[[EngagedTicks], float]:
+def _fraction(name: str) -> Callable[[EngagedTicks], float]:
     """The part of the ticks at which a flag of the internals is up; NaN if it is not known."""
-    at = _TICK.index(f"internals.{column}")
 
     def part(flight: EngagedTicks) -> float:
-        flag = flight.fcu[:, at]
+        flag = flight.told(f"internals.{name}")
         known = len(flag) > 0 and not np.isnan(flag).any()
         return float(np.mean(flag > 0.5)) if known else math.nan
 
@@ -186,11 +183,11 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "tilt_saturated_fraction": _fraction("tilt_saturated"),
     "rotor_saturated_fraction": _fraction("rotor_saturated"),
     "governed_fraction": _fraction("governed"),
-    "margin_min_n": lambda f: _least(f.fcu[:, _MARGIN]),
-    "margin_tilt_min_deg": lambda f: math.degrees(_least(f.fcu[:, _MARGIN_TILT])),
-    "margin_condition_min_n": lambda f: _least(f.fcu[:, _CONDITION]),
-    "thrust_max_n": lambda f: _greatest(f.fcu[:, _THRUST]),
-    "tilt_max_deg": lambda f: math.degrees(_greatest(np.abs(f.fcu[:, _TILT]).ravel())),
+    "margin_min_n": lambda f: _least(f.told("internals.margin")),
+    "margin_tilt_min_deg": lambda f: math.degrees(_least(f.told("internals.margin_tilt"))),
+    "margin_condition_min_n": lambda f: _least(f.told("internals.margin_condition")),
+    "thrust_max_n": lambda f: _greatest(f.told("internals.T_c")),
+    "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
     "nonfinite_samples": lambda f: float(np.sum(~np.isfinite(f.position_error))),
 }
 

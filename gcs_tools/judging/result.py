@@ -19,10 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from fcu.kernel.rows import column
 from gcs_tools.judging.expectations import Expectation
+from sitl_plant.physics.types import PlantRecord
 
 SCHEMA_VERSION = 1
-HASHED_COLUMNS = 22  # of a PlantRecord: t, r, v, q, w, rotor speeds
 INFRASTRUCTURE = 3  # exit code: not the flight failed, what flies it did
 
 
@@ -151,8 +152,8 @@ def trajectory_sha256(plant: np.ndarray[Any, np.dtype[np.float64]]) -> str:
 
     plant : float64 (n, size(PlantRecord)).
     """
-    rows = np.ascontiguousarray(plant[:, :HASHED_COLUMNS], dtype="<f8")
-    return hashlib.sha256(rows.tobytes()).hexdigest()
+    t, state = (column(PlantRecord, plant, name) for name in ("t", "state"))
+    return hashlib.sha256(np.column_stack([t, state]).astype("<f8").tobytes()).hexdigest()
 
 
 def junit(results: Iterable[Result], path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fcu.kernel.rows import column
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.wire_flight import Flown
 from gcs_tools.judging import expectations, metrics, result
@@ -9,6 +10,7 @@ from gcs_tools.judging.result import Result
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import last_change_s
 from sitl_plant.physics import dynamics
+from sitl_plant.physics.types import PlantRecord
 
 OK, MISSED = 0, 1
 
@@ -68,4 +70,4 @@ def _ended(flown: Flown) -> str:
         return "arrived"
     return {
         dynamics.FLYING: "time", dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"
-    }[float(flown.plant[-1, -1])]  # fmt: skip
+    }[float(column(PlantRecord, flown.plant, "ended")[-1])]  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 
 from fcu.interface.airframe import believed
 from fcu.kernel.buffers import columns
+from fcu.kernel.rows import view
 from fcu.laws.mmrac.types import LawParams
 from fcu.mavlink.enums import AutoMode, MainMode
 from gcs_tools.recording.layout import Rows
@@ -127,8 +128,11 @@ class Limits(NamedTuple):
     @classmethod
     def of(cls, params: Rows) -> Limits:
         """Those of a row of LawParams."""
-        told = dict(zip(columns(LawParams), params.tolist(), strict=True))
-        return cls(*(told[name] for name in cls._fields))
+        told = view(LawParams, params)
+        return cls(
+            T_min=told.T_min, T_max=told.T_max, phi_star=told.phi_star, Omega_max=told.Omega_max,
+            achieved=told.achieved, g=told.g,
+        )  # fmt: skip
 
     @classmethod
     def believed(cls) -> Limits:

@@ -26,7 +26,7 @@ from fcu.guard import foreseen
 from fcu.guard.stability import unstable
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import columns
+from fcu.kernel.rows import column
 from fcu.laws.mmrac.types import LawParams, Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
@@ -38,12 +38,6 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 SECOND_S, END_S = 30.0, 65.0  # when the second setpoint comes, and the flight ends
 LAST_S, NEAR = 1.0, 0.3  # s, m: arrived
 COARSE_S = 0.005  # step of the look ahead
-COLUMNS = columns(Tick)
-THRUST, TILT, ROTOR = (
-    COLUMNS.index(f"internals.{name}_saturated") for name in ("thrust", "tilt", "rotor")
-)
-MARGIN, CONDITION = (COLUMNS.index(f"internals.{n}") for n in ("margin", "margin_condition"))
-R, R_C = (slice(i, i + 3) for i in map(COLUMNS.index, ("measured.r_E.x", "setpoint.r_c.x")))
 
 
 class Flown(NamedTuple):
@@ -117,7 +111,11 @@ def saturated(rows: Rows) -> np.ndarray[Any, np.dtype[np.bool_]]:
 
     The law keeps a demand off the ground before it clips it, so its flags alone miss some.
     """
-    return np.asarray((np.maximum(rows[:, THRUST], rows[:, TILT]) > 0.5) | (rows[:, MARGIN] < 0.0))
+    thrust, tilt, margin = (
+        column(Tick, rows, f"internals.{name}")
+        for name in ("thrust_saturated", "tilt_saturated", "margin")
+    )
+    return np.asarray((np.maximum(thrust, tilt) > 0.5) | (margin < 0.0))
 
 
 def foreseen_n(law: LawParams, sent: Sequence[Setpoint]) -> list[float]:
@@ -140,18 +138,20 @@ def fly(mission: Mission) -> Flown:
     ways = (slice(settled, second), slice(second, None))  # adaptation begins once
     ends = (slice(second - last, second), slice(-last, None))
     whole = len(rows) == scene.ticks
-    away = np.linalg.norm(rows[:, R] - rows[:, R_C], axis=1)
+    away = np.linalg.norm(
+        column(Tick, rows, "measured.r_E") - column(Tick, rows, "setpoint.r_c"), axis=1
+    )
     reachable = foreseen_n(scene.law, [scene.sent[0], scene.sent[-1]])
     return Flown(
         inside=(reachable[0] >= 0.0, min(reachable) >= 0.0),
         saturated=(bool(limited[ways[0]].any()), bool(limited[ways[1]].any()) or not whole),
         at_start=bool(limited[:settled].any()),
-        rotors=bool((rows[settled:, ROTOR] > 0.5).any()),
+        rotors=bool((column(Tick, rows[settled:], "internals.rotor_saturated") > 0.5).any()),
         arrived=(
             whole and bool((away[ends[0]] < NEAR).all()),
             whole and bool((away[ends[1]] < NEAR).all()),
         ),
-        condition=float(rows[settled:, CONDITION].min()),
+        condition=float(column(Tick, rows[settled:], "internals.margin_condition").min()),
         transient_s=transient,
     )
 

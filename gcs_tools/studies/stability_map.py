@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from fcu.guard.stability import unstable
-from fcu.kernel.buffers import columns
+from fcu.kernel.rows import column
 from fcu.laws.mmrac.types import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import Scenario, scenario
@@ -41,11 +41,6 @@ GENTLE = (
 )  # fmt: skip
 LIMITS = {False: (0.02, 0.1), True: (0.5, 1.0)}  # wind -> rms body rate, rad/s; way off, m
 CHATTER = 0.1  # mean change of a rotor's command from tick to tick
-COLUMNS = columns(Tick)
-RATE = [COLUMNS.index(f"measured.w_B.{axis}") for axis in "xyz"]
-YAW_RATE_C = COLUMNS.index("setpoint.psi_dot_c")
-ROTOR = COLUMNS.index("command.u.r1")
-WAY_OFF = [COLUMNS.index(f"internals.e_r.{axis}") for axis in "xyz"]
 
 
 @dataclass(frozen=True)
@@ -136,12 +131,13 @@ def flies(scene: Scenario, wind: bool) -> bool:
     if len(rows) < scene.ticks:
         return False
     last = rows[-round(LAST_S * scene.rate_hz) :]
-    rate = last[:, RATE]
-    rate[:, 2] -= last[:, YAW_RATE_C]
+    rate = column(Tick, last, "measured.w_B").copy()
+    rate[:, 2] -= column(Tick, last, "setpoint.psi_dot_c")
     most, far = LIMITS[wind]
     rms = np.sqrt((rate * rate).mean(axis=0)).max()
-    chatter = np.abs(np.diff(last[:, ROTOR], axis=0)).mean()
-    return bool(rms < most and chatter < CHATTER and np.abs(last[:, WAY_OFF]).max() < far)
+    chatter = np.abs(np.diff(column(Tick, last, "command.u.r1"), axis=0)).mean()
+    way_off = np.abs(column(Tick, last, "internals.e_r")).max()
+    return bool(rms < most and chatter < CHATTER and way_off < far)
 
 
 def point(mission: Mission) -> Point:

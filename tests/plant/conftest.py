@@ -13,7 +13,8 @@ import fcu
 from fcu.interface.airframe import load
 from fcu.interface.messages import RotorCommand
 from fcu.kernel.algebra import Rotors
-from fcu.kernel.buffers import dtype, from_buffer, size, to_buffer
+from fcu.kernel.buffers import from_buffer, size, to_buffer
+from fcu.kernel.rows import view
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params
 from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
@@ -56,7 +57,7 @@ def truth() -> Callable[..., Any]:
     def observe(params: PlantParams, state: PlantState, t: float = 0.0) -> PlantRecord:
         row, buffer = np.zeros(size(PlantRecord)), to_buffer(state)
         tick.observe(to_buffer(params), buffer, np.zeros(2), t, buffer, row)
-        assert row.view(dtype(PlantRecord))["t"] == t
+        assert view(PlantRecord, row).t == t
         return from_buffer(PlantRecord, row)
 
     return observe

@@ -12,9 +12,8 @@ import math
 
 import numpy as np
 
-from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import columns, size, unpacker
+from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, rotate, rotate_back
 from fcu.laws.mmrac.types import Tick
@@ -22,11 +21,10 @@ from fcu.laws.mmrac.types import Tick
 ROUNDS, CLOSE = 20, 1e-3  # of two equations for the drag upwards, N
 NOT_KNOWN = math.nan
 
-_AT = columns(Tick).index
-_MEASURED = _AT("measured.r_E.x")
-_MEASURED_END = _MEASURED + size(VehicleState)
-_S, _M, _ENGAGED = _AT("state.s_v_hat.x"), _AT("state.m_hat"), _AT("engaged")
-_unpack_measured = unpacker(VehicleState)
+_measured = unpacker(Tick, "measured")
+_s_v_hat = unpacker(Tick, "state.s_v_hat")
+_m_hat = unpacker(Tick, "state.m_hat")
+_engaged = unpacker(Tick, "engaged")
 
 
 @kernel
@@ -73,10 +71,8 @@ def read(tick, drag, out):
 
     drag : believed, float64[3], N/(m/s)^2, body axes.
     """
-    measured = _unpack_measured(tick[_MEASURED:_MEASURED_END])
-    s_v_hat = Vec3(tick[_S], tick[_S + 1], tick[_S + 2])
-    v_air = of(measured, s_v_hat, tick[_M], Vec3(drag[0], drag[1], drag[2]))
-    flying = tick[_ENGAGED] > 0.5
+    v_air = of(_measured(tick), _s_v_hat(tick), _m_hat(tick), Vec3(drag[0], drag[1], drag[2]))
+    flying = _engaged(tick) > 0.5
     out[0] = v_air.x if flying else NOT_KNOWN
     out[1] = v_air.y if flying else NOT_KNOWN
     out[2] = NOT_KNOWN

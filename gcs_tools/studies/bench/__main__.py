@@ -68,11 +68,11 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     """Steps inside compiled code, a tick called from Python, whole flights by rollout."""
     import numpy as np
 
-    from fcu.interface.messages import VehicleState
-    from fcu.kernel.buffers import columns, size, to_buffer
+    from fcu.kernel.buffers import size, to_buffer
+    from fcu.kernel.rows import column
     from fcu.laws.mmrac import cascade
     from fcu.laws.mmrac.parameters import GOVERN
-    from fcu.laws.mmrac.types import Internals, LawState, Tick
+    from fcu.laws.mmrac.types import Internals, Tick
     from gcs_tools.flight import rollout
     from gcs_tools.judging.envelope import with_guard
     from gcs_tools.studies.bench.loops import law_steps, margin_steps, plant_steps
@@ -92,11 +92,10 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
 
     flight = per_call_s(fly, n, 3 * repeats)
     row = fcu_rows[n // 2]
-    at = columns(Tick).index("state.r_m.x")
-    state, setpoint, out = row[at : at + size(LawState)].copy(), setpoints[0], row.copy()
-    command = row[columns(Tick).index("command.u.r1") :][:8].copy()
+    state, setpoint, out = column(Tick, row, "state").copy(), setpoints[0], row.copy()
+    command = column(Tick, row, "command").copy()
 
-    rows = fcu_rows[n // 2 + 1 :][:STEPS, 1 : 1 + size(VehicleState)].copy()
+    rows = column(Tick, fcu_rows[n // 2 + 1 :][:STEPS], "measured").copy()
     kept = np.zeros((len(rows), size(Internals)))
     measured = rows[0]
 
