@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients readers browser fly test check bench schemas console stability figures
+.PHONY: help setup clients readers browser fly test test-quick check bench schemas console stability figures
 .DEFAULT_GOAL := setup
 
 # the first of these that is 3.11 to 3.13; or make setup PYTHON=/path/to/python
@@ -7,7 +7,7 @@ PYTHON ?= $(firstword $(foreach python,python3 python3.13 python3.12 python3.11,
 	$(shell $(python) -c 'import sys; 0x30b <= sys.hexversion >> 16 <= 0x30d and print("$(python)")' 2>/dev/null)))
 
 help:  ## what there is to make
-	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 setup: .venv/.installed  ## a virtual environment with what is needed, in .venv
 	@:
@@ -55,6 +55,9 @@ fly: setup  ## the paper's flight
 
 test: clients readers browser  ## all tests
 	@.venv/bin/pytest -q -n 2 --dist loadfile
+
+test-quick: setup  ## those that start no processes and need no browser, Node.js or clients
+	@.venv/bin/pytest -q --quick -n 2 --dist worksteal
 
 check: setup  ## linters, types, who may import whom
 	@.venv/bin/ruff check -q .
