@@ -18,6 +18,7 @@ from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.mavlink.plant_link import PlantCodec
+from tests.patience import PATIENCE_S
 
 NAN = math.nan
 STILL = Vec3(0.0, 0.0, 0.0)
@@ -38,11 +39,11 @@ class Flight:
         self.plant = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.plant.bind(("127.0.0.1", self.at.plant))
         self.plant.connect(("127.0.0.1", self.at.fcu_plant))
-        self.plant.settimeout(10.0)
+        self.plant.settimeout(PATIENCE_S)
         self.codec = PlantCodec(self.at.system_id, believed()[0].spin)
         self.script = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.script.bind(("127.0.0.1", self.at.script))
-        self.script.settimeout(4.0)
+        self.script.settimeout(PATIENCE_S)
         self.mav = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
         self.parser = mavlink.MAVLink(None)
         self.parser.robust_parsing = True
@@ -52,7 +53,7 @@ class Flight:
         )
         self.inbox = []
         self.command = np.zeros(8)
-        self.ticks = self.pings = 0
+        self.ticks = self.pings = self.stays = 0
         self.ticked = time.monotonic()
         self.tick()
 
@@ -67,6 +68,14 @@ class Flight:
             self.ticks += 1
         self.ticked = time.monotonic()
 
+    def stay(self):
+        """The last state once more: no time goes on, and the plant is not taken for silent."""
+        if time.monotonic() - self.ticked > 1.0:
+            self.plant.send(self.codec.pack_state((self.ticks - 1) * 2000, self.state))
+            self.plant.recv(2048)
+            self.stays += 1
+            self.ticked = time.monotonic()
+
     def send(self, message, source=(245, 190)):
         self.mav.srcSystem, self.mav.srcComponent = source
         self.raw(message.pack(self.mav))
@@ -74,15 +83,16 @@ class Flight:
     def raw(self, datagram, port="fcu_script"):
         self.script.sendto(datagram, ("127.0.0.1", self.at._asdict()[port]))
 
-    def heard(self, kind, condition=lambda m: True, within_s=4.0):
+    def heard(self, kind, condition=lambda m: True, within_s=PATIENCE_S):
         """The first message of a kind that the script was sent and has not been asked for yet."""
-        until = time.monotonic() + within_s  # a plant that is silent for 5 s ends it
+        until = time.monotonic() + within_s
         while time.monotonic() < until:
             for message in self.inbox:
                 if message.get_type() == kind and condition(message):
                     self.inbox.remove(message)
                     return message
-            if select.select([self.script], [], [], within_s)[0]:
+            self.stay()
+            if select.select([self.script], [], [], min(within_s, 0.5))[0]:
                 self.inbox += self.parser.parse_buffer(self.script.recv(65535)) or []
         raise AssertionError(f"no {kind}; heard {[m.get_type() for m in self.inbox]}")
 
@@ -112,7 +122,7 @@ class Flight:
         with contextlib.suppress(BlockingIOError):
             while True:
                 self.script.recv(65535)
-        self.script.settimeout(4.0)
+        self.script.settimeout(PATIENCE_S)
         self.inbox.clear()
 
     def asked(self, message_id, kind):
@@ -130,7 +140,7 @@ class Flight:
 
     def insist(self, message, kind, **options):
         """Send again and again until it is answered: who sends too fast is not heard."""
-        until = time.monotonic() + 4.0
+        until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             self.send(message, **options)
             with contextlib.suppress(AssertionError):
@@ -140,7 +150,7 @@ class Flight:
     def says(self, text):
         """A text for people that holds this one; chunks are put together."""
         whole, last = "", None
-        until = time.monotonic() + 4.0
+        until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             chunk = self.heard("STATUSTEXT")
             whole = whole + chunk.text if chunk.chunk_seq and chunk.id == last else chunk.text
@@ -155,7 +165,7 @@ class Flight:
 
     def complains(self, setpoint, text, **options):
         """A setpoint has something wrong with it; the same is told at most once a second."""
-        until = time.monotonic() + 4.0
+        until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             self.send(setpoint, **options)
             self.sync()

@@ -15,7 +15,8 @@ from gcs_tools.judging import result
 from gcs_tools.live.recorded import GONE
 from gcs_tools.recording import reader as recording
 from gcs_tools.recording.schema import TOPICS
-from tests.process.conftest import Program, _until, claimed_instance, instance, start, until
+from tests.patience import until
+from tests.process.conftest import Program, _until, claimed_instance, instance, start
 
 __all__ = ["_until", "instance", "start"]
 
@@ -25,7 +26,6 @@ PACED = ("--speed", "5")  # six seconds of wall time
 BOTH = pytest.mark.parametrize("speed", [LOCKSTEP, PACED], ids=["lockstep", "paced"])
 SAID = (topics.EVENTS, topics.ABOUT, topics.ENDED)
 TICKS = 15_000
-COMPILE_S = 180.0  # wall: for the first flight of all on a slow machine
 MISSION = ("paper_nominal", "--set", "flight.duration_s=30")  # its yaw command is streamed
 
 
@@ -80,7 +80,7 @@ class Flight:
 
     def trajectory(self) -> str:
         """Its hash, when it has flown to the end."""
-        code = self.program.wait(COMPILE_S)
+        code = self.program.wait()
         assert code == 0, self.program.text()
         left = result.read(self.run / "result.json")
         assert (left.ended, left.error) == ("time", None)

@@ -12,12 +12,12 @@ import pytest
 from fcu.interface import feed
 from fcu.interface.ports import ports
 from gcs_tools.live import bus, ticks
-from gcs_tools.live.feeding import PARAMS, SOURCES, WIDTHS, Feeds
+from gcs_tools.live.feeding import HELLO_S, PARAMS, SOURCES, WIDTHS, Feeds
 from gcs_tools.live.outlet import Outlet
 from gcs_tools.live.publisher import Publisher, about
 from gcs_tools.recording.schema import FCU_COLUMNS
 from tests.bus.intruder import words
-from tests.process.conftest import until
+from tests.patience import PATIENCE_S, until
 
 SEQUENCE = FCU_COLUMNS.index("timing.sequence")
 HELLO = json.dumps({"hello": "fcu", "dropped": 3}).encode()  # no multiple of 8 long
@@ -46,7 +46,7 @@ def connected(publisher, instance):
 
     def connect(*datagrams):
         one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        one.settimeout(1.0)
+        one.settimeout(PATIENCE_S)
         one.connect(feed.address(instance))
         for datagram in datagrams:
             one.send(datagram)
@@ -119,19 +119,20 @@ def test_a_second_of_a_kind_is_refused(publisher, connected, capfd):
     assert publisher.published["fcu"] == 1
 
 
-def test_who_says_nothing_is_hung_up_on(publisher, connected):
+def test_who_says_nothing_is_hung_up_on(publisher, connected, monkeypatch):
+    now = [time.monotonic()]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
     silent = connected()
-    began = time.monotonic()
-    publisher.pass_on()
     silent.settimeout(0.0)
-    while True:
-        publisher.pass_on()
-        try:
-            assert silent.recv(1) == b""
-            break
-        except BlockingIOError:
-            assert time.monotonic() < began + 5.0
-    assert time.monotonic() > began + 0.9
+    publisher.pass_on()
+    now[0] += HELLO_S
+    publisher.pass_on()
+    with pytest.raises(BlockingIOError):
+        silent.recv(1)
+    now[0] += 0.01
+    publisher.pass_on()
+    silent.settimeout(PATIENCE_S)
+    assert silent.recv(1) == b""
 
 
 def test_no_more_than_some_are_heard(publisher, connected):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gcs_tools.recording import reader as recording
-from tests.process.conftest import until
+from tests.patience import until
 
 READERS = Path(__file__).parents[1] / "readers"
 AT_ONCE, TIMES = 5, 2

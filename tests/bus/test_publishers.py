@@ -13,7 +13,7 @@ from gcs_tools.live.feeding import Feeds
 from gcs_tools.live.recorded import GONE, OUT_OF_SIGHT
 from gcs_tools.recording import reader as recording
 from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
-from tests.process.conftest import until
+from tests.patience import until
 
 
 @BOTH

@@ -11,8 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from fcu.interface.ports import INSTANCES, busy, ports
-
-PATIENCE_S = 100.0  # wall: for a whole flight of a client on a busy machine
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture

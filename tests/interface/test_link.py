@@ -8,8 +8,7 @@ import sys
 import pytest
 
 from fcu.interface.link import Link, PortBusy, UdpLink, memory_pair
-
-PATIENCE_S = 5.0
+from tests.patience import PATIENCE_S
 
 
 @pytest.fixture
@@ -152,7 +151,7 @@ def test_the_pair_in_memory_has_the_same_face():
     assert b.wait(0.0)
     assert [end.fileno() for end in links] == [-1, -1]
     assert (b.receive(), b.receive(), b.receive()) == (b"1", b"2", None)
-    assert not b.wait(PATIENCE_S)
+    assert not b.wait(0.1)
     b.send(b"3")
     b.send(b"4")
     assert a.receive() == b"3"

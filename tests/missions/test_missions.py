@@ -13,6 +13,7 @@ import pytest
 import gcs_tools
 from gcs_tools.judging.result import read
 from gcs_tools.recording import reader as recording
+from tests.patience import PATIENCE_S
 
 MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/*.toml"))
 METRICS = {
@@ -105,7 +106,7 @@ def test_a_newcomers_first_command(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "gcs_tools", "fly", "paper_nominal", "--out", "run",
          "--junit", "junit.xml"],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     run = tmp_path / "run"

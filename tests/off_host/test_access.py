@@ -24,7 +24,7 @@ from tests.bus.configured import (
     free_port,
     of_stranger,
 )
-from tests.process.conftest import until
+from tests.patience import until
 
 
 def assert_whole(recorded):

@@ -20,6 +20,7 @@ from tests.bus.configured import (
     free_port,
     of_stranger,
 )
+from tests.patience import PATIENCE_S
 from tests.process.conftest import claimed_instance
 
 
@@ -30,7 +31,7 @@ def test_the_recipe_makes_certificates_that_do(gcs, vehicle, tmp_path):
     recipe = re.search(r"```sh\n(.*?)```", (EXAMPLES / "off-host.md").read_text(), re.DOTALL)[1]
     recipe = recipe.replace("192.0.2.10", HERE)
     subprocess.run(
-        ["bash", "-euc", recipe], cwd=tmp_path, check=True, capture_output=True, timeout=60.0
+        ["bash", "-euc", recipe], cwd=tmp_path, check=True, capture_output=True, timeout=PATIENCE_S
     )
     port = free_port()
     vehicles = example("tls-vehicle.json5", port, tmp_path)

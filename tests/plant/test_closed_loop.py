@@ -21,6 +21,7 @@ from fcu.laws.mmrac.parameters import law_params
 from fcu.laws.mmrac.types import LawState, Tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params, start_state, steps_per_tick
+from tests.patience import PATIENCE_S
 
 ROOT = Path(fcu.__file__).parents[1]
 OCTO = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
@@ -77,7 +78,7 @@ def test_plain_python_flies_the_same_bits(tmp_path, prediction, lag):
         [sys.executable, __file__, str(tmp_path)],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
         check=True,
-        timeout=120.0,
+        timeout=PATIENCE_S,
     )
     rows = closed_loop(*given, 500.0, 200)
     assert np.all(np.isfinite(rows))

@@ -7,8 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,20 +15,10 @@ import pytest
 
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import INSTANCES, busy, ports
+from tests.patience import PATIENCE_S, until
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun by a shell in the background:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # programs would not hear Ctrl-C
-
-PATIENCE_S = 60.0  # wall: for what has no limit of its own, on a slow machine
-
-
-def until(condition: Callable[[], Any], what: str, within_s: float = PATIENCE_S) -> Any:
-    """Poll until `condition` gives something true; fail with `what` after the time."""
-    end = time.monotonic() + within_s
-    while not (found := condition()):
-        assert time.monotonic() < end, f"not within {within_s:g} s: {what}"
-        time.sleep(0.01)
-    return found
 
 
 def alive(pid: int) -> bool:
@@ -92,13 +80,14 @@ class Program:
     def signal(self, number: int) -> None:
         self.process.send_signal(number)
 
-    def wait(self, within_s: float = PATIENCE_S) -> int:
-        return self.process.wait(within_s)
+    def wait(self) -> int:
+        """Its exit code, when it has ended."""
+        return self.process.wait(PATIENCE_S)
 
     def interrupted(self) -> int:
         """Its exit code after a Ctrl-C."""
         self.signal(signal.SIGINT)
-        return self.wait(10.0)
+        return self.wait()
 
     def kill(self) -> None:
         children = self.children().values()

@@ -15,8 +15,8 @@ from fcu.kernel.buffers import columns, size
 from fcu.mavlink.plant_link import PlantCodec
 from gcs_tools.recording import reader as recording
 from sitl_plant.physics.types import PlantRecord
+from tests.patience import PATIENCE_S
 
-ANSWER_S = 5.0
 BATTERY = {name: i for i, name in enumerate(columns(PlantRecord)) if name.startswith("battery.")}
 
 
@@ -29,7 +29,7 @@ def heard(link, codec):
     """Time (us), whether it is a keep-alive, and the battery in the plant's next datagram."""
     codec.battery = None
     while True:
-        assert link.wait(ANSWER_S), "nothing heard"
+        assert link.wait(PATIENCE_S), "nothing heard"
         if (datagram := link.receive()) is not None:
             time_us = codec.parse_state(datagram, np.zeros(size(VehicleState)))
             return time_us, codec.is_hold(datagram), codec.battery
@@ -65,7 +65,7 @@ def test_ten_times_a_second_and_while_time_stands(start, bound, instance, codec)
         assert battery.voltage < 24.0
         os.close(grants)
         grants = -1
-        assert plant.wait(ANSWER_S) == 0
+        assert plant.wait() == 0
     finally:
         os.close(reads)
         if grants >= 0:

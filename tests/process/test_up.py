@@ -14,11 +14,11 @@ import pymavlink.dialects.v20.common as mavlink
 import pytest
 
 from fcu.interface.ports import ports
+from tests.patience import PATIENCE_S
 
 POSITION_AND_YAW = 0b100111111000  # type mask: velocity, acceleration and yaw rate out of use
 OFFBOARD = 6  # PX4's main mode
 HOLD = 4 << 16 | 3 << 24  # HEARTBEAT.custom_mode
-WAIT_S = 40.0
 
 
 class Script:
@@ -37,11 +37,11 @@ class Script:
 
     def messages(self):
         """Messages as they come, for as long as anybody waits."""
-        end = time.monotonic() + WAIT_S
+        end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
             if select.select([self._socket], [], [], 0.5)[0]:
                 yield from self._codec.parse_buffer(self._socket.recv(4096)) or []
-        pytest.fail(f"what was waited for did not come within {WAIT_S:g} s")
+        pytest.fail(f"what was waited for did not come within {PATIENCE_S:g} s")
 
     def first(self, kind, which=lambda message: True):
         return next(m for m in self.messages() if m.get_type() == kind and which(m))
@@ -91,7 +91,7 @@ def script(instance):
 @pytest.fixture
 def gone(until, alive):
     def check(pids):
-        until(lambda: not any(map(alive, pids.values())), "no orphan", 5.0)
+        until(lambda: not any(map(alive, pids.values())), "no orphan")
 
     return check
 
@@ -134,7 +134,7 @@ def flying(start, instance):
 def test_setpoint_ends_once_the_vehicle_has_landed(flying):
     """A place in the ground, and aside: the vehicle lands there, upright."""
     go, _ = flying(1, 1, -3)
-    assert go.wait(20.0) == 3
+    assert go.wait() == 3
     assert "vehicle: Landed" in go.text()
     assert "Error: not there: the vehicle has landed, 3.3 m away" in go.text()
 
@@ -146,7 +146,7 @@ def test_setpoint_ends_once_somebody_else_has_the_vehicle(flying, instance):
     land = mavlink.MAVLink_command_long_message(at.system_id, 1, 21, 0, *[0.0] * 7)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.sendto(land.pack(codec), ("127.0.0.1", at.fcu_station))
-        assert go.wait(10.0) == 3
+        assert go.wait() == 3
     assert "Error: not there: the vehicle is in another mode by now" in go.text()
 
 
@@ -173,7 +173,7 @@ def test_setpoint_is_interrupted_though_the_vehicle_is_gone(flying, gone):
     up.wait()
     gone(pids)
     go.signal(signal.SIGINT)
-    assert go.wait(4.0) == 130
+    assert go.wait() == 130
     assert "interrupted, and the vehicle may not hold" in go.text()
 
 
@@ -230,7 +230,7 @@ def test_up_says_which_process_ended(start, instance, gone):
 
 def test_no_vehicle_is_up(start, instance):
     go = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance)
-    assert go.wait(10.0) == 3
+    assert go.wait() == 3
     assert "no vehicle" in go.text()
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from fcu.interface.airframe import believed
 from tests.bad_input.hovering import OFFBOARD, POSITION, Flight
+from tests.patience import PATIENCE_S
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 
@@ -32,7 +33,7 @@ def test_telemetry_comes_without_being_asked_for(flight):
         "EXTENDED_SYS_STATE", "ESTIMATOR_STATUS", "HOME_POSITION", "GPS_GLOBAL_ORIGIN",
         "SYSTEM_TIME", "SERVO_OUTPUT_RAW",
     } - {"BATTERY_STATUS"}  # this plant has none  # fmt: skip
-    until = time.monotonic() + 10.0
+    until = time.monotonic() + PATIENCE_S
     while not wanted <= names(flight):
         assert time.monotonic() < until, wanted - names(flight)
         flight.inbox += flight.parser.parse_buffer(flight.script.recv(65535)) or []
@@ -47,7 +48,7 @@ def test_armed_it_tells_what_the_law_estimates_and_what_the_rotors_do(flight):
     esc = flight.asked(291, "UNKNOWN_291")
     assert esc.get_msgbuf()
     wind = flight.asked(231, "WIND_COV")
-    until = time.monotonic() + 4.0
+    until = time.monotonic() + PATIENCE_S
     while math.isnan(wind.wind_x):  # not looked at yet: that is by the wall
         assert time.monotonic() < until
         flight.tick(10)

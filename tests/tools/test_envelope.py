@@ -15,12 +15,13 @@ from gcs_tools.judging.envelope import envelope, largest, terms
 from gcs_tools.missions.mission import load, override
 from gcs_tools.studies.envelope_map import PAPER, WAYS, saturates
 from gcs_tools.studies.guard_check import check, holds
+from tests.patience import PATIENCE_S
 
 
 def gcs(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "gcs_tools", "envelope", *map(str, arguments)],
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
 
 

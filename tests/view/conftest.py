@@ -13,9 +13,9 @@ import pytest
 
 from gcs_tools.flight.run import fly
 from gcs_tools.recording.reader import read
+from tests.patience import PATIENCE_S
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-PATIENCE_MS = 60_000  # wall: of a browser that renders in software on a busy machine
 # the last: whatever the page or the browser itself would ask of the outside fails
 OPTIONS = [
     "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -56,7 +56,7 @@ def look(browser):
 
     def at(url):
         context = browser.new_context(viewport={"width": 1280, "height": 640})
-        context.set_default_timeout(PATIENCE_MS)
+        context.set_default_timeout(1000.0 * PATIENCE_S)
         page = context.new_page()
         seen = SimpleNamespace(page=page, url=url, requests=[], errors=[])
         contexts.append((context, seen))

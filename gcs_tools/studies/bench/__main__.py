@@ -68,6 +68,10 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     """Steps inside compiled code, a tick called from Python, whole flights by rollout."""
     import numpy as np
 
+    from fcu.guard.admission import Look, way_to
+    from fcu.guard.stability import unstable
+    from fcu.interface.messages import Setpoint
+    from fcu.kernel.algebra import Vec3
     from fcu.kernel.buffers import size, to_buffer
     from fcu.kernel.rows import column
     from fcu.laws.mmrac import cascade
@@ -116,6 +120,12 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     yield Figure("plant_step_ns", "plant, one step of 1 ms, compiled (ns)", step * 1e9)
     step = per_call_s(ticks, CALLS, repeats)
     yield Figure("tick_call_us", "cascade.tick(buffers) from Python (us)", step * 1e6)
+    zero = Vec3(0.0, 0.0, 0.0)
+    look, way = Look(scene.law), way_to(Setpoint(Vec3(4.0, 7.0, 18.0), zero, zero, 0.0, 0.0))
+    step = per_call_s(lambda: look.short(way, np.zeros(6)), 1, 50 * repeats)
+    yield Figure("look_us", "a look along the way to a setpoint (us)", step * 1e6)
+    step = per_call_s(lambda: unstable(scene.law), 1, 20 * repeats)
+    yield Figure("stability_rule_ms", "the rule on gains, asked once (ms)", step * 1e3)
     label = f"rollout, one core, {world.steps} plant steps a tick (million ticks/s)"
     yield Figure("rollout_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
     yield from recorder(plant_rows, fcu_rows, law, repeats)
