@@ -12,7 +12,18 @@ settings.load_profile("project")
 
 # The whole of these takes real processes, a browser or the clients of others; of the other
 # folders `--quick` leaves out what is marked `slow`: processes, and seconds of computing.
-SLOW_FOLDERS = {"bad_input", "bus", "clients", "missions", "off_host", "process", "tools", "view"}
+SLOW_FOLDERS = {
+    "bad_input",
+    "bus",
+    "clients",
+    "missions",
+    "off_host",
+    "paper",
+    "process",
+    "replay",
+    "tools",
+    "view",
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import resource
 import signal
 import socket
@@ -41,15 +43,14 @@ def test_a_port_that_is_taken(fly, quiet, instance):
         other.listen()
         flight = fly(instance)
         assert flight.trajectory() == quiet
-    assert "flown without diagnostics: " in flight.said
     assert f"tcp/127.0.0.1:{topics.port(instance)}: " in flight.said
-    assert "Address already in use" in flight.said
+    assert os.strerror(errno.EADDRINUSE) in flight.said
 
 
 @pytest.mark.parametrize(
     ("config", "why"),
     [
-        ("{", "zenoh.json5: not a Zenoh configuration"),
+        ("{", "zenoh.json5: "),
         (
             {"mode": "client", "connect": {"endpoints": ["tcp/127.0.0.1:1"]}},
             "no connection to tcp/127.0.0.1:1",
@@ -61,7 +62,6 @@ def test_no_zenoh(fly, quiet, instance, tmp_path, config, why):
     file.write_text(config if isinstance(config, str) else json.dumps(config))
     flight = fly(instance, "--zenoh", file)
     assert flight.trajectory() == quiet
-    assert "flown without diagnostics: " in flight.said
     assert why in flight.said
 
 
@@ -111,7 +111,7 @@ def test_a_recorder_without_room(fly, record, quiet, instance):
     flight = fly(instance, *PACED)
     assert recorder.program.wait() == 2
     assert not flight.is_over()
-    assert f"{recorder.out}: File too large" in recorder.program.text()
+    assert f"{recorder.out}: {os.strerror(errno.EFBIG)}" in recorder.program.text()
     assert "ticks" in recorder.program.text()
     assert len(recording.read(recorder.out).fcu) > 100
     assert flight.trajectory() == quiet

@@ -21,9 +21,8 @@ def test_a_publisher_that_is_suspended_for_good(recorded, quiet, speed):
     flight, recorder = recorded(*speed)
     os.kill(flight.publisher, signal.SIGSTOP)
     assert flight.trajectory() == quiet
-    assert "ticks of the fcu" in flight.said
-    assert "came too fast to be published" in flight.said
-    assert "ticks of the fcu came too fast to be published" in flight.publisher_said
+    assert flight.unpublished("fcu") > 0
+    assert "fcu" in flight.publisher_said
     said = recorder.ended()
     if said["end_seen"]:  # it had not been given up
         recorder.adds_up()
@@ -36,7 +35,7 @@ def test_a_publisher_that_is_killed(recorded, quiet):
     flight, recorder = recorded(*LOCKSTEP)
     os.kill(flight.publisher, signal.SIGKILL)
     assert flight.trajectory() == quiet
-    assert "the publisher was killed by signal 9, before the flight had ended" in flight.said
+    assert "publisher was killed by signal 9" in flight.said
     assert recorder.ended()["ended"] == OUT_OF_SIGHT
     assert recording.read(recorder.out).complete
 
@@ -96,7 +95,7 @@ def test_an_intruder(recorded, start, quiet, instance, what):
     if kind != "feed":
         assert flight.publisher_complained == []
         return
-    assert "neither rows nor words of ours: not published" in flight.publisher_said
+    assert "not published" in flight.publisher_said
     assert "Traceback" not in flight.publisher_said
 
 

@@ -23,6 +23,7 @@ def steps(*places: tuple[float, float, float, float]) -> str:
     return f"flight.setpoints=[{each}]"
 
 
+@pytest.mark.slow
 def test_it_is_said_which_why_and_how_much_would_do() -> None:
     said = why("paper_fast", REFUSE)
     assert said.startswith("setpoint at 0 s refused: 19.7 m needs ")
@@ -34,6 +35,7 @@ def test_other_policies_fly_it(policy: str) -> None:
     assert why("paper_fast", f'law.guard="{policy}"') == ""
 
 
+@pytest.mark.slow
 def test_what_is_said_to_do_is_flown_and_saturates_nothing(tmp_path: Path) -> None:
     """Rotors aside that turn the vehicle into its step, whose acceleration jumps."""
     part = float(why("paper_fast", REFUSE).split("; ")[1].split()[0]) / 19.72

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -11,6 +13,7 @@ import pytest
 
 from gcs_tools.judging import result
 from gcs_tools.live import bus
+from gcs_tools.recording import reader as recording
 from tests.bus.configured import (
     EXAMPLES,
     FOR_S,
@@ -40,15 +43,15 @@ def test_the_recipe_makes_certificates_that_do(gcs, vehicle, tmp_path):
     at, elsewhere = {"folder": tmp_path}, tmp_path / "elsewhere"
     publisher = gcs("publish", "--instance", vehicle, "--zenoh", vehicles, folder=elsewhere)
     assert publisher.wait() == 2
-    assert f"{elsewhere}/certificates/ca.pem: No such file" in publisher.text()
+    assert f"{elsewhere}/certificates/ca.pem: {os.strerror(errno.ENOENT)}" in publisher.text()
     gcs("publish", "--instance", vehicle, "--zenoh", vehicles, **at).says('"ready"')
     tool = gcs("record", "recipe.mcap", "--for", FOR_S, "--zenoh", tools, folder=tmp_path)
     assert tool.wait() == 0, tool.text()
-    assert "every tick is in it" in tool.text()
+    assert recording.read(tmp_path / "recipe.mcap").complete
 
 
 MISTAKES = {
-    "no such file": (None, "No such file or directory"),
+    "no such file": (None, os.strerror(errno.ENOENT)),
     "not JSON5": ("{ mode: ", "line 1, column 9: expected"),
     "an unknown key": ('{\n  listening: "no"\n}', "line 2, column 3: unknown field `listening`"),
     "an unknown value": ('{ mode: "pear" }', "line 1, column 9: unknown variant `pear`"),
@@ -78,7 +81,7 @@ def test_a_file_that_cannot_be_used_is_told_in_a_line(mistake, gcs, tmp_path):
 def test_every_tool_tells(command, gcs, tmp_path):
     program = gcs(command, "--zenoh", tmp_path / "none.json5")
     assert program.wait() == 2
-    assert "none.json5: No such file or directory\n" in program.text()
+    assert f"none.json5: {os.strerror(errno.ENOENT)}\n" in program.text()
 
 
 @pytest.mark.parametrize("command", [("publish",), ("record", "out.mcap"), ("topics",)])
@@ -88,7 +91,7 @@ def test_nobody_to_connect_to_is_told_in_a_line(command, gcs, tmp_path):
     assert program.wait() == 3
     said = program.text()
     assert said.count("\n") == 1
-    assert f"no connection to tcp/{HERE}:{port}: nobody is there" in said
+    assert f" tcp/{HERE}:{port}: " in said
 
 
 @pytest.mark.parametrize("name", ["gcs", "other"])

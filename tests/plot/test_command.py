@@ -48,6 +48,7 @@ def test_the_command_knows_what_can_be_drawn() -> None:
     assert commands_plot.FORMATS == FORMATS
 
 
+@pytest.mark.slow
 def test_all_figures_in_a_process_of_their_own(run: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "gcs_tools", "plot", str(run)], capture_output=True, text=True
@@ -72,6 +73,7 @@ def test_one_figure_as_a_file(run: Path, tmp_path: Path) -> None:
     assert out.read_text(encoding="utf-8").startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_some_figures_in_a_folder(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "for" / "the report"
     done = called(run, "--what", "limits,wind", "--out", out, "--format", "pdf")
@@ -79,6 +81,7 @@ def test_some_figures_in_a_folder(run: Path, tmp_path: Path) -> None:
     assert sorted(p.name for p in out.iterdir()) == ["flight-limits.pdf", "flight-wind.pdf"]
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_said_and_matters_only_if_asked_for(made: Any, tmp_path: Path) -> None:
     run = written(made, tmp_path / "flight.mcap", reports=False)
     done = called(run, "--json")

@@ -38,8 +38,7 @@ def test_question_answer_and_remarks_stand_in_the_figure(made: Any, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", STANDARD)
-@pytest.mark.parametrize("n", [1, 3000])
-@pytest.mark.parametrize("bad", [False, True])
+@pytest.mark.parametrize(("n", "bad"), [(1, False), (3000, True)])
 def test_any_flight_is_drawn(
     make: Callable[..., Any], tmp_path: Path, name: str, n: int, bad: bool
 ) -> None:

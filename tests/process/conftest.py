@@ -77,6 +77,11 @@ class Program:
 
         return until(heard, text)
 
+    def logged(self, level: str, *parts: str) -> bool:
+        """Whether a line that it logged at this level holds all of the parts."""
+        lines = [line for line in self.text().splitlines() if level in line.split()[:3]]
+        return any(all(part in line for part in parts) for line in lines)
+
     def signal(self, number: int) -> None:
         self.process.send_signal(number)
 

@@ -161,6 +161,7 @@ sys.stdin.read()
 """
 
 
+@pytest.mark.slow
 def test_a_killed_recorder_leaves_what_it_had_written(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     with subprocess.Popen(
@@ -200,6 +201,7 @@ with Recorder(Path(sys.argv[1]), {}) as recorder:
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_named_and_leaves_whole_chunks(tmp_path: Path) -> None:
     pytest.importorskip("resource", reason="file size limits are POSIX")
     path = tmp_path / "flight.mcap"
@@ -216,6 +218,7 @@ def test_a_full_disk_is_named_and_leaves_whole_chunks(tmp_path: Path) -> None:
     assert same_bits(recording.fcu, any_rows(2000, Tick)[: len(recording.fcu)])
 
 
+@pytest.mark.slow
 def test_cut_anywhere_it_gives_the_ticks_before_the_cut(tmp_path: Path) -> None:
     path, cut = tmp_path / "flight.mcap", tmp_path / "cut.mcap"
     plant, fcu = write(path, 400)

@@ -14,6 +14,7 @@ from gcs_tools.studies.theory_check.check import Excluded, Held, held
 from gcs_tools.studies.theory_check.report import Findings
 
 
+@pytest.mark.slow
 def test_no_bound_is_exceeded_by_100_random_systems():
     findings, rng = Findings(), np.random.default_rng(7)
     batches = [(check.general_batch, 15, decade) for decade in (1, 2, 3, 4)]
@@ -46,6 +47,7 @@ def test_a_campaign_goes_on_until_it_has_counted_enough(monkeypatch):
     assert asked == [1, 2, 3, 4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", ["position", "rates"])
 def test_the_octocopters_bounds_are_tight(law, loop):
     if loop == "position":

@@ -30,6 +30,7 @@ def norm(rows):
     return float(np.linalg.norm(rows, axis=-1).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [1000.0, 4000.0])
 def test_hover_in_the_papers_wind_stays_under_its_bounds_and_near_them(law, gamma):
     params = believing(with_gamma(law(), gamma), MASS)
@@ -85,6 +86,7 @@ def test_too_little_known_of_the_mass_or_too_much_wind_has_no_bound(law):
         rate_bounds(params, np.full(3, 0.3), WIND._replace(rho_low=0.2, rho_high=3.0))
 
 
+@pytest.mark.slow
 def test_prediction_error_falls_as_one_over_gamma_its_bounds_as_they_say(law):
     found = prediction_against_gamma([1000.0, 4000.0], law(), duration=5.0)
     assert found.measured[0] / found.measured[1] == pytest.approx(4.0, rel=0.1)

@@ -157,6 +157,7 @@ def test_v_does_not_grow_while_the_truth_stands_still(structure, kind, v_star):
     assert saturated.mean() > 0.9 if v_star else not saturated.any()
 
 
+@pytest.mark.slow
 def test_v_does_not_grow_with_unknowns_beside_lambda():
     rng = np.random.default_rng(16)
     plant, start = batch(rng, 60, Structure.DIAGONAL, beside=True, v_star=1.0)
@@ -220,6 +221,7 @@ def saturated_loop(achieved):
     return simulate(loop, start, 3.0, 2e-3, every=1)
 
 
+@pytest.mark.slow
 def test_with_delta_u_estimates_stay_bounded_through_saturation_and_without_they_wind_up():
     """(9) against (8) told the demand: same plant, same gains, actuator at its limit all the while."""
     with_it, without = saturated_loop(True), saturated_loop(False)

@@ -67,6 +67,7 @@ def test_closed_forms_of_a_channel_are_its_l1_gains(zeta):
         assert exact * (1.0 - 1e-9) <= found <= exact * (1.0 + TIGHT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("f_m", "overshoot", "full"), [(1.0, 1.000, 3.00), (1.4, 1.019, 3.21)])
 def test_the_reference_model_of_position(f_m, overshoot, full):
     A = np.array([[0.0, 1.0], [-f_m * f_m, -1.6 * f_m]])
@@ -81,7 +82,7 @@ def test_the_reference_model_of_position(f_m, overshoot, full):
 def test_a_decay_that_is_not_there_is_refused():
     A = np.array([[-1.0, 0.0], [0.0, -2.0]])
     assert decay(A) == pytest.approx(1.0)
-    with pytest.raises(UnstableError, match=r"decays at 1 1/s, which must exceed 1\.5"):
+    with pytest.raises(UnstableError, match=r"\b1 1/s.*\b1\.5"):
         decay_pair(A, 1.5)
     with pytest.raises(UnstableError, match="must exceed 0"):
         gain(-A)

@@ -183,6 +183,7 @@ def rates_by_the_kernels(params, start, achieved):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["achieved", "demanded"])
 def test_rates(free, taken_over, form):
     """As printed, departure 9 adds h (Phi Gamma Phi^T) to lambda: it vanishes with h, so the step

@@ -64,6 +64,7 @@ def test_a_velocity_into_the_ground_ends_in_a_landing(v):
     is_down(flown)
 
 
+@pytest.mark.slow
 def test_a_landing_in_gusts_stays_upright_for_as_long_as_it_is_armed():
     flown = Flown(GUSTS)
     flown.params.set("COM_DISARM_LAND", 20.0, False)
@@ -113,6 +114,7 @@ def test_sticks_into_the_ground_end_on_it_and_up_again_in_the_air():
     rests_on_it(flown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("height", "to"), [(50.0, (80.0, 0.0, 0.9)), (90.0, (60.0, 0.0, 0.5))])
 def test_a_long_step_to_a_place_near_the_ground_does_not_end_in_it(height, to):
     flown = Flown()
