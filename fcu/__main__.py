@@ -76,11 +76,11 @@ def main(
     from fcu.interface.tape import Tape
     from fcu.kernel.compile import is_cached
     from fcu.loop import INFRASTRUCTURE, Loop, say
-    from fcu.mavlink.enums import Autopilot
+    from fcu.mavlink.definitions import Autopilot
     from fcu.mavlink.geodesy import Origin
     from fcu.parameters import Parameters, ParamsFileError
     from fcu.reporting import WIDTH, Reporter
-    from fcu.services.view import Identity
+    from fcu.services.streams import Identity
 
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance

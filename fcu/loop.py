@@ -20,18 +20,19 @@ from fcu.interface.link import UdpLink
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
+from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.mmrac import cascade
 from fcu.laws.mmrac.types import LawState, Tick
-from fcu.mavlink.enums import Severity
+from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import PlantCodec, WireError
 from fcu.parameters import Parameters
 from fcu.reporting import WIDTH, Reporter
 from fcu.services.station import Station
-from fcu.services.view import Identity
-from fcu.vehicle.gate import Gate
-from fcu.vehicle.supervisor import Supervisor
+from fcu.services.streams import Identity
+from fcu.vehicle.position_filter import PositionFilter
+from fcu.vehicle.state_machine import StateMachine
 
 WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on
@@ -40,6 +41,7 @@ LOAD_SMOOTHED = 1.0 / 256.0
 
 _STATE, _COMMAND = slice_of(Tick, "state"), slice_of(Tick, "command")
 _R_M, _V_M = slice_of(LawState, "r_m"), slice_of(LawState, "v_m")
+_REFERENCE = slice(_R_M.start, _V_M.stop)  # one after the other
 _R, _V = slice_of(VehicleState, "r_E"), slice_of(VehicleState, "v_E")
 
 
@@ -76,7 +78,7 @@ class Loop:
         self._lifeline = lifeline
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
         self._codec = PlantCodec(ports.system_id)
-        self.vehicle = Supervisor(params, sim_only)
+        self.vehicle = StateMachine(params, sim_only)
         self._ground = Station(
             ports, identity, params, self.vehicle, file,
             self._say,
@@ -87,12 +89,12 @@ class Loop:
         self._flown: Setpoint | None = None
         self._engaged = cascade.IDLE
         self._received = np.zeros(size(VehicleState))
-        self._gate = Gate()
-        self._measured = self._gate.flown
+        self._filter = PositionFilter()
+        self._measured = self._filter.flown
         self._period_us = round(params.law.h * 1e6)
         self._jumps = 0
         self._state = np.zeros(size(LawState))
-        self.vehicle.law_state = self._state
+        self.vehicle.reference_model = self._state[_REFERENCE]
         self._answer = b""
         self._time_us = -1
         self._heard = 0.0
@@ -104,12 +106,12 @@ class Loop:
         row, state = np.zeros(WIDTH), np.zeros(size(LawState))
         measured = np.zeros(size(VehicleState))
         measured[column_of(VehicleState, "q_EB.w")] = 1.0
-        Gate().pass_on(measured, 0.002, 0)
+        PositionFilter().pass_on(measured, 0.002, 0)
         for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
             cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
             state = row[_STATE].copy()
         self._reporter.warm_up(row)
-        self.vehicle.foresight.warm_up()
+        self.vehicle.feasibility.warm_up()
         self.vehicle.state = measured
         self._ground.warm_up(row)
         self.vehicle.state = None
@@ -141,7 +143,7 @@ class Loop:
             if self._heard:
                 silent = now - self._heard
                 if silent > END_S:
-                    self._tell_silence("error", END_S, ", controller stops")
+                    self._tell_silence("error", END_S, Code.PLANT_SILENT_STOPS)
                     self._exit = INFRASTRUCTURE
                     break
                 if silent > WARN_S and not warned:
@@ -170,7 +172,7 @@ class Loop:
         self._heard = time.monotonic()
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
-                self._gate.take(self._received)
+                self._filter.take(self._received)
                 self._state[_R_M] = self._measured[_R]  # the reference is where the vehicle is
                 self._state[_V_M] = self._measured[_V]
                 self.vehicle.battery = self._codec.battery
@@ -192,11 +194,11 @@ class Loop:
             self._jumps = 0
             self._time_us = time_us
             if self.vehicle.armed and not self.vehicle.on_ground:
-                wrong = self._gate.pass_on(self._received, self._law.h, time_us)
+                wrong = self._filter.pass_on(self._received, self._law.h, time_us)
                 if wrong:
                     self._say_all(wrong)
             else:
-                self._gate.take(self._received)
+                self._filter.take(self._received)
             self.vehicle.battery = self._codec.battery
             self._tick(time_us, started)
 
@@ -230,23 +232,22 @@ class Loop:
         self._load += LOAD_SMOOTHED * (cycle / self._law.h - self._load)
         self._state[:] = row[_STATE]
         self.figures.ticks += 1
-        self._ground.see(row, setpoint is not None, self._load, self._gate.off)
+        self._ground.see(row, setpoint is not None, self._load, self._filter.off)
         try:
             self._reporter.report(
-                row, vehicle, self._gate.off, cycle, self._load, self.figures.resent,
+                row, vehicle, self._filter.off, cycle, self._load, self.figures.resent,
                 self.figures.refused,
             )  # fmt: skip
         except BrokenPipeError:
             self._unrecorded()
 
-    def _say_all(self, happened: Sequence[tuple[Severity, str]]) -> None:
-        for severity, text in happened:
-            self._ground.tell(severity, text)
+    def _say_all(self, happened: Sequence[Told]) -> None:
+        for told in happened:
+            self._ground.tell(told)
 
-    def _tell_silence(self, level: str, for_s: float, then: str = "") -> None:
+    def _tell_silence(self, level: str, for_s: float, code: Code = Code.PLANT_SILENT) -> None:
         self._say(level, f"the plant has been silent for {for_s:.0f} s")
-        text = f"No state from the plant for {for_s:.0f} s{then}"
-        self._ground.telemetry.text(Severity.CRITICAL, text)
+        self._ground.streams.text(Severity.CRITICAL, words(Told(code, (for_s,))))
 
     def _flush(self) -> None:
         try:

@@ -18,8 +18,8 @@ from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.mmrac import wind
 from fcu.laws.mmrac.types import LawParams, Tick
-from fcu.vehicle.modes import MODES
-from fcu.vehicle.supervisor import Supervisor
+from fcu.services.status import MODES, landed_state, system_status
+from fcu.vehicle.state_machine import StateMachine
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -51,7 +51,7 @@ class Reporter:
         wind.read(row, self._drag, self._wind)
 
     def report(
-        self, row: Row, vehicle: Supervisor, off: float, cycle_s: float, load: float,
+        self, row: Row, vehicle: StateMachine, off: float, cycle_s: float, load: float,
         resent: int, refused: int,
     ) -> None:  # fmt: skip
         """Complete the row of the Tick just flown, and hand it on; see Report for the numbers.
@@ -61,7 +61,7 @@ class Reporter:
         report = self._report
         wind.read(row, self._drag, self._wind)
         seen = (
-            vehicle.armed, vehicle.mode, vehicle.landed_state, vehicle.failsafe,
+            vehicle.armed, vehicle.mode, landed_state(vehicle), vehicle.failsafe,
             vehicle.terminated,
         )  # fmt: skip
         if seen != self._seen:
@@ -91,14 +91,14 @@ class Reporter:
             self.feed.tell(np.concatenate([[t], to_buffer(law)]).tobytes())
 
 
-def _status(vehicle: Supervisor) -> Status:
+def _status(vehicle: StateMachine) -> Status:
     mode = MODES[vehicle.mode]
     return Status(
         armed=float(vehicle.armed),
         main_mode=float(mode.main),
         sub_mode=float(mode.sub),
-        state=float(vehicle.status),
-        landed=float(vehicle.landed_state),
+        state=float(system_status(vehicle)),
+        landed=float(landed_state(vehicle)),
         failsafe=float(bool(vehicle.failsafe)),
         position_off=0.0,
     )

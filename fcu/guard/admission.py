@@ -26,9 +26,7 @@ Way = Sequence[tuple[Setpoint, float]]
 LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
-GREAT = 1e6  # m, N: above it a number is only told to be so
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
-_NEAR = 1.0  # m: where a moving setpoint is, is not worth a word below
 
 _unpack_params = unpacker(LawParams)
 _unpack_setpoint = unpacker(Setpoint)
@@ -103,34 +101,12 @@ class Look:
 
 
 class Lack(NamedTuple):
-    """A way that misses the condition, in words."""
+    """A setpoint that misses the condition."""
 
-    what: str  # was asked for: how far, how fast
-    short: float  # N
-    would_do: str  # the largest part of it that meets the condition
-
-    def __str__(self) -> str:
-        """As a reason not to fly it."""
-        return (
-            f"{self.what} needs {newtons(self.short)} more than there is; {self.would_do} would do"
-        )
-
-
-def newtons(short: float) -> str:
-    """What is missing, as text: never nothing. Of what diverges it may be any number."""
-    return f"{math.ceil(short)} N" if short < GREAT else f"{short:.2g} N"
-
-
-def metres(length: float) -> str:
-    """A part of a step, as text, rounded down."""
-    if not 0.1 <= length < GREAT:
-        return "no part of it"
-    return f"{math.floor(10.0 * length) / 10.0:.1f} m of it"
-
-
-def percent(part: float, of: str) -> str:
-    """A part of what is not a step, as text, rounded down."""
-    return f"{math.floor(100.0 * part)} % of {of}" if part >= 0.01 else f"no part of {of}"
+    far: float  # m, that it leads
+    speed: float  # m/s
+    short: float  # N, that are missing
+    part: float  # the largest part of it, from 0 to 1, that meets the condition
 
 
 def most(
@@ -161,18 +137,14 @@ def is_same_way(a: Setpoint, b: Setpoint) -> bool:
     return (a.level, a.r_c, a.v_c, a.a_c) == (b.level, b.r_c, b.v_c, b.a_c)
 
 
-def explained(look: Look, setpoint: Setpoint, short: float, reference: Buffer) -> Lack:
-    """A setpoint of a stream that misses the condition by `short` N, in words."""
+def lack_of(look: Look, setpoint: Setpoint, short: float, reference: Buffer) -> Lack:
+    """What a setpoint of a stream that misses the condition by `short` N asks for, and could."""
     r_m = Vec3(*reference[:3].tolist())
     to_go = setpoint.r_c - r_m
-    far, speed = norm(to_go), norm(setpoint.v_c)
 
     def of(part: float) -> Way:
         v_c, a_c = part * setpoint.v_c, part * setpoint.a_c
         return way_to(setpoint._replace(r_c=r_m + part * to_go, v_c=v_c, a_c=a_c))
 
     part = most(look, of, reference)
-    if speed == 0.0:
-        return Lack(f"{far:.1f} m", short, metres(part * far))
-    away = f" and {far:.1f} m" if far > _NEAR else ""
-    return Lack(f"{speed:.1f} m/s{away}", short, percent(part, "it"))
+    return Lack(far=norm(to_go), speed=norm(setpoint.v_c), short=short, part=part)

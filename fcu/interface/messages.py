@@ -54,3 +54,23 @@ class Battery(NamedTuple):
     drawn_Ah: float  # A h, since the flight began
     remaining: float  # of its charge, 0 to 1
     energy_J: float  # J, drawn since the flight began
+
+
+class PositionRequest(NamedTuple):
+    """Where a script asks a vehicle to be, and how to move there. None: left to the vehicle."""
+
+    r: Vec3 | None  # m
+    v: Vec3 | None  # m/s
+    a: Vec3 | None  # m/s^2
+    psi: float | None  # rad
+    psi_dot: float  # rad/s
+    along_heading: bool = False  # v and a are forward, left, up of the heading; else Earth ENU
+    from_here: bool = False  # r is from where the vehicle is; along its heading, psi is too
+
+
+class AttitudeRequest(NamedTuple):
+    """How a script asks a vehicle to lie, or to turn."""
+
+    q_EB: Quat | None  # None: by its body rates alone
+    w_B: Vec3  # rad/s; with an attitude 0 where it is left to the vehicle
+    thrust: float  # of full thrust, 0 to 1

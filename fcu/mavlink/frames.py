@@ -1,11 +1,12 @@
 """Between the frames inside (Earth ENU, body FLU) and the wire's (Earth NED, body FRD).
 
 E is Earth East-North-Up, B is body Forward-Left-Up; N is Earth North-East-Down, F is body
-Forward-Right-Down. Each map here is its own inverse, so one kernel serves both ways.
+Forward-Right-Down. Each map here is its own inverse, so one serves both ways; each is written
+once, as a kernel, and `earth`, `body`, `heading` and `attitude` are the same for plain Python.
 
-`through_the_wire` and its two companions are what a value becomes by being sent: the wire
-carries float32. `wire` and `ground_wire` encode and decode with these same kernels, so a
-flight in one process and one over UDP see the same bits.
+`through_the_wire` and its companion are what a value becomes by being sent: the wire carries
+float32. The plant link encodes and decodes with these same kernels, so a flight in one process
+and one over UDP see the same bits.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, normalised, rotate, rotate_back, wrap
@@ -31,16 +32,6 @@ class StateOnWire(NamedTuple):
     v_F: Vec3  # velocity, m/s, in body axes
     w_F: Vec3  # body rate, rad/s
     Omega: Rotors  # rotor speeds, rad/s
-
-
-class SetpointOnWire(NamedTuple):
-    """What SET_POSITION_TARGET_LOCAL_NED carries, in the order of its fields."""
-
-    r_N: Vec3  # position, m
-    v_N: Vec3  # velocity, m/s
-    a_N: Vec3  # acceleration, m/s^2
-    yaw: float  # rad from North, clockwise seen from above
-    yaw_rate: float  # rad/s, clockwise
 
 
 @kernel
@@ -120,6 +111,25 @@ def yaw_enu_ned(psi):
     return wrap(0.5 * math.pi - np.fmod(psi, 2.0 * math.pi))
 
 
+def _plain(function):
+    """A kernel as plain Python: of an exchange of axes, which no call into compiled code is worth."""
+    return function.py_func
+
+
+earth = _plain(enu_ned)
+body = _plain(flu_frd)
+
+
+def heading(psi):
+    """`yaw_enu_ned` of any number."""
+    return float(yaw_enu_ned(float(psi)))
+
+
+def attitude(q):
+    """`attitude_enu_ned` of a Quat of any numbers: of floats alone, or it is compiled anew."""
+    return attitude_enu_ned(Quat(float(q.w), float(q.x), float(q.y), float(q.z)))
+
+
 @kernel
 def state_to_wire(state):
     """StateOnWire of a VehicleState; rotor speeds are still without the sign of their spin."""
@@ -169,38 +179,3 @@ def command_through_the_wire(command):
             single(limited(u.r7, 0.0, 1.0)), single(limited(u.r8, 0.0, 1.0)),
         )
     )  # fmt: skip
-
-
-@kernel
-def setpoint_to_wire(setpoint):
-    """SetpointOnWire of a Setpoint that enters the cascade at its position."""
-    return SetpointOnWire(
-        single3(enu_ned(setpoint.r_c)),
-        single3(enu_ned(setpoint.v_c)),
-        single3(enu_ned(setpoint.a_c)),
-        single(yaw_enu_ned(setpoint.psi_c)),
-        single(-setpoint.psi_dot_c),
-    )
-
-
-@kernel
-def setpoint_from_wire(fields):
-    """Setpoint of a received SetpointOnWire: one that enters the cascade at its position."""
-    none = Vec3(0.0, 0.0, 0.0)
-    return Setpoint(
-        enu_ned(fields.r_N),
-        enu_ned(fields.v_N),
-        enu_ned(fields.a_N),
-        yaw_enu_ned(fields.yaw),
-        -fields.yaw_rate,
-        0.0,
-        none,
-        none,
-        0.0,
-    )
-
-
-@kernel
-def setpoint_through_the_wire(setpoint):
-    """The Setpoint that the flight controller decodes when a ground script sends `setpoint`."""
-    return setpoint_from_wire(setpoint_to_wire(setpoint))

@@ -1,27 +1,27 @@
 """The ground link: telemetry, commands, parameters and setpoints as MAVLink 2, and back.
 
-Both ends use it: the flight controller packs telemetry and parses commands, a ground script the
-other way round. What is said is built by `ground_telemetry`, `ground_answers` and `ground_asks`,
-and is the same for every link; a GroundCodec frames it for one.
+Both ends use it: the flight controller sends telemetry and reads requests, a ground script the
+other way round. A message is the same for every link; a GroundCodec frames it for one.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from typing import Any
 
-from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Quat, Vec3
-from fcu.kernel.rotations import normalised
-from fcu.mavlink.asks import setpoint as setpoint_message
-from fcu.mavlink.fields import attitude, setpoint_of
-from fcu.mavlink.framing import FRAMES_AT_ONCE, Packed, framed, frames
-from fcu.mavlink.ground_messages import ADDRESSED, GroundMessage, Source
-from fcu.mavlink.kinds import KINDS
-from fcu.mavlink.readers import READERS
-from fcu.mavlink.telemetry import attitude_euler
+from fcu.mavlink import replies, requests, setpoints, telemetry
+from fcu.mavlink.definitions import AUTOPILOT, DEFINITIONS, Packed
+from fcu.mavlink.framing import FRAMES_AT_ONCE, Source, framed, frames
 
-AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
-_KNOWN = {number: kind for number, kind in KINDS.items() if kind.name in READERS}
+GroundMessage = requests.Message | setpoints.Message | telemetry.Message | replies.Message
+READERS: dict[str, Callable[[dict[str, Any], Source], GroundMessage]] = {
+    **requests.READERS,
+    **setpoints.READERS,
+    **telemetry.READERS,
+    **replies.READERS,
+}
+_KNOWN = {number: each for number, each in DEFINITIONS.items() if each.name in READERS}
 
 
 class GroundCodec:
@@ -38,7 +38,7 @@ class GroundCodec:
 
     def framed(self, message: Packed) -> bytes:
         """The bytes of a message on this link."""
-        frame = framed(message, self._sequence, *self._me)
+        frame = framed(*message, self._sequence, *self._me)
         self._sequence = (self._sequence + 1) & 0xFF
         return frame
 
@@ -50,11 +50,11 @@ class GroundCodec:
         """
         messages = []
         for frame in frames(datagram, _KNOWN, self.dropped, at_once=self._at_once):
-            source = Source(frame.system, frame.component)
-            if source == self._me:
+            if frame.source == self._me:
                 self.dropped["from ourselves"] += 1
                 continue
-            message = READERS[frame.kind.name](frame.kind.unpack(frame.payload), source)
+            fields = frame.definition.unpack(frame.payload)
+            message = READERS[frame.definition.name](fields, frame.source)
             if self._is_addressed(message):
                 messages.append(message)
             else:
@@ -62,19 +62,6 @@ class GroundCodec:
         return messages
 
     def _is_addressed(self, message: GroundMessage) -> bool:
-        if not isinstance(message, ADDRESSED):
-            return True
+        system = getattr(message, "target_system", 0)  # 0, as what names nobody: for all
         component = getattr(message, "target_component", 0)
-        return message.target_system in (0, self._me.system) and component in (
-            0,
-            self._me.component,
-        )
-
-
-def warm_up() -> None:
-    """Compile the kernels that messages are converted with."""
-    level, nowhere = Quat(1.0, 0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
-    normalised(attitude(level))
-    attitude_euler(0.0, level, nowhere)
-    setpoint_message(Source(1, 1), 0.0, Setpoint(nowhere, nowhere, nowhere, 0.0, 0.0))
-    setpoint_of(bytes(44), 0)
+        return system in (0, self._me.system) and component in (0, self._me.component)

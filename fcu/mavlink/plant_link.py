@@ -1,85 +1,71 @@
 """The plant link: vehicle states and rotor commands as MAVLink 2 datagrams, and back.
 
 Plant to controller: ODOMETRY and ACTUATOR_OUTPUT_STATUS in one datagram, now and then followed
-by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held. Controller to plant: HIL_ACTUATOR_CONTROLS.
+by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held. Controller to plant:
+HIL_ACTUATOR_CONTROLS. The numbers are packed by kernels, straight from and to buffers.
 
-This file and `ground_kinds` are the only importers of pymavlink's dialect. Here it gives
-the numbers (ids, layouts, CRC_EXTRA) and the framing is by hand, several times faster:
-lockstep waits for it at every tick. The conversions of frame are those of `frames`.
+A battery arrives coarser than it was sent: charge as mA h, energy as hJ, voltage as mV, current
+as cA, what is left as percent. Its voltage is that of the whole pack, which MAVLink has in the
+place of the first cell. Out of a field's range a value is saturated; what is not a number is
+sent as the field's "unknown", and refused at the other end.
 """
 
 from __future__ import annotations
 
 import struct
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import pymavlink.dialects.v20.common as mavlink
-from fastcrc.crc16 import mcrf4xx
 
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
-from fcu.mavlink import battery_wire
+from fcu.mavlink.definitions import (
+    AUTOPILOT,
+    LOCKSTEP,
+    NO_AUTOPILOT,
+    Definition,
+    Frame,
+    ModeFlag,
+    SystemStatus,
+    definition,
+    message,
+)
 from fcu.mavlink.frames import StateOnWire, command_through_the_wire, state_from_wire, state_to_wire
+from fcu.mavlink.framing import WireError, expected, framed
+
+__all__ = ["PlantCodec", "WireError"]
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
-COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
-
-_HEADER = struct.Struct("<BBBBBBBHB")  # marker, length, flags, flags, sequence, source, id
-_CRC = struct.Struct("<H")
 _TIME = struct.Struct("<Q")
-_MARKER = mavlink.PROTOCOL_MARKER_V2
-_OVERHEAD = _HEADER.size + _CRC.size
 _FLOATS = size(StateOnWire)
 _ROTORS = 8
 _FIRST_ROTOR = _FLOATS - _ROTORS
 _ODOMETRY_BYTES = 4 * _FIRST_ROTOR
 _FIRST_EIGHT = 0xFF  # ACTUATOR_OUTPUT_STATUS.active: outputs 1 to 8 are in use
-_LOCKSTEP = 1  # HIL_ACTUATOR_CONTROLS.flags
-_CUSTOM_MODE = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
-
-class WireError(ValueError):
-    """A datagram that is not what this link carries. Its reader's buffers are untouched."""
-
-
-class _Kind(NamedTuple):
-    """A message of the dialect: what its header and checksum need."""
-
-    name: str
-    id: int
-    size: int  # payload bytes before trailing zeros are trimmed
-    crc_extra: bytes
-
-
-def _kind(message: Any) -> _Kind:
-    return _Kind(message.msgname, message.id, message.unpacker.size, bytes([message.crc_extra]))
-
-
-_ODOMETRY = _kind(mavlink.MAVLink_odometry_message)
-_ROTOR_STATUS = _kind(mavlink.MAVLink_actuator_output_status_message)
-_CONTROLS = _kind(mavlink.MAVLink_hil_actuator_controls_message)
-_HEARTBEAT = _kind(mavlink.MAVLink_heartbeat_message)
-_BATTERY = _kind(mavlink.MAVLink_battery_status_message)
+_ODOMETRY = definition("ODOMETRY")
+_ROTOR_STATUS = definition("ACTUATOR_OUTPUT_STATUS")
+_CONTROLS = definition("HIL_ACTUATOR_CONTROLS")
+_HEARTBEAT = definition("HEARTBEAT")
+_BATTERY = definition("BATTERY_STATUS")
 
 # What follows the numbers of ODOMETRY: two covariances, unknown (NaN first), the frames,
 # then reset counter, estimator and quality, all zero and so trimmed.
 _COVARIANCE = struct.pack("<21f", float("nan"), *[0.0] * 20)
-_FRAMES = bytes([mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD])
+_FRAMES = bytes([Frame.LOCAL_NED, Frame.BODY_FRD])
 _ODOMETRY_TAIL = 2 * _COVARIANCE + _FRAMES
 _FRAMES_AT = _TIME.size + _ODOMETRY_BYTES + 2 * len(_COVARIANCE)
 _ACTIVE = struct.pack("<I", _FIRST_EIGHT)
-_FLAGS = (struct.pack("<Q", 0), struct.pack("<Q", _LOCKSTEP))
+_FLAGS = (struct.pack("<Q", 0), struct.pack("<Q", LOCKSTEP))
 _UNUSED_CONTROLS = bytes(4 * 8)
-_MODES = (bytes([_CUSTOM_MODE]), bytes([_CUSTOM_MODE | _ARMED]))
-_HOLD = struct.pack(
-    "<IBBBBB", 0, mavlink.MAV_TYPE_GENERIC, mavlink.MAV_AUTOPILOT_INVALID,
-    0, mavlink.MAV_STATE_ACTIVE, 3,
-)  # fmt: skip
+_ARMED = int(ModeFlag.ARMED)
+_MODES = (bytes([ModeFlag.CUSTOM]), bytes([ModeFlag.CUSTOM | ModeFlag.ARMED]))
+_HOLD = message(
+    "HEARTBEAT", autopilot=NO_AUTOPILOT, system_status=SystemStatus.ACTIVE, mavlink_version=3
+).payload
 
 _unpack_state = unpacker(VehicleState)
 _pack_state = packer(VehicleState)
@@ -185,7 +171,7 @@ class PlantCodec:
         state = self._framed(_ODOMETRY, odometry) + self._framed(_ROTOR_STATUS, rotors)
         if battery is None:
             return state
-        return state + self._framed(_BATTERY, battery_wire.pack(battery))
+        return state + self._framed(_BATTERY, _battery_payload(battery))
 
     def pack_hold(self, time_usec: int, buffer: Buffer, battery: Battery | None = None) -> bytes:
         """A keep-alive while simulation time is held: the state, behind a HEARTBEAT."""
@@ -227,7 +213,7 @@ class PlantCodec:
 
     def _battery(self, datagram: bytes, start: int) -> tuple[Battery, int]:
         payload, at = self._payload(_BATTERY, datagram, start)
-        battery = battery_wire.unpack(payload)
+        battery = _battery_of(payload)
         if battery is None:
             raise WireError("BATTERY_STATUS has a field unknown or out of range")
         if at != len(datagram):
@@ -256,37 +242,52 @@ class PlantCodec:
         if fault:
             raise WireError(_FAULTS[fault])
         time: int = _TIME.unpack_from(payload)[0]
-        return time, payload[80] & _ARMED != 0, payload[8] & _LOCKSTEP != 0
+        return time, payload[80] & _ARMED != 0, payload[8] & LOCKSTEP != 0
 
-    def _framed(self, kind: _Kind, payload: bytes) -> bytes:
-        payload = payload.rstrip(b"\0") or b"\0"  # MAVLink 2 sends at least one byte
+    def _framed(self, of: Definition, payload: bytes) -> bytes:
         sequence = self._sequence
         self._sequence = sequence + 1 & 0xFF
-        frame = (
-            _HEADER.pack(_MARKER, len(payload), 0, 0, sequence, self._system, COMPONENT, kind.id, 0)
-            + payload
-        )
-        return frame + _CRC.pack(mcrf4xx(frame[1:] + kind.crc_extra))
+        return framed(of, payload, sequence, self._system, AUTOPILOT)
 
-    def _payload(self, kind: _Kind, datagram: bytes, start: int) -> tuple[bytes, int]:
-        """Payload of the message at `start`, zeros restored, and where the next one begins."""
-        if len(datagram) < start + _OVERHEAD:
-            raise WireError(f"no {kind.name} in {len(datagram)} bytes")
-        marker, length, incompatible, _, _, system, component, low, high = _HEADER.unpack_from(
-            datagram, start
-        )
-        if marker != _MARKER or incompatible:
-            raise WireError("not an unsigned MAVLink 2 message")
-        if low | high << 16 != kind.id:
-            raise WireError(f"message {low | high << 16} where {kind.name} was expected")
-        if system != self._system or component != COMPONENT:
-            raise WireError(f"from system {system} component {component}, not {self._system}")
-        body = start + _HEADER.size
-        end = body + length
-        if len(datagram) < end + _CRC.size:
-            raise WireError(f"{kind.name} is truncated")
-        crc = mcrf4xx(datagram[start + 1 : end] + kind.crc_extra)
-        if crc != datagram[end] | datagram[end + 1] << 8:
-            raise WireError(f"{kind.name} has a wrong checksum")
-        # Longer than we know it: a newer dialect's extension, which MAVLink 2 has us ignore.
-        return datagram[body:end].ljust(kind.size, b"\0"), end + _CRC.size
+    def _payload(self, of: Definition, datagram: bytes, start: int) -> tuple[bytes, int]:
+        return expected(of, datagram, start, self._system, AUTOPILOT)
+
+
+# --- the battery
+
+_PAYLOAD = struct.Struct("<iih10HhBBBb")  # charge, energy, temperature, cells, current, ..., left
+_NO_CELL = 2**16 - 1
+_NO_TEMPERATURE = 2**15 - 1
+_ALL_FUNCTIONS, _LIPO = 1, 1  # MAV_BATTERY_FUNCTION_ALL, MAV_BATTERY_TYPE_LIPO
+
+
+def _whole(x: float, low: int, high: int, unknown: int) -> int:
+    return unknown if x != x else round(min(max(x, low), high))
+
+
+def _battery_payload(battery: Battery) -> bytes:
+    """The payload, without MAVLink 2's extensions."""
+    return _PAYLOAD.pack(
+        _whole(1e3 * battery.drawn_Ah, -(2**31), 2**31 - 1, -1),
+        _whole(1e-2 * battery.energy_J, -(2**31), 2**31 - 1, -1),
+        _NO_TEMPERATURE,
+        _whole(1e3 * battery.voltage, 0, _NO_CELL - 1, _NO_CELL),
+        *[_NO_CELL] * 9,
+        _whole(1e2 * battery.current, -(2**15), 2**15 - 1, -1),
+        0, _ALL_FUNCTIONS, _LIPO,
+        _whole(1e2 * battery.remaining, -(2**7), 2**7 - 1, -1),
+    )  # fmt: skip
+
+
+def _battery_of(payload: bytes) -> Battery | None:
+    """The battery of a payload of full length; None if a field is unknown or out of range."""
+    charge, energy, _, pack_mV, *_, current, _, _, _, percent = _PAYLOAD.unpack_from(payload)
+    if min(charge, energy, current) < 0 or pack_mV == _NO_CELL or not 0 <= percent <= 100:
+        return None
+    return Battery(
+        voltage=1e-3 * pack_mV,
+        current=1e-2 * current,
+        drawn_Ah=1e-3 * charge,
+        remaining=1e-2 * percent,
+        energy_J=1e2 * energy,
+    )

@@ -1,24 +1,34 @@
-"""What the flight controller tells ground stations, as MAVLink messages: one builder a message.
+"""What the flight controller tells ground stations of its state: each message sent, and read back.
 
-Arguments are in the frames inside (Earth ENU, body FLU, SI); `t` is simulation time, s. NaN is
-what is not known. Every field is saturated to its type, so no number raises.
+Values are in the frames inside (Earth ENU, body FLU, SI); `t` is simulation time, s. NaN is
+what is not known. Every field is saturated to its type, so no number raises. What is read back
+may hold NaN: a flight may have diverged.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from fcu.kernel.algebra import Quat, Rotors, Vec3
-from fcu.kernel.rotations import euler, matrix
-from fcu.mavlink.enums import Frame
-from fcu.mavlink.fields import attitude, body, earth, heading
-from fcu.mavlink.framing import Packed
+from fcu.kernel.rotations import euler, matrix, normalised
+from fcu.mavlink.definitions import (
+    GCS,
+    NO_AUTOPILOT,
+    OCTOROTOR,
+    Frame,
+    ModeFlag,
+    Packed,
+    SystemStatus,
+)
+from fcu.mavlink.definitions import message as _message
+from fcu.mavlink.frames import attitude, body, earth, heading
+from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Geodetic
-from fcu.mavlink.kinds import message as _message
+from fcu.mavlink.px4_modes import custom_mode, main_and_sub
 
-OCTOROTOR = 14  # MAV_TYPE
-_CUSTOM, _ARMED = 1, 128  # MAV_MODE_FLAG
+Fields = dict[str, Any]
 _UNKNOWN_16 = 2**16 - 1
 _NAN_21 = (math.nan, *[0.0] * 20)  # a covariance that is not known
 
@@ -44,8 +54,8 @@ def heartbeat(
     """HEARTBEAT of an octocopter; `flags` are MAV_MODE_FLAGs beside custom mode and armed."""
     return _message(
         "HEARTBEAT", type=OCTOROTOR, autopilot=autopilot,
-        base_mode=_CUSTOM | flags | (_ARMED if armed else 0),
-        custom_mode=main_mode << 16 | sub_mode << 24, system_status=status, mavlink_version=3,
+        base_mode=ModeFlag.CUSTOM | flags | (ModeFlag.ARMED if armed else 0),
+        custom_mode=custom_mode(main_mode, sub_mode), system_status=status, mavlink_version=3,
     )  # fmt: skip
 
 
@@ -269,3 +279,118 @@ def debug_float_array(t: float, name: str, number: int, data: Sequence[float]) -
     return _message(
         "DEBUG_FLOAT_ARRAY", time_usec=_us(t), name=name.encode(), array_id=number, data=data
     )
+
+
+# --- read back
+
+
+class Heartbeat(NamedTuple):
+    """A system is alive. The modes mean something when it is an autopilot of PX4's kind."""
+
+    source: Source
+    type: int
+    autopilot: int
+    armed: bool
+    main_mode: int
+    sub_mode: int
+    status: int
+
+
+def _heartbeat(f: Fields, source: Source) -> Heartbeat:
+    armed = f["base_mode"] & ModeFlag.ARMED != 0
+    main, sub = main_and_sub(f["custom_mode"])
+    return Heartbeat(source, f["type"], f["autopilot"], armed, main, sub, f["system_status"])
+
+
+def ground_heartbeat() -> Packed:
+    """HEARTBEAT of a ground station."""
+    return _message(
+        "HEARTBEAT",
+        type=GCS,
+        autopilot=NO_AUTOPILOT,
+        system_status=SystemStatus.ACTIVE,
+        mavlink_version=3,
+    )
+
+
+class LocalPosition(NamedTuple):
+    """LOCAL_POSITION_NED."""
+
+    source: Source
+    time_boot_ms: int
+    r_E: Vec3  # m
+    v_E: Vec3  # m/s
+
+
+def _local_position(f: Fields, source: Source) -> LocalPosition:
+    r, v = Vec3(f["x"], f["y"], f["z"]), Vec3(f["vx"], f["vy"], f["vz"])
+    return LocalPosition(source, f["time_boot_ms"], earth(r), earth(v))
+
+
+class GlobalPosition(NamedTuple):
+    """GLOBAL_POSITION_INT."""
+
+    source: Source
+    time_boot_ms: int
+    place: Geodetic
+    above_home: float  # m
+    v_E: Vec3  # m/s
+    psi: float  # of the nose, rad; NaN: not known
+
+
+def _global_position(f: Fields, source: Source) -> GlobalPosition:
+    place = Geodetic(f["lat"] * 1e-7, f["lon"] * 1e-7, f["alt"] * 1e-3)
+    v = Vec3(f["vx"] * 1e-2, f["vy"] * 1e-2, f["vz"] * 1e-2)
+    psi = math.nan if f["hdg"] == _UNKNOWN_16 else heading(math.radians(f["hdg"] * 1e-2))
+    above_home = f["relative_alt"] * 1e-3
+    return GlobalPosition(source, f["time_boot_ms"], place, above_home, earth(v), psi)
+
+
+class HomePosition(NamedTuple):
+    """HOME_POSITION."""
+
+    source: Source
+    place: Geodetic
+    r_E: Vec3  # m
+
+
+def _home_position(f: Fields, source: Source) -> HomePosition:
+    place = Geodetic(f["latitude"] * 1e-7, f["longitude"] * 1e-7, f["altitude"] * 1e-3)
+    return HomePosition(source, place, earth(Vec3(f["x"], f["y"], f["z"])))
+
+
+class Attitude(NamedTuple):
+    """ATTITUDE_QUATERNION."""
+
+    source: Source
+    time_boot_ms: int
+    q_EB: Quat
+    w_B: Vec3  # rad/s
+
+
+def _attitude(f: Fields, source: Source) -> Attitude:
+    q_EB = normalised(attitude(Quat(f["q1"], f["q2"], f["q3"], f["q4"])))
+    w_B = body(Vec3(f["rollspeed"], f["pitchspeed"], f["yawspeed"]))
+    return Attitude(source, f["time_boot_ms"], q_EB, w_B)
+
+
+class ExtendedState(NamedTuple):
+    """EXTENDED_SYS_STATE."""
+
+    source: Source
+    landed_state: int
+
+
+def _extended_state(f: Fields, source: Source) -> ExtendedState:
+    return ExtendedState(source, f["landed_state"])
+
+
+Message = Heartbeat | LocalPosition | GlobalPosition | HomePosition | Attitude | ExtendedState
+READERS: dict[str, Callable[[Fields, Source], Message]] = {
+    "HEARTBEAT": _heartbeat,
+    "LOCAL_POSITION_NED": _local_position,
+    "GLOBAL_POSITION_INT": _global_position,
+    "HOME_POSITION": _home_position,
+    "ATTITUDE_QUATERNION": _attitude,
+    "EXTENDED_SYS_STATE": _extended_state,
+}

@@ -1,7 +1,10 @@
-"""Every message that the vehicle sends of itself: how often by default, and how it is built.
+"""What the vehicle sends of itself: how often by default, how each message is built, and when.
 
 Default rates are PX4's, of its `normal` link for ground stations and its `onboard` link for
-scripts, so that what a client displays or waits for arrives as it is used to.
+scripts, so that what a client displays or waits for arrives as it is used to. Streams are paced
+by the wall clock, as clients time them: a flight at a hundred times real time does not flood its
+listeners, and one that is slow or held still does not lose them. What is due at one moment is
+built once, from one View, and shares a datagram.
 """
 
 from __future__ import annotations
@@ -9,32 +12,157 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
 
-from fcu.kernel.rotations import from_euler, matrix, rotate_back
-from fcu.mavlink import answers, flown
+import numpy as np
+
+from fcu.interface.messages import Battery, VehicleState
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import from_buffer
+from fcu.kernel.rotations import euler, from_euler, matrix, rotate_back
+from fcu.kernel.rows import column
+from fcu.laws.mmrac.types import Internals, LawParams, LawState, Tick
+from fcu.mavlink import replies, setpoints
 from fcu.mavlink import telemetry as tm
-from fcu.mavlink.enums import IGNORE_ATTITUDE, MainMode, Sensor
-from fcu.mavlink.framing import Packed
-from fcu.mavlink.geodesy import Geodetic, to_geodetic
-from fcu.mavlink.ground_messages import SetpointMessage
-from fcu.services.view import View
-from fcu.vehicle import modes
-from fcu.vehicle.modes import MODES, Mode
+from fcu.mavlink.definitions import (
+    AUTO_MODE,
+    IGNORE_ATTITUDE,
+    Estimated,
+    Frame,
+    ModeFlag,
+    Packed,
+    Sensor,
+    definition,
+)
+from fcu.mavlink.geodesy import Geodetic, Origin, to_geodetic
+from fcu.mavlink.px4_modes import MainMode
+from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
+from fcu.parameters import Parameters
+from fcu.services.ground_port import GroundPort, Link
+from fcu.services.status import MODES, custom_mode, landed_state, system_status
+from fcu.services.wind import Wind
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.state_machine import StateMachine
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
+
 
 CELLS = 6
-AVAILABLE_MODES, HOME_POSITION, GPS_GLOBAL_ORIGIN = 435, 242, 49
+AVAILABLE_MODES, CURRENT_MODE, HOME_POSITION = (
+    definition(name).id for name in ("AVAILABLE_MODES", "CURRENT_MODE", "HOME_POSITION")
+)
 
-# MAV_MODE_FLAG
-_AUTO, _GUIDED, _STABILIZE, _HIL = 4, 8, 16, 32
-# ESTIMATOR_STATUS: attitude, velocity across and up; position relative and absolute, height;
-# a jump of the position
-_ESTIMATED, _PLACED, _GLITCH = 1 | 2 | 4, 8 | 16 | 32, 1024
+_ESTIMATED = Estimated.ATTITUDE | Estimated.VELOCITY_ACROSS | Estimated.VELOCITY_UP
+_PLACED = Estimated.POSITION_RELATIVE | Estimated.POSITION | Estimated.HEIGHT
 _SENSORS = (
     Sensor.GYRO | Sensor.ACCEL | Sensor.MAG | Sensor.PRESSURE | Sensor.GPS | Sensor.MOTORS
     | Sensor.AHRS | Sensor.BATTERY | Sensor.PREARM
 )  # fmt: skip
-_AUTO_MODE = 4  # MAV_MODE_PROPERTY
+
+HEARTBEAT_S = 1.0
+GRID_S = 0.005  # streams are looked at so often; none is faster
+FASTEST_HZ = 200.0
+
+
+# --- the vehicle at one moment
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who the vehicle is to ground stations, from its start to its end."""
+
+    system_id: int
+    autopilot: int  # MAV_AUTOPILOT
+    origin: Origin  # of local positions
+    drag: Vec3  # believed, N/(m/s)^2: only the wind that is shown depends on it
+
+
+@dataclass
+class Counters:
+    """What the loop knows for SYS_STATUS and ESTIMATOR_STATUS."""
+
+    load: float = 0.0  # fraction of the control period that a tick takes
+    errors: int = 0  # messages of ground stations that were dropped
+    position_off: float = 0.0  # m: how far the plant's is off; 0: it is believed
+
+
+@dataclass
+class View:
+    """The vehicle at one tick. `row` is the Tick just flown, or zeros before the first."""
+
+    identity: Identity
+    vehicle: StateMachine
+    params: Parameters
+    wind: Wind
+    row: Row
+    measured: VehicleState
+    t: float  # simulation time, s
+    flying: bool  # whether the law ran at this tick
+    asked: (
+        SetpointMessage | AttitudeSetpointMessage | None
+    )  # the script's last setpoint, as it came
+    counters: Counters = field(default_factory=Counters)
+
+    @property
+    def law(self) -> LawParams:
+        """The law's parameters in force."""
+        return self.params.law
+
+    @property
+    def battery(self) -> Battery | None:
+        """As last reported; None if the plant has none."""
+        return self.vehicle.battery
+
+    @cached_property
+    def state(self) -> LawState:
+        """What the law remembers after this tick."""
+        state: LawState = from_buffer(LawState, column(Tick, self.row, "state"))
+        return state
+
+    @cached_property
+    def internals(self) -> Internals:
+        """What the law computed at this tick."""
+        internals: Internals = from_buffer(Internals, column(Tick, self.row, "internals"))
+        return internals
+
+    @cached_property
+    def angles(self) -> Vec3:
+        """Roll, pitch, yaw, rad."""
+        angles: Vec3 = euler(matrix(self.measured.q_EB))
+        return angles
+
+    @cached_property
+    def place(self) -> Geodetic:
+        """Where it is on Earth."""
+        return to_geodetic(self.identity.origin, self.measured.r_E)
+
+    @property
+    def commanded(self) -> list[float]:
+        """Rotor speeds as commanded, over full speed, 0 to 1."""
+        commanded: list[float] = column(Tick, self.row, "command").tolist()
+        return commanded
+
+    @property
+    def home(self) -> Vec3:
+        """Where a return flies to, m, E."""
+        return self.vehicle.home or self.measured.r_E
+
+    @cached_property
+    def ground_speed(self) -> float:
+        """m/s."""
+        return math.hypot(self.measured.v_E.x, self.measured.v_E.y)
+
+    @cached_property
+    def throttle(self) -> float:
+        """Achieved total thrust over full thrust, 0 to 1, by the believed coefficient."""
+        Omega = self.measured.Omega
+        T = self.law.c_T * sum(float(w) * float(w) for w in Omega)
+        return T / self.law.T_max
+
+
+# --- the messages
 
 Build = Callable[[View], Sequence[Packed]]
 
@@ -42,18 +170,23 @@ Build = Callable[[View], Sequence[Packed]]
 class Stream(NamedTuple):
     """One message."""
 
-    id: int
+    name: str
     station_hz: float  # 0: on request
     script_hz: float
     build: Build
 
 
-def heartbeat(view_of: Mode, armed: bool, autopilot: int, status: int) -> Packed:
+def heartbeat(vehicle: StateMachine, autopilot: int) -> Packed:
     """HEARTBEAT: needs no state, so it is sent before there is one."""
-    row = MODES[view_of]
-    flags = _STABILIZE | _HIL | (_GUIDED if row.guided else 0)
-    flags |= _AUTO if row.main in (MainMode.AUTO, MainMode.OFFBOARD) else 0
-    return tm.heartbeat(autopilot, armed, int(row.main), int(row.sub), status, flags)
+    row = MODES[vehicle.mode]
+    flags = ModeFlag.STABILIZE | ModeFlag.HIL
+    if row.guided:
+        flags |= ModeFlag.GUIDED
+    if row.main in (MainMode.AUTO, MainMode.OFFBOARD):
+        flags |= ModeFlag.AUTO
+    return tm.heartbeat(
+        autopilot, vehicle.armed, int(row.main), int(row.sub), system_status(vehicle), flags
+    )
 
 
 def _sys_status(v: View) -> Sequence[Packed]:
@@ -127,7 +260,7 @@ def _altitude(v: View) -> Sequence[Packed]:
 
 
 def _extended_state(v: View) -> Sequence[Packed]:
-    return [tm.extended_state(v.vehicle.landed_state)]
+    return [tm.extended_state(landed_state(v.vehicle))]
 
 
 def _home(v: View) -> Sequence[Packed]:
@@ -146,7 +279,7 @@ def _system_time(v: View) -> Sequence[Packed]:
 
 
 def _estimator(v: View) -> Sequence[Packed]:
-    placed = _GLITCH if v.counters.position_off else _PLACED
+    placed = Estimated.POSITION_JUMPS if v.counters.position_off else _PLACED
     return [tm.estimator_status(v.t, _ESTIMATED | placed)]
 
 
@@ -195,7 +328,7 @@ def _attitude_target(v: View) -> Sequence[Packed]:
     q = from_euler(i.angles_c.x, i.angles_c.y, i.angles_c.z)
     setpoint = v.vehicle.setpoint
     unused = IGNORE_ATTITUDE if setpoint is not None and setpoint.level > 1.0 else 0
-    return [flown.attitude_target(v.t, unused, q, i.w_c, i.T_c / v.law.T_max)]
+    return [setpoints.attitude_target(v.t, unused, q, i.w_c, i.T_c / v.law.T_max)]
 
 
 def _flown(v: View, as_global: bool) -> Sequence[Packed]:
@@ -203,14 +336,16 @@ def _flown(v: View, as_global: bool) -> Sequence[Packed]:
     setpoint = v.vehicle.setpoint
     if not v.flying or setpoint is None or setpoint.level > 0.0:
         return []
-    message = v.vehicle.script.message
+    message = v.asked
     if v.vehicle.mode is Mode.OFFBOARD and isinstance(message, SetpointMessage):
         is_global = message.geodetic is not None
-        return [flown.echo(v.t, message)] if is_global == as_global else []
+        return [setpoints.echo(v.t, message)] if is_global == as_global else []
     now = v.vehicle.flown(round(v.t * 1e6))
+    target = setpoints.target_of(now)
     if not as_global:
-        return [flown.position_target_flown(v.t, now)]
-    return [flown.position_target_global_flown(v.t, to_geodetic(v.identity.origin, now.r_c), now)]
+        return [setpoints.position_target(v.t, Frame.LOCAL_NED, 0, target)]
+    place = to_geodetic(v.identity.origin, now.r_c)
+    return [setpoints.position_target_global(v.t, Frame.GLOBAL_INT, 0, place, target)]
 
 
 def _estimates(v: View) -> Sequence[Packed]:
@@ -243,56 +378,147 @@ def _estimates_array(v: View) -> Sequence[Packed]:
 
 
 def _current_mode(v: View) -> Sequence[Packed]:
-    number = modes.custom_mode(v.vehicle.mode)
-    return [answers.current_mode(MODES[v.vehicle.mode].standard, number, number)]
+    number = custom_mode(v.vehicle.mode)
+    return [replies.current_mode(MODES[v.vehicle.mode].standard, number, number)]
 
 
 def _modes_monitor(v: View) -> Sequence[Packed]:
-    return [answers.available_modes_monitor(0)]
+    return [replies.available_modes_monitor(0)]
 
 
 def available_modes(which: int) -> Sequence[Packed]:
     """AVAILABLE_MODES of one mode, counted from 1, or of all (0)."""
     return [
-        answers.available_modes(
-            len(MODES), index, row.standard, modes.custom_mode(mode), _AUTO_MODE, mode.value
+        replies.available_modes(
+            len(MODES), index, row.standard, custom_mode(mode), AUTO_MODE, mode.value
         )
         for index, (mode, row) in enumerate(MODES.items(), start=1)
         if which in (0, index)
     ]
 
 
-# id, ground station, script (Hz)
+# ground station, script (Hz)
 STREAMS = {
-    stream.id: stream
+    definition(stream.name).id: stream
     for stream in (
-        Stream(1, 1.0, 5.0, _sys_status),
-        Stream(2, 1.0, 1.0, _system_time),
-        Stream(24, 5.0, 5.0, _gps_raw),
-        Stream(30, 15.0, 100.0, _attitude),
-        Stream(31, 10.0, 50.0, _attitude_quaternion),
-        Stream(32, 10.0, 30.0, _local_position),
-        Stream(33, 5.0, 50.0, _global_position),
-        Stream(36, 1.0, 10.0, _servos),
-        Stream(GPS_GLOBAL_ORIGIN, 0.5, 0.5, _origin),
-        Stream(74, 4.0, 10.0, _vfr_hud),
-        Stream(83, 2.0, 10.0, _attitude_target),
-        Stream(85, 1.5, 10.0, lambda v: _flown(v, False)),
-        Stream(87, 1.5, 10.0, lambda v: _flown(v, True)),
-        Stream(141, 1.0, 10.0, _altitude),
-        Stream(147, 0.5, 0.5, _battery),
-        Stream(168, 0.5, 1.0, _wind),
-        Stream(230, 0.5, 1.0, _estimator),
-        Stream(231, 0.5, 10.0, _wind_cov),
-        Stream(HOME_POSITION, 0.5, 0.5, _home),
-        Stream(245, 1.0, 5.0, _extended_state),
-        Stream(251, 1.0, 10.0, _estimates),
-        Stream(290, 1.0, 1.0, _esc_info),
-        Stream(291, 1.0, 10.0, _esc_status),
-        Stream(331, 0.0, 30.0, _odometry),
-        Stream(350, 0.0, 0.0, _estimates_array),
-        Stream(375, 0.0, 10.0, _rotors),
-        Stream(436, 0.5, 0.5, _current_mode),
-        Stream(437, 0.3, 0.3, _modes_monitor),
+        Stream("SYS_STATUS", 1.0, 5.0, _sys_status),
+        Stream("SYSTEM_TIME", 1.0, 1.0, _system_time),
+        Stream("GPS_RAW_INT", 5.0, 5.0, _gps_raw),
+        Stream("ATTITUDE", 15.0, 100.0, _attitude),
+        Stream("ATTITUDE_QUATERNION", 10.0, 50.0, _attitude_quaternion),
+        Stream("LOCAL_POSITION_NED", 10.0, 30.0, _local_position),
+        Stream("GLOBAL_POSITION_INT", 5.0, 50.0, _global_position),
+        Stream("SERVO_OUTPUT_RAW", 1.0, 10.0, _servos),
+        Stream("GPS_GLOBAL_ORIGIN", 0.5, 0.5, _origin),
+        Stream("VFR_HUD", 4.0, 10.0, _vfr_hud),
+        Stream("ATTITUDE_TARGET", 2.0, 10.0, _attitude_target),
+        Stream("POSITION_TARGET_LOCAL_NED", 1.5, 10.0, lambda v: _flown(v, False)),
+        Stream("POSITION_TARGET_GLOBAL_INT", 1.5, 10.0, lambda v: _flown(v, True)),
+        Stream("ALTITUDE", 1.0, 10.0, _altitude),
+        Stream("BATTERY_STATUS", 0.5, 0.5, _battery),
+        Stream("WIND", 0.5, 1.0, _wind),
+        Stream("ESTIMATOR_STATUS", 0.5, 1.0, _estimator),
+        Stream("WIND_COV", 0.5, 10.0, _wind_cov),
+        Stream("HOME_POSITION", 0.5, 0.5, _home),
+        Stream("EXTENDED_SYS_STATE", 1.0, 5.0, _extended_state),
+        Stream("NAMED_VALUE_FLOAT", 1.0, 10.0, _estimates),
+        Stream("ESC_INFO", 1.0, 1.0, _esc_info),
+        Stream("ESC_STATUS", 1.0, 10.0, _esc_status),
+        Stream("ODOMETRY", 0.0, 30.0, _odometry),
+        Stream("DEBUG_FLOAT_ARRAY", 0.0, 0.0, _estimates_array),
+        Stream("ACTUATOR_OUTPUT_STATUS", 0.0, 10.0, _rotors),
+        Stream("CURRENT_MODE", 0.5, 0.5, _current_mode),
+        Stream("AVAILABLE_MODES_MONITOR", 0.3, 0.3, _modes_monitor),
     )
 }
+
+
+# --- when
+
+
+class Streams:
+    """The streams of every link."""
+
+    def __init__(
+        self, station: GroundPort, script: GroundPort, vehicle: StateMachine, autopilot: int
+    ) -> None:
+        self._ports = (station, script)
+        self._station = station
+        self._vehicle = vehicle
+        self._autopilot = autopilot
+        self._heartbeat_due = 0.0
+        self._last: tuple[object, ...] | None = None
+        self._next = 0.0
+
+    def heartbeat(self, now: float) -> None:
+        """Send one if a second has passed, or if it would say something else. `now`: monotonic, s."""
+        v = self._vehicle
+        status = (v.armed, v.mode, system_status(v))
+        if now < self._heartbeat_due and status == self._last:
+            return
+        self._heartbeat_due, self._last = now + HEARTBEAT_S, status
+        packed = heartbeat(v, self._autopilot)
+        for port in self._ports:
+            port.broadcast(packed)
+
+    def is_due(self, now: float) -> bool:
+        """Whether it is time to look at the streams."""
+        return now >= self._next
+
+    def send(self, view: View, now: float) -> None:
+        """Send what is due."""
+        self._next = now + GRID_S
+        built: dict[int, Sequence[Packed]] = {}
+        for port in self._ports:
+            for link in port.links():
+                due: list[Packed] = []
+                self._known(port, link)
+                for number, stream in link.streams.items():
+                    interval, at = stream
+                    if now >= at:
+                        # on its own grid, so that looking late does not slow the stream down
+                        stream[1] = at + interval if at + interval > now else now + interval
+                        if number not in built:
+                            built[number] = STREAMS[number].build(view)
+                        due += built[number]
+                if due:
+                    port.send(link, *due)
+
+    def default_hz(self, port: GroundPort, number: int) -> float:
+        """The rate of a message on a link that has not asked for another."""
+        stream = STREAMS[number]
+        return stream.station_hz if port is self._station else stream.script_hz
+
+    def set_rate(self, port: GroundPort, link: Link, number: int, hz: float) -> None:
+        """From now on; 0: never."""
+        self._known(port, link)
+        if hz <= 0.0:
+            link.streams.pop(number, None)
+        else:
+            link.streams[number] = [1.0 / min(hz, FASTEST_HZ), 0.0]
+
+    def interval_us(self, port: GroundPort, link: Link, number: int) -> int:
+        """MESSAGE_INTERVAL: us between two; -1 not sent."""
+        self._known(port, link)
+        stream = link.streams.get(number)
+        return -1 if stream is None else round(stream[0] * 1e6)
+
+    def _known(self, port: GroundPort, link: Link) -> None:
+        """A link starts with the default rates."""
+        if link.has_rates:
+            return
+        link.has_rates = True
+        for number in STREAMS:
+            hz = self.default_hz(port, number)
+            if hz > 0.0:
+                link.streams[number] = [1.0 / hz, 0.0]
+
+    def text(self, severity: int, text: str) -> None:
+        """STATUSTEXT to everyone who hears telemetry."""
+        for port in self._ports:
+            port.broadcast(*replies.status_text(severity, text))
+
+    def broadcast(self, *messages: Packed) -> None:
+        """Something of interest to everyone, at once."""
+        for port in self._ports:
+            port.broadcast(*messages)

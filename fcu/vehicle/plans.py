@@ -1,22 +1,245 @@
-"""What each mode flies that nobody streams setpoints to, and following it in time."""
+"""Where the vehicle is led when nobody streams setpoints: pieces of constant acceleration.
+
+The law carries a setpoint along its own velocity and acceleration, so a trapezoid of speed is
+three setpoints, exact at every tick between. What each mode flies is made of them, and a Leader
+follows them in time. Frames: Earth ENU; SI; times are simulation time in microseconds.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
 from itertools import chain
+from typing import NamedTuple
 
 from fcu.interface.messages import Setpoint
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.parameters import Parameters
-from fcu.vehicle import guidance
-from fcu.vehicle.guidance import STILL, Limits, Piece
 from fcu.vehicle.modes import Mode
-from fcu.vehicle.script import Pose
 
+STILL = Vec3(0.0, 0.0, 0.0)
+SLOW = 0.05  # m/s under which there is nothing to brake
+EIGHT_HZ = 20.0  # at which the figure of eight is laid down
+EIGHT_RAMP_S = 5.0  # from rest to full speed
 NEVER_US = 2**62
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home
 SLOW_BELOW = 5.0  # m above home: from there a landing is slow
+
+
+class Pose(NamedTuple):
+    """Where the vehicle is."""
+
+    r_E: Vec3
+    v_E: Vec3
+    psi: float
+
+
+class Piece(NamedTuple):
+    """A setpoint, and for how long (s) it is carried; inf: until something else is wanted."""
+
+    setpoint: Setpoint
+    for_s: float
+
+
+class PlanLimits(NamedTuple):
+    """How fast the vehicle is led. m/s, m/s^2."""
+
+    cruise: float
+    up: float
+    down: float
+    acceleration: float  # across
+    acceleration_up: float  # up and down
+
+
+def length(v: Vec3) -> float:
+    """Of a vector."""
+    return math.sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
+
+
+def rest(r: Vec3, psi: float) -> Piece:
+    """Stay at r."""
+    return Piece(Setpoint(r, STILL, STILL, psi, 0.0), math.inf)
+
+
+def brake(r: Vec3, v: Vec3, psi: float, limits: PlanLimits) -> tuple[list[Piece], Vec3]:
+    """From r at velocity v to a stop; returns the pieces and where it stops."""
+    speed = length(v)
+    if speed < SLOW:
+        return [], r
+    across = math.hypot(v.x, v.y)
+    least = min(
+        limits.acceleration * speed / max(across, 1e-9),
+        limits.acceleration_up * speed / max(abs(v.z), 1e-9),
+    )
+    time = speed / least
+    a = (-1.0 / time) * v
+    return [Piece(Setpoint(r, v, a, psi, 0.0), time)], r + (0.5 * time) * v
+
+
+def line(start: Vec3, end: Vec3, psi: float, limits: PlanLimits) -> list[Piece]:
+    """From rest at `start` straight to rest at `end`, within the limits; without the rest there."""
+    way = end - start
+    far = length(way)
+    if far < 1e-6:
+        return []
+    ahead = (1.0 / far) * way
+    across, climb = math.hypot(ahead.x, ahead.y), ahead.z
+    vertical = limits.up if climb > 0.0 else limits.down
+    speed = min(limits.cruise / max(across, 1e-9), vertical / max(abs(climb), 1e-9))
+    a = min(limits.acceleration / max(across, 1e-9), limits.acceleration_up / max(abs(climb), 1e-9))
+    speed = min(speed, math.sqrt(a * far))  # a triangle if the way is short
+    ramp, flat = speed / a, far / speed - speed / a
+    pieces, r = [], start
+    for v, accel, time in ((0.0, a, ramp), (speed, 0.0, flat), (speed, -a, ramp)):
+        if time > 1e-9:
+            pieces.append(Piece(Setpoint(r, v * ahead, accel * ahead, psi, 0.0), time))
+            r = r + (v * time + 0.5 * accel * time * time) * ahead
+    return pieces
+
+
+def through(
+    r: Vec3, v: Vec3, points: list[Vec3], psi: float, limits: PlanLimits, settle_s: float = 0.0
+) -> list[Piece]:
+    """Stop, then from point to point; ends with the rest at the last, `settle_s` after arriving."""
+    pieces, here = brake(r, v, psi, limits)
+    for point in points:
+        pieces += line(here, point, psi, limits)
+        here = point
+    last = rest(here, psi)
+    return [*pieces, *([last._replace(for_s=settle_s)] if settle_s > 0.0 else []), last]
+
+
+def descent(
+    r: Vec3, v: Vec3, psi: float, slow_below: float, speed: float, limits: PlanLimits
+) -> list[Piece]:
+    """Stop, go down at the limit to `slow_below` (m), then at `speed` until something is touched."""
+    pieces, here = brake(r, v, psi, limits)
+    if here.z > slow_below + 1.0:
+        low = Vec3(here.x, here.y, slow_below)
+        pieces += line(here, low, psi, limits)
+        here = low
+    sinking = Setpoint(here, Vec3(0.0, 0.0, -speed), STILL, psi, 0.0)
+    return [*pieces, Piece(sinking, math.inf)]
+
+
+def steps(r: Vec3, away: Vec3, period_s: float, psi: float) -> Iterator[Piece]:
+    """There and back, each held for a period, as steps: the reference model is to shape them."""
+    every = period_s if period_s > 0.0 else math.inf
+    while True:
+        yield Piece(Setpoint(r + away, STILL, STILL, psi, 0.0), every)
+        yield Piece(Setpoint(r, STILL, STILL, psi, 0.0), every)
+
+
+def eight_acceleration(size: tuple[float, float], speed: float) -> float:
+    """The greatest acceleration (m/s^2) along a figure of eight, at full speed."""
+    a, b = size
+    rate = speed / math.hypot(0.5 * a, b)
+    p = [math.pi * k / 180.0 for k in range(360)]
+    return rate * rate * max(
+        math.hypot(0.5 * a * math.sin(q), 2.0 * b * math.sin(2.0 * q)) for q in p
+    )  # fmt: skip
+
+
+def figure_eight(r: Vec3, size: tuple[float, float], speed: float, psi: float) -> Iterator[Piece]:
+    """x = a/2 sin p, y = b/2 sin 2p about r, from rest; `speed` (m/s) where it crosses."""
+    a, b = size
+    rate = speed / math.hypot(0.5 * a, b)  # of p, at full speed
+    k = 0
+    while True:
+        t = k / EIGHT_HZ
+        if t < EIGHT_RAMP_S:
+            p, p_dot, p_ddot = (
+                0.5 * rate * t * t / EIGHT_RAMP_S,
+                rate * t / EIGHT_RAMP_S,
+                rate / EIGHT_RAMP_S,
+            )
+        else:
+            p, p_dot, p_ddot = rate * (t - 0.5 * EIGHT_RAMP_S), rate, 0.0
+        s, c, s2, c2 = math.sin(p), math.cos(p), math.sin(2.0 * p), math.cos(2.0 * p)
+        yield Piece(
+            Setpoint(
+                r + Vec3(0.5 * a * s, 0.5 * b * s2, 0.0),
+                Vec3(0.5 * a * c * p_dot, b * c2 * p_dot, 0.0),
+                Vec3(
+                    0.5 * a * (c * p_ddot - s * p_dot * p_dot),
+                    b * (c2 * p_ddot - 2.0 * s2 * p_dot * p_dot),
+                    0.0,
+                ),
+                psi,
+                0.0,
+            ),
+            1.0 / EIGHT_HZ,
+        )
+        k += 1
+
+
+# --- what each mode flies
+
+
+def limits(params: Parameters, cruise: float | None) -> PlanLimits:
+    """How fast it is led. `cruise`: m/s as told; None: MPC_XY_CRUISE."""
+    p = params
+    return PlanLimits(
+        cruise=min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"]),
+        up=p["MPC_Z_VEL_MAX_UP"],
+        down=p["MPC_Z_VEL_MAX_DN"],
+        acceleration=p["MPC_ACC_HOR"],
+        acceleration_up=p["MPC_ACC_UP_MAX"],
+    )
+
+
+def settle_s(params: Parameters) -> float:
+    """Time in which the vehicle catches up with a setpoint that has come to rest, s."""
+    return 4.0 / params["MR_F_M"]
+
+
+def take_off(here: Pose, height: float, led: PlanLimits, settle: float) -> list[Piece]:
+    """Straight up by `height` (m), from rest."""
+    up = here.r_E + Vec3(0.0, 0.0, height)
+    return through(here.r_E, STILL, [up], here.psi, led, settle)
+
+
+def asks_too_much(mode: Mode, p: Parameters) -> Told | None:
+    """Why what a mode would fly, as its parameters are, is more than the vehicle is led with."""
+    if mode is not Mode.FIGURE_EIGHT:
+        return None
+    size, most = (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["MPC_ACC_HOR"]
+    asks = eight_acceleration(size, p["REF_8_SPEED"])
+    return Told(Code.ASKS_TOO_MUCH, (asks, most)) if asks > most else None
+
+
+def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> Iterable[Piece]:
+    """What a mode flies from here, keeping its yaw."""
+    r, v, psi = here
+    if mode is Mode.LAND:
+        return descent(r, v, psi, home.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
+    if mode is Mode.RETURN:
+        return through(r, v, _way_home(here, home, p, led), psi, led, settle_s(p))
+    if mode is Mode.TAKEOFF:
+        return take_off(here, p["MIS_TAKEOFF_ALT"], led, settle_s(p))
+    if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
+        stopping, stop = brake(r, v, psi, led)
+        return chain(stopping, _generated(mode, stop, psi, p))
+    return through(r, v, [], psi, led)
+
+
+def _generated(mode: Mode, r: Vec3, psi: float, p: Parameters) -> Iterator[Piece]:
+    if mode is Mode.STEP:
+        away = Vec3(p["REF_STEP_E"], p["REF_STEP_N"], p["REF_STEP_U"])
+        return steps(r, away, p["REF_STEP_T"], psi)
+    return figure_eight(r, (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["REF_8_SPEED"], psi)
+
+
+def _way_home(here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> list[Vec3]:
+    _, stop = brake(here.r_E, here.v_E, here.psi, led)
+    if math.hypot(stop.x - home.x, stop.y - home.y) < HOME_CLOSE:
+        return []
+    top = max(stop.z, home.z + p["RTL_RETURN_ALT"])
+    return [Vec3(stop.x, stop.y, top), Vec3(home.x, home.y, top)]
+
+
+# --- following in time
 
 
 class Leader:
@@ -49,65 +272,3 @@ class Leader:
                 return ended
             self.until_us += round(piece.for_s * 1e6)
         return False
-
-
-def limits(params: Parameters, cruise: float | None) -> Limits:
-    """How fast it is led. `cruise`: m/s as told; None: MPC_XY_CRUISE."""
-    p = params
-    return Limits(
-        min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"]),
-        p["MPC_Z_VEL_MAX_UP"],
-        p["MPC_Z_VEL_MAX_DN"],
-        p["MPC_ACC_HOR"],
-        p["MPC_ACC_UP_MAX"],
-    )
-
-
-def settle_s(params: Parameters) -> float:
-    """Time in which the vehicle catches up with a setpoint that has come to rest, s."""
-    return 4.0 / params["MR_F_M"]
-
-
-def take_off(here: Pose, height: float, led: Limits, settle: float) -> list[Piece]:
-    """Straight up by `height` (m), from rest."""
-    up = here.r_E + Vec3(0.0, 0.0, height)
-    return guidance.through(here.r_E, STILL, [up], here.psi, led, settle)
-
-
-def asks_too_much(mode: Mode, p: Parameters) -> str:
-    """Why what a mode would fly, as its parameters are, is more than the vehicle is led with."""
-    if mode is not Mode.FIGURE_EIGHT:
-        return ""
-    size, most = (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["MPC_ACC_HOR"]
-    asks = guidance.eight_acceleration(size, p["REF_8_SPEED"])
-    return f"it asks {asks:.1f} m/s^2 (MPC_ACC_HOR {most:g})" if asks > most else ""
-
-
-def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: Limits) -> Iterable[Piece]:
-    """What a mode flies from here, keeping its yaw."""
-    r, v, psi = here
-    if mode is Mode.LAND:
-        return guidance.descent(r, v, psi, home.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
-    if mode is Mode.RETURN:
-        return guidance.through(r, v, _way_home(here, home, p, led), psi, led, settle_s(p))
-    if mode is Mode.TAKEOFF:
-        return take_off(here, p["MIS_TAKEOFF_ALT"], led, settle_s(p))
-    if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
-        stopping, rest = guidance.brake(r, v, psi, led)
-        return chain(stopping, _generated(mode, rest, psi, p))
-    return guidance.through(r, v, [], psi, led)
-
-
-def _generated(mode: Mode, r: Vec3, psi: float, p: Parameters) -> Iterator[Piece]:
-    if mode is Mode.STEP:
-        away = Vec3(p["REF_STEP_E"], p["REF_STEP_N"], p["REF_STEP_U"])
-        return guidance.steps(r, away, p["REF_STEP_T"], psi)
-    return guidance.figure_eight(r, (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["REF_8_SPEED"], psi)
-
-
-def _way_home(here: Pose, home: Vec3, p: Parameters, led: Limits) -> list[Vec3]:
-    _, stop = guidance.brake(here.r_E, here.v_E, here.psi, led)
-    if math.hypot(stop.x - home.x, stop.y - home.y) < HOME_CLOSE:
-        return []
-    top = max(stop.z, home.z + p["RTL_RETURN_ALT"])
-    return [Vec3(stop.x, stop.y, top), Vec3(home.x, home.y, top)]

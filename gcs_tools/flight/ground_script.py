@@ -13,24 +13,19 @@ from typing import TypeVar
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import Setpoint
 from fcu.interface.ports import owner, ports
-from fcu.mavlink import asks
-from fcu.mavlink.enums import AutoMode, CommandId, MainMode, Result, SystemStatus
-from fcu.mavlink.fields import setpoint_numbers
-from fcu.mavlink.ground_link import GroundCodec
-from fcu.mavlink.ground_messages import (
-    CommandAck,
-    GroundMessage,
-    Heartbeat,
-    LocalPosition,
-    PositionTarget,
-    Source,
-    StatusText,
-)
+from fcu.interface.status_texts import Code, says
+from fcu.mavlink import requests, setpoints
+from fcu.mavlink.definitions import CommandId, Result, SystemStatus
+from fcu.mavlink.framing import Source
+from fcu.mavlink.ground_link import GroundCodec, GroundMessage
+from fcu.mavlink.px4_modes import AutoMode, MainMode
+from fcu.mavlink.replies import CommandAck, StatusText
+from fcu.mavlink.setpoints import PositionTarget
+from fcu.mavlink.telemetry import Heartbeat, LocalPosition, ground_heartbeat
 
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
 TOGETHER = 256  # messages of one datagram: a vehicle may send all it has in one
 ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
-REFUSED = "Setpoint refused"  # how the vehicle begins to say so
 
 T = TypeVar("T")
 
@@ -60,7 +55,7 @@ class Vehicle:
     def wait_ready(self, timeout_s: float = 60.0) -> None:
         """Until the vehicle says that it could arm. Raises VehicleError."""
         until = time.monotonic() + timeout_s
-        self._link.send(self._codec.framed(asks.ground_heartbeat()))
+        self._link.send(self._codec.framed(ground_heartbeat()))
         while time.monotonic() < until:
             for message in self.messages(0.2):
                 if isinstance(message, Heartbeat) and message.status >= SystemStatus.STANDBY:
@@ -119,7 +114,7 @@ class Vehicle:
             result = answer(message)
             return None if result == Result.IN_PROGRESS else result
 
-        packed = self._codec.framed(asks.command_long(self._target, command, params))
+        packed = self._codec.framed(requests.command_long(self._target, command, params))
         result = self._ask(packed, answer, command.name, tries)
         if result == Result.IN_PROGRESS:
             ended = self._await(outcome, ANSWER_S * tries)
@@ -133,15 +128,15 @@ class Vehicle:
 
     def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
         """Send a setpoint and await its echo: from then on it is what the vehicle flies."""
-        sent = setpoint_numbers(setpoint)
+        sent = setpoints.setpoint(self._target, time_s, setpoint, type_mask)
 
         def answer(message: GroundMessage) -> bool | None:
-            if isinstance(message, StatusText) and message.text.startswith(REFUSED):
+            if isinstance(message, StatusText) and says(message.text, Code.SETPOINT_REFUSED):
                 return False
-            mine = isinstance(message, PositionTarget) and message.numbers == sent
+            mine = isinstance(message, PositionTarget) and message.echoes(sent)
             return True if mine else None
 
-        packed = self._codec.framed(asks.setpoint(self._target, time_s, setpoint, type_mask))
+        packed = self._codec.framed(sent)
         self._texts.clear()
         try:
             accepted = self._ask(packed, answer, "the echo of a setpoint")

@@ -15,7 +15,7 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.mmrac.parameters import law_params
 from fcu.laws.mmrac.types import LawParams
-from fcu.mavlink.frames import setpoint_through_the_wire
+from fcu.mavlink.setpoints import setpoint_through_the_wire
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick

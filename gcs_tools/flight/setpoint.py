@@ -7,15 +7,16 @@ from collections.abc import Callable
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.mavlink.enums import (
+from fcu.mavlink.definitions import (
     IGNORE_ACCELERATION,
     IGNORE_VELOCITY,
     IGNORE_YAW,
     IGNORE_YAW_RATE,
     LandedState,
-    MainMode,
 )
-from fcu.mavlink.ground_messages import ExtendedState, GroundMessage, Heartbeat, LocalPosition
+from fcu.mavlink.ground_link import GroundMessage
+from fcu.mavlink.px4_modes import MainMode
+from fcu.mavlink.telemetry import ExtendedState, Heartbeat, LocalPosition
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 
 TAKEOFF_M = 2.5

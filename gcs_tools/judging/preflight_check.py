@@ -10,6 +10,7 @@ import numpy as np
 
 from fcu.guard import admission
 from fcu.interface.messages import Setpoint
+from fcu.interface.status_texts import lacks, words
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.laws.mmrac.parameters import REFUSE
 from fcu.mavlink.frames import through_the_wire
@@ -33,7 +34,7 @@ def refusal(scene: Scenario) -> str:
             way = admission.way_to(setpoint)
             short = look.short(way, reference)
             if short > 0.0:
-                lack = admission.explained(look, setpoint, short, reference)
+                lack = words(lacks(*admission.lack_of(look, setpoint, short, reference)))
                 return f"setpoint at {k / scene.rate_hz:g} s refused: {lack}"
         if before is None:  # it takes over there
             reference[:3] += scene.law.r_m_offset

@@ -17,7 +17,7 @@ from fcu.interface.airframe import believed
 from fcu.kernel.buffers import columns
 from fcu.kernel.rows import view
 from fcu.laws.mmrac.types import LawParams
-from fcu.mavlink.enums import AutoMode, MainMode
+from fcu.mavlink.px4_modes import AutoMode, MainMode
 from gcs_tools.recording.layout import Rows
 from gcs_tools.recording.reader import RecordingError, read
 from gcs_tools.recording.schema import FCU, FCU_COLUMNS, TOPICS, Topic

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
@@ -33,8 +33,6 @@ quaternions = (
 speeds = st.builds(Rotors, *[st.floats(min_value=0.0, allow_nan=False)] * 8)
 states = st.builds(VehicleState, vectors, vectors, quaternions, vectors, speeds)
 commands = st.builds(RotorCommand, st.builds(Rotors, *[anything] * 8))
-angles = st.floats(-20.0, 20.0)
-setpoints = st.builds(Setpoint, vectors, vectors, vectors, angles, anything)
 
 
 def bits(value):
@@ -114,6 +112,13 @@ def test_vectors_change_their_axes_as_the_words_say():
     assert frames.flu_frd(top) == (0.0, 0.0, -1.0)
 
 
+@given(vectors, st.floats(-HUGE, HUGE))
+def test_plain_python_exchanges_axes_as_the_kernels_do(v, psi):
+    assert bits(frames.earth(v)) == bits(frames.enu_ned(v))
+    assert bits(frames.body(v)) == bits(frames.flu_frd(v))
+    assert bits(frames.heading(psi)) == bits(frames.yaw_enu_ned(psi))
+
+
 @pytest.mark.parametrize(
     ("east_ccw_deg", "north_cw_deg"),
     [(90.0, 0.0), (0.0, 90.0), (45.0, 45.0), (-90.0, -180.0), (180.0, -90.0), (450.0, 0.0)],
@@ -171,22 +176,6 @@ def test_commands_are_held_between_zero_and_one():
     )  # fmt: skip
 
 
-def test_a_moving_setpoint_keeps_its_directions():
-    sent = Setpoint(
-        Vec3(1.0, 2.0, 3.0), Vec3(4.0, 5.0, 6.0), Vec3(7.0, 8.0, 9.0), math.radians(30.0), 0.5
-    )
-    on_wire = frames.setpoint_to_wire(sent)
-    assert on_wire.r_N == (2.0, 1.0, -3.0)
-    assert on_wire.v_N == (5.0, 4.0, -6.0)
-    assert on_wire.a_N == (8.0, 7.0, -9.0)
-    assert on_wire.yaw == pytest.approx(math.radians(60.0))
-    assert on_wire.yaw_rate == -0.5
-    received = frames.setpoint_through_the_wire(sent)
-    assert received[:3] == sent[:3]
-    assert received[3:5] == pytest.approx(sent[3:5])
-    assert received[5:] == sent[5:]  # and enters the cascade at its position
-
-
 SAME_BITS = [
     (frames.single, anything.map(lambda x: (x,))),
     (frames.single3, vectors.map(lambda v: (v,))),
@@ -203,9 +192,6 @@ SAME_BITS = [
     (frames.state_from_wire, states.map(lambda s: (frames.state_to_wire(s),))),
     (frames.through_the_wire, states.map(lambda s: (s,))),
     (frames.command_through_the_wire, commands.map(lambda c: (c,))),
-    (frames.setpoint_to_wire, setpoints.map(lambda s: (s,))),
-    (frames.setpoint_from_wire, setpoints.map(lambda s: (frames.setpoint_to_wire(s),))),
-    (frames.setpoint_through_the_wire, setpoints.map(lambda s: (s,))),
 ]
 
 

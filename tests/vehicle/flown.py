@@ -1,4 +1,4 @@
-"""A supervisor, the law and the plant, flown without processes or sockets."""
+"""A vehicle, the law and the plant, flown without processes or sockets."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fcu.laws.mmrac.parameters import law_params
 from fcu.laws.mmrac.types import LawState, Tick
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
-from fcu.vehicle.supervisor import Supervisor
+from fcu.vehicle.state_machine import StateMachine
 from sitl_plant.physics import dynamics, tick
 from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.types import PlantRecord
@@ -31,7 +31,7 @@ class Flown:
 
     def __init__(self, wind=None):
         self.params = Parameters(law_params(*believed(), 500.0), 1)
-        self.vehicle = Supervisor(self.params, sim_only=True)
+        self.vehicle = StateMachine(self.params, sim_only=True)
         self.world = world(wind=wind)
         self.plant = to_buffer(self.world.params)
         self.start = to_buffer(self.world.start)
@@ -43,7 +43,7 @@ class Flown:
         self.reported = np.zeros(size(VehicleState))
         self.t_us = 0
         self.engaged = cascade.IDLE
-        self.said = []
+        self.told = []  # codes
         self.tilt_deg = 0.0  # the greatest at less than 0.2 m above where it stood
         self.down_m_s = 0.0  # the fastest there
         self.ended = dynamics.FLYING
@@ -64,7 +64,7 @@ class Flown:
             if self.ended != dynamics.FLYING:
                 return
             tick.sense(self.state, no_noise, self.reported)
-            self.said += [text for _, text in vehicle.observe(self.reported, self.t_us, t)]
+            self.told += [told.code for told in vehicle.observe(self.reported, self.t_us, t)]
             flown = vehicle.setpoint
             if flown is None:
                 self.engaged, flown = cascade.IDLE, Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0)
@@ -93,8 +93,8 @@ class Flown:
     def up(self, height):
         """Armed, and this much above where it stood."""
         self.fly(0.5)
-        assert self.vehicle.arm(self.t_us, 0.0).good
-        assert self.vehicle.take_off(self.r.z + height, self.t_us, 0.0).good
+        assert self.vehicle.arm(self.t_us, 0.0).granted
+        assert self.vehicle.take_off(self.r.z + height, self.t_us, 0.0).granted
         self.fly(60.0, lambda: self.vehicle.mode is Mode.HOLD)
         self.tilt_deg = self.down_m_s = 0.0
 
@@ -102,8 +102,9 @@ class Flown:
         """A script in offboard mode: `ask()`, a setpoint, as often as a script sends one."""
         vehicle, until = self.vehicle, self.t_us + round(seconds * 1e6)
         while self.t_us < until and not done() and self.ended == dynamics.FLYING:
-            vehicle.script.take(ask(), None, self.t_us, self.t_us * 1e-6)
-            self.said += [text for text in (vehicle.fly_script(self.t_us),) if text]
+            vehicle.script.take(ask(), self.t_us, self.t_us * 1e-6)
+            told = vehicle.fly_script(self.t_us)
+            self.told += [] if told is None else [told.code]
             if vehicle.mode is not Mode.OFFBOARD and vehicle.armed:
                 vehicle.select(Mode.OFFBOARD, self.t_us, 0.0)
             self.fly(STREAM_US * 1e-6)

@@ -63,10 +63,10 @@ def _reports(instance: int) -> float:
     from fcu.interface.tape import Tape
     from fcu.parameters import Parameters
     from fcu.reporting import WIDTH, Reporter
-    from fcu.vehicle.supervisor import Supervisor
+    from fcu.vehicle.state_machine import StateMachine
 
     params = Parameters(read_law(None, 500.0), instance + 1, None)
-    vehicle, feed = Supervisor(params), Feed(instance, "fcu")
+    vehicle, feed = StateMachine(params), Feed(instance, "fcu")
     reporter = Reporter(Tape(WIDTH), feed, read_drag())
     row: Any = np.zeros(WIDTH)
     reporter.warm_up(row)

@@ -15,8 +15,8 @@ import time
 
 from fcu.interface.link import HOST
 from fcu.interface.ports import ports
-from fcu.mavlink.asks import ground_heartbeat
 from fcu.mavlink.ground_link import GroundCodec
+from fcu.mavlink.telemetry import ground_heartbeat
 
 BEAT_S = 0.1  # wall: to be heard as soon as the vehicle is there
 

@@ -1,0 +1,224 @@
+"""What a vehicle says, as codes with numbers; and the one table of their texts.
+
+Whoever decides something tells it as `Told(code, values)`; whoever sends or shows it asks for
+its `words`. A code's value is its text, with a place for each of its values.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import string
+from enum import Enum, unique
+from functools import cache
+from typing import Any, NamedTuple
+
+GREAT = 1e6  # m, N: above it a number is only told to be so
+
+
+@unique
+class Code(Enum):
+    """Everything that is said. Values in SI; a value may be a Told itself."""
+
+    # --- what happens by itself
+    LANDED = "Landed"
+    SETPOINT_INTO_GROUND = "Setpoint leads into the ground: landing"
+    LED_INTO_GROUND = "Led into the ground: resting on it"
+    DISARMED_LANDED = "Disarmed after landing"
+    DISARMED_IDLE = "Disarmed: it did not take off"
+    OFFBOARD_LOST_MODE = "Offboard lost: no setpoint for {:g} s, mode {}"
+    OFFBOARD_LOST_STOPPED = "Offboard lost: no setpoint for {:g} s, rotors stopped"
+    PLAN_COMPLETE = "{} complete, mode {}"
+    POSITION_JUMPED = "Position jumped {:.0f} m: flying by velocity"
+    POSITION_BACK = "Position is back"
+    STATE_STUCK = "The plant's state has not changed for 1 s"
+    PLANT_SILENT = "No state from the plant for {:.0f} s"
+    PLANT_SILENT_STOPS = "No state from the plant for {:.0f} s, controller stops"
+
+    # --- what a request came to
+    ARMED = "Armed"
+    DISARMED = "Disarmed"
+    TERMINATED = "Flight terminated"
+    MODE = "Mode {}"
+    MODE_SHORT = "Mode {}, {:newtons} short: may saturate"
+    TAKING_OFF = "Taking off to {:.1f} m above here"
+    GOING = "Going {:.0f} m"
+    GOING_SHORT = "Going {:.0f} m, {:newtons} short: may saturate"
+    HOME_SET = "Home set"
+    READY_TO_ARM = "Ready to arm"
+    NOT_READY_TO_ARM = "Not ready to arm: {}"
+    PARAMETERS_SAVED = "Parameters saved"
+    PARAMETERS_RESET = "Parameters as at the start"
+
+    # --- a request refused: what, and why
+    DENIED = "{} denied: {}"
+    MODE_UNKNOWN = "Mode {} denied: this vehicle has none such"
+    UNSUPPORTED = "{} is not supported"
+    BUSY = "{} rejected: one is still being done"
+    LATE_REPETITION = "{}: a late repetition, not done"
+    NOT_TAKEN = "{} is not taken"
+    NOT_TAKEN_ORIGIN = "{} is not taken (see --origin)"
+    NOT_KNOWN_YET = "Message {}: not known yet"
+    PARAMETER_REFUSED = "{}"  # the reason, in words
+    PARAMETER_UNKNOWN = "Parameter {}: there is none such"
+    PARAMETER_TYPE = "Parameter {}: it is a REAL32"
+    PARAMETERS_TOO_MANY = "Parameters: too many at once, ask again"
+    PARAMETERS_NOT_RESET = "Parameters not reset: armed"
+    PARAMETERS_NOT_SAVED = "Parameters not saved: {}"
+    PARAMETERS_NO_FILE = "Parameters not saved: no file was named (--params FILE)"
+    PARAMETERS_BEING_SAVED = "Parameters are being saved"
+
+    # --- why: the vehicle
+    NO_STATE = "no state from the plant yet"
+    NOT_ARMED = "not armed"
+    NOT_AIRBORNE = "not in the air"
+    NOT_GROUNDED = "already in the air"
+    NO_STREAM = "needs 2 setpoints within 0.5 s"
+    GUARD_REFUSES = "the guard refuses its setpoints"
+    WAS_TERMINATED = "flight was terminated (restart gcs up)"
+    TILTED = "tilted by more than {:.0f} degrees"
+    BATTERY_CRITICAL = "battery at {:.0f} %"
+    IN_FLIGHT = "in flight (land first)"
+    TAKEOFF_HEIGHT = "{:.1f} m up (expected above 0, at most 1000)"
+    SPEED_RANGE = "{:g} m/s (expected 0.1 to {:g})"
+    ASKS_TOO_MUCH = "it asks {:.1f} m/s^2 (MPC_ACC_HOR {:g})"
+    LACKS = "{} needs {:newtons} more than there is; {} would do"
+
+    # --- of a way that misses the guard's condition: what was asked for, what would do
+    WAY = "{:.1f} m"
+    WAY_LED = "{:.1f} m at {:g} m/s"
+    SPEED = "{:.1f} m/s"
+    SPEED_AND_WAY = "{:.1f} m/s and {:.1f} m"
+    METRES_OF_IT = "{:metres} of it"
+    PERCENT_OF_IT = "{:percent} of it"
+    PERCENT_LED = "{:percent} of speed and acceleration"
+
+    # --- why: the command
+    TO_NO_SYSTEM = "it must name this system"
+    SEND_AS_INT = "send it as COMMAND_INT"
+    COMMAND_FRAME = "frame {}"
+    PARAMETER_NAN = "parameter {} is not a number"
+    PARAMETER_UNUSED = "parameter {} means nothing here (0 or NaN)"
+    NEITHER_0_NOR_1 = "parameter 1 is neither 0 nor 1"
+    CUSTOM_MODES_ONLY = "only custom modes are known (base mode 1)"
+    PLACE_NOT_HERE = "the place is not here"
+    HEIGHT_IMPOSSIBLE = "the height is not possible"
+    NO_PLACE_NEAR = "no place within 20 km of here"
+    LANDS_HERE = "it lands where it is (reposition first)"
+    NO_MISSION = "there is no mission"
+    GROUND_SPEED_ONLY = "only ground speed can be set"
+    NO_PLACE = "it has no place"
+    SAVES_OR_RESETS = "1 saves, 2 resets"
+    HEARTBEATS_KEEP = "heartbeats keep their pace"
+    INTERVAL_NEGATIVE = "below -1 us"
+
+    # --- a setpoint: refused, warned of, flown at a limit
+    SETPOINT_REFUSED = "Setpoint refused: {}"
+    SETPOINT_SHORT = "Setpoint at {}: {:newtons} short, may saturate"
+    SETPOINT_TURNS = "Setpoint turns at {:.1f} rad/s: flown at {:.1f} rad/s"
+    SETPOINT_LOW = "Setpoint {:.0f} m below home: flown as {:g} m"
+    SETPOINT_FAR = "Setpoint {:.0f} m away: flown as {:.0f} m"
+    SETPOINT_FAST = "Setpoint at {:.1f} m/s: flown at {:.1f} m/s"
+    SETPOINT_HARD = "Setpoint at {:.0f} m/s^2: flown at {:.0f} m/s^2"
+
+    # --- why: the setpoint
+    ANOTHER_SENDS = "{}/{} is sending them"
+    FRAME_UNSUPPORTED = "frame {} is not supported"
+    FRAME_NOT_LOCAL = "frame {} is not for local positions"
+    FRAME_NOT_GLOBAL = "frame {} is not for places on Earth"
+    COMMANDS_NOTHING = "it commands nothing"
+    FORCE = "a force is not supported"
+    MASK_BITS = "type mask {:#x} has unknown bits"
+    PARTLY_IGNORED = "part of its {} is ignored"
+    NOT_FINITE = "its {} is not finite"
+    ABOVE_LIMIT = "its {} is above {:g} {}"
+    OFF_EARTH = "its place is not on Earth"
+    HEIGHT_RANGE = "its height is not within {:g} m"
+    THRUST_VECTOR = "thrust as a vector is not supported"
+    NO_THRUST = "it has no thrust"
+    THRUST_RANGE = "its thrust is not between 0 and 1"
+    NEEDS_BODY_RATES = "without attitude it needs all three body rates"
+    BODY_RATES_RANGE = "its body rates are not within {:g} rad/s"
+    NOT_UNIT = "its attitude is not a unit quaternion"
+    YAW_RATE_ONLY = "attitude allows a yaw rate only"
+
+
+class Told(NamedTuple):
+    """Something said: a code, and the values of its text, each a number, a name or a Told."""
+
+    code: Code
+    values: tuple[Any, ...] = ()
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What two of them share that differ in their numbers at most."""
+        parts = (v.kind if isinstance(v, Told) else v for v in self.values)
+        return self.code, *(part for part in parts if isinstance(part, str | tuple))
+
+
+def lacks(far: float, speed: float, short: float, part: float) -> Told:
+    """A setpoint that misses the guard's condition by `short` (N).
+
+    far, speed : how far (m) and how fast (m/s) it leads; `part`, from 0 to 1, of it would do.
+    """
+    what = setpoint_asked(far, speed)
+    would_do = (Code.PERCENT_OF_IT, part) if speed else (Code.METRES_OF_IT, part * far)
+    return Told(Code.LACKS, (what, short, Told(would_do[0], (would_do[1],))))
+
+
+def setpoint_asked(far: float, speed: float) -> Told:
+    """What a setpoint asks for: how far (m), how fast (m/s; 0: a place)."""
+    if speed == 0.0:
+        return Told(Code.WAY, (far,))
+    near = far <= 1.0  # where a moving setpoint is, is not worth a word below
+    return Told(Code.SPEED, (speed,)) if near else Told(Code.SPEED_AND_WAY, (speed, far))
+
+
+# --- words
+
+
+def _newtons(short: float) -> str:
+    """What is missing: never nothing. Of what diverges it may be any number."""
+    return f"{math.ceil(short)} N" if short < GREAT else f"{short:.2g} N"
+
+
+def _metres(length: float) -> str:
+    """A part of a step, rounded down."""
+    return f"{math.floor(10.0 * length) / 10.0:.1f} m" if 0.1 <= length < GREAT else "no part"
+
+
+def _percent(part: float) -> str:
+    """A part of what is not a step, rounded down."""
+    return f"{math.floor(100.0 * part)} %" if part >= 0.01 else "no part"
+
+
+_ROUNDED = {"newtons": _newtons, "metres": _metres, "percent": _percent}
+
+
+class _Formatter(string.Formatter):
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, Told):
+            return words(value)
+        rounded = _ROUNDED.get(format_spec)
+        return rounded(value) if rounded else format(value, format_spec)
+
+
+_FORMATTER = _Formatter()
+
+
+def words(told: Told) -> str:
+    """The text of what is told."""
+    return _FORMATTER.vformat(told.code.value, told.values, {})
+
+
+@cache
+def _pattern(code: Code) -> re.Pattern[str]:
+    literals = [text for text, *_ in string.Formatter().parse(code.value)]
+    has_last = not code.value.endswith("}")
+    between = ".*".join(map(re.escape, literals))
+    return re.compile(between if has_last else between + ".*")
+
+
+def says(text: str, code: Code) -> bool:
+    """Whether a text that a vehicle has sent, or its first chunk, is the text of `code`."""
+    return _pattern(code).match(text) is not None

@@ -1,0 +1,194 @@
+"""What the flight controller answers, and what is read of it: acknowledgements, parameters, texts.
+
+Versions, modes and the answers of protocols that it does not have are here too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from fastcrc.crc16 import mcrf4xx
+
+from fcu.mavlink.definitions import REAL32, Packed
+from fcu.mavlink.definitions import message as _message
+from fcu.mavlink.framing import Source
+
+Fields = dict[str, Any]
+_CHUNK = 50  # bytes of STATUSTEXT
+
+
+def _to(to: Source) -> dict[str, int]:
+    return {"target_system": to.system, "target_component": to.component}
+
+
+def command_ack(command: int, result: int, to: Source, progress: int = 255) -> Packed:
+    """COMMAND_ACK; `progress` in percent, 255 unknown."""
+    return _message("COMMAND_ACK", command=command, result=result, progress=progress, **_to(to))
+
+
+def param_value(name: str, value: float, index: int, count: int) -> Packed:
+    """PARAM_VALUE, a REAL32."""
+    return _message(
+        "PARAM_VALUE", param_id=name.encode(), param_value=value, param_type=REAL32,
+        param_count=count, param_index=index,
+    )  # fmt: skip
+
+
+def param_error(to: Source, name: str, index: int, error: int) -> Packed:
+    """PARAM_ERROR."""
+    raw = name.encode("ascii", errors="replace")
+    return _message("PARAM_ERROR", param_id=raw, param_index=index, error=error, **_to(to))
+
+
+def current_mode(standard: int, custom: int, intended: int) -> Packed:
+    """CURRENT_MODE."""
+    return _message(
+        "CURRENT_MODE", standard_mode=standard, custom_mode=custom, intended_custom_mode=intended
+    )
+
+
+def available_modes(
+    count: int, index: int, standard: int, custom: int, properties: int, name: str
+) -> Packed:
+    """AVAILABLE_MODES: one of `count`, from 1."""
+    return _message(
+        "AVAILABLE_MODES", number_modes=count, mode_index=index, standard_mode=standard,
+        custom_mode=custom, properties=properties, mode_name=name.encode(),
+    )  # fmt: skip
+
+
+def available_modes_monitor(sequence: int) -> Packed:
+    """AVAILABLE_MODES_MONITOR: another number when the modes have changed."""
+    return _message("AVAILABLE_MODES_MONITOR", seq=sequence)
+
+
+def message_interval(number: int, interval_us: int) -> Packed:
+    """MESSAGE_INTERVAL; -1: not sent."""
+    return _message("MESSAGE_INTERVAL", message_id=number, interval_us=interval_us)
+
+
+def timesync(tc1: int, ts1: int, to: Source) -> Packed:
+    """TIMESYNC, ns."""
+    return _message("TIMESYNC", tc1=tc1, ts1=ts1, **_to(to))
+
+
+def ping(time_usec: int, sequence: int, to: Source) -> Packed:
+    """PING, answered."""
+    return _message("PING", time_usec=time_usec, seq=sequence, **_to(to))
+
+
+def mission_count(count: int, mission_type: int, to: Source) -> Packed:
+    """MISSION_COUNT."""
+    return _message("MISSION_COUNT", count=count, mission_type=mission_type, **_to(to))
+
+
+def mission_ack(result: int, mission_type: int, to: Source) -> Packed:
+    """MISSION_ACK."""
+    return _message("MISSION_ACK", type=result, mission_type=mission_type, **_to(to))
+
+
+def log_entry() -> Packed:
+    """LOG_ENTRY of a vehicle without logs."""
+    return _message("LOG_ENTRY")
+
+
+def file_transfer(payload: bytes, to: Source) -> Packed:
+    """FILE_TRANSFER_PROTOCOL."""
+    return _message("FILE_TRANSFER_PROTOCOL", payload=payload, **_to(to))
+
+
+def autopilot_version(capabilities: int, version: int, hash8: bytes, uid: int) -> Packed:
+    """AUTOPILOT_VERSION; `version` as flight_sw_version, `hash8` eight bytes that tell builds apart."""
+    return _message(
+        "AUTOPILOT_VERSION", capabilities=capabilities, flight_sw_version=version,
+        flight_custom_version=hash8, uid=uid,
+    )  # fmt: skip
+
+
+def protocol_version() -> Packed:
+    """PROTOCOL_VERSION: MAVLink 2, 1 is understood."""
+    return _message("PROTOCOL_VERSION", version=200, min_version=100, max_version=200)
+
+
+def status_text(severity: int, words: str) -> list[Packed]:
+    """STATUSTEXT in as many chunks of 50 characters as it needs, at most 256.
+
+    A character that is not ASCII becomes `?`.
+    """
+    raw = words.encode("ascii", errors="replace").replace(b"\0", b"?")
+    if len(raw) <= _CHUNK:
+        return [_message("STATUSTEXT", severity=severity, text=raw)]
+    number = mcrf4xx(raw) or 1  # the same in all chunks, another in another text
+    # A chunk that is not full ends the text: one that fills its last is followed by none.
+    chunks = [raw[at : at + _CHUNK] for at in range(0, len(raw) + 1, _CHUNK)][:256]
+    return [
+        _message("STATUSTEXT", severity=severity, text=chunk, id=number, chunk_seq=i)
+        for i, chunk in enumerate(chunks)
+    ]
+
+
+# --- read back
+
+
+def printable(raw: bytes) -> str:
+    """A text of the wire; what cannot be printed becomes `?`: it may end up in a log."""
+    text = raw.decode("ascii", errors="replace")
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+class CommandAck(NamedTuple):
+    """What became of a command."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    command: int
+    result: int
+    progress: int  # percent; 255: unknown
+
+
+def _command_ack(f: Fields, source: Source) -> CommandAck:
+    return CommandAck(
+        source, f["target_system"], f["target_component"], f["command"], f["result"], f["progress"]
+    )
+
+
+class ParamValue(NamedTuple):
+    """PARAM_VALUE."""
+
+    source: Source
+    name: str
+    value: float
+    type: int
+    number: int
+    total: int
+
+
+def _param_value(f: Fields, source: Source) -> ParamValue:
+    return ParamValue(
+        source, printable(f["param_id"]), f["param_value"], f["param_type"], f["param_index"],
+        f["param_count"],
+    )  # fmt: skip
+
+
+class StatusText(NamedTuple):
+    """STATUSTEXT: one chunk of a text."""
+
+    source: Source
+    severity: int
+    text: str
+    id: int  # the same in all chunks of a text; 0: this is the whole text
+    chunk: int
+
+
+def _status_text(f: Fields, source: Source) -> StatusText:
+    return StatusText(source, f["severity"], printable(f["text"]), f["id"], f["chunk_seq"])
+
+
+Message = CommandAck | ParamValue | StatusText
+READERS: dict[str, Callable[[Fields, Source], Message]] = {
+    "COMMAND_ACK": _command_ack,
+    "PARAM_VALUE": _param_value,
+    "STATUSTEXT": _status_text,
+}

@@ -1,0 +1,301 @@
+"""What ground stations and scripts ask of a vehicle, but for setpoints: each message, read and sent.
+
+Each message is a value; `_name` reads it from the fields of the wire, and where a tool here sends
+it, a function of its name in small letters builds it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from fcu.mavlink.definitions import GLOBAL_FRAMES, REAL32, Packed
+from fcu.mavlink.definitions import message as _message
+from fcu.mavlink.framing import Source
+from fcu.mavlink.replies import printable
+
+Fields = dict[str, Any]
+# COMMAND_INT counts 1e-7 deg in these (10 and 11: above terrain), else 1e-4 m
+_IN_DEGREES = frozenset({*GLOBAL_FRAMES, 10, 11})
+_UNSET = 2**31 - 1  # COMMAND_INT's way of saying NaN
+_NO_STICK = 2**15 - 1
+
+
+def _from(f: Fields, source: Source) -> tuple[Source, int, int]:
+    return source, f["target_system"], f["target_component"]
+
+
+def _to(to: Source) -> dict[str, int]:
+    return {"target_system": to.system, "target_component": to.component}
+
+
+class Command(NamedTuple):
+    """COMMAND_LONG or COMMAND_INT."""
+
+    source: Source
+    target_system: int  # 0: everyone
+    target_component: int
+    command: int  # a CommandId, or one not known here
+    params: tuple[float, ...]  # seven; NaN: default. Positions in degrees (global) or m, as sent
+    frame: int | None  # coordinate frame of params 5 to 7; None in COMMAND_LONG
+    confirmation: int  # counts repeats; 0 in COMMAND_INT
+
+
+def _command_long(f: Fields, source: Source) -> Command:
+    params = tuple(f[f"param{n}"] for n in range(1, 8))
+    return Command(*_from(f, source), f["command"], params, None, f["confirmation"])
+
+
+def _command_int(f: Fields, source: Source) -> Command:
+    scale = 1e7 if f["frame"] in _IN_DEGREES else 1e4
+    x, y = (math.nan if n == _UNSET else n / scale for n in (f["x"], f["y"]))
+    params = (f["param1"], f["param2"], f["param3"], f["param4"], x, y, f["z"])
+    return Command(*_from(f, source), f["command"], params, f["frame"], 0)
+
+
+def command_long(
+    to: Source, command: int, params: Sequence[float] = (), confirmation: int = 0
+) -> Packed:
+    """COMMAND_LONG; parameters not given are 0. Raises ValueError for more than seven."""
+    if len(params) > 7:
+        raise ValueError(f"a command has seven parameters, not {len(params)}")
+    seven = {f"param{n}": float(p) for n, p in enumerate(params, start=1)}
+    return _message("COMMAND_LONG", command=command, confirmation=confirmation, **seven, **_to(to))
+
+
+def command_int(to: Source, command: int, frame: int, params: Sequence[float]) -> Packed:
+    """COMMAND_INT of seven parameters; 5 and 6 in degrees (global frames) or m, NaN: unset."""
+    scale = 1e7 if frame in GLOBAL_FRAMES else 1e4
+    x, y = (_UNSET if math.isnan(p) else scale * p for p in params[4:6])
+    four = {f"param{n}": float(p) for n, p in enumerate(params[:4], start=1)}
+    return _message(
+        "COMMAND_INT", command=command, frame=frame, x=x, y=y, z=params[6], **four, **_to(to)
+    )
+
+
+class ManualControl(NamedTuple):
+    """MANUAL_CONTROL: sticks, NaN where there is none."""
+
+    source: Source
+    target_system: int
+    x: float  # forward, -1 to 1
+    y: float  # right, -1 to 1
+    z: float  # thrust, 0 to 1
+    r: float  # yaw, clockwise, -1 to 1
+
+
+def _manual_control(f: Fields, source: Source) -> ManualControl:
+    def stick(name: str, low: float) -> float:
+        return math.nan if f[name] == _NO_STICK else max(low, min(1.0, f[name] * 1e-3))
+
+    x, y, r = (stick(name, -1.0) for name in "xyr")
+    return ManualControl(source, f["target"], x, y, stick("z", 0.0), r)
+
+
+class NotTaken(NamedTuple):
+    """A message that asks for what this vehicle does not do: its sender is told so."""
+
+    source: Source
+    target_system: int
+    target_component: int  # 0: all, or the message has none
+    name: str
+
+
+def _not_taken(name: str) -> Callable[[Fields, Source], NotTaken]:
+    def read(f: Fields, source: Source) -> NotTaken:
+        return NotTaken(source, f["target_system"], f.get("target_component", 0), name)
+
+    return read
+
+
+class SetMode(NamedTuple):
+    """SET_MODE, which COMMAND_LONG has replaced."""
+
+    source: Source
+    target_system: int
+    base_mode: int
+    custom_mode: int
+
+
+def _set_mode(f: Fields, source: Source) -> SetMode:
+    return SetMode(source, f["target_system"], f["base_mode"], f["custom_mode"])
+
+
+class ParamRequestList(NamedTuple):
+    """PARAM_REQUEST_LIST."""
+
+    source: Source
+    target_system: int
+    target_component: int
+
+
+def _param_request_list(f: Fields, source: Source) -> ParamRequestList:
+    return ParamRequestList(*_from(f, source))
+
+
+def param_request_list(to: Source) -> Packed:
+    """PARAM_REQUEST_LIST."""
+    return _message("PARAM_REQUEST_LIST", **_to(to))
+
+
+class ParamRequestRead(NamedTuple):
+    """PARAM_REQUEST_READ: by its number, or by name where that is -1."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    name: str
+    number: int
+
+
+def _param_request_read(f: Fields, source: Source) -> ParamRequestRead:
+    return ParamRequestRead(*_from(f, source), printable(f["param_id"]), f["param_index"])
+
+
+def param_request_read(to: Source, name: str) -> Packed:
+    """PARAM_REQUEST_READ by name."""
+    return _message("PARAM_REQUEST_READ", param_id=name.encode(), param_index=-1, **_to(to))
+
+
+class ParamSet(NamedTuple):
+    """PARAM_SET."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    name: str
+    value: float  # of a float32
+    type: int  # MAV_PARAM_TYPE
+
+
+def _param_set(f: Fields, source: Source) -> ParamSet:
+    return ParamSet(*_from(f, source), printable(f["param_id"]), f["param_value"], f["param_type"])
+
+
+def param_set(to: Source, name: str, value: float) -> Packed:
+    """PARAM_SET of a REAL32."""
+    return _message(
+        "PARAM_SET", param_id=name.encode(), param_value=value, param_type=REAL32, **_to(to)
+    )
+
+
+class StreamRequest(NamedTuple):
+    """REQUEST_DATA_STREAM, which SET_MESSAGE_INTERVAL has replaced."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    stream: int
+    rate_hz: int
+    start: bool
+
+
+def _request_data_stream(f: Fields, source: Source) -> StreamRequest:
+    start = f["start_stop"] == 1
+    return StreamRequest(*_from(f, source), f["req_stream_id"], f["req_message_rate"], start)
+
+
+class Ping(NamedTuple):
+    """PING; a target of 0: a request."""
+
+    source: Source
+    target_system: int
+    time_usec: int
+    sequence: int
+
+
+def _ping(f: Fields, source: Source) -> Ping:
+    return Ping(source, f["target_system"], f["time_usec"], f["seq"])
+
+
+class TimeSync(NamedTuple):
+    """TIMESYNC; tc1 0: a request."""
+
+    source: Source
+    tc1: int
+    ts1: int
+
+
+def _timesync(f: Fields, source: Source) -> TimeSync:
+    return TimeSync(source, f["tc1"], f["ts1"])
+
+
+class MissionMessage(NamedTuple):
+    """One of the mission protocol.
+
+    `kind`: REQUEST_LIST, COUNT, CLEAR_ALL, REQUEST, ITEM, SET_CURRENT or ACK.
+    """
+
+    source: Source
+    target_system: int
+    target_component: int
+    kind: str
+    sequence: int  # of the item it is about, from 0
+    total: int  # of items announced
+    mission_type: int
+
+
+def _mission(kind: str) -> Callable[[Fields, Source], MissionMessage]:
+    def read(f: Fields, source: Source) -> MissionMessage:
+        return MissionMessage(
+            *_from(f, source), kind, f.get("seq", 0), f.get("count", 0), f.get("mission_type", 0)
+        )
+
+    return read
+
+
+class FileTransfer(NamedTuple):
+    """FILE_TRANSFER_PROTOCOL."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    payload: bytes  # 251
+
+
+def _file_transfer(f: Fields, source: Source) -> FileTransfer:
+    return FileTransfer(*_from(f, source), bytes(f["payload"]))
+
+
+class LogRequestList(NamedTuple):
+    """LOG_REQUEST_LIST."""
+
+    source: Source
+    target_system: int
+    target_component: int
+
+
+def _log_request_list(f: Fields, source: Source) -> LogRequestList:
+    return LogRequestList(*_from(f, source))
+
+
+Message = (
+    Command | ManualControl | NotTaken | SetMode | ParamRequestList | ParamRequestRead | ParamSet
+    | StreamRequest | Ping | TimeSync | MissionMessage | FileTransfer | LogRequestList
+)  # fmt: skip
+READERS: dict[str, Callable[[Fields, Source], Message]] = {
+    "COMMAND_LONG": _command_long,
+    "COMMAND_INT": _command_int,
+    "MANUAL_CONTROL": _manual_control,
+    "SET_MODE": _set_mode,
+    "SET_GPS_GLOBAL_ORIGIN": _not_taken("SET_GPS_GLOBAL_ORIGIN"),
+    "SET_ACTUATOR_CONTROL_TARGET": _not_taken("SET_ACTUATOR_CONTROL_TARGET"),
+    "PARAM_REQUEST_LIST": _param_request_list,
+    "PARAM_REQUEST_READ": _param_request_read,
+    "PARAM_SET": _param_set,
+    "REQUEST_DATA_STREAM": _request_data_stream,
+    "PING": _ping,
+    "TIMESYNC": _timesync,
+    "MISSION_REQUEST_LIST": _mission("REQUEST_LIST"),
+    "MISSION_COUNT": _mission("COUNT"),
+    "MISSION_CLEAR_ALL": _mission("CLEAR_ALL"),
+    "MISSION_REQUEST": _mission("REQUEST"),
+    "MISSION_REQUEST_INT": _mission("REQUEST"),
+    "MISSION_ITEM": _mission("ITEM"),
+    "MISSION_ITEM_INT": _mission("ITEM"),
+    "MISSION_SET_CURRENT": _mission("SET_CURRENT"),
+    "MISSION_ACK": _mission("ACK"),
+    "FILE_TRANSFER_PROTOCOL": _file_transfer,
+    "LOG_REQUEST_LIST": _log_request_list,
+}

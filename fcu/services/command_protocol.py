@@ -1,0 +1,421 @@
+"""The command protocol: what each command takes and does, and how its sender learns of it.
+
+Every command is answered, to its sender: it may wait, or be a repetition. What is wrong with one
+is told, and changes nothing. The table says which parameters mean something; another that is not
+0 or NaN is an error, since its sender expects something that will not happen.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fcu.interface.status_texts import Code, Told
+from fcu.kernel.algebra import Vec3
+from fcu.mavlink import replies
+from fcu.mavlink.definitions import (
+    GLOBAL_FRAMES,
+    RELATIVE_FRAMES,
+    CommandId,
+    ModeFlag,
+    Result,
+    Severity,
+    command_name,
+)
+from fcu.mavlink.geodesy import Origin, to_local
+from fcu.mavlink.requests import Command
+from fcu.services import status
+from fcu.services.ground_port import Acknowledged, Bucket, GroundPort, Link
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.state_machine import Answer, StateMachine
+
+FORCE = 21196.0  # COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
+FARTHEST, LOWEST = 20_000.0, 100.0  # m from here, and below home: nobody flies there
+TAKEOFF_ASIDE = 10.0  # m: a take-off that names a place farther away is not a take-off
+REMEMBERED, REPEAT_S = 8, 5.0  # acknowledgements of a link, for so long (wall), for repetitions
+PENDING_S = 0.5  # wall: how long a command waits for the second setpoint of a stream
+REASONS_S, REASONS_AT_ONCE = 10.0, 50.0  # of refusals in words: a second (wall), and at once
+WAIT_FOR_A_STREAM = (CommandId.SET_MODE, CommandId.SET_STANDARD_MODE, CommandId.ARM_DISARM)
+
+
+class Verdict(NamedTuple):
+    """What became of a command, and what is told of it; None: nothing."""
+
+    result: Result
+    told: Told | None = None
+
+    @property
+    def good(self) -> bool:
+        """Whether it was done."""
+        return self.result is Result.ACCEPTED
+
+
+def denied(what: str, why: Told | Code, result: Result = Result.DENIED) -> Verdict:
+    """It was not, and nothing has changed. `what`: was asked for."""
+    reason = Told(why) if isinstance(why, Code) else why
+    return Verdict(result, Told(Code.DENIED, (what, reason)))
+
+
+def _verdict(what: str, answer: Answer) -> Verdict:
+    """What the vehicle answered; `what`: was asked for, if it is refused."""
+    if answer.granted:
+        return Verdict(Result.ACCEPTED, answer.told)
+    assert answer.told is not None
+    what = "Speed" if answer.told.code is Code.SPEED_RANGE else what
+    return denied(what, answer.told, Result.TEMPORARILY_REJECTED if answer.later else Result.DENIED)
+
+
+class Request(NamedTuple):
+    """One command at its moment."""
+
+    command: Command
+    t_us: int  # simulation time at which it takes effect
+    wall_s: float
+
+    def parameter(self, n: int) -> float:
+        """Parameter n, from 1; NaN where it is left to the vehicle."""
+        return self.command.params[n - 1]
+
+    def given(self, n: int, default: float) -> float:
+        """Parameter n, or the default if it is NaN."""
+        value = self.parameter(n)
+        return default if math.isnan(value) else value
+
+
+class Spec(NamedTuple):
+    """One command: what runs it, and what its parameters may be."""
+
+    run: Callable[[Request], Verdict]
+    used: tuple[int, ...] = ()  # parameters that mean something; NaN: default
+    required: tuple[int, ...] = ()  # of these, those that must be numbers
+    to_all: bool = True  # also when it is sent to every system
+    place: bool = False  # parameters 5 to 7 are a place on Earth: exact in COMMAND_INT only
+    what: str = ""
+
+
+class Commands:
+    """The flight commands of one vehicle; the ground services add theirs to `table`."""
+
+    def __init__(self, vehicle: StateMachine, origin: Origin) -> None:
+        self._vehicle = vehicle
+        self._origin = origin
+        # of a command that is being done: asked until it tells what became of it
+        self.in_progress: Callable[[], Verdict | None] | None = None
+        arm = Spec(self._arm, (1, 2), (1,), to_all=False, what="Arming")
+        self.table: dict[int, Spec] = {
+            CommandId.ARM_DISARM: arm,
+            CommandId.SET_MODE: Spec(self._set_mode, (1, 2, 3), (1, 2), what="Mode"),
+            CommandId.SET_STANDARD_MODE: Spec(self._standard_mode, (1,), (1,), what="Mode"),
+            CommandId.TAKEOFF: Spec(self._take_off, (1, 4, 5, 6, 7), what="Takeoff"),
+            CommandId.LAND: Spec(self._land, (1, 2, 4, 5, 6, 7), what="Landing"),
+            CommandId.RETURN: Spec(self._return, what="Return"),
+            CommandId.REPOSITION: Spec(
+                self._reposition, (1, 2, 3, 4, 5, 6, 7), place=True, what="Reposition"
+            ),
+            CommandId.PAUSE_CONTINUE: Spec(self._pause, (1,), (1,), what="Pause"),
+            CommandId.CHANGE_SPEED: Spec(self._speed, (1, 2, 3), (2,), what="Speed"),
+            CommandId.SET_HOME: Spec(self._set_home, (1, 5, 6, 7), (1,), what="Home"),
+            CommandId.FLIGHT_TERMINATION: Spec(
+                self._terminate, (1,), (1,), to_all=False, what="Termination"
+            ),
+            CommandId.RUN_PREARM_CHECKS: Spec(self._checks, what="Checks"),
+        }
+
+    def answer(self, request: Request) -> Verdict:
+        """Check a command against the table, and run it."""
+        command = request.command
+        spec = self.table.get(command.command)
+        if spec is None:
+            return Verdict(
+                Result.UNSUPPORTED, Told(Code.UNSUPPORTED, (command_name(command.command),))
+            )
+        if command.target_system == 0 and not spec.to_all:
+            return denied(spec.what, Code.TO_NO_SYSTEM)
+        if command.frame is None and spec.place:
+            return denied(spec.what, Code.SEND_AS_INT, Result.COMMAND_INT_ONLY)
+        if command.frame is not None and spec.place and command.frame not in GLOBAL_FRAMES:
+            return _wrong_frame(spec.what, command.frame)
+        for n, value in enumerate(command.params, start=1):
+            if math.isinf(value) or (n in spec.required and math.isnan(value)):
+                return denied(spec.what, Told(Code.PARAMETER_NAN, (n,)))
+            if n not in spec.used and not math.isnan(value) and value != 0.0:
+                return denied(spec.what, Told(Code.PARAMETER_UNUSED, (n,)))
+        return spec.run(request)
+
+    # --- each
+
+    def _arm(self, request: Request) -> Verdict:
+        want, forced = request.parameter(1), request.given(2, 0.0) == FORCE
+        if want not in (0.0, 1.0):
+            return denied("Arming", Code.NEITHER_0_NOR_1)
+        if want == 0.0:
+            return _verdict("Disarming", self._vehicle.disarm(request.t_us, forced))
+        return _verdict("Arming", self._vehicle.arm(request.t_us, request.wall_s))
+
+    def _set_mode(self, request: Request) -> Verdict:
+        base, main, sub = request.parameter(1), request.parameter(2), request.given(3, 0.0)
+        if not int(base) & ModeFlag.CUSTOM:
+            return denied("Mode", Code.CUSTOM_MODES_ONLY)
+        numbers = int(main), int(sub)
+        return self.select(status.of_numbers(*numbers), request, status.shown(*numbers))
+
+    def _standard_mode(self, request: Request) -> Verdict:
+        number = int(request.parameter(1))
+        name = status.OTHER_STANDARD.get(number, f"{number} (standard)")
+        return self.select(status.of_standard(number), request, name)
+
+    def select(self, mode: Mode | None, request: Request, asked: str) -> Verdict:
+        """Another mode; None: one that this vehicle does not have. `asked`: what it is called."""
+        if mode is None:
+            return Verdict(Result.DENIED, Told(Code.MODE_UNKNOWN, (asked,)))
+        return self._select(mode, request)
+
+    def _select(self, mode: Mode, request: Request) -> Verdict:
+        return _verdict(mode.value, self._vehicle.select(mode, request.t_us, request.wall_s))
+
+    def _place(self, request: Request) -> Vec3 | None:
+        """Parameters 5 to 7 as a position; what is left out is where the vehicle is."""
+        vehicle = self._vehicle
+        here = vehicle.pose().r_E
+        lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
+        if abs(lat) > 90.0 or abs(lon) > 180.0 or math.isnan(lat) != math.isnan(lon):
+            return None
+        r = here
+        if not (math.isnan(lat) or math.isnan(lon)):
+            r = to_local(self._origin, lat, lon, self._origin.alt_m)
+            if not math.dist(r[:2], here[:2]) <= FARTHEST:  # 0, 0: mostly one that was left out
+                return None
+        if math.isnan(alt):
+            return Vec3(r.x, r.y, here.z)
+        z = alt - self._origin.alt_m
+        if request.command.frame in RELATIVE_FRAMES and vehicle.home is not None:
+            z = alt + vehicle.home.z
+        ground = here.z if vehicle.home is None else vehicle.home.z
+        if not ground - LOWEST <= z <= ground + FARTHEST:  # as above: a height of 0
+            return None
+        return Vec3(r.x, r.y, z)
+
+    def _take_off(self, request: Request) -> Verdict:
+        vehicle = self._vehicle
+        if vehicle.state is None or vehicle.home is None:
+            return denied("Takeoff", Code.NO_STATE)
+        lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
+        named = not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0)
+        place = self._place(request) if named else None
+        here = vehicle.pose().r_E
+        if named and (place is None or math.dist(place[:2], here[:2]) > TAKEOFF_ASIDE):
+            return denied("Takeoff", Code.PLACE_NOT_HERE)
+        if math.isnan(alt) or (alt == 0.0 and not named):
+            return self._climb(None, request)
+        z = alt - self._origin.alt_m
+        # Above the sea, as PX4 reads it; what would be below ground is a height above home.
+        above_home = request.command.frame in RELATIVE_FRAMES or z <= vehicle.home.z
+        z = alt + vehicle.home.z if above_home else z
+        if not abs(alt) <= 1e5:
+            return denied("Takeoff", Code.HEIGHT_IMPOSSIBLE)
+        return self._climb(z, request)
+
+    def _climb(self, z: float | None, request: Request) -> Verdict:
+        return _verdict("Takeoff", self._vehicle.take_off(z, request.t_us, request.wall_s))
+
+    def _land(self, request: Request) -> Verdict:
+        lat, lon = request.parameter(5), request.parameter(6)
+        if not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0):
+            place, here = self._place(request), self._vehicle.state
+            if here is None or place is None:
+                return denied("Landing", Code.NO_PLACE_NEAR)
+            if math.dist(place[:2], self._vehicle.pose().r_E[:2]) > TAKEOFF_ASIDE:
+                return denied("Landing", Code.LANDS_HERE)
+        return self._select(Mode.LAND, request)
+
+    def _return(self, request: Request) -> Verdict:
+        return self._select(Mode.RETURN, request)
+
+    def _reposition(self, request: Request) -> Verdict:
+        vehicle = self._vehicle
+        speed = request.given(1, -1.0)  # m/s; -1: as it is
+        if vehicle.state is None or vehicle.home is None:
+            return denied("Reposition", Code.NO_STATE)
+        to = self._place(request)
+        if to is None:
+            return denied("Reposition", Code.NO_PLACE_NEAR)
+        yaw = request.parameter(4)
+        psi = None if math.isnan(yaw) else 0.5 * math.pi - yaw
+        told = None if speed == -1.0 else speed
+        return _verdict("Reposition", vehicle.reposition(to, psi, request.t_us, told))
+
+    def _pause(self, request: Request) -> Verdict:
+        if request.parameter(1) not in (0.0, 1.0):
+            return denied("Pause", Code.NEITHER_0_NOR_1)
+        if request.parameter(1) == 1.0:
+            return denied("Continuing", Code.NO_MISSION)
+        return self._select(Mode.HOLD, request)
+
+    def _speed(self, request: Request) -> Verdict:
+        if request.given(1, 1.0) not in (0.0, 1.0):
+            return denied("Speed", Code.GROUND_SPEED_ONLY)
+        return _verdict("Speed", self._vehicle.change_speed(request.parameter(2)))
+
+    def _set_home(self, request: Request) -> Verdict:
+        if request.parameter(1) == 1.0:
+            return _verdict("Home", self._vehicle.set_home(None))
+        if self._vehicle.state is None:
+            return denied("Home", Code.NO_STATE)
+        if any(math.isnan(request.parameter(n)) for n in (5, 6, 7)):
+            return denied("Home", Code.NO_PLACE)
+        if request.command.frame is None:
+            return denied("Home", Code.SEND_AS_INT, Result.COMMAND_INT_ONLY)
+        if request.command.frame not in GLOBAL_FRAMES:
+            return _wrong_frame("Home", request.command.frame)
+        place = self._place(request)
+        if place is None:
+            return denied("Home", Code.NO_PLACE_NEAR)
+        return _verdict("Home", self._vehicle.set_home(place))
+
+    def _terminate(self, request: Request) -> Verdict:
+        if request.parameter(1) <= 0.5:
+            return Verdict(Result.ACCEPTED)
+        return _verdict("Termination", self._vehicle.terminate(request.t_us))
+
+    def _checks(self, request: Request) -> Verdict:
+        why = self._vehicle.why_not_arm(request.t_us, request.wall_s)
+        told = Told(Code.READY_TO_ARM) if why is None else Told(Code.NOT_READY_TO_ARM, (why,))
+        return Verdict(Result.ACCEPTED, told)
+
+
+def _wrong_frame(what: str, frame: int) -> Verdict:
+    return denied(what, Told(Code.COMMAND_FRAME, (frame,)), Result.UNSUPPORTED_MAV_FRAME)
+
+
+# --- acknowledged
+
+
+@dataclass
+class Pending:
+    """A command that is answered later."""
+
+    command: Command
+    port: GroundPort
+    link: Link
+    outcome: Callable[[int, float], Verdict | None]
+
+
+class CommandProtocol:
+    """Commands from their arrival to their acknowledgement. One for all links."""
+
+    def __init__(
+        self, commands: Commands, questions: frozenset[int], vehicle: StateMachine,
+        tell: Callable[[Told, Severity], None],
+    ) -> None:  # fmt: skip
+        """`questions`: commands that ask, and change nothing. `tell`: to everyone."""
+        self._commands = commands
+        self._questions = questions
+        self._vehicle = vehicle
+        self._tell = tell
+        self._pending: dict[int, Pending] = {}  # by command
+        self._reasons = Bucket(REASONS_S, REASONS_AT_ONCE)
+
+    def take(
+        self, port: GroundPort, link: Link, command: Command, t_us: int, now: float
+    ) -> None:  # fmt: skip
+        """Carry a command out, or begin to, or acknowledge once more. `now`: wall, s."""
+        if self._is_pending(port, link, command, now) or self._is_repeated(
+            port, link, command, now
+        ):
+            return
+        verdict = self._commands.answer(Request(command, t_us, now))
+        later = self._later(command, verdict, now)
+        if later is not None:
+            self._pending[command.command] = Pending(command, port, link, later)
+            _acknowledge(port, link, command, Result.IN_PROGRESS)
+            return
+        self._conclude(port, link, command, verdict, now)
+
+    def settle(self, t_us: int, now: float) -> None:
+        """Acknowledge what has come to its end."""
+        for number, pending in list(self._pending.items()):
+            verdict = pending.outcome(t_us, now)
+            if verdict is None:
+                continue
+            del self._pending[number]
+            self._conclude(pending.port, pending.link, pending.command, verdict, now)
+
+    def explain(self, verdict: Verdict, now: float) -> None:
+        """What a verdict tells, to everyone; reasons of refusals not without end."""
+        if verdict.told is not None and (verdict.good or self._reasons.take(now)):
+            self._tell(verdict.told, Severity.INFO if verdict.good else Severity.WARNING)
+
+    def _is_pending(self, port: GroundPort, link: Link, command: Command, now: float) -> bool:
+        pending = self._pending.get(command.command)
+        if pending is None:
+            return False
+        if _asked(pending.command) == _asked(command):  # counted as a repetition or not
+            _acknowledge(port, link, command, Result.IN_PROGRESS)
+        else:
+            _acknowledge(port, link, command, Result.TEMPORARILY_REJECTED)
+            told = Told(Code.BUSY, (command_name(command.command),))
+            self.explain(Verdict(Result.TEMPORARILY_REJECTED, told), now)
+        return True
+
+    def _is_repeated(self, port: GroundPort, link: Link, command: Command, now: float) -> bool:
+        """Whether its answer was lost. What only asks is not remembered: it is answered anew."""
+        if command.confirmation == 0:
+            return False
+        known = [
+            known for known in link.acknowledged
+            if known.command == command.command and now - known.at < REPEAT_S
+        ]  # fmt: skip
+        same = next((each for each in known if each.asked == _asked(command)), None)
+        if same is None:
+            return False
+        if same is known[0]:
+            _acknowledge(port, link, command, same.result)
+        else:  # to do it now would undo what was asked for later
+            _acknowledge(port, link, command, Result.DENIED)
+            told = Told(Code.LATE_REPETITION, (command_name(command.command),))
+            self.explain(Verdict(Result.DENIED, told), now)
+        return True
+
+    def _later(
+        self, command: Command, verdict: Verdict, now: float
+    ) -> Callable[[int, float], Verdict | None] | None:
+        """How to go on asking about a command that is not done yet; None if it is."""
+        done = self._commands.in_progress
+        if verdict.result is Result.IN_PROGRESS and done is not None:
+            return lambda _t_us, _now: done()
+        rejected = verdict.result is Result.TEMPORARILY_REJECTED
+        if (
+            rejected
+            and command.command in WAIT_FOR_A_STREAM
+            and self._vehicle.script.setpoint is not None
+        ):
+            # the first setpoint of a stream came just before: the second is on its way
+            until = now + PENDING_S
+
+            def entered(t_us: int, at: float) -> Verdict | None:
+                verdict = self._commands.answer(Request(command, t_us, at))
+                return verdict if verdict.good or at >= until else None
+
+            return entered
+        return None
+
+    def _conclude(
+        self, port: GroundPort, link: Link, command: Command, verdict: Verdict, now: float
+    ) -> None:
+        if command.command not in self._questions:
+            done = Acknowledged(command.command, _asked(command), verdict.result, now)
+            link.acknowledged = [done, *link.acknowledged][:REMEMBERED]
+        _acknowledge(port, link, command, verdict.result)
+        self.explain(verdict, now)  # after: who waits for the answer then hears the reason
+
+
+def _acknowledge(port: GroundPort, link: Link, command: Command, result: Result) -> None:
+    port.send(link, replies.command_ack(command.command, result, command.source))
+
+
+def _asked(command: Command) -> bytes:
+    """What makes two commands the same: who asks, and the bits of what is asked (NaN is NaN)."""
+    return struct.pack("<HH7d", *command.source, *command.params)

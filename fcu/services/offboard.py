@@ -1,0 +1,128 @@
+"""The offboard protocol: a script's setpoints, and sticks, from their arrival to what is flown.
+
+A setpoint that is flown is echoed to its sender; one that is not, or not as it is, is told of:
+once, not at the stream's rate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from fcu.interface.messages import AttitudeRequest, PositionRequest, Setpoint
+from fcu.interface.status_texts import Code, Told
+from fcu.kernel.algebra import Vec3
+from fcu.mavlink.definitions import IGNORE_POSITION, RELATIVE_FRAMES, Severity
+from fcu.mavlink.geodesy import Origin, to_local
+from fcu.mavlink.requests import ManualControl
+from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage, echo
+from fcu.parameters import Parameters
+from fcu.services.ground_port import GroundPort, Link
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.setpoints import turned
+from fcu.vehicle.state_machine import StateMachine
+
+COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
+
+
+class OffboardProtocol:
+    """One for all links."""
+
+    def __init__(
+        self, vehicle: StateMachine, params: Parameters, origin: Origin,
+        tell: Callable[[Told, Severity], None],
+    ) -> None:  # fmt: skip
+        """`tell`: to everyone."""
+        self._vehicle = vehicle
+        self._params = params
+        self._origin = origin
+        self._tell = tell
+        self.message: SetpointMessage | AttitudeSetpointMessage | None = None  # last accepted
+        self._complained: dict[tuple[object, ...], float] = {}  # by kind: when, wall
+        self._short_due = 0.0  # wall: when it is told again that a setpoint falls short
+
+    def take(
+        self, port: GroundPort, link: Link, message: SetpointMessage | AttitudeSetpointMessage,
+        t_us: int, now: float,
+    ) -> None:  # fmt: skip
+        """Fly a setpoint from `t_us` on, or say why not. `now`: wall, s."""
+        vehicle, script = self._vehicle, self._vehicle.script
+        if vehicle.state is None:
+            return
+        who = message.source, link.address
+        why = script.heard(who, t_us, now, vehicle.lost_us) or message.refusal
+        setpoint = None
+        if why is None:
+            setpoint, why = vehicle.resolve(self._request(message), t_us)
+        if setpoint is None:
+            script.refused += 1
+            self.complain(Told(Code.SETPOINT_REFUSED, (why,)), now)
+            return
+        if self._falls_short(setpoint, now):
+            script.refused += 1
+            self._say(vehicle.keep_script(t_us, now))
+            return
+        script.take(setpoint, t_us, now)
+        self.message = message
+        self._say(vehicle.fly_script(t_us))
+        port.send(link, echo(t_us * 1e-6, message))
+        if why is not None:  # it is flown at a limit
+            self.complain(why, now)
+
+    def _request(
+        self, message: SetpointMessage | AttitudeSetpointMessage
+    ) -> PositionRequest | AttitudeRequest:
+        request = message.request
+        if isinstance(message, AttitudeSetpointMessage) or isinstance(request, AttitudeRequest):
+            return request
+        place = message.geodetic
+        if place is None or message.type_mask & IGNORE_POSITION:
+            return request
+        alt = place.alt_m
+        if message.frame in RELATIVE_FRAMES:
+            home = self._vehicle.home or self._vehicle.pose().r_E
+            alt += self._origin.alt_m + home.z
+        return request._replace(r=to_local(self._origin, place.lat_deg, place.lon_deg, alt))
+
+    def _falls_short(self, setpoint: Setpoint, now: float) -> bool:
+        """Whether the guard refuses a setpoint; says so, or warns of it, once."""
+        vehicle = self._vehicle
+        if vehicle.is_flown(setpoint):
+            return False
+        check, reference = vehicle.feasibility, vehicle.reference
+        short = check.short(setpoint, reference)
+        if short == 0.0:
+            return False
+        if now >= self._short_due:  # to find what to say takes longer than to look
+            told = check.complaint(setpoint, short, reference)
+            if told is not None:
+                self._short_due = now + COMPLAIN_S
+                if self.complain(told, now):
+                    check.told(setpoint, short)
+        return check.refuses
+
+    def _say(self, told: Told | None) -> None:
+        if told is not None:
+            self._tell(told, Severity.INFO)
+
+    def complain(self, told: Told, now: float) -> bool:
+        """Tell what is wrong with a stream: once, not at the stream's rate. Whether it was told."""
+        kind = told.kind
+        self._complained = {k: at for k, at in self._complained.items() if now - at < COMPLAIN_S}
+        if kind not in self._complained and len(self._complained) < COMPLAINTS:
+            self._complained[kind] = now
+            self._tell(told, Severity.WARNING)
+            return True
+        return False
+
+    def sticks(self, message: ManualControl, t_us: int) -> None:
+        """MANUAL_CONTROL in position mode: forward, right, up (half: still) and yaw, -1 to 1."""
+        vehicle, p = self._vehicle, self._params
+        if vehicle.mode is not Mode.POSITION or not vehicle.armed:
+            return
+        ahead, right, up, yaw = (0.0 if n != n else n for n in (message.x, message.y, message.z, message.r))  # fmt: skip
+        speed, climb = p["MPC_XY_CRUISE"], 2.0 * up - 1.0 if message.z == message.z else 0.0
+        v = turned(Vec3(ahead * speed, -right * speed, 0.0), vehicle.pose().psi)
+        vertical = p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"]
+        rate = -yaw * p["MPC_MAN_Y_MAX"] * math.pi / 180.0
+        vehicle.move(Vec3(v.x, v.y, climb * vertical), rate, t_us)

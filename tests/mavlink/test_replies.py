@@ -1,0 +1,149 @@
+"""Answers of the flight controller, read by pymavlink: each field as the standard has it."""
+
+from __future__ import annotations
+
+import inspect
+
+import pymavlink.dialects.v20.all as mavlink
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fcu.mavlink import replies
+from fcu.mavlink.definitions import Packed, Result, Severity
+from fcu.mavlink.framing import Source, framed
+
+SCRIPT = Source(245, 190)
+
+
+def read(*messages):
+    """The messages, by pymavlink."""
+    raw = b"".join(framed(*message, 0, 3, 1) for message in messages)
+    return mavlink.MAVLink(None).parse_buffer(bytearray(raw))
+
+
+def fields(m, *names):
+    return tuple(getattr(m, name) for name in names)
+
+
+ADDRESSED = ("target_system", "target_component")
+CASES = [  # a message, and its fields
+    (
+        replies.command_ack(400, Result.IN_PROGRESS, SCRIPT, 40),
+        {"command": 400, "result": 5, "progress": 40, "result_param2": 0},
+    ),
+    (replies.command_ack(400, Result.DENIED, SCRIPT), {"result": 2, "progress": 255}),
+    (
+        replies.param_value("SIXTEEN_CHARS_ID", 0.25, 3, 40),
+        {"param_id": "SIXTEEN_CHARS_ID", "param_value": 0.25, "param_type": 9, "param_index": 3,
+         "param_count": 40},
+    ),
+    (
+        replies.param_error(SCRIPT, "NO\N{BULLET}NE", -1, 1),
+        {"param_id": "NO?NE", "param_index": -1, "error": 1},
+    ),
+    (
+        replies.current_mode(1, 3 << 16, 4 << 16),
+        {"standard_mode": 1, "custom_mode": 3 << 16, "intended_custom_mode": 4 << 16},
+    ),
+    (
+        replies.available_modes(9, 2, 8, 4 << 16 | 2 << 24, 4, "Takeoff"),
+        {"number_modes": 9, "mode_index": 2, "standard_mode": 8,
+         "custom_mode": 4 << 16 | 2 << 24, "properties": 4, "mode_name": "Takeoff"},
+    ),
+    (replies.available_modes_monitor(7), {"seq": 7}),
+    (replies.message_interval(30, -1), {"message_id": 30, "interval_us": -1}),
+    (
+        replies.timesync(2**60 + 1, 2**61 + 1, SCRIPT),
+        {"tc1": 2**60 + 1, "ts1": 2**61 + 1},
+    ),
+    (replies.ping(2**60 + 1, 77, SCRIPT), {"time_usec": 2**60 + 1, "seq": 77}),
+    (replies.mission_count(0, 2, SCRIPT), {"count": 0, "mission_type": 2}),
+    (replies.mission_ack(3, 1, SCRIPT), {"type": 3, "mission_type": 1}),
+    (replies.log_entry(), {"id": 0, "num_logs": 0, "last_log_num": 0, "size": 0}),
+    (
+        replies.file_transfer(bytes(range(251)), SCRIPT),
+        {"payload": list(range(251)), "target_network": 0},
+    ),
+    (
+        replies.autopilot_version(8 | 8192, 0x01020304, b"\1\2\3\4\5\6\7\10", 2**63 + 1),
+        {"capabilities": 8 | 8192, "flight_sw_version": 0x01020304,
+         "flight_custom_version": [1, 2, 3, 4, 5, 6, 7, 8], "uid": 2**63 + 1},
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("message", "expected"), CASES, ids=lambda c: getattr(c, "definition", [""])[0]
+)
+def test_an_answer_is_as_the_standard_has_it(message, expected):
+    (m,) = read(message)
+    assert fields(m, *expected) == tuple(expected.values())
+    for name, number in zip(ADDRESSED, SCRIPT, strict=True):
+        assert getattr(m, name, number) == number
+
+
+def test_protocol_version_is_mavlink_2_and_1():
+    message = replies.protocol_version()  # of no dialect here: three uint16, the hashes unknown
+    assert (message.definition.id, message.payload[:6]) == (300, bytes([200, 0, 100, 0, 200, 0]))
+
+
+# --- texts
+
+
+@pytest.mark.parametrize(
+    ("length", "sizes"),
+    [(0, [0]), (1, [1]), (50, [50]), (51, [50, 1]), (100, [50, 50, 0]), (120, [50, 50, 20])],
+)
+def test_text_is_sent_in_chunks_that_say_where_it_ends(length, sizes):
+    text = ("0123456789" * 20)[:length]
+    chunks = read(*replies.status_text(Severity.WARNING, text))
+    assert [len(c.text) for c in chunks] == sizes
+    assert "".join(c.text for c in chunks) == text
+    assert [c.chunk_seq for c in chunks] == list(range(len(sizes)))
+    assert {c.severity for c in chunks} == {4}
+    (number,) = {c.id for c in chunks}
+    assert (number == 0) == (len(sizes) == 1)
+
+
+def test_texts_that_follow_each_other_have_different_numbers():
+    first, second = (replies.status_text(Severity.INFO, 60 * letter) for letter in "ab")
+    assert read(*first)[0].id != read(*second)[0].id
+
+
+def test_text_that_is_not_ascii_stays_readable():
+    (chunk,) = read(*replies.status_text(Severity.INFO, "wind 3 m/s²\0"))
+    assert chunk.text == "wind 3 m/s??"
+
+
+def test_a_text_without_end_ends():
+    assert len(replies.status_text(Severity.INFO, 20_000 * "x")) == 256
+
+
+# --- whatever is asked
+
+
+VALUES = {
+    "float": st.floats(),
+    "int": st.integers(-(2**70), 2**70),
+    "str": st.text(max_size=60),
+    "bytes": st.binary(max_size=300),
+    "Source": st.builds(Source, st.integers(0, 255), st.integers(0, 255)),
+}
+BUILDERS = [
+    function
+    for name, function in vars(replies).items()
+    if inspect.isfunction(function)
+    and function.__module__ == replies.__name__
+    and not name.startswith("_")
+    and name != "printable"
+]
+
+
+@pytest.mark.parametrize("build", BUILDERS, ids=lambda b: b.__name__)
+@given(st.data())
+def test_no_answer_raises(build, data):
+    parameters = inspect.signature(build).parameters.values()
+    made = build(*[data.draw(VALUES[p.annotation]) for p in parameters])
+    for message in [made] if isinstance(made, Packed) else made:
+        assert len(framed(*message, 0, 3, 1)) <= 280

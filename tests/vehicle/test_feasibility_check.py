@@ -1,0 +1,265 @@
+"""What is asked for, looked at before it is flown: held against the reference model flown out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fcu.guard import admission, foreseen, margin
+from fcu.interface.airframe import believed
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.status_texts import Code, Told, lacks, words
+from fcu.kernel.algebra import Rotors, Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rotations import from_euler
+from fcu.laws.mmrac.parameters import law_params
+from fcu.laws.mmrac.reference_model import a_ref, advance, carried
+from fcu.parameters import Parameters
+from fcu.vehicle import plans
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.state_machine import StateMachine
+
+ZERO = Vec3(0.0, 0.0, 0.0)
+AT_REST = np.zeros(6)
+AIRFRAME = believed()
+LAW = law_params(*AIRFRAME, 500.0, {"guard": "refuse"})
+HOVER = math.sqrt(9.81 / 8.2e-5)
+ORIGIN = to_buffer(VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Rotors(*[HOVER] * 8)))
+
+
+def at(r=ZERO, v=ZERO, a=ZERO):
+    return Setpoint(r, v, a, 0.0, 0.0)
+
+
+def flown_out(law, way, reference):
+    """Every tick of the way, in plain Python: the least condition, N.
+
+    The vehicle follows with the lag of attitude and rates; a jump is flown with a wrong mass.
+    """
+    r, v = (np.array(reference[i : i + 3]) for i in (0, 3))
+    attitude, rates, fades = (
+        math.exp(-law.h * x) for x in (law.c_angle.y, law.c_rate.y, 0.5 * law.lambda_v)
+    )
+    known, worst = margin.known(law), math.inf
+    w, a, off, before = (np.zeros(3) for _ in range(4))
+
+    more, adds = foreseen.hurry(law), foreseen.closed(law)
+
+    def condition(a_d):
+        tracking = adds * margin.difference(known, float(np.linalg.norm(v)))
+        return margin.condition(known, Vec3(*(more * a_d).tolist()), Vec3(*v.tolist()), tracking)
+
+    for setpoint, for_s in way:
+        n = round((16.0 if math.isinf(for_s) else for_s) / law.h)
+        for k in range(n):
+            now = carried(setpoint, k * law.h)
+            a_d = np.array(a_ref(law, now, Vec3(*r.tolist()), Vec3(*v.tolist())))
+            off = fades * off + margin.FORGOTTEN * (a_d - before)
+            worst = min(worst, condition(a_d + off), condition(a_d - off))
+            w = a_d + attitude * (w - a_d)
+            a = w + rates * (a - w)
+            r, v, before = r + law.h * v, v + law.h * a, a_d
+    return worst
+
+
+LED = plans.PlanLimits(2.0, 1.0, 1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("way", "reference"),
+    [
+        ([(at(Vec3(4.0, 7.0, 18.0)), math.inf)], AT_REST),
+        ([(at(Vec3(0.0, 4.0, 0.0)), math.inf)], np.array([0.0, 0.0, 0.0, 3.0, 0.0, -1.0])),
+        ([(at(v=Vec3(7.0, 0.0, 0.0)), math.inf)], AT_REST),
+        (admission.way_to(at(v=Vec3(3.0, 0.0, 0.0), a=Vec3(0.0, 4.0, 0.0))), AT_REST),
+        (plans.through(ZERO, ZERO, [Vec3(6.0, 0.0, 3.0)], 0.0, LED), AT_REST),
+        (plans.through(ZERO, ZERO, [Vec3(60.0, 0.0, 0.0)], 0.0, LED), AT_REST),
+    ],
+)
+def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, reference):
+    law = law_params(*AIRFRAME, 100.0)
+    expected = max(0.0, -flown_out(law, way, reference))
+    assert expected > 0.0 or len(way) != 1  # the steps are such that there is something to see
+    assert admission.Look(law).short(way, reference) == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("f_m", [0.5, 1.0, 1.4, 3.0])
+@pytest.mark.parametrize("towards", [Vec3(1.0, 0.0, 0.0), Vec3(0.0, -0.6, 0.8)])
+def test_what_is_said_to_do_does_and_a_little_more_does_not(f_m, towards):
+    look = admission.Look(LAW._replace(f_m=f_m))
+    far = 60.0
+    asked = at(far * towards)
+    short = look.short(admission.way_to(asked), AT_REST)
+    lack = admission.lack_of(look, asked, short, AT_REST)
+    assert (lack.far, lack.speed, lack.short) == (far, 0.0, short)
+    assert words(lacks(*lack)).endswith(" m of it would do")
+    fits = math.floor(10.0 * far * lack.part) / 10.0  # as it is told
+    assert look.short(admission.way_to(at(fits * towards)), AT_REST) == 0.0
+    finest = far / 2**admission.HALVINGS + 0.1
+    assert look.short(admission.way_to(at((fits + finest) * towards)), AT_REST) > 0.0
+
+
+def test_following_is_the_reference_model_tick_by_tick():
+    reference, r, v = AT_REST.copy(), ZERO, ZERO
+    asked = at(Vec3(1.0, 2.0, 3.0), v=Vec3(0.1, 0.0, 0.0))
+    admission.follow(to_buffer(LAW), to_buffer(asked), 250, reference)
+    for k in range(250):
+        r, v = advance(LAW, carried(asked, k * LAW.h), r, v)
+    assert reference.tolist() == [*r, *v]
+
+
+# --- the vehicle
+
+
+@pytest.fixture
+def vehicle():
+    """`vehicle(policy)`: armed in the air at the origin, with that guard."""
+
+    def one(policy):
+        params = Parameters(law_params(*AIRFRAME, 500.0, {"guard": policy}), 1)
+        flying = StateMachine(params, sim_only=True)
+        flying.observe(ORIGIN, 0, 0.0)
+        assert flying.arm(0, 0.0).granted
+        return flying
+
+    return one
+
+
+FAR, NEAR = at(Vec3(30.0, 0.0, 0.0)), at(Vec3(2.0, 0.0, 0.0))
+
+
+def test_only_where_the_law_does_not_govern_somebody_looks(vehicle):
+    assert vehicle("govern").feasibility.short(FAR, AT_REST) == 0.0
+    assert vehicle("warn").feasibility.short(FAR, AT_REST) > 100.0
+    assert vehicle("refuse").feasibility.short(FAR, AT_REST) > 100.0
+    assert vehicle("refuse").feasibility.short(NEAR, AT_REST) == 0.0
+
+
+def test_below_the_position_level_nothing_is_refused(vehicle):
+    assert vehicle("refuse").feasibility.short(FAR._replace(level=1.0), AT_REST) == 0.0
+
+
+def test_the_same_is_told_once_until_another_is_flown(vehicle):
+    check = vehicle("refuse").feasibility
+    short = check.short(FAR, AT_REST)
+    told = check.complaint(FAR, short, AT_REST)
+    (lack,) = told.values
+    assert (told.code, lack.code) == (Code.SETPOINT_REFUSED, Code.LACKS)
+    assert lack.values[:2] == (Told(Code.WAY, (30.0,)), short)
+    assert lack.values[2].code is Code.METRES_OF_IT and 0.0 < lack.values[2].values[0] < 30.0
+    check.told(FAR, short)
+    assert check.complaint(FAR, short, AT_REST) is None
+    assert check.complaint(FAR._replace(r_c=Vec3(29.0, 0.0, 0.0)), short, AT_REST)
+    assert check.short(NEAR, AT_REST) == 0.0
+    assert check.complaint(FAR, short, AT_REST) == told
+
+
+def test_a_velocity_is_told_as_such(vehicle):
+    check = vehicle("warn").feasibility
+    fast = at(v=Vec3(12.0, 0.0, 0.0))
+    short = check.short(fast, AT_REST)
+    asked = Told(Code.SPEED, (12.0,))
+    assert check.complaint(fast, short, AT_REST) == Told(Code.SETPOINT_SHORT, (asked, short))
+
+
+def test_a_moving_stream_is_warned_of_once_until_it_is_much_worse(vehicle):
+    check = vehicle("warn").feasibility
+    fast = at(v=Vec3(8.0, 0.0, 0.0))
+    short = check.short(fast, AT_REST)
+    assert check.complaint(fast, short, AT_REST)
+    check.told(fast, short)
+    assert check.short(at(v=Vec3(0.5, 0.0, 0.0)), AT_REST) == 0.0  # slow in between
+    assert check.complaint(at(v=Vec3(0.0, 8.0, 0.0)), short, AT_REST) is None
+    assert check.complaint(fast, 1.6 * short, AT_REST) is None  # the same to the number
+    assert check.complaint(at(v=Vec3(12.0, 0.0, 0.0)), 1.6 * short, AT_REST)
+    refusing = vehicle("refuse").feasibility
+    refusing.told(fast, short)
+    assert refusing.complaint(at(v=Vec3(0.0, 8.0, 0.0)), short, AT_REST)
+
+
+@pytest.mark.parametrize("place", [1e9, 1e200, math.inf, math.nan])
+def test_a_flight_that_has_diverged_is_looked_at_too(vehicle, place):
+    check, reference = vehicle("refuse").feasibility, AT_REST.copy()
+    reference[2] = place
+    short = check.short(FAR, reference)
+    assert short >= 0.0
+    assert len(words(check.complaint(FAR, short, reference))) < 400
+
+
+def offboard(vehicle, setpoint):
+    for us in (0, 20_000):
+        vehicle.script.take(setpoint, us, us * 1e-6)
+    assert vehicle.select(Mode.OFFBOARD, 20_000, 0.02).granted
+
+
+def test_what_a_script_says_and_is_not_flown_keeps_it_going_at_a_steady_velocity(vehicle):
+    flying = vehicle("refuse")
+    offboard(flying, at(v=Vec3(1.0, 0.0, 0.0), a=Vec3(0.5, 0.0, 0.0)))
+    flying.keep_script(420_000, 0.42)
+    assert flying.setpoint.a_c == ZERO
+    assert flying.setpoint.v_c == Vec3(1.2, 0.0, 0.0)
+    assert (flying.setpoint.r_c.x, flying.since_us) == (pytest.approx(0.44), 420_000)
+    flown = flying.setpoint
+    flying.keep_script(820_000, 0.82)
+    assert flying.setpoint is flown
+    assert not flying.script.lost(1_800_000, 1.8, flying.lost_us)
+
+
+def test_an_attitude_does_not_go_on_without_its_script(vehicle):
+    flying = vehicle("refuse")
+    offboard(flying, at()._replace(level=1.0, T_c=80.0))
+    flying.keep_script(420_000, 0.42)
+    assert flying.script.lost(1_100_000, 1.1, flying.lost_us)
+
+
+def test_a_place_to_go_to_is_denied_and_nothing_changed(vehicle):
+    flying = vehicle("refuse")
+    before, cruise = flying.setpoint, flying.cruise
+    verdict = flying.reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, 10.0)
+    what, _, would_do = verdict.told.values
+    assert (verdict.granted, verdict.told.code) == (False, Code.LACKS)
+    assert what == Told(Code.WAY_LED, (30.0, 10.0))
+    assert would_do.code is Code.PERCENT_LED
+    part = math.floor(100.0 * would_do.values[0]) / 100.0  # as it is told
+    assert (flying.setpoint, flying.cruise) == (before, cruise)
+    for name in ("MPC_ACC_HOR", "MPC_ACC_UP_MAX"):
+        assert flying._params.set(name, max(0.5, part * flying._params[name]), True)
+    assert flying.reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, part * 10.0).granted
+
+
+def test_the_same_place_is_warned_of(vehicle):
+    verdict = vehicle("warn").reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, 10.0)
+    assert verdict.granted and verdict.told.code is Code.GOING_SHORT
+    going = vehicle("govern").reposition(Vec3(30.0, 0.0, 0.0), None, 40_000)
+    assert going.told == Told(Code.GOING, (30.0,))
+
+
+def test_a_step_of_the_reference_generator_is_denied(vehicle):
+    flying = vehicle("refuse")
+    assert flying._params.set("REF_STEP_E", 20.0, True)
+    verdict = flying.select(Mode.STEP, 40_000, 0.04)
+    assert (verdict.granted, verdict.told.code) == (False, Code.LACKS)
+    assert verdict.told.values[0] == Told(Code.WAY, (20.0,))
+    assert flying.mode is Mode.HOLD
+    assert flying._params.set("REF_STEP_E", 2.0, True)
+    assert flying.select(Mode.STEP, 40_000, 0.04).granted
+
+
+def test_what_the_vehicle_lays_down_by_itself_is_never_refused(vehicle):
+    """Even where not a hover meets the condition."""
+    flying = vehicle("refuse")
+    assert flying._params.set("MR_GRD_WIND", 30.0, True)
+    assert flying.feasibility.short(at(), AT_REST) > 0.0
+    for mode in (Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.POSITION):
+        assert flying.select(mode, 40_000, 0.04).granted
+    told = flying.feasibility.complaint(at(), 5.0, AT_REST)
+    assert told == Told(Code.SETPOINT_REFUSED, (lacks(far=0.0, speed=0.0, short=5.0, part=0.0),))
+
+
+def test_the_reference_is_the_law_s_once_there_is_one(vehicle):
+    flying = vehicle("refuse")
+    assert flying.reference.tolist() == [0.0] * 6
+    flying.reference_model = np.arange(6.0)
+    assert flying.reference.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]

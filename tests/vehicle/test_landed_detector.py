@@ -1,0 +1,80 @@
+"""The landed detector, fed with states of vehicles in the air and on the ground."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from fcu.interface.messages import VehicleState
+from fcu.kernel.algebra import Rotors, Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rotations import from_euler
+from fcu.vehicle.landing import HELD_FOR_US, LandedDetector
+
+C_T, WEIGHT, LOOK_US = 8.2e-5, 78.5, 20_000
+STILL = Vec3(0.0, 0.0, 0.0)
+
+
+def state(z, thrust, v=STILL):
+    Omega = Rotors(*[math.sqrt(thrust / 8.0 / C_T)] * 8)
+    return to_buffer(VehicleState(Vec3(0.0, 0.0, z), v, from_euler(0.0, 0.0, 0.0), STILL, Omega))
+
+
+@pytest.fixture
+def detector():
+    return LandedDetector(C_T, 49.0)
+
+
+def looks(detector, n, *what, since_us=0):
+    return [detector.see(state(*what), since_us + k * LOOK_US) for k in range(n)]
+
+
+def test_it_starts_where_it_stands_or_flies(detector):
+    assert detector.see(state(0.3, 0.0), 0)
+    assert not detector.has_flown
+    flying = LandedDetector(C_T, 49.0)
+    assert not flying.see(state(20.0, WEIGHT), 0)
+    assert flying.has_flown
+
+
+def test_the_ground_is_where_it_has_stood_not_where_it_falls(detector):
+    for k in range(50):
+        t = k * LOOK_US * 1e-6
+        detector.see(state(20.0 - 4.9 * t * t, 0.0, Vec3(0.0, 0.0, -9.8 * t)), k * LOOK_US)
+    assert math.isnan(detector.ground)
+    standing = LandedDetector(C_T, 49.0)
+    looks(standing, 6, 0.3, 0.0)
+    assert standing.ground == 0.3
+
+
+def test_a_vehicle_that_pushes_is_on_the_ground_until_it_has_risen(detector):
+    looks(detector, 5, 0.3, 0.0)
+    assert all(looks(detector, 200, 0.3, 70.0))  # a script that takes its time to take off
+    assert detector.see(state(0.4, 80.0, Vec3(0.0, 0.0, 0.3)), 0)
+    assert not detector.see(state(0.46, 80.0, Vec3(0.0, 0.0, 0.4)), 0)
+
+
+def test_hovering_low_and_long_is_not_landing(detector):
+    looks(detector, 1, 0.3, 0.0)
+    assert not any(looks(detector, 3000, 0.6, WEIGHT)[1:])
+
+
+def test_falling_with_stopped_rotors_is_not_landing(detector):
+    detector.see(state(20.0, WEIGHT), 0)
+    assert not any(looks(detector, 100, 10.0, 5.0, Vec3(0.0, 0.0, -4.0)))
+
+
+def test_at_rest_and_light_for_half_a_second_is_landing(detector):
+    detector.see(state(20.0, WEIGHT), 0)
+    looks(detector, 500, 5.0, WEIGHT)  # it learns what it weighs
+    seen = looks(detector, 60, 0.3, 8.0, since_us=10_000_000)
+    assert seen.index(True) * LOOK_US == HELD_FOR_US
+    assert detector.has_flown
+
+
+def test_a_bounce_starts_the_time_again(detector):
+    detector.see(state(20.0, WEIGHT), 0)
+    assert not any(looks(detector, 20, 0.3, 8.0))
+    assert not detector.see(state(0.35, 60.0, Vec3(0.0, 0.0, 0.5)), 20 * LOOK_US)
+    assert not any(looks(detector, 24, 0.3, 8.0, since_us=21 * LOOK_US))

@@ -1,0 +1,106 @@
+"""Plans of constant acceleration: continuous, within their limits, and where they should end."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from fcu.kernel.algebra import Vec3
+from fcu.laws.mmrac.reference_model import carried
+from fcu.vehicle import plans
+from fcu.vehicle.plans import PlanLimits, length
+
+LIMITS = PlanLimits(cruise=5.0, up=3.0, down=1.5, acceleration=3.0, acceleration_up=2.0)
+HERE = Vec3(1.0, -2.0, 10.0)
+STILL = Vec3(0.0, 0.0, 0.0)
+
+
+def end_of(piece):
+    return carried(piece.setpoint, piece.for_s)
+
+
+def assert_continuous(pieces):
+    for before, after in itertools.pairwise(pieces):
+        end = end_of(before)
+        assert length(end.r_c - after.setpoint.r_c) < 1e-9
+        assert length(end.v_c - after.setpoint.v_c) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "to",
+    [
+        Vec3(40.0, 0.0, 0.0),
+        Vec3(0.4, -0.3, 0.0),
+        Vec3(0.0, 0.0, 20.0),
+        Vec3(0.0, 0.0, -6.0),
+        Vec3(12.0, 9.0, -30.0),
+    ],
+)
+def test_a_line_is_continuous_within_its_limits_and_ends_there_at_rest(to):
+    pieces = plans.through(HERE, STILL, [HERE + to], 0.3, LIMITS)
+    assert_continuous(pieces)
+    assert pieces[0].setpoint.r_c == HERE
+    assert length(pieces[0].setpoint.v_c) == 0.0
+    last = pieces[-1]
+    assert math.isinf(last.for_s)
+    assert length(last.setpoint.r_c - (HERE + to)) < 1e-9
+    assert last.setpoint.v_c == STILL
+    for piece in pieces[:-1]:
+        for setpoint in (piece.setpoint, end_of(piece)):
+            v, a = setpoint.v_c, setpoint.a_c
+            assert math.hypot(v.x, v.y) < LIMITS.cruise + 1e-9
+            assert -LIMITS.down - 1e-9 < v.z < LIMITS.up + 1e-9
+            assert math.hypot(a.x, a.y) < LIMITS.acceleration + 1e-9
+            assert abs(a.z) < LIMITS.acceleration_up + 1e-9
+            assert setpoint.psi_c == 0.3
+
+
+def test_a_long_line_takes_the_time_of_a_trapezoid():
+    pieces = plans.through(HERE, STILL, [HERE + Vec3(40.0, 0.0, 0.0)], 0.0, LIMITS)
+    assert sum(p.for_s for p in pieces[:-1]) == pytest.approx(40.0 / 5.0 + 5.0 / 3.0)
+
+
+def test_braking_stops_after_v_squared_over_2a():
+    pieces = plans.through(HERE, Vec3(6.0, 0.0, 0.0), [], 0.0, LIMITS)
+    assert_continuous(pieces)
+    assert pieces[-1].setpoint.r_c.x - HERE.x == pytest.approx(36.0 / (2.0 * 3.0))
+    assert pieces[0].for_s == pytest.approx(2.0)
+
+
+def test_a_descent_is_fast_while_high_and_ends_in_a_slow_sink():
+    pieces = plans.descent(HERE, STILL, 0.0, 4.0, 0.7, LIMITS)
+    assert_continuous(pieces[:-1])
+    sink = pieces[-1].setpoint
+    assert sink.r_c.z == pytest.approx(4.0)
+    assert sink.v_c == Vec3(0.0, 0.0, -0.7)
+    assert min(p.setpoint.v_c.z for p in pieces) == pytest.approx(-1.5)
+    low = plans.descent(HERE, STILL, 0.0, 12.0, 0.7, LIMITS)
+    assert [p.setpoint.v_c.z for p in low] == [-0.7]
+
+
+def test_settling_holds_the_end_for_a_while():
+    pieces = plans.through(HERE, STILL, [HERE + Vec3(0.0, 0.0, 2.0)], 0.0, LIMITS, settle_s=4.0)
+    assert [p.for_s for p in pieces[-2:]] == [4.0, math.inf]
+    assert pieces[-2].setpoint == pieces[-1].setpoint
+
+
+def test_steps_go_there_and_back():
+    plan = plans.steps(HERE, Vec3(5.0, 0.0, 0.0), 10.0, 0.0)
+    there, back, again = itertools.islice(plan, 3)
+    assert [p.setpoint.r_c.x for p in (there, back, again)] == [6.0, 1.0, 6.0]
+    assert there.for_s == 10.0
+
+
+def test_the_figure_of_eight_starts_from_rest_and_crosses_at_its_speed():
+    pieces = list(itertools.islice(plans.figure_eight(HERE, (10.0, 5.0), 3.0, 0.0), 1000))
+    assert length(pieces[0].setpoint.v_c) == 0.0
+    for before, after in itertools.pairwise(pieces):
+        end = end_of(before)
+        assert length(end.r_c - after.setpoint.r_c) < 1e-3
+        assert length(end.v_c - after.setpoint.v_c) < 0.02
+    full = [p for p in pieces if length(p.setpoint.r_c - HERE) < 0.1][1:]
+    assert max(length(p.setpoint.v_c) for p in full) == pytest.approx(3.0, abs=0.01)
+    assert max(p.setpoint.r_c.x - HERE.x for p in pieces) == pytest.approx(5.0, abs=0.01)
+    assert max(p.setpoint.r_c.y - HERE.y for p in pieces) == pytest.approx(2.5, abs=0.01)
