@@ -130,12 +130,12 @@ TABLE: tuple[OfLaw, ...] = (
         lambda law, value: law._replace(c_angle=law.c_angle._replace(z=value)),
     ),
     OfLaw(
-        Parameter("MR_C_PQ", "1/s", 0.1, 1000.0, DEFAULTS["c_rate"], "gain of the rates p and q"),
+        Parameter("MR_C_PQ", "1/s", 0.1, 2000.0, DEFAULTS["c_rate"], "gain of the rates p and q"),
         lambda law: law.c_rate.x,
         lambda law, value: law._replace(c_rate=law.c_rate._replace(x=value, y=value)),
     ),
     OfLaw(
-        Parameter("MR_C_R", "1/s", 0.1, 1000.0, DEFAULTS["c_rate"], "gain of the rate r"),
+        Parameter("MR_C_R", "1/s", 0.1, 2000.0, DEFAULTS["c_rate"], "gain of the rate r"),
         lambda law: law.c_rate.z,
         lambda law, value: law._replace(c_rate=law.c_rate._replace(z=value)),
     ),
@@ -162,7 +162,7 @@ TABLE: tuple[OfLaw, ...] = (
     _field("trim_max", "MR_TRIM_MAX", "N", 0.0, 100.0, DEFAULTS["trim_max"], "limit of that trim"),
     OfLaw(
         Parameter(
-            "MR_ROTOR_RESP", "s", 0.001, 1.0, DEFAULTS["rotor_response_s"],
+            "MR_ROTOR_RESP", "s", 0.0001, 1.0, DEFAULTS["rotor_response_s"],
             "what the rotors' lag is made to look like",
         ),
         _response,
@@ -189,7 +189,7 @@ TABLE: tuple[OfLaw, ...] = (
     _believed("m_min", "MR_GRD_M_MIN", "kg", 0.1, 100.0, DEFAULTS["guard_mass_kg"][0], "least mass that the guard believes in"),
     _believed("m_max", "MR_GRD_M_MAX", "kg", 0.1, 100.0, DEFAULTS["guard_mass_kg"][1], "greatest mass that it believes in"),
     _believed("c_D", "MR_GRD_DRAG", "N/(m/s)^2", 0.001, 10.0, DEFAULTS["guard_drag"], "greatest drag coefficient that it believes in"),
-    _believed("w_max", "MR_GRD_WIND", "m/s", 0.0, 50.0, DEFAULTS["guard_wind_m_s"], "greatest wind that it believes in"),
+    _believed("w_max", "MR_GRD_WIND", "m/s", 0.0, 100.0, DEFAULTS["guard_wind_m_s"], "greatest wind that it believes in"),
     _believed("w_dot_max", "MR_GRD_WRATE", "m/s^2", 0.0, 1000.0, DEFAULTS["guard_wind_rate_m_s2"], "greatest rate of that wind"),
     _believed("jerk", "MR_GRD_JERK", "m/s^3", 5.0, 1000.0, DEFAULTS["guard_jerk_m_s3"], "fastest change of the acceleration of what is governed"),
     OfLaw(

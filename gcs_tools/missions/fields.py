@@ -44,7 +44,7 @@ def _rate(value: int) -> int:
     return value
 
 
-def _three(value: Any) -> Any:
+def three(value: Any) -> Any:
     """One number for all three axes."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return [value] * 3 if number else value
@@ -57,9 +57,7 @@ Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 Numbers = Annotated[tuple[float, float, float], Field(strict=False)]
 NotNegatives = Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)]
 Positives = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
-TwoPositive = Annotated[tuple[Positive, Positive], Field(strict=False)]
 Position = Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)]
-OneOrThree = Annotated[Positives, BeforeValidator(_three, json_schema_input_type=float | Positives)]
 Rate = Annotated[
     int,
     BeforeValidator(_whole),

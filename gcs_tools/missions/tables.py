@@ -18,12 +18,11 @@ from gcs_tools.missions.fields import (
     NotNegative,
     NotNegatives,
     Numbers,
-    OneOrThree,
     Positive,
     Positives,
     Table,
-    TwoPositive,
     optional,
+    three,
     wrong,
 )
 from gcs_tools.missions.flight_table import Flight
@@ -34,55 +33,179 @@ from gcs_tools.missions.flight_table import Flight
 class Bounds(Table):
     """The sets that projection keeps the estimates in."""
 
-    m_min: Positive | None = optional("kg")
-    m_max: Positive | None = optional("kg")
-    J_min: NotNegative | None = optional("kg m^2")
-    J_max: Positive | None = optional("kg m^2")
-    s_v_max: Positive | None = optional("drag force over mass, m/s^2")
-    s_w_max: Positive | None = optional("angular disturbance, rad/s^2")
-    c_max: Positive | None = optional("coupling and gyroscopic coefficients")
+    m_min: Annotated[float, Field(ge=0.1, le=100.0)] | None = optional("kg")
+    m_max: Annotated[float, Field(ge=0.1, le=100.0)] | None = optional("kg")
+    J_min: Annotated[float, Field(ge=0.0, le=10.0)] | None = optional("kg m^2")
+    J_max: Annotated[float, Field(ge=0.001, le=10.0)] | None = optional("kg m^2")
+    s_v_max: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
+        "drag force over mass, m/s^2"
+    )
+    s_w_max: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
+        "angular disturbance, rad/s^2"
+    )
+    c_max: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
+        "coupling and gyroscopic coefficients"
+    )
 
 
 class Law(Table):
     """Parameters of the law; fcu/laws/mmrac/README.md says what each does."""
 
     prediction: Literal["achieved", "demanded"] | None = optional("force the predictor is told")
-    f_m: Annotated[float, Field(gt=0.0, le=10.0)] | None = optional("reference model, rad/s")
-    zeta_m: Annotated[float, Field(gt=0.0, le=5.0)] | None = optional("reference model's damping")
-    gamma: Annotated[float, Field(gt=0.0, le=1e6)] | None = optional("adaptation gain")
-    gamma_m: NotNegative | None = optional("gain of m_hat (demanded), times gamma")
-    gamma_Lambda: NotNegative | None = optional("gain of Lambda_hat (achieved), times gamma")
-    gamma_J: NotNegative | None = optional("gain of J_hat (demanded), times gamma")
-    gamma_LambdaJ: NotNegative | None = optional("gain of LambdaJ_hat (achieved), times gamma")
-    gamma_c: NotNegative | None = optional("gain of the coupling coefficients, times gamma")
-    c_angle: OneOrThree | None = optional("angle gains, 1/s: one, or roll, pitch, yaw")
-    c_rate: OneOrThree | None = optional("rate gains, 1/s: one, or roll, pitch, yaw")
+    f_m: Annotated[float, Field(ge=0.1, le=10.0)] | None = optional("reference model, rad/s")
+    zeta_m: Annotated[float, Field(ge=0.3, le=5.0)] | None = optional("reference model's damping")
+    gamma: Annotated[float, Field(ge=1.0, le=1000000.0)] | None = optional("adaptation gain")
+    gamma_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
+        "gain of m_hat (demanded), times gamma"
+    )
+    gamma_Lambda: Annotated[float, Field(ge=0.0, le=0.1)] | None = optional(
+        "gain of Lambda_hat (achieved), times gamma"
+    )
+    gamma_J: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
+        "gain of J_hat (demanded), times gamma"
+    )
+    gamma_LambdaJ: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
+        "gain of LambdaJ_hat (achieved), times gamma"
+    )
+    gamma_c: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
+        "gain of the coupling coefficients, times gamma"
+    )
+    c_angle: (
+        Annotated[
+            Annotated[
+                tuple[
+                    Annotated[float, Field(ge=0.1, le=200.0)],
+                    Annotated[float, Field(ge=0.1, le=200.0)],
+                    Annotated[float, Field(ge=0.1, le=200.0)],
+                ],
+                Field(strict=False),
+            ],
+            BeforeValidator(
+                three,
+                json_schema_input_type=float
+                | Annotated[
+                    tuple[
+                        Annotated[float, Field(ge=0.1, le=200.0)],
+                        Annotated[float, Field(ge=0.1, le=200.0)],
+                        Annotated[float, Field(ge=0.1, le=200.0)],
+                    ],
+                    Field(strict=False),
+                ],
+            ),
+        ]
+        | None
+    ) = optional("angle gains, 1/s: one, or roll, pitch, yaw")
+    c_rate: (
+        Annotated[
+            Annotated[
+                tuple[
+                    Annotated[float, Field(ge=0.1, le=2000.0)],
+                    Annotated[float, Field(ge=0.1, le=2000.0)],
+                    Annotated[float, Field(ge=0.1, le=2000.0)],
+                ],
+                Field(strict=False),
+            ],
+            BeforeValidator(
+                three,
+                json_schema_input_type=float
+                | Annotated[
+                    tuple[
+                        Annotated[float, Field(ge=0.1, le=2000.0)],
+                        Annotated[float, Field(ge=0.1, le=2000.0)],
+                        Annotated[float, Field(ge=0.1, le=2000.0)],
+                    ],
+                    Field(strict=False),
+                ],
+            ),
+        ]
+        | None
+    ) = optional("rate gains, 1/s: one, or roll, pitch, yaw")
     bounds: Bounds = Bounds()
-    m_hat_0: Positive | None = optional("mass estimate at take-over, kg")
-    J_hat_0: Positive | None = optional("inertia estimates at take-over (achieved), kg m^2")
-    J_implicit: Positive | None = optional("least J_hat in the backward-Euler step (demanded)")
-    r_m_offset: Numbers | None = optional("reference model minus position at take-over, m")
-    v_hat_offset: Numbers | None = optional("predictor minus velocity at take-over, m/s")
-    rotor_lag_s: NotNegative | None = optional("believed lag of the rotors")
-    rotor_response_s: Positive | None = optional("what the inverted rotor lag is made to look like")
-    thrust_min_n: NotNegative | None = optional("limit of the total thrust")
-    thrust_max_n: Positive | None = optional("limit of the total thrust")
-    tilt_max_deg: Annotated[float, Field(gt=0.0, lt=80.0)] | None = optional("roll and pitch")
-    T_dz_min: NotNegative | None = optional("floor of the demanded vertical force, N")
-    trim_rate: NotNegative | None = optional("trim of thrust, 1/s")
-    trim_max: NotNegative | None = optional("limit of that trim, N")
-    tilt_rate_bandwidth: Positive | None = optional("filter of the tilt command's rate, rad/s")
-    tilt_rate_max: Positive | None = optional("limit of the tilt command's rate, rad/s")
-    yaw_rate_max: Positive | None = optional("limit of the commanded rate of yaw, rad/s")
-    yaw_acceleration: Positive | None = optional("what yaw is believed to slow down with, rad/s^2")
+    m_hat_0: Annotated[float, Field(ge=0.1, le=100.0)] | None = optional(
+        "mass estimate at take-over, kg"
+    )
+    J_hat_0: Annotated[float, Field(ge=0.0, le=10.0)] | None = optional(
+        "inertia estimates at take-over (achieved), kg m^2"
+    )
+    J_implicit: Annotated[float, Field(ge=1e-06)] | None = optional(
+        "least J_hat in the backward-Euler step (demanded)"
+    )
+    r_m_offset: (
+        Annotated[
+            tuple[
+                Annotated[float, Field(ge=-100000.0, le=100000.0)],
+                Annotated[float, Field(ge=-100000.0, le=100000.0)],
+                Annotated[float, Field(ge=-100000.0, le=100000.0)],
+            ],
+            Field(strict=False),
+        ]
+        | None
+    ) = optional("reference model minus position at take-over, m")
+    v_hat_offset: (
+        Annotated[
+            tuple[
+                Annotated[float, Field(ge=-100000.0, le=100000.0)],
+                Annotated[float, Field(ge=-100000.0, le=100000.0)],
+                Annotated[float, Field(ge=-100000.0, le=100000.0)],
+            ],
+            Field(strict=False),
+        ]
+        | None
+    ) = optional("predictor minus velocity at take-over, m/s")
+    rotor_lag_s: Annotated[float, Field(ge=0.0, le=10.0)] | None = optional(
+        "believed lag of the rotors"
+    )
+    rotor_response_s: Annotated[float, Field(ge=0.0001, le=1.0)] | None = optional(
+        "what the inverted rotor lag is made to look like"
+    )
+    thrust_min_n: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
+        "limit of the total thrust"
+    )
+    thrust_max_n: Annotated[float, Field(ge=10.0, le=1000.0)] | None = optional(
+        "limit of the total thrust"
+    )
+    tilt_max_deg: Annotated[float, Field(ge=1.0, le=79.0)] | None = optional("roll and pitch")
+    T_dz_min: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
+        "floor of the demanded vertical force, N"
+    )
+    trim_rate: Annotated[float, Field(ge=0.0, le=20.0)] | None = optional("trim of thrust, 1/s")
+    trim_max: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional("limit of that trim, N")
+    tilt_rate_bandwidth: Annotated[float, Field(ge=0.1, le=1000.0)] | None = optional(
+        "filter of the tilt command's rate, rad/s"
+    )
+    tilt_rate_max: Annotated[float, Field(ge=0.01, le=100.0)] | None = optional(
+        "limit of the tilt command's rate, rad/s"
+    )
+    yaw_rate_max: Annotated[float, Field(ge=0.017453292519943295, le=6.283185307179586)] | None = (
+        optional("limit of the commanded rate of yaw, rad/s")
+    )
+    yaw_acceleration: Annotated[float, Field(ge=0.01, le=100.0)] | None = optional(
+        "what yaw is believed to slow down with, rad/s^2"
+    )
     guard: Literal["warn", "govern", "refuse"] | None = optional(
         "when the actuators do not suffice"
     )
-    guard_mass_kg: TwoPositive | None = optional("between which the mass is believed to lie")
-    guard_drag: Positive | None = optional("greatest drag coefficient, N/(m/s)^2")
-    guard_wind_m_s: NotNegative | None = optional("greatest velocity of the air")
-    guard_wind_rate_m_s2: NotNegative | None = optional("greatest rate of that velocity")
-    guard_jerk_m_s3: Positive | None = optional("fastest change of the reference's acceleration")
+    guard_mass_kg: (
+        Annotated[
+            tuple[
+                Annotated[float, Field(ge=0.1, le=100.0)], Annotated[float, Field(ge=0.1, le=100.0)]
+            ],
+            Field(strict=False),
+        ]
+        | None
+    ) = optional("between which the mass is believed to lie")
+    guard_drag: Annotated[float, Field(ge=0.001, le=10.0)] | None = optional(
+        "greatest drag coefficient, N/(m/s)^2"
+    )
+    guard_wind_m_s: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
+        "greatest velocity of the air"
+    )
+    guard_wind_rate_m_s2: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
+        "greatest rate of that velocity"
+    )
+    guard_jerk_m_s3: Annotated[float, Field(ge=5.0, le=1000.0)] | None = optional(
+        "fastest change of the reference's acceleration"
+    )
 
 
 # --- [wind]

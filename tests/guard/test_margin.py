@@ -185,7 +185,8 @@ def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_
     rows = np.zeros((8000, 8))
 
     def way(f_m, c_angle):
-        params = law(f_m=f_m, c_angle=c_angle, c_rate=1e6)._replace(h=0.001)
+        gains = {"c_angle": Vec3(*[c_angle] * 3), "c_rate": Vec3(*[1e6] * 3)}
+        params = law(f_m=f_m)._replace(h=0.001, **gains)
         foreseen.along(params, np.zeros(1), to_buffer(step)[None], STILL, STILL, rows)
         return rows[:, 5].copy()
 

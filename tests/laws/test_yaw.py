@@ -19,7 +19,7 @@ def test_a_small_error_is_closed_in_proportion(law):
 
 def test_a_large_error_is_closed_at_a_rate_that_can_be_stopped(law):
     """A square root of the error: along it yaw slows down at the believed acceleration."""
-    params = law(yaw_rate_max=100.0)
+    params = law()._replace(yaw_rate_max=100.0)
     knee = params.yaw_acceleration / 10.0**2
     rate, limited = attitude.yaw_rate(params, knee, 0.0)
     assert rate == pytest.approx(10.0 * knee)  # joins the straight part

@@ -85,6 +85,50 @@ PRINTED_BOUNDS: dict[str, float] = {
 }
 
 
+# What a person may choose, each: the same in missions, over MAVLink and here
+RANGES: dict[str, tuple[float, float]] = {
+    "f_m": (0.1, 10.0),
+    "zeta_m": (0.3, 5.0),
+    "gamma": (1.0, 1000000.0),
+    "gamma_m": (0.0, 100.0),
+    "gamma_Lambda": (0.0, 0.1),
+    "gamma_J": (0.0, 100.0),
+    "gamma_LambdaJ": (0.0, 100.0),
+    "gamma_c": (0.0, 100.0),
+    "c_angle": (0.1, 200.0),
+    "c_rate": (0.1, 2000.0),
+    "tilt_rate_bandwidth": (0.1, 1000.0),
+    "tilt_rate_max": (0.01, 100.0),
+    "yaw_rate_max": (math.radians(1.0), math.radians(360.0)),
+    "yaw_acceleration": (0.01, 100.0),
+    "thrust_min_n": (0.0, 100.0),
+    "thrust_max_n": (10.0, 1000.0),
+    "tilt_max_deg": (1.0, 79.0),
+    "T_dz_min": (0.0, 1000.0),
+    "trim_rate": (0.0, 20.0),
+    "trim_max": (0.0, 100.0),
+    "rotor_lag_s": (0.0, 10.0),
+    "rotor_response_s": (0.0001, 1.0),
+    "bounds.m_min": (0.1, 100.0),
+    "bounds.m_max": (0.1, 100.0),
+    "bounds.J_min": (0.0, 10.0),
+    "bounds.J_max": (0.001, 10.0),
+    "bounds.s_v_max": (0.0, 1000.0),
+    "bounds.s_w_max": (0.0, 1000.0),
+    "bounds.c_max": (0.0, 1000.0),
+    "m_hat_0": (0.1, 100.0),
+    "J_hat_0": (0.0, 10.0),
+    "J_implicit": (1e-06, math.inf),
+    "r_m_offset": (-100000.0, 100000.0),
+    "v_hat_offset": (-100000.0, 100000.0),
+    "guard_mass_kg": (0.1, 100.0),
+    "guard_drag": (0.001, 10.0),
+    "guard_wind_m_s": (0.0, 100.0),
+    "guard_wind_rate_m_s2": (0.0, 1000.0),
+    "guard_jerk_m_s3": (5.0, 1000.0),
+}
+
+
 def _three(name: str, value: Any) -> Vec3:
     row = [float(value)] * 3 if isinstance(value, int | float) else [float(v) for v in value]
     if len(row) != 3 or not all(math.isfinite(v) for v in row):
@@ -151,6 +195,15 @@ def law_params(
     if value["guard"] not in POLICIES:
         raise ParameterError(f"guard: expected {', '.join(POLICIES)}, got {value['guard']}")
     bounds = {**(BOUNDS if achieved else PRINTED_BOUNDS), **bounds_given}
+    all_of = {
+        **limits,
+        "rotor_lag_s": lag,
+        **value,
+        **{f"bounds.{k}": v for k, v in bounds.items()},
+    }
+    for name, (low, high) in RANGES.items():
+        if not np.all((low <= np.asarray(all_of[name])) & (np.asarray(all_of[name]) <= high)):
+            raise ParameterError(f"{name}: expected a value from {low:g} to {high:g}")
     gamma = float(value["gamma"])
     h = 1.0 / rate_hz
     B_x, B_y, B_z = _columns(believed)
@@ -209,9 +262,9 @@ def check(params: LawParams) -> None:
     """Raise ParameterError for values that the kernels cannot work with."""
     b, guard = params.bounds, params.guard
     for name, ok, expected in (
-        ("f_m", 0.0 < params.f_m <= 10.0, "between 0 and 10 rad/s"),
-        ("zeta_m", 0.0 < params.zeta_m <= 5.0, "between 0 and 5"),
-        ("gamma", 0.0 < params.gamma <= 1e6, "between 0 and 1e6"),
+        ("f_m", 0.1 <= params.f_m <= 10.0, "between 0.1 and 10 rad/s"),
+        ("zeta_m", 0.3 <= params.zeta_m <= 5.0, "between 0.3 and 5"),
+        ("gamma", 1.0 <= params.gamma <= 1e6, "between 1 and 1e6"),
         ("yaw_rate_max", params.yaw_rate_max > 0.0, "above 0 rad/s"),
         ("yaw_acceleration", params.yaw_acceleration > 0.0, "above 0 rad/s^2"),
         ("m_hat_0", b.m_min <= params.m_hat_0 <= b.m_max, f"in [{b.m_min}, {b.m_max}] kg"),
@@ -233,7 +286,7 @@ def check(params: LawParams) -> None:
             0.1 <= guard.m_min <= guard.m_max <= 100.0,
             "[least, most], from 0.1 to 100 kg",
         ),
-        ("guard_drag", 1e-4 <= guard.c_D <= 10.0, "from 0.0001 to 10 N/(m/s)^2"),
+        ("guard_drag", 1e-3 <= guard.c_D <= 10.0, "from 0.001 to 10 N/(m/s)^2"),
         ("guard_wind_m_s", 0.0 <= guard.w_max <= 100.0, "from 0 to 100 m/s"),
         ("guard_wind_rate_m_s2", 0.0 <= guard.w_dot_max <= 1000.0, "from 0 to 1000 m/s^2"),
         ("guard_jerk_m_s3", 5.0 <= guard.jerk <= 1000.0, "from 5 to 1000 m/s^3"),
