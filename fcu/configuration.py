@@ -6,8 +6,9 @@ from pathlib import Path
 
 from fcu.interface.airframe import OCTO, AirframeError, believed, believed_drag
 from fcu.interface.handover import HandoverError, load
+from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
-from fcu.laws.mmrac.parameters import ParameterError, check, law_params
+from fcu.laws.mmrac.parameters import check, law_params
 from fcu.laws.mmrac.types import LawParams
 
 

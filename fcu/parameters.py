@@ -1,8 +1,12 @@
-"""The vehicle's parameters: read, set, refused with a reason, saved.
+"""The vehicle's parameters: its own table, and a store of all: read, set, refused, saved.
+
+Names, meanings and units of the vehicle's own are PX4's where PX4 has the parameter, so that a
+ground station's own description fits; defaults are this vehicle's. REF_ and MR_ are its own. The
+law's come from the law's table.
 
 A value is a float32, kept as the shortest decimal that is that float32 (0.3, not
 0.30000001192...): what is saved and read again is the same to the bit. A parameter at its value
-of the start leaves LawParams as it was handed over, to the bit.
+of the start leaves the law's Params as they were handed over, to the bit.
 """
 
 from __future__ import annotations
@@ -13,17 +17,20 @@ import re
 import stat
 import tempfile
 import tomllib
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard.stability import grounded, stable, unstable
-from fcu.laws.mmrac.parameters import ParameterError, check
+from fcu.guard import stability
+from fcu.interface.airframe import OCTO, load
+from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
+from fcu.laws.mmrac import parameters as mmrac
 from fcu.laws.mmrac.types import LawParams
-from fcu.parameters_law import DECIDES, LAW, PREDICTION, with_values
-from fcu.parameters_table import BELOW, NOT_ABOVE, VEHICLE, Parameter
 
-__all__ = ["Parameter", "Parameters", "ParamsFileError", "Refused"]
+__all__ = ["VEHICLE", "Parameters", "ParamsFileError", "Refused", "Setting", "settings"]
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
@@ -31,6 +38,138 @@ RULE = (
     " (the loop has to be stable in hover, estimates right or 3 dB off:"
     ' fcu/laws/mmrac/README.md, "Which gains go together")'
 )
+
+P = Parameter
+
+VEHICLE: tuple[Parameter, ...] = (
+    *group(
+        "Modes that lead the vehicle",
+        P("", "MIS_TAKEOFF_ALT", 2.5, 0.5, 80.0, "m", "height of a take-off that names none"),
+        P("", "RTL_RETURN_ALT", 10.0, 0.0, 150.0, "m", "height above home of the way back"),
+        P("", "MPC_XY_CRUISE", 5.0, 0.5, 20.0, "m/s", "speed across of modes that lead the vehicle"),
+        P("", "MPC_XY_VEL_MAX", 12.0, 0.5, 20.0, "m/s", "greatest speed across that is asked for"),
+        P("", "MPC_Z_VEL_MAX_UP", 3.0, 0.5, 8.0, "m/s", "greatest speed of a climb"),
+        P("", "MPC_Z_VEL_MAX_DN", 1.5, 0.5, 4.0, "m/s", "greatest speed of a descent"),
+        P("", "MPC_ACC_HOR", 3.0, 0.5, 8.0, "m/s^2", "acceleration across of modes that lead the vehicle"),
+        P("", "MPC_ACC_UP_MAX", 3.0, 0.5, 6.0, "m/s^2", "vertical acceleration of those modes, up and down"),
+        P("", "MPC_LAND_SPEED", 0.7, 0.3, 1.5, "m/s", "speed of a landing near the ground"),
+        P("", "MPC_MAN_Y_MAX", 60.0, 1.0, 180.0, "deg/s", "yaw rate at full stick in position mode"),
+        P("", "REF_STEP_E", 5.0, -50.0, 50.0, "m", "step of the reference generator to the east"),
+        P("", "REF_STEP_N", 0.0, -50.0, 50.0, "m", "step of the reference generator to the north"),
+        P("", "REF_STEP_U", 0.0, -20.0, 20.0, "m", "step of the reference generator upwards"),
+        P("", "REF_STEP_T", 10.0, 1.0, 120.0, "s", "time at each end of that step"),
+        P("", "REF_8_LEN", 10.0, 1.0, 100.0, "m", "length of the generator's figure-eight, to the east"),
+        P("", "REF_8_WIDTH", 5.0, 1.0, 100.0, "m", "width of that figure-eight, to the north"),
+        P("", "REF_8_SPEED", 3.0, 0.1, 10.0, "m/s", "speed at which that figure-eight crosses itself"),
+    ),
+    *group(
+        "Setpoints of a script, and their loss",
+        P("", "MR_SP_DIST", 100.0, 1.0, 10000.0, "m", "setpoints farther away are flown at this distance"),
+        P("", "MR_SP_BELOW", 1.0, 0.0, 10000.0, "m", "setpoints farther below home are flown there"),
+        P("", "COM_OF_LOSS_T", 1.0, 0.1, 60.0, "s", "age of the last setpoint at which offboard is lost"),
+        P("", "COM_OBL_RC_ACT", 0.0, 0.0, 7.0, "", "then: 0 position, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm", values=(0.0, 3.0, 4.0, 5.0, 6.0, 7.0)),
+        P("", "COM_RC_LOSS_T", 0.5, 0.1, 35.0, "s", "time for which a joystick's last word is flown"),
+    ),
+    *group(
+        "Arming",
+        P("", "COM_DISARM_LAND", 2.0, -1.0, 60.0, "s", "time on the ground until it disarms; below 0 never"),
+        P("", "COM_DISARM_PRFLT", 10.0, -1.0, 60.0, "s", "time until it disarms if it does not take off; below 0 never"),
+    ),
+    *group(
+        "Battery",
+        P("", "BAT_EMERGEN_THR", 0.05, 0.0, 1.0, "", "charge at which it is an emergency", below="BAT_CRIT_THR"),
+        P("", "BAT_CRIT_THR", 0.07, 0.0, 1.0, "", "charge at which it is critical", below="BAT_LOW_THR"),
+        P("", "BAT_LOW_THR", 0.15, 0.0, 1.0, "", "charge at which the battery is low"),
+        P("", "BAT1_CAPACITY", None, 100.0, 100000.0, "mAh", "of a full battery, for the time left", airframe="battery.capacity_mah"),
+        P("", "BAT1_N_CELLS", None, 1.0, 16.0, "", "cells in series, as the plant has them", read_only=True, airframe="battery.cells"),
+    ),
+    *group(
+        "What ground stations ask for",
+        P("", "COM_DL_LOSS_T", 10.0, 5.0, 300.0, "s", "no effect: see NAV_DLL_ACT", read_only=True),
+        P("", "NAV_DLL_ACT", 0.0, 0.0, 6.0, "", "no action on the loss of a ground station", read_only=True),
+        P("", "SYS_FAILURE_EN", 0.0, 0.0, 1.0, "", "failures cannot be injected by command", read_only=True),
+        P("", "SYS_AUTOSTART", 8001.0, 0.0, 9999999.0, "", "airframe: octocopter x", read_only=True),
+        P("", "MAV_SYS_ID", 1.0, 1.0, 250.0, "", "MAVLink system, set at the start", read_only=True),
+        P("", "MAV_TYPE", 14.0, 0.0, 45.0, "", "MAVLink type: octocopter", read_only=True),
+    ),
+)  # fmt: skip
+
+
+# --- a parameter as MAVLink has it
+
+
+class Setting(NamedTuple):
+    """One parameter of MAVLink: a part of a row, in MAVLink's unit. Every value is a REAL32."""
+
+    part: Part
+    row: Parameter
+    unit: str  # empty: a number without unit
+    low: float
+    high: float
+    default: float
+    values: tuple[float, ...] | None  # if only these are allowed
+
+    @property
+    def name(self) -> str:
+        """At most 16 characters."""
+        return self.part.name
+
+    @property
+    def sentence(self) -> str:
+        """What it is."""
+        words = sorted((number, word) for word, number in (self.row.words or {}).items())
+        meanings = ", ".join(f"{number:g} {word}" for number, word in words)
+        return f"{self.part.sentence}: {meanings}" if meanings else self.part.sentence
+
+    def get(self, law: Any) -> float:
+        """Its value in the law's Params."""
+        at = self.row.fields.index(self.part.fields[0])
+        number = self.row.get(law)[at]
+        return math.degrees(number) if self.row.degrees else number
+
+    def put(self, law: Any, value: float) -> Any:
+        """The law's Params with another value."""
+        number = math.radians(value) if self.row.degrees else value
+        old = zip(self.row.fields, self.row.get(law), strict=True)
+        return self.row.put(law, tuple(number if f in self.part.fields else v for f, v in old))
+
+    def expected(self) -> str:
+        """What it may be, in words."""
+        if self.values is not None:
+            return "one of " + ", ".join(_number(v) for v in self.values)
+        return f"{_number(self.low)} to {_number(self.high)} {self.unit}".rstrip()
+
+
+def settings(rows: Iterable[Parameter], airframe: Mapping[str, Any]) -> dict[str, Setting]:
+    """Name -> MAVLink's parameter, in the order of the rows. `airframe`: tables of its file."""
+    found = {}
+    for row in rows:
+        scale = math.degrees if row.degrees else float
+        numbers = row.numbers(default(row, airframe)) if row.parts else ()
+        for part in row.parts:
+            found[part.name] = Setting(
+                part=part,
+                row=row,
+                unit=row.unit.replace("rad", "deg") if row.degrees else row.unit,
+                low=scale(row.low),
+                high=scale(row.high),
+                default=scale(numbers[row.fields.index(part.fields[0])]),
+                values=tuple(sorted(row.words.values())) if row.words else row.values,
+            )
+    return found
+
+
+def _pairs(table: Mapping[str, Setting]) -> Iterator[tuple[str, str, bool]]:
+    """Names of which the first must not be above the second, and whether it must be below."""
+    names = {p.row.name: name for name, p in table.items()}
+    for name, p in table.items():
+        if p.row.below:
+            yield name, names[p.row.below], True
+        if p.row.interval and p.part is p.row.parts[0]:
+            yield name, p.row.parts[1].name, False
+
+
+# --- the store
 
 
 class Refused(ValueError):
@@ -59,29 +198,37 @@ def _number(value: float) -> str:
     return f"{value:.9g}"
 
 
-def expected(p: Parameter) -> str:
-    """What a parameter may be, in words."""
-    if p.values is not None:
-        return "one of " + ", ".join(_number(v) for v in p.values)
-    return f"{_number(p.low)} to {_number(p.high)} {p.unit}".rstrip()
-
-
 class Parameters:
-    """Every parameter of one vehicle, and the law's parameters in force."""
+    """Every parameter of one vehicle, and the law's Params in force."""
 
-    def __init__(self, law: LawParams, system_id: int, file: Path | None = None) -> None:
-        """`file`: read now, if it is there; its folder must be. Raises ParamsFileError."""
-        table = {p.name: p for p in (*VEHICLE, *(entry.parameter for entry in LAW.values()))}
-        self.names: tuple[str, ...] = tuple(sorted(table))
-        self._table = table
+    def __init__(
+        self,
+        law: LawParams,
+        system_id: int,
+        file: Path | None = None,
+        module: ModuleType = mmrac,
+        rule: ModuleType | None = stability,
+        airframe: Path = OCTO,
+    ) -> None:
+        """`file`: read now, if it is there; its folder must be. Raises ParamsFileError.
+
+        `module`: where the law has its PARAMETERS, and a check of its Params; `rule`: which values
+        go together.
+        """
+        self._module, self._rule = module, rule
+        tables = load(airframe)
+        self._of_law = settings(module.PARAMETERS, tables)  # in the order of `put`
+        self._table = {**settings(VEHICLE, tables), **self._of_law}
+        self._pairs = tuple(_pairs(self._table))
+        self.names: tuple[str, ...] = tuple(sorted(self._table))
         self._indices = {name: i for i, name in enumerate(self.names)}
         self._start_law = law
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
         self.law = law  # in force
         # what starts unstable, or unable to hover, may fly on, for a study
-        self._stable, self._able = not unstable(law), not grounded(law)
-        self._values = self._all_values(self._changed)
+        self._stable, self._able = not self._unstable(law), not self._grounded(law)
+        self._values = self._bases(self._changed)
         self.changed: tuple[str, ...] = ()  # by the last value that was set
         if file is not None:
             self._read(file)
@@ -98,7 +245,7 @@ class Parameters:
         """The value in force. Raises KeyError."""
         return self._values[name]
 
-    def info(self, name: str) -> Parameter:
+    def info(self, name: str) -> Setting:
         """What a parameter is. Raises KeyError."""
         return self._table[name]
 
@@ -113,10 +260,10 @@ class Parameters:
         value = shortest(value)
         if value == self._values[name]:
             return False
-        if p.read_only:
+        if p.row.read_only:
             raise Refused(READ_ONLY, f"{name} is read only: {p.sentence}")
         self._in_range(p, value)
-        if p.disarmed_only and armed:
+        if p.row.disarmed_only and armed:
             raise Refused(PERMISSION_DENIED, f"{name} can be set while disarmed only")
         before = self._values
         self._adopt({**self._changed, name: value}, f"{name} {_number(value)} refused: ")
@@ -129,43 +276,63 @@ class Parameters:
 
     # --- what is in force
 
-    def _base(self, name: str, changed: dict[str, float]) -> float:
-        """The value that a parameter has while nobody sets it."""
-        if name in LAW:
-            prediction = {k: v for k, v in changed.items() if k == PREDICTION and k != name}
-            return shortest(LAW[name].get(with_values(self._start_law, prediction)))
-        return self._fixed.get(name, self._table[name].default)
+    def _bases(self, changed: Mapping[str, float]) -> dict[str, float]:
+        """The value that each parameter has while nobody sets it: some go with others' values."""
+        leading = {k: v for k, v in changed.items() if self._table[k].row.leads}
+        law = self._with(leading) if leading else self._start_law
+        found = {}
+        for name in self.names:
+            p = self._of_law.get(name)
+            if p is None:
+                found[name] = self._fixed.get(name, self._table[name].default)
+            else:
+                found[name] = shortest(p.get(self._start_law if p.row.leads else law))
+        return found
 
-    def _all_values(self, changed: dict[str, float]) -> dict[str, float]:
-        return {name: changed.get(name, self._base(name, changed)) for name in self.names}
+    def _with(self, values: Mapping[str, float]) -> LawParams:
+        """The law's Params with the law's among `values`; those of the start if there are none."""
+        law = self._start_law
+        for name, p in self._of_law.items():
+            if name in values:
+                law = p.put(law, values[name])
+        return law
+
+    def _law_alone(self, values: Mapping[str, float]) -> dict[str, float]:
+        return {name: value for name, value in values.items() if name in self._of_law}
+
+    def _unstable(self, law: LawParams) -> str:
+        return self._rule.unstable(law) if self._rule else ""
+
+    def _grounded(self, law: LawParams) -> str:
+        return self._rule.grounded(law) if self._rule else ""
 
     @staticmethod
-    def _in_range(p: Parameter, value: float) -> None:
+    def _in_range(p: Setting, value: float) -> None:
         allowed = value in p.values if p.values is not None else p.low <= value <= p.high
         if not allowed:  # nor is what is not a number
-            raise Refused(OUT_OF_RANGE, f"{p.name} {_number(value)} refused: {expected(p)}")
+            raise Refused(OUT_OF_RANGE, f"{p.name} {_number(value)} refused: {p.expected()}")
 
     def _adopt(self, wanted: dict[str, float], refused: str) -> None:
         """Put values in force that are in range each. Raises Refused if not so together."""
-        changed = {k: v for k, v in wanted.items() if v != self._base(k, wanted)}
-        values = self._all_values(changed)
-        for low, high in (*BELOW, *NOT_ABOVE):
-            strict = (low, high) in BELOW
+        bases = self._bases(wanted)
+        changed = {k: v for k, v in wanted.items() if v != bases[k]}
+        values = {**self._bases(changed), **changed}
+        for low, high, strict in self._pairs:
             if values[low] < values[high] or (values[low] == values[high] and not strict):
                 continue
             must = "must be below" if strict else "must not be above"
             at = f"{low} {_number(values[low])} {must} {high} {_number(values[high])}"
             raise Refused(OUT_OF_RANGE, refused + at)
-        if _of_law(changed) != _of_law(self._changed):
-            law = with_values(self._start_law, _of_law(changed))
+        if self._law_alone(changed) != self._law_alone(self._changed):
+            law = self._with(changed)
             try:
-                check(law)
+                self._module.check(law)
             except ParameterError as error:
                 raise Refused(OUT_OF_RANGE, f"{refused}{error}") from error
-            why = grounded(law)
+            why = self._grounded(law)
             if why and self._able:
                 raise Refused(OUT_OF_RANGE, refused + why)
-            channel = unstable(law)
+            channel = self._unstable(law)
             if channel and self._stable:
                 raise Unstable(OUT_OF_RANGE, refused + self._why(channel, changed, values))
             self.law, self._stable, self._able = law, not channel, not why
@@ -173,8 +340,10 @@ class Parameters:
 
     def _why(self, channel: str, changed: dict[str, float], values: dict[str, float]) -> str:
         """Why a combination that is not stable is refused: the channel, with what, what would do."""
-        new = [n for n in DECIDES[channel] if values[n] != self._values[n]]
-        beside = [n for n in DECIDES[channel] if n not in new][:2]
+        assert self._rule is not None
+        decides = self._rule.DECIDES[channel]
+        new = [n for n in decides if values[n] != self._values[n]]
+        beside = [n for n in decides if n not in new][:2]
         why = f"{channel} unstable with " + ", ".join(f"{n} {_number(values[n])}" for n in beside)
         if len(new) != 1:
             return why
@@ -182,8 +351,8 @@ class Parameters:
         good, bad = self._values[name], values[name]
         for _ in range(5):  # halve the way, in ratio
             middle = float(f"{(good * bad) ** 0.5:.3g}")
-            law = with_values(self._start_law, {**_of_law(changed), name: middle})
-            fine = stable(law, channel) and not unstable(law)
+            law = self._with({**changed, name: middle})
+            fine = self._rule.stable(law, channel) and not self._unstable(law)
             good, bad = (middle, bad) if fine else (good, middle)
         return f"{why}; {_number(good)} would do"
 
@@ -193,7 +362,7 @@ class Parameters:
         """The file's text: TOML, a parameter a line, without those that are read only."""
         rows = []
         for p in (self._table[name] for name in self.names):
-            if not p.read_only:
+            if not p.row.read_only:
                 of = f"{p.unit}: " if p.unit else ""
                 rows.append(f"{p.name} = {self._values[p.name]!r}  # {of}{p.sentence}\n")
         return "".join(rows)
@@ -249,10 +418,10 @@ class Parameters:
             p = self._table.get(name)
             if p is None:
                 raise ParamsFileError(f"{where}: no such parameter")
-            if p.read_only:
+            if p.row.read_only:
                 raise ParamsFileError(f"{where}: read only: {p.sentence}")
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ParamsFileError(f"{where}: expected a number, {expected(p)}, got {value!r}")
+                raise ParamsFileError(f"{where}: expected a number, {p.expected()}, got {value!r}")
             try:
                 values[name] = shortest(value)
             except OverflowError:
@@ -261,7 +430,7 @@ class Parameters:
                 self._in_range(p, values[name])
             except Refused as error:
                 got = _number(values[name])
-                raise ParamsFileError(f"{where}: expected {expected(p)}, got {got}") from error
+                raise ParamsFileError(f"{where}: expected {p.expected()}, got {got}") from error
         try:
             self._adopt(values, "")
         except Refused:
@@ -282,10 +451,6 @@ class Parameters:
             except Refused as refused:
                 name, why = name or each, refused
         return name, why
-
-
-def _of_law(values: dict[str, float]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if name in LAW}
 
 
 def _line(text: str, name: str) -> int:

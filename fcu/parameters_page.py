@@ -1,37 +1,68 @@
-"""docs/parameters.md: every parameter with its unit, range, default and sentence.
+"""docs/parameters.md: every parameter of missions and of MAVLink, in groups.
 
 python -m fcu.parameters_page docs/parameters.md
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
-from fcu.configuration import read_law
-from fcu.parameters import Parameters, expected
+from fcu.interface.airframe import OCTO, load
+from fcu.interface.parameter import Parameter, default
+from fcu.laws.mmrac.parameters import PARAMETERS
+from fcu.parameters import VEHICLE, settings
 
 HEAD = """# Parameters
 
-All REAL32. `MR_` are the law's, and are in force from the next tick; the others have PX4's names.
-What is refused, and why: [mavlink.md](mavlink.md). Written by `make schemas`.
-
-| name | default | may be | |
-|---|---|---|---|
+A parameter of the law has a key in a mission's `[law]`, and most have a name that ground stations
+set them by. Of those with a name all are REAL32; the law's are in force from the next tick; names
+that do not begin with MR_ or REF_ are PX4's. What is refused, and why: [mavlink.md](mavlink.md).
+Written by `make schemas`.
 """
+TITLES = "\n## {}\n\n| `[law]` | MAVLink | default | may be | |\n|---|---|---|---|---|\n"
 
 
-def page() -> str:
-    """The text of the page, for the default airframe and control rate."""
-    params = Parameters(read_law(None, 500.0), 1)
-    rows = []
-    for name in params.names:
-        p = params.info(name)
-        limits = "read only" if p.read_only else expected(p)
-        when = " (while disarmed)" if p.disarmed_only else ""
-        rows.append(f"| {name} | {params[name]:.6g} | {limits}{when} | {p.sentence} |\n")
-    return HEAD + "".join(rows)
+def page(law: Iterable[Parameter] = PARAMETERS) -> str:
+    """The text of the page, for the default airframe; `law`: the table of a law."""
+    airframe = load(OCTO)
+    text, of = HEAD, ""
+    for row in (*law, *VEHICLE):
+        text += TITLES.format(row.group) if row.group != of else ""
+        of = row.group
+        text += "".join(_rows(row, airframe))
+    return text
+
+
+def _rows(row: Parameter, airframe: Mapping[str, Any]) -> Iterator[str]:
+    """A row for the key, and one for each name that is not the whole of it."""
+    known = settings([row], airframe).values()
+    one = len(known) == 1
+    if row.key and not one:
+        low, high = (_number(v) for v in (row.low, row.high))
+        allowed = f"at least {low}" if row.high == math.inf else f"{low} to {high}"
+        numbers = row.numbers(default(row, airframe))
+        shown = ", ".join(_number(v) for v in dict.fromkeys(numbers))
+        yield _row(row.key, "", shown, f"{allowed} {row.unit}", row.sentence)
+    for p in known:
+        when = " (while disarmed)" if row.disarmed_only else ""
+        allowed = "read only" if row.read_only else f"{p.expected()}{when}"
+        key = row.key if one else ""
+        key += f", {row.unit}" if key and row.degrees else ""
+        given = _number(p.default) + (f", {row.default}" if row.words else "")
+        yield _row(key, p.name, given, allowed, p.sentence)
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cell.rstrip() for cell in cells)} |\n"
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"
 
 
 @click.command()

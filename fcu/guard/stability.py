@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.laws.mmrac.parameters import rotor_mean
+from fcu.laws.mmrac.parameters import rotor_lag
 from fcu.laws.mmrac.types import LawParams
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
@@ -32,23 +32,6 @@ OFF = (1.0, 1.0 / math.sqrt(2.0), math.sqrt(2.0))  # estimates over truth: right
 # What is left of the inverted lag when its command is cut. Set by flights: with 2, combinations pass
 # that fail even in small steps; with 1, combinations that settle after large ones do not.
 KAPPA_CUT = 1.5
-
-
-def rotor_lag(params: LawParams) -> float:
-    """The lag (s) that a rotor is believed to have: the inverse of `rotor_mean`.
-
-    A lag beyond 10 000 periods reads as that.
-    """
-    weight = params.rotor_mean
-    if weight <= 0.0:
-        return 0.0
-    low, high = 0.0, 1e4 * params.h
-    while low < (middle := 0.5 * (low + high)) < high:
-        if rotor_mean(params.h, middle) < weight:
-            low = middle
-        else:
-            high = middle
-    return high
 
 
 class Fade(NamedTuple):
@@ -174,6 +157,16 @@ CHANNELS: dict[str, Callable[[LawParams, Fade, float], Matrix]] = {
     "roll": lambda params, lag, off: tilt(params, lag, off, 0),
     "pitch": lambda params, lag, off: tilt(params, lag, off, 1),
     "yaw": yaw,
+}
+
+# MAVLink's parameters that decide whether a channel is stable; what stands first is what it is
+# held against.
+_OF_TILT = ("MR_C_TILT", "MR_C_PQ", "MR_F_M", "MR_ZETA_M", "MR_GAMMA", "MR_ROTOR_RESP")
+DECIDES: dict[str, tuple[str, ...]] = {
+    "height": ("MR_F_M", "MR_GAMMA", "MR_ZETA_M", "MR_G_LAM", "MR_TRIM_RATE", "MR_ROTOR_RESP"),
+    "roll": _OF_TILT,
+    "pitch": _OF_TILT,
+    "yaw": ("MR_C_YAW", "MR_C_R", "MR_GAMMA", "MR_ROTOR_RESP"),
 }
 
 

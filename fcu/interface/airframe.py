@@ -72,12 +72,15 @@ OCTO = Path(__file__).resolve().parents[1] / "airframes" / "s1000.toml"
 
 
 def believed(path: Path = OCTO) -> tuple[Airframe, dict[str, Any]]:
-    """The airframe the controller believes it flies, and its `[limits]`. Raises AirframeError."""
+    """The airframe the controller believes it flies, and all tables of its file.
+
+    Raises AirframeError.
+    """
     tables = load(path)
     for table in ("rotors", "limits"):
         if table not in tables:
             raise AirframeError(f"{path}: [{table}] is missing")
-    return airframe(tables["rotors"], str(path)), tables["limits"]
+    return airframe(tables["rotors"], str(path)), tables
 
 
 def believed_drag(path: Path = OCTO) -> Vec3:

@@ -88,7 +88,7 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
 def _found(name: str, settings: tuple[str, ...], figure: Path | None) -> Envelope:
     """Raises MissionError, OSError."""
     from fcu.interface.airframe import AirframeError
-    from fcu.laws.mmrac.parameters import ParameterError
+    from fcu.interface.parameter import ParameterError
     from fcu.theory.responses import UnstableError
     from gcs_tools.judging.envelope import envelope as of
     from gcs_tools.missions.mission import MissionError, load, override

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.airframe import AirframeError, believed_drag
+from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.mmrac import wind
-from fcu.laws.mmrac.parameters import ParameterError
 from gcs_tools.cli.terminal import Quiet, Show
 from gcs_tools.flight import rollout
 from gcs_tools.flight.instance import claimed

@@ -57,13 +57,12 @@ class Scenario:
 def scenario(mission: Mission) -> Scenario:
     """What a mission flies. Raises ParameterError or AirframeError for what cannot be flown."""
     flight = mission.flight
-    airframe, limits = believed()
     chosen = mission.law.model_dump(exclude_none=True)
     start = flight.start.model_dump(exclude_none=True)
     ticks = [int(k) for k in setpoint_times(flight)]
     arrive = flight.arrive
     return Scenario(
-        law=law_params(airframe, limits, flight.rate_hz, chosen),
+        law=law_params(*believed(), flight.rate_hz, chosen),
         world=world(
             rate_hz=flight.rate_hz,
             seed=flight.seed,

@@ -8,10 +8,13 @@ sitl_plant/truth.toml.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
+from fcu.interface.parameter import Parameter
+from fcu.laws.mmrac.parameters import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.fields import (
     ZERO,
@@ -30,182 +33,37 @@ from gcs_tools.missions.flight_table import Flight
 # --- [law]
 
 
-class Bounds(Table):
-    """The sets that projection keeps the estimates in."""
-
-    m_min: Annotated[float, Field(ge=0.1, le=100.0)] | None = optional("kg")
-    m_max: Annotated[float, Field(ge=0.1, le=100.0)] | None = optional("kg")
-    J_min: Annotated[float, Field(ge=0.0, le=10.0)] | None = optional("kg m^2")
-    J_max: Annotated[float, Field(ge=0.001, le=10.0)] | None = optional("kg m^2")
-    s_v_max: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
-        "drag force over mass, m/s^2"
-    )
-    s_w_max: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
-        "angular disturbance, rad/s^2"
-    )
-    c_max: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
-        "coupling and gyroscopic coefficients"
-    )
+def _value(row: Parameter) -> Any:
+    """What a parameter of the law may be."""
+    if row.words is not None:
+        return Literal[tuple(row.words)]
+    limits = {"ge": row.low, "le": row.high}
+    number = Annotated[float, Field(**{k: v for k, v in limits.items() if math.isfinite(v)})]
+    n = len(row.fields)
+    if n < 2:
+        return number
+    numbers: Any = tuple[(number,) * n]  # type: ignore[misc]
+    several: Any = Annotated[numbers, Field(strict=False)]
+    each = BeforeValidator(three, json_schema_input_type=float | several)
+    return Annotated[several, each] if row.axes else several
 
 
-class Law(Table):
-    """Parameters of the law; fcu/laws/mmrac/README.md says what each does."""
+def law_table(rows: Iterable[Parameter]) -> type[Table]:
+    """[law] for a law's table of parameters: a key a row, a table for keys with a dot."""
+    tables: dict[str, dict[str, Any]] = {"": {}}
+    for row in rows:
+        if row.key:
+            above, _, key = row.key.rpartition(".")
+            tables.setdefault(above, {})[key] = _value(row) | None, optional(row.described())
+    for name, keys in tables.items():
+        if name:
+            inner = create_model(name.capitalize(), __base__=Table, **keys)
+            tables[""][name] = inner, inner()
+    doc = "Parameters of the law; docs/parameters.md lists them with what a ground station calls them."
+    return create_model("Law", __base__=Table, __doc__=doc, **tables[""])
 
-    prediction: Literal["achieved", "demanded"] | None = optional("force the predictor is told")
-    f_m: Annotated[float, Field(ge=0.1, le=10.0)] | None = optional("reference model, rad/s")
-    zeta_m: Annotated[float, Field(ge=0.3, le=5.0)] | None = optional("reference model's damping")
-    gamma: Annotated[float, Field(ge=1.0, le=1000000.0)] | None = optional("adaptation gain")
-    gamma_m: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
-        "gain of m_hat (demanded), times gamma"
-    )
-    gamma_Lambda: Annotated[float, Field(ge=0.0, le=0.1)] | None = optional(
-        "gain of Lambda_hat (achieved), times gamma"
-    )
-    gamma_J: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
-        "gain of J_hat (demanded), times gamma"
-    )
-    gamma_LambdaJ: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
-        "gain of LambdaJ_hat (achieved), times gamma"
-    )
-    gamma_c: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
-        "gain of the coupling coefficients, times gamma"
-    )
-    c_angle: (
-        Annotated[
-            Annotated[
-                tuple[
-                    Annotated[float, Field(ge=0.1, le=200.0)],
-                    Annotated[float, Field(ge=0.1, le=200.0)],
-                    Annotated[float, Field(ge=0.1, le=200.0)],
-                ],
-                Field(strict=False),
-            ],
-            BeforeValidator(
-                three,
-                json_schema_input_type=float
-                | Annotated[
-                    tuple[
-                        Annotated[float, Field(ge=0.1, le=200.0)],
-                        Annotated[float, Field(ge=0.1, le=200.0)],
-                        Annotated[float, Field(ge=0.1, le=200.0)],
-                    ],
-                    Field(strict=False),
-                ],
-            ),
-        ]
-        | None
-    ) = optional("angle gains, 1/s: one, or roll, pitch, yaw")
-    c_rate: (
-        Annotated[
-            Annotated[
-                tuple[
-                    Annotated[float, Field(ge=0.1, le=2000.0)],
-                    Annotated[float, Field(ge=0.1, le=2000.0)],
-                    Annotated[float, Field(ge=0.1, le=2000.0)],
-                ],
-                Field(strict=False),
-            ],
-            BeforeValidator(
-                three,
-                json_schema_input_type=float
-                | Annotated[
-                    tuple[
-                        Annotated[float, Field(ge=0.1, le=2000.0)],
-                        Annotated[float, Field(ge=0.1, le=2000.0)],
-                        Annotated[float, Field(ge=0.1, le=2000.0)],
-                    ],
-                    Field(strict=False),
-                ],
-            ),
-        ]
-        | None
-    ) = optional("rate gains, 1/s: one, or roll, pitch, yaw")
-    bounds: Bounds = Bounds()
-    m_hat_0: Annotated[float, Field(ge=0.1, le=100.0)] | None = optional(
-        "mass estimate at take-over, kg"
-    )
-    J_hat_0: Annotated[float, Field(ge=0.0, le=10.0)] | None = optional(
-        "inertia estimates at take-over (achieved), kg m^2"
-    )
-    J_implicit: Annotated[float, Field(ge=1e-06)] | None = optional(
-        "least J_hat in the backward-Euler step (demanded)"
-    )
-    r_m_offset: (
-        Annotated[
-            tuple[
-                Annotated[float, Field(ge=-100000.0, le=100000.0)],
-                Annotated[float, Field(ge=-100000.0, le=100000.0)],
-                Annotated[float, Field(ge=-100000.0, le=100000.0)],
-            ],
-            Field(strict=False),
-        ]
-        | None
-    ) = optional("reference model minus position at take-over, m")
-    v_hat_offset: (
-        Annotated[
-            tuple[
-                Annotated[float, Field(ge=-100000.0, le=100000.0)],
-                Annotated[float, Field(ge=-100000.0, le=100000.0)],
-                Annotated[float, Field(ge=-100000.0, le=100000.0)],
-            ],
-            Field(strict=False),
-        ]
-        | None
-    ) = optional("predictor minus velocity at take-over, m/s")
-    rotor_lag_s: Annotated[float, Field(ge=0.0, le=10.0)] | None = optional(
-        "believed lag of the rotors"
-    )
-    rotor_response_s: Annotated[float, Field(ge=0.0001, le=1.0)] | None = optional(
-        "what the inverted rotor lag is made to look like"
-    )
-    thrust_min_n: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
-        "limit of the total thrust"
-    )
-    thrust_max_n: Annotated[float, Field(ge=10.0, le=1000.0)] | None = optional(
-        "limit of the total thrust"
-    )
-    tilt_max_deg: Annotated[float, Field(ge=1.0, le=79.0)] | None = optional("roll and pitch")
-    T_dz_min: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
-        "floor of the demanded vertical force, N"
-    )
-    trim_rate: Annotated[float, Field(ge=0.0, le=20.0)] | None = optional("trim of thrust, 1/s")
-    trim_max: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional("limit of that trim, N")
-    tilt_rate_bandwidth: Annotated[float, Field(ge=0.1, le=1000.0)] | None = optional(
-        "filter of the tilt command's rate, rad/s"
-    )
-    tilt_rate_max: Annotated[float, Field(ge=0.01, le=100.0)] | None = optional(
-        "limit of the tilt command's rate, rad/s"
-    )
-    yaw_rate_max: Annotated[float, Field(ge=0.017453292519943295, le=6.283185307179586)] | None = (
-        optional("limit of the commanded rate of yaw, rad/s")
-    )
-    yaw_acceleration: Annotated[float, Field(ge=0.01, le=100.0)] | None = optional(
-        "what yaw is believed to slow down with, rad/s^2"
-    )
-    guard: Literal["warn", "govern", "refuse"] | None = optional(
-        "when the actuators do not suffice"
-    )
-    guard_mass_kg: (
-        Annotated[
-            tuple[
-                Annotated[float, Field(ge=0.1, le=100.0)], Annotated[float, Field(ge=0.1, le=100.0)]
-            ],
-            Field(strict=False),
-        ]
-        | None
-    ) = optional("between which the mass is believed to lie")
-    guard_drag: Annotated[float, Field(ge=0.001, le=10.0)] | None = optional(
-        "greatest drag coefficient, N/(m/s)^2"
-    )
-    guard_wind_m_s: Annotated[float, Field(ge=0.0, le=100.0)] | None = optional(
-        "greatest velocity of the air"
-    )
-    guard_wind_rate_m_s2: Annotated[float, Field(ge=0.0, le=1000.0)] | None = optional(
-        "greatest rate of that velocity"
-    )
-    guard_jerk_m_s3: Annotated[float, Field(ge=5.0, le=1000.0)] | None = optional(
-        "fastest change of the reference's acceleration"
-    )
+
+Law = law_table(PARAMETERS)
 
 
 # --- [wind]
@@ -344,7 +202,7 @@ class Document(Table):
 
     title: Annotated[str, AfterValidator(_sentence)] = Field(description="a sentence")
     flight: Flight
-    law: Law = Law()
+    law: Law = Law()  # type: ignore[valid-type]
     wind: Wind = Wind()
     plant: Plant = Plant()
     expect: Expect = Expect()

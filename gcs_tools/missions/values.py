@@ -9,15 +9,16 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from fcu.interface.airframe import load
-from fcu.laws.mmrac.parameters import BOUNDS, DEFAULTS, PRINTED_BOUNDS
+from fcu.interface.airframe import OCTO, load
+from fcu.interface.parameter import default
+from fcu.laws.mmrac.parameters import PARAMETERS, printed
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.missions.toml_lines import KeyPath
 
 
 def values_in_force(mission: Mission) -> dict[str, Value]:
     """Dotted key -> Value, of [flight], [law], [wind], [plant]; without keys that have no value."""
-    underneath = {**_believed(), **_law_defaults(mission.law.prediction), **_true()}
+    underneath = {**_of_law(mission), **_true()}
     found = {}
     for table in ("flight", "law", "wind", "plant"):
         for path, value in _leaves((table,), getattr(mission, table)):
@@ -50,28 +51,29 @@ def _origin(mission: Mission, path: KeyPath) -> str:
     return "mission"
 
 
-def _law_defaults(prediction: str | None) -> dict[KeyPath, Value]:
-    demanded = (prediction or DEFAULTS["prediction"]) == "demanded"
-    bounds = PRINTED_BOUNDS if demanded else BOUNDS
-    return {
-        **{("law", name): Value(value, "default") for name, value in DEFAULTS.items()},
-        **{("law", "bounds", name): Value(value, "default") for name, value in bounds.items()},
-    }
-
-
-def _believed() -> dict[KeyPath, Value]:
-    tables = load(Path(str(files("fcu") / "airframes" / "s1000.toml")))
-    given = {**tables["limits"], "rotor_lag_s": tables["rotors"]["lag_s"]}
-    return {("law", name): Value(value, "s1000.toml") for name, value in given.items()}
+def _of_law(mission: Mission) -> dict[KeyPath, Value]:
+    """The defaults of the law's parameters."""
+    found: dict[KeyPath, Value] = {}
+    tables = load(OCTO)
+    instead = printed(mission.given.get("law", {}))
+    instead = {key: value for key, value in instead.items() if key.startswith("bounds.")}
+    for row in PARAMETERS:
+        if row.key:
+            origin = "default" if row.default is not None else OCTO.name
+            value = instead.get(row.key, default(row, tables))
+            found["law", *row.key.split(".")] = Value(value, origin)
+    return found
 
 
 def _true() -> dict[KeyPath, Value]:
     tables = load(Path(str(files("sitl_plant") / "truth.toml")))
-    given = {("plant", name): Value(v, "truth.toml") for name, v in tables["vehicle"].items()}
-    believed = _believed()[("law", "rotor_lag_s")]
-    lag = tables["rotors"].get("lag_s")
-    given["plant", "rotor_lag_s"] = believed if lag is None else Value(lag, "truth.toml")
-    return given  # type: ignore[return-value]
+    given: dict[KeyPath, Value] = {
+        ("plant", name): Value(v, "truth.toml") for name, v in tables["vehicle"].items()
+    }
+    given["plant", "rotor_lag_s"] = Value(load(OCTO)["rotors"]["lag_s"], OCTO.name)
+    if "lag_s" in tables["rotors"]:
+        given["plant", "rotor_lag_s"] = Value(tables["rotors"]["lag_s"], "truth.toml")
+    return given
 
 
 def _plain(value: Any) -> Any:

@@ -137,7 +137,8 @@ class Limits(NamedTuple):
     @classmethod
     def believed(cls) -> Limits:
         """Those of the airframe file, as long as a flight has not said others."""
-        rotors, limits = believed()
+        rotors, tables = believed()
+        limits = tables["limits"]
         return cls(
             float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
             math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max, 1.0, 9.81,

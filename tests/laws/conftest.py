@@ -40,7 +40,7 @@ def law(believed: Airframe) -> Callable[..., LawParams]:
     """LawParams of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
 
     def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
-        return law_params(believed, OCTO["limits"], rate_hz, chosen)
+        return law_params(believed, OCTO, rate_hz, chosen)
 
     return build
 

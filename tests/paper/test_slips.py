@@ -24,7 +24,7 @@ M, G = 8.0, np.array([0.0, 0.0, -9.81])
 @pytest.mark.parametrize(("prediction", "thrust"), [("demanded", 5.0), ("achieved", M * 9.81)])
 def test_2_without_gravity_a_vehicle_that_knows_its_mass_starts_by_falling(prediction, thrust):
     believed = airframe(OCTO["rotors"], "s1000.toml")
-    law = law_params(believed, OCTO["limits"], 500.0, {"prediction": prediction, "m_hat_0": M})
+    law = law_params(believed, OCTO, 500.0, {"prediction": prediction, "m_hat_0": M})
     resting = VehicleState(ZERO, ZERO, Quat(1.0, 0.0, 0.0, 0.0), ZERO, Rotors(*[345.8] * 8))
     _, _, internals = cascade.first_step(law, Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0), resting)
     assert internals.T_c == pytest.approx(thrust)

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from fcu.interface.airframe import believed
-from fcu.laws.mmrac.parameters import BOUNDS, PRINTED_BOUNDS, law_params
-from fcu.parameters import Parameters, ParamsFileError, Refused
-from fcu.parameters_law import LAW
+from fcu.interface.airframe import OCTO, believed, load
+from fcu.laws.mmrac.parameters import PARAMETERS, law_params
+from fcu.parameters import Parameters, ParamsFileError, Refused, settings
 from fcu.parameters_page import page
+
+LAW = settings(PARAMETERS, load(OCTO))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_law_is_the_one_handed_over_until_one_of_its_parameters_is_set(params, l
     assert params.changed == ("MR_F_M",)
 
 
-@pytest.mark.parametrize("name", [n for n in LAW if not LAW[n].parameter.read_only])
+@pytest.mark.parametrize("name", [n for n in LAW if not LAW[n].row.read_only])
 def test_there_and_back_is_the_same_law_to_the_bit(params, law, name):
     """A tenth more, or the other of two: accepted while disarmed, and undone without a trace."""
     start, info = params[name], params.info(name)
@@ -200,11 +201,11 @@ def test_prediction_takes_its_default_bounds_along(params, law):
     assert params.set("MR_PRED", 0.0, False)
     printed = law_params(*believed(), 500.0, {"prediction": "demanded"})
     assert params.law == printed._replace(bounds=printed.bounds._replace(s_v_max=50.0))
-    assert params["MR_M_MAX"] == PRINTED_BOUNDS["m_max"]
+    assert params["MR_M_MAX"] == 12.0
     assert {"MR_PRED", "MR_M_MAX", "MR_J_0"} <= set(params.changed)
     assert "MR_S_V_MAX" not in params.changed
     assert params.set("MR_PRED", 1.0, False)
-    assert params["MR_M_MAX"] == BOUNDS["m_max"] and params["MR_S_V_MAX"] == 50.0
+    assert params["MR_M_MAX"] == 20.0 and params["MR_S_V_MAX"] == 50.0
 
 
 def test_saved_and_read_again_is_the_same_to_the_bit(params, law, tmp_path):
@@ -216,7 +217,7 @@ def test_saved_and_read_again_is_the_same_to_the_bit(params, law, tmp_path):
     text = file.read_text()
     assert text == params.text()
     assert "MR_GAMMA = 1234.5  # 1/s^2: adaptation gain" in text
-    assert set(tomllib.loads(text)) == {n for n in params.names if not params.info(n).read_only}
+    assert set(tomllib.loads(text)) == {n for n in params.names if not params.info(n).row.read_only}
 
     again = Parameters(law, 7, file)
     assert again.law == params.law

@@ -43,7 +43,7 @@ def inputs(rate_hz, lag, **law):
     params = plant_params(
         OCTO["rotors"], rate_hz, {"rotor_lag_s": lag}, WIND, ground_z_m=-1e4, arena_m=1e4
     )
-    law = law_params(believed, OCTO["limits"], rate_hz, {"rotor_lag_s": lag, **law})
+    law = law_params(believed, OCTO, rate_hz, {"rotor_lag_s": lag, **law})
     return [to_buffer(value) for value in (law, params, start_state(params))]
 
 

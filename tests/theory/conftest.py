@@ -32,7 +32,7 @@ def law() -> Callable[..., LawParams]:
     believed = airframe(OCTO["rotors"], "s1000.toml")
 
     def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
-        return law_params(believed, OCTO["limits"], rate_hz, chosen)
+        return law_params(believed, OCTO, rate_hz, chosen)
 
     return build
 

@@ -1,7 +1,4 @@
-"""From what is believed and chosen (names a person uses) to LawParams (what the kernels use).
-
-Every default of the law stands here once, with its reason.
-"""
+"""The parameters of the law: the one table of them, LawParams from it, and what must hold between."""
 
 from __future__ import annotations
 
@@ -12,147 +9,73 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.airframe import Airframe
-from fcu.kernel.algebra import Rotors, Vec3
-from fcu.laws.mmrac.types import Bounds, Guard, LawParams
+from fcu.interface.parameter import (
+    Conversion,
+    Parameter,
+    ParameterError,
+    Part,
+    Value,
+    filled,
+    flat,
+    group,
+    values,
+    with_field,
+)
+from fcu.interface.parameter import check as check_rows
+from fcu.kernel.algebra import Rotors
+from fcu.kernel.buffers import from_buffer, size
+from fcu.laws.mmrac.types import LawParams
 
 G = 9.81  # m/s^2
-
-
-class ParameterError(ValueError):
-    """A law parameter that cannot be flown: its name and what was expected."""
-
-
-DEFAULTS: dict[str, Any] = {
-    "prediction": "achieved",  # or "demanded": Section VII to the letter
-    # Section VIII of the paper
-    "f_m": 1.0,
-    "zeta_m": 0.8,
-    "gamma": 1000.0,
-    "c_angle": 10.0,
-    "c_rate": 20.0,
-    "m_hat_0": 5.0,
-    # Gains of mass and inertia, scaled to the size of their regressors (README.md)
-    "gamma_m": 1.0,  # times gamma
-    "gamma_Lambda": 5e-4,  # times gamma
-    "gamma_J": 1.0,  # times gamma
-    "gamma_LambdaJ": 1.0,  # times gamma
-    "gamma_c": 1.0,  # times gamma
-    "J_hat_0": 0.1,
-    "J_implicit": 0.1,
-    # Departures
-    "T_dz_min": 20.0,
-    "trim_rate": 3.0,
-    "trim_max": 30.0,
-    "tilt_rate_bandwidth": 30.0,
-    "tilt_rate_max": 5.0,
-    "yaw_rate_max": 1.5,
-    "yaw_acceleration": 1.25,  # half of what drag torque gives in hover at 8 kg
-    "rotor_response_s": 0.01,  # what the inverted rotor lag is made to look like
-    "r_m_offset": [0.0, 0.0, 0.0],
-    "v_hat_offset": [0.0, 0.0, 0.0],
-    # The guard (README.md, "The condition and the guard")
-    "guard": "govern",  # or "warn", "refuse"; as printed there is none, and it is "warn"
-    "guard_mass_kg": [7.0, 9.0],  # 8 kg, the paper's, and what a kilogram more or less does
-    "guard_drag": 0.15,  # N/(m/s)^2, as s1000.toml believes
-    "guard_wind_m_s": 12.0,  # the paper's is up to 11.7
-    "guard_wind_rate_m_s2": 20.0,  # the paper's is up to 18.5
-    "guard_jerk_m_s3": 25.0,
-}
-
 POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}
 WARN, GOVERN, REFUSE = POLICIES.values()
+ACHIEVED, DEMANDED = "achieved", "demanded"
+PREDICTIONS = {ACHIEVED: 1.0, DEMANDED: 0.0}
 
-# Sets that hold every S1000 (6 to 11 kg take-off mass) with room; inertia after `J_hat_0`.
-BOUNDS: dict[str, float] = {
-    "m_min": 1.0,
-    "m_max": 20.0,
-    "J_min": 0.02,
-    "J_max": 2.0,
-    "s_v_max": 30.0,
-    "s_w_max": 100.0,
-    "c_max": 10.0,
-}
-
-# Section VIII gives no bounds; these are the ones with which its figures come out.
-PRINTED_BOUNDS: dict[str, float] = {
-    "m_min": 0.5,
-    "m_max": 12.0,
-    "J_min": 0.0,
-    "J_max": 2.0,
-    "s_v_max": 1000.0,
-    "s_w_max": 1000.0,
-    "c_max": 1000.0,
+# Defaults with prediction = "demanded". Section VIII gives no bounds; these are the ones with
+# which its figures come out. It begins without an estimate of inertia, and has no guard.
+PRINTED: dict[str, Value] = {
+    "bounds.m_min": 0.5,
+    "bounds.m_max": 12.0,
+    "bounds.J_min": 0.0,
+    "bounds.J_max": 2.0,
+    "bounds.s_v_max": 1000.0,
+    "bounds.s_w_max": 1000.0,
+    "bounds.c_max": 1000.0,
+    "J_hat_0": 0.0,
+    "guard": "warn",
 }
 
 
-# What a person may choose, each: the same in missions, over MAVLink and here
-RANGES: dict[str, tuple[float, float]] = {
-    "f_m": (0.1, 10.0),
-    "zeta_m": (0.3, 5.0),
-    "gamma": (1.0, 1000000.0),
-    "gamma_m": (0.0, 100.0),
-    "gamma_Lambda": (0.0, 0.1),
-    "gamma_J": (0.0, 100.0),
-    "gamma_LambdaJ": (0.0, 100.0),
-    "gamma_c": (0.0, 100.0),
-    "c_angle": (0.1, 200.0),
-    "c_rate": (0.1, 2000.0),
-    "tilt_rate_bandwidth": (0.1, 1000.0),
-    "tilt_rate_max": (0.01, 100.0),
-    "yaw_rate_max": (math.radians(1.0), math.radians(360.0)),
-    "yaw_acceleration": (0.01, 100.0),
-    "thrust_min_n": (0.0, 100.0),
-    "thrust_max_n": (10.0, 1000.0),
-    "tilt_max_deg": (1.0, 79.0),
-    "T_dz_min": (0.0, 1000.0),
-    "trim_rate": (0.0, 20.0),
-    "trim_max": (0.0, 100.0),
-    "rotor_lag_s": (0.0, 10.0),
-    "rotor_response_s": (0.0001, 1.0),
-    "bounds.m_min": (0.1, 100.0),
-    "bounds.m_max": (0.1, 100.0),
-    "bounds.J_min": (0.0, 10.0),
-    "bounds.J_max": (0.001, 10.0),
-    "bounds.s_v_max": (0.0, 1000.0),
-    "bounds.s_w_max": (0.0, 1000.0),
-    "bounds.c_max": (0.0, 1000.0),
-    "m_hat_0": (0.1, 100.0),
-    "J_hat_0": (0.0, 10.0),
-    "J_implicit": (1e-06, math.inf),
-    "r_m_offset": (-100000.0, 100000.0),
-    "v_hat_offset": (-100000.0, 100000.0),
-    "guard_mass_kg": (0.1, 100.0),
-    "guard_drag": (0.001, 10.0),
-    "guard_wind_m_s": (0.0, 100.0),
-    "guard_wind_rate_m_s2": (0.0, 1000.0),
-    "guard_jerk_m_s3": (5.0, 1000.0),
-}
+# --- what a number has to do with LawParams, where it is not one of its fields
+
+MULTIPLES = ("gamma_m", "gamma_Lambda", "gamma_J", "gamma_LambdaJ", "gamma_c")
 
 
-def _three(name: str, value: Any) -> Vec3:
-    row = [float(value)] * 3 if isinstance(value, int | float) else [float(v) for v in value]
-    if len(row) != 3 or not all(math.isfinite(v) for v in row):
-        raise ParameterError(f"{name}: expected a finite number or three, got {value!r}")
-    return Vec3(*row)
+def _multiple(field: str) -> Conversion:
+    return Conversion(
+        lambda law: getattr(law, field) / law.gamma,
+        lambda law, times: with_field(law, field, law.gamma * times),
+    )
 
 
-def _guard(value: Mapping[str, Any]) -> Guard:
-    mass = value["guard_mass_kg"]
-    if not (isinstance(mass, list | tuple) and len(mass) == 2):
-        raise ParameterError(f"guard_mass_kg: expected two numbers, least and most, got {mass!r}")
-    return Guard(
-        POLICIES[value["guard"]], float(mass[0]), float(mass[1]), float(value["guard_drag"]),
-        float(value["guard_wind_m_s"]), float(value["guard_wind_rate_m_s2"]),
-        float(value["guard_jerk_m_s3"]),
-    )  # fmt: skip
+def _put_gamma(law: LawParams, gamma: float) -> LawParams:
+    gains = {f: gamma * (getattr(law, f) / law.gamma) for f in MULTIPLES}
+    root = math.sqrt(gamma)  # Section VIII: k = sqrt(gamma)
+    return law._replace(gamma=gamma, lambda_v=root, lambda_w=root, **gains)
 
 
-def _columns(believed: Airframe) -> tuple[Rotors, Rotors, Rotors]:
-    """Rotor thrusts for one N m about x, y, z with no change of total thrust (pseudo-inverse)."""
-    x, y, spin = (np.array(row) for row in (believed.x, believed.y, believed.spin))
-    effect = np.stack([np.ones(8), y, -x, -believed.k_Q * spin])
-    inverse = np.linalg.pinv(effect)
-    return tuple(Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))  # type: ignore[return-value]
+def _put_prediction(law: LawParams, achieved: float) -> LawParams:
+    """The other prediction, with its own defaults for what stands at a default of this one."""
+    if achieved == law.achieved:
+        return law
+    for row in PARAMETERS:
+        if row.key in PRINTED and row.default is not None:
+            old, new = row.default, PRINTED[row.key]
+            old, new = (old, new) if law.achieved else (new, old)
+            if row.get(law) == row.numbers(old):
+                law = row.put(law, row.numbers(new))
+    return law._replace(achieved=achieved)
 
 
 def rotor_mean(h: float, lag: float) -> float:
@@ -166,84 +89,176 @@ def rotor_mean(h: float, lag: float) -> float:
     return 0.5 if ratio < 1e-4 else 1.0 / ratio - decay / (1.0 - decay)
 
 
+def rotor_lag(law: LawParams) -> float:
+    """The lag (s) that a rotor is believed to have: the inverse of `rotor_mean`.
+
+    A lag beyond 10 000 periods reads as that.
+    """
+    weight = law.rotor_mean
+    if weight <= 0.0:
+        return 0.0
+    low, high = 0.0, 1e4 * law.h
+    while low < (middle := 0.5 * (low + high)) < high:
+        if rotor_mean(law.h, middle) < weight:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+RESPONSE = 0.01  # s
+
+
+def _get_response(law: LawParams) -> float:
+    lag = rotor_lag(law)
+    return lag / law.kappa if law.kappa > 1.0 else max(lag, RESPONSE)
+
+
+PREDICTION = Conversion(lambda law: law.achieved, _put_prediction)
+GAMMA = Conversion(lambda law: law.gamma, _put_gamma)
+LEAST_THRUST = Conversion(
+    lambda law: law.T_min, lambda law, T: law._replace(T_min=T, f_min=T / len(law.spin))
+)
+TILT = Conversion(
+    lambda law: math.degrees(law.phi_star),
+    lambda law, degrees: law._replace(phi_star=math.radians(degrees)),
+)
+ROTOR_RESPONSE = Conversion(
+    _get_response, lambda law, s: law._replace(kappa=max(1.0, rotor_lag(law) / s))
+)
+RATE = Conversion(lambda law: 1.0 / law.h, lambda law, rate_hz: law._replace(h=1.0 / rate_hz))
+
+
+# --- the table
+
+P = Parameter
+DEGREE = math.radians(1.0)
+
+PARAMETERS: tuple[Parameter, ...] = (
+    *group(
+        "Prediction and reference model",
+        P(
+            "prediction", "MR_PRED", ACHIEVED, 0.0, 1.0, "", "force and torque that the predictors are told",
+            "achieved", PREDICTION, words=PREDICTIONS, disarmed_only=True, leads=True,
+        ),
+        # Section VIII of the paper
+        P("f_m", "MR_F_M", 1.0, 0.1, 10.0, "rad/s", "frequency of the reference model"),
+        P("zeta_m", "MR_ZETA_M", 0.8, 0.3, 5.0, "", "damping of the reference model"),
+    ),
+    *group(
+        "Adaptation",
+        P(
+            "gamma", "MR_GAMMA", 1000.0, 1.0, 1e6, "1/s^2",
+            "adaptation gain; predictor gains are its root, block gains its multiples", convert=GAMMA,
+        ),
+        # gains of mass and inertia, scaled to the size of their regressors (README.md)
+        P("gamma_m", "MR_G_M", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the mass, as printed", convert=_multiple("gamma_m")),
+        P("gamma_Lambda", "MR_G_LAM", 5e-4, 0.0, 0.1, "gamma", "adaptation gain of 1/mass", convert=_multiple("gamma_Lambda")),
+        P("gamma_J", "MR_G_J", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the inertia, as printed", convert=_multiple("gamma_J")),
+        P("gamma_LambdaJ", "MR_G_LAMJ", 1.0, 0.0, 100.0, "gamma", "adaptation gain of 1/inertia", convert=_multiple("gamma_LambdaJ")),
+        P("gamma_c", "MR_G_C", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the couplings between rates", convert=_multiple("gamma_c")),
+    ),
+    *group(
+        "Attitude and rates",
+        P(
+            "c_angle",
+            (Part("MR_C_TILT", ("c_angle.x", "c_angle.y"), "gain of roll and pitch"), Part("MR_C_YAW", ("c_angle.z",), "gain of yaw")),
+            10.0, 0.1, 200.0, "1/s", "gains of the angles: one, or roll, pitch, yaw", axes=True,
+        ),
+        P(
+            "c_rate",
+            (Part("MR_C_PQ", ("c_rate.x", "c_rate.y"), "gain of the rates p and q"), Part("MR_C_R", ("c_rate.z",), "gain of the rate r")),
+            20.0, 0.1, 2000.0, "1/s", "gains of the rates: one, or p, q, r", axes=True,
+        ),
+        P("tilt_rate_bandwidth", "", 30.0, 0.1, 1000.0, "rad/s", "filter of the tilt command's rate"),
+        P("tilt_rate_max", "", 5.0, 0.01, 100.0, "rad/s", "limit of the tilt command's rate"),
+        P("yaw_rate_max", "MR_YAWRATE_MAX", 1.5, DEGREE, 360.0 * DEGREE, "rad/s", "greatest yaw rate towards a command", degrees=True),
+        # half of what drag torque gives in hover at 8 kg
+        P("yaw_acceleration", "", 1.25, 0.01, 100.0, "rad/s^2", "what yaw is believed to slow down with"),
+    ),
+    *group(
+        "Thrust, tilt and rotors",
+        P("thrust_min_n", "MR_T_MIN", None, 0.0, 100.0, "N", "least total thrust", "T_min", LEAST_THRUST, airframe="limits.thrust_min_n", below="thrust_max_n"),
+        P("thrust_max_n", "MR_T_MAX", None, 10.0, 1000.0, "N", "greatest total thrust", "T_max", airframe="limits.thrust_max_n"),
+        P("tilt_max_deg", "MR_TILT_MAX", None, 1.0, 79.0, "deg", "greatest roll, and greatest pitch", "phi_star", TILT, airframe="limits.tilt_max_deg"),
+        P("T_dz_min", "", 20.0, 0.0, 1000.0, "N", "floor of the demanded vertical force"),
+        P("trim_rate", "MR_TRIM_RATE", 3.0, 0.0, 20.0, "1/s", "rate of the trim of thrust"),
+        P("trim_max", "MR_TRIM_MAX", 30.0, 0.0, 100.0, "N", "limit of that trim"),
+        P("rotor_lag_s", "", None, 0.0, 10.0, "s", "believed lag of the rotors' speed", (), airframe="rotors.lag_s"),
+        P("rotor_response_s", "MR_ROTOR_RESP", RESPONSE, 0.0001, 1.0, "s", "what the rotors' lag is made to look like", "kappa", ROTOR_RESPONSE),
+    ),
+    # Sets that hold every S1000 (6 to 11 kg take-off mass) with room; inertia after J_hat_0
+    *group(
+        "Sets of the estimates",
+        P("bounds.m_min", "MR_M_MIN", 1.0, 0.1, 100.0, "kg", "least mass estimate", below="bounds.m_max"),
+        P("bounds.m_max", "MR_M_MAX", 20.0, 0.1, 100.0, "kg", "greatest mass estimate"),
+        P("bounds.J_min", "MR_J_MIN", 0.02, 0.0, 10.0, "kg m^2", "least inertia estimate", below="bounds.J_max"),
+        P("bounds.J_max", "MR_J_MAX", 2.0, 0.001, 10.0, "kg m^2", "greatest inertia estimate"),
+        P("bounds.s_v_max", "MR_S_V_MAX", 30.0, 0.0, 1000.0, "m/s^2", "greatest estimate of drag over mass"),
+        P("bounds.s_w_max", "MR_S_W_MAX", 100.0, 0.0, 1000.0, "rad/s^2", "greatest angular disturbance"),
+        P("bounds.c_max", "MR_C_MAX", 10.0, 0.0, 1000.0, "", "greatest coupling between rates"),
+    ),
+    *group(
+        "Take-over",
+        P("m_hat_0", "MR_M_0", 5.0, 0.1, 100.0, "kg", "mass estimate at arming"),
+        P("J_hat_0", "MR_J_0", 0.1, 0.0, 10.0, "kg m^2", "inertia estimate at arming"),
+        P("J_implicit", "", 0.1, 1e-6, math.inf, "kg m^2", "least inertia estimate in the backward-Euler step, as printed"),
+        P("r_m_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m", "reference model minus position, ENU"),
+        P("v_hat_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m/s", "predicted minus measured velocity, ENU"),
+    ),
+    # README.md, "The condition and the guard"
+    *group(
+        "The guard",
+        P(
+            "guard", "MR_GUARD", "govern", 0.0, 2.0, "", "when the actuators do not suffice",
+            "guard.policy", words=POLICIES,
+        ),
+        P(
+            "guard_mass_kg",
+            (
+                Part("MR_GRD_M_MIN", ("guard.m_min",), "least mass that the guard believes in"),
+                Part("MR_GRD_M_MAX", ("guard.m_max",), "greatest mass that it believes in"),
+            ),
+            None, 0.1, 100.0, "kg", "least and greatest mass that the guard believes in", ("guard.m_min", "guard.m_max"), airframe="vehicle.mass_kg",
+        ),
+        P("guard_drag", "MR_GRD_DRAG", None, 0.001, 10.0, "N/(m/s)^2", "greatest drag coefficient that it believes in", "guard.c_D", airframe="air.drag"),
+        # the paper's wind is up to 11.7 m/s, and changes by up to 18.5 m/s^2
+        P("guard_wind_m_s", "MR_GRD_WIND", 12.0, 0.0, 100.0, "m/s", "greatest wind that it believes in", "guard.w_max"),
+        P("guard_wind_rate_m_s2", "MR_GRD_WRATE", 20.0, 0.0, 1000.0, "m/s^2", "greatest rate of that wind", "guard.w_dot_max"),
+        P("guard_jerk_m_s3", "MR_GRD_JERK", 25.0, 5.0, 1000.0, "m/s^3", "fastest change of the acceleration of what is governed", "guard.jerk"),
+    ),
+    *group("Rate", P("", "MR_RATE", 500.0, 1.0, 10000.0, "Hz", "control rate, set at the start", "h", RATE, read_only=True)),
+)  # fmt: skip
+
+
+# --- LawParams
+
+
+def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
+    """The defaults that are others with what was chosen: those of the printed prediction."""
+    return PRINTED if chosen.get("prediction") == DEMANDED else {}
+
+
 def law_params(
     believed: Airframe,
-    limits: Mapping[str, float],
+    airframe: Mapping[str, Any],
     rate_hz: float,
     chosen: Mapping[str, Any] | None = None,
 ) -> LawParams:
-    """LawParams for an airframe, its limits and a control rate.
+    """LawParams for an airframe and a control rate.
 
-    `limits` is the `[limits]` table of the airframe file; `chosen` overrides DEFAULTS (and,
-    under `bounds`, BOUNDS; under `rotor_lag_s`, the believed lag). Raises ParameterError.
+    `airframe`: the tables of the file that `believed` is of; `chosen`: values of PARAMETERS, under
+    their keys, in place of their defaults. Raises ParameterError, AirframeError.
     """
-    given = dict(chosen or {})
-    bounds_given = dict(given.pop("bounds", None) or {})
-    lag = float(given.pop("rotor_lag_s", believed.rotor_lag))
-    limits = {**limits, **{k: given.pop(k) for k in list(given) if k in limits}}
-    for name in given:
-        if name not in DEFAULTS:
-            raise ParameterError(f"{name}: no such law parameter")
-    value = {**DEFAULTS, **given}
-    if value["prediction"] not in ("achieved", "demanded"):
-        raise ParameterError(
-            f"prediction: expected achieved or demanded, got {value['prediction']}"
-        )
-    achieved = value["prediction"] == "achieved"
-    if not achieved and "guard" not in given:
-        value["guard"] = "warn"
-    if value["guard"] not in POLICIES:
-        raise ParameterError(f"guard: expected {', '.join(POLICIES)}, got {value['guard']}")
-    bounds = {**(BOUNDS if achieved else PRINTED_BOUNDS), **bounds_given}
-    all_of = {
-        **limits,
-        "rotor_lag_s": lag,
-        **value,
-        **{f"bounds.{k}": v for k, v in bounds.items()},
-    }
-    for name, (low, high) in RANGES.items():
-        if not np.all((low <= np.asarray(all_of[name])) & (np.asarray(all_of[name]) <= high)):
-            raise ParameterError(f"{name}: expected a value from {low:g} to {high:g}")
-    gamma = float(value["gamma"])
-    h = 1.0 / rate_hz
+    given = dict(flat(chosen or {}))
+    value = values(PARAMETERS, airframe, given, printed(given))
+    h, (lag,), (response,) = 1.0 / rate_hz, value["rotor_lag_s"], value["rotor_response_s"]
     B_x, B_y, B_z = _columns(believed)
-    params = LawParams(
+    law: LawParams = from_buffer(LawParams, np.full(size(LawParams), math.nan))._replace(
         h=h,
-        achieved=1.0 if achieved else 0.0,
-        f_m=float(value["f_m"]),
-        zeta_m=float(value["zeta_m"]),
         g=G,
-        gamma=gamma,
-        gamma_m=gamma * float(value["gamma_m"]),
-        gamma_Lambda=gamma * float(value["gamma_Lambda"]),
-        gamma_J=gamma * float(value["gamma_J"]),
-        gamma_LambdaJ=gamma * float(value["gamma_LambdaJ"]),
-        gamma_c=gamma * float(value["gamma_c"]),
-        lambda_v=math.sqrt(gamma),  # Section VIII: k = sqrt(gamma)
-        lambda_w=math.sqrt(gamma),
-        c_angle=_three("c_angle", value["c_angle"]),
-        c_rate=_three("c_rate", value["c_rate"]),
-        T_min=float(limits["thrust_min_n"]),
-        T_max=float(limits["thrust_max_n"]),
-        phi_star=math.radians(limits["tilt_max_deg"]),
-        T_dz_min=float(value["T_dz_min"]),
-        trim_rate=float(value["trim_rate"]),
-        trim_max=float(value["trim_max"]),
-        tilt_rate_bandwidth=float(value["tilt_rate_bandwidth"]),
-        tilt_rate_max=float(value["tilt_rate_max"]),
-        yaw_rate_max=float(value["yaw_rate_max"]),
-        yaw_acceleration=float(value["yaw_acceleration"]),
-        f_min=float(limits["thrust_min_n"]) / 8.0,
         f_max=believed.c_T * believed.Omega_max**2,
-        kappa=max(1.0, lag / float(value["rotor_response_s"])),
         rotor_mean=rotor_mean(h, lag),
-        bounds=Bounds(**{k: float(v) for k, v in bounds.items()}),
-        guard=_guard(value),
-        m_hat_0=float(value["m_hat_0"]),
-        J_hat_0=float(value["J_hat_0"]) if achieved else 0.0,
-        J_implicit=float(value["J_implicit"]),
-        r_m_offset=_three("r_m_offset", value["r_m_offset"]),
-        v_hat_offset=_three("v_hat_offset", value["v_hat_offset"]),
         x=believed.x,
         y=believed.y,
         spin=believed.spin,
@@ -254,42 +269,37 @@ def law_params(
         B_y=B_y,
         B_z=B_z,
     )
-    check(params)
-    return params
+    law = filled(law, PARAMETERS, value)._replace(kappa=max(1.0, lag / response))
+    if not law.achieved:
+        law = law._replace(J_hat_0=0.0)  # whatever was chosen
+    check(law)
+    return law
 
 
-def check(params: LawParams) -> None:
+def _columns(believed: Airframe) -> tuple[Rotors, Rotors, Rotors]:
+    """Rotor thrusts for one N m about x, y, z with no change of total thrust (pseudo-inverse)."""
+    x, y, spin = (np.array(row) for row in (believed.x, believed.y, believed.spin))
+    effect = np.stack([np.ones(8), y, -x, -believed.k_Q * spin])
+    inverse = np.linalg.pinv(effect)
+    return tuple(Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))  # type: ignore[return-value]
+
+
+def check(law: LawParams) -> None:
     """Raise ParameterError for values that the kernels cannot work with."""
-    b, guard = params.bounds, params.guard
+    check_rows(law, PARAMETERS)
+    b = law.bounds
     for name, ok, expected in (
-        ("f_m", 0.1 <= params.f_m <= 10.0, "between 0.1 and 10 rad/s"),
-        ("zeta_m", 0.3 <= params.zeta_m <= 5.0, "between 0.3 and 5"),
-        ("gamma", 1.0 <= params.gamma <= 1e6, "between 1 and 1e6"),
-        ("yaw_rate_max", params.yaw_rate_max > 0.0, "above 0 rad/s"),
-        ("yaw_acceleration", params.yaw_acceleration > 0.0, "above 0 rad/s^2"),
-        ("m_hat_0", b.m_min <= params.m_hat_0 <= b.m_max, f"in [{b.m_min}, {b.m_max}] kg"),
+        ("m_hat_0", b.m_min <= law.m_hat_0 <= b.m_max, f"in [{b.m_min}, {b.m_max}] kg"),
         (
             "J_hat_0",
-            not params.achieved or 0.0 < b.J_min <= params.J_hat_0 <= b.J_max,
+            not law.achieved or 0.0 < b.J_min <= law.J_hat_0 <= b.J_max,
             f"in [{b.J_min}, {b.J_max}] kg m^2, bounds.J_min above 0",
         ),
-        ("bounds.m_min", 0.0 < b.m_min < b.m_max, "above 0 and below bounds.m_max"),
-        ("tilt_max_deg", 0.0 < params.phi_star < math.radians(80.0), "between 0 and 80 degrees"),
-        ("thrust_min_n", 0.0 <= params.T_min < params.T_max, "from 0 to below thrust_max_n"),
         (
             "guard",
-            params.achieved or guard.policy == WARN,
+            law.achieved or law.guard.policy == WARN,
             'of "warn" with prediction = "demanded": the condition is for what was achieved',
         ),
-        (
-            "guard_mass_kg",
-            0.1 <= guard.m_min <= guard.m_max <= 100.0,
-            "[least, most], from 0.1 to 100 kg",
-        ),
-        ("guard_drag", 1e-3 <= guard.c_D <= 10.0, "from 0.001 to 10 N/(m/s)^2"),
-        ("guard_wind_m_s", 0.0 <= guard.w_max <= 100.0, "from 0 to 100 m/s"),
-        ("guard_wind_rate_m_s2", 0.0 <= guard.w_dot_max <= 1000.0, "from 0 to 1000 m/s^2"),
-        ("guard_jerk_m_s3", 5.0 <= guard.jerk <= 1000.0, "from 5 to 1000 m/s^3"),
     ):
         if not ok:
             raise ParameterError(f"{name}: expected a value {expected}")

@@ -1,0 +1,235 @@
+"""What a parameter is: one row, from which everything that knows a parameter is derived.
+
+A law (and the vehicle) lists its rows. From them come the values that Params are built with and
+their checks, MAVLink's parameters, the `[law]` table of mission files with its JSON Schema, and
+docs/parameters.md. A value is what a person writes: a number, three, the two ends of an
+interval, or a word; in Params, and over MAVLink, it is numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import attrgetter, or_
+from typing import Any, NamedTuple
+
+from fcu.interface.airframe import AirframeError
+
+Value = float | str | tuple[float, ...]
+Numbers = tuple[float, ...]
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot be flown: its name and what was expected."""
+
+
+class Conversion(NamedTuple):
+    """How one number goes with Params, where it is not simply one of their fields."""
+
+    get: Callable[[Any], float]  # of Params
+    put: Callable[[Any, float], Any]  # Params with another number
+
+
+class Part(NamedTuple):
+    """Some of a parameter's numbers, which are one number over MAVLink."""
+
+    name: str  # at most 16 characters
+    fields: tuple[str, ...]
+    sentence: str
+
+
+class Parameter(NamedTuple):
+    """A row of the table."""
+
+    key: str  # in a mission's [law], a dot for a table in it; empty: not of missions
+    mavlink: str | tuple[Part, ...]  # at most 16 characters; empty: not of MAVLink
+    default: Value | None  # None: of the airframe file
+    low: float = -math.inf  # of each number
+    high: float = math.inf
+    unit: str = ""
+    sentence: str = ""
+    field: str | tuple[str, ...] | None = None  # path(s) in Params; None: the key; (): none
+    convert: Conversion | None = None
+    axes: bool = False  # three numbers, or one for all three
+    words: Mapping[str, float] | None = None  # that are written for numbers
+    values: Numbers | None = None  # if only these are allowed
+    airframe: str = ""  # where the default stands in the airframe file: "limits.thrust_min_n"
+    below: str = ""  # key (or MAVLink name) of a parameter that must be greater
+    degrees: bool = False  # what is in radians is in degrees over MAVLink
+    group: str = ""  # in the docs
+    read_only: bool = False
+    disarmed_only: bool = False
+    leads: bool = False  # the defaults of others depend on it
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return self.key or str(self.mavlink)
+
+    @property
+    def interval(self) -> bool:
+        """Whether it is two numbers, least and most."""
+        return isinstance(self.field, tuple) and len(self.field) == 2
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Paths in Params, one a number."""
+        if isinstance(self.field, tuple):
+            return self.field
+        path = self.key if self.field is None else self.field
+        three = self.axes or isinstance(self.default, tuple)
+        return tuple(f"{path}.{axis}" for axis in "xyz") if three else (path,)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """MAVLink's parameters of this one."""
+        if isinstance(self.mavlink, tuple):
+            return self.mavlink
+        return (Part(self.mavlink, self.fields, self.sentence),) if self.mavlink else ()
+
+    def get(self, params: Any) -> Numbers:
+        """Its numbers in Params."""
+        if self.convert is not None:
+            return (float(self.convert.get(params)),)
+        return tuple(float(attrgetter(path)(params)) for path in self.fields)
+
+    def put(self, params: Any, numbers: Numbers) -> Any:
+        """Params with other numbers."""
+        if self.convert is not None:
+            return self.convert.put(params, numbers[0])
+        for path, number in zip(self.fields, numbers, strict=True):
+            params = with_field(params, path, number)
+        return params
+
+    def expected(self) -> str:
+        """What each of its numbers may be, in words."""
+        if self.words is not None:
+            return "one of " + ", ".join(self.words)
+        if self.high == math.inf:
+            return f"of at least {self.low:g} {self.unit}".rstrip()
+        return f"from {self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+    def described(self) -> str:
+        """The sentence, with its unit and where its default is from."""
+        unit = f", {self.unit}" if self.unit else ""
+        given = self.airframe if self.default is None else self.default
+        of = "of the airframe file: " if self.default is None else "default "
+        return f"{self.sentence}{unit}; {of}{_written(given)}"
+
+    def numbers(self, value: Any) -> Numbers:
+        """What a value is in Params. Raises ParameterError for a value that it may not have."""
+        if self.words is not None:
+            if value not in self.words:
+                raise ParameterError(f"{self.name}: expected {self.expected()}, got {value!r}")
+            return (self.words[value],)
+        n = max(len(self.fields), 1)
+        row = list(value) if isinstance(value, list | tuple) else [value] * (n if self.axes else 1)
+        if len(row) != n or not all(_finite(v) for v in row):
+            which = "two numbers, least and most" if self.interval else "three finite numbers"
+            which = "a finite number" if n == 1 else which + (", or one" if self.axes else "")
+            raise ParameterError(f"{self.name}: expected {which}, got {value!r}")
+        numbers = tuple(float(v) for v in row)
+        self.check(numbers)
+        return numbers
+
+    def check(self, numbers: Numbers, slack: float = 0.0) -> None:
+        """Raise ParameterError if one is out of range, and not within a fraction `slack` of its ends."""
+        ends = self.low, self.high
+        near = (any(math.isclose(v, end, rel_tol=slack) for end in ends) for v in numbers)
+        inside = (self.low <= v <= self.high for v in numbers)
+        if not all(map(or_, inside, near)):
+            raise ParameterError(f"{self.name}: expected a value {self.expected()}")
+        if self.interval and numbers[0] > numbers[1]:
+            raise ParameterError(f"{self.name}: expected the least first, then the most")
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_written(v) for v in value) + "]"
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def group(name: str, *rows: Parameter) -> tuple[Parameter, ...]:
+    """Rows that belong together in the docs."""
+    return tuple(row._replace(group=name) for row in rows)
+
+
+def with_field(value: Any, path: str, number: Any) -> Any:
+    """A NamedTuple with another number at a dotted path."""
+    head, _, rest = path.partition(".")
+    inner = with_field(getattr(value, head), rest, number) if rest else number
+    return value._replace(**{head: inner})
+
+
+def flat(chosen: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and value of nested tables."""
+    for name, value in chosen.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{above}{name}.")
+        else:
+            yield above + name, value
+
+
+def default(row: Parameter, airframe: Mapping[str, Any]) -> Value:
+    """The default of a row; `airframe`: the tables of an airframe file.
+
+    Of several numbers in the file the greatest, for a row of one. Raises AirframeError.
+    """
+    if row.default is not None:
+        return row.default
+    found: Any = airframe
+    for name in row.airframe.split("."):
+        if name not in found:
+            table, _, key = row.airframe.rpartition(".")
+            raise AirframeError(f"[{table}] {key} is missing")
+        found = found[name]
+    several = isinstance(found, list) and len(row.fields) == 1
+    return max(found) if several else tuple(found) if isinstance(found, list) else found
+
+
+def values(
+    rows: Iterable[Parameter],
+    airframe: Mapping[str, Any],
+    chosen: Mapping[str, Any],
+    instead: Mapping[str, Value] | None = None,
+) -> dict[str, Numbers]:
+    """Key -> numbers of each row: as chosen, else `instead` of its default, else its default.
+
+    Raises ParameterError, AirframeError.
+    """
+    table = {row.key: row for row in rows if row.key}
+    given = dict(flat(chosen))
+    for name in given:
+        if name not in table:
+            raise ParameterError(f"{name}: no such law parameter")
+    underneath = instead or {}
+    found = {}
+    for key, row in table.items():
+        value = given[key] if key in given else underneath.get(key)
+        found[key] = row.numbers(default(row, airframe) if value is None else value)
+    return found
+
+
+def filled(params: Any, rows: Iterable[Parameter], given: Mapping[str, Numbers]) -> Any:
+    """Params with the values of their rows."""
+    for row in rows:
+        if row.key and row.fields:
+            plain = row._replace(convert=None) if row.leads else row
+            params = plain.put(params, given[row.key])
+    return params
+
+
+def check(params: Any, rows: Iterable[Parameter]) -> None:
+    """Raise ParameterError for Params whose values could not have been chosen.
+
+    A number that went through a conversion and back may be off by its rounding.
+    """
+    seen = {row.name: (row, row.get(params)) for row in rows if row.key and row.fields}
+    for row, numbers in seen.values():
+        row.check(numbers, 1e-9)
+        if row.below and not numbers < seen[row.below][1]:
+            raise ParameterError(f"{row.name}: expected a value below {row.below}")
