@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from copy import deepcopy
-from pathlib import Path
 
 import grimp
 import pytest
 
 from tests.rooms.allow_list import AllowList, within
+from tests.rooms.readme_imports import LINTER
 
-ROOT = Path(__file__).parents[2]
-LINTER = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
 CONTRACTS = {contract["name"]: contract for contract in LINTER["contracts"]}
 
 
