@@ -40,7 +40,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     show_default=True,
     help="Control rate, Hz.",
 )
-@click.option("--law", type=click.Path(path_type=Path), help="LawParams as JSON, in place of s1000.toml and --rate.")  # fmt: skip
+@click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON, in place of s1000.toml and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="As what it presents itself; modes are encoded as PX4's in both.")  # fmt: skip
 @click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth.")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
@@ -51,7 +51,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 def main(
     instance: int | None,
     rate_hz: float,
-    law: Path | None,
+    handover: Path | None,
     autopilot: str,
     origin: tuple[float, float, float],
     link_clock: str,
@@ -65,7 +65,7 @@ def main(
     The plant sets the pace; start it before or after (`sitl-plant`). Ground stations and
     scripts find the vehicle on PX4's ports.
     """
-    from fcu.configuration import ConfigurationError, read_drag, read_law
+    from fcu.configuration import ConfigurationError, read_drag, read_settings
 
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
@@ -84,7 +84,7 @@ def main(
 
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
-        params = Parameters(read_law(law, rate_hz), ports(number).system_id, params_file)
+        params = Parameters(read_settings(handover, rate_hz), ports(number).system_id, params_file)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
         tape = Tape(WIDTH, record_fd, wait=not drop)

@@ -1,4 +1,4 @@
-"""What the flight controller is started with: s1000.toml, or LawParams somebody has prepared."""
+"""What the flight controller is started with: s1000.toml, or Settings somebody has prepared."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from fcu.interface.airframe import OCTO, AirframeError, believed, believed_drag
 from fcu.interface.handover import HandoverError, load
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
-from fcu.laws.mmrac.parameters import check, law_params
-from fcu.laws.mmrac.types import LawParams
+from fcu.settings import Settings, check, settings
 
 
 class ConfigurationError(ValueError):
@@ -24,13 +23,13 @@ def read_drag(path: Path = OCTO) -> Vec3:
         raise ConfigurationError(str(error)) from error
 
 
-def read_law(path: Path | None, rate_hz: float) -> LawParams:
-    """LawParams from a file, or of s1000.toml at a control rate (Hz). Raises ConfigurationError."""
+def read_settings(path: Path | None, rate_hz: float) -> Settings:
+    """Settings from a file, or of s1000.toml at a control rate (Hz). Raises ConfigurationError."""
     try:
         if path is None:
-            return law_params(*believed(), rate_hz)
-        params = load(path, LawParams)
-        check(params)
-        return params
+            return settings(*believed(), rate_hz)
+        handed = load(path, Settings)
+        check(handed)
+        return handed
     except (AirframeError, ParameterError, HandoverError) as error:
         raise ConfigurationError(str(error)) from error

@@ -23,14 +23,13 @@ from fcu.interface.starter import log
 from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.types import LawState, Tick
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import PlantCodec, WireError
 from fcu.parameters import Parameters
 from fcu.reporting import WIDTH, Reporter
 from fcu.services.station import Station
 from fcu.services.streams import Identity
+from fcu.tick import FLYING, IDLE, TAKE_OVER, Remembered, Tick, tick
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
 
@@ -39,10 +38,8 @@ JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 OK, INFRASTRUCTURE = 0, 3
 LOAD_SMOOTHED = 1.0 / 256.0
 
-_STATE, _COMMAND = slice_of(Tick, "state"), slice_of(Tick, "command")
-_R_M, _V_M = slice_of(LawState, "r_m"), slice_of(LawState, "v_m")
-_REFERENCE = slice(_R_M.start, _V_M.stop)  # one after the other
-_R, _V = slice_of(VehicleState, "r_E"), slice_of(VehicleState, "v_E")
+_COMMAND, _REFERENCE = slice_of(Tick, "command"), slice_of(Remembered, "law.reference")
+_R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
 
 
 @dataclass
@@ -72,8 +69,8 @@ class Loop:
         are saved. Raises PortBusy.
         """
         self._params = params
-        self._law = params.law
-        self._law_buffer = to_buffer(self._law)
+        self._settings = params.settings
+        self._settings_buffer = to_buffer(self._settings)
         self._reporter = reporter
         self._lifeline = lifeline
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
@@ -87,14 +84,14 @@ class Loop:
         self.stopping = False
         self._setpoint = np.zeros(size(Setpoint))
         self._flown: Setpoint | None = None
-        self._engaged = cascade.IDLE
+        self._engaged = IDLE
         self._received = np.zeros(size(VehicleState))
         self._filter = PositionFilter()
         self._measured = self._filter.flown
         self._period_us = round(params.law.h * 1e6)
         self._jumps = 0
-        self._state = np.zeros(size(LawState))
-        self.vehicle.reference_model = self._state[_REFERENCE]
+        self._remembered = np.zeros(size(Remembered))
+        self.vehicle.reference_model = self._remembered[_REFERENCE]
         self._answer = b""
         self._time_us = -1
         self._heard = 0.0
@@ -103,13 +100,14 @@ class Loop:
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
-        row, state = np.zeros(WIDTH), np.zeros(size(LawState))
+        row, remembered = np.zeros(WIDTH), np.zeros(size(Remembered))
         measured = np.zeros(size(VehicleState))
         measured[column_of(VehicleState, "q_EB.w")] = 1.0
         PositionFilter().pass_on(measured, 0.002, 0)
-        for engaged in (cascade.IDLE, cascade.TAKE_OVER, cascade.FLYING):
-            cascade.tick(0.0, engaged, state, self._law_buffer, self._setpoint, 0.0, measured, row)
-            state = row[_STATE].copy()
+        for engaged in (IDLE, TAKE_OVER, FLYING):
+            tick(
+                0.0, engaged, remembered, self._settings_buffer, self._setpoint, 0.0, measured, row
+            )  # fmt: skip
         self._reporter.warm_up(row)
         self.vehicle.feasibility.warm_up()
         self.vehicle.state = measured
@@ -139,7 +137,7 @@ class Loop:
                     self.stopping = True  # whoever started us is gone
             now = time.monotonic()
             self._ground.idle(self._next_us(), now)
-            self._reporter.idle(self._time_s, self._law, now)
+            self._reporter.idle(self._time_s, self._settings, now)
             if self._heard:
                 silent = now - self._heard
                 if silent > END_S:
@@ -173,8 +171,7 @@ class Loop:
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
                 self._filter.take(self._received)
-                self._state[_R_M] = self._measured[_R]  # the reference is where the vehicle is
-                self._state[_V_M] = self._measured[_V]
+                self._remembered[_REFERENCE] = self._measured[_R_AND_V]  # it is where that is
                 self.vehicle.battery = self._codec.battery
                 self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due
@@ -194,7 +191,7 @@ class Loop:
             self._jumps = 0
             self._time_us = time_us
             if self.vehicle.armed and not self.vehicle.on_ground:
-                wrong = self._filter.pass_on(self._received, self._law.h, time_us)
+                wrong = self._filter.pass_on(self._received, self._settings.law.h, time_us)
                 if wrong:
                     self._say_all(wrong)
             else:
@@ -208,29 +205,28 @@ class Loop:
         happened = vehicle.observe(self._measured, time_us, self._heard)
         if happened:
             self._say_all(happened)
-        if self._params.law is not self._law:  # somebody has set a parameter
-            self._law = self._params.law
-            self._law_buffer = to_buffer(self._law)
+        if self._params.settings is not self._settings:  # somebody has set a parameter
+            self._settings = self._params.settings
+            self._settings_buffer = to_buffer(self._settings)
         setpoint = vehicle.setpoint
         if setpoint is None:
-            self._engaged = cascade.IDLE
-        elif self._engaged == cascade.IDLE:
-            self._engaged = cascade.TAKE_OVER
+            self._engaged = IDLE
+        elif self._engaged == IDLE:
+            self._engaged = TAKE_OVER
         else:
-            self._engaged = cascade.FLYING
+            self._engaged = FLYING
         if setpoint is not self._flown and setpoint is not None:
             self._setpoint[:] = to_buffer(setpoint)
         self._flown = setpoint
         age = (time_us - vehicle.since_us) * 1e-6
-        cascade.tick(
-            t, self._engaged, self._state, self._law_buffer, self._setpoint, age,
+        tick(
+            t, self._engaged, self._remembered, self._settings_buffer, self._setpoint, age,
             self._measured, row,
         )  # fmt: skip
         self._answer = self._codec.pack_controls(time_us, row[_COMMAND], vehicle.armed, True)
         self._plant.send(self._answer)
         cycle = time.perf_counter() - started
-        self._load += LOAD_SMOOTHED * (cycle / self._law.h - self._load)
-        self._state[:] = row[_STATE]
+        self._load += LOAD_SMOOTHED * (cycle / self._settings.law.h - self._load)
         self.figures.ticks += 1
         self._ground.see(row, setpoint is not None, self._load, self._filter.off)
         try:

@@ -6,7 +6,7 @@ law's come from the law's table.
 
 A value is a float32, kept as the shortest decimal that is that float32 (0.3, not
 0.30000001192...): what is saved and read again is the same to the bit. A parameter at its value
-of the start leaves the law's Params as they were handed over, to the bit.
+of the start leaves Settings as they were handed over, to the bit.
 """
 
 from __future__ import annotations
@@ -24,19 +24,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu import settings as flown
 from fcu.guard import stability
+from fcu.guard.types import GuardParams
 from fcu.interface.airframe import OCTO, load
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
-from fcu.laws.mmrac import parameters as mmrac
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
+from fcu.settings import Settings
 
-__all__ = ["VEHICLE", "Parameters", "ParamsFileError", "Refused", "Setting", "settings"]
+__all__ = ["VEHICLE", "Entry", "Parameters", "ParamsFileError", "Refused", "entries"]
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
 RULE = (
     " (the loop has to be stable in hover, estimates right or 3 dB off:"
-    ' fcu/laws/mmrac/README.md, "Which gains go together")'
+    ' fcu/guard/README.md, "Which gains go together")'
 )
 
 P = Parameter
@@ -98,7 +100,7 @@ VEHICLE: tuple[Parameter, ...] = (
 # --- a parameter as MAVLink has it
 
 
-class Setting(NamedTuple):
+class Entry(NamedTuple):
     """One parameter of MAVLink: a part of a row, in MAVLink's unit. Every value is a REAL32."""
 
     part: Part
@@ -121,17 +123,17 @@ class Setting(NamedTuple):
         meanings = ", ".join(f"{number:g} {word}" for number, word in words)
         return f"{self.part.sentence}: {meanings}" if meanings else self.part.sentence
 
-    def get(self, law: Any) -> float:
-        """Its value in the law's Params."""
+    def get(self, settings: Any) -> float:
+        """Its value in Settings."""
         at = self.row.fields.index(self.part.fields[0])
-        number = self.row.get(law)[at]
+        number = self.row.get(settings)[at]
         return math.degrees(number) if self.row.degrees else number
 
-    def put(self, law: Any, value: float) -> Any:
-        """The law's Params with another value."""
+    def put(self, settings: Any, value: float) -> Any:
+        """Settings with another value."""
         number = math.radians(value) if self.row.degrees else value
-        old = zip(self.row.fields, self.row.get(law), strict=True)
-        return self.row.put(law, tuple(number if f in self.part.fields else v for f, v in old))
+        old = zip(self.row.fields, self.row.get(settings), strict=True)
+        return self.row.put(settings, tuple(number if f in self.part.fields else v for f, v in old))
 
     def expected(self) -> str:
         """What it may be, in words."""
@@ -140,14 +142,14 @@ class Setting(NamedTuple):
         return f"{_number(self.low)} to {_number(self.high)} {self.unit}".rstrip()
 
 
-def settings(rows: Iterable[Parameter], airframe: Mapping[str, Any]) -> dict[str, Setting]:
+def entries(rows: Iterable[Parameter], airframe: Mapping[str, Any]) -> dict[str, Entry]:
     """Name -> MAVLink's parameter, in the order of the rows. `airframe`: tables of its file."""
     found = {}
     for row in rows:
         scale = math.degrees if row.degrees else float
         numbers = row.numbers(default(row, airframe)) if row.parts else ()
         for part in row.parts:
-            found[part.name] = Setting(
+            found[part.name] = Entry(
                 part=part,
                 row=row,
                 unit=row.unit.replace("rad", "deg") if row.degrees else row.unit,
@@ -159,7 +161,7 @@ def settings(rows: Iterable[Parameter], airframe: Mapping[str, Any]) -> dict[str
     return found
 
 
-def _pairs(table: Mapping[str, Setting]) -> Iterator[tuple[str, str, bool]]:
+def _pairs(table: Mapping[str, Entry]) -> Iterator[tuple[str, str, bool]]:
     """Names of which the first must not be above the second, and whether it must be below."""
     names = {p.row.name: name for name, p in table.items()}
     for name, p in table.items():
@@ -199,40 +201,50 @@ def _number(value: float) -> str:
 
 
 class Parameters:
-    """Every parameter of one vehicle, and the law's Params in force."""
+    """Every parameter of one vehicle, and the Settings in force."""
 
     def __init__(
         self,
-        law: LawParams,
+        settings: Settings,
         system_id: int,
         file: Path | None = None,
-        module: ModuleType = mmrac,
+        module: ModuleType = flown,
         rule: ModuleType | None = stability,
         airframe: Path = OCTO,
     ) -> None:
         """`file`: read now, if it is there; its folder must be. Raises ParamsFileError.
 
-        `module`: where the law has its PARAMETERS, and a check of its Params; `rule`: which values
-        go together.
+        `module`: where the PARAMETERS of Settings are, and their check; `rule`: which values of the
+        law go together.
         """
         self._module, self._rule = module, rule
         tables = load(airframe)
-        self._of_law = settings(module.PARAMETERS, tables)  # in the order of `put`
-        self._table = {**settings(VEHICLE, tables), **self._of_law}
+        self._of_law = entries(module.PARAMETERS, tables)  # in the order of `put`
+        self._table = {**entries(VEHICLE, tables), **self._of_law}
         self._pairs = tuple(_pairs(self._table))
         self.names: tuple[str, ...] = tuple(sorted(self._table))
         self._indices = {name: i for i, name in enumerate(self.names)}
-        self._start_law = law
+        self._start = settings
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
-        self.law = law  # in force
+        self.settings = settings  # in force
         # what starts unstable, or unable to hover, may fly on, for a study
-        self._stable, self._able = not self._unstable(law), not self._grounded(law)
+        self._stable, self._able = not self._unstable(settings), not self._grounded(settings)
         self._values = self._bases(self._changed)
         self.changed: tuple[str, ...] = ()  # by the last value that was set
         if file is not None:
             self._read(file)
         self._at_start = dict(self._changed)
+
+    @property
+    def law(self) -> Params:
+        """The law's parameters in force."""
+        return self.settings.law
+
+    @property
+    def guard(self) -> GuardParams:
+        """The guard's parameters in force."""
+        return self.settings.guard
 
     def __len__(self) -> int:
         return len(self.names)
@@ -245,7 +257,7 @@ class Parameters:
         """The value in force. Raises KeyError."""
         return self._values[name]
 
-    def info(self, name: str) -> Setting:
+    def info(self, name: str) -> Entry:
         """What a parameter is. Raises KeyError."""
         return self._table[name]
 
@@ -279,35 +291,35 @@ class Parameters:
     def _bases(self, changed: Mapping[str, float]) -> dict[str, float]:
         """The value that each parameter has while nobody sets it: some go with others' values."""
         leading = {k: v for k, v in changed.items() if self._table[k].row.leads}
-        law = self._with(leading) if leading else self._start_law
+        settings = self._with(leading) if leading else self._start
         found = {}
         for name in self.names:
             p = self._of_law.get(name)
             if p is None:
                 found[name] = self._fixed.get(name, self._table[name].default)
             else:
-                found[name] = shortest(p.get(self._start_law if p.row.leads else law))
+                found[name] = shortest(p.get(self._start if p.row.leads else settings))
         return found
 
-    def _with(self, values: Mapping[str, float]) -> LawParams:
-        """The law's Params with the law's among `values`; those of the start if there are none."""
-        law = self._start_law
+    def _with(self, values: Mapping[str, float]) -> Settings:
+        """Settings with the law's and the guard's among `values`; the start's if there are none."""
+        settings = self._start
         for name, p in self._of_law.items():
             if name in values:
-                law = p.put(law, values[name])
-        return law
+                settings = p.put(settings, values[name])
+        return settings
 
     def _law_alone(self, values: Mapping[str, float]) -> dict[str, float]:
         return {name: value for name, value in values.items() if name in self._of_law}
 
-    def _unstable(self, law: LawParams) -> str:
-        return self._rule.unstable(law) if self._rule else ""
+    def _unstable(self, settings: Settings) -> str:
+        return self._rule.unstable(settings.law) if self._rule else ""
 
-    def _grounded(self, law: LawParams) -> str:
-        return self._rule.grounded(law) if self._rule else ""
+    def _grounded(self, settings: Settings) -> str:
+        return self._rule.grounded(settings.law) if self._rule else ""
 
     @staticmethod
-    def _in_range(p: Setting, value: float) -> None:
+    def _in_range(p: Entry, value: float) -> None:
         allowed = value in p.values if p.values is not None else p.low <= value <= p.high
         if not allowed:  # nor is what is not a number
             raise Refused(OUT_OF_RANGE, f"{p.name} {_number(value)} refused: {p.expected()}")
@@ -324,18 +336,18 @@ class Parameters:
             at = f"{low} {_number(values[low])} {must} {high} {_number(values[high])}"
             raise Refused(OUT_OF_RANGE, refused + at)
         if self._law_alone(changed) != self._law_alone(self._changed):
-            law = self._with(changed)
+            settings = self._with(changed)
             try:
-                self._module.check(law)
+                self._module.check(settings)
             except ParameterError as error:
                 raise Refused(OUT_OF_RANGE, f"{refused}{error}") from error
-            why = self._grounded(law)
+            why = self._grounded(settings)
             if why and self._able:
                 raise Refused(OUT_OF_RANGE, refused + why)
-            channel = self._unstable(law)
+            channel = self._unstable(settings)
             if channel and self._stable:
                 raise Unstable(OUT_OF_RANGE, refused + self._why(channel, changed, values))
-            self.law, self._stable, self._able = law, not channel, not why
+            self.settings, self._stable, self._able = settings, not channel, not why
         self._changed, self._values = changed, values
 
     def _why(self, channel: str, changed: dict[str, float], values: dict[str, float]) -> str:
@@ -351,8 +363,8 @@ class Parameters:
         good, bad = self._values[name], values[name]
         for _ in range(5):  # halve the way, in ratio
             middle = float(f"{(good * bad) ** 0.5:.3g}")
-            law = self._with({**changed, name: middle})
-            fine = self._rule.stable(law, channel) and not self._unstable(law)
+            settings = self._with({**changed, name: middle})
+            fine = self._rule.stable(settings.law, channel) and not self._unstable(settings)
             good, bad = (middle, bad) if fine else (good, middle)
         return f"{why}; {_number(good)} would do"
 

@@ -14,8 +14,8 @@ import click
 
 from fcu.interface.airframe import OCTO, load
 from fcu.interface.parameter import Parameter, default
-from fcu.laws.mmrac.parameters import PARAMETERS
-from fcu.parameters import VEHICLE, settings
+from fcu.parameters import VEHICLE, entries
+from fcu.settings import PARAMETERS
 
 HEAD = """# Parameters
 
@@ -40,7 +40,7 @@ def page(law: Iterable[Parameter] = PARAMETERS) -> str:
 
 def _rows(row: Parameter, airframe: Mapping[str, Any]) -> Iterator[str]:
     """A row for the key, and one for each name that is not the whole of it."""
-    known = settings([row], airframe).values()
+    known = entries([row], airframe).values()
     one = len(known) == 1
     if row.key and not one:
         low, high = (_number(v) for v in (row.low, row.high))

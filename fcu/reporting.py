@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from fcu import wind
 from fcu.interface.diagnostics import Report, Status, Timing, fcu_row
 from fcu.interface.feed import Feed
 from fcu.interface.tape import Tape
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.mmrac import wind
-from fcu.laws.mmrac.types import LawParams, Tick
 from fcu.services.status import MODES, landed_state, system_status
+from fcu.settings import Settings
+from fcu.tick import Tick
 from fcu.vehicle.state_machine import StateMachine
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -42,7 +43,7 @@ class Reporter:
         self._report = np.zeros(size(Report))
         self._wind = self._report[_WIND]
         self._seen: tuple[Any, ...] = ()
-        self._told: LawParams | None = None
+        self._told: Settings | None = None
         self._sequence = 0.0
         self.cycle_max_s = 0.0
 
@@ -79,16 +80,16 @@ class Reporter:
         self.feed.send(row)
         self.tape.done()
 
-    def idle(self, t: float, law: LawParams, now: float) -> None:
-        """Between ticks: look for a publisher, and tell it the law's parameters in force.
+    def idle(self, t: float, settings: Settings, now: float) -> None:
+        """Between ticks: look for a publisher, and tell it the settings in force.
 
         t : simulation time, s.  now : wall, s.
         """
         if self.feed.find(now):
             self._told = None
-        if law is not self._told:
-            self._told = law
-            self.feed.tell(np.concatenate([[t], to_buffer(law)]).tobytes())
+        if settings is not self._told:
+            self._told = settings
+            self.feed.tell(np.concatenate([[t], to_buffer(settings)]).tobytes())
 
 
 def _status(vehicle: StateMachine) -> Status:

@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import foreseen, margin
+from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.buffers import size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import a_ref, advance, carried
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Way = Sequence[tuple[Setpoint, float]]
@@ -28,21 +29,23 @@ HALVINGS = 10
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
 
-_unpack_params = unpacker(LawParams)
+_unpack_params = unpacker(GuardParams)
+_unpack_law = unpacker(Params)
 _unpack_setpoint = unpacker(Setpoint)
 
 
 @kernel
-def ahead(params_buffer, way, reference):
+def ahead(params_buffer, law_buffer, way, reference):
     """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one.
 
-    params_buffer : float64[size(LawParams)]; its first, h, is overwritten.
+    params_buffer : float64[size(GuardParams)].
+    law_buffer : float64[size(Params)]; its first, h, is overwritten.
     way : float64[n, 1 + size(Setpoint)], for how long (s; the last: whatever it says), and what.
     reference : float64[6], r_m and v_m where the way begins, m, m/s, E.
     """
-    params = _unpack_params(params_buffer)
-    settled = foreseen.steps(params) * params.h
-    known, more, adds = margin.known(params), foreseen.hurry(params), foreseen.closed(params)
+    params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
+    settled = foreseen.steps(law) * law.h
+    known, more, adds = margin.known(params, law), foreseen.hurry(law), foreseen.closed(law)
     r = Vec3(reference[0], reference[1], reference[2])
     v = Vec3(reference[3], reference[4], reference[5])
     worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
@@ -52,13 +55,13 @@ def ahead(params_buffer, way, reference):
         last = i == len(way) - 1
         looked = settled if last else min(for_s, settled)
         n = max(1, math.ceil(LOOKS * looked / settled))
-        params_buffer[0] = looked / n
-        params = _unpack_params(params_buffer)
+        law_buffer[0] = looked / n
+        law = _unpack_law(law_buffer)
         for k in range(n):
-            a_d = a_ref(params, carried(setpoint, k * params.h), r, v)
-            off = foreseen.misjudged(params, off, a_d - before)
+            a_d = a_ref(law, carried(setpoint, k * law.h), r, v)
+            off = foreseen.misjudged(law, off, a_d - before)
             worst = min(worst, foreseen.holds(known, more * a_d, more * off, v, adds))
-            r, v, w, a = foreseen.advanced(params, a_d, r, v, w, a)
+            r, v, w, a = foreseen.advanced(law, a_d, r, v, w, a)
             before = a_d
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
@@ -69,24 +72,25 @@ def ahead(params_buffer, way, reference):
 
 
 @kernel
-def follow(params_buffer, setpoint_buffer, ticks, reference):
+def follow(law_buffer, setpoint_buffer, ticks, reference):
     """Bring `reference` (float64[6]: r_m, v_m) on by as many ticks as the setpoint is flown."""
-    params = _unpack_params(params_buffer)
+    law = _unpack_law(law_buffer)
     setpoint = _unpack_setpoint(setpoint_buffer)
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
     for k in range(ticks):
-        r_m, v_m = advance(params, carried(setpoint, k * params.h), r_m, v_m)
+        r_m, v_m = advance(law, carried(setpoint, k * law.h), r_m, v_m)
     reference[0], reference[1], reference[2] = r_m.x, r_m.y, r_m.z
     reference[3], reference[4], reference[5] = v_m.x, v_m.y, v_m.z
 
 
 class Look:
-    """Looks ahead with one set of the law's parameters."""
+    """Looks ahead with one set of the guard's and of the law's parameters."""
 
-    def __init__(self, params: LawParams) -> None:
-        self.params = params
-        self._buffer = to_buffer(params)
+    def __init__(self, params: GuardParams, law: Params) -> None:
+        self._params = to_buffer(params)
+        self._law = to_buffer(law)
+        self._h = law.h
 
     def short(self, way: Way, reference: Buffer) -> float:
         """By how much (N) a way misses the condition; 0 if it meets it.
@@ -96,8 +100,8 @@ class Look:
         rows = np.empty((len(way), _WIDTH))
         for row, (setpoint, for_s) in zip(rows, way, strict=True):
             row[0], row[1:] = for_s, to_buffer(setpoint)
-        self._buffer[0] = self.params.h
-        return max(0.0, -float(ahead(self._buffer, rows, reference)))
+        self._law[0] = self._h
+        return max(0.0, -float(ahead(self._params, self._law, rows, reference)))
 
 
 class Lack(NamedTuple):

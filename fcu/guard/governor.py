@@ -28,7 +28,7 @@ def shortened(x, size):
 
 
 @kernel
-def speeds(params, known):
+def speeds(known):
     """The greatest speed (m/s) of the reference, and the deceleration (m/s^2) it brakes with.
 
     Both from what hover leaves: at that speed, in the direction that suits worst, KEPT of the
@@ -47,13 +47,13 @@ def speeds(params, known):
 
 
 @kernel
-def wanted(params, known, setpoint, r_m, v_m):
+def wanted(params, law, known, setpoint, r_m, v_m):
     """Acceleration (m/s^2, E) that takes the reference to the setpoint within speed and jerk.
 
     That of (34) near the setpoint and at low speed.
     """
-    f_m, zeta_m = params.f_m, params.zeta_m
-    top, brake = speeds(params, known)
+    f_m, zeta_m = law.f_m, law.zeta_m
+    top, brake = speeds(known)
     to_go = setpoint.r_c - r_m
     far = norm(to_go)
     c = f_m / (2.0 * zeta_m)
@@ -61,7 +61,7 @@ def wanted(params, known, setpoint, r_m, v_m):
     v_wanted = shortened(setpoint.v_c + v_to, top)
     short_by = v_wanted - v_m
     short = norm(short_by)
-    change = approach(2.0 * f_m * zeta_m, 0.5 * params.guard.jerk, short)
+    change = approach(2.0 * f_m * zeta_m, 0.5 * params.jerk, short)
     return setpoint.a_c + (change / (short + 1e-30)) * short_by
 
 
@@ -104,19 +104,19 @@ def within(known, a, f_v, radius):
 
 
 @kernel
-def governed(params, known, state, setpoint, r, v):
+def governed(params, law, known, state, reference, setpoint, r, v):
     """The setpoint the reference model is given, its acceleration (m/s^2, E), 1 if it is governed.
 
     What is kept inside the limits is the acceleration that is demanded of the vehicle, the
     reference's plus what closes the tracking error; the reference gives way.
     """
-    f_m, zeta_m, h = params.f_m, params.zeta_m, params.h
-    r_m, v_m = state.r_m, state.v_m
-    plain = a_ref(params, setpoint, r_m, v_m)  # (34)
-    if params.guard.policy != 1.0:  # all lanes of a campaign share it
+    f_m, zeta_m = law.f_m, law.zeta_m
+    r_m, v_m = reference.r_m, reference.v_m
+    plain = a_ref(law, setpoint, r_m, v_m)  # (34)
+    if params.policy != 1.0:  # all lanes of a campaign share it
         return setpoint, plain, 0.0
-    a_wanted = wanted(params, known, setpoint, r_m, v_m)
-    a = state.a_m + shortened(a_wanted - state.a_m, params.guard.jerk * h)
+    a_wanted = wanted(params, law, known, setpoint, r_m, v_m)
+    a = state.a_m + shortened(a_wanted - state.a_m, params.jerk * law.h)
     closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
     f_v = margin.dragging(known, v_m)
     at_rest = margin.room(known, Vec3(0.0, 0.0, 0.0), f_v)
@@ -128,26 +128,33 @@ def governed(params, known, state, setpoint, r, v):
     limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
     r_g = r_m + (a_g - a_c + 2.0 * f_m * zeta_m * (v_m - v_c)) / (f_m * f_m)  # (34) departure 17
-    psi_g, psi_g_dot, _ = turned(params, state, setpoint)
+    psi_g, psi_g_dot, _ = turned(params, law, state, setpoint)
     given = Setpoint(
-        select3(limited, r_g, r_c), v_c, a_c, psi_g, psi_g_dot, setpoint.level,
-        setpoint.tilt_c, setpoint.w_c, setpoint.T_c,
-    )  # fmt: skip
+        r_c=select3(limited, r_g, r_c),
+        v_c=v_c,
+        a_c=a_c,
+        psi_c=psi_g,
+        psi_dot_c=psi_g_dot,
+        level=setpoint.level,
+        tilt_c=setpoint.tilt_c,
+        w_c=setpoint.w_c,
+        T_c=setpoint.T_c,
+    )
     return given, select3(limited, a_g, plain), select(limited, 1.0, 0.0)
 
 
 @kernel
-def turned(params, state, setpoint):
+def turned(params, law, state, setpoint):
     """Yaw (rad) and its rate (rad/s) that are commanded, and 1 if they are not the setpoint's.
 
     Yaw is the weak axis: its command too gets no faster than the rotors' drag can turn.
     """
-    h, c, a, top = params.h, params.c_angle.z, params.yaw_acceleration, params.yaw_rate_max
+    h, c, a, top = law.h, law.c_angle.z, law.yaw_acceleration, law.yaw_rate_max
     e = wrap(setpoint.psi_c - state.psi_g)
     rate = clip(setpoint.psi_dot_c + math.copysign(approach(c, a, abs(e)), e), -top, top)
     rate = clip(rate, state.psi_g_dot - a * h, state.psi_g_dot + a * h)
     off = (abs(e) > 1e-6) | (abs(rate - setpoint.psi_dot_c) > 1e-6)
-    limited = off & (params.guard.policy == 1.0) & (setpoint.level < 0.5)
+    limited = off & (params.policy == 1.0) & (setpoint.level < 0.5)
     return (
         select(limited, state.psi_g, setpoint.psi_c),
         select(limited, rate, setpoint.psi_dot_c),

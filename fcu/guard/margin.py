@@ -6,7 +6,7 @@ T_z >= T_dz_min, which they reach for every heading. On a path with acceleration
     T = m (a + g e3) - f_D + m z
 
 with drag f_D and the control difference m z of (30). Mass and wind are not known; bounds of
-them are (Guard). A demand is safe if m (a + g e3) + f_v lies inside by the radius `allowance`:
+them are (GuardParams). A demand is safe if m (a + g e3) + f_v lies inside by the radius `allowance`:
 f_v is the half of the drag that goes with v, the radius all the rest.
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from fcu.kernel.algebra import Vec3, maximum, minimum, norm
+from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 
 # Across the thrust, with lambda = sqrt(gamma) and m_hat down to 0.7 of the mass, where it is worst:
@@ -29,7 +29,7 @@ KEPT = 0.1  # part of the room at a standstill that is never given away
 
 
 class Known(NamedTuple):
-    """What the margin needs of LawParams, worked out once a tick."""
+    """What the margin needs of GuardParams and the law's Params, worked out once a tick."""
 
     T_min: float  # N
     T_max: float  # N
@@ -46,28 +46,27 @@ class Known(NamedTuple):
 
 
 @kernel
-def known(params):
+def known(params, law):
     """What is known of actuators, air and vehicle; with it the bound beta_2 gamma^(-1/2).
 
     The control difference m z is bounded by LASTS/sqrt(gamma) times the rate of drag,
     2 c (|v| + w_max) (w_dot_max + g/2), beside what fades (beta). Paper (30).
     """
-    guard = params.guard
-    per_rate = LASTS / math.sqrt(params.gamma)
-    per_speed = 2.0 * guard.c_D * (guard.w_dot_max + 0.5 * params.g)
+    per_rate = LASTS / math.sqrt(law.gamma)
+    per_speed = 2.0 * params.c_D * (params.w_dot_max + 0.5 * law.g)
     return Known(
-        params.T_min,
-        params.T_max,
-        params.T_dz_min * params.achieved,
-        math.sin(params.phi_star),
-        math.cos(params.phi_star),
-        guard.m_min,
-        guard.m_max,
-        params.g,
-        guard.c_D,
-        guard.w_max,
-        per_rate * per_speed * guard.w_max,
-        per_rate * per_speed,
+        T_min=law.limits.T_min,
+        T_max=law.limits.T_max,
+        T_z_min=select(law.achieved > 0.5, law.T_dz_min, 0.0),
+        sin=math.sin(law.limits.phi_star),
+        cos=math.cos(law.limits.phi_star),
+        m_min=params.m_min,
+        m_max=params.m_max,
+        g=law.g,
+        c_D=params.c_D,
+        w_max=params.w_max,
+        z_0=per_rate * per_speed * params.w_max,
+        z_1=per_rate * per_speed,
     )  # (30)
 
 
@@ -139,28 +138,27 @@ def condition(known, a, v, beta):
 
 
 @kernel
-def beta_1(params, v):
+def beta_1(params, law, v):
     """Control difference (N) at take-over at v (m/s, E) at most. Paper (30), beta_1.
 
     Weight that m_hat leaves out, drag that s_v_hat does, and a predictor that starts wrong; the last
     by what the fastest channel, along full thrust, makes of it.
     """
-    guard = params.guard
-    m_0 = params.m_hat_0
-    off = maximum(abs(guard.m_max - m_0), abs(guard.m_min - m_0))
-    air = norm(v) + guard.w_max
-    fastest = math.sqrt(params.gamma + params.gamma_Lambda * params.T_max * params.T_max)
-    wrong = guard.m_max * fastest * norm(params.v_hat_offset)
-    return PEAK * (off * params.g + guard.c_D * air * air + wrong)  # (30)
+    m_0, T_max = law.initial.m_hat_0, law.limits.T_max
+    off = maximum(abs(params.m_max - m_0), abs(params.m_min - m_0))
+    air = norm(v) + params.w_max
+    fastest = math.sqrt(law.gamma + law.gamma_Lambda * T_max * T_max)
+    wrong = params.m_max * fastest * norm(law.initial.v_hat_offset)
+    return PEAK * (off * law.g + params.c_D * air * air + wrong)  # (30)
 
 
 @kernel
 def doubt(params, a):
     """Control difference (N) of a change a (m/s^2, E) of what is demanded: m_hat may be off."""
-    return PEAK * FORGOTTEN * params.guard.m_max * norm(a)
+    return PEAK * FORGOTTEN * params.m_max * norm(a)
 
 
 @kernel
-def faded(params, beta):
+def faded(law, beta):
     """`beta` (N) a tick later: it decays with nu_1 = lambda/2. Paper (30)."""
-    return beta / (1.0 + 0.5 * params.h * params.lambda_v)  # (30)
+    return beta / (1.0 + 0.5 * law.h * law.lambda_v)  # (30)

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.laws.mmrac.parameters import rotor_lag
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -44,7 +44,7 @@ class Fade(NamedTuple):
     fourfold: float
 
 
-def fade(params: LawParams) -> Fade:
+def fade(params: Params) -> Fade:
     """Of e^(-t/lag) over a tick."""
     h, lag = params.h, rotor_lag(params)
     left = math.exp(-h / lag) if lag > 0.0 else 0.0
@@ -54,14 +54,14 @@ def fade(params: LawParams) -> Fade:
     return Fade(left, once, twice, thrice, lag * (h * h * h / 6.0 - thrice))
 
 
-def height(params: LawParams, lag: Fade, off: float) -> Matrix:
+def height(params: Params, lag: Fade, off: float) -> Matrix:
     """One tick of height (8 x 8), with m_hat = off * m.
 
     State: height, its rate, thrust, thrust a tick ago, v_hat, s_hat + T_0 Lambda_hat (one
     number: in hover drag and mass cannot be told apart), trim, T_c a tick ago; all but the
     first two as departures from hover.
     """
-    h, w, m, m_hat = params.h, params.rotor_mean, MASS, off * MASS
+    h, w, m, m_hat = params.h, params.rotors.mean, MASS, off * MASS
     z, v, T, T_prev, v_hat, s, trim, T_c_prev = np.eye(8)
     T_0 = m * params.g
     gain = params.gamma + params.gamma_Lambda * T_0 * T_0
@@ -74,7 +74,7 @@ def height(params: LawParams, lag: Fade, off: float) -> Matrix:
     trim = (trim if trim_rate > 0.0 else 0.0 * trim) + h * trim_rate * (T_c_prev - T_mean)
     T_c = m_hat * (_a_ref(params, z, v) - s)
 
-    aim = T + params.kappa * (T_c + trim - T)
+    aim = T + params.rotors.kappa * (T_c + trim - T)
     gap = T - aim
     return np.array([
         z + h * v + (aim * (h * h / 2.0) + gap * lag.twice) / m,
@@ -84,13 +84,13 @@ def height(params: LawParams, lag: Fade, off: float) -> Matrix:
     ])  # fmt: skip
 
 
-def tilt(params: LawParams, lag: Fade, off: float, axis: int) -> Matrix:
+def tilt(params: Params, lag: Fade, off: float, axis: int) -> Matrix:
     """One tick of a tilt and the way it leads to (12 x 12), axis 0 roll, 1 pitch.
 
     State: way, its rate, tilt, body rate, torque, tilt and torque a tick ago, v_hat, s_v_hat,
     w_hat, s_w_hat, tilt filter. m_hat = off * m, J_hat = off * J. Signs are those of pitch.
     """
-    h, w, g, J, J_hat = params.h, params.rotor_mean, params.g, INERTIA[axis], off * INERTIA[axis]
+    h, w, g, J, J_hat = params.h, params.rotors.mean, params.g, INERTIA[axis], off * INERTIA[axis]
     x, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = np.eye(12)
     lift = g / off  # T_0 / m_hat
 
@@ -105,7 +105,7 @@ def tilt(params: LawParams, lag: Fade, off: float, axis: int) -> Matrix:
     q_c = b * (a_c - a_filter) + params.c_angle[axis] * (a_c - a)
     tau_c = J_hat * (params.c_rate[axis] * (q_c - q) - s_w)
 
-    aim = tau + params.kappa * (tau_c - tau)
+    aim = tau + params.rotors.kappa * (tau_c - tau)
     gap = tau - aim
     jerk = aim * (h * h * h / 6.0) + gap * lag.thrice
     snap = aim * (h * h * h * h / 24.0) + gap * lag.fourfold
@@ -119,16 +119,16 @@ def tilt(params: LawParams, lag: Fade, off: float, axis: int) -> Matrix:
     ])  # fmt: skip
 
 
-def yaw(params: LawParams, lag: Fade, off: float) -> Matrix:
+def yaw(params: Params, lag: Fade, off: float) -> Matrix:
     """One tick of yaw (6 x 6), with J_hat = off * J.
 
     State: yaw, body rate, torque, torque a tick ago, w_hat, s_w_hat.
     """
-    h, w, J, J_hat = params.h, params.rotor_mean, INERTIA[2], off * INERTIA[2]
+    h, w, J, J_hat = params.h, params.rotors.mean, INERTIA[2], off * INERTIA[2]
     psi, r, tau, tau_prev, w_hat, s_w = np.eye(6)
     e, s_w = _rate(params, r, w_hat, s_w, (w * tau_prev + (1.0 - w) * tau) / J_hat)
     tau_c = J_hat * (params.c_rate.z * (-params.c_angle.z * psi - r) - s_w)
-    aim = tau + params.kappa * (tau_c - tau)
+    aim = tau + params.rotors.kappa * (tau_c - tau)
     gap = tau - aim
     return np.array([
         psi + h * r + (aim * (h * h / 2.0) + gap * lag.twice) / J,
@@ -138,13 +138,13 @@ def yaw(params: LawParams, lag: Fade, off: float) -> Matrix:
     ])  # fmt: skip
 
 
-def _a_ref(params: LawParams, r: Matrix, v: Matrix) -> Matrix:
+def _a_ref(params: Params, r: Matrix, v: Matrix) -> Matrix:
     """Paper (34), with the setpoint at rest in the origin."""
     return -2.0 * params.f_m * params.zeta_m * v - params.f_m * params.f_m * r
 
 
 def _rate(
-    params: LawParams, w: Matrix, w_hat: Matrix, s_w: Matrix, known: Matrix
+    params: Params, w: Matrix, w_hat: Matrix, s_w: Matrix, known: Matrix
 ) -> tuple[Matrix, Matrix]:
     """Prediction error and disturbance of a body rate after the tick."""
     h, gamma = params.h, params.gamma
@@ -152,7 +152,7 @@ def _rate(
     return e, s_w + h * gamma * e
 
 
-CHANNELS: dict[str, Callable[[LawParams, Fade, float], Matrix]] = {
+CHANNELS: dict[str, Callable[[Params, Fade, float], Matrix]] = {
     "height": height,
     "roll": lambda params, lag, off: tilt(params, lag, off, 0),
     "pitch": lambda params, lag, off: tilt(params, lag, off, 1),
@@ -170,7 +170,7 @@ DECIDES: dict[str, tuple[str, ...]] = {
 }
 
 
-def radius(params: LawParams, channel: str, off: float = 1.0) -> float:
+def radius(params: Params, channel: str, off: float = 1.0) -> float:
     """Spectral radius of a channel: what its slowest mode is multiplied by in a tick.
 
     `off`: estimates of mass and inertia over the truth.
@@ -179,19 +179,19 @@ def radius(params: LawParams, channel: str, off: float = 1.0) -> float:
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
-def stable(params: LawParams, channel: str) -> bool:
+def stable(params: Params, channel: str) -> bool:
     """Whether a channel is, with the gain margin, and with a cut rotor command.
 
     An inertia that is not learnt has to be right enough from the start.
     """
-    cut = params._replace(kappa=min(params.kappa, KAPPA_CUT))
+    cut = params._replace(rotors=params.rotors._replace(kappa=min(params.rotors.kappa, KAPPA_CUT)))
     offs = list(OFF)
     if channel in ROTATION and params.gamma_LambdaJ < LEARNT:
-        offs.append(params.J_hat_0 / INERTIA[ROTATION.index(channel)])
+        offs.append(params.initial.J_hat_0 / INERTIA[ROTATION.index(channel)])
     return all(radius(params, channel, off) < 1.0 for off in offs) and radius(cut, channel) < 1.0
 
 
-def grounded(params: LawParams) -> str:
+def grounded(params: Params) -> str:
     """What keeps the vehicle of Section VIII from hovering, whatever its gains; empty if nothing.
 
     Thrust limits that leave no room about its weight, sets that do not hold its mass or inertia
@@ -199,20 +199,20 @@ def grounded(params: LawParams) -> str:
     time that a fall leaves to learn it.
     """
     weight, b = MASS * params.g, params.bounds
-    if params.T_max < LIFT * weight:
+    if params.limits.T_max < LIFT * weight:
         return f"too weak for {MASS:g} kg ({LIFT * weight:.0f} N at least)"
-    if params.T_min > SINK * weight:
+    if params.limits.T_min > SINK * weight:
         return f"no way down at {MASS:g} kg ({SINK * weight:.0f} N at most)"
     if not b.m_min <= MASS <= b.m_max:
         return f"{MASS:g} kg is outside the set of masses"
     if not b.J_min <= min(INERTIA) <= max(INERTIA) <= b.J_max:
         return f"{min(INERTIA):.2f} to {max(INERTIA):.2f} kg m^2 is outside the set of inertias"
-    if not MASS / FIRST <= params.m_hat_0 <= MASS * FIRST:
+    if not MASS / FIRST <= params.initial.m_hat_0 <= MASS * FIRST:
         return f"mass at arming: {MASS / FIRST:g} to {MASS * FIRST:g} kg"
     return ""
 
 
-def unstable(params: LawParams) -> str:
+def unstable(params: Params) -> str:
     """The channel that is not stable; empty if all are, or for the printed prediction.
 
     Takes less than a millisecond.

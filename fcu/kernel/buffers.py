@@ -120,7 +120,8 @@ def _construction(cls: Any, first: int) -> tuple[str, dict[str, Any]]:
         if not is_value(kind):
             return f"b[{next(index)}]"
         name = names.setdefault(kind, f"{kind.__name__}_{len(names)}")
-        return f"{name}({', '.join(map(construct, fields(kind).values()))})"
+        given = (f"{field}={construct(of)}" for field, of in fields(kind).items())
+        return f"{name}({', '.join(given)})"
 
     expression = construct(cls)
     return expression, {name: kind for kind, name in names.items()}

@@ -1,7 +1,7 @@
 """Rows of float64 read by name: where in a row the fields of its NamedTuple class stand.
 
 A row is the buffer of one value (`buffers`), or begins with it; many rows are an array (n, width).
-A name is dotted, as in a recording: `state.m_hat` is one float, `state` a value of many. Nobody
+A name is dotted, as in a recording: `state.estimates.m_hat` is one float, `state` a value of many. Nobody
 else knows a column by its number. Compiled code reads a field with `buffers.unpacker(cls, name)`.
 """
 

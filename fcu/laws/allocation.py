@@ -6,6 +6,8 @@ upright), then total thrust, then torque about yaw.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from fcu.kernel.algebra import (
     Rotors,
     Vec3,
@@ -21,32 +23,50 @@ from fcu.kernel.algebra import (
 from fcu.kernel.compile import kernel
 
 
+class RotorParams(NamedTuple):
+    """The rotors as they are believed to be, and how thrust and torque are shared among them."""
+
+    x: Rotors  # positions forward of the centre of mass, m
+    y: Rotors  # positions left of it, m
+    spin: Rotors  # +1 counter-clockwise from above, -1 clockwise
+    c_T: float  # thrust coefficient, N/(rad/s)^2
+    k_Q: float  # drag torque over thrust, m
+    Omega_max: float  # full speed, rad/s
+    f_min: float  # N, least thrust allocated to a rotor
+    f_max: float  # N, greatest thrust allocated to a rotor
+    kappa: float  # speed command over wanted change of speed: h^-1 of (7)
+    mean: float  # weight of the earlier sample in a tick's mean of speed or its square
+    B_x: Rotors  # thrusts for one N m about body x, N
+    B_y: Rotors  # about body y
+    B_z: Rotors  # about body z
+
+
 @kernel
-def achieved(params, Omega2):
+def achieved(rotors, Omega2):
     """Thrust (N) and torque (N m, B) of rotor speeds squared, by the believed coefficients.
 
     Paper (32): T is the sum of the rotors' thrusts. A rotor's drag turns the body against
     its spin.
     """
-    f = params.c_T * Omega2
+    f = rotors.c_T * Omega2
     T = total(f)  # (32)
-    tau = Vec3(total(params.y * f), -total(params.x * f), -params.k_Q * total(params.spin * f))
+    tau = Vec3(total(rotors.y * f), -total(rotors.x * f), -rotors.k_Q * total(rotors.spin * f))
     return T, tau
 
 
 @kernel
-def omega_m(params, Omega):
+def omega_m(rotors, Omega):
     """Sum of rotor speeds signed by spin (rad/s), positive counter-clockwise. Paper (33)."""
-    return total(params.spin * Omega)  # (33) departure 4
+    return total(rotors.spin * Omega)  # (33) departure 4
 
 
 @kernel
-def allocate(params, T, tau):
+def allocate(rotors, T, tau):
     """Rotor thrusts (N) for a total thrust (N) and torque (N m, B), and 1 if any was given up."""
-    low, high = params.f_min, params.f_max
+    low, high = rotors.f_min, rotors.f_max
 
     # roll and pitch: scaled together, only if their spread alone does not fit
-    tilting = tau.x * params.B_x + tau.y * params.B_y
+    tilting = tau.x * rotors.B_x + tau.y * rotors.B_y
     top, bottom = greatest(tilting), least(tilting)
     k_tilt = minimum(1.0, (high - low) / (top - bottom + 1e-12))
     tilting = k_tilt * tilting
@@ -57,7 +77,7 @@ def allocate(params, T, tau):
     f = Rotors(kept, kept, kept, kept, kept, kept, kept, kept) + tilting
 
     # yaw: what room is left
-    yawing = tau.z * params.B_z
+    yawing = tau.z * rotors.B_z
     k_yaw = minimum(1.0, room(f, yawing, low, high))
     f = clip8(f + k_yaw * yawing, low, high)
 
@@ -86,26 +106,26 @@ def room1(f, change, low, high):
 
 
 @kernel
-def speed_command(params, thrusts, Omega):
+def speed_command(rotors, thrusts, Omega):
     """Commanded rotor speeds over full speed, 0 to 1, for thrusts (N) from speeds Omega (rad/s).
 
     The lag is inverted: a first-order rotor told Omega + kappa (wanted - Omega) gets there
     kappa times sooner. h^-1 of (7).
     """
-    wanted = sqrt8((1.0 / params.c_T) * thrusts)
-    command = Omega + params.kappa * (wanted - Omega)  # (7) departure 8
-    return clip8((1.0 / params.Omega_max) * command, 0.0, 1.0)
+    wanted = sqrt8((1.0 / rotors.c_T) * thrusts)
+    command = Omega + rotors.kappa * (wanted - Omega)  # (7) departure 8
+    return clip8((1.0 / rotors.Omega_max) * command, 0.0, 1.0)
 
 
 @kernel
-def mean_squares(params, Omega_prev, Omega):
+def mean_squares(rotors, Omega_prev, Omega):
     """Mean of rotor speeds squared over the last tick ((rad/s)^2), from its two ends."""
-    w = params.rotor_mean
+    w = rotors.mean
     return w * (Omega_prev * Omega_prev) + (1.0 - w) * (Omega * Omega)
 
 
 @kernel
-def mean_omega_m(params, Omega_prev, Omega):
+def mean_omega_m(rotors, Omega_prev, Omega):
     """Mean of omega_m over the last tick (rad/s), from its two ends."""
-    w = params.rotor_mean
-    return omega_m(params, w * Omega_prev + (1.0 - w) * Omega)
+    w = rotors.mean
+    return omega_m(rotors, w * Omega_prev + (1.0 - w) * Omega)

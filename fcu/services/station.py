@@ -15,7 +15,6 @@ import numpy as np
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.buffers import size
-from fcu.laws.mmrac.types import Tick
 from fcu.mavlink.definitions import CommandId, Result, Severity
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
@@ -39,6 +38,7 @@ from fcu.services.streams import (
     View,
 )
 from fcu.services.wind import Wind
+from fcu.tick import Tick
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -138,7 +138,8 @@ class Station:
         if view is not None:
             if view.flying and now >= self._wind_due:
                 self._wind_due = now + WIND_S
-                self._wind.see(view.t, view.measured, view.state.s_v_hat, view.state.m_hat)
+                estimates = view.state.estimates
+                self._wind.see(view.t, view.measured, estimates.s_v_hat, estimates.m_hat)
             self.streams.send(view, now)
             if self._home_told != self._vehicle.home_changed:
                 self._home_told = self._vehicle.home_changed

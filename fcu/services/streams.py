@@ -18,12 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.guard.types import GuardInternals
 from fcu.interface.messages import Battery, VehicleState
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rotations import euler, from_euler, matrix, rotate_back
 from fcu.kernel.rows import column
-from fcu.laws.mmrac.types import Internals, LawParams, LawState, Tick
+from fcu.laws.face import Outputs
+from fcu.laws.mmrac.types import Internals, Params, State
 from fcu.mavlink import replies, setpoints
 from fcu.mavlink import telemetry as tm
 from fcu.mavlink.definitions import (
@@ -43,6 +45,7 @@ from fcu.parameters import Parameters
 from fcu.services.ground_port import GroundPort, Link
 from fcu.services.status import MODES, custom_mode, landed_state, system_status
 from fcu.services.wind import Wind
+from fcu.tick import Tick
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -106,7 +109,7 @@ class View:
     counters: Counters = field(default_factory=Counters)
 
     @property
-    def law(self) -> LawParams:
+    def law(self) -> Params:
         """The law's parameters in force."""
         return self.params.law
 
@@ -116,16 +119,24 @@ class View:
         return self.vehicle.battery
 
     @cached_property
-    def state(self) -> LawState:
+    def state(self) -> State:
         """What the law remembers after this tick."""
-        state: LawState = from_buffer(LawState, column(Tick, self.row, "state"))
-        return state
+        return from_buffer(State, column(Tick, self.row, "state"))
+
+    @cached_property
+    def outputs(self) -> Outputs:
+        """What the law told of this tick."""
+        return from_buffer(Outputs, column(Tick, self.row, "outputs"))
 
     @cached_property
     def internals(self) -> Internals:
         """What the law computed at this tick."""
-        internals: Internals = from_buffer(Internals, column(Tick, self.row, "internals"))
-        return internals
+        return from_buffer(Internals, column(Tick, self.row, "internals"))
+
+    @cached_property
+    def guard(self) -> GuardInternals:
+        """What the guard did at this tick."""
+        return from_buffer(GuardInternals, column(Tick, self.row, "guard"))
 
     @cached_property
     def angles(self) -> Vec3:
@@ -158,8 +169,8 @@ class View:
     def throttle(self) -> float:
         """Achieved total thrust over full thrust, 0 to 1, by the believed coefficient."""
         Omega = self.measured.Omega
-        T = self.law.c_T * sum(float(w) * float(w) for w in Omega)
-        return T / self.law.T_max
+        T = self.law.rotors.c_T * sum(float(w) * float(w) for w in Omega)
+        return T / self.law.limits.T_max
 
 
 # --- the messages
@@ -299,7 +310,7 @@ def _wind(v: View) -> Sequence[Packed]:
 
 
 def _esc_status(v: View) -> Sequence[Packed]:
-    Omega, spin = v.measured.Omega, v.law.spin
+    Omega, spin = v.measured.Omega, v.law.rotors.spin
     rpm = [o * s * 30.0 / math.pi for o, s in zip(Omega, spin, strict=True)]
     volts, total = (v.battery.voltage, v.battery.current) if v.battery else (math.nan, math.nan)
     power = [o * o * o for o in Omega]  # a rotor's share of the current
@@ -314,7 +325,7 @@ def _esc_info(v: View) -> Sequence[Packed]:
 
 
 def _rotors(v: View) -> Sequence[Packed]:
-    return [tm.rotors(v.t, v.measured.Omega, v.law.spin)]
+    return [tm.rotors(v.t, v.measured.Omega, v.law.rotors.spin)]
 
 
 def _servos(v: View) -> Sequence[Packed]:
@@ -324,11 +335,11 @@ def _servos(v: View) -> Sequence[Packed]:
 def _attitude_target(v: View) -> Sequence[Packed]:
     if not v.flying:
         return []
-    i = v.internals
-    q = from_euler(i.angles_c.x, i.angles_c.y, i.angles_c.z)
+    o = v.outputs
+    q = from_euler(o.angles_c.x, o.angles_c.y, o.angles_c.z)
     setpoint = v.vehicle.setpoint
     unused = IGNORE_ATTITUDE if setpoint is not None and setpoint.level > 1.0 else 0
-    return [setpoints.attitude_target(v.t, unused, q, i.w_c, i.T_c / v.law.T_max)]
+    return [setpoints.attitude_target(v.t, unused, q, o.w_c, o.T_c / v.law.limits.T_max)]
 
 
 def _flown(v: View, as_global: bool) -> Sequence[Packed]:
@@ -352,14 +363,14 @@ def _estimates(v: View) -> Sequence[Packed]:
     """What the law believes, by the names of the paper."""
     if not v.flying:
         return []
-    s, i = v.state.s_v_hat, v.internals
-    norm = math.sqrt(i.v_til.x * i.v_til.x + i.v_til.y * i.v_til.y + i.v_til.z * i.v_til.z)
-    saturated = max(i.thrust_saturated, i.tilt_saturated, i.rotor_saturated)
+    estimates, off = v.state.estimates, v.internals.prediction.v_til
+    s, margin = estimates.s_v_hat, v.guard.margin
     values = {
-        "m_hat": v.state.m_hat, "s_v_x": s.x, "s_v_y": s.y, "s_v_z": s.z, "v_til": norm,
-        "saturated": saturated, "projected": i.projected,
-        "governed": i.governed, "margin_n": i.margin, "margin_deg": math.degrees(i.margin_tilt),
-        "margin_c": i.margin_condition,
+        "m_hat": estimates.m_hat, "s_v_x": s.x, "s_v_y": s.y, "s_v_z": s.z,
+        "v_til": math.sqrt(off.x * off.x + off.y * off.y + off.z * off.z),
+        "saturated": max(v.outputs.saturation), "projected": v.internals.flags.projected,
+        "governed": v.guard.governed, "margin_n": margin.force,
+        "margin_deg": math.degrees(margin.tilt), "margin_c": margin.condition,
     }  # fmt: skip
     return [tm.named_value_float(v.t, name, value) for name, value in values.items()]
 
@@ -368,11 +379,10 @@ def _estimates_array(v: View) -> Sequence[Packed]:
     """What the law believes, what saturates, and the margins (N, rad, N)."""
     if not v.flying:
         return []
-    s, i = v.state, v.internals
+    s, off = v.state.estimates, v.internals.prediction
     data = [
-        s.m_hat, *s.s_v_hat, *s.J_hat, *s.s_w_hat, *i.v_til, *i.w_til,
-        i.projected, i.thrust_saturated, i.tilt_saturated, i.rotor_saturated,
-        i.governed, i.margin, i.margin_tilt, i.margin_condition,
+        s.m_hat, *s.s_v_hat, *s.J_hat, *s.s_w_hat, *off.v_til, *off.w_til,
+        v.internals.flags.projected, *v.outputs.saturation, v.guard.governed, *v.guard.margin,
     ]  # fmt: skip
     return [tm.debug_float_array(v.t, "mmrac", 0, data)]
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.theory.adaptive import Block, Estimates, Laws, predictor
 from fcu.theory.arrays import Array
 from fcu.theory.bounds import Assumed, Unknown, prediction_bound, single
@@ -250,7 +250,7 @@ def ball_and_diagonal() -> Growth:
     return Growth(first, **largest)
 
 
-def setpoint_of_section_viii(params: LawParams, mass: float = 8.0) -> ConditionFails:
+def setpoint_of_section_viii(params: Params, mass: float = 8.0) -> ConditionFails:
     """(4, 7, 18) m at f_m = 1 from rest at the origin does not satisfy (31), as Section VIII says.
 
     The margins are of |v_0(0)| = |mass (f_m^2 r_c + g e_3)| against the paper's v* (three channels
@@ -267,5 +267,5 @@ def setpoint_of_section_viii(params: LawParams, mass: float = 8.0) -> ConditionF
     estimates = Estimates(np.full((1, 1), 1.0 / mass), s=np.zeros((3, 1)))
     run = simulate(whole, LoopState(nothing, nothing, nothing, estimates), 1.0, 2e-3, every=5)
     demand = float(np.linalg.norm(mass * (f * f * r_c + np.array([0.0, 0.0, params.g]))))
-    printed = limit(np.full(3, params.T_max), "printed")
-    return ConditionFails(printed - demand, params.T_max - demand, _saturated(run), run)
+    printed = limit(np.full(3, params.limits.T_max), "printed")
+    return ConditionFails(printed - demand, params.limits.T_max - demand, _saturated(run), run)

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.theory.linear_loop import LoopBounds, Start, bounds
 from fcu.theory.loop_bounds import position_loop
 from fcu.theory.region import Budget
@@ -45,29 +45,27 @@ class Air(NamedTuple):
         return 2.0 * self.drag * self.speed * self.rate
 
 
-def A(params: LawParams) -> Matrix:
+def A(params: Params) -> Matrix:
     """Of one axis (2 x 2): position and velocity. Paper (34)."""
     f, zeta = params.f_m, params.zeta_m
     return np.array([[0.0, 1.0], [-f * f, -2.0 * f * zeta]])  # (34)
 
 
-def ball(params: LawParams, mass: float) -> float:
+def ball(params: Params, mass: float) -> float:
     """R (N): every force this close to hover, mass * g up, can be had."""
     weight = mass * params.g
-    aside = weight * math.sin(params.phi_star)
-    lowest = max(params.T_min, params.achieved * params.T_dz_min)
-    return min(params.T_max - weight, weight - lowest, aside)
+    aside = weight * math.sin(params.limits.phi_star)
+    lowest = max(params.limits.T_min, params.achieved * params.T_dz_min)
+    return min(params.limits.T_max - weight, weight - lowest, aside)
 
 
-def K(params: LawParams, mass: float) -> float:
+def K(params: Params, mass: float) -> float:
     """|K| of the matching condition: |mass (f_m^2 I, 2 zeta_m f_m I)|, N per unit of state."""
     f = params.f_m
     return mass * f * math.hypot(f, 2.0 * params.zeta_m)
 
 
-def loop_bounds(
-    params: LawParams, mass: float, air: Air, m_hat_0: float | None = None
-) -> LoopBounds:
+def loop_bounds(params: Params, mass: float, air: Air, m_hat_0: float | None = None) -> LoopBounds:
     """Bounds about hover at rest; the estimate of mass may be wrong at first, m_hat_0 (kg).
 
     Norms of the prediction error (m/s), control difference (N) and tracking error (m and m/s).
@@ -77,7 +75,7 @@ def loop_bounds(
     return bounds(position_loop(params, mass), air.force_rate() / mass, Start(z=z_0))
 
 
-def position_error(params: LawParams, z: float) -> float:
+def position_error(params: Params, z: float) -> float:
     """Bound of |r - r_m| (m) from rest on it, for |z| (m/s^2) at all times: e'' + 2 zeta f e' + f^2 e = z."""
     B, C = np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
     return float(gain(A(params), B, C)[0, 0]) * z
@@ -92,7 +90,7 @@ class Step(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def unit_step(params: LawParams) -> Step:
+def unit_step(params: Params) -> Step:
     """Largest values along the reference model, each rounded up by less than 1e-4 of itself."""
     M, start = A(params), np.array([[-1.0], [0.0]])
     return Step(
@@ -103,7 +101,7 @@ def unit_step(params: LawParams) -> Step:
 
 
 def ball_budget(
-    params: LawParams, mass: float, air: Air, step: float, adaptation: float = 0.0
+    params: Params, mass: float, air: Air, step: float, adaptation: float = 0.0
 ) -> Budget:
     """Condition (B): mass |r_m''(t)| + d + mu <= R, at the worst time.
 
@@ -121,7 +119,7 @@ def ball_budget(
 
 
 def theorem_budget(
-    params: LawParams, mass: float, air: Air, step: float, adaptation: float = 0.0,
+    params: Params, mass: float, air: Air, step: float, adaptation: float = 0.0,
     e_0: float = 0.0,
 ) -> Budget:  # fmt: skip
     """Condition (N): (31) with the origin at the target, the limit R about hover.
@@ -145,7 +143,7 @@ FARTHEST = 1e6  # m, of a step that is looked for
 
 
 @lru_cache(maxsize=64)
-def _reference(params: LawParams) -> Matrix:
+def _reference(params: Params) -> Matrix:
     """Position from the target and velocity (POINTS x 2) after a step of 1 m from rest."""
     slow = params.f_m * min(params.zeta_m, 1.0 / params.zeta_m)
     h = 8.0 / slow / POINTS

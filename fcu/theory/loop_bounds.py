@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.linear_loop import Loop, NoBoundError
 from fcu.theory.octocopter import position_model
@@ -65,7 +65,7 @@ def at_rest(s: Matrix, s_rate: Matrix) -> Flight:
     return Flight(np.asarray(s), np.asarray(s_rate), np.zeros(3), np.zeros(3))
 
 
-def position_loop(params: LawParams, mass: float, G: Matrix | None = None) -> Loop:
+def position_loop(params: Params, mass: float, G: Matrix | None = None) -> Loop:
     """x_til = v_til (m/s), z (m/s^2), e of position and velocity, control difference in N.
 
     G : 3 x 3, 1/s^2; about hover if left out. Paper (34)-(38).
@@ -78,7 +78,7 @@ def position_loop(params: LawParams, mass: float, G: Matrix | None = None) -> Lo
     )
 
 
-def stiffness(params: LawParams, mass: float, T_0: float, m_hat: float | None = None) -> Matrix:
+def stiffness(params: Params, mass: float, T_0: float, m_hat: float | None = None) -> Matrix:
     """G (1/s^2) across (twice) and along a steady force T_0 (N): how fast z is learnt.
 
     With the achieved force 1/m is learnt; as printed m, from the demanded specific force.
@@ -144,7 +144,7 @@ def _pair(across: Matrix, along: float) -> Matrix:
     return np.array([float(np.linalg.norm(across)), along])
 
 
-def position_bounds(params: LawParams, mass: float, flight: Flight) -> FlightBounds:
+def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds:
     """Bounds of the position loop in flight: prediction (m/s), control (N), tracking (m).
 
     Raises NoBoundError where force or estimate of mass may move too far for a bound.
@@ -228,7 +228,7 @@ def _forgetting(channels: _Channels, x_0: Matrix, z_0: Matrix, rate: float) -> f
     return float(np.linalg.norm(_solved(channels, x_0, z_0, False, rate).Z))
 
 
-def rate_bounds(params: LawParams, inertia: Matrix, flight: Flight) -> list[FlightBounds]:
+def rate_bounds(params: Params, inertia: Matrix, flight: Flight) -> list[FlightBounds]:
     """Bounds of the three rate loops, one by one: prediction and tracking (rad/s), control (N m).
 
     inertia : (3,), kg m^2. The couplings are left out: assumes no rotation but what the errors
@@ -237,7 +237,7 @@ def rate_bounds(params: LawParams, inertia: Matrix, flight: Flight) -> list[Flig
     return [_rate_bounds(params, axis, float(inertia[axis]), flight) for axis in range(3)]
 
 
-def _rate_bounds(params: LawParams, axis: int, J: float, flight: Flight) -> FlightBounds:
+def _rate_bounds(params: Params, axis: int, J: float, flight: Flight) -> FlightBounds:
     c, k = float(params.c_rate[axis]), params.lambda_w
     rho_low, rho_high = (
         float(np.broadcast_to(rho, 3)[axis]) for rho in (flight.rho_low, flight.rho_high)

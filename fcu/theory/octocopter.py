@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.theory.adaptive import (
     Block,
     Estimates,
@@ -70,9 +70,7 @@ def column(rows: Array) -> Array:
     return np.asarray(rows, dtype=float)[..., None]
 
 
-def position_achieved(
-    params: LawParams, v: Array, m_hat: Array, s_v_hat: Array, T_a: Array
-) -> Image:
+def position_achieved(params: Params, v: Array, m_hat: Array, s_v_hat: Array, T_a: Array) -> Image:
     """Velocity and 1/m, s_v, by the achieved force: v' = Lambda u + s + kappa. Paper (5), (10).
 
     v, s_v_hat, T_a : (..., 3).  m_hat : (...).  Lambda = I/m is one unknown, s_v the s of the
@@ -92,9 +90,7 @@ def position_achieved(
     )
 
 
-def position_demanded(
-    params: LawParams, v: Array, m_hat: Array, s_v_hat: Array, f_c: Array
-) -> Image:
+def position_demanded(params: Params, v: Array, m_hat: Array, s_v_hat: Array, f_c: Array) -> Image:
     """Velocity and m, s_v, as printed: v' = f_c + Lambda (u + Theta f_c) + s. Paper (36)-(38).
 
     f_c : (..., 3), the demanded specific force, which holds s_v_hat. Theta = -m I is one unknown,
@@ -115,7 +111,7 @@ def position_demanded(
 
 
 def rate_achieved(
-    params: LawParams, w: Array, J_hat: Array, s_hat: Array, c_hat: Array, phi: Array, tau_a: Array
+    params: Params, w: Array, J_hat: Array, s_hat: Array, c_hat: Array, phi: Array, tau_a: Array
 ) -> Image:
     """One body rate and 1/J, c, s: w' = Lambda tau + C phi + s. Paper (5), (10), (43).
 
@@ -135,7 +131,7 @@ def rate_achieved(
 
 
 def rate_demanded(
-    params: LawParams, w: Array, J_hat: Array, s_hat: Array, c_hat: Array, phi: Array, f_wc: Array
+    params: Params, w: Array, J_hat: Array, s_hat: Array, c_hat: Array, phi: Array, f_wc: Array
 ) -> Image:
     """One body rate and J, c, s, as printed: w' = f_wc + Lambda (tau + Theta f_wc) + C phi + s.
 
@@ -162,7 +158,7 @@ def products(w: Array, Omega_m: Array | float) -> Array:
     return np.stack([q * r, q * Omega_m, p * r, p * Omega_m, p * q], axis=-1)  # (43)
 
 
-def position_model(params: LawParams) -> tuple[Array, Array]:
+def position_model(params: Params) -> tuple[Array, Array]:
     """A (6, 6) and B (6, 3) of the reference model of position and velocity. Paper (34)."""
     eye, zero = np.eye(3), np.zeros((3, 3))
     f, zeta = params.f_m, params.zeta_m
@@ -170,9 +166,7 @@ def position_model(params: LawParams) -> tuple[Array, Array]:
     return A, np.vstack([zero, eye])
 
 
-def position_loop(
-    params: LawParams, truth: Uncertainty, r: Signal, actuator: Actuator
-) -> ClosedLoop:
+def position_loop(params: Params, truth: Uncertainty, r: Signal, actuator: Actuator) -> ClosedLoop:
     """The position loop, x = (r, v), n = 6, q = 3: achieved form, attitude that follows at once.
 
     truth : Lambda = I/m and s, both (..., 3, .).  r : f_m^2 r_c, and for a moving setpoint
@@ -190,7 +184,7 @@ def position_loop(
     return ClosedLoop(plant, Predictor(A, B, np.eye(6), params.lambda_v * np.eye(6)), image.laws)
 
 
-def cone(params: LawParams) -> Actuator:
+def cone(params: Params) -> Actuator:
     """What becomes of a demanded force (N, E) when attitude follows at once: departure 13 of the law.
 
     Height first: its vertical part at least T_dz_min, its horizontal part inside the tilt limit,
@@ -200,17 +194,17 @@ def cone(params: LawParams) -> Actuator:
     def achieved(x: Array, T_d: Array) -> Array:
         T_z = np.maximum(T_d[..., 2], params.T_dz_min)
         aside = length(T_d[..., :2])
-        k = np.minimum(1.0, T_z * math.tan(params.phi_star) / (aside + 1e-30))
+        k = np.minimum(1.0, T_z * math.tan(params.limits.phi_star) / (aside + 1e-30))
         safe = np.concatenate([k[..., None] * T_d[..., :2], T_z[..., None]], axis=-1)
         norm = length(safe)
-        scale = np.clip(norm, params.T_min, params.T_max) / norm
+        scale = np.clip(norm, params.limits.T_min, params.limits.T_max) / norm
         return np.asarray(safe * scale[..., None])
 
     return achieved
 
 
 def rate_loop(
-    params: LawParams, truth: Uncertainty, r: Signal, actuator: Actuator, Omega_m: float = 0.0
+    params: Params, truth: Uncertainty, r: Signal, actuator: Actuator, Omega_m: float = 0.0
 ) -> ClosedLoop:
     """The three rate loops as one, n = q = 3: achieved form, torque that follows at once.
 

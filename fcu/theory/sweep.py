@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.theory import scenes
 from fcu.theory.adaptive import Estimates
 from fcu.theory.arrays import Array
@@ -33,7 +33,7 @@ class GammaSweep(NamedTuple):
     inverse: Array  # of order 1/gamma; nan where the force may move too far for it
 
 
-def with_gamma(params: LawParams, gamma: float) -> LawParams:
+def with_gamma(params: Params, gamma: float) -> Params:
     """The same law at another gamma: block gains in proportion, lambda = sqrt(gamma)."""
     scale = gamma / params.gamma
     return params._replace(
@@ -53,13 +53,13 @@ def with_gamma(params: LawParams, gamma: float) -> LawParams:
 LOW, HIGH = 0.955, 1.055
 
 
-def believing(params: LawParams, mass: float) -> LawParams:
+def believing(params: Params, mass: float) -> Params:
     """The same law with its mass estimate held to LOW and HIGH times a mass (kg)."""
     bounds = params.bounds._replace(m_min=mass * LOW, m_max=mass * HIGH)
-    return params._replace(bounds=bounds, m_hat_0=mass)
+    return params._replace(bounds=bounds, initial=params.initial._replace(m_hat_0=mass))
 
 
-def hover_loop(params: LawParams, mass: float, s: Varying) -> ClosedLoop:
+def hover_loop(params: Params, mass: float, s: Varying) -> ClosedLoop:
     """The position loop at rest at the origin, disturbed by s ((..., 3, 1), m/s^2), unlimited."""
     Lambda = constant(np.eye(3) / mass)
     truth = Uncertainty(Lambda, np.asarray(1.0 / mass), Structure.SCALAR, s=s)
@@ -76,7 +76,7 @@ def hover_start(mass: float, batch: tuple[int, ...] = ()) -> LoopState:
 
 
 def hover_run(
-    params: LawParams, mass: float, s: Varying, duration: float, batch: tuple[int, ...] = ()
+    params: Params, mass: float, s: Varying, duration: float, batch: tuple[int, ...] = ()
 ) -> Run:
     """A simulated hover; the step follows from the gains."""
     weight = mass * params.g
@@ -86,7 +86,7 @@ def hover_run(
     return simulate(hover_loop(params, mass, s), hover_start(mass, batch), duration, h, every=kept)
 
 
-def hover_assumed(params: LawParams, mass: float, s: Array, s_rate: Array) -> Assumed:
+def hover_assumed(params: Params, mass: float, s: Array, s_rate: Array) -> Assumed:
     """What (14) assumes: the sets of projection, and the bounds of s and its rate, by axis (3,)."""
     b = params.bounds
     width = max(1.0 / b.m_min - 1.0 / mass, 1.0 / mass - 1.0 / b.m_max)
@@ -98,7 +98,7 @@ def hover_assumed(params: LawParams, mass: float, s: Array, s_rate: Array) -> As
     )
 
 
-def lyapunov_settled(params: LawParams, assumed: Assumed) -> float:
+def lyapunov_settled(params: Params, assumed: Assumed) -> float:
     """(20) of the position loop (m/s): P = I, no A in the predictor of the velocity."""
     gammas = Blocks(Lambda=params.gamma_Lambda, s=params.gamma)
     bound = prediction_bound(
@@ -108,7 +108,7 @@ def lyapunov_settled(params: LawParams, assumed: Assumed) -> float:
 
 
 def prediction_against_gamma(
-    gammas: Sequence[float], params: LawParams, mass: float = 8.0, duration: float = 12.0
+    gammas: Sequence[float], params: Params, mass: float = 8.0, duration: float = 12.0
 ) -> GammaSweep:
     """Simulate a hover (duration s) in the paper's wind at each gamma, and bound its errors.
 

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard.admission import Look, Way, lack_of, most, way_to
+from fcu.guard.parameters import GOVERN, REFUSE
 from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import Code, Told, lacks, setpoint_asked
 from fcu.kernel.algebra import Vec3
-from fcu.laws.mmrac.parameters import GOVERN, REFUSE
 from fcu.parameters import Parameters
 from fcu.vehicle.plans import STILL, PlanLimits, Pose, brake, length, rest, through
 
@@ -39,19 +39,19 @@ class FeasibilityCheck:
 
     def __init__(self, params: Parameters) -> None:
         self._params = params
-        self._look = Look(params.law)
+        self._look, self._settings = Look(params.guard, params.law), params.settings
         self._told: Setpoint | None = None
         self._told_short = 0.0
 
     def warm_up(self) -> None:
         """Compile what a look needs."""
         still = Setpoint(STILL, STILL, STILL, 0.0, 0.0)
-        Look(self._params.law).short(way_to(still), np.zeros(6))
+        Look(self._params.guard, self._params.law).short(way_to(still), np.zeros(6))
 
     @property
     def refuses(self) -> bool:
         """Whether what misses the condition is not flown."""
-        return self._params.law.guard.policy == REFUSE
+        return self._params.guard.policy == REFUSE
 
     @property
     def refused(self) -> bool:
@@ -63,7 +63,7 @@ class FeasibilityCheck:
 
         reference : float64[6], where the reference model is: r_m, v_m.
         """
-        if self._params.law.guard.policy == GOVERN or setpoint.level > 0.0:
+        if self._params.guard.policy == GOVERN or setpoint.level > 0.0:
             return 0.0
         short = self._looks().short(way_to(setpoint), reference)
         if short == 0.0 and (self.refuses or setpoint.v_c == STILL):
@@ -120,7 +120,7 @@ class FeasibilityCheck:
         reference: Row,
     ) -> Shortfall | None:  # fmt: skip
         """way_of : of a part, from 0 to 1, of what was asked for.  would_do : the same, told."""
-        if self._params.law.guard.policy == GOVERN:
+        if self._params.guard.policy == GOVERN:
             return None
         short = self._looks().short(way_of(1.0), reference)
         if short == 0.0:
@@ -129,8 +129,9 @@ class FeasibilityCheck:
         return Shortfall(short, Told(Code.LACKS, (what, short, would_do(part))))
 
     def _looks(self) -> Look:
-        if self._look.params is not self._params.law:
-            self._look = Look(self._params.law)
+        if self._settings is not self._params.settings:
+            self._settings = self._params.settings
+            self._look = Look(self._params.guard, self._params.law)
         return self._look
 
 

@@ -75,7 +75,9 @@ class StateMachine:
         self.feasibility = FeasibilityCheck(params)
         self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
         self.wake_us = 0  # nothing happens by itself before
-        self._landed = LandedDetector(params.law.c_T, params.law.m_hat_0 * params.law.g)
+        self._landed = LandedDetector(
+            params.law.rotors.c_T, params.law.initial.m_hat_0 * params.law.g
+        )
         self._approach = Approach.AS_ASKED  # how the script's setpoint is flown
         self._touchdown = TouchdownDetector()
         self._armed_us = 0
@@ -400,7 +402,7 @@ class StateMachine:
         here = self.pose()
         flown = self.flown(t_us, here)
         if isinstance(asked, AttitudeRequest):
-            return of_attitude(asked, flown, self._params.law.T_max)
+            return of_attitude(asked, flown, self._params.law.limits.T_max)
         return of_position(asked, here, self.home or here.r_E, flown, self._script_limits())
 
     def _script_limits(self) -> SetpointLimits:

@@ -15,9 +15,17 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of
-from fcu.laws.mmrac import cascade, reference_model
-from fcu.laws.mmrac.types import Tick
+from fcu.laws.mmrac.reference_model import carried
 from fcu.mavlink.frames import command_through_the_wire, through_the_wire
+from fcu.tick import (
+    FLYING,
+    TAKE_OVER,
+    Remembered,
+    Tick,
+    engaged_tick,
+    unpack_remembered,
+    unpack_settings,
+)
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.physics import battery, dynamics, tick
 from sitl_plant.physics.types import PlantRecord
@@ -26,12 +34,13 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 _unpack_setpoint = unpacker(Setpoint)
 _pack_tick = packer(Tick)
+REMEMBERED = size(Remembered)
 _recorded_state = unpacker(PlantRecord, "state")
 
 
 @kernel
 def rollout(
-    plant_buffer, law_buffer, start_buffer, sent_at, setpoints, noise, delay, steps, period_us,
+    plant_buffer, settings_buffer, start_buffer, sent_at, setpoints, noise, delay, steps, period_us,
     n, plant_rows, fcu_rows,
 ):  # fmt: skip
     """Fly at most n control ticks; returns how many plant rows were written.
@@ -43,9 +52,9 @@ def rollout(
     A flight that ends early has one fcu row fewer than plant rows.
     """
     plant = tick.unpack_params(plant_buffer)
-    law = cascade.unpack_params(law_buffer)
+    settings = unpack_settings(settings_buffer)
     start = tick.unpack_state(start_buffer)
-    state, law_state = start, cascade.take_over(law, through_the_wire(tick.as_reported(start)))
+    state, remembered = start, unpack_remembered(np.zeros(REMEMBERED))
     drawn = battery.BatteryState(0.0, 0.0)
     sent = 0
     for k in range(n):
@@ -65,16 +74,13 @@ def rollout(
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= k:
             sent += 1
         age = ((k - sent_at[sent]) * period_us) * 1e-6
-        setpoint = reference_model.carried(_unpack_setpoint(setpoints[sent]), age)
-        if k == 0:
-            engaged = cascade.TAKE_OVER
-            law_state, command, internals = cascade.first_step(law, setpoint, measured)
-        else:
-            engaged = cascade.FLYING
-            law_state, command, internals = cascade.step(law_state, law, setpoint, measured)
-        _pack_tick(fcu_rows[k], Tick(t, measured, setpoint, law_state, internals, command, engaged))
+        setpoint = carried(_unpack_setpoint(setpoints[sent]), age)
+        engaged = TAKE_OVER if k == 0 else FLYING
+        flown = engaged_tick(t, engaged, remembered, settings, setpoint, measured)
+        remembered = Remembered(law=flown.state, guard=flown.guard_state)
+        _pack_tick(fcu_rows[k], flown)
 
-        received = command_through_the_wire(command)
+        received = command_through_the_wire(flown.command)
         for j in range(steps):
             state = dynamics.integrate(plant, state, received, t + j * plant.h)
         drawn = battery.drained(drawn, truth.battery, steps * plant.h)
@@ -87,7 +93,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     plant_rows = np.zeros((n, size(PlantRecord)))
     fcu_rows = np.zeros((n, size(Tick)))
     rows = rollout(
-        to_buffer(scene.world.params), to_buffer(scene.law), to_buffer(scene.world.start),
+        to_buffer(scene.world.params), to_buffer(scene.settings), to_buffer(scene.world.start),
         scene.sent_at, scene.setpoints, scene.noise(n), int(scene.world.delay_ticks),
         scene.world.steps, scene.period_us, n, plant_rows, fcu_rows,
     )  # fmt: skip

@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from fcu import wind
 from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import to_buffer
-from fcu.laws.mmrac import wind
 from gcs_tools.cli.terminal import Quiet, Show
 from gcs_tools.flight import rollout
 from gcs_tools.flight.instance import claimed
@@ -159,7 +159,7 @@ class _Run:
                 from gcs_tools.pictures.plot import flight_figure
 
                 flight_figure(
-                    flown.plant, flown.fcu, to_buffer(self._scene.law),
+                    flown.plant, flown.fcu, to_buffer(self._scene.settings),
                     self._mission.title, self._folder / "flight.png",
                 )  # fmt: skip
         except OSError as failed:
@@ -177,7 +177,7 @@ class _Run:
         flown, exit_code, error = _nothing(), OK, None
         try:
             with Recorder(self._folder / "flight.mcap", self._metadata()) as recorder:
-                recorder.set_params(to_buffer(self._scene.law))
+                recorder.set_params(to_buffer(self._scene.settings))
                 try:
                     flown = self._flown(recorder)
                 except _Cut as cut:

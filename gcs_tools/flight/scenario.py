@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from fcu.guard.types import GuardParams
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
-from fcu.laws.mmrac.parameters import law_params
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.mavlink.setpoints import setpoint_through_the_wire
+from fcu.settings import Settings, settings
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
@@ -28,13 +29,23 @@ Buffer = np.ndarray[Any, np.dtype[np.float64]]
 class Scenario:
     """One flight, ready to be flown."""
 
-    law: LawParams
+    settings: Settings
     world: World
     ticks: int
     period_us: int
     sent_at: np.ndarray[Any, np.dtype[np.int64]]  # ticks at which setpoints are sent
     sent: tuple[Setpoint, ...]  # what the script sends at them
     arrive: tuple[float, int] | None  # within m of the setpoint, for ticks: the flight is over
+
+    @property
+    def law(self) -> Params:
+        """The law's parameters."""
+        return self.settings.law
+
+    @property
+    def guard(self) -> GuardParams:
+        """The guard's parameters."""
+        return self.settings.guard
 
     @property
     def rate_hz(self) -> float:
@@ -62,7 +73,7 @@ def scenario(mission: Mission) -> Scenario:
     ticks = [int(k) for k in setpoint_times(flight)]
     arrive = flight.arrive
     return Scenario(
-        law=law_params(*believed(), flight.rate_hz, chosen),
+        settings=settings(*believed(), flight.rate_hz, chosen),
         world=world(
             rate_hz=flight.rate_hz,
             seed=flight.seed,

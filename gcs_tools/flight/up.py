@@ -33,12 +33,12 @@ def up(
     Raises KeyboardInterrupt when told to stop, InfrastructureError when one of them ends.
     """
     N = str(instance)
-    law: list[str] = []
+    handed: list[str] = []
     world: list[str] = []
     if scene is not None:
-        handover.save(folder / "law.json", scene.law)
+        handover.save(folder / "settings.json", scene.settings)
         handover.save(folder / "world.json", scene.world)
-        law = ["--law", str(folder / "law.json")]
+        handed = ["--handover", str(folder / "settings.json")]
         world = ["--world", str(folder / "world.json")]
     with ExitStack() as stack:
         children: list[Child] = []
@@ -53,7 +53,7 @@ def up(
         second_out = os.dup(life_out)
         fcu = Child(
             "flight controller", "fcu",
-            ["--instance", N, *law, *options, "--lifeline-fd", str(life_out)],
+            ["--instance", N, *handed, *options, "--lifeline-fd", str(life_out)],
             folder / "fcu.log", (life_out,),
         )  # fmt: skip
         children.append(fcu)

@@ -22,7 +22,7 @@ from fcu.interface.link import PortBusy
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.processes import (
     Child,
@@ -132,7 +132,7 @@ class WireFlight:
 
     def _start(self, stack: ExitStack) -> int:
         scene, folder, N = self._scene, self._folder, str(self._instance)
-        handover.save(folder / "law.json", scene.law)
+        handover.save(folder / "settings.json", scene.settings)
         handover.save(folder / "world.json", scene.world)
         plant_out, plant_in = os.pipe()
         fcu_out, fcu_in = os.pipe()
@@ -159,7 +159,7 @@ class WireFlight:
             )
         fcu = Child(
             "flight controller", "fcu",
-            ["--instance", N, "--law", str(folder / "law.json"), "--link-clock", "sim", keep,
+            ["--instance", N, "--handover", str(folder / "settings.json"), "--link-clock", "sim", keep,
              "--record-fd", str(fcu_in), "--lifeline-fd", str(life_out)],
             folder / "fcu.log", (fcu_in, life_out),
         )  # fmt: skip

@@ -1,7 +1,7 @@
 """What the condition says of a mission before it flies: margin, limits, what eats it, what helps.
 
 Three conditions, from strong to weak: the exact set of what the actuators reach, along the way
-that the reference model lays down (what the guard uses: fcu/laws/mmrac/README.md, "The condition and the
+that the reference model lays down (what the guard uses: fcu/guard/README.md, "The condition and the
 guard"); the largest ball about hover; and the paper's (31), with the origin at the target. Each is
 sufficient: that one fails predicts nothing.
 """
@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import foreseen, margin
+from fcu.guard.parameters import GOVERN
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
-from fcu.laws.mmrac.parameters import GOVERN
-from fcu.laws.mmrac.types import LawParams
+from fcu.settings import Settings
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.mission import Mission
@@ -101,26 +101,29 @@ class Envelope:
         }  # fmt: skip
 
 
-def terms(law: LawParams, a: Vec3, v: Vec3, left: float) -> Terms:
+def terms(settings: Settings, a: Vec3, v: Vec3, left: float) -> Terms:
     """Where the room goes at acceleration a (m/s^2, E) and velocity v (m/s, E), with `left` (N) left."""
-    known, f_v = margin.known(law), margin.dragging(margin.known(law), v)
+    known = margin.known(settings.guard, settings.law)
+    f_v = margin.dragging(known, v)
     hover, moved = margin.room(known, STILL, STILL), margin.room(known, a, STILL)
     wind = known.c_D * known.w_max**2
     learning = margin.difference(known, math.hypot(*v))
     own = moved - margin.room(known, a, f_v) + margin.allowance(known, v, 0.0) - learning - wind
-    tracking = foreseen.closed(law) * learning
+    tracking = foreseen.closed(settings.law) * learning
     spent = (hover - moved) + own + wind + learning + tracking
     return Terms(hover, hover - moved, own, wind, learning, tracking, hover - spent - left)
 
 
-def way(scene: Scenario, law: LawParams | None = None, scale: float = 1.0) -> Rows:
+def way(scene: Scenario, settings: Settings | None = None, scale: float = 1.0) -> Rows:
     """The mission's way, ungoverned: rows of `foreseen.along`. `scale`: of its setpoints."""
-    law = scene.law if law is None else law
+    guard, law = (settings or scene.settings).guard, (settings or scene.settings).law
     start = scene.world.start
     sent = np.array([to_buffer(_scaled(s, start.r_E, scale)) for s in scene.sent])
     rows = np.empty((math.ceil(scene.ticks * scene.period_us * 1e-6 / LOOK_S), 8))
-    coarse = law._replace(h=LOOK_S)
-    foreseen.along(coarse, scene.sent_at / scene.rate_hz, sent, start.r_E, start.v_E, rows)
+    foreseen.along(
+        guard, law._replace(h=LOOK_S), scene.sent_at / scene.rate_hz, sent,
+        start.r_E, start.v_E, rows,
+    )  # fmt: skip
     return rows
 
 
@@ -148,17 +151,19 @@ def largest(holds: Callable[[float], bool], most: float = MOST) -> float | None:
     return low
 
 
-def step(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
+def step(settings: Settings, along: tuple[float, float, float], what: str) -> Reach:
     """The largest step (m) from rest."""
-    coarse, guard = law._replace(h=LOOK_S), law.guard
+    law, guard = settings
+    coarse = law._replace(h=LOOK_S)
     air = Air(guard.w_max, guard.w_dot_max, guard.c_D)
     # the error of tracking, and of a jump with a mass not known: printed, (31) leaves both out
-    learning = margin.difference(margin.known(law), 0.0) * (1.0 + float(foreseen.closed(law)))
+    lasting = margin.difference(margin.known(guard, law), 0.0)
+    learning = lasting * (1.0 + float(foreseen.closed(law)))
     masses = (guard.m_min, guard.m_max)
 
     def exact(far: float) -> bool:
         there = Setpoint(Vec3(*(far * x for x in along)), STILL, STILL, 0.0, 0.0)
-        return bool(foreseen.least(coarse, there, STILL, STILL)[0] >= 0.0)
+        return bool(foreseen.least(guard, coarse, there, STILL, STILL)[0] >= 0.0)
 
     def uncertain(far: float) -> float:
         return float(learning + margin.FORGOTTEN * guard.m_max * law.f_m**2 * far)
@@ -181,12 +186,13 @@ def _steps_of(scene: Scenario) -> tuple[Reach, ...]:
         return ()
     x, y, z = jump
     what = f"step the way of ({x:.3g}, {y:.3g}, {z:.3g})"
-    return (step(scene.law, (x / far, y / far, z / far), what),)
+    return (step(scene.settings, (x / far, y / far, z / far), what),)
 
 
-def speed(law: LawParams, along: tuple[float, float, float], what: str) -> Reach:
+def speed(settings: Settings, along: tuple[float, float, float], what: str) -> Reach:
     """The largest steady speed (m/s)."""
-    known, adds = margin.known(law), float(foreseen.closed(law))
+    known = margin.known(settings.guard, settings.law)
+    adds = float(foreseen.closed(settings.law))
 
     def exact(v: float) -> bool:
         more = adds * margin.difference(known, v)
@@ -199,17 +205,17 @@ def speed(law: LawParams, along: tuple[float, float, float], what: str) -> Reach
     return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
 
 
-def with_guard(law: LawParams, **fields: float) -> LawParams:
-    """The law with other beliefs."""
-    return law._replace(guard=law.guard._replace(**fields))
+def with_guard(settings: Settings, **fields: float) -> Settings:
+    """The settings with other beliefs."""
+    return settings._replace(guard=settings.guard._replace(**fields))
 
 
-def wind(law: LawParams) -> Reach:
+def wind(settings: Settings) -> Reach:
     """The greatest wind (m/s) in which hover has room."""
 
     def exact(w: float) -> bool:
-        known = margin.known(with_guard(law, w_max=w))
-        more = float(foreseen.closed(law)) * margin.difference(known, 0.0)
+        known = margin.known(settings.guard._replace(w_max=w), settings.law)
+        more = float(foreseen.closed(settings.law)) * margin.difference(known, 0.0)
         return bool(margin.condition(known, STILL, STILL, more) >= 0.0)
 
     most = largest(exact) or 0.0
@@ -218,20 +224,22 @@ def wind(law: LawParams) -> Reach:
 
 def changes(scene: Scenario) -> tuple[Change, ...]:
     """What, changed alone, would make the condition hold for the mission."""
-    law, guard = scene.law, scene.law.guard
+    settings, (law, guard) = scene.settings, scene.settings
 
-    def least(changed: LawParams, scale: float = 1.0) -> bool:
+    def least(changed: Settings, scale: float = 1.0) -> bool:
         return bool(way(scene, changed, scale)[:, 1].min() >= 0.0)
 
+    def slower(f_m: float) -> bool:
+        return least(settings._replace(law=law._replace(f_m=max(f_m, 0.05))))
+
     middle = 0.5 * (guard.m_min + guard.m_max)
-    known = least(with_guard(law, m_min=middle, m_max=middle))
+    known = least(with_guard(settings, m_min=middle, m_max=middle))
     return (
         Change("the setpoints nearer the start, times", 1.0,
-               largest(lambda k: least(law, k), 1.0), ""),
-        Change("f_m", law.f_m, largest(lambda f: least(law._replace(f_m=max(f, 0.05))), law.f_m),
-               "rad/s"),
+               largest(lambda k: least(settings, k), 1.0), ""),
+        Change("f_m", law.f_m, largest(slower, law.f_m), "rad/s"),
         Change("guard_wind_m_s", guard.w_max,
-               largest(lambda w: least(with_guard(law, w_max=w)), guard.w_max), "m/s"),
+               largest(lambda w: least(with_guard(settings, w_max=w)), guard.w_max), "m/s"),
         Change("a mass that is known", guard.m_max - guard.m_min, 0.0 if known else None,
                "kg of doubt"),
     )  # fmt: skip
@@ -239,7 +247,7 @@ def changes(scene: Scenario) -> tuple[Change, ...]:
 
 def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
     """Where the mission's own truth lies beyond what the guard is told to believe."""
-    guard, wind, plant = scene.law.guard, mission.wind, scene.world.params
+    guard, wind, plant = scene.guard, mission.wind, scene.world.params
     swing, rate = np.array(wind.amplitude_m_s), np.array(wind.frequency_rad_s)
     steady = np.abs(wind.steady_m_s) + np.abs(swing)
     most = float(np.linalg.norm(np.maximum(steady, steady + np.abs(wind.step_m_s))))
@@ -272,7 +280,7 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
 def envelope(mission: Mission) -> Envelope:
     """What the condition says of a mission. Raises ParameterError, AirframeError, as flying it does."""
     scene = scenario(mission)
-    law = scene.law
+    law, guard = settings = scene.settings
     rows = way(scene)
     worst = rows[rows[:, 1].argmin()]
     holds = bool(worst[1] >= 0.0)
@@ -282,24 +290,26 @@ def envelope(mission: Mission) -> Envelope:
             "it flies the printed law, which winds up when it saturates: the condition is that of"
             " the law with what was achieved",
         )
-    at_rest = margin.condition(margin.known(law), STILL, STILL, 0.0)
+    at_rest = margin.condition(margin.known(guard, law), STILL, STILL, 0.0)
     return Envelope(
         mission=mission.name,
         title=mission.title,
-        guard=("warn", "govern", "refuse")[int(law.guard.policy)],
+        guard=("warn", "govern", "refuse")[int(guard.policy)],
         holds=holds,
         margin_n=float(worst[1]),
         at_s=float(worst[0]),
-        terms=terms(law, Vec3(*worst[2:5].tolist()), Vec3(*worst[5:8].tolist()), float(worst[1])),
+        terms=terms(
+            settings, Vec3(*worst[2:5].tolist()), Vec3(*worst[5:8].tolist()), float(worst[1])
+        ),
         reach=(
             *_steps_of(scene),
-            *(step(law, along, f"step {name}") for name, along in WAYS.items()),
-            *(speed(law, along, f"steady speed {name}") for name, along in WAYS.items()),
-            wind(law),
+            *(step(settings, along, f"step {name}") for name, along in WAYS.items()),
+            *(speed(settings, along, f"steady speed {name}") for name, along in WAYS.items()),
+            wind(settings),
         ),
         changes=() if holds else changes(scene),
-        transient_s=float(foreseen.transient_s(law)),
-        can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and law.guard.policy != GOVERN),
-        governed=law.guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
+        transient_s=float(foreseen.transient_s(guard, law)),
+        can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
+        governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
         remarks=remarks,
     )

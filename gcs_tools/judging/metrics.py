@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.rows import column
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from sitl_plant.physics.types import PlantRecord
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -79,7 +79,7 @@ class EngagedTicks:
         true_r = column(PlantRecord, plant, "state.r_E")
         return cls(
             t=column(Tick, fcu, "t"),
-            position_error=_distance(true_r, column(Tick, fcu, "internals.r_m")),
+            position_error=_distance(true_r, column(Tick, fcu, "outputs.reference.r_m")),
             command_error=_distance(true_r, column(Tick, fcu, "setpoint.r_c")),
             plant=plant,
             fcu=fcu,
@@ -152,7 +152,7 @@ def _final(flight: EngagedTicks) -> float:
 
 def _tilts(flight: EngagedTicks) -> Rows:
     """Commanded roll and pitch of all ticks, rad, unsigned."""
-    angles_c = (flight.told(f"internals.angles_c.{axis}") for axis in "xy")
+    angles_c = (flight.told(f"outputs.angles_c.{axis}") for axis in "xy")
     both: Rows = np.abs(np.concatenate(list(angles_c)))
     return both
 
@@ -162,10 +162,10 @@ def _settled(flight: EngagedTicks) -> EngagedTicks:
 
 
 def _fraction(name: str) -> Callable[[EngagedTicks], float]:
-    """The part of the ticks at which a flag of the internals is up; NaN if it is not known."""
+    """The part of the ticks at which a flag is up; NaN if it is not known."""
 
     def part(flight: EngagedTicks) -> float:
-        flag = flight.told(f"internals.{name}")
+        flag = flight.told(name)
         known = len(flag) > 0 and not np.isnan(flag).any()
         return float(np.mean(flag > 0.5)) if known else math.nan
 
@@ -179,14 +179,14 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "position_final_m": _final,
     "command_rms_m": lambda f: _rms(f.command_error),
     "command_rms_settled_m": lambda f: _rms(_settled(f).command_error),
-    "thrust_saturated_fraction": _fraction("thrust_saturated"),
-    "tilt_saturated_fraction": _fraction("tilt_saturated"),
-    "rotor_saturated_fraction": _fraction("rotor_saturated"),
-    "governed_fraction": _fraction("governed"),
-    "margin_min_n": lambda f: _least(f.told("internals.margin")),
-    "margin_tilt_min_deg": lambda f: math.degrees(_least(f.told("internals.margin_tilt"))),
-    "margin_condition_min_n": lambda f: _least(f.told("internals.margin_condition")),
-    "thrust_max_n": lambda f: _greatest(f.told("internals.T_c")),
+    "thrust_saturated_fraction": _fraction("outputs.saturation.thrust"),
+    "tilt_saturated_fraction": _fraction("outputs.saturation.tilt"),
+    "rotor_saturated_fraction": _fraction("outputs.saturation.rotor"),
+    "governed_fraction": _fraction("guard.governed"),
+    "margin_min_n": lambda f: _least(f.told("guard.margin.force")),
+    "margin_tilt_min_deg": lambda f: math.degrees(_least(f.told("guard.margin.tilt"))),
+    "margin_condition_min_n": lambda f: _least(f.told("guard.margin.condition")),
+    "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
     "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
     "nonfinite_samples": lambda f: float(np.sum(~np.isfinite(f.position_error))),
 }

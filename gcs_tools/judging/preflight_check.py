@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from fcu.guard import admission
+from fcu.guard.parameters import REFUSE
 from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import lacks, words
 from fcu.kernel.buffers import from_buffer, to_buffer
-from fcu.laws.mmrac.parameters import REFUSE
 from fcu.mavlink.frames import through_the_wire
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.physics import tick
@@ -20,9 +20,9 @@ from sitl_plant.physics import tick
 
 def refusal(scene: Scenario) -> str:
     """Which of its setpoints would be refused, and why; empty if none."""
-    if scene.law.guard.policy != REFUSE:
+    if scene.guard.policy != REFUSE:
         return ""
-    look, law = admission.Look(scene.law), to_buffer(scene.law)
+    look, law = admission.Look(scene.guard, scene.law), to_buffer(scene.law)
     start = through_the_wire(tick.as_reported(scene.world.start))
     reference = np.array([*start.r_E, *start.v_E])
     before = None
@@ -37,6 +37,6 @@ def refusal(scene: Scenario) -> str:
                 lack = words(lacks(*admission.lack_of(look, setpoint, short, reference)))
                 return f"setpoint at {k / scene.rate_hz:g} s refused: {lack}"
         if before is None:  # it takes over there
-            reference[:3] += scene.law.r_m_offset
+            reference[:3] += scene.law.initial.r_m_offset
         before = k, setpoint
     return ""

@@ -12,7 +12,7 @@ import numpy as np
 
 from fcu.interface import feed
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams
+from fcu.settings import Settings
 from gcs_tools.live.ticks import Numbers
 from gcs_tools.recording.layout import Rows
 from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
@@ -23,9 +23,9 @@ H_MIN = 1e-6  # s, of a control period
 HELLO_S = 1.0  # wall: who says nothing for so long is hung up on
 
 WIDTHS = {"fcu": len(FCU_COLUMNS), "plant": len(PLANT_COLUMNS)}
-PARAMS = 1 + len(columns(LawParams))
+PARAMS = 1 + len(columns(Settings))
 
-_H = 1 + columns(LawParams).index("h")
+_H = 1 + columns(Settings).index("law.h")
 _SEQUENCE = {
     "fcu": FCU_COLUMNS.index("timing.sequence"), "plant": PLANT_COLUMNS.index("timing.sequence")
 }  # fmt: skip

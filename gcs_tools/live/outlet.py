@@ -16,7 +16,7 @@ import zenoh
 
 from fcu.interface import topics as keys
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams
+from fcu.settings import Settings
 from gcs_tools.live import bus, ticks
 from gcs_tools.live.ticks import Numbers, Packer
 from gcs_tools.recording import events
@@ -27,7 +27,7 @@ from gcs_tools.recording.schema import FCU_COLUMNS, OF_FCU, OF_PLANT, PARAMS, PL
 ANSWERS = 16  # given in one go: who asks without end must not keep ticks waiting
 LOOK_S = 0.01  # wall: between two looks for somebody who listens
 TOGETHER = 64  # ticks in a sample, at most: it stays below Zenoh's 64 KiB
-PARAM_COLUMNS = ["t", *columns(LawParams)]
+PARAM_COLUMNS = ["t", *columns(Settings)]
 
 
 class Outlet:

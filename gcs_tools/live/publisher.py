@@ -20,7 +20,7 @@ from fcu.interface.airframe import believed_drag
 from fcu.interface.ports import ports
 from fcu.interface.starter import announce, log
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams
+from fcu.settings import Settings
 from gcs_tools.live import bus
 from gcs_tools.live.feeding import WIDTHS, FeedError, Feeds, Source, Taken
 from gcs_tools.live.outlet import Outlet
@@ -133,9 +133,9 @@ class Publisher:
             self._outlet.event(Event(float(said["t"]), known, f"{source.who}: {said['event']}"))
 
     def _told(self, row: np.ndarray[Any, np.dtype[np.float64]]) -> None:
-        named = dict(zip(columns(LawParams), row[1:].tolist(), strict=True))
+        named = dict(zip(columns(Settings), row[1:].tolist(), strict=True))
         self._outlet.about["params"] = named
-        self._outlet.about["rate_hz"] = 1.0 / named["h"]
+        self._outlet.about["rate_hz"] = 1.0 / named["law.h"]
         self._outlet.params(row)
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
 from fcu.interface.parameter import Parameter
-from fcu.laws.mmrac.parameters import PARAMETERS
+from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.fields import (
     ZERO,

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from fcu.interface.airframe import OCTO, load
 from fcu.interface.parameter import default
-from fcu.laws.mmrac.parameters import PARAMETERS, printed
+from fcu.settings import PARAMETERS, printed
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.missions.toml_lines import KeyPath
 

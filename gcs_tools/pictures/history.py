@@ -16,8 +16,8 @@ import numpy as np
 from fcu.interface.airframe import believed
 from fcu.kernel.buffers import columns
 from fcu.kernel.rows import view
-from fcu.laws.mmrac.types import LawParams
 from fcu.mavlink.px4_modes import AutoMode, MainMode
+from fcu.settings import Settings
 from gcs_tools.recording.layout import Rows
 from gcs_tools.recording.reader import RecordingError, read
 from gcs_tools.recording.schema import FCU, FCU_COLUMNS, TOPICS, Topic
@@ -45,10 +45,16 @@ DRAWN = {
         "on_ground",
     ],
     "/fcu/setpoint": ["setpoint.level", *parts("setpoint.r_c")],
-    "/fcu/law": ["engaged", *parts("state.s_v_hat"), "state.m_hat", *parts("state.J_hat")],
+    "/fcu/outputs": [
+        *parts("outputs.reference.r_m"), "outputs.T_c", "outputs.T_achieved",
+        *parts("outputs.angles_c"),
+    ],
+    "/fcu/law": [
+        "engaged", *parts("state.estimates.s_v_hat"), "state.estimates.m_hat",
+        *parts("state.estimates.J_hat"),
+    ],
     "/fcu/internals": [
-        *parts("internals.r_m"), *parts("internals.v_til"), *parts("internals.w_til"),
-        "internals.T_c", "internals.T_achieved", *parts("internals.angles_c"),
+        *parts("internals.prediction.v_til"), *parts("internals.prediction.w_til"),
     ],
     "/fcu/wind": parts("wind.v_air_E"),
     "/fcu/status": ["status.armed", "status.main_mode", "status.sub_mode", "status.failsafe"],
@@ -127,12 +133,11 @@ class Limits(NamedTuple):
 
     @classmethod
     def of(cls, params: Rows) -> Limits:
-        """Those of a row of LawParams."""
-        told = view(LawParams, params)
+        """Those of a row of Settings."""
+        law = view(Settings, params).law
         return cls(
-            T_min=told.T_min, T_max=told.T_max, phi_star=told.phi_star, Omega_max=told.Omega_max,
-            achieved=told.achieved, g=told.g,
-        )  # fmt: skip
+            **law.limits._asdict(), Omega_max=law.rotors.Omega_max, achieved=law.achieved, g=law.g
+        )
 
     @classmethod
     def believed(cls) -> Limits:

@@ -59,9 +59,10 @@ def _drag_over_mass(axis: str) -> Callable[[FlightHistory], Series]:
 
 def _position_error(flight: FlightHistory) -> Series:
     """Of the true position against the reference model, as in gcs_tools.judging.metrics."""
-    t = flight.series("internals.r_m.x")[0]
+    t = flight.series("outputs.reference.r_m.x")[0]
     squares = [
-        (flight.along(t, f"state.r_E.{axis}") - flight.along(t, f"internals.r_m.{axis}")) ** 2
+        (flight.along(t, f"state.r_E.{axis}") - flight.along(t, f"outputs.reference.r_m.{axis}"))
+        ** 2
         for axis in XYZ
     ]
     flies = flight.along(t, "engaged") > 0.5
@@ -90,26 +91,26 @@ def _tilt(limits: Limits) -> tuple[float, ...]:
 FLIGHT = (
     Chart("Distance from the reference", "m", (Line("", INK, _position_error),),
           least=1.0, digits=3, logarithmic=True),
-    Chart("Velocity prediction error", "m/s", _axes(lambda a: _law(f"internals.v_til.{a}")),
+    Chart("Velocity prediction error", "m/s", _axes(lambda a: _law(f"internals.prediction.v_til.{a}")),
           least=0.01, digits=4, fine=0.002),
-    Chart("Drag over mass", "m/s²", _axes(lambda a: _law(f"state.s_v_hat.{a}"), _drag_over_mass),
+    Chart("Drag over mass", "m/s²", _axes(lambda a: _law(f"state.estimates.s_v_hat.{a}"), _drag_over_mass),
           least=1.0),
-    Chart("Mass", "kg", (Line("estimate", X, _law("state.m_hat"), _seen("m")),), least=1.0,
+    Chart("Mass", "kg", (Line("estimate", X, _law("state.estimates.m_hat"), _seen("m")),), least=1.0,
           about_zero=False),
-    Chart("Thrust", "N", (Line("commanded", X, _law("internals.T_c"),
-                               _law("internals.T_achieved"), "achieved"),),
+    Chart("Thrust", "N", (Line("commanded", X, _law("outputs.T_c"),
+                               _law("outputs.T_achieved"), "achieved"),),
           least=1.0, digits=1, limits=lambda limits: (limits.T_min, limits.T_max)),
-    Chart("Commanded tilt", "°", (Line("roll", X, _law("internals.angles_c.x", _DEGREES)),
-                                  Line("pitch", Y, _law("internals.angles_c.y", _DEGREES))),
+    Chart("Commanded tilt", "°", (Line("roll", X, _law("outputs.angles_c.x", _DEGREES)),
+                                  Line("pitch", Y, _law("outputs.angles_c.y", _DEGREES))),
           least=1.0, digits=1, limits=_tilt),
     Chart("Wind", "m/s", _axes(lambda a: _seen(f"wind.v_air_E.{a}"), lambda a: _seen(f"v_air_E.{a}")),
           least=1.0, digits=1),
 )  # fmt: skip
 RATES = (
     Chart("Rate prediction error", "rad/s",
-          _axes(lambda a: _law(f"internals.w_til.{a}"), labels=("roll", "pitch", "yaw")),
+          _axes(lambda a: _law(f"internals.prediction.w_til.{a}"), labels=("roll", "pitch", "yaw")),
           least=0.01, digits=4, fine=0.01),
     Chart("Inertia", "kg m²",
-          _axes(lambda a: _law(f"state.J_hat.{a}"), lambda a: _seen(f"J.{a}"), ("x", "y", "z")),
+          _axes(lambda a: _law(f"state.estimates.J_hat.{a}"), lambda a: _seen(f"J.{a}"), ("x", "y", "z")),
           least=0.1, about_zero=False, digits=3),
 )  # fmt: skip

@@ -19,24 +19,17 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams, Tick
-from gcs_tools.recording import events
+from fcu.settings import Settings
+from fcu.tick import Tick
+from gcs_tools.recording import events, old_names
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import LayoutError, Rows, decode, layout
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, PLANT_TIMING, STATUS, TIMING, WIND, Topic
 from sitl_plant.physics.types import PlantRecord
 
-SCHEMA_VERSION = 3  # of what a recording holds; a reader refuses a newer one
-READ = ("1", "2", "3")  # 1 has nothing but truth, ticks, parameters and events
-# What 3 added: read as not a number from what is older.
-ADDED = {
-    "/fcu/law": {"state.a_m", "state.beta", "state.psi_g", "state.psi_g_dot"},
-    "/fcu/internals": {
-        "internals.r_g", "internals.governed", "internals.margin", "internals.margin_tilt",
-        "internals.margin_condition",
-    },
-    "/fcu/params": {"guard"},
-}  # fmt: skip
+SCHEMA_VERSION = 4  # of what a recording holds; a reader refuses a newer one
+OLD = ("1", "2", "3")  # read under the names of now; what they do not have as not a number
+SINCE_4 = {"/fcu/outputs", "/fcu/guard_state", "/fcu/guard"}  # before in the topics of the law
 SOURCE, BUS = "recorded_from", "bus"  # of metadata: a bus, unlike a flight, may lose messages
 METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
@@ -60,7 +53,7 @@ class Recording:
     metadata: dict[str, str]
     plant: Rows  # (n, size(PlantRecord))
     fcu: Rows  # (m, size(Tick))
-    params: Rows | None  # (size(LawParams),), or None if the flight ended before they were known
+    params: Rows | None  # (size(Settings),), or None if the flight ended before they were known
     events: list[Event]
     reports: dict[str, Rows]  # by topic, of SEEN those recorded: t, then the columns it carries
     lost: dict[str, int]  # by topic: messages missing between the first and the last
@@ -141,10 +134,11 @@ def _column(contents: _Contents, topic: Topic, names: list[str]) -> _Column:
     form = layout(schema.data, schema.name)
     recorded = [topic.column(name) for name in form.names]
     expected = {*topic.own, *(topic.prefix + name for name in columns(topic.carries))}
+    if contents.version in OLD and (topic in FCU or topic is PARAMS):
+        now = old_names.now_of_params if topic is PARAMS else old_names.now_of_tick
+        recorded = [now(name) for name in recorded]
+        expected = set(names) & set(recorded)
     lacks = expected - set(recorded)
-    if contents.version != str(SCHEMA_VERSION):
-        added = ADDED.get(topic.name, set())
-        lacks = {name for name in lacks if not {name, name.rpartition(".")[0]} & added}
     for problem, which in (
         ("lacks", sorted(lacks)),
         ("has the unknown", sorted(set(recorded) - expected)),
@@ -183,6 +177,8 @@ def _together(found: dict[Topic, _Column], names: list[str]) -> Rows:
 
 
 def _ticks(contents: _Contents, topics: tuple[Topic, ...], names: list[str]) -> Rows:
+    if contents.version in OLD:
+        topics = tuple(topic for topic in topics if topic.name not in SINCE_4)
     found = {topic: _column(contents, topic, names) for topic in topics}
     rows = _together(found, names)
     if contents.metadata.get(SOURCE) != BUS and any(
@@ -208,7 +204,7 @@ def _reports(contents: _Contents) -> dict[str, Rows]:
 
 
 def _params(contents: _Contents) -> Rows | None:
-    names = ["t", *columns(LawParams)]
+    names = ["t", *columns(Settings)]
     column = _column(contents, PARAMS, names)
     if not len(column.rows):
         return None
@@ -266,7 +262,7 @@ def _opened(path: Path) -> tuple[_Contents, bool]:
         version = contents.metadata.pop(VERSION_KEY, None)
         if version is None:
             raise LayoutError("not a recording of a flight")
-        if version not in READ:
+        if version not in (*OLD, str(SCHEMA_VERSION)):
             raise LayoutError(f"recording version {version}; this program reads {SCHEMA_VERSION}")
         contents.version = version
     return contents, complete

@@ -18,7 +18,8 @@ from mcap.records import Message
 
 from fcu.interface.diagnostics import Wind
 from fcu.kernel.buffers import columns, size
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.recording import events
 from gcs_tools.recording.container import Block
 from gcs_tools.recording.events import Event
@@ -127,7 +128,7 @@ class Recorder:
             self._fcu = self._stream(FCU, FCU_COLUMNS[:_TICK])
             self._wind = self._stream((WIND,), ["t", *FCU_COLUMNS[_TICK:_WIND]])
             self._report = self._stream((STATUS, TIMING), ["t", *FCU_COLUMNS[_WIND:]])
-            self._params = self._stream((PARAMS,), ["t", *columns(LawParams)])
+            self._params = self._stream((PARAMS,), ["t", *columns(Settings)])
             self._event_channel = self._file.add_channel(
                 events.TOPIC, events.MESSAGE, events.schema()
             )
@@ -171,11 +172,11 @@ class Recorder:
         self._add(self._wind, np.column_stack([t, wind]))
 
     def set_params(self, row: Rows, t: float = 0.0) -> None:
-        """Record what the law was told: float64 (size(LawParams),). Once a flight."""
+        """Record what law and guard were told: float64 (size(Settings),). Once a flight."""
         if self._has_params:
             raise ValueError("the law's parameters are recorded already")
-        if row.shape != (size(LawParams),):
-            raise ValueError(f"expected ({size(LawParams)},), got {row.shape}")
+        if row.shape != (size(Settings),):
+            raise ValueError(f"expected ({size(Settings)},), got {row.shape}")
         self._has_params = True
         self._add(self._params, np.concatenate([[t], row])[None, :])
 

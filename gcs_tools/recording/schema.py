@@ -28,7 +28,8 @@ from google.protobuf.descriptor_pb2 import (
 from fcu.interface.diagnostics import PlantReport, Report
 from fcu.kernel import algebra
 from fcu.kernel.buffers import columns, fields, is_value
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from sitl_plant.physics.types import PlantRecord
 
 PACKAGE = "m_mrac"
@@ -65,7 +66,8 @@ def _fcu_topics() -> Iterator[Topic]:
         if is_value(kind):
             title = "law" if name == "state" else name
             own = ("t", "engaged") if name == "state" else ("t",)
-            yield Topic(f"/fcu/{title}", f"Fcu{title.capitalize()}", kind, own, f"{name}.")
+            message = "".join(part.capitalize() for part in title.split("_"))
+            yield Topic(f"/fcu/{title}", f"Fcu{message}", kind, own, f"{name}.")
 
 
 def _reported(who: str, report: Any) -> list[Topic]:
@@ -80,7 +82,7 @@ PLANT = Topic("/plant/truth", "PlantTruth", PlantRecord, (), "")
 (PLANT_TIMING,) = _reported("plant", PlantReport)
 FCU = tuple(_fcu_topics())
 WIND, STATUS, TIMING = _reported("fcu", Report)
-PARAMS = Topic("/fcu/params", "FcuParams", LawParams, ("t",), "")
+PARAMS = Topic("/fcu/params", "FcuParams", Settings, ("t",), "")
 OF_PLANT = (PLANT, PLANT_TIMING)  # of a row of the plant
 OF_FCU = (*FCU, WIND, STATUS, TIMING)  # of a row of the flight controller
 TOPICS = (*OF_PLANT, *OF_FCU, PARAMS)

@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from fcu.settings import Settings
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard
@@ -117,19 +118,24 @@ class Curve(NamedTuple):
 NAMES = {"exact": "exact set (the guard's)", "ball": "ball about hover", "theorem": "(31)"}
 
 
+def with_f_m(settings: Settings, f_m: float) -> Settings:
+    """The settings with another reference model."""
+    return settings._replace(law=settings.law._replace(f_m=f_m))
+
+
 def curve(name: str, f_m: Sequence[float]) -> Curve:
     """Fly and compute one direction."""
     way = WAYS[name]
-    base = flown(PAPER[0], 1.0, way, 0.0).law
+    base = flown(PAPER[0], 1.0, way, 0.0).settings
     told = with_guard(base, m_min=8.0, m_max=8.0, w_max=11.67, w_dot_max=18.5)
-    found = [step(base._replace(f_m=f), way, name) for f in f_m]
+    found = [step(with_f_m(base, f), way, name) for f in f_m]
     return Curve(
         name,
         np.array(f_m),
         np.array([safe_step(PAPER, f, way) for f in f_m]),
         np.array([safe_step(BELIEFS, f, way) for f in f_m]),
         {k: np.array([getattr(reach, k) for reach in found]) for k in NAMES},
-        np.array([step(told._replace(f_m=f), way, name).exact for f in f_m]),
+        np.array([step(with_f_m(told, f), way, name).exact for f in f_m]),
     )
 
 

@@ -27,7 +27,8 @@ from fcu.guard.stability import unstable
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import Mission, from_tables
@@ -112,18 +113,21 @@ def saturated(rows: Rows) -> np.ndarray[Any, np.dtype[np.bool_]]:
     The law keeps a demand off the ground before it clips it, so its flags alone miss some.
     """
     thrust, tilt, margin = (
-        column(Tick, rows, f"internals.{name}")
-        for name in ("thrust_saturated", "tilt_saturated", "margin")
+        column(Tick, rows, name)
+        for name in ("outputs.saturation.thrust", "outputs.saturation.tilt", "guard.margin.force")
     )
     return np.asarray((np.maximum(thrust, tilt) > 0.5) | (margin < 0.0))
 
 
-def foreseen_n(law: LawParams, sent: Sequence[Setpoint]) -> list[float]:
+def foreseen_n(settings: Settings, sent: Sequence[Setpoint]) -> list[float]:
     """The least condition (N) on the way to each setpoint, from rest at the one before."""
-    coarse = law._replace(h=COARSE_S)
+    coarse = settings.law._replace(h=COARSE_S)
     still = Vec3(0.0, 0.0, 0.0)
     starts = [still, *(s.r_c for s in sent)]
-    return [foreseen.least(coarse, s, r, still)[0] for s, r in zip(sent, starts, strict=False)]
+    return [
+        foreseen.least(settings.guard, coarse, s, r, still)[0]
+        for s, r in zip(sent, starts, strict=False)
+    ]
 
 
 def fly(mission: Mission) -> Flown:
@@ -131,7 +135,7 @@ def fly(mission: Mission) -> Flown:
     scene = scenario(mission)
     _, rows = rollout.fly(scene)
     rate = scene.rate_hz
-    transient = max(float(foreseen.transient_s(scene.law)), 0.3)
+    transient = max(float(foreseen.transient_s(scene.guard, scene.law)), 0.3)
     settled, second = round(transient * rate), round(SECOND_S * rate)
     last = round(LAST_S * rate)
     limited = saturated(rows)
@@ -141,17 +145,17 @@ def fly(mission: Mission) -> Flown:
     away = np.linalg.norm(
         column(Tick, rows, "measured.r_E") - column(Tick, rows, "setpoint.r_c"), axis=1
     )
-    reachable = foreseen_n(scene.law, [scene.sent[0], scene.sent[-1]])
+    reachable = foreseen_n(scene.settings, [scene.sent[0], scene.sent[-1]])
     return Flown(
         inside=(reachable[0] >= 0.0, min(reachable) >= 0.0),
         saturated=(bool(limited[ways[0]].any()), bool(limited[ways[1]].any()) or not whole),
         at_start=bool(limited[:settled].any()),
-        rotors=bool((column(Tick, rows[settled:], "internals.rotor_saturated") > 0.5).any()),
+        rotors=bool((column(Tick, rows[settled:], "outputs.saturation.rotor") > 0.5).any()),
         arrived=(
             whole and bool((away[ends[0]] < NEAR).all()),
             whole and bool((away[ends[1]] < NEAR).all()),
         ),
-        condition=float(column(Tick, rows[settled:], "internals.margin_condition").min()),
+        condition=float(column(Tick, rows[settled:], "guard.margin.condition").min()),
         transient_s=transient,
     )
 

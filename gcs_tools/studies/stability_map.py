@@ -19,7 +19,7 @@ import numpy as np
 
 from fcu.guard.stability import unstable
 from fcu.kernel.rows import column
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.fields import RATES
@@ -136,7 +136,7 @@ def flies(scene: Scenario, wind: bool) -> bool:
     most, far = LIMITS[wind]
     rms = np.sqrt((rate * rate).mean(axis=0)).max()
     chatter = np.abs(np.diff(column(Tick, last, "command.u.r1"), axis=0)).mean()
-    way_off = np.abs(column(Tick, last, "internals.e_r")).max()
+    way_off = np.abs(column(Tick, last, "outputs.e_r")).max()
     return bool(rms < most and chatter < CHATTER and way_off < far)
 
 

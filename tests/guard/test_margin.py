@@ -22,29 +22,33 @@ def vec(row):
     return Vec3(*np.asarray(row, dtype=float).tolist())
 
 
-def reachable(params, T):
+def known_of(settings):
+    return margin.known(settings.guard, settings.law)
+
+
+def reachable(law, T):
     """Whether the actuators reach a force for every heading, as the law keeps to."""
     aside, size = math.hypot(T[0], T[1]), math.sqrt(T @ T)
     tilt = math.atan2(aside, T[2])
-    floor = T[2] >= params.T_dz_min
-    return params.T_min <= size <= params.T_max and tilt <= params.phi_star and floor
+    limits, floor = law.limits, T[2] >= law.T_dz_min
+    return limits.T_min <= size <= limits.T_max and tilt <= limits.phi_star and floor
 
 
-def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(law):
+def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(settings_of):
     """The set is convex but for its least thrust; from inside, the distance is exact."""
-    params, rng = law(), np.random.default_rng(1)
+    settings, rng = settings_of(), np.random.default_rng(1)
     directions = rng.normal(size=(4000, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     tested = 0
     while tested < 60:
         T = rng.uniform([-150.0, -150.0, 0.0], [150.0, 150.0, 200.0])
-        found = margin.distance(margin.known(params), vec(T))
-        assert (found >= 0.0) == reachable(params, T)
+        found = margin.distance(known_of(settings), vec(T))
+        assert (found >= 0.0) == reachable(settings.law, T)
         if found < 2.0:
             continue
         tested += 1
-        assert all(reachable(params, T + 0.999 * found * d) for d in directions)
-        assert not all(reachable(params, T + 1.05 * found * d) for d in directions)
+        assert all(reachable(settings.law, T + 0.999 * found * d) for d in directions)
+        assert not all(reachable(settings.law, T + 1.05 * found * d) for d in directions)
 
 
 @pytest.mark.parametrize(
@@ -57,22 +61,24 @@ def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(la
         ((0.0, 0.0, 230.0), -30.0),
     ],
 )
-def test_the_margin_is_to_the_nearest_limit(law, T, limit):
-    assert margin.distance(margin.known(law()), vec(T)) == pytest.approx(limit, rel=1e-9)
+def test_the_margin_is_to_the_nearest_limit(settings_of, T, limit):
+    assert margin.distance(known_of(settings_of()), vec(T)) == pytest.approx(limit, rel=1e-9)
 
 
-def test_the_tilt_that_is_left(law):
-    assert margin.tilt_left(law().phi_star, Vec3(0.0, 0.0, 80.0)) == pytest.approx(
-        math.radians(45.0)
-    )
+def test_the_tilt_that_is_left(settings_of):
+    assert margin.tilt_left(
+        settings_of().law.limits.phi_star, Vec3(0.0, 0.0, 80.0)
+    ) == pytest.approx(math.radians(45.0))
     leaning = Vec3(80.0 * math.tan(math.radians(50.0)), 0.0, 80.0)
-    assert margin.tilt_left(law().phi_star, leaning) == pytest.approx(math.radians(-5.0))
+    assert margin.tilt_left(settings_of().law.limits.phi_star, leaning) == pytest.approx(
+        math.radians(-5.0)
+    )
 
 
-def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(law):
+def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(settings_of):
     """Quadratic drag along body axes, coefficients up to the believed, winds up to the believed."""
-    params, rng = law(), np.random.default_rng(2)
-    guard, nearest = params.guard, math.inf
+    settings, rng = settings_of(), np.random.default_rng(2)
+    guard, nearest = settings.guard, math.inf
     for _ in range(4000):
         v = rng.normal(size=3) * rng.uniform(0.0, 6.0)
         w = rng.normal(size=3)
@@ -85,10 +91,10 @@ def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(law):
         c = guard.c_D * rng.uniform(size=3) if rng.uniform() < 0.5 else np.full(3, guard.c_D)
         air = R.T @ (v - w)
         against = R @ (c * np.abs(air) * air)  # what thrust has to make up for
-        off = np.linalg.norm(against - np.array(margin.dragging(margin.known(params), vec(v))))
+        off = np.linalg.norm(against - np.array(margin.dragging(known_of(settings), vec(v))))
         speed = float(np.linalg.norm(v))
-        room = margin.allowance(margin.known(params), vec(v), 0.0) - margin.difference(
-            margin.known(params), speed
+        room = margin.allowance(known_of(settings), vec(v), 0.0) - margin.difference(
+            known_of(settings), speed
         )
         assert off <= room * (1.0 + 1e-12)
         nearest = min(nearest, room - off)
@@ -129,65 +135,66 @@ class AtMost:
 
 
 @pytest.mark.parametrize("zeta_m", [0.3, 0.5, 0.8, 0.95])
-def test_what_closing_the_error_adds_is_an_l1_norm(law, zeta_m):
+def test_what_closing_the_error_adds_is_an_l1_norm(settings_of, zeta_m):
     t, steps = np.linspace(0.0, 80.0, 400_001, retstep=True)
     w = math.sqrt(1.0 - zeta_m**2)
     h = np.exp(-zeta_m * t) * (
         2.0 * zeta_m * np.cos(w * t) + (1.0 - 2.0 * zeta_m**2) / w * np.sin(w * t)
     )
-    gain = foreseen.closed(law(zeta_m=zeta_m)) * margin.LASTS / margin.SETTLES
+    gain = foreseen.closed(settings_of(zeta_m=zeta_m).law) * margin.LASTS / margin.SETTLES
     assert gain == pytest.approx(np.abs(h).sum() * steps, rel=1e-3)
 
 
-def test_the_worse_mass_counts(law):
-    params = law(guard_mass_kg=[7.0, 9.0])
+def test_the_worse_mass_counts(settings_of):
+    settings = settings_of(guard_mass_kg=[7.0, 9.0])
     up, aside = Vec3(0.0, 0.0, 11.0), Vec3(5.0, 0.0, 0.0)
-    heavy, light = (law(guard_mass_kg=[m, m]) for m in (9.0, 7.0))
-    assert margin.room(margin.known(params), up, STILL) == margin.room(
-        margin.known(heavy), up, STILL
+    heavy, light = (settings_of(guard_mass_kg=[m, m]) for m in (9.0, 7.0))
+    assert margin.room(known_of(settings), up, STILL) == margin.room(known_of(heavy), up, STILL)
+    assert margin.room(known_of(settings), aside, STILL) == margin.room(
+        known_of(light), aside, STILL
     )
-    assert margin.room(margin.known(params), aside, STILL) == margin.room(
-        margin.known(light), aside, STILL
-    )
-    assert margin.room(margin.known(heavy), up, STILL) < margin.room(margin.known(light), up, STILL)
+    assert margin.room(known_of(heavy), up, STILL) < margin.room(known_of(light), up, STILL)
 
 
-def test_what_is_left_of_the_start_fades_no_faster_than_it_should(law):
-    params = law()
-    beta = start = margin.beta_1(params, STILL)
+def test_what_is_left_of_the_start_fades_no_faster_than_it_should(settings_of):
+    settings = settings_of()
+    beta = start = margin.beta_1(settings.guard, settings.law, STILL)
     for _ in range(100):  # 0.2 s
-        beta = margin.faded(params, beta)
-    assert beta == pytest.approx(start * math.exp(-0.1 * params.lambda_v), rel=0.06)
-    assert beta >= start * math.exp(-0.1 * params.lambda_v)
-    wrong = margin.beta_1(law(v_hat_offset=[-1.5, -1.5, -1.5]), STILL)
+        beta = margin.faded(settings.law, beta)
+    assert beta == pytest.approx(start * math.exp(-0.1 * settings.law.lambda_v), rel=0.06)
+    assert beta >= start * math.exp(-0.1 * settings.law.lambda_v)
+    late = settings_of(v_hat_offset=[-1.5, -1.5, -1.5])
+    wrong = margin.beta_1(late.guard, late.law, STILL)
     assert wrong > start + 300.0
-    assert margin.beta_1(params, Vec3(5.0, 0.0, 0.0)) > start + 20.0
+    assert margin.beta_1(settings.guard, settings.law, Vec3(5.0, 0.0, 0.0)) > start + 20.0
 
 
-def test_the_way_to_a_setpoint_is_looked_at_in_full(law):
+def test_the_way_to_a_setpoint_is_looked_at_in_full(settings_of):
     """A step asks most at its start; a setpoint that moves off, where it has got up to speed."""
-    params = law(guard_wind_m_s=6.0)._replace(h=0.005)
+    settings = settings_of(guard_wind_m_s=6.0)
+    guard, law = settings.guard, settings.law._replace(h=0.005)
     step = Setpoint(Vec3(3.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
-    least, at, a, _ = foreseen.least(params, step, STILL, STILL)
-    jump, known = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0), margin.known(params)
-    more = foreseen.closed(params) * margin.difference(known, 0.0)
+    least, at, a, _ = foreseen.least(guard, law, step, STILL, STILL)
+    jump, known = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0), known_of(settings)
+    more = foreseen.closed(law) * margin.difference(known, 0.0)
     assert least == pytest.approx(margin.condition(known, jump, STILL, more))
     assert (at, a) == (0.0, (3.0, 0.0, 0.0))
     moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
-    _, at, _, v = foreseen.least(params, moving, STILL, STILL)
+    _, at, _, v = foreseen.least(guard, law, moving, STILL, STILL)
     assert at > 0.5
     assert norm(v) > 3.0
 
 
-def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_lag(law):
+def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_lag(settings_of):
     """And with the attitude's lag a reference model that is too fast for it overshoots."""
     step = Setpoint(Vec3(1.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
     rows = np.zeros((8000, 8))
 
     def way(f_m, c_angle):
         gains = {"c_angle": Vec3(*[c_angle] * 3), "c_rate": Vec3(*[1e6] * 3)}
-        params = law(f_m=f_m)._replace(h=0.001, **gains)
-        foreseen.along(params, np.zeros(1), to_buffer(step)[None], STILL, STILL, rows)
+        settings = settings_of(f_m=f_m)
+        law = settings.law._replace(h=0.001, **gains)
+        foreseen.along(settings.guard, law, np.zeros(1), to_buffer(step)[None], STILL, STILL, rows)
         return rows[:, 5].copy()
 
     f, zeta, t = 1.0, 0.8, rows[:, 0]
@@ -200,32 +207,32 @@ def test_the_way_it_looks_along_is_the_reference_models_for_an_attitude_without_
     assert way(3.0, 1e4).min() > -0.02
 
 
-def test_a_script_of_setpoints_is_looked_at_as_one_way(law):
-    params = law()._replace(h=0.01)
+def test_a_script_of_setpoints_is_looked_at_as_one_way(settings_of):
+    guard, law = settings_of().guard, settings_of().law._replace(h=0.01)
     there, back = (Setpoint(Vec3(x, 0.0, 0.0), STILL, STILL, 0.0, 0.0) for x in (2.0, -2.0))
     rows = np.zeros((1500, 8))
     script = np.array([to_buffer(there), to_buffer(back)])
-    foreseen.along(params, np.array([0.0, 7.0]), script, STILL, STILL, rows)
-    assert rows[0, 1] == foreseen.least(params, there, STILL, STILL)[0]
+    foreseen.along(guard, law, np.array([0.0, 7.0]), script, STILL, STILL, rows)
+    assert rows[0, 1] == foreseen.least(guard, law, there, STILL, STILL)[0]
     first, second = rows[:700, 1], rows[700:, 1]
     assert second.min() < first.min()  # twice the way
     assert rows[second.argmin() + 700, 0] == 7.0
     assert np.abs(rows[-1, 5:]).max() < 0.01
 
 
-def test_the_condition_orders_as_it_should(law):
+def test_the_condition_orders_as_it_should(settings_of):
     """More wind, less gain, more speed, more mass unknown: less margin."""
     a, v = Vec3(1.0, 0.0, 0.5), Vec3(2.0, 0.0, 0.0)
-    plain = margin.condition(margin.known(law()), a, v, 0.0)
-    assert margin.condition(margin.known(law(guard_wind_m_s=13.0)), a, v, 0.0) < plain
-    assert margin.condition(margin.known(law(gamma=500.0)), a, v, 0.0) < plain
-    assert margin.condition(margin.known(law(guard_mass_kg=[6.5, 9.5])), a, v, 0.0) < plain
-    assert margin.condition(margin.known(law()), a, Vec3(3.0, 0.0, 0.0), 0.0) < plain
-    assert margin.condition(margin.known(law()), a, v, 5.0) == pytest.approx(plain - 5.0)
+    plain = margin.condition(known_of(settings_of()), a, v, 0.0)
+    assert margin.condition(known_of(settings_of(guard_wind_m_s=13.0)), a, v, 0.0) < plain
+    assert margin.condition(known_of(settings_of(gamma=500.0)), a, v, 0.0) < plain
+    assert margin.condition(known_of(settings_of(guard_mass_kg=[6.5, 9.5])), a, v, 0.0) < plain
+    assert margin.condition(known_of(settings_of()), a, Vec3(3.0, 0.0, 0.0), 0.0) < plain
+    assert margin.condition(known_of(settings_of()), a, v, 5.0) == pytest.approx(plain - 5.0)
 
 
-def test_python_and_compiled_code_give_the_same_bits(law):
-    params, a, v = law(), Vec3(1.0, -2.0, 0.5), Vec3(2.0, 1.0, -0.3)
-    assert margin.condition.py_func(margin.known(params), a, v, 1.5) == margin.condition(
-        margin.known(params), a, v, 1.5
+def test_python_and_compiled_code_give_the_same_bits(settings_of):
+    settings, a, v = settings_of(), Vec3(1.0, -2.0, 0.5), Vec3(2.0, 1.0, -0.3)
+    assert margin.condition.py_func(known_of(settings), a, v, 1.5) == margin.condition(
+        known_of(settings), a, v, 1.5
     )

@@ -10,22 +10,25 @@ import numpy as np
 import pytest
 
 import fcu
+from fcu.guard import guard
 from fcu.guard.stability import CHANNELS, INERTIA, MASS, OFF, fade, rotor_lag
 from fcu.interface.airframe import load as airframe_file
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
-from fcu.kernel.buffers import columns, from_buffer, size, to_buffer
+from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rotations import euler, from_euler, matrix
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.types import LawParams, LawState, Tick
+from fcu.kernel.rows import column
+from fcu.laws.mmrac import law as mmrac
+from fcu.laws.mmrac.types import Params, State
+from fcu.tick import FLYING, Remembered, Tick
+from fcu.tick import tick as law_tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.parameters import plant_params, steps_per_tick
+from tests.laws.values import with_fields
 
 OCTO = airframe_file(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
 ZERO = Vec3(0.0, 0.0, 0.0)
-STATE = columns(Tick).index("state.r_m.x")
-COMMAND = columns(Tick).index("command.u.r1")
 AT_REST = to_buffer(Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0))
 
 
@@ -33,149 +36,160 @@ class Vehicle(NamedTuple):
     """Where a tick starts and ends: what is measured and what the law remembers."""
 
     measured: VehicleState
-    law: LawState
+    law: State
 
 
-def speeds(law: LawParams, thrust: float, torque: float, column: Rotors) -> Rotors:
+def speeds(law: Params, thrust: float, torque: float, column: Rotors) -> Rotors:
     """Rotor speeds for a total thrust and a torque about one axis."""
     each = [thrust / 8.0 + torque * b for b in column]
-    return Rotors(*[math.sqrt(f / law.c_T) for f in each])
+    return Rotors(*[math.sqrt(f / law.rotors.c_T) for f in each])
 
 
-def hover(law: LawParams, off: float) -> LawState:
+def hover(law: Params, off: float) -> State:
     """What the law remembers in hover, with m_hat = off m and J_hat = off J.
 
     The disturbance makes up for the mass: T_0 / m_hat + s_v_hat = g.
     """
     T_0 = MASS * law.g
-    Omega = speeds(law, T_0, 0.0, law.B_x)
+    Omega = speeds(law, T_0, 0.0, law.rotors.B_x)
     at_rest = VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Omega)
-    return cascade.take_over(law, at_rest)._replace(
+    return with_fields(
+        mmrac.beginning(law, at_rest),
         s_v_hat=Vec3(0.0, 0.0, law.g - T_0 / (off * MASS)),
         m_hat=off * MASS,
         J_hat=off * Vec3(*INERTIA),
-        T_c_prev=T_0,
+        T_c=T_0,
     )
 
 
-def of_height(law: LawParams, off: float, x: list[float]) -> Vehicle:
+def of_height(law: Params, off: float, x: list[float]) -> Vehicle:
     z, v, T, T_prev, v_hat, s, trim, T_c_prev = x
     state, T_0 = hover(law, off), MASS * law.g
     measured = VehicleState(
         Vec3(0.0, 0.0, z), Vec3(0.0, 0.0, v), from_euler(0.0, 0.0, 0.0), ZERO,
-        speeds(law, T_0 + T, 0.0, law.B_x),
+        speeds(law, T_0 + T, 0.0, law.rotors.B_x),
     )  # fmt: skip
-    return Vehicle(measured, state._replace(
-        Omega_prev=speeds(law, T_0 + T_prev, 0.0, law.B_x),
+    return Vehicle(measured, with_fields(
+        state,
+        Omega=speeds(law, T_0 + T_prev, 0.0, law.rotors.B_x),
         v_hat=Vec3(0.0, 0.0, v_hat),
-        s_v_hat=state.s_v_hat + Vec3(0.0, 0.0, s),
+        s_v_hat=state.estimates.s_v_hat + Vec3(0.0, 0.0, s),
         T_trim=trim,
-        T_c_prev=T_0 + T_c_prev,
+        T_c=T_0 + T_c_prev,
     ))  # fmt: skip
 
 
-def to_height(law: LawParams, off: float, vehicle: Vehicle) -> list[float]:
-    m, s = vehicle
+def to_height(law: Params, off: float, vehicle: Vehicle) -> list[float]:
+    m, (_, predicted, found, s) = vehicle
     T_0 = MASS * law.g
 
     def thrust(Omega: Rotors) -> float:
-        return law.c_T * sum(o * o for o in Omega) - T_0
+        return law.rotors.c_T * sum(o * o for o in Omega) - T_0
 
-    unknown = s.s_v_hat.z + T_0 / s.m_hat - law.g
+    unknown = found.s_v_hat.z + T_0 / found.m_hat - law.g
     return [
-        m.r_E.z, m.v_E.z, thrust(m.Omega), thrust(s.Omega_prev), s.v_hat.z, unknown, s.T_trim,
-        s.T_c_prev - T_0,
+        m.r_E.z, m.v_E.z, thrust(m.Omega), thrust(s.Omega), predicted.v_hat.z, unknown, s.T_trim,
+        s.T_c - T_0,
     ]  # fmt: skip
 
 
-def of_pitch(law: LawParams, off: float, x: list[float]) -> Vehicle:
+def of_pitch(law: Params, off: float, x: list[float]) -> Vehicle:
     way, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = x
     state, T_0 = hover(law, off), MASS * law.g
     measured = VehicleState(
         Vec3(way, 0.0, 0.0), Vec3(v, 0.0, 0.0), from_euler(0.0, a, 0.0), Vec3(0.0, q, 0.0),
-        speeds(law, T_0, tau, law.B_y),
+        speeds(law, T_0, tau, law.rotors.B_y),
     )  # fmt: skip
-    return Vehicle(measured, state._replace(
-        e3_prev=Vec3(math.sin(a_prev), 0.0, math.cos(a_prev)),
-        Omega_prev=speeds(law, T_0, tau_prev, law.B_y),
+    return Vehicle(measured, with_fields(
+        state,
+        e3=Vec3(math.sin(a_prev), 0.0, math.cos(a_prev)),
+        Omega=speeds(law, T_0, tau_prev, law.rotors.B_y),
         v_hat=Vec3(v_hat, 0.0, 0.0),
-        s_v_hat=state.s_v_hat + Vec3(s_v, 0.0, 0.0),
-        w_prev=Vec3(0.0, q, 0.0),
+        s_v_hat=state.estimates.s_v_hat + Vec3(s_v, 0.0, 0.0),
+        w=Vec3(0.0, q, 0.0),
         w_hat=Vec3(0.0, w_hat, 0.0),
         s_w_hat=Vec3(0.0, s_w, 0.0),
         tilt_filter=Vec3(0.0, a_filter, 0.0),
     ))  # fmt: skip
 
 
-def to_pitch(law: LawParams, off: float, vehicle: Vehicle) -> list[float]:
-    m, s = vehicle
+def to_pitch(law: Params, off: float, vehicle: Vehicle) -> list[float]:
+    m, (_, predicted, found, s) = vehicle
 
     def torque(Omega: Rotors) -> float:
-        return -law.c_T * sum(x * o * o for x, o in zip(law.x, Omega, strict=True))
+        return -law.rotors.c_T * sum(x * o * o for x, o in zip(law.rotors.x, Omega, strict=True))
 
     return [
         m.r_E.x, m.v_E.x, euler(matrix(m.q_EB)).y, m.w_B.y, torque(m.Omega),
-        math.asin(s.e3_prev.x), torque(s.Omega_prev), s.v_hat.x, s.s_v_hat.x, s.w_hat.y,
-        s.s_w_hat.y, s.tilt_filter.y,
+        math.asin(s.e3.x), torque(s.Omega), predicted.v_hat.x, found.s_v_hat.x, predicted.w_hat.y,
+        found.s_w_hat.y, s.tilt_filter.y,
     ]  # fmt: skip
 
 
-def of_roll(law: LawParams, off: float, x: list[float]) -> Vehicle:
+def of_roll(law: Params, off: float, x: list[float]) -> Vehicle:
     """A roll to the right leads to the right: the way's signs, y is to the left."""
     way, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = x
     state, T_0 = hover(law, off), MASS * law.g
     measured = VehicleState(
         Vec3(0.0, -way, 0.0), Vec3(0.0, -v, 0.0), from_euler(a, 0.0, 0.0), Vec3(q, 0.0, 0.0),
-        speeds(law, T_0, tau, law.B_x),
+        speeds(law, T_0, tau, law.rotors.B_x),
     )  # fmt: skip
-    return Vehicle(measured, state._replace(
-        e3_prev=Vec3(0.0, -math.sin(a_prev), math.cos(a_prev)),
-        Omega_prev=speeds(law, T_0, tau_prev, law.B_x),
+    return Vehicle(measured, with_fields(
+        state,
+        e3=Vec3(0.0, -math.sin(a_prev), math.cos(a_prev)),
+        Omega=speeds(law, T_0, tau_prev, law.rotors.B_x),
         v_hat=Vec3(0.0, -v_hat, 0.0),
-        s_v_hat=state.s_v_hat + Vec3(0.0, -s_v, 0.0),
-        w_prev=Vec3(q, 0.0, 0.0),
+        s_v_hat=state.estimates.s_v_hat + Vec3(0.0, -s_v, 0.0),
+        w=Vec3(q, 0.0, 0.0),
         w_hat=Vec3(w_hat, 0.0, 0.0),
         s_w_hat=Vec3(s_w, 0.0, 0.0),
         tilt_filter=Vec3(a_filter, 0.0, 0.0),
     ))  # fmt: skip
 
 
-def to_roll(law: LawParams, off: float, vehicle: Vehicle) -> list[float]:
-    m, s = vehicle
+def to_roll(law: Params, off: float, vehicle: Vehicle) -> list[float]:
+    m, (_, predicted, found, s) = vehicle
 
     def torque(Omega: Rotors) -> float:
-        return law.c_T * sum(y * o * o for y, o in zip(law.y, Omega, strict=True))
+        return law.rotors.c_T * sum(y * o * o for y, o in zip(law.rotors.y, Omega, strict=True))
 
     return [
         -m.r_E.y, -m.v_E.y, euler(matrix(m.q_EB)).x, m.w_B.x, torque(m.Omega),
-        -math.asin(s.e3_prev.y), torque(s.Omega_prev), -s.v_hat.y, -s.s_v_hat.y, s.w_hat.x,
-        s.s_w_hat.x, s.tilt_filter.x,
+        -math.asin(s.e3.y), torque(s.Omega), -predicted.v_hat.y, -found.s_v_hat.y, predicted.w_hat.x,
+        found.s_w_hat.x, s.tilt_filter.x,
     ]  # fmt: skip
 
 
-def of_yaw(law: LawParams, off: float, x: list[float]) -> Vehicle:
+def of_yaw(law: Params, off: float, x: list[float]) -> Vehicle:
     psi, r, tau, tau_prev, w_hat, s_w = x
     T_0 = MASS * law.g
     measured = VehicleState(
-        ZERO, ZERO, from_euler(0.0, 0.0, psi), Vec3(0.0, 0.0, r), speeds(law, T_0, tau, law.B_z)
+        ZERO,
+        ZERO,
+        from_euler(0.0, 0.0, psi),
+        Vec3(0.0, 0.0, r),
+        speeds(law, T_0, tau, law.rotors.B_z),
     )
-    return Vehicle(measured, hover(law, off)._replace(
-        Omega_prev=speeds(law, T_0, tau_prev, law.B_z),
-        w_prev=Vec3(0.0, 0.0, r),
+    return Vehicle(measured, with_fields(
+        hover(law, off),
+        Omega=speeds(law, T_0, tau_prev, law.rotors.B_z),
+        w=Vec3(0.0, 0.0, r),
         w_hat=Vec3(0.0, 0.0, w_hat),
         s_w_hat=Vec3(0.0, 0.0, s_w),
     ))  # fmt: skip
 
 
-def to_yaw(law: LawParams, off: float, vehicle: Vehicle) -> list[float]:
-    m, s = vehicle
+def to_yaw(law: Params, off: float, vehicle: Vehicle) -> list[float]:
+    m, (_, predicted, found, s) = vehicle
 
     def torque(Omega: Rotors) -> float:
-        return -law.k_Q * law.c_T * sum(p * o * o for p, o in zip(law.spin, Omega, strict=True))
+        rotors = law.rotors
+        turning = sum(p * o * o for p, o in zip(rotors.spin, Omega, strict=True))
+        return -rotors.k_Q * rotors.c_T * turning
 
     return [
-        euler(matrix(m.q_EB)).z, m.w_B.z, torque(m.Omega), torque(s.Omega_prev), s.w_hat.z,
-        s.s_w_hat.z,
+        euler(matrix(m.q_EB)).z, m.w_B.z, torque(m.Omega), torque(s.Omega), predicted.w_hat.z,
+        found.s_w_hat.z,
     ]  # fmt: skip
 
 
@@ -195,22 +209,25 @@ CHOICES = (
 @pytest.mark.parametrize("off", OFF)
 @pytest.mark.parametrize("chosen", CHOICES, ids=["default", "no lag", "all different"])
 @pytest.mark.parametrize("channel", CHANNELS)
-def test_matrices_are_law_and_vehicle_linearised(law, channel, chosen, off):
-    params, rate_hz = law(**chosen), 500.0
+def test_matrices_are_law_and_vehicle_linearised(settings_of, channel, chosen, off):
+    settings, rate_hz = settings_of(guard="warn", **chosen), 500.0
+    params, of, to = settings.law, *WAYS[channel]
     plant = to_buffer(plant_params(
         OCTO["rotors"], rate_hz,
         {"rotor_lag_s": rotor_lag(params), "drag": [0.0] * 3, "drag_torque": [0.0] * 3},
         ground_z_m=-1e4,
     ))  # fmt: skip
-    law_buffer, row, drawn = to_buffer(params), np.zeros(size(Tick)), np.zeros(size(BatteryState))
-    of, to = WAYS[channel]
+    told, row, drawn = to_buffer(settings), np.zeros(size(Tick)), np.zeros(size(BatteryState))
 
     def one_tick(x: np.ndarray) -> np.ndarray:
         start = of(params, off, x.tolist())
         body = to_buffer(start.measured)
-        cascade.tick(0.0, cascade.FLYING, to_buffer(start.law), law_buffer, AT_REST, 0.0, body, row)
-        tick.advance(plant, body, drawn, row[COMMAND : COMMAND + 8], 0.0, steps_per_tick(rate_hz))
-        after = from_buffer(LawState, row[STATE : STATE + size(LawState)])
+        at_rest, _ = guard.idle(start.measured)
+        remembered = to_buffer(Remembered(start.law, at_rest))
+        law_tick(0.0, FLYING, remembered, told, AT_REST, 0.0, body, row)
+        command = column(Tick, row, "command")
+        tick.advance(plant, body, drawn, command, 0.0, steps_per_tick(rate_hz))
+        after = from_buffer(State, column(Tick, row, "state"))
         return np.array(to(params, off, Vehicle(from_buffer(VehicleState, body), after)))
 
     expected = CHANNELS[channel](params, fade(params), off)

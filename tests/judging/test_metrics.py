@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.buffers import columns, size
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from gcs_tools.judging.metrics import METRICS, EngagedTicks, metric, metrics, settle_from
 from sitl_plant.physics.types import PlantRecord
 
@@ -95,9 +95,9 @@ def test_final_is_the_worst_of_the_last_second() -> None:
 
 def test_saturation_is_a_part_of_the_flight() -> None:
     plant, fcu = flight(9.9)  # a hundred ticks
-    put(fcu, Tick, "internals.thrust_saturated", 1.0, slice(0, 10))
-    put(fcu, Tick, "internals.tilt_saturated", 1.0, slice(0, 25))
-    put(fcu, Tick, "internals.rotor_saturated", 1.0, slice(50, 51))
+    put(fcu, Tick, "outputs.saturation.thrust", 1.0, slice(0, 10))
+    put(fcu, Tick, "outputs.saturation.tilt", 1.0, slice(0, 25))
+    put(fcu, Tick, "outputs.saturation.rotor", 1.0, slice(50, 51))
     found = metrics(plant, fcu)
     assert found["thrust_saturated_fraction"] == 0.1
     assert found["tilt_saturated_fraction"] == 0.25
@@ -108,10 +108,10 @@ def test_saturation_is_a_part_of_the_flight() -> None:
 
 def test_margins_are_the_least_of_the_flight() -> None:
     plant, fcu = flight(9.9)
-    put(fcu, Tick, "internals.governed", 1.0, slice(0, 30))
-    for name, most in (("margin", 50.0), ("margin_tilt", 0.5), ("margin_condition", 9.0)):
-        put(fcu, Tick, f"internals.{name}", most)
-        put(fcu, Tick, f"internals.{name}", -0.1 * most, 7)
+    put(fcu, Tick, "guard.governed", 1.0, slice(0, 30))
+    for name, most in (("force", 50.0), ("tilt", 0.5), ("condition", 9.0)):
+        put(fcu, Tick, f"guard.margin.{name}", most)
+        put(fcu, Tick, f"guard.margin.{name}", -0.1 * most, 7)
     found = metrics(plant, fcu)
     assert found["governed_fraction"] == 0.3
     assert found["margin_min_n"] == -5.0
@@ -122,9 +122,9 @@ def test_margins_are_the_least_of_the_flight() -> None:
 
 def test_thrust_and_tilt_are_those_commanded() -> None:
     plant, fcu = flight(5.0)
-    put(fcu, Tick, "internals.T_achieved", 300.0)
-    put(fcu, Tick, "internals.T_c", 199.0, 3)
-    put(fcu, Tick, "internals.angles_c", [math.radians(10), math.radians(-45), 3.0], 7)
+    put(fcu, Tick, "outputs.T_achieved", 300.0)
+    put(fcu, Tick, "outputs.T_c", 199.0, 3)
+    put(fcu, Tick, "outputs.angles_c", [math.radians(10), math.radians(-45), 3.0], 7)
     found = metrics(plant, fcu)
     assert found["thrust_max_n"] == 199.0
     assert found["tilt_max_deg"] == pytest.approx(45.0)  # yaw is no tilt
@@ -163,7 +163,7 @@ def test_ticks_are_joined_by_their_time() -> None:
     """The flight controller knows time in whole microseconds, and may have seen fewer ticks."""
     plant, fcu = flight(1.0)
     put(plant, PlantRecord, "state.r_E", plant[:, :1])
-    put(fcu, Tick, "internals.r_m", plant[:, :1])
+    put(fcu, Tick, "outputs.reference.r_m", plant[:, :1])
     plant[:, 0] += 1e-9
     assert metrics(plant, fcu[3:8])["position_max_m"] == 0.0
 

@@ -11,11 +11,13 @@ import pytest
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel import buffers, rows
 from fcu.kernel.algebra import Vec3
-from fcu.laws.mmrac.types import LawParams, LawState, Tick
+from fcu.laws.mmrac.types import Params, State
+from fcu.settings import Settings
+from fcu.tick import Tick
 from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
 
 VALUES = [
-    LawParams, LawState, PlantParams, PlantRecord, PlantState, RotorCommand, Setpoint, Tick,
+    Params, Settings, State, PlantParams, PlantRecord, PlantState, RotorCommand, Setpoint, Tick,
     VehicleState,
 ]  # fmt: skip
 

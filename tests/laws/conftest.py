@@ -15,14 +15,16 @@ import fcu
 from fcu.interface.airframe import Airframe, airframe, load
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
-from fcu.kernel.buffers import columns, dtype, size, to_buffer
+from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.parameters import law_params
-from fcu.laws.mmrac.types import LawParams, LawState, Tick
+from fcu.laws.mmrac import law as mmrac
+from fcu.laws.mmrac.types import Params, State
+from fcu.settings import Settings, settings
+from fcu.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.run import prepared
 from gcs_tools.flight.scenario import Scenario
+from tests.laws.values import dtype, with_fields
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -36,11 +38,21 @@ def believed() -> Airframe:
 
 
 @pytest.fixture(scope="session")
-def law(believed: Airframe) -> Callable[..., LawParams]:
-    """LawParams of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
+def settings_of(believed: Airframe) -> Callable[..., Settings]:
+    """Settings of the octocopter: `settings_of(f_m=1.4)`, `settings_of(guard="warn")`."""
 
-    def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
-        return law_params(believed, OCTO, rate_hz, chosen)
+    def build(rate_hz: float = 500.0, **chosen: Any) -> Settings:
+        return settings(believed, OCTO, rate_hz, chosen)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def law(settings_of: Callable[..., Settings]) -> Callable[..., Params]:
+    """Params of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
+
+    def build(rate_hz: float = 500.0, **chosen: Any) -> Params:
+        return settings_of(rate_hz, **chosen).law
 
     return build
 
@@ -78,11 +90,12 @@ def _vec3(row: Any) -> Vec3:
 
 
 @pytest.fixture(scope="session")
-def random_state(hover: Callable[..., VehicleState]) -> Callable[..., LawState]:
-    """A LawState whose estimates lie at random, well inside their sets."""
+def random_state(hover: Callable[..., VehicleState]) -> Callable[..., State]:
+    """A State whose estimates lie at random, well inside their sets."""
 
-    def build(params: LawParams, rng: np.random.Generator) -> LawState:
-        return cascade.take_over(params, hover())._replace(
+    def build(params: Params, rng: np.random.Generator) -> State:
+        return with_fields(
+            mmrac.beginning(params, hover()),
             v_hat=_vec3(rng.normal(size=3)),
             s_v_hat=_vec3(rng.normal(size=3)),
             m_hat=float(rng.uniform(4.0, 12.0)),
@@ -94,7 +107,7 @@ def random_state(hover: Callable[..., VehicleState]) -> Callable[..., LawState]:
             c_q1_hat=float(rng.normal()),
             c_q2_hat=float(rng.normal() * 1e-3),
             c_r1_hat=float(rng.normal()),
-            f_c_prev=_vec3(rng.normal(size=3) * 5.0),
+            f_c=_vec3(rng.normal(size=3) * 5.0),
         )
 
     return build
@@ -143,25 +156,20 @@ def flight(told: Callable[..., Told]) -> Callable[..., Any]:
 
 
 class Ticks:
-    """The law on its buffers, tick after tick, as a process runs it."""
+    """Law and guard on their buffers, tick after tick, as a process runs them."""
 
-    def __init__(self, params: LawParams) -> None:
-        self.params = to_buffer(params)
+    def __init__(self, settings: Settings) -> None:
+        self.settings = to_buffer(settings)
         self.row = np.zeros(size(Tick))
         self.shown = self.row.view(dtype(Tick))[0]  # the same memory, by name (as `remembered` is)
-        self._state = np.zeros(size(LawState))
-        self.remembered = self._state.view(dtype(LawState))[0]
-        first = columns(Tick).index("state.r_m.x")
-        self._after = self.row[first : first + size(LawState)]
-        self._engaged = cascade.TAKE_OVER
+        self._remembered = np.zeros(size(Remembered))
+        self.remembered = self._remembered.view(dtype(Remembered))[0]
+        self._engaged = TAKE_OVER
 
     def tick(self, measured: Floats, setpoint: Floats) -> None:
         """Fly one tick; what it did is in `shown`."""
-        cascade.tick(
-            0.0, self._engaged, self._state, self.params, setpoint, 0.0, measured, self.row
-        )
-        self._state[:] = self._after
-        self._engaged = cascade.FLYING
+        tick(0.0, self._engaged, self._remembered, self.settings, setpoint, 0.0, measured, self.row)
+        self._engaged = FLYING
 
 
 @pytest.fixture(scope="session")

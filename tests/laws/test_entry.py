@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler, matrix
-from fcu.laws.mmrac import cascade, entry, reference_model
+from fcu.laws.mmrac import attitude as attitudes
+from fcu.laws.mmrac import entry, reference_model
+from fcu.laws.mmrac import law as mmrac
 
 W = 8.0 * 9.81
 AWAY = (50.0, -60.0, 70.0)  # a position that none of this may lead to
@@ -38,10 +40,11 @@ def rates(fixed):
 
 
 def first(law, setpoint, measured, **chosen):
-    _, command, internals = cascade.first_step(
+    """Outputs, internals and command of a take-over with mass and inertia known."""
+    _, command, outputs, internals = mmrac.take_over(
         law(m_hat_0=8.0, J_hat_0=0.4, **chosen), setpoint, measured
     )
-    return internals, np.array(command.u)
+    return outputs, internals, np.array(command.u)
 
 
 @pytest.mark.parametrize("prediction", ["achieved", "demanded"])
@@ -56,23 +59,23 @@ def test_roll_to_the_right_pushes_right_and_nose_down_pushes_ahead(
         (attitude(phi=0.2, psi=psi), right),
         (attitude(theta=0.2, psi=psi), ahead),
     ):
-        internals, _ = first(law, setpoint, measured, prediction=prediction)
-        assert np.dot(internals.T_d, way) == pytest.approx(W * math.sin(0.2))
-        assert internals.T_d.z == pytest.approx(W * math.cos(0.2))
-        assert internals.T_c == W
-        assert internals.angles_c == (*setpoint.tilt_c[:2], psi)
-        assert np.dot(internals.w_c, (setpoint.tilt_c.x, setpoint.tilt_c.y, 0.0)) > 0.0
+        outputs, internals, _ = first(law, setpoint, measured, prediction=prediction)
+        assert np.dot(internals.demand.T_d, way) == pytest.approx(W * math.sin(0.2))
+        assert internals.demand.T_d.z == pytest.approx(W * math.cos(0.2))
+        assert outputs.T_c == W
+        assert outputs.angles_c == (*setpoint.tilt_c[:2], psi)
+        assert np.dot(outputs.w_c, (setpoint.tilt_c.x, setpoint.tilt_c.y, 0.0)) > 0.0
 
 
 def test_roll_right_is_made_by_the_left_rotors_and_pitch_by_the_rear(
     law, attitude, hover, believed
 ):
     x, y = np.array(believed.x), np.array(believed.y)
-    _, u = first(law, attitude(phi=0.1), hover())
+    _, _, u = first(law, attitude(phi=0.1), hover())
     assert u[y > 0.0].min() > u[y < 0.0].max()
-    _, u = first(law, attitude(theta=0.1), hover())
+    _, _, u = first(law, attitude(theta=0.1), hover())
     assert u[x < 0.0].min() > u[x > 0.0].max()
-    _, u = first(law, attitude(psi=0.1), hover())
+    _, _, u = first(law, attitude(psi=0.1), hover())
     spin = np.array(believed.spin)
     assert u[spin < 0.0].min() > u[spin > 0.0].max()
 
@@ -82,51 +85,49 @@ def test_a_body_rate_is_turned_towards(law, rates, hover, axis):
     """From rest, and at that rate there is nothing to do; w_c is what was sent."""
     w = np.zeros(3)
     w[axis] = -0.3
-    internals, _ = first(law, rates(*w), hover(angles=(0.3, -0.2, 1.0)))
-    assert internals.w_c == tuple(w)
-    assert internals.tau_d == pytest.approx(0.4 * 20.0 * w)
-    internals, _ = first(law, rates(*w), hover(w=w))
-    assert internals.tau_d == pytest.approx((0.0, 0.0, 0.0))
+    outputs, internals, _ = first(law, rates(*w), hover(angles=(0.3, -0.2, 1.0)))
+    assert outputs.w_c == tuple(w)
+    assert internals.demand.tau_d == pytest.approx(0.4 * 20.0 * w)
+    _, internals, _ = first(law, rates(*w), hover(w=w))
+    assert internals.demand.tau_d == pytest.approx((0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("T", [40.0, W, 120.0])
 def test_thrust_is_what_the_rotors_are_given(law, attitude, rates, hover, T):
     for setpoint in (attitude(T=T), rates(T=T)):
-        internals, _ = first(law, setpoint, hover())
-        assert internals.T_c == T
-        assert sum(internals.thrusts) == pytest.approx(T)
-        assert internals.thrust_saturated == 0.0
+        outputs, _, _ = first(law, setpoint, hover())
+        assert outputs.T_c == T
+        assert sum(outputs.thrusts) == pytest.approx(T)
+        assert outputs.saturation.thrust == 0.0
 
 
 @pytest.mark.parametrize("prediction", ["achieved", "demanded"])
 def test_thrust_and_tilt_are_held_at_their_limits_and_it_shows(
     law, attitude, rates, hover, prediction
 ):
-    params = law()
-    for T, limit in ((-1.0, params.T_min), (1e6, params.T_max)):
+    limits = law().limits
+    for T, limit in ((-1.0, limits.T_min), (1e6, limits.T_max)):
         for setpoint in (attitude(T=T), rates(T=T)):
-            internals, _ = first(law, setpoint, hover(), prediction=prediction)
-            assert (internals.T_c, internals.thrust_saturated) == (limit, 1.0)
+            outputs, _, _ = first(law, setpoint, hover(), prediction=prediction)
+            assert (outputs.T_c, outputs.saturation.thrust) == (limit, 1.0)
     past = attitude(phi=-1.0, theta=1.2)
-    internals, _ = first(law, past, hover(), prediction=prediction)
-    assert internals.angles_c[:2] == (-params.phi_star, params.phi_star)
-    assert internals.tilt_saturated == 1.0
-    within, _ = first(law, attitude(phi=0.7), hover(), prediction=prediction)
-    assert within.tilt_saturated == 0.0  # though the position law would ask for more than it can
-    turning, _ = first(law, past._replace(level=2.0), hover(), prediction=prediction)
-    assert (
-        turning.tilt_saturated == turning.tilt_rate_saturated == turning.yaw_rate_saturated == 0.0
-    )
+    outputs, _, _ = first(law, past, hover(), prediction=prediction)
+    assert outputs.angles_c[:2] == (-limits.phi_star, limits.phi_star)
+    assert outputs.saturation.tilt == 1.0
+    within, _, _ = first(law, attitude(phi=0.7), hover(), prediction=prediction)
+    assert within.saturation.tilt == 0.0  # though the position law would ask for more than it can
+    outputs, turning, _ = first(law, past._replace(level=2.0), hover(), prediction=prediction)
+    assert outputs.saturation.tilt == turning.flags.tilt_rate == turning.flags.yaw_rate == 0.0
 
 
 def test_at_level_2_the_record_shows_the_attitude_there_is(law, rates, hover):
     angles = (0.9, -0.4, 2.0)
     measured = hover((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), angles)
-    internals, _ = first(law, rates(T=60.0), measured)
-    assert internals.angles_c == pytest.approx(angles)
+    outputs, internals, _ = first(law, rates(T=60.0), measured)
+    assert outputs.angles_c == pytest.approx(angles)
     expected = 60.0 * Rotation.from_euler("ZYX", angles[::-1]).as_matrix()[:, 2]
-    np.testing.assert_allclose(internals.T_d, expected, atol=1e-12)
-    np.testing.assert_allclose(internals.f_c, expected / 8.0, atol=1e-12)
+    np.testing.assert_allclose(internals.demand.T_d, expected, atol=1e-12)
+    np.testing.assert_allclose(internals.demand.f_c, expected / 8.0, atol=1e-12)
 
 
 def test_the_thrust_axis_is_that_of_the_rotation():
@@ -141,11 +142,11 @@ def test_the_reference_follows_the_vehicle(law, attitude, rates, hover):
     measured = hover((1.0, 2.0, 3.0), (4.0, 5.0, -6.0))
     params = law(r_m_offset=[5.0, 5.0, 5.0])
     for setpoint in (attitude(), rates()):
-        state, _, internals = cascade.first_step(params, setpoint, measured)
-        assert (internals.r_m, internals.v_m) == (measured.r_E, measured.v_E)
-        assert internals.e_r == (0.0, 0.0, 0.0)
-        assert state.r_m == pytest.approx((1.008, 2.010, 2.988))
-        assert state.v_m == measured.v_E
+        state, _, outputs, _ = mmrac.take_over(params, setpoint, measured)
+        assert outputs.reference == (measured.r_E, measured.v_E)
+        assert outputs.e_r == (0.0, 0.0, 0.0)
+        assert state.reference.r_m == pytest.approx((1.008, 2.010, 2.988))
+        assert state.reference.v_m == measured.v_E
 
 
 def test_below_the_position_level_only_yaw_is_carried(attitude, rates):
@@ -163,7 +164,7 @@ def test_what_belongs_to_another_level_changes_nothing(law, fixed, attitude, rat
     params, measured = law(), hover((0.1, 0.2, 0.3), (0.3, 0.1, 0.0), (0.1, 0.2, 0.3))
 
     def outcome(setpoint):
-        state, command, _ = cascade.first_step(params, setpoint, measured)
+        state, command, _, _ = mmrac.take_over(params, setpoint, measured)
         return to_buffer(state).tobytes() + to_buffer(command).tobytes()
 
     odd = Vec3(7.0, -8.0, 9.0)
@@ -179,7 +180,8 @@ def test_what_belongs_to_another_level_changes_nothing(law, fixed, attitude, rat
 @pytest.mark.parametrize("level", [0.0, 1.0, 2.0])
 def test_python_and_compiled_code_give_the_same_bits(law, attitude, hover, level):
     setpoint = attitude(0.1, -0.2, 0.3)._replace(level=level)
-    e3, angles = matrix(hover(angles=(0.3, 0.2, 0.1)).q_EB).e3, Vec3(0.3, 0.2, 0.1)
-    arguments = (law(), setpoint, angles, e3, math.cos(0.1), math.sin(0.1))
-    plain, compiled = entry.given.py_func(*arguments), entry.given(*arguments)
+    lies = attitudes.measured(hover(angles=(0.3, 0.2, 0.1)).q_EB)
+    estimates = mmrac.nothing_learnt(8.0, Vec3(0.3, 0.3, 0.3))
+    arguments = (law().limits, estimates, setpoint, lies)
+    plain, compiled = entry.given_force.py_func(*arguments), entry.given_force(*arguments)
     assert to_buffer(plain).tobytes() == to_buffer(compiled).tobytes()

@@ -1,4 +1,4 @@
-"""The marks in the code and the tables of fcu/laws/mmrac/README.md, held against each other."""
+"""The marks in the code and the tables of the READMEs of law and guard, held against each other."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from pathlib import Path
 import pytest
 
 import fcu
+from fcu.guard.types import GuardInternals, GuardParams, GuardState
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
-from fcu.laws.mmrac.types import Bounds, Internals, LawParams, LawState
+from fcu.kernel import algebra
+from fcu.kernel.buffers import fields, is_value
+from fcu.laws import face
+from fcu.laws.mmrac import types
 
 ROOT = Path(fcu.__file__).parents[1]
-LAW = ROOT / "fcu" / "laws" / "mmrac"
+LAW, GUARD = ROOT / "fcu" / "laws" / "mmrac", ROOT / "fcu" / "guard"
 README = (LAW / "README.md").read_text(encoding="utf-8")
 MARKED = [
     *sorted((ROOT / "fcu" / "laws").rglob("*.py")),
@@ -24,14 +28,15 @@ MARKED = [
 COMMENT = re.compile(r"#\s*((?:\(\d+\)\s*)*)(?:departure ([\d, ]+))?$")
 
 
-def section(title):
-    """The lines of one `## ` section."""
-    return README.split(f"\n## {title}\n")[1].split("\n## ")[0].splitlines()
+def section(folder, title):
+    """The lines of one `## ` section of a folder's README."""
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    return text.split(f"\n## {title}\n")[1].split("\n## ")[0].splitlines()
 
 
-def table(title):
+def table(folder, title):
     """The rows of a section's table, as stripped cells, without its head."""
-    rows = [line for line in section(title) if line.startswith("|")]
+    rows = [line for line in section(folder, title) if line.startswith("|")]
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[2:]]
 
 
@@ -53,13 +58,18 @@ def marks():
 
 def test_every_marked_equation_is_in_the_index_and_every_row_is_marked():
     marked = {(e, path, name) for equations, _, path, name in marks() for e in equations}
-    indexed = [(e, (LAW / file).resolve(), name) for e, _, file, name in table("Equations")]
+    indexed = [
+        (e, (folder / file).resolve(), name)
+        for folder in (LAW, GUARD)
+        for e, _, file, name in table(folder, "Equations")
+    ]
     assert len(indexed) == len(set(indexed))
     assert marked == set(indexed)
 
 
-def test_the_index_is_in_the_order_of_the_paper():
-    numbers = [int(row[0].strip("()")) for row in table("Equations")]
+@pytest.mark.parametrize("folder", [LAW, GUARD])
+def test_the_index_is_in_the_order_of_the_paper(folder):
+    numbers = [int(row[0].strip("()")) for row in table(folder, "Equations")]
     assert numbers == sorted(numbers)
 
 
@@ -72,7 +82,7 @@ def test_every_departure_in_the_code_is_listed_and_every_one_listed_is_in_the_co
 
 def test_a_departure_named_anywhere_is_one_of_the_list():
     listed = len(re.findall(r"^\d+\. \*\*", README, re.MULTILINE))
-    for path in [*MARKED, LAW / "README.md"]:
+    for path in [*MARKED, LAW / "README.md", GUARD / "README.md"]:
         for number in re.findall(r"departures? (\d+)", path.read_text(encoding="utf-8")):
             assert 1 <= int(number) <= listed, path
 
@@ -84,17 +94,32 @@ def test_equations_cited_in_the_code_are_the_papers():
             assert all(1 <= int(n) <= 45 for n in re.findall(r"\((\d+)\)", cited)), path
 
 
+def parts(cls):
+    """A NamedTuple class and those of its fields, but for vectors and the like."""
+    yield cls
+    for kind in fields(cls).values():
+        if is_value(kind) and kind.__module__ != algebra.__name__:
+            yield from parts(kind)
+
+
 @pytest.mark.parametrize(
-    "cls", [Bounds, Internals, LawParams, LawState, RotorCommand, Setpoint, VehicleState]
+    ("folder", "classes"),
+    [
+        (LAW, (types.Params, types.State, types.Internals, face.Outputs)),
+        (LAW, (RotorCommand, Setpoint, VehicleState)),
+        (GUARD, (GuardParams, GuardState, GuardInternals)),
+    ],
 )
-def test_every_field_has_a_row_in_the_symbol_table(cls):
-    named = {name for row in table("Symbols") for name in re.findall(r"`(\w+)`", row[1])}
-    assert set(cls._fields) <= named
+def test_every_field_has_a_row_in_the_symbol_table(folder, classes):
+    named = {name for row in table(folder, "Symbols") for name in re.findall(r"`(\w+)`", row[1])}
+    for cls in (part for whole in classes for part in parts(whole)):
+        assert set(cls._fields) <= named, (cls, set(cls._fields) - named)
 
 
-def test_every_symbol_is_in_the_file_its_row_names():
-    for row in table("Symbols"):
+@pytest.mark.parametrize("folder", [LAW, GUARD])
+def test_every_symbol_is_in_the_file_its_row_names(folder):
+    for row in table(folder, "Symbols"):
         assert len(row) == 6, row
-        text = (LAW / row[5]).read_text(encoding="utf-8")
+        text = (folder / row[5]).read_text(encoding="utf-8")
         for name in re.findall(r"`(\w+)`", row[1]):
             assert re.search(rf"^    {name}: ", text, re.MULTILINE), f"{name} in {row[5]}"

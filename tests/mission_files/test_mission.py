@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from fcu.laws.mmrac.parameters import PARAMETERS
+from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions import schema as mission_schema
 from gcs_tools.missions.mission import MissionError, folder, load, override

@@ -122,7 +122,7 @@ def test_the_theorys_hover_keeps_inside_both_bounds(hovers):
 def test_the_printed_flight_hangs_on_a_mass_far_too_low():
     flown = fly(Case("", "paper_printed"))
     assert not flown.ended
-    assert flown.fcu["state.m_hat"][-1] < 2.0
+    assert flown.fcu["state.estimates.m_hat"][-1] < 2.0
     assert fly(Case("", "paper_printed", ("law.bounds.m_min=4.0",))).ended == "diverged"
 
 

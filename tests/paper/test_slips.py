@@ -13,7 +13,7 @@ import fcu
 from fcu.interface.airframe import airframe, load
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
-from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.parameters import law_params
 
 OCTO = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
@@ -26,8 +26,8 @@ def test_2_without_gravity_a_vehicle_that_knows_its_mass_starts_by_falling(predi
     believed = airframe(OCTO["rotors"], "s1000.toml")
     law = law_params(believed, OCTO, 500.0, {"prediction": prediction, "m_hat_0": M})
     resting = VehicleState(ZERO, ZERO, Quat(1.0, 0.0, 0.0, 0.0), ZERO, Rotors(*[345.8] * 8))
-    _, _, internals = cascade.first_step(law, Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0), resting)
-    assert internals.T_c == pytest.approx(thrust)
+    _, _, outputs, _ = mmrac.take_over(law, Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0), resting)
+    assert outputs.T_c == pytest.approx(thrust)
 
 
 def test_3_the_printed_tilt_turns_a_demand_by_a_quarter():

@@ -11,21 +11,26 @@ from pathlib import Path
 import pytest
 
 from fcu.interface.airframe import OCTO, believed, load
-from fcu.laws.mmrac.parameters import PARAMETERS, law_params
-from fcu.parameters import Parameters, ParamsFileError, Refused, settings
+from fcu.parameters import Parameters, ParamsFileError, Refused, entries
 from fcu.parameters_page import page
+from fcu.settings import PARAMETERS, settings
 
-LAW = settings(PARAMETERS, load(OCTO))
+LAW = entries(PARAMETERS, load(OCTO))
 
 
 @pytest.fixture(scope="module")
-def law():
-    return law_params(*believed(), 500.0)
+def start():
+    return settings(*believed(), 500.0)
+
+
+@pytest.fixture(scope="module")
+def law(start):
+    return start.law
 
 
 @pytest.fixture
-def params(law):
-    return Parameters(law, 7)
+def params(start):
+    return Parameters(start, 7)
 
 
 def float32(value):
@@ -34,10 +39,10 @@ def float32(value):
 
 
 def refused(params, name, value, armed=False):
-    before = {n: params[n] for n in params.names}, params.law
+    before = {n: params[n] for n in params.names}, params.settings
     with pytest.raises(Refused) as refusal:
         params.set(name, value, armed)
-    assert ({n: params[n] for n in params.names}, params.law) == before  # nothing changed
+    assert ({n: params[n] for n in params.names}, params.settings) == before  # nothing changed
     return refusal.value.kind, str(refusal.value)
 
 
@@ -69,16 +74,16 @@ def test_law_is_the_one_handed_over_until_one_of_its_parameters_is_set(params, l
 
 
 @pytest.mark.parametrize("name", [n for n in LAW if not LAW[n].row.read_only])
-def test_there_and_back_is_the_same_law_to_the_bit(params, law, name):
+def test_there_and_back_is_the_same_law_to_the_bit(params, start, name):
     """A tenth more, or the other of two: accepted while disarmed, and undone without a trace."""
-    start, info = params[name], params.info(name)
-    other = 1.0 - start if info.values else min(float32(start * 1.1), info.high)
+    was, info = params[name], params.info(name)
+    other = 1.0 - was if info.values else min(float32(was * 1.1), info.high)
     assert params.set(name, other, False)
-    assert params.law != law
+    assert params.settings != start
     assert params[name] == pytest.approx(other, rel=1e-7)
-    assert LAW[name].get(params.law) == pytest.approx(other, rel=1e-7)
-    assert params.set(name, float32(start), False)
-    assert params.law is law
+    assert LAW[name].get(params.settings) == pytest.approx(other, rel=1e-7)
+    assert params.set(name, float32(was), False)
+    assert params.settings is start
 
 
 def test_gamma_takes_its_roots_and_multiples_along(params, law):
@@ -103,10 +108,10 @@ def test_fields_behind_a_parameter(params):
     law = params.law
     assert tuple(law.c_angle) == (9.0, 9.0, 8.0)
     assert tuple(law.c_rate) == (30.0, 30.0, 25.0)
-    assert (law.T_min, law.f_min) == (8.0, 1.0)
-    assert law.phi_star == math.radians(30.0)
+    assert (law.limits.T_min, law.rotors.f_min) == (8.0, 1.0)
+    assert law.limits.phi_star == math.radians(30.0)
     assert law.yaw_rate_max == math.radians(90.0)
-    assert law.kappa == pytest.approx(2.5, rel=1e-9)  # a lag of 0.05 s seen as 0.02 s
+    assert law.rotors.kappa == pytest.approx(2.5, rel=1e-9)  # a lag of 0.05 s seen as 0.02 s
 
 
 def test_an_equal_float32_changes_nothing(params):
@@ -173,7 +178,7 @@ def test_prediction_takes_the_guard_along_from_its_default(params, law):
     """The condition is for the achieved force: as printed there is nothing but a warning."""
     assert params["MR_GUARD"] == 1.0
     assert params.set("MR_PRED", 0.0, False)
-    assert (params["MR_GUARD"], params.law.guard.policy) == (0.0, 0.0)
+    assert (params["MR_GUARD"], params.guard.policy) == (0.0, 0.0)
     assert "MR_GUARD" in params.changed
     for policy in (1.0, 2.0):
         kind, why = refused(params, "MR_GUARD", policy)
@@ -184,7 +189,7 @@ def test_prediction_takes_the_guard_along_from_its_default(params, law):
 
 def test_a_guard_that_refuses_stands_against_the_printed_prediction(params):
     assert params.set("MR_GUARD", 2.0, True)
-    assert params.law.guard.policy == 2.0
+    assert params.guard.policy == 2.0
     assert "guard: expected a value" in refused(params, "MR_PRED", 0.0)[1]
     assert params.set("MR_GUARD", 0.0, True)
     assert params.set("MR_PRED", 0.0, False)
@@ -193,13 +198,13 @@ def test_a_guard_that_refuses_stands_against_the_printed_prediction(params):
 def test_the_guard_may_know_the_mass(params):
     assert params.set("MR_GRD_M_MIN", 8.0, True)
     assert params.set("MR_GRD_M_MAX", 8.0, True)
-    assert params.law.guard[1:3] == (8.0, 8.0)
+    assert params.guard[1:3] == (8.0, 8.0)
 
 
 def test_prediction_takes_its_default_bounds_along(params, law):
     assert params.set("MR_S_V_MAX", 50.0, False)
     assert params.set("MR_PRED", 0.0, False)
-    printed = law_params(*believed(), 500.0, {"prediction": "demanded"})
+    printed = settings(*believed(), 500.0, {"prediction": "demanded"}).law
     assert params.law == printed._replace(bounds=printed.bounds._replace(s_v_max=50.0))
     assert params["MR_M_MAX"] == 12.0
     assert {"MR_PRED", "MR_M_MAX", "MR_J_0"} <= set(params.changed)
@@ -208,7 +213,7 @@ def test_prediction_takes_its_default_bounds_along(params, law):
     assert params["MR_M_MAX"] == 20.0 and params["MR_S_V_MAX"] == 50.0
 
 
-def test_saved_and_read_again_is_the_same_to_the_bit(params, law, tmp_path):
+def test_saved_and_read_again_is_the_same_to_the_bit(params, start, tmp_path):
     for name, value in (("MR_GAMMA", 1234.5), ("MR_G_LAM", 3e-4), ("RTL_RETURN_ALT", 33.3)):
         assert params.set(name, float32(value), False)
     file = tmp_path / "vehicle.toml"
@@ -219,7 +224,7 @@ def test_saved_and_read_again_is_the_same_to_the_bit(params, law, tmp_path):
     assert "MR_GAMMA = 1234.5  # 1/s^2: adaptation gain" in text
     assert set(tomllib.loads(text)) == {n for n in params.names if not params.info(n).row.read_only}
 
-    again = Parameters(law, 7, file)
+    again = Parameters(start, 7, file)
     assert again.law == params.law
     assert all(again[n] == params[n] for n in params.names)
     assert again.set("RTL_RETURN_ALT", 20.0, False)
@@ -227,10 +232,10 @@ def test_saved_and_read_again_is_the_same_to_the_bit(params, law, tmp_path):
     assert again["RTL_RETURN_ALT"] == 33.3 and again.law == params.law
 
 
-def test_a_file_of_the_start_values_leaves_the_law_alone(params, law, tmp_path):
+def test_a_file_of_the_start_values_leaves_the_law_alone(params, start, tmp_path):
     params.write(tmp_path / "p.toml")
-    assert Parameters(law, 7, tmp_path / "p.toml").law is law
-    assert Parameters(law, 7, tmp_path / "none.toml").law is law
+    assert Parameters(start, 7, tmp_path / "p.toml").settings is start
+    assert Parameters(start, 7, tmp_path / "none.toml").settings is start
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(params, tmp_path, monkeypatch):

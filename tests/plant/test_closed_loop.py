@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 import fcu
+from fcu import tick as control
 from fcu.interface.airframe import airframe, load
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size, to_buffer
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.parameters import law_params
-from fcu.laws.mmrac.types import LawState, Tick
+from fcu.kernel.rows import column, slice_of
+from fcu.settings import settings
+from fcu.tick import Remembered, Tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params, start_state, steps_per_tick
 from tests.patience import PATIENCE_S
@@ -32,9 +33,7 @@ WIND = {
     "rotation_frequency_rad_s": [2.5, 2.4, 2.3],
 }
 ZERO = Vec3(0.0, 0.0, 0.0)
-AFTER, ROTORS = columns(Tick).index("state.r_m.x"), columns(Tick).index("command.u.r1")
-REPORTED = slice(1, 22)  # columns of Tick: the measurement
-R_M = slice(columns(Tick).index("internals.r_m.x"), columns(Tick).index("internals.v_m.x"))
+COMMAND = slice_of(Tick, "command")
 
 
 def inputs(rate_hz, lag, **law):
@@ -43,18 +42,18 @@ def inputs(rate_hz, lag, **law):
     params = plant_params(
         OCTO["rotors"], rate_hz, {"rotor_lag_s": lag}, WIND, ground_z_m=-1e4, arena_m=1e4
     )
-    law = law_params(believed, OCTO, rate_hz, {"rotor_lag_s": lag, **law})
-    return [to_buffer(value) for value in (law, params, start_state(params))]
+    told = settings(believed, OCTO, rate_hz, {"rotor_lag_s": lag, **law})
+    return [to_buffer(value) for value in (told, params, start_state(params))]
 
 
-def closed_loop(law, plant, state, rate_hz, ticks, buffer=np.array):
+def closed_loop(told, plant, state, rate_hz, ticks, buffer=np.array):
     """Rows float64[ticks, size(Tick)] of a flight to (4, 7, 18) m under a swinging yaw command.
 
     buffer : what makes a buffer of a list: np.array for compiled code. Plain code is given
     lists, whose items are Python's floats (a numpy float would turn a leaf into an array).
     """
-    row, law_state, reported, no_noise, drawn = (
-        buffer([0.0] * n) for n in (size(Tick), size(LawState), 21, tick.NOISE, 2)
+    row, remembered, reported, no_noise, drawn = (
+        buffer([0.0] * n) for n in (size(Tick), size(Remembered), 21, tick.NOISE, 2)
     )
     rows, h, steps = [], 1.0 / rate_hz, steps_per_tick(rate_hz)
     for k in range(ticks):
@@ -62,11 +61,11 @@ def closed_loop(law, plant, state, rate_hz, ticks, buffer=np.array):
         yaw, yaw_rate = 0.5 * math.sin(0.5 * t), 0.25 * math.cos(0.5 * t)
         setpoint = to_buffer(Setpoint(Vec3(4.0, 7.0, 18.0), ZERO, ZERO, yaw, yaw_rate))
         tick.sense(state, no_noise, reported)
-        engaged = cascade.FLYING if k else cascade.TAKE_OVER
-        cascade.tick(t, engaged, law_state, law, buffer(setpoint.tolist()), 0.0, reported, row)
+        engaged = control.FLYING if k else control.TAKE_OVER
+        sent = buffer(setpoint.tolist())
+        control.tick(t, engaged, remembered, told, sent, 0.0, reported, row)
         rows.append(list(row))
-        law_state[:] = row[AFTER : AFTER + len(law_state)]
-        tick.advance(plant, state, drawn, row[ROTORS : ROTORS + 8], t, steps)
+        tick.advance(plant, state, drawn, row[COMMAND], t, steps)
     return np.array(rows)
 
 
@@ -90,8 +89,10 @@ def test_plain_python_flies_the_same_bits(tmp_path, prediction, lag):
 def flight(rate_hz, **law):
     """Tracking error (m, after 5 s, root mean square) and greatest height (m) of 20 s at lag 0."""
     rows = closed_loop(*inputs(rate_hz, 0.0, **law), rate_hz, round(20.0 * rate_hz))
-    r = rows[:, REPORTED][:, :3]
-    error = np.linalg.norm(r - rows[:, R_M], axis=1)[round(5.0 * rate_hz) :]
+    r = column(Tick, rows, "measured.r_E")
+    error = np.linalg.norm(r - column(Tick, rows, "outputs.reference.r_m"), axis=1)[
+        round(5.0 * rate_hz) :
+    ]
     return float(np.sqrt(np.mean(error**2))), float(r[:, 2].max())
 
 
@@ -127,7 +128,7 @@ def test_without_the_plants_reaction_the_printed_law_tracks_worse():
 
 
 if __name__ == "__main__":  # the plain side, started by the test
-    assert not hasattr(cascade.tick, "py_func"), "compiled after all"
+    assert not hasattr(control.tick, "py_func"), "compiled after all"
     folder = Path(sys.argv[1])
     given = [array.tolist() for array in np.load(folder / "inputs.npz").values()]
     np.save(folder / "rows.npy", closed_loop(*given, 500.0, 200, buffer=list))

@@ -13,8 +13,8 @@ import pytest
 from fcu.interface.airframe import believed
 from fcu.interface.diagnostics import PlantReport, Report
 from fcu.kernel.buffers import columns, to_buffer
-from fcu.laws.mmrac.parameters import law_params
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings, settings
+from fcu.tick import Tick
 from gcs_tools.recording.reader import Recording
 from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS, PLANT_TIMING, TIMING, WIND
 from sitl_plant.physics.types import PlantRecord
@@ -40,12 +40,12 @@ class Made:
         self.plant, self.fcu = np.zeros((n, len(PLANT_COLUMNS))), np.zeros((n, len(FCU_COLUMNS)))
         self.t = np.arange(n) / RATE_HZ
         self.plant[:, 0] = self.fcu[:, 0] = self.t
-        self.set_fcu(engaged=2.0, **{"internals.T_c": 80.0, "state.m_hat": 8.0})
+        self.set_fcu(engaged=2.0, **{"outputs.T_c": 80.0, "state.estimates.m_hat": 8.0})
         self.set_plant(m=8.0, **{"J.x": 0.3, "J.y": 0.3, "J.z": 0.5})
-        self.set_fcu(**{f"state.J_hat.{axis}": 0.4 for axis in "xyz"})
-        self.set_fcu(**{f"internals.thrusts.r{i}": 10.0 for i in range(1, 9)})
-        self.params = to_buffer(law_params(*believed(), RATE_HZ))
-        self.told = dict(zip(columns(LawParams), self.params.tolist(), strict=True))
+        self.set_fcu(**{f"state.estimates.J_hat.{axis}": 0.4 for axis in "xyz"})
+        self.set_fcu(**{f"outputs.thrusts.r{i}": 10.0 for i in range(1, 9)})
+        self.params = to_buffer(settings(*believed(), RATE_HZ))
+        self.told = dict(zip(columns(Settings), self.params.tolist(), strict=True))
 
     def set_fcu(self, **values: Any) -> None:
         """Values of columns of Tick and Report: a number, or one for each tick."""

@@ -31,20 +31,20 @@ def test_tracking_is_the_distance_from_the_reference(made: Any) -> None:
 
 def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:
     """Limits of thrust are 5 and 200 N, of tilt 45 degrees, of a rotor 0.625 and 25 N."""
-    made.set_fcu(**{"internals.T_c": np.where(made.t < 1.0, 24.5, 100.0)})
-    made.set_fcu(**{"internals.angles_c.x": np.radians(-36.0)})
-    made.set_fcu(**{"internals.angles_c.y": np.radians(9.0)})
-    made.set_fcu(**{"internals.rotor_saturated": made.t < 2.0})
+    made.set_fcu(**{"outputs.T_c": np.where(made.t < 1.0, 24.5, 100.0)})
+    made.set_fcu(**{"outputs.angles_c.x": np.radians(-36.0)})
+    made.set_fcu(**{"outputs.angles_c.y": np.radians(9.0)})
+    made.set_fcu(**{"outputs.saturation.rotor": made.t < 2.0})
     found = limits.numbers(all_of(made))
     assert found["thrust_room_fraction"] == pytest.approx(0.1)
     assert found["tilt_room_fraction"] == pytest.approx(0.2)
     assert found["rotor_room_fraction"] == pytest.approx(
-        (10.0 - 0.625) / (made.told["f_max"] - 0.625)
+        (10.0 - 0.625) / (made.told["law.rotors.f_max"] - 0.625)
     )
     assert found["tilt_max_deg"] == pytest.approx(36.0)
     assert found["rotor_saturated_fraction"] == 0.25
-    made.set_fcu(**{"internals.margin": np.where(made.t == 1.0, -3.0, 40.0)})
-    made.set_fcu(**{"internals.governed": made.t < 2.0})
+    made.set_fcu(**{"guard.margin.force": np.where(made.t == 1.0, -3.0, 40.0)})
+    made.set_fcu(**{"guard.governed": made.t < 2.0})
     margins = limits.numbers(all_of(made))
     assert (margins["margin_min_n"], margins["governed_fraction"]) == (-3.0, 0.25)
     assert limits.answer(found) == (
@@ -55,10 +55,10 @@ def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:
 
 def test_prediction_errors_are_norms_once_settled(made: Any) -> None:
     early = made.t < 5.0
-    made.set_fcu(**{"internals.v_til.x": np.where(early, 0.3, 0.003)})
-    made.set_fcu(**{"internals.v_til.z": np.where(early, -0.4, -0.004)})
-    made.set_fcu(**{"internals.w_til.y": np.where(early, 0.5, 0.002)})
-    made.set_fcu(**{"internals.projected": made.t < 0.8})
+    made.set_fcu(**{"internals.prediction.v_til.x": np.where(early, 0.3, 0.003)})
+    made.set_fcu(**{"internals.prediction.v_til.z": np.where(early, -0.4, -0.004)})
+    made.set_fcu(**{"internals.prediction.w_til.y": np.where(early, 0.5, 0.002)})
+    made.set_fcu(**{"internals.flags.projected": made.t < 0.8})
     found = prediction.numbers(all_of(made))
     assert found["velocity_rms_settled_m_s"] == pytest.approx(0.005)
     assert found["velocity_max_m_s"] == pytest.approx(0.5)
@@ -68,9 +68,15 @@ def test_prediction_errors_are_norms_once_settled(made: Any) -> None:
 
 
 def test_estimates_are_held_against_their_truth(made: Any) -> None:
-    made.set_fcu(**{"state.m_hat": 7.0, "state.J_hat.z": 0.25})
+    made.set_fcu(**{"state.estimates.m_hat": 7.0, "state.estimates.J_hat.z": 0.25})
     made.set_plant(**{"f_D_E.x": 8.0})  # over 8 kg: 1 m/s^2
-    made.set_fcu(**{"state.s_v_hat.x": 1.3, "state.s_v_hat.y": -0.4, "state.s_v_hat.z": 9.0})
+    made.set_fcu(
+        **{
+            "state.estimates.s_v_hat.x": 1.3,
+            "state.estimates.s_v_hat.y": -0.4,
+            "state.estimates.s_v_hat.z": 9.0,
+        }
+    )
     found = estimates.numbers(all_of(made))
     assert found["mass_error_final_kg"] == -1.0
     assert found["mass_error_final_fraction"] == -0.125
@@ -81,7 +87,7 @@ def test_estimates_are_held_against_their_truth(made: Any) -> None:
 
 
 def test_as_printed_the_estimate_holds_gravity(made: Any) -> None:
-    made.set_fcu(**{"state.s_v_hat.z": -9.81})
+    made.set_fcu(**{"state.estimates.s_v_hat.z": -9.81})
     achieved = estimates.translational(all_of(made))[2].truth
     made.params[1] = 0.0
     printed = estimates.translational(all_of(made))[2].truth
@@ -92,16 +98,16 @@ def test_as_printed_the_estimate_holds_gravity(made: Any) -> None:
 def test_the_angular_truth_is_torque_over_inertia(made: Any) -> None:
     """Air: -0.05 * 2 * |2| = -0.2 N m about x. A rotor in front on the left a newton weak."""
     made.set_plant(**{"state.w_B.x": 1.5, "w_air_B.x": -0.5})
-    Omega = np.sqrt(10.0 / made.told["c_T"])
+    Omega = np.sqrt(10.0 / made.told["law.rotors.c_T"])
     made.set_plant(**{f"state.Omega.r{i}": Omega for i in range(1, 9)})
-    x, y, spin = (made.told[f"{of}.r1"] for of in ("x", "y", "spin"))
+    x, y, spin = (made.told[f"law.rotors.{of}.r1"] for of in ("x", "y", "spin"))
     assert x > 0.0 and y > 0.0
-    lost = {"x": -y, "y": x, "z": made.told["k_Q"] * spin}
+    lost = {"x": -y, "y": x, "z": made.told["law.rotors.k_Q"] * spin}
     made.set_plant(**{f"tau_B.{axis}": torque for axis, torque in lost.items()})
     p, q, r = (e.truth for e in estimates.angular(all_of(made)))
     assert p == pytest.approx((-0.2 - y) / 0.3)
     assert q == pytest.approx(x / 0.3)
-    assert r == pytest.approx(made.told["k_Q"] * spin / 0.5)
+    assert r == pytest.approx(made.told["law.rotors.k_Q"] * spin / 0.5)
 
 
 def test_the_angular_truth_is_unknown_on_the_ground_and_without_the_coefficient(made: Any) -> None:
@@ -178,7 +184,13 @@ def test_full_speed_has_no_lateness(made: Any) -> None:
 
 def test_a_flight_that_is_not_finite_has_no_value(made: Any) -> None:
     made.set_plant(**{"state.r_E.x": np.where(made.t > 6.0, np.inf, 0.0)})
-    made.set_fcu(**{"internals.v_til.x": np.nan, "internals.T_c": np.inf, "state.m_hat": np.nan})
+    made.set_fcu(
+        **{
+            "internals.prediction.v_til.x": np.nan,
+            "outputs.T_c": np.inf,
+            "state.estimates.m_hat": np.nan,
+        }
+    )
     window = all_of(made)
     assert tracking.numbers(window)["position_rms_settled_m"] is None
     assert prediction.numbers(window)["velocity_rms_settled_m_s"] is None

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from fcu.kernel.buffers import size
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.kernel.rows import column
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.pictures.plot import POINTS, flight_figure, thin
 from sitl_plant.physics.types import PlantRecord
 
@@ -29,8 +31,8 @@ def test_any_flight_is_drawn(tmp_path: Path, n: int, bad: bool) -> None:
     if bad:
         plant[n // 2 :], fcu[n // 2 :] = np.nan, np.inf
     plant[:, 0] = fcu[:, 0] = np.arange(n) / 500.0
-    fcu[:, -1] = 2.0
-    params = random.random(size(LawParams))
+    column(Tick, fcu, "engaged")[:] = 2.0
+    params = random.random(size(Settings))
     path = tmp_path / "flight.png"
     flight_figure(plant, fcu, params, "A flight of noise.", path)
     assert path.read_bytes().startswith(b"\x89PNG")

@@ -22,7 +22,7 @@ def test_the_angular_truth_explains_the_motion() -> None:
     scene = scenario(mission)
     plant, fcu = rollout.fly(scene)
     metadata = {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()}
-    law = to_buffer(scene.law)
+    law = to_buffer(scene.settings)
     window = Window.of(
         Recording(Path("weak.mcap"), metadata, plant, fcu, law, [], {}, {}, True), None, None
     )
@@ -33,15 +33,15 @@ def test_the_angular_truth_explains_the_motion() -> None:
     w, Omega = window.plant.vectors("state.w_B"), [f"state.Omega.r{i}" for i in range(1, 9)]
     # what the truth leaves: the rotors' believed torque, couplings, and their gyroscopic torque
     turning = np.stack([window.plant[name] for name in Omega], axis=1)
-    spin, airframe = np.array(scene.law.spin), scene.world.params.airframe
+    spin, airframe = np.array(scene.law.rotors.spin), scene.world.params.airframe
     gyro = (
         airframe.J_m
         * (turning @ spin)[:, None]
         * np.stack([-w[:, 1], w[:, 0], np.zeros(len(w))], axis=1)
     )
-    f = scene.law.c_T * turning**2
-    x, y = np.array(scene.law.x), np.array(scene.law.y)
-    tau = np.stack([f @ y, -f @ x, -scene.law.k_Q * (f @ spin)], axis=1)
+    f = scene.law.rotors.c_T * turning**2
+    x, y = np.array(scene.law.rotors.x), np.array(scene.law.rotors.y)
+    tau = np.stack([f @ y, -f @ x, -scene.law.rotors.k_Q * (f @ spin)], axis=1)
     rest = truth + (tau + gyro - np.cross(w, J * w)) / J
 
     predicted = 0.5 * h * (rest[1:] + rest[:-1])

@@ -16,8 +16,10 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from fcu.guard.types import GuardInternals, GuardParams, GuardState
 from fcu.kernel.buffers import columns, size
-from fcu.laws.mmrac.types import Guard, LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.judging.metrics import metrics
 from gcs_tools.recording import schema
 from gcs_tools.recording.events import Event
@@ -75,7 +77,7 @@ def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
 
 def test_parameters_and_events_come_back(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
-    told = any_rows(1, LawParams)[0]
+    told = any_rows(1, Settings)[0]
     with Recorder(path, {}) as recorder:
         recorder.set_params(told)
         recorder.event(2.002, "rotor 3 lost", level="warning")
@@ -255,8 +257,8 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"flight.mcap"):
         read(path)
     version = b"schema_version\x01\x00\x00\x00"  # a name, and the length of its value
-    path.write_bytes(whole.replace(version + b"3", version + b"9"))
-    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 3"):
+    path.write_bytes(whole.replace(version + b"4", version + b"9"))
+    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 4"):
         read(path)
 
 
@@ -267,21 +269,25 @@ def test_an_older_recording_is_read_without_what_it_does_not_have(tmp_path: Path
     assert recording.complete and len(recording.fcu) == len(recording.plant) == 5
     assert recording.params is not None
     unknown = set()
-    for cls, row in ((Tick, recording.fcu[-1]), (LawParams, recording.params)):
+    for cls, row in ((Tick, recording.fcu[-1]), (Settings, recording.params)):
         unknown |= {n for n, x in zip(columns(cls), row.tolist(), strict=True) if x != x}
-    assert {name.split(".")[1] for name in unknown} == {
-        "a_m", "beta", "psi_g", "psi_g_dot", "r_g", "governed", "margin", "margin_tilt",
-        "margin_condition", *Guard._fields,
-    }  # fmt: skip
+    assert {".".join(name.split(".")[:2]) for name in unknown} == {
+        *(f"guard_state.{name}" for name in GuardState._fields),
+        *(f"guard.{name}" for name in (*GuardInternals._fields, *GuardParams._fields)),
+        "internals.demand",
+    }
+    assert {name for name in unknown if name.startswith("internals.")} == {
+        f"internals.demand.T_0.{axis}" for axis in "xyz"
+    }
     found = metrics(recording.plant, recording.fcu)
     assert found["thrust_saturated_fraction"] == 0.0
     assert found["governed_fraction"] is found["margin_min_n"] is None
-    with pytest.raises(RecordingError, match=r"recording version 2: only 3 can be replayed"):
+    with pytest.raises(RecordingError, match=r"recording version 2: only 4 can be replayed"):
         messages(path)
     newer = tmp_path / "flight.mcap"  # of which nothing may be missing
     version = b"schema_version\x01\x00\x00\x00"
-    newer.write_bytes(path.read_bytes().replace(version + b"2", version + b"3"))
-    with pytest.raises(RecordingError, match=r"/fcu/law lacks state.a_m.x"):
+    newer.write_bytes(path.read_bytes().replace(version + b"2", version + b"4"))
+    with pytest.raises(RecordingError, match=r"/fcu/outputs is missing|lacks"):
         read(newer)
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.recording import events, schema
 from gcs_tools.recording.layout import LayoutError, layout
 from sitl_plant.physics.types import PlantRecord
@@ -25,7 +26,7 @@ def test_files_are_current() -> None:
 
 def test_every_column_is_recorded_once() -> None:
     assert names(schema.PLANT) == columns(PlantRecord)
-    assert names(schema.PARAMS) == ["t", *columns(LawParams)]
+    assert names(schema.PARAMS) == ["t", *columns(Settings)]
     of_tick = [name for topic in schema.FCU for name in names(topic) if name != "t"]
     assert sorted([*of_tick, "t"]) == sorted(columns(Tick))
 
@@ -37,8 +38,8 @@ def test_every_message_starts_with_the_time() -> None:
 def test_units_and_frames_stand_beside_the_fields() -> None:
     text = schema.texts()
     assert (
-        "Vec3 r_m = 3;  // reference model position at the next tick, m, E"
-        in (text["m_mrac/fcu_law.proto"])
+        "Estimates estimates = 5;\n" in text["m_mrac/fcu_law.proto"]
+        and "    double m_hat = 2;  // mass, kg" in text["m_mrac/fcu_law.proto"]
     )
     assert "double engaged = 2;  // 0 idle, 1 take-over" in text["m_mrac/fcu_law.proto"]
     assert "    Vec3 r_E = 1;  // m\n" in text["m_mrac/plant_truth.proto"]

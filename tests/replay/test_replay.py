@@ -6,23 +6,10 @@ import numpy as np
 import pytest
 
 import gcs_tools
-from fcu.interface.messages import Setpoint, VehicleState
-from fcu.kernel.buffers import columns, size
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.types import LawState, Tick
+from fcu.kernel.buffers import size
+from fcu.kernel.rows import column
+from fcu.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
 from gcs_tools.recording import reader as recording
-
-TICK = columns(Tick)
-
-
-def part(name, of):
-    """The columns of a Tick that hold one of its values."""
-    first = TICK.index(f"{name}.{columns(of)[0]}")
-    return slice(first, first + size(of))
-
-
-MEASURED, SETPOINT = part("measured", VehicleState), part("setpoint", Setpoint)
-STATE, ENGAGED = part("state", LawState), TICK.index("engaged")
 
 
 @pytest.mark.parametrize(
@@ -36,12 +23,10 @@ def test_recorded_inputs_give_the_recorded_outputs(tmp_path, mission, speed):
     assert recorded.complete
     assert len(recorded.fcu) == flown.ticks == 1250
 
-    state, again = np.zeros(size(LawState)), np.zeros_like(recorded.fcu)
-    for row, inputs in zip(again, recorded.fcu, strict=True):
-        cascade.tick(
-            inputs[0], inputs[ENGAGED], state, recorded.params, inputs[SETPOINT], 0.0,
-            inputs[MEASURED], row,
-        )  # fmt: skip
-        state = row[STATE].copy()
+    remembered, again = np.zeros(size(Remembered)), np.zeros_like(recorded.fcu)
+    names = ("t", "engaged", "setpoint", "measured")
+    inputs = zip(*(column(Tick, recorded.fcu, name) for name in names), strict=True)
+    for row, (t, engaged, setpoint, measured) in zip(again, inputs, strict=True):
+        tick(t, engaged, remembered, recorded.params, setpoint, 0.0, measured, row)
     assert again.tobytes() == recorded.fcu.tobytes()
-    assert set(recorded.fcu[:, ENGAGED]) == {cascade.TAKE_OVER, cascade.FLYING}
+    assert set(column(Tick, recorded.fcu, "engaged")) == {TAKE_OVER, FLYING}

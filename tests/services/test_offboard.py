@@ -8,12 +8,12 @@ import pytest
 from fcu.interface.airframe import believed
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
-from fcu.laws.mmrac.parameters import law_params
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.geodesy import Origin, to_geodetic
 from fcu.mavlink.ground_link import GroundCodec
 from fcu.parameters import Parameters
 from fcu.services.offboard import COMPLAIN_S, COMPLAINTS, OffboardProtocol
+from fcu.settings import settings
 from fcu.vehicle.state_machine import StateMachine
 
 ORIGIN = Origin(47.4, 8.5, 488.0)
@@ -26,7 +26,7 @@ def told():
 
 @pytest.fixture
 def protocol(told):
-    params = Parameters(law_params(*believed(), 500.0), 1)
+    params = Parameters(settings(*believed(), 500.0), 1)
     vehicle = StateMachine(params)
     vehicle.home = Vec3(0.0, 0.0, 0.3)
     return OffboardProtocol(vehicle, params, ORIGIN, lambda *each: told.append(each))

@@ -13,9 +13,9 @@ from fcu.interface.airframe import airframe, load
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.rotations import from_euler
-from fcu.laws.mmrac import cascade
+from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.parameters import law_params
-from fcu.laws.mmrac.types import Bounds, LawParams, LawState
+from fcu.laws.mmrac.types import Bounds, Params, State
 from tests.theory.instants import States
 
 OCTO = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
@@ -27,21 +27,21 @@ ACHIEVED = Bounds(1e-6, -1e-6, 1e-6, -1e-6, 1e6, 1e6, 1e6)
 
 
 @pytest.fixture(scope="session")
-def law() -> Callable[..., LawParams]:
-    """LawParams of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
+def law() -> Callable[..., Params]:
+    """Params of the octocopter: `law(f_m=1.4)`, `law(rate_hz=250.0, prediction="demanded")`."""
     believed = airframe(OCTO["rotors"], "s1000.toml")
 
-    def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
+    def build(rate_hz: float = 500.0, **chosen: Any) -> Params:
         return law_params(believed, OCTO, rate_hz, chosen)
 
     return build
 
 
 @pytest.fixture(scope="session")
-def free(law: Callable[..., LawParams]) -> Callable[..., LawParams]:
-    """LawParams whose sets of projection are out of the way, gains all different."""
+def free(law: Callable[..., Params]) -> Callable[..., Params]:
+    """Params whose sets of projection are out of the way, gains all different."""
 
-    def build(rate_hz: float = 500.0, **chosen: Any) -> LawParams:
+    def build(rate_hz: float = 500.0, **chosen: Any) -> Params:
         gains = {
             "gamma": 900.0, "gamma_m": 0.7, "gamma_Lambda": 6e-4, "gamma_J": 0.9,
             "gamma_LambdaJ": 1.1, "gamma_c": 0.8,
@@ -54,12 +54,12 @@ def free(law: Callable[..., LawParams]) -> Callable[..., LawParams]:
 
 
 @pytest.fixture(scope="session")
-def taken_over() -> Callable[[LawParams], LawState]:
+def taken_over() -> Callable[[Params], State]:
     """The state of a law that has just taken over at rest; tests replace its fields."""
 
-    def build(params: LawParams) -> LawState:
+    def build(params: Params) -> State:
         at_rest = VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Rotors(*[345.0] * 8))
-        return cascade.take_over(params, at_rest)
+        return mmrac.beginning(params, at_rest)
 
     return build
 

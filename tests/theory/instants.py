@@ -5,13 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from fcu.kernel.algebra import Vec3
+from fcu.laws.mmrac.prediction import Past
 from fcu.theory import octocopter
+from tests.laws.values import with_fields
 
 N = 1000
 G_E = np.array([0.0, 0.0, -9.81])
 AXES = ("roll", "pitch", "yaw")
 COUPLINGS = ("c_p1_hat", "c_p2_hat", "c_q1_hat", "c_q2_hat", "c_r1_hat")
 EXACT = 1e-12
+
+
+ZERO = Vec3(0.0, 0.0, 0.0)
+
+
+def past(w, Omega_m, tau_a=ZERO):
+    """A tick over which nothing changed."""
+    return Past(T_mean=0.0, T_a=ZERO, tau_a=tau_a, w=w, Omega_m=Omega_m)
 
 
 def vec3(row):
@@ -33,7 +43,7 @@ def size(*terms):
 
 
 class States:
-    """1000 random instants of both loops, as arrays and as LawStates."""
+    """1000 random instants of both loops, as arrays and as the law's State."""
 
     def __init__(self, seed):
         rng = np.random.default_rng(seed)
@@ -54,8 +64,8 @@ class States:
         return self.c[:, these], self.phi[:, these]
 
     def law_state(self, start, i, **more):
-        return start._replace(
-            v_hat=vec3(self.v[i] - self.v_til[i]), s_v_hat=vec3(self.s_v[i]), m_hat=float(self.m[i]),
+        return with_fields(
+            start, v_hat=vec3(self.v[i] - self.v_til[i]), s_v_hat=vec3(self.s_v[i]), m_hat=float(self.m[i]),
             w_hat=vec3(self.w[i] - self.w_til[i]), s_w_hat=vec3(self.s_w[i]), J_hat=vec3(self.J[i]),
             **{name: float(c) for name, c in zip(COUPLINGS, self.c[i], strict=True)}, **more,
         )  # fmt: skip

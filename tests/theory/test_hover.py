@@ -49,7 +49,7 @@ def exact_margin(params, direction, air, step, adaptation=0.0):
     """Smallest distance (N) to the actuators' limits along a step, less drag and adaptation."""
     reference = step * unit_reference(params.f_m, params.zeta_m)
     T = MASS * (reference[:, 2:] * np.array(direction) + np.array([0.0, 0.0, params.g]))
-    inside = exact_set_distance(T, params.T_min, params.T_max, params.phi_star)
+    inside = exact_set_distance(T, params.limits.T_min, params.limits.T_max, params.limits.phi_star)
     drag = np.array([air.force(v) for v in np.abs(reference[:, 1])])
     return float((inside - drag).min()) - adaptation
 
@@ -115,7 +115,9 @@ def test_the_kernels_distance_is_this_one(law):
     for _ in range(3000):
         T = rng.uniform([-150.0, -150.0, -20.0], [150.0, 150.0, 220.0])
         found = margin.distance(margin.known(params), Vec3(*T.tolist()))
-        exact = exact_set_distance(T, params.T_min, params.T_max, params.phi_star)
+        exact = exact_set_distance(
+            T, params.limits.T_min, params.limits.T_max, params.limits.phi_star
+        )
         if exact >= 0.0:
             inside += 1
             assert found == pytest.approx(exact, abs=1e-9)

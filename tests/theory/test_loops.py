@@ -46,9 +46,9 @@ def test_the_papers_step_saturates_v_does_not_grow_and_the_vehicle_arrives(law, 
     run = simulate(loop, at_rest(5.0), 12.0, 2e-3, every=2)
     u, v = run.signals.u, run.signals.v
     assert np.linalg.norm(u - v, axis=1).max() > 5.0
-    assert np.linalg.norm(u, axis=1).max() <= params.T_max * (1.0 + 1e-12)
+    assert np.linalg.norm(u, axis=1).max() <= params.limits.T_max * (1.0 + 1e-12)
     tilt = np.arctan2(np.linalg.norm(u[:, :2], axis=1), u[:, 2])
-    assert tilt.max() <= params.phi_star + 1e-12
+    assert tilt.max() <= params.limits.phi_star + 1e-12
     assert np.diff(run.signals.V).max() < 1e-9 * run.signals.V[0]
     assert np.linalg.norm(run.states.x[-1, :3] - TARGET) < 0.02
     assert 1.0 / run.states.estimates.Lambda[-1, 0, 0] == pytest.approx(M, rel=0.2)

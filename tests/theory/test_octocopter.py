@@ -8,8 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.interface.messages import Setpoint
-from fcu.laws.mmrac import position, rates
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.kernel.algebra import Rotors
+from fcu.kernel.rotations import from_euler
+from fcu.laws.mmrac import attitude, position, rates
 from fcu.theory import octocopter
 from fcu.theory.adaptive import Estimates, control
 from fcu.theory.octocopter import Image
@@ -91,13 +93,16 @@ def test_the_control_of_the_general_form_is_the_demand_of_the_kernels(free, take
     """(26) is T_d of (37) and tau_d of (44); and both whole loops adapt as their images do."""
     params = free()
     start, r_c = taken_over(params), np.array([4.0, 7.0, 18.0])
-    still = Setpoint(vec3(r_c), vec3(np.zeros(3)), vec3(np.zeros(3)), 0.0, 0.0)
+    zero, q_EB = vec3(np.zeros(3)), from_euler(0.0, 0.0, 0.0)
+    still, level = Setpoint(vec3(r_c), zero, zero, 0.0, 0.0), attitude.measured(q_EB)
+    at_rest = VehicleState(zero, zero, q_EB, zero, Rotors(*[345.0] * 8))
     T_d, tau_d = np.empty((N, 3)), np.empty((N, 3))
     for i in range(N):
-        state = some.law_state(start, i)
-        v, w, w_c = vec3(some.v[i]), vec3(some.w[i]), vec3(some.w_c[i])
-        T_d[i] = state.m_hat * position.f_c(params, state, still, vec3(some.r[i]), v)
-        tau_d[i] = state.J_hat * rates.f_wc(params, state, w, w_c, float(some.Omega_m[i]))
+        hats = some.law_state(start, i).estimates
+        w, w_c = vec3(some.w[i]), vec3(some.w_c[i])
+        seen = at_rest._replace(r_E=vec3(some.r[i]), v_E=vec3(some.v[i]))
+        T_d[i] = position.achieved(params, hats, still, seen, level).T_0
+        tau_d[i] = hats.J_hat * rates.f_wc(params.c_rate, hats, w, w_c, float(some.Omega_m[i]))
 
     eye, one = np.eye(3), np.ones((3, 1))
     truth = Uncertainty(constant(eye / 8.0), np.array(0.1), Structure.SCALAR, s=constant(one))

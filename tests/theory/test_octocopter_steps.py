@@ -7,7 +7,7 @@ import pytest
 
 from fcu.laws.mmrac import adaptation, prediction
 from fcu.theory import octocopter
-from tests.theory.instants import COUPLINGS, N, equal, size, vec3
+from tests.theory.instants import COUPLINGS, N, equal, past, size, vec3
 
 
 @pytest.mark.parametrize("rate_hz", [20.0, 500.0])
@@ -19,10 +19,11 @@ def test_the_compiled_position_step_is_backward_euler_of_the_general_form(
     start, h = taken_over(params), params.h
     after = np.empty((N, 7))
     for i in range(N):
-        state, T_a = some.law_state(start, i), vec3(some.T_a[i])
-        e = prediction.velocity_achieved(params, state, vec3(some.v[i]), T_a)
-        m_hat = adaptation.m_hat_achieved(params, state, e, T_a)
-        after[i] = [*e, *adaptation.s_v_hat(params, state, e), m_hat]
+        _, predictor, hats, _ = some.law_state(start, i)
+        T_a = vec3(some.T_a[i])
+        e = prediction.velocity_achieved(params, predictor, hats, vec3(some.v[i]), T_a)
+        m_hat = adaptation.m_hat_achieved(params, hats.m_hat, e, T_a)
+        after[i] = [*e, *adaptation.s_v_hat(params, hats.s_v_hat, e), m_hat]
     e, s, m = after[:, :3], after[:, 3:6], after[:, 6]
     x_hat_dot, rates_ = octocopter.position_achieved(params, some.v, m, s, some.T_a).rates(e)
     v_hat = some.v - some.v_til
@@ -42,10 +43,11 @@ def test_the_compiled_printed_position_step_is_backward_euler_of_the_general_for
     f_c = some.a_ref - some.s_v
     after = np.empty((N, 7))
     for i in range(N):
-        state = some.law_state(start, i, f_c_prev=vec3(f_c[i]))
-        e = prediction.velocity_demanded(params, state, vec3(some.v[i]))
-        m_hat = adaptation.m_hat_demanded(params, state, e)
-        after[i] = [*e, *adaptation.s_v_hat(params, state, e), m_hat]
+        _, predictor, hats, _ = some.law_state(start, i)
+        f = vec3(f_c[i])
+        e = prediction.velocity_demanded(params, predictor, hats, vec3(some.v[i]), f)
+        m_hat = adaptation.m_hat_demanded(params, hats.m_hat, e, f)
+        after[i] = [*e, *adaptation.s_v_hat(params, hats.s_v_hat, e), m_hat]
     e, s, m = after[:, :3], after[:, 3:6], after[:, 6]
     before = octocopter.position_demanded(params, some.v, some.m, some.s_v, f_c)
     x_hat_dot, rates_ = before.rates(e)
@@ -73,20 +75,21 @@ def test_the_compiled_rate_steps_are_backward_euler_of_the_general_form(
     f_wc = np.array(params.c_rate) * (some.w_c - some.w)
     f_wc = f_wc - (some.c * some.phi) @ octocopter.COUPLED.T - some.s_w  # (44)
     for i in range(N):
-        state = some.law_state(start, i, f_wc_prev=vec3(f_wc[i]))
+        _, predictor, hats, _ = some.law_state(start, i)
         w, Omega_m, tau = vec3(some.w[i]), float(some.Omega_m[i]), vec3(some.tau_a[i])
+        f, J_hat, over = vec3(f_wc[i]), hats.J_hat, past(w, Omega_m, tau)
         if achieved:
-            e_i = prediction.rates_achieved(params, state, w, w, Omega_m, tau)
-            J[i] = adaptation.J_hat_achieved(params, state, e_i, tau)
+            e_i = prediction.rates_achieved(params, predictor, hats, w, over)
+            J[i] = adaptation.J_hat_achieved(params, J_hat, e_i, tau)
         else:
-            e_i = prediction.rates_demanded(params, state, w, w, Omega_m)
-            J[i] = adaptation.J_hat_demanded(params, state, e_i)
+            e_i = prediction.rates_demanded(params, predictor, hats, w, over, f)
+            J[i] = adaptation.J_hat_demanded(params, J_hat, e_i, f)
             J_floored = np.maximum(some.J[i], params.J_implicit)
             reaction[i] = prediction.coupling_gain(params, w, Omega_m)
             reaction[i] += params.gamma_J * f_wc[i] ** 2 / J_floored
-        e[i], s[i] = e_i, adaptation.s_w_hat(params, state, e_i)
+        e[i], s[i] = e_i, adaptation.s_w_hat(params, hats.s_w_hat, e_i)
         moving = zip(COUPLINGS, some.phi[i], (0, 0, 1, 1, 2), strict=True)
-        c[i] = [adaptation.c_hat(params, getattr(state, n), float(f), e_i[a]) for n, f, a in moving]
+        c[i] = [adaptation.c_hat(params, getattr(hats, n), float(g), e_i[a]) for n, g, a in moving]
     for axis in range(3):
         these = octocopter.COUPLED[axis] > 0.0
         phi, w, e_a, w_hat = (

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from fcu.kernel.algebra import Vec3
 from fcu.laws.mmrac import adaptation, prediction
 from fcu.theory import octocopter
+from tests.theory.instants import past
 
 END = 0.5  # s
 RATES_HZ = (500.0, 1000.0, 2000.0, 4000.0)
@@ -85,21 +86,22 @@ def position_of_the_general_form(params, achieved):
 
 def position_by_the_kernels(params, start, achieved):
     h = params.h
-    state = start._replace(v_hat=vec3(V_HAT_0), s_v_hat=vec3(S_0), m_hat=M_0)
+    predictor = start.predictor._replace(v_hat=vec3(V_HAT_0))
+    hats = start.estimates._replace(s_v_hat=vec3(S_0), m_hat=M_0)
     for k in range(round(END / h)):
         t, v = (k + 1) * h, vec3(v_E((k + 1) * h))
         if achieved:
             T = vec3(T_a(t))
-            e = prediction.velocity_achieved(params, state, v, T)
-            m_hat = adaptation.m_hat_achieved(params, state, e, T)
+            e = prediction.velocity_achieved(params, predictor, hats, v, T)
+            m_hat = adaptation.m_hat_achieved(params, hats.m_hat, e, T)
         else:
-            state = state._replace(f_c_prev=vec3(a_ref(t - h)) - state.s_v_hat)
-            e = prediction.velocity_demanded(params, state, v)
-            m_hat = adaptation.m_hat_demanded(params, state, e)
-        s_v_hat = adaptation.s_v_hat(params, state, e)
-        state = state._replace(v_hat=v - e, s_v_hat=s_v_hat, m_hat=m_hat)
-    about_mass = 1.0 / state.m_hat if achieved else state.m_hat
-    return np.array([*state.v_hat, *state.s_v_hat, about_mass])
+            f_c = vec3(a_ref(t - h)) - hats.s_v_hat
+            e = prediction.velocity_demanded(params, predictor, hats, v, f_c)
+            m_hat = adaptation.m_hat_demanded(params, hats.m_hat, e, f_c)
+        predictor = predictor._replace(v_hat=v - e)
+        hats = hats._replace(s_v_hat=adaptation.s_v_hat(params, hats.s_v_hat, e), m_hat=m_hat)
+    about_mass = 1.0 / hats.m_hat if achieved else hats.m_hat
+    return np.array([*predictor.v_hat, *hats.s_v_hat, about_mass])
 
 
 @pytest.mark.parametrize("form", ["achieved", "demanded"])
@@ -151,8 +153,9 @@ def rate_of_the_general_form(params, achieved, axis):
 def rates_by_the_kernels(params, start, achieved):
     """What the kernels reach, axis by axis, in the order of the general form."""
     h = params.h
-    state = start._replace(
-        w_hat=vec3(W_HAT_0), s_w_hat=vec3(S_W_0), J_hat=vec3(J_0),
+    predictor = start.predictor._replace(w_hat=vec3(W_HAT_0))
+    hats = start.estimates._replace(
+        s_w_hat=vec3(S_W_0), J_hat=vec3(J_0),
         **dict(zip(COUPLINGS, C_0.tolist(), strict=True)),
     )  # fmt: skip
     for k in range(round(END / h)):
@@ -160,25 +163,25 @@ def rates_by_the_kernels(params, start, achieved):
         w, Om = vec3(w_B(t)), float(Omega_m(t))
         if achieved:
             tau = vec3(tau_a(t))
-            e = prediction.rates_achieved(params, state, w, w, Om, tau)
-            J_hat = adaptation.J_hat_achieved(params, state, e, tau)
+            e = prediction.rates_achieved(params, predictor, hats, w, past(w, Om, tau))
+            J_hat = adaptation.J_hat_achieved(params, hats.J_hat, e, tau)
         else:
-            known = prediction.couplings(state, w, Om)
-            f = vec3(w_asked(t)) - known - state.s_w_hat
-            state = state._replace(f_wc_prev=f)
-            e = prediction.rates_demanded(params, state, w, w, Om)
-            J_hat = adaptation.J_hat_demanded(params, state, e)
+            known = prediction.couplings(hats, w, Om)
+            f_wc = vec3(w_asked(t)) - known - hats.s_w_hat
+            e = prediction.rates_demanded(params, predictor, hats, w, past(w, Om), f_wc)
+            J_hat = adaptation.J_hat_demanded(params, hats.J_hat, e, f_wc)
         phi = octocopter.products(w_B(t), Om).tolist()
         moved = {
-            name: adaptation.c_hat(params, getattr(state, name), f, e[axis])
+            name: adaptation.c_hat(params, getattr(hats, name), f, e[axis])
             for name, f, axis in zip(COUPLINGS, phi, (0, 0, 1, 1, 2), strict=True)
         }
-        s_w_hat = adaptation.s_w_hat(params, state, e)
-        state = state._replace(w_hat=w - e, s_w_hat=s_w_hat, J_hat=J_hat, **moved)
-    c = np.array([getattr(state, name) for name in COUPLINGS])
-    J = 1.0 / np.array(state.J_hat) if achieved else np.array(state.J_hat)
+        s_w_hat = adaptation.s_w_hat(params, hats.s_w_hat, e)
+        predictor = predictor._replace(w_hat=w - e)
+        hats = hats._replace(s_w_hat=s_w_hat, J_hat=J_hat, **moved)
+    c = np.array([getattr(hats, name) for name in COUPLINGS])
+    J = 1.0 / np.array(hats.J_hat) if achieved else np.array(hats.J_hat)
     return [
-        np.array([state.w_hat[a], state.s_w_hat[a], J[a], *c[octocopter.COUPLED[a] > 0.0]])
+        np.array([predictor.w_hat[a], hats.s_w_hat[a], J[a], *c[octocopter.COUPLED[a] > 0.0]])
         for a in range(3)
     ]
 

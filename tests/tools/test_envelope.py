@@ -84,10 +84,10 @@ def test_what_would_do_does():
 
 
 def test_the_terms_add_up_to_the_condition():
-    law = scenario(load("paper_nominal")).law
+    settings = scenario(load("paper_nominal")).settings
     a, v = Vec3(1.0, -0.5, 0.7), Vec3(2.0, 1.0, -1.0)
-    left = margin.condition(margin.known(law), a, v, 0.0)
-    spent = terms(law, a, v, left)
+    left = margin.condition(margin.known(settings.guard, settings.law), a, v, 0.0)
+    spent = terms(settings, a, v, left)
     assert spent.left == pytest.approx(left)
     assert min(spent[:6]) > 0.0
     assert spent.doubt == pytest.approx(-spent.tracking)  # nothing jumps, nothing is closed here

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from gcs_tools.pictures.monitor.widgets import gauge, spark
 from sitl_plant.physics.types import PlantRecord
 
@@ -29,13 +29,13 @@ def test_its_numbers_are_the_flights(recording, replay, tool):
     assert seen["wind_m_s"] == plant[PLANT("v_air_E.x") :][:3].tolist()
     # the flight controller's answer to a tick may be in the next sample
     ticks = recording.fcu[max(k - 40, 0) : k + 41]
-    assert seen["reference_m"] in ticks[:, TICK("internals.r_m.x") :][:, :3].tolist()
-    assert seen["mass_kg"] in ticks[:, TICK("state.m_hat")].tolist()
-    assert seen["thrust_N"] in ticks[:, TICK("internals.T_c")].tolist()
-    assert seen["margin_N"] in ticks[:, TICK("internals.margin")].tolist()
-    assert seen["margin_condition_N"] in ticks[:, TICK("internals.margin_condition")].tolist()
-    assert seen["governed"] in ticks[:, TICK("internals.governed")].tolist()
-    r, r_m = recording.plant[:, PLANT("state.r_E.x") :][:, :3], recording.fcu[:, TICK("internals.r_m.x") :][:, :3]  # fmt: skip
+    assert seen["reference_m"] in ticks[:, TICK("outputs.reference.r_m.x") :][:, :3].tolist()
+    assert seen["mass_kg"] in ticks[:, TICK("state.estimates.m_hat")].tolist()
+    assert seen["thrust_N"] in ticks[:, TICK("outputs.T_c")].tolist()
+    assert seen["margin_N"] in ticks[:, TICK("guard.margin.force")].tolist()
+    assert seen["margin_condition_N"] in ticks[:, TICK("guard.margin.condition")].tolist()
+    assert seen["governed"] in ticks[:, TICK("guard.governed")].tolist()
+    r, r_m = recording.plant[:, PLANT("state.r_E.x") :][:, :3], recording.fcu[:, TICK("outputs.reference.r_m.x") :][:, :3]  # fmt: skip
     off = np.linalg.norm(r - r_m, axis=1)[max(k - 40, 0) : k + 41]
     assert np.abs(off - seen["off_reference_m"]).min() < 1e-9
     assert (seen["alive"], seen["lost"]) == (["fcu", "plant", "publisher"], {})

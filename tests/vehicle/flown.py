@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
+from fcu import tick as control
 from fcu.interface.airframe import believed
-from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import columns, size, to_buffer
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.parameters import law_params
-from fcu.laws.mmrac.types import LawState, Tick
+from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.rows import column
 from fcu.parameters import Parameters
+from fcu.settings import settings
+from fcu.tick import Remembered, Tick
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 from sitl_plant.physics import dynamics, tick
@@ -23,26 +24,25 @@ from sitl_plant.physics.world import world
 
 ZERO = Vec3(0.0, 0.0, 0.0)
 TICK_US, STREAM_US = 2000, 50_000
-AFTER, ROTORS = columns(Tick).index("state.r_m.x"), columns(Tick).index("command.u.r1")
 
 
 class Flown:
     """A vehicle that stands on the ground in still air, and what has become of it since."""
 
     def __init__(self, wind=None):
-        self.params = Parameters(law_params(*believed(), 500.0), 1)
+        self.params = Parameters(settings(*believed(), 500.0), 1)
         self.vehicle = StateMachine(self.params, sim_only=True)
         self.world = world(wind=wind)
         self.plant = to_buffer(self.world.params)
         self.start = to_buffer(self.world.start)
         self.state = self.start.copy()
         self.drawn = np.zeros(size(BatteryState))
-        self.law = np.zeros(size(LawState))
+        self.remembered = np.zeros(size(Remembered))
         self.row = np.zeros(size(Tick))
         self.truth = np.zeros(size(PlantRecord))
         self.reported = np.zeros(size(VehicleState))
         self.t_us = 0
-        self.engaged = cascade.IDLE
+        self.engaged = control.IDLE
         self.told = []  # codes
         self.tilt_deg = 0.0  # the greatest at less than 0.2 m above where it stood
         self.down_m_s = 0.0  # the fastest there
@@ -67,17 +67,16 @@ class Flown:
             self.told += [told.code for told in vehicle.observe(self.reported, self.t_us, t)]
             flown = vehicle.setpoint
             if flown is None:
-                self.engaged, flown = cascade.IDLE, Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0)
+                self.engaged, flown = control.IDLE, Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0)
             else:
-                idle = self.engaged == cascade.IDLE
-                self.engaged = cascade.TAKE_OVER if idle else cascade.FLYING
+                idle = self.engaged == control.IDLE
+                self.engaged = control.TAKE_OVER if idle else control.FLYING
             age = (self.t_us - vehicle.since_us) * 1e-6
-            cascade.tick(
-                t, self.engaged, self.law, to_buffer(self.params.law), to_buffer(flown), age,
-                self.reported, self.row,
+            control.tick(
+                t, self.engaged, self.remembered, to_buffer(self.params.settings),
+                to_buffer(flown), age, self.reported, self.row,
             )  # fmt: skip
-            self.law[:] = self.row[AFTER : AFTER + len(self.law)]
-            command = self.row[ROTORS : ROTORS + size(RotorCommand)]
+            command = column(Tick, self.row, "command")
             steps = self.world.steps
             tick.advance(self.plant, self.state, self.drawn, command, t, steps)
             self.t_us += TICK_US

@@ -14,9 +14,9 @@ from fcu.interface.status_texts import Code, Told, lacks, words
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.laws.mmrac.parameters import law_params
 from fcu.laws.mmrac.reference_model import a_ref, advance, carried
 from fcu.parameters import Parameters
+from fcu.settings import settings
 from fcu.vehicle import plans
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
@@ -24,7 +24,7 @@ from fcu.vehicle.state_machine import StateMachine
 ZERO = Vec3(0.0, 0.0, 0.0)
 AT_REST = np.zeros(6)
 AIRFRAME = believed()
-LAW = law_params(*AIRFRAME, 500.0, {"guard": "refuse"})
+LAW, GUARD = settings(*AIRFRAME, 500.0, {"guard": "refuse"})
 HOVER = math.sqrt(9.81 / 8.2e-5)
 ORIGIN = to_buffer(VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Rotors(*[HOVER] * 8)))
 
@@ -33,7 +33,7 @@ def at(r=ZERO, v=ZERO, a=ZERO):
     return Setpoint(r, v, a, 0.0, 0.0)
 
 
-def flown_out(law, way, reference):
+def flown_out(guard, law, way, reference):
     """Every tick of the way, in plain Python: the least condition, N.
 
     The vehicle follows with the lag of attitude and rates; a jump is flown with a wrong mass.
@@ -42,7 +42,7 @@ def flown_out(law, way, reference):
     attitude, rates, fades = (
         math.exp(-law.h * x) for x in (law.c_angle.y, law.c_rate.y, 0.5 * law.lambda_v)
     )
-    known, worst = margin.known(law), math.inf
+    known, worst = margin.known(guard, law), math.inf
     w, a, off, before = (np.zeros(3) for _ in range(4))
 
     more, adds = foreseen.hurry(law), foreseen.closed(law)
@@ -79,16 +79,16 @@ LED = plans.PlanLimits(2.0, 1.0, 1.0, 1.0, 1.0)
     ],
 )
 def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, reference):
-    law = law_params(*AIRFRAME, 100.0)
-    expected = max(0.0, -flown_out(law, way, reference))
+    law, guard = settings(*AIRFRAME, 100.0)
+    expected = max(0.0, -flown_out(guard, law, way, reference))
     assert expected > 0.0 or len(way) != 1  # the steps are such that there is something to see
-    assert admission.Look(law).short(way, reference) == pytest.approx(expected, abs=0.05)
+    assert admission.Look(guard, law).short(way, reference) == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.parametrize("f_m", [0.5, 1.0, 1.4, 3.0])
 @pytest.mark.parametrize("towards", [Vec3(1.0, 0.0, 0.0), Vec3(0.0, -0.6, 0.8)])
 def test_what_is_said_to_do_does_and_a_little_more_does_not(f_m, towards):
-    look = admission.Look(LAW._replace(f_m=f_m))
+    look = admission.Look(GUARD, LAW._replace(f_m=f_m))
     far = 60.0
     asked = at(far * towards)
     short = look.short(admission.way_to(asked), AT_REST)
@@ -118,7 +118,7 @@ def vehicle():
     """`vehicle(policy)`: armed in the air at the origin, with that guard."""
 
     def one(policy):
-        params = Parameters(law_params(*AIRFRAME, 500.0, {"guard": policy}), 1)
+        params = Parameters(settings(*AIRFRAME, 500.0, {"guard": policy}), 1)
         flying = StateMachine(params, sim_only=True)
         flying.observe(ORIGIN, 0, 0.0)
         assert flying.arm(0, 0.0).granted

@@ -12,10 +12,10 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.laws.mmrac.parameters import law_params
 from fcu.mavlink.definitions import LandedState, SystemStatus
 from fcu.parameters import Parameters
 from fcu.services.status import landed_state, system_status
+from fcu.settings import settings
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import Answer, StateMachine
 
@@ -33,7 +33,7 @@ def state(r_E=HERE, v_E=ZERO, Omega=HOVER, roll=0.0):
 
 @pytest.fixture
 def params():
-    return Parameters(law_params(*believed(), 500.0), 1)
+    return Parameters(settings(*believed(), 500.0), 1)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 
 from fcu.interface.ports import INSTANCES
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from gcs_tools.pictures.history import FlightHistory, carried
 from gcs_tools.pictures.view.app import App, free_port
 from gcs_tools.recording.schema import FCU, PLANT, WIND

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 from sitl_plant.physics.types import PlantRecord
 from tests.view.pictures import caption, node, picture, told
 
@@ -62,7 +62,9 @@ def test_the_slider_moves_the_vehicle_to_where_it_was(page, recording):
             atol=1e-5,
         )
         np.testing.assert_allclose(
-            node(page, "/world/model")["position"], _vector(tick, TICK, "internals.r_m"), atol=1e-5
+            node(page, "/world/model")["position"],
+            _vector(tick, TICK, "outputs.reference.r_m"),
+            atol=1e-5,
         )
         assert node(page, "/world/ground")["position"] == [0.0, 0.0, -10.0]
 
@@ -73,15 +75,20 @@ def test_the_numbers_are_those_of_the_recording(page, recording):
     assert told(page, "position")[:3] == _vector(plant, PLANT, "state.r_E").round(3).tolist()
     assert told(page, "velocity")[:3] == _vector(plant, PLANT, "state.v_E").round(3).tolist()
     assert told(page, "setpoint")[:3] == [4.0, 7.0, 18.0]
-    away = _vector(plant, PLANT, "state.r_E") - _vector(tick, TICK, "internals.r_m")
+    away = _vector(plant, PLANT, "state.r_E") - _vector(tick, TICK, "outputs.reference.r_m")
     assert caption(page, "Distance from the reference") == {"": [f"{np.linalg.norm(away):.3f}"]}
     drag = caption(page, "Drag over mass")
     for axis, name in zip("xyz", ("east", "north", "up"), strict=True):
         truth = plant[PLANT(f"f_D_E.{axis}")] / plant[PLANT("m")]
-        assert drag[name] == [f"{tick[TICK(f'state.s_v_hat.{axis}')]:.2f}", f"{truth:.2f}"]
-    assert caption(page, "Mass") == {"estimate": [f"{tick[TICK('state.m_hat')]:.2f}", "8.00"]}
-    assert caption(page, "Thrust")["commanded"][0] == f"{tick[TICK('internals.T_c')]:.1f}"
-    roll, pitch = np.degrees(_vector(tick, TICK, "internals.angles_c", "xy"))
+        assert drag[name] == [
+            f"{tick[TICK(f'state.estimates.s_v_hat.{axis}')]:.2f}",
+            f"{truth:.2f}",
+        ]
+    assert caption(page, "Mass") == {
+        "estimate": [f"{tick[TICK('state.estimates.m_hat')]:.2f}", "8.00"]
+    }
+    assert caption(page, "Thrust")["commanded"][0] == f"{tick[TICK('outputs.T_c')]:.1f}"
+    roll, pitch = np.degrees(_vector(tick, TICK, "outputs.angles_c", "xy"))
     assert caption(page, "Commanded tilt") == {"roll": [f"{roll:.1f}"], "pitch": [f"{pitch:.1f}"]}
     wind = caption(page, "Wind")
     estimate = recording.reports["/fcu/wind"][1250]
@@ -106,7 +113,7 @@ def test_lines_have_the_extremes_of_the_recording_and_a_mark_at_the_time(page, r
     _go(page, 2.5)
     mass = _chart(page, "estimate")
     rows = dict(zip(mass["labels"], map(np.array, mass["rows"]), strict=True))
-    m_hat = recording.fcu[:, TICK("state.m_hat")]
+    m_hat = recording.fcu[:, TICK("state.estimates.m_hat")]
     assert [rows["estimate"].min(), rows["estimate"].max()] == [m_hat.min(), m_hat.max()]
     assert mass["y"][0] < m_hat.min()
     assert mass["y"][1] > m_hat.max()

@@ -70,9 +70,9 @@ def test_a_moment_has_the_last_row_of_each_topic_by_then():
     assert flight.span == (0.0, 2.0)
     assert flight.value("m", 1.9) == 6.0
     assert flight.value("m", 2.0 - 1e-7) == 7.0  # the same microsecond
-    assert flight.value("state.m_hat", 1.5) == 60.0
+    assert flight.value("state.estimates.m_hat", 1.5) == 60.0
     np.testing.assert_array_equal(
-        flight.along(flight.series("m")[0], "state.m_hat"), [np.nan, 60.0, 70.0]
+        flight.along(flight.series("m")[0], "state.estimates.m_hat"), [np.nan, 60.0, 70.0]
     )
     assert flight.status(2.5) == "land, armed, failsafe"
 

@@ -10,43 +10,77 @@ from __future__ import annotations
 
 from fcu.kernel.algebra import Vec3, clip, clip3, dot, maximum, minimum, select
 from fcu.kernel.compile import kernel
+from fcu.laws.mmrac.types import Estimates
 
 
 @kernel
-def s_v_hat(params, state, e):
+def achieved(params, estimates, error, past):
+    """The Estimates after the tick, of what was achieved in it."""
+    m_hat = m_hat_achieved(params, estimates.m_hat, error.v_til, past.T_a)
+    J_hat = J_hat_achieved(params, estimates.J_hat, error.w_til, past.tau_a)
+    return with_disturbances(params, estimates, error, past, m_hat, J_hat)
+
+
+@kernel
+def demanded(params, estimates, error, past, memory):
+    """The same as printed, of what was demanded."""
+    m_hat = m_hat_demanded(params, estimates.m_hat, error.v_til, memory.f_c)
+    J_hat = J_hat_demanded(params, estimates.J_hat, error.w_til, memory.f_wc)
+    return with_disturbances(params, estimates, error, past, m_hat, J_hat)
+
+
+@kernel
+def with_disturbances(params, estimates, error, past, m_hat, J_hat):
+    """The Estimates after the tick, of the mass and inertia after it."""
+    e, Omega_m = error.w_til, past.Omega_m
+    p, q, r = past.w.x, past.w.y, past.w.z
+    return Estimates(
+        s_v_hat=s_v_hat(params, estimates.s_v_hat, error.v_til),
+        m_hat=m_hat,
+        s_w_hat=s_w_hat(params, estimates.s_w_hat, e),
+        J_hat=J_hat,
+        c_p1_hat=c_hat(params, estimates.c_p1_hat, q * r, e.x),
+        c_p2_hat=c_hat(params, estimates.c_p2_hat, q * Omega_m, e.x),
+        c_q1_hat=c_hat(params, estimates.c_q1_hat, p * r, e.y),
+        c_q2_hat=c_hat(params, estimates.c_q2_hat, p * Omega_m, e.y),
+        c_r1_hat=c_hat(params, estimates.c_r1_hat, p * q, e.z),
+    )
+
+
+@kernel
+def s_v_hat(params, s, e):
     """Drag force over mass (m/s^2, E) after the tick. Paper (38)."""
     limit = params.bounds.s_v_max
-    return clip3(state.s_v_hat + (params.h * params.gamma) * e, -limit, limit)  # (38) departure 7
+    return clip3(s + (params.h * params.gamma) * e, -limit, limit)  # (38) departure 7
 
 
 @kernel
-def m_hat_achieved(params, state, e, T_a):
+def m_hat_achieved(params, m, e, T_a):
     """Mass (kg) after the tick, through Lambda_hat = 1/m_hat. Paper (10) for Lambda."""
     bounds = params.bounds
-    Lambda_hat = 1.0 / state.m_hat + params.h * params.gamma_Lambda * dot(e, T_a)  # (10)
+    Lambda_hat = 1.0 / m + params.h * params.gamma_Lambda * dot(e, T_a)  # (10)
     return 1.0 / clip(Lambda_hat, 1.0 / bounds.m_max, 1.0 / bounds.m_min)  # departure 7, 11
 
 
 @kernel
-def m_hat_demanded(params, state, e):
-    """Mass (kg) after the tick, as printed. Paper (38)."""
+def m_hat_demanded(params, m, e, f_c):
+    """Mass (kg) after the tick, as printed: f_c as demanded in it. Paper (38)."""
     bounds = params.bounds
-    m_hat = state.m_hat - params.h * params.gamma_m * dot(e, state.f_c_prev)  # (38)
+    m_hat = m - params.h * params.gamma_m * dot(e, f_c)  # (38)
     return clip(m_hat, bounds.m_min, bounds.m_max)  # departure 7
 
 
 @kernel
-def s_w_hat(params, state, e):
+def s_w_hat(params, s, e):
     """Angular disturbance (rad/s^2, B) after the tick. Paper (45)."""
     limit = params.bounds.s_w_max
-    return clip3(state.s_w_hat + (params.h * params.gamma) * e, -limit, limit)  # (45) departure 7
+    return clip3(s + (params.h * params.gamma) * e, -limit, limit)  # (45) departure 7
 
 
 @kernel
-def J_hat_achieved(params, state, e, tau_a):
+def J_hat_achieved(params, J, e, tau_a):
     """Inertia (kg m^2, three axes) after the tick, through 1/J_hat. Paper (10) for Lambda."""
     low, high = 1.0 / params.bounds.J_max, 1.0 / params.bounds.J_min
-    J = state.J_hat
     rate = (params.h * params.gamma_LambdaJ) * (e * tau_a)  # (10) departure 11
     return Vec3(
         1.0 / clip(1.0 / J.x + rate.x, low, high),
@@ -56,9 +90,9 @@ def J_hat_achieved(params, state, e, tau_a):
 
 
 @kernel
-def J_hat_demanded(params, state, e):
+def J_hat_demanded(params, J, e, f_wc):
     """Inertia (kg m^2, three axes) after the tick, as printed; from zero. Paper (45)."""
-    J_hat = state.J_hat - (params.h * params.gamma_J) * (state.f_wc_prev * e)  # (45)
+    J_hat = J - (params.h * params.gamma_J) * (f_wc * e)  # (45)
     return clip3(J_hat, params.bounds.J_min, params.bounds.J_max)  # departure 7
 
 
@@ -70,19 +104,19 @@ def c_hat(params, c, regressor, e):
 
 
 @kernel
-def held(params, state):
+def held(bounds, estimates):
     """1 while an estimate is at the edge of the set that projection keeps it in, else 0."""
-    bounds, m, J = params.bounds, state.m_hat, state.J_hat
-    p = maximum(abs(state.c_p1_hat), abs(state.c_p2_hat))
-    q = maximum(abs(state.c_q1_hat), abs(state.c_q2_hat))
+    m, J = estimates.m_hat, estimates.J_hat
+    p = maximum(abs(estimates.c_p1_hat), abs(estimates.c_p2_hat))
+    q = maximum(abs(estimates.c_q1_hat), abs(estimates.c_q2_hat))
     at_edge = (
-        (greatest3(state.s_v_hat) >= bounds.s_v_max)
-        | (greatest3(state.s_w_hat) >= bounds.s_w_max)
+        (greatest3(estimates.s_v_hat) >= bounds.s_v_max)
+        | (greatest3(estimates.s_w_hat) >= bounds.s_w_max)
         | (m <= bounds.m_min * 1.000001)
         | (m >= bounds.m_max * 0.999999)
         | (minimum(minimum(J.x, J.y), J.z) <= bounds.J_min * 1.000001)
         | (greatest3(J) >= bounds.J_max * 0.999999)
-        | (greatest3(Vec3(p, q, state.c_r1_hat)) >= bounds.c_max)
+        | (greatest3(Vec3(p, q, estimates.c_r1_hat)) >= bounds.c_max)
     )
     return select(at_edge, 1.0, 0.0)
 

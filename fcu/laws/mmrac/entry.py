@@ -7,38 +7,63 @@ law hold here too. Not in the paper.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from fcu.kernel.algebra import Vec3, clip, select, select3
 from fcu.kernel.compile import kernel
-
-
-class Demand(NamedTuple):
-    """What the attitude law is handed."""
-
-    T_d: Vec3  # demanded force, N, E
-    T_c: float  # total thrust, N
-    angles_c: Vec3  # roll, pitch, yaw, rad
-    clipped: float  # 1 if the tilt limit cut roll or pitch
+from fcu.laws.mmrac.attitude import Turn
+from fcu.laws.mmrac.position import Force
 
 
 @kernel
-def given(params, setpoint, angles, e3, cos_psi, sin_psi):
-    """The Demand of a setpoint of level 1 or 2, `angles` and thrust axis e3 as they are.
+def below_position(setpoint):
+    """Whether a setpoint is of attitude or of body rates."""
+    return setpoint.level > 0.5
+
+
+@kernel
+def below_attitude(setpoint):
+    """Whether a setpoint is of body rates."""
+    return setpoint.level > 1.5
+
+
+@kernel
+def force(limits, estimates, setpoint, attitude, wanted):
+    """The Force that a setpoint asks for: the one `wanted` of its position, or what it gives."""
+    given, below = given_force(limits, estimates, setpoint, attitude), below_position(setpoint)
+    return Force(
+        f_c=select3(below, given.f_c, wanted.f_c),
+        T_0=select3(below, given.T_0, wanted.T_0),
+        T_d=select3(below, given.T_d, wanted.T_d),
+        T_c=select(below, given.T_c, wanted.T_c),
+        angles_c=select3(below, given.angles_c, wanted.angles_c),
+        cut=select(below, given.cut, wanted.cut),
+    )
+
+
+@kernel
+def given_force(limits, estimates, setpoint, attitude):
+    """The Force of a setpoint of level 1 or 2.
 
     At level 2 no attitude is asked for: the one there is stands for it, so that the record shows
     no error of it and the filter of the tilt command follows.
     """
-    rates = setpoint.level > 1.5
-    phi_star, tilt = params.phi_star, setpoint.tilt_c
+    rates, angles = below_attitude(setpoint), attitude.angles
+    cos_psi, sin_psi = attitude.cos_psi, attitude.sin_psi
+    phi_star, tilt = limits.phi_star, setpoint.tilt_c
     phi_c = select(rates, angles.x, clip(tilt.x, -phi_star, phi_star))
     theta_c = select(rates, angles.y, clip(tilt.y, -phi_star, phi_star))
     past = (abs(tilt.x) > phi_star) | (abs(tilt.y) > phi_star)
-    clipped = select(rates, 0.0, select(past, 1.0, 0.0))
-    T_c = clip(setpoint.T_c, params.T_min, params.T_max)
-    axis = select3(rates, e3, thrust_axis(phi_c, theta_c, cos_psi, sin_psi))
-    angles_c = Vec3(phi_c, theta_c, select(rates, angles.z, setpoint.psi_c))
-    return Demand(T_c * axis, T_c, angles_c, clipped)
+    T_c = clip(setpoint.T_c, limits.T_min, limits.T_max)
+    axis = select3(rates, attitude.R_EB.e3, thrust_axis(phi_c, theta_c, cos_psi, sin_psi))
+    T_d = T_c * axis
+    return Force(
+        f_c=T_d / estimates.m_hat,
+        T_0=T_d,
+        T_d=T_d,
+        T_c=T_c,
+        angles_c=Vec3(phi_c, theta_c, select(rates, angles.z, setpoint.psi_c)),
+        cut=select(rates, 0.0, select(past, 1.0, 0.0)),
+    )
 
 
 @kernel
@@ -51,4 +76,15 @@ def thrust_axis(phi, theta, cos_psi, sin_psi):
         cos_psi * sin_theta * cos_phi + sin_psi * sin_phi,
         sin_psi * sin_theta * cos_phi - cos_psi * sin_phi,
         cos_theta * cos_phi,
+    )
+
+
+@kernel
+def turn(setpoint, wanted):
+    """The Turn that a setpoint asks for: the one `wanted` of its attitude, or what it gives."""
+    below = below_attitude(setpoint)
+    return Turn(
+        w_c=select3(below, setpoint.w_c, wanted.w_c),
+        tilt_cut=select(below, 0.0, wanted.tilt_cut),
+        yaw_cut=select(below, 0.0, wanted.yaw_cut),
     )

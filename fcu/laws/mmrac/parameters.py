@@ -1,4 +1,4 @@
-"""The parameters of the law: the one table of them, LawParams from it, and what must hold between."""
+"""The parameters of the law: the one table of them, Params from it, and what must hold between."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ from fcu.interface.parameter import (
 from fcu.interface.parameter import check as check_rows
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import from_buffer, size
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.allocation import RotorParams
+from fcu.laws.mmrac.types import Params
 
 G = 9.81  # m/s^2
-POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}
-WARN, GOVERN, REFUSE = POLICIES.values()
 ACHIEVED, DEMANDED = "achieved", "demanded"
 PREDICTIONS = {ACHIEVED: 1.0, DEMANDED: 0.0}
 
 # Defaults with prediction = "demanded". Section VIII gives no bounds; these are the ones with
-# which its figures come out. It begins without an estimate of inertia, and has no guard.
+# which its figures come out. It begins without an estimate of inertia.
 PRINTED: dict[str, Value] = {
     "bounds.m_min": 0.5,
     "bounds.m_max": 12.0,
@@ -43,11 +42,10 @@ PRINTED: dict[str, Value] = {
     "bounds.s_w_max": 1000.0,
     "bounds.c_max": 1000.0,
     "J_hat_0": 0.0,
-    "guard": "warn",
 }
 
 
-# --- what a number has to do with LawParams, where it is not one of its fields
+# --- what a number has to do with Params, where it is not one of its fields
 
 MULTIPLES = ("gamma_m", "gamma_Lambda", "gamma_J", "gamma_LambdaJ", "gamma_c")
 
@@ -59,13 +57,13 @@ def _multiple(field: str) -> Conversion:
     )
 
 
-def _put_gamma(law: LawParams, gamma: float) -> LawParams:
+def _put_gamma(law: Params, gamma: float) -> Params:
     gains = {f: gamma * (getattr(law, f) / law.gamma) for f in MULTIPLES}
     root = math.sqrt(gamma)  # Section VIII: k = sqrt(gamma)
     return law._replace(gamma=gamma, lambda_v=root, lambda_w=root, **gains)
 
 
-def _put_prediction(law: LawParams, achieved: float) -> LawParams:
+def _put_prediction(law: Params, achieved: float) -> Params:
     """The other prediction, with its own defaults for what stands at a default of this one."""
     if achieved == law.achieved:
         return law
@@ -89,12 +87,12 @@ def rotor_mean(h: float, lag: float) -> float:
     return 0.5 if ratio < 1e-4 else 1.0 / ratio - decay / (1.0 - decay)
 
 
-def rotor_lag(law: LawParams) -> float:
+def rotor_lag(law: Params) -> float:
     """The lag (s) that a rotor is believed to have: the inverse of `rotor_mean`.
 
     A lag beyond 10 000 periods reads as that.
     """
-    weight = law.rotor_mean
+    weight = law.rotors.mean
     if weight <= 0.0:
         return 0.0
     low, high = 0.0, 1e4 * law.h
@@ -109,22 +107,27 @@ def rotor_lag(law: LawParams) -> float:
 RESPONSE = 0.01  # s
 
 
-def _get_response(law: LawParams) -> float:
-    lag = rotor_lag(law)
-    return lag / law.kappa if law.kappa > 1.0 else max(lag, RESPONSE)
+def _get_response(law: Params) -> float:
+    lag, kappa = rotor_lag(law), law.rotors.kappa
+    return lag / kappa if kappa > 1.0 else max(lag, RESPONSE)
+
+
+def _put_least_thrust(law: Params, T_min: float) -> Params:
+    f_min = T_min / len(law.rotors.spin)
+    return law._replace(
+        limits=law.limits._replace(T_min=T_min), rotors=law.rotors._replace(f_min=f_min)
+    )
 
 
 PREDICTION = Conversion(lambda law: law.achieved, _put_prediction)
 GAMMA = Conversion(lambda law: law.gamma, _put_gamma)
-LEAST_THRUST = Conversion(
-    lambda law: law.T_min, lambda law, T: law._replace(T_min=T, f_min=T / len(law.spin))
-)
+LEAST_THRUST = Conversion(lambda law: law.limits.T_min, _put_least_thrust)
 TILT = Conversion(
-    lambda law: math.degrees(law.phi_star),
-    lambda law, degrees: law._replace(phi_star=math.radians(degrees)),
+    lambda law: math.degrees(law.limits.phi_star),
+    lambda law, degrees: with_field(law, "limits.phi_star", math.radians(degrees)),
 )
 ROTOR_RESPONSE = Conversion(
-    _get_response, lambda law, s: law._replace(kappa=max(1.0, rotor_lag(law) / s))
+    _get_response, lambda law, s: with_field(law, "rotors.kappa", max(1.0, rotor_lag(law) / s))
 )
 RATE = Conversion(lambda law: 1.0 / law.h, lambda law, rate_hz: law._replace(h=1.0 / rate_hz))
 
@@ -178,14 +181,14 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     *group(
         "Thrust, tilt and rotors",
-        P("thrust_min_n", "MR_T_MIN", None, 0.0, 100.0, "N", "least total thrust", "T_min", LEAST_THRUST, airframe="limits.thrust_min_n", below="thrust_max_n"),
-        P("thrust_max_n", "MR_T_MAX", None, 10.0, 1000.0, "N", "greatest total thrust", "T_max", airframe="limits.thrust_max_n"),
-        P("tilt_max_deg", "MR_TILT_MAX", None, 1.0, 79.0, "deg", "greatest roll, and greatest pitch", "phi_star", TILT, airframe="limits.tilt_max_deg"),
+        P("thrust_min_n", "MR_T_MIN", None, 0.0, 100.0, "N", "least total thrust", "limits.T_min", LEAST_THRUST, airframe="limits.thrust_min_n", below="thrust_max_n"),
+        P("thrust_max_n", "MR_T_MAX", None, 10.0, 1000.0, "N", "greatest total thrust", "limits.T_max", airframe="limits.thrust_max_n"),
+        P("tilt_max_deg", "MR_TILT_MAX", None, 1.0, 79.0, "deg", "greatest roll, and greatest pitch", "limits.phi_star", TILT, airframe="limits.tilt_max_deg"),
         P("T_dz_min", "", 20.0, 0.0, 1000.0, "N", "floor of the demanded vertical force"),
         P("trim_rate", "MR_TRIM_RATE", 3.0, 0.0, 20.0, "1/s", "rate of the trim of thrust"),
         P("trim_max", "MR_TRIM_MAX", 30.0, 0.0, 100.0, "N", "limit of that trim"),
         P("rotor_lag_s", "", None, 0.0, 10.0, "s", "believed lag of the rotors' speed", (), airframe="rotors.lag_s"),
-        P("rotor_response_s", "MR_ROTOR_RESP", RESPONSE, 0.0001, 1.0, "s", "what the rotors' lag is made to look like", "kappa", ROTOR_RESPONSE),
+        P("rotor_response_s", "MR_ROTOR_RESP", RESPONSE, 0.0001, 1.0, "s", "what the rotors' lag is made to look like", "rotors.kappa", ROTOR_RESPONSE),
     ),
     # Sets that hold every S1000 (6 to 11 kg take-off mass) with room; inertia after J_hat_0
     *group(
@@ -200,38 +203,17 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     *group(
         "Take-over",
-        P("m_hat_0", "MR_M_0", 5.0, 0.1, 100.0, "kg", "mass estimate at arming"),
-        P("J_hat_0", "MR_J_0", 0.1, 0.0, 10.0, "kg m^2", "inertia estimate at arming"),
+        P("m_hat_0", "MR_M_0", 5.0, 0.1, 100.0, "kg", "mass estimate at arming", "initial.m_hat_0"),
+        P("J_hat_0", "MR_J_0", 0.1, 0.0, 10.0, "kg m^2", "inertia estimate at arming", "initial.J_hat_0"),
         P("J_implicit", "", 0.1, 1e-6, math.inf, "kg m^2", "least inertia estimate in the backward-Euler step, as printed"),
-        P("r_m_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m", "reference model minus position, ENU"),
-        P("v_hat_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m/s", "predicted minus measured velocity, ENU"),
-    ),
-    # README.md, "The condition and the guard"
-    *group(
-        "The guard",
-        P(
-            "guard", "MR_GUARD", "govern", 0.0, 2.0, "", "when the actuators do not suffice",
-            "guard.policy", words=POLICIES,
-        ),
-        P(
-            "guard_mass_kg",
-            (
-                Part("MR_GRD_M_MIN", ("guard.m_min",), "least mass that the guard believes in"),
-                Part("MR_GRD_M_MAX", ("guard.m_max",), "greatest mass that it believes in"),
-            ),
-            None, 0.1, 100.0, "kg", "least and greatest mass that the guard believes in", ("guard.m_min", "guard.m_max"), airframe="vehicle.mass_kg",
-        ),
-        P("guard_drag", "MR_GRD_DRAG", None, 0.001, 10.0, "N/(m/s)^2", "greatest drag coefficient that it believes in", "guard.c_D", airframe="air.drag"),
-        # the paper's wind is up to 11.7 m/s, and changes by up to 18.5 m/s^2
-        P("guard_wind_m_s", "MR_GRD_WIND", 12.0, 0.0, 100.0, "m/s", "greatest wind that it believes in", "guard.w_max"),
-        P("guard_wind_rate_m_s2", "MR_GRD_WRATE", 20.0, 0.0, 1000.0, "m/s^2", "greatest rate of that wind", "guard.w_dot_max"),
-        P("guard_jerk_m_s3", "MR_GRD_JERK", 25.0, 5.0, 1000.0, "m/s^3", "fastest change of the acceleration of what is governed", "guard.jerk"),
+        P("r_m_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m", "reference model minus position, ENU", "initial.r_m_offset"),
+        P("v_hat_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m/s", "predicted minus measured velocity, ENU", "initial.v_hat_offset"),
     ),
     *group("Rate", P("", "MR_RATE", 500.0, 1.0, 10000.0, "Hz", "control rate, set at the start", "h", RATE, read_only=True)),
 )  # fmt: skip
 
 
-# --- LawParams
+# --- Params
 
 
 def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
@@ -244,8 +226,8 @@ def law_params(
     airframe: Mapping[str, Any],
     rate_hz: float,
     chosen: Mapping[str, Any] | None = None,
-) -> LawParams:
-    """LawParams for an airframe and a control rate.
+) -> Params:
+    """Params for an airframe and a control rate.
 
     `airframe`: the tables of the file that `believed` is of; `chosen`: values of PARAMETERS, under
     their keys, in place of their defaults. Raises ParameterError, AirframeError.
@@ -254,24 +236,26 @@ def law_params(
     value = values(PARAMETERS, airframe, given, printed(given))
     h, (lag,), (response,) = 1.0 / rate_hz, value["rotor_lag_s"], value["rotor_response_s"]
     B_x, B_y, B_z = _columns(believed)
-    law: LawParams = from_buffer(LawParams, np.full(size(LawParams), math.nan))._replace(
-        h=h,
-        g=G,
-        f_max=believed.c_T * believed.Omega_max**2,
-        rotor_mean=rotor_mean(h, lag),
+    law: Params = from_buffer(Params, np.full(size(Params), math.nan))
+    rotors = RotorParams(
         x=believed.x,
         y=believed.y,
         spin=believed.spin,
         c_T=believed.c_T,
         k_Q=believed.k_Q,
         Omega_max=believed.Omega_max,
+        f_min=math.nan,  # with the least total thrust
+        f_max=believed.c_T * believed.Omega_max**2,
+        kappa=math.nan,  # below
+        mean=rotor_mean(h, lag),
         B_x=B_x,
         B_y=B_y,
         B_z=B_z,
     )
-    law = filled(law, PARAMETERS, value)._replace(kappa=max(1.0, lag / response))
+    law = filled(law._replace(h=h, g=G, rotors=rotors), PARAMETERS, value)
+    law = with_field(law, "rotors.kappa", max(1.0, lag / response))
     if not law.achieved:
-        law = law._replace(J_hat_0=0.0)  # whatever was chosen
+        law = with_field(law, "initial.J_hat_0", 0.0)  # whatever was chosen
     check(law)
     return law
 
@@ -284,21 +268,16 @@ def _columns(believed: Airframe) -> tuple[Rotors, Rotors, Rotors]:
     return tuple(Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))  # type: ignore[return-value]
 
 
-def check(law: LawParams) -> None:
+def check(law: Params) -> None:
     """Raise ParameterError for values that the kernels cannot work with."""
     check_rows(law, PARAMETERS)
-    b = law.bounds
+    b, initial = law.bounds, law.initial
     for name, ok, expected in (
-        ("m_hat_0", b.m_min <= law.m_hat_0 <= b.m_max, f"in [{b.m_min}, {b.m_max}] kg"),
+        ("m_hat_0", b.m_min <= initial.m_hat_0 <= b.m_max, f"in [{b.m_min}, {b.m_max}] kg"),
         (
             "J_hat_0",
-            not law.achieved or 0.0 < b.J_min <= law.J_hat_0 <= b.J_max,
+            not law.achieved or 0.0 < b.J_min <= initial.J_hat_0 <= b.J_max,
             f"in [{b.J_min}, {b.J_max}] kg m^2, bounds.J_min above 0",
-        ),
-        (
-            "guard",
-            law.achieved or law.guard.policy == WARN,
-            'of "warn" with prediction = "demanded": the condition is for what was achieved',
         ),
     ):
         if not ok:

@@ -7,9 +7,9 @@ from fcu.laws.mmrac.prediction import couplings
 
 
 @kernel
-def f_wc(params, state, w, w_c, Omega_m):
+def f_wc(c_rate, estimates, w, w_c, Omega_m):
     """f_pc, f_qc, f_rc (rad/s^2): demanded angular acceleration less what is estimated to act.
 
     The demanded torque is J_hat times this. Paper (44).
     """
-    return params.c_rate * (w_c - w) - couplings(state, w, Omega_m) - state.s_w_hat  # (44)
+    return c_rate * (w_c - w) - couplings(estimates, w, Omega_m) - estimates.s_w_hat  # (44)

@@ -5,6 +5,23 @@ from __future__ import annotations
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import select, select3
 from fcu.kernel.compile import kernel
+from fcu.laws.face import Reference
+
+
+@kernel
+def at_take_over(params, measured):
+    """The Reference at take-over: the vehicle, at rest beside it if it is told to be."""
+    return Reference(r_m=measured.r_E + params.initial.r_m_offset, v_m=measured.v_E)
+
+
+@kernel
+def shown(setpoint, measured, reference):
+    """The Reference at this tick: the model's, or below the position level the vehicle."""
+    lower = setpoint.level > 0.5
+    return Reference(
+        r_m=select3(lower, measured.r_E, reference.r_m),
+        v_m=select3(lower, measured.v_E, reference.v_m),
+    )
 
 
 @kernel
@@ -24,7 +41,7 @@ def advance(params, setpoint, r_m, v_m):
     """Position and velocity of the reference model one tick later (m, m/s, E). Paper (34).
 
     One classical Runge-Kutta step: over an 18 m step its error stays below 1e-9 m at f_m = 1
-    rad/s, 1e-6 m at the highest f_m allowed, 10 rad/s (tests/laws/test_cascade.py).
+    rad/s, 1e-6 m at the highest f_m allowed, 10 rad/s (tests/laws/test_law.py).
     The setpoint is carried along its own velocity within the tick.
     """
     h = params.h
@@ -43,14 +60,14 @@ def advance(params, setpoint, r_m, v_m):
 
 
 @kernel
-def followed(params, setpoint, measured, r_m, v_m):
-    """The reference's next point (m, m/s, E): by the model, or below the position level where
+def followed(params, setpoint, measured, reference):
+    """The Reference at the next tick: by the model, or below the position level where
     the vehicle goes, so that the model goes on from there when a position is asked for again.
     """
     r, v = measured.r_E, measured.v_E
     lower = setpoint.level > 0.5
-    next_r_m, next_v_m = advance(params, setpoint, r_m, v_m)
-    return select3(lower, r + params.h * v, next_r_m), select3(lower, v, next_v_m)
+    r_m, v_m = advance(params, setpoint, reference.r_m, reference.v_m)
+    return Reference(r_m=select3(lower, r + params.h * v, r_m), v_m=select3(lower, v, v_m))
 
 
 @kernel
@@ -62,13 +79,13 @@ def carried(setpoint, age):
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
     for_s = select(setpoint.level > 0.5, 0.0, age)
     return Setpoint(
-        r_c + for_s * v_c + (0.5 * for_s * for_s) * a_c,
-        v_c + for_s * a_c,
-        a_c,
-        setpoint.psi_c + age * setpoint.psi_dot_c,
-        setpoint.psi_dot_c,
-        setpoint.level,
-        setpoint.tilt_c,
-        setpoint.w_c,
-        setpoint.T_c,
+        r_c=r_c + for_s * v_c + (0.5 * for_s * for_s) * a_c,
+        v_c=v_c + for_s * a_c,
+        a_c=a_c,
+        psi_c=setpoint.psi_c + age * setpoint.psi_dot_c,
+        psi_dot_c=setpoint.psi_dot_c,
+        level=setpoint.level,
+        tilt_c=setpoint.tilt_c,
+        w_c=setpoint.w_c,
+        T_c=setpoint.T_c,
     )

@@ -1,4 +1,4 @@
-"""What the law is told once (LawParams), remembers (LawState), and computes on the way (Internals).
+"""What the law is told once (Params), remembers (State), and computes on the way (Internals).
 
 Frames: E is Earth East-North-Up, B is body Forward-Left-Up; SI units. Symbols are the
 paper's; the table in this folder's README gives each its name, unit and equation.
@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
+from fcu.laws.allocation import RotorParams
+from fcu.laws.face import Limits, Reference
 
 
 class Bounds(NamedTuple):
@@ -24,20 +25,17 @@ class Bounds(NamedTuple):
     c_max: float  # each of the five coupling and gyroscopic coefficients
 
 
-class Guard(NamedTuple):
-    """What is believed of the flight to come, and what is done when it does not fit the actuators."""
+class Initial(NamedTuple):
+    """Where estimates, reference model and predictor begin at take-over."""
 
-    policy: float  # 0 warn, 1 govern, 2 refuse
-    m_min: float  # kg, the vehicle's mass is believed to lie
-    m_max: float  # kg, between these
-    c_D: float  # N/(m/s)^2, greatest drag coefficient of any body axis
-    w_max: float  # m/s, greatest velocity of the air
-    w_dot_max: float  # m/s^2, greatest rate of that velocity
-    jerk: float  # m/s^3, fastest change of the reference's acceleration
+    m_hat_0: float  # m_hat, kg
+    J_hat_0: float  # each J_hat, kg m^2
+    r_m_offset: Vec3  # reference model minus measured position, m, E
+    v_hat_offset: Vec3  # predictor minus measured velocity, m/s, E
 
 
-class LawParams(NamedTuple):
-    """Everything the law is told. Constant in flight; a changed value is a new LawParams."""
+class Params(NamedTuple):
+    """Everything the law is told. Constant in flight; a changed value is a new Params."""
 
     h: float  # control period, s
     achieved: float  # 1: predict with the achieved force and torque; 0: with the demanded
@@ -54,9 +52,6 @@ class LawParams(NamedTuple):
     lambda_w: float  # rate predictor gain, 1/s (41)
     c_angle: Vec3  # c_phi, c_theta, c_psi, 1/s (40)
     c_rate: Vec3  # c_p, c_q, c_r, 1/s (44)
-    T_min: float  # N
-    T_max: float  # N
-    phi_star: float  # rad, limit of roll and of pitch
     T_dz_min: float  # N, floor of the demanded vertical force
     trim_rate: float  # 1/s, trim of thrust on commanded minus achieved
     trim_max: float  # N, limit of that trim
@@ -64,99 +59,93 @@ class LawParams(NamedTuple):
     tilt_rate_max: float  # rad/s, limit of that rate
     yaw_rate_max: float  # rad/s, limit of the rate of yaw that is commanded
     yaw_acceleration: float  # rad/s^2, believed: yaw slows down no faster towards its command
-    f_min: float  # N, least thrust allocated to a rotor
-    f_max: float  # N, greatest thrust allocated to a rotor
-    kappa: float  # rotor speed command over wanted change of speed: h^-1 of (7)
-    rotor_mean: float  # weight of the earlier sample in a tick's mean of rotor speed or its square
-    bounds: Bounds
-    guard: Guard
-    m_hat_0: float  # kg, m_hat at take-over
-    J_hat_0: float  # kg m^2, each J_hat at take-over
     J_implicit: float  # kg m^2, floor of J_hat in the backward-Euler step of the printed law
-    r_m_offset: Vec3  # m, E, reference model minus measured position at take-over
-    v_hat_offset: Vec3  # m/s, E, predictor minus measured velocity at take-over
-    x: Rotors  # believed rotor positions, m
-    y: Rotors
-    spin: Rotors
-    c_T: float  # believed thrust coefficient, N/(rad/s)^2
-    k_Q: float  # believed drag torque over thrust, m
-    Omega_max: float  # believed full speed, rad/s
-    B_x: Rotors  # rotor thrusts for one N m about body x
-    B_y: Rotors  # about body y
-    B_z: Rotors  # about body z
+    limits: Limits
+    rotors: RotorParams
+    bounds: Bounds
+    initial: Initial
 
 
-class LawState(NamedTuple):
-    """Everything the law remembers from tick to tick."""
+class Predictor(NamedTuple):
+    """The prediction models. Paper (36), (41)."""
 
-    r_m: Vec3  # reference model position at the next tick, m, E
-    v_m: Vec3  # reference model velocity at the next tick, m/s, E
     v_hat: Vec3  # predicted velocity, m/s, E
-    s_v_hat: Vec3  # drag force estimate over mass, m/s^2, E
-    m_hat: float  # mass estimate, kg
     w_hat: Vec3  # predicted body rate, rad/s, B
-    s_w_hat: Vec3  # angular disturbance estimate, rad/s^2, B
-    J_hat: Vec3  # inertia estimates, kg m^2
+
+
+class Estimates(NamedTuple):
+    """What adaptation finds. Paper (38), (45)."""
+
+    s_v_hat: Vec3  # drag force over mass, m/s^2, E
+    m_hat: float  # mass, kg
+    s_w_hat: Vec3  # angular disturbance, rad/s^2, B
+    J_hat: Vec3  # inertia, kg m^2
     c_p1_hat: float  # coupling q r into p
     c_p2_hat: float  # gyroscopic q omega_m into p
     c_q1_hat: float  # coupling p r into q
     c_q2_hat: float  # gyroscopic p omega_m into q
     c_r1_hat: float  # coupling p q into r
-    f_c_prev: Vec3  # demanded specific force of the last tick, m/s^2, E (37)
-    f_wc_prev: Vec3  # f_pc, f_qc, f_rc of the last tick, rad/s^2 (44)
-    T_c_prev: float  # commanded thrust of the last tick, N
-    e3_prev: Vec3  # thrust axis R e3 at the last tick, E
-    w_prev: Vec3  # body rate at the last tick, rad/s, B
-    Omega_prev: Rotors  # rotor speeds at the last tick, rad/s
+
+
+class Memory(NamedTuple):
+    """What prediction and filters need of the last tick."""
+
+    f_c: Vec3  # demanded specific force, m/s^2, E (37)
+    f_wc: Vec3  # f_pc, f_qc, f_rc, rad/s^2 (44)
+    T_c: float  # commanded thrust, N
+    e3: Vec3  # thrust axis R e3, E
+    w: Vec3  # body rate, rad/s, B
+    Omega: Rotors  # rotor speeds, rad/s
     T_trim: float  # slow trim of thrust, N
     tilt_filter: Vec3  # low-passed phi_c, theta_c (x, y), rad; z unused
-    a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
-    beta: float  # control difference left of take-over, and of the reference's changes, N (30)
-    psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
-    psi_g_dot: float  # its rate, rad/s
+
+
+class State(NamedTuple):
+    """Everything the law remembers from tick to tick."""
+
+    reference: Reference  # at the next tick
+    predictor: Predictor
+    estimates: Estimates
+    memory: Memory
+
+
+class PredictionError(NamedTuple):
+    """Measured minus predicted, after the tick."""
+
+    v_til: Vec3  # velocity, m/s, E
+    w_til: Vec3  # body rate, rad/s, B
+
+
+class Demand(NamedTuple):
+    """What the estimates say is needed."""
+
+    f_c: Vec3  # specific force, m/s^2, E (37)
+    T_0: Vec3  # force before anything limits it, N, E
+    T_d: Vec3  # force, N, E
+    tau_d: Vec3  # torque, N m, B (44)
+
+
+class Achieved(NamedTuple):
+    """What the measured rotor speeds achieve, by the believed coefficients."""
+
+    T_a: Vec3  # force, N, E
+    tau_a: Vec3  # torque, N m, B
+    delta_u: Vec3  # achieved minus demanded force, N, E (9)
+
+
+class Flags(NamedTuple):
+    """What the law holds back by itself, 1 while it does."""
+
+    projected: float  # projection holds an estimate
+    tilt_rate: float  # the tilt command moves faster than is fed forward
+    yaw_rate: float  # a limit cuts the yaw rate command
+    trim: float  # the trim of thrust is at its limit
 
 
 class Internals(NamedTuple):
     """What one tick computed: recorded, shown, never fed back."""
 
-    r_m: Vec3  # reference model position at this tick, m, E
-    v_m: Vec3  # reference model velocity at this tick, m/s, E
-    e_r: Vec3  # position minus reference model, m, E
-    v_til: Vec3  # velocity prediction error, m/s, E
-    w_til: Vec3  # rate prediction error, rad/s, B
-    f_c: Vec3  # demanded specific force, m/s^2, E
-    T_d: Vec3  # demanded force, N, E
-    T_a: Vec3  # achieved force, N, E
-    delta_u: Vec3  # achieved minus demanded force, N, E
-    T_c: float  # commanded total thrust, N
-    T_achieved: float  # achieved total thrust, N
-    angles: Vec3  # phi, theta, psi, rad
-    angles_c: Vec3  # phi_c, theta_c, psi_c, rad
-    w_c: Vec3  # commanded body rate, rad/s, B
-    tau_d: Vec3  # demanded torque, N m, B
-    tau_a: Vec3  # achieved torque, N m, B
-    thrusts: Rotors  # allocated rotor thrusts, N
-    thrust_saturated: float  # 1 while the total thrust command is at a limit
-    tilt_saturated: float  # 1 while the tilt limit cuts the roll or pitch command
-    rotor_saturated: float  # 1 while the allocation gives up torque or thrust
-    projected: float  # 1 while projection holds an estimate
-    tilt_rate_saturated: float  # 1 while the tilt command moves faster than is fed forward
-    yaw_rate_saturated: float  # 1 while a limit cuts the yaw rate command
-    trim_saturated: float  # 1 while the trim of thrust is at its limit
-    r_g: Vec3  # position setpoint that the reference model is given, m, E: r_c, or governed
-    governed: float  # 1 while that is not r_c
-    margin: float  # N, from the demanded force to the nearest limit; negative outside
-    margin_tilt: float  # rad, from its tilt to the tilt limit; negative outside
-    margin_condition: float  # N, by which the condition for what is still to come holds
-
-
-class Tick(NamedTuple):
-    """One control tick, as the flight controller records it."""
-
-    t: float  # simulation time, s
-    measured: VehicleState
-    setpoint: Setpoint  # as used: extrapolated to this tick
-    state: LawState  # after the tick
-    internals: Internals
-    command: RotorCommand
-    engaged: float  # 0 idle, 1 take-over at this tick, 2 flying the law
+    prediction: PredictionError
+    demand: Demand
+    achieved: Achieved
+    flags: Flags

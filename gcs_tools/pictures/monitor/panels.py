@@ -52,14 +52,14 @@ def tracking(r: Readings, width: int) -> Panel:
     places = grid(4)
     places.add_row(*heads("m", *ENU))
     for label, name in (
-        ("position", "state.r_E"), ("reference", "internals.r_m"), ("setpoint", "setpoint.r_c")
+        ("position", "state.r_E"), ("reference", "outputs.reference.r_m"), ("setpoint", "setpoint.r_c")
     ):  # fmt: skip
         places.add_row(label, *(number(value, 2) for value in r.vector(name)))
     errors = grid(3)
     for label, series, unit, digits in (
         ("off the reference", r.off_reference(), "m", 3),
-        ("velocity predicted off", r.norm("internals.v_til"), "m/s", 4),
-        ("rate predicted off", r.norm("internals.w_til"), "rad/s", 4),
+        ("velocity predicted off", r.norm("internals.prediction.v_til"), "m/s", 4),
+        ("rate predicted off", r.norm("internals.prediction.w_til"), "rad/s", 4),
     ):
         t, values = series
         now = r.now(series) if r.flies else math.nan
@@ -73,23 +73,23 @@ def limits(r: Readings, width: int) -> Panel:
     """How far is it from what its actuators can do?"""
     told, wide = r.flight.limits, width - 23
     table = grid(3)
-    T_c = r.last("internals.T_c") if r.flies else math.nan
+    T_c = r.last("outputs.T_c") if r.flies else math.nan
     table.add_row("thrust", number(T_c, 1, "N"), gauge(T_c, told.T_min, told.T_max, wide))
     star = math.degrees(told.phi_star)
     for label, axis in (("roll", "x"), ("pitch", "y")):
-        angle = math.degrees(r.last(f"internals.angles_c.{axis}")) if r.flies else math.nan
+        angle = math.degrees(r.last(f"outputs.angles_c.{axis}")) if r.flies else math.nan
         table.add_row(label, number(angle, 1, "°"), gauge(angle, -star, star, wide))
     u = [r.last(f"command.u.{rotor}") for rotor in ROTORS]
     greatest = max((x for x in u if math.isfinite(x)), default=math.nan)
     blocks = " ".join(bar(x) if math.isfinite(x) else "·" for x in u)
     style = BAD if greatest > 0.98 else GOOD
     table.add_row("rotors", number(greatest, 2, "of 1"), Text(blocks, style=style))
-    t, off = r.norm("internals.delta_u")
+    t, off = r.norm("internals.achieved.delta_u")
     now = r.now((t, off)) if r.flies else math.nan
     table.add_row("Δu", number(now, 2, "N"), spark(t, off, wide, low=0.0))
     words = Text(f"at a limit {OF_LATE}:", style=DIM)
     for label in ("thrust", "tilt", "rotor"):
-        held = r.recent(r.flown(f"internals.{label}_saturated"))
+        held = r.recent(r.flown(f"outputs.saturation.{label}"))
         part = float(held.mean()) if len(held) else math.nan
         style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD
         words.append(f" {label} {plain(100.0 * part, 0)} %", style=style)
@@ -100,9 +100,9 @@ def limits(r: Readings, width: int) -> Panel:
 def _margin(r: Readings) -> Text:
     """What is left before the nearest limit, and of tilt: now, and the least of late."""
     now, of_late = Text("margin: ", style=DIM), Text(f"   least {OF_LATE}: ", style=DIM)
-    for name, scale, unit in (("margin", 1.0, " N "), ("margin_tilt", 180.0 / math.pi, "° ")):
-        found = scale * r.recent(r.flown(f"internals.{name}"))
-        left = scale * r.last(f"internals.{name}") if r.flies else math.nan
+    for name, scale, unit in (("force", 1.0, " N "), ("tilt", 180.0 / math.pi, "° ")):
+        found = scale * r.recent(r.flown(f"guard.margin.{name}"))
+        left = scale * r.last(f"guard.margin.{name}") if r.flies else math.nan
         least = float(found.min()) if len(found) else math.nan
         for words, value in ((now, left), (of_late, least)):
             style = BAD if value < 0.0 else "bold" if math.isfinite(value) else DIM
@@ -112,13 +112,13 @@ def _margin(r: Readings) -> Text:
 
 def _condition(r: Readings) -> Text:
     """Whether the demand stays inside whatever comes, and what the guard does."""
-    by = r.last("internals.margin_condition") if r.flies else math.nan
+    by = r.last("guard.margin.condition") if r.flies else math.nan
     words = Text("condition: ", style=DIM)
     if math.isnan(by):
         return words.append("-", style=DIM)
     holds = f"holds by {plain(by, 1)} N" if by >= 0.0 else f"misses {plain(-by, 1)} N"
     words.append(holds, style=GOOD if by >= 0.0 else WARN)
-    if r.last("internals.governed") > 0.5:
+    if r.last("guard.governed") > 0.5:
         words.append("   governed", style=WARN)
     return words
 
@@ -137,11 +137,11 @@ def estimates(r: Readings, width: int) -> Panel:
         table.add_row(label, number(estimate, digits), true(is_true, digits), off, drawn)
 
     for axis, name in zip(XYZ, ENU, strict=True):
-        line(f"drag/mass {name}", f"state.s_v_hat.{axis}", r.drag_over_mass(axis), 2)
-    line("mass, kg", "state.m_hat", r.flight.series("m"), 2)
+        line(f"drag/mass {name}", f"state.estimates.s_v_hat.{axis}", r.drag_over_mass(axis), 2)
+    line("mass, kg", "state.estimates.m_hat", r.flight.series("m"), 2)
     for axis in XYZ:
-        line(f"inertia {axis}", f"state.J_hat.{axis}", r.flight.series(f"J.{axis}"), 3)
-    held = r.last("internals.projected") > 0.5
+        line(f"inertia {axis}", f"state.estimates.J_hat.{axis}", r.flight.series(f"J.{axis}"), 3)
+    held = r.last("internals.flags.projected") > 0.5
     note = "projection holds one at its bound" if held else "all inside their bounds"
     note = note if r.flies else "the law does not fly"
     return panel("Estimates", table, Text(note, style=WARN if held else DIM))
@@ -160,8 +160,8 @@ def wind(r: Readings, width: int) -> Panel:
     turning = grid(3)
     turning.add_row(*heads("angular disturbance", "estimate", ""))
     for axis, name in zip(XYZ, ("roll", "pitch", "yaw"), strict=True):
-        t, s = r.flight.series(f"state.s_w_hat.{axis}")
-        now = r.last(f"state.s_w_hat.{axis}") if r.flies else math.nan
+        t, s = r.flight.series(f"state.estimates.s_w_hat.{axis}")
+        now = r.last(f"state.estimates.s_w_hat.{axis}") if r.flies else math.nan
         turning.add_row(name, number(now, 3, "rad/s²"), spark(t, s, width - 39))
     air = Text("rotation of the air: ", style=DIM)
     for value in r.vector("w_air_B"):

@@ -17,12 +17,15 @@ KEPT = {
     **DRAWN,
     "/plant/truth": [*DRAWN["/plant/truth"], *parts("w_air_B")],
     "/plant/timing": ["timing.late", "timing.slips"],
-    "/fcu/law": [*DRAWN["/fcu/law"], *parts("state.s_w_hat")],
+    "/fcu/law": [*DRAWN["/fcu/law"], *parts("state.estimates.s_w_hat")],
+    "/fcu/outputs": [
+        *DRAWN["/fcu/outputs"], *parts("outputs.saturation", ("thrust", "tilt", "rotor")),
+    ],
     "/fcu/internals": [
-        *DRAWN["/fcu/internals"], *parts("internals.delta_u"), "internals.projected",
-        "internals.thrust_saturated", "internals.tilt_saturated", "internals.rotor_saturated",
-        "internals.governed", "internals.margin", "internals.margin_tilt",
-        "internals.margin_condition",
+        *DRAWN["/fcu/internals"], *parts("internals.achieved.delta_u"), "internals.flags.projected",
+    ],
+    "/fcu/guard": [
+        "guard.governed", *parts("guard.margin", ("force", "tilt", "condition")),
     ],
     "/fcu/command": [f"command.u.r{i}" for i in range(1, 9)],
     "/fcu/timing": [
@@ -93,8 +96,8 @@ class Readings:
     def off_reference(self) -> Series:
         """Distance of the true position from the reference model (m), while the law flies."""
         f = self.flight
-        t = f.series("internals.r_m.x")[0]
-        off = [f.along(t, f"state.r_E.{a}") - f.along(t, f"internals.r_m.{a}") for a in XYZ]
+        t = f.series("outputs.reference.r_m.x")[0]
+        off = [f.along(t, f"state.r_E.{a}") - f.along(t, f"outputs.reference.r_m.{a}") for a in XYZ]
         return t, np.where(f.along(t, "engaged") > 0.5, np.sqrt(sum(o * o for o in off)), np.nan)
 
     def drag_over_mass(self, axis: str) -> Series:
@@ -142,19 +145,19 @@ class Readings:
             "time_s": self.t,
             "off_reference_m": self.now(self.off_reference()),
             "off_reference_rms_m": self.rms(self.off_reference()),
-            "thrust_N": self.now(self.flown("internals.T_c")),
-            "roll_deg": math.degrees(self.now(self.flown("internals.angles_c.x"))),
-            "pitch_deg": math.degrees(self.now(self.flown("internals.angles_c.y"))),
-            "margin_N": self.now(self.flown("internals.margin")),
-            "margin_deg": math.degrees(self.now(self.flown("internals.margin_tilt"))),
-            "margin_condition_N": self.now(self.flown("internals.margin_condition")),
-            "governed": self.now(self.flown("internals.governed")),
-            "mass_kg": self.last("state.m_hat") if self.flies else math.nan,
+            "thrust_N": self.now(self.flown("outputs.T_c")),
+            "roll_deg": math.degrees(self.now(self.flown("outputs.angles_c.x"))),
+            "pitch_deg": math.degrees(self.now(self.flown("outputs.angles_c.y"))),
+            "margin_N": self.now(self.flown("guard.margin.force")),
+            "margin_deg": math.degrees(self.now(self.flown("guard.margin.tilt"))),
+            "margin_condition_N": self.now(self.flown("guard.margin.condition")),
+            "governed": self.now(self.flown("guard.governed")),
+            "mass_kg": self.last("state.estimates.m_hat") if self.flies else math.nan,
             "wind_error_rms_m_s": self.rms(self.wind_error()),
         }
         vectors = {
             "position_m": self.vector("state.r_E"),
-            "reference_m": self.vector("internals.r_m"),
+            "reference_m": self.vector("outputs.reference.r_m"),
             "wind_estimate_m_s": self.vector("wind.v_air_E"),
             "wind_m_s": self.vector("v_air_E"),
         }

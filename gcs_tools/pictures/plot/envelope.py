@@ -49,7 +49,7 @@ def _draw_way(axes: Axes, mission: Mission, found: Envelope) -> None:
     scene = scenario(mission)
     rows = way(scene)[::EVERY]
     spent = [
-        terms(scene.law, Vec3(*row[2:5].tolist()), Vec3(*row[5:8].tolist()), float(row[1]))
+        terms(scene.settings, Vec3(*row[2:5].tolist()), Vec3(*row[5:8].tolist()), float(row[1]))
         for row in rows
     ]
     t, hover = rows[:, 0], spent[0].hover
@@ -73,12 +73,14 @@ def _draw_way(axes: Axes, mission: Mission, found: Envelope) -> None:
 
 
 def _draw_steps(axes: Axes, mission: Mission) -> None:
-    law = scenario(mission).law
+    settings = scenario(mission).settings
+    law = settings.law
     f_m = np.geomspace(0.4, 3.0, POINTS)
     colours = {"exact": "#1f77b4", "ball": "#7f7f7f", "theorem": "#8c564b"}
     words = {"exact": "exact set", "ball": "ball about hover", "theorem": "(31)"}
     for way_name, (along, style) in DIRECTIONS.items():
-        reached = [step(law._replace(f_m=float(f)), along, way_name) for f in f_m]
+        each = [settings._replace(law=law._replace(f_m=float(f))) for f in f_m]
+        reached = [step(with_f_m, along, way_name) for with_f_m in each]
         for name, colour in colours.items():
             if name != "exact" and way_name != "up":
                 continue  # these two know no direction

@@ -44,7 +44,7 @@ def angular(window: Window) -> list[Estimate]:
     inertia. Without c, and while the ground pushes too, there is none.
     """
     c_tau = window.truth(DRAG_TORQUE)
-    hats = window.fcu.axes("state.s_w_hat")
+    hats = window.fcu.axes("state.estimates.s_w_hat")
     if c_tau is None or len(c_tau) != 3:
         return [Estimate(name, hat, None) for name, hat in zip("pqr", hats, strict=True)]
     a = window.plant.vectors("state.w_B") - window.plant.vectors("w_air_B")
@@ -57,10 +57,12 @@ def angular(window: Window) -> list[Estimate]:
 def _believed_torque(window: Window) -> Rows:
     """Torque (N m, B), (n, 3), of the true rotor speeds with the coefficients the law was told."""
     rotors = [f"r{i}" for i in range(1, 9)]
-    x, y, spin = (np.array([window.told[f"{of}.{r}"] for r in rotors]) for of in ("x", "y", "spin"))
+    x, y, spin = (
+        np.array([window.told[f"law.rotors.{of}.{r}"] for r in rotors]) for of in ("x", "y", "spin")
+    )
     Omega = np.stack([window.plant[f"state.Omega.{r}"] for r in rotors], axis=1)
-    effect = np.stack([y, -x, -window.told["k_Q"] * spin])
-    torque: Rows = (window.told["c_T"] * Omega * Omega) @ effect.T
+    effect = np.stack([y, -x, -window.told["law.rotors.k_Q"] * spin])
+    torque: Rows = (window.told["law.rotors.c_T"] * Omega * Omega) @ effect.T
     return torque
 
 
@@ -71,11 +73,11 @@ def couplings(window: Window) -> list[Estimate]:
     """
     x, y, z = window.plant.axes("J")
     return [
-        Estimate("p1", window.fcu["state.c_p1_hat"], (y - z) / x),
-        Estimate("q1", window.fcu["state.c_q1_hat"], (z - x) / y),
-        Estimate("r1", window.fcu["state.c_r1_hat"], (x - y) / z),
-        Estimate("p2", window.fcu["state.c_p2_hat"], None),
-        Estimate("q2", window.fcu["state.c_q2_hat"], None),
+        Estimate("p1", window.fcu["state.estimates.c_p1_hat"], (y - z) / x),
+        Estimate("q1", window.fcu["state.estimates.c_q1_hat"], (z - x) / y),
+        Estimate("r1", window.fcu["state.estimates.c_r1_hat"], (x - y) / z),
+        Estimate("p2", window.fcu["state.estimates.c_p2_hat"], None),
+        Estimate("q2", window.fcu["state.estimates.c_q2_hat"], None),
     ]
 
 
@@ -90,7 +92,7 @@ def _norm_rms(window: Window, of: list[Estimate]) -> float | None:
 
 def numbers(window: Window) -> Numbers:
     """Errors at the end, or RMS once settled; how often projection holds one. Raises Missing."""
-    m, m_hat = window.plant["m"], window.fcu["state.m_hat"]
+    m, m_hat = window.plant["m"], window.fcu["state.estimates.m_hat"]
     window.t, window.told  # noqa: B018  what the figure needs
     off = [float((J_hat[-1] - J[-1]) / J[-1]) for _, J_hat, J in inertia(window.plant, window.fcu)]
     drag = translational(window)
@@ -103,7 +105,7 @@ def numbers(window: Window) -> Numbers:
             np.hypot(*((e.hat - e.truth)[window.settled] for e in drag[:2] if e.truth is not None))
         ),
         "angular_rms_settled_rad_s2": _norm_rms(window, angular(window)),
-        "projected_fraction": finite(float(np.mean(window.fcu["internals.projected"] > 0.5))),
+        "projected_fraction": finite(float(np.mean(window.fcu["internals.flags.projected"] > 0.5))),
     }
 
 
@@ -134,7 +136,7 @@ def notes(window: Window) -> list[str]:
     printed = "Prediction as printed: ŝ_v has to find gravity too, so its truth holds it."
     return [
         "Mass and vertical drag are told apart only by manoeuvres: in hover their errors cancel.",
-        *([printed] if window.told["achieved"] < 0.5 else []),
+        *([printed] if window.told["law.achieved"] < 0.5 else []),
         angular_truth,
         "ĉ: p1, q1 and r1 are of couplings; p2 and q2 (thin) are gyroscopic and have no truth, as "
         "the true inertia of a rotor is not recorded.",
@@ -145,12 +147,12 @@ def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     """Five groups of estimates, and how much of its set each uses."""
     (drag, mass), (disturbance, moments), (coefficients, used) = figure.subplots(3, 2, sharex=True)
     told, plant, fcu = window.told, window.plant, window.fcu
-    bound = {name: told[f"bounds.{name}"] for name in ("s_v_max", "s_w_max", "c_max")}
-    m, J = ((told[f"bounds.{name}_min"], told[f"bounds.{name}_max"]) for name in "mJ")
+    bound = {name: told[f"law.bounds.{name}"] for name in ("s_v_max", "s_w_max", "c_max")}
+    m, J = ((told[f"law.bounds.{name}_min"], told[f"law.bounds.{name}_max"]) for name in "mJ")
 
     s_v = translational(window)
     _group(drag, window, "Drag force over mass ŝ_v, m/s²", s_v, symmetric(bound["s_v_max"]), 1.0)
-    m_hat = [Estimate("estimate", fcu["state.m_hat"], plant["m"])]
+    m_hat = [Estimate("estimate", fcu["state.estimates.m_hat"], plant["m"])]
     _group(mass, window, "Mass m̂, kg", m_hat, m)
     s_w = angular(window)
     title = "Angular disturbance ŝ_ω, rad/s²"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SIZE = (12.0, 11.5)  # inches
 QUESTION = "How close to saturation?"
 MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "governed_fraction")
-ROTORS = [f"internals.thrusts.r{i}" for i in range(1, 9)]
+ROTORS = [f"outputs.thrusts.r{i}" for i in range(1, 9)]
 
 
 def _rotors(window: Window) -> Rows:
@@ -49,23 +49,25 @@ def _room(values: Rows, low: float, high: float) -> float | None:
 def numbers(window: Window) -> Numbers:
     """Least room left before each limit, over its range; and how often at it. Raises Missing."""
     told = window.told
-    limit = told["phi_star"]
-    tilt = np.abs(np.stack(window.fcu.axes("internals.angles_c", "xy"))).max(axis=0)
-    thrust = window.fcu["internals.T_c"]
+    limit = told["law.limits.phi_star"]
+    tilt = np.abs(np.stack(window.fcu.axes("outputs.angles_c", "xy"))).max(axis=0)
+    thrust = window.fcu["outputs.T_c"]
     n = len(window.t)
     fractions = {
         f"{which}_saturated_fraction": float(
-            np.sum(window.fcu[f"internals.{which}_saturated"] > 0.5)
+            np.sum(window.fcu[f"outputs.saturation.{which}"] > 0.5)
         )
         / n
         for which in ("thrust", "tilt", "rotor")
     }
     return {
-        "thrust_room_fraction": _room(thrust, told["T_min"], told["T_max"]),
+        "thrust_room_fraction": _room(thrust, told["law.limits.T_min"], told["law.limits.T_max"]),
         "tilt_room_fraction": least(1.0 - tilt / limit),
-        "rotor_room_fraction": _room(_rotors(window), told["f_min"], told["f_max"]),
+        "rotor_room_fraction": _room(
+            _rotors(window), told["law.rotors.f_min"], told["law.rotors.f_max"]
+        ),
         "thrust_max_n": window.flight.metric("thrust_max_n"),
-        "thrust_limit_n": finite(told["T_max"]),
+        "thrust_limit_n": finite(told["law.limits.T_max"]),
         "tilt_max_deg": window.flight.metric("tilt_max_deg"),
         "tilt_limit_deg": finite(np.degrees(limit)),
         **{name: window.flight.metric(name) for name in MARGINS},
@@ -91,19 +93,19 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
     t, fcu, told = window.t, window.fcu, window.told
 
     thrust.set_title("Total thrust, N")
-    line(thrust, t, fcu["internals.T_achieved"], color=MUTED, label="achieved", **WIDE)
-    line(thrust, t, fcu["internals.T_c"], color=X, label="commanded")
-    limits(thrust, told["T_min"], told["T_max"])
+    line(thrust, t, fcu["outputs.T_achieved"], color=MUTED, label="achieved", **WIDE)
+    line(thrust, t, fcu["outputs.T_c"], color=X, label="commanded")
+    limits(thrust, told["law.limits.T_min"], told["law.limits.T_max"])
     _finish(thrust, window, "thrust", "at the limit")
 
     tilt.set_title("Roll and pitch, degrees")
-    angles, commands = (fcu.axes(f"internals.{name}", "xy") for name in ("angles", "angles_c"))
+    angles, commands = (fcu.axes(f"outputs.{name}", "xy") for name in ("angles", "angles_c"))
     for colour, angle in zip(THREE, angles, strict=False):
         line(tilt, t, np.degrees(angle), color=colour, **WIDE)
     for name, colour, angle in zip(("roll", "pitch"), THREE, commands, strict=False):
         line(tilt, t, np.degrees(angle), color=colour, label=f"{name} commanded")
     tilt.plot([], [], color=MUTED, label="flown", **WIDE)
-    limit = float(np.degrees(told["phi_star"]))
+    limit = float(np.degrees(told["law.limits.phi_star"]))
     limits(tilt, -limit, limit)
     tilt.set_yticks([-limit, -limit / 2, 0.0, limit / 2, limit])
     _finish(tilt, window, "tilt", "at the limit")
@@ -113,7 +115,7 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
     line(rotors, t, each.max(axis=0), color=THREE[1], linewidth=0.9, label="greatest of eight")
     line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
     line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
-    limits(rotors, told["f_min"], told["f_max"])
+    limits(rotors, told["law.rotors.f_min"], told["law.rotors.f_max"])
     _finish(rotors, window, "rotor", "gives up torque or thrust")
     _margin(margin, window, found)
     margin.set_xlabel(TIME)
@@ -121,7 +123,7 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
 
 def _margin(axes: Axes, window: Window, found: Numbers) -> None:
     axes.set_title("From the demanded force to the nearest limit, N")
-    demand, condition = (window.fcu[f"internals.{name}"] for name in ("margin", "margin_condition"))
+    demand, condition = (window.fcu[f"guard.margin.{name}"] for name in ("force", "condition"))
     if not np.isfinite(demand).any():
         empty(axes, "not recorded")
         return
@@ -129,7 +131,7 @@ def _margin(axes: Axes, window: Window, found: Numbers) -> None:
     line(axes, window.t, condition, color=Y, label="whatever may come (condition)")
     axes.axhline(0.0, zorder=1, **DASHED)
     axes.plot([], [], label="limit", **DASHED)
-    flagged(axes, window.t, window.fcu["internals.governed"], "governed", GOVERNED)
+    flagged(axes, window.t, window.fcu["guard.governed"], "governed", GOVERNED)
     legend(axes)
     left, governed = found["margin_min_n"], found["governed_fraction"]
     assert left is not None
@@ -141,5 +143,5 @@ def _margin(axes: Axes, window: Window, found: Numbers) -> None:
 
 def _finish(axes: Axes, window: Window, which: str, flag: str) -> None:
     axes.plot([], [], label="limit", **DASHED)
-    flagged(axes, window.t, window.fcu[f"internals.{which}_saturated"], flag)
+    flagged(axes, window.t, window.fcu[f"outputs.saturation.{which}"], flag)
     legend(axes)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.judging.metrics import EngagedTicks, Rows
 from gcs_tools.pictures.plot.numbers import Numbers, length, percent
 from gcs_tools.pictures.plot.style import (
@@ -42,7 +43,7 @@ def _position(axes: Axes, plant: Columns, fcu: Columns) -> None:
     t = fcu["t"]
     for colour, r_c in zip(THREE, fcu.axes("setpoint.r_c"), strict=True):
         line(axes, t, r_c, color=colour, **DOTTED)
-    for colour, r_m in zip(THREE, fcu.axes("internals.r_m"), strict=True):
+    for colour, r_m in zip(THREE, fcu.axes("outputs.reference.r_m"), strict=True):
         line(axes, t, r_m, color=colour, **WIDE)
     for name, colour, r in zip(ENU, THREE, plant.axes("state.r_E"), strict=True):
         line(axes, t, r, color=colour, label=name)
@@ -69,8 +70,8 @@ def distance(axes: Axes, flight: EngagedTicks) -> None:
 
 def _thrust(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:
     axes.set_title("Thrust, N")
-    line(axes, fcu["t"], fcu["internals.T_achieved"], color=MUTED, label="achieved", **WIDE)
-    line(axes, fcu["t"], fcu["internals.T_c"], color=X, label="commanded")
+    line(axes, fcu["t"], fcu["outputs.T_achieved"], color=MUTED, label="achieved", **WIDE)
+    line(axes, fcu["t"], fcu["outputs.T_c"], color=X, label="commanded")
     axes.plot([], [], label="limit", **DASHED)
     limits(axes, params["T_min"], params["T_max"])
     legend(axes)
@@ -78,7 +79,7 @@ def _thrust(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:
 
 def _tilt(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:
     axes.set_title("Commanded tilt, degrees")
-    angles = fcu.axes("internals.angles_c", "xy")
+    angles = fcu.axes("outputs.angles_c", "xy")
     for name, colour, angle in zip(("roll", "pitch"), THREE, angles, strict=False):
         line(axes, fcu["t"], np.degrees(angle), color=colour, label=name)
     axes.plot([], [], label="limit", **DASHED)
@@ -108,14 +109,14 @@ def drag_over_mass(
     plant: Columns, fcu: Columns, told: dict[str, float]
 ) -> list[tuple[str, Rows, Rows]]:
     """(axis, s_v_hat, its truth), m/s^2, E. As printed, s_v_hat has to find gravity too."""
-    down = (0.0, 0.0, told["g"] if told["achieved"] < 0.5 else 0.0)
-    found = zip(ENU, fcu.axes("state.s_v_hat"), plant.axes("f_D_E"), down, strict=True)
+    down = (0.0, 0.0, told["law.g"] if told["law.achieved"] < 0.5 else 0.0)
+    found = zip(ENU, fcu.axes("state.estimates.s_v_hat"), plant.axes("f_D_E"), down, strict=True)
     return [(name, s_hat, f_D / plant["m"] - g) for name, s_hat, f_D, g in found]
 
 
 def inertia(plant: Columns, fcu: Columns) -> list[tuple[str, Rows, Rows]]:
     """(axis, J_hat, J), kg m^2, B."""
-    return list(zip("xyz", fcu.axes("state.J_hat"), plant.axes("J"), strict=True))
+    return list(zip("xyz", fcu.axes("state.estimates.J_hat"), plant.axes("J"), strict=True))
 
 
 def _overview(figure: Figure, flight: EngagedTicks, told: dict[str, float], title: str) -> None:
@@ -130,7 +131,7 @@ def _overview(figure: Figure, flight: EngagedTicks, told: dict[str, float], titl
     _thrust(grid["thrust"], fcu, told)
     _tilt(grid["tilt"], fcu, told)
     learned(grid["drag"], "Drag force over mass, m/s²", flight.t, drag_over_mass(true, fcu, told))
-    mass = [("estimate", fcu["state.m_hat"], true["m"])]
+    mass = [("estimate", fcu["state.estimates.m_hat"], true["m"])]
     learned(grid["mass"], "Mass, kg", flight.t, mass, 1.0)
     learned(grid["inertia"], "Inertia, kg m²", flight.t, inertia(true, fcu), 0.1)
     for name in ("mass", "inertia"):
@@ -167,7 +168,7 @@ def flight_figure(
     """Draw a flight as a PNG at `path`.
 
     plant : float64 (n, size(PlantRecord)).  fcu : float64 (m, size(Tick)).
-    params : float64 (size(LawParams),), of which the limits are taken.
+    params : float64 (size(Settings),), of which the limits are taken.
     settle_from_s : as for metrics.EngagedTicks.  Raises OSError if it cannot be written.
     """
     # here, not above: matplotlib takes longer to import than all else of a command
@@ -176,7 +177,7 @@ def flight_figure(
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     flight = EngagedTicks.of(plant, fcu, settle_from_s)
-    told = dict(zip(columns(LawParams), params.tolist(), strict=True))
+    told = dict(zip(columns(Settings), params.tolist(), strict=True))
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout=ConstrainedLayoutEngine(h_pad=0.09, w_pad=0.12))
         _overview(figure, flight, told, title)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SIZE = (12.0, 7.4)  # inches
 QUESTION = "Does the predictor hold?"
-V, W = "internals.v_til", "internals.w_til"
+V, W = "internals.prediction.v_til", "internals.prediction.w_til"
 MILLI = 1e3  # m/s and rad/s are shown in thousandths
 LEAST = 1e-6  # of them that a log scale shows
 
@@ -47,7 +47,7 @@ def numbers(window: Window) -> Numbers:
         size = _size(window, name)
         found[f"{key}_rms_settled_{unit}"] = rms(size[window.settled])
         found[f"{key}_max_{unit}"] = greatest(size)
-    held = window.fcu["internals.projected"] > 0.5
+    held = window.fcu["internals.flags.projected"] > 0.5
     found["projected_fraction"] = finite(float(np.mean(held)))
     found["settled_from_s"] = window.settled_from_s
     return found
@@ -99,5 +99,5 @@ def _by_size(axes: Axes, window: Window, name: str, settled: float | None, unit:
         label = f"settled RMS {said(MILLI * settled, unit)}"
         start = window.settled_from_s
         axes.hlines(max(MILLI * settled, LEAST), start, t[-1], color=Y, linewidth=1.6, label=label)
-    flagged(axes, t, window.fcu["internals.projected"], "an estimate held by projection")
+    flagged(axes, t, window.fcu["internals.flags.projected"], "an estimate held by projection")
     legend(axes)

@@ -97,7 +97,7 @@ def _period(window: Window) -> float | None:
     plant = _rows(window, PLANT_TIMING.name)
     if plant is not None and np.isfinite(plant["late"]).sum() > 1:
         return MICRO * float(np.median(np.diff(plant["published"])))
-    return None if window.params is None else MICRO * window.told["h"]
+    return None if window.params is None else MICRO * window.told["law.h"]
 
 
 def answer(found: Numbers) -> str:

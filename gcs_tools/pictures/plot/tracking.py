@@ -60,7 +60,7 @@ def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     )
     t, fcu = window.t, window.fcu
     flown = window.plant.axes("state.r_E")
-    reference, told = fcu.axes("internals.r_m"), fcu.axes("setpoint.r_c")
+    reference, told = fcu.axes("outputs.reference.r_m"), fcu.axes("setpoint.r_c")
     for i, (name, colour) in enumerate(zip(ENU, THREE, strict=True)):
         axes = grid[name]
         axes.sharex(grid["error"])

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.judging.metrics import EngagedTicks, Rows
 from gcs_tools.recording.reader import SEEN, Recording
 from sitl_plant.physics.types import PlantRecord
@@ -94,10 +95,10 @@ class Window:
 
     @property
     def told(self) -> dict[str, float]:
-        """What the law was told, by column of LawParams. Raises Missing."""
+        """What law and guard were told, by column of Settings. Raises Missing."""
         if self.params is None:
             raise Missing("the law's parameters (/fcu/params) were not recorded")
-        return dict(zip(columns(LawParams), self.params.tolist(), strict=True))
+        return dict(zip(columns(Settings), self.params.tolist(), strict=True))
 
     @property
     def settled(self) -> Any:

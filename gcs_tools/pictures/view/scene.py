@@ -163,14 +163,14 @@ class Scene:
         self._model.visible = flies
         self._setpoint.visible = flies and flight.value("setpoint.level", now) < 0.5
         if flies:
-            self._model.position = np.nan_to_num(flight.vector("internals.r_m", now))
+            self._model.position = np.nan_to_num(flight.vector("outputs.reference.r_m", now))
             self._setpoint.position = np.nan_to_num(flight.vector("setpoint.r_c", now))
 
 
 def _reference(flight: FlightHistory) -> Rows:
     """Where the reference model was, while the law flew: (n, 3)."""
-    flies = flight.along(flight.series("internals.r_m.x")[0], "engaged") > 0.5
-    flown: Rows = flight.way("internals.r_m")[flies]
+    flies = flight.along(flight.series("outputs.reference.r_m.x")[0], "engaged") > 0.5
+    flown: Rows = flight.way("outputs.reference.r_m")[flies]
     return flown
 
 

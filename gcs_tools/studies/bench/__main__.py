@@ -69,20 +69,19 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     import numpy as np
 
     from fcu.guard.admission import Look, way_to
+    from fcu.guard.parameters import GOVERN
     from fcu.guard.stability import unstable
     from fcu.interface.messages import Setpoint
     from fcu.kernel.algebra import Vec3
     from fcu.kernel.buffers import size, to_buffer
-    from fcu.kernel.rows import column
-    from fcu.laws.mmrac import cascade
-    from fcu.laws.mmrac.parameters import GOVERN
-    from fcu.laws.mmrac.types import Internals, Tick
+    from fcu.kernel.rows import column, slice_of
+    from fcu.tick import FLYING, Remembered, Tick, tick
     from gcs_tools.flight import rollout
     from gcs_tools.judging.envelope import with_guard
     from gcs_tools.studies.bench.loops import law_steps, margin_steps, plant_steps
     from sitl_plant.physics.types import PlantRecord
 
-    n, law, world = scene.ticks, to_buffer(scene.law), scene.world
+    n, settings, world = scene.ticks, to_buffer(scene.settings), scene.world
     plant, start = to_buffer(world.params), to_buffer(world.start)
     plant_rows, fcu_rows = np.zeros((n, size(PlantRecord))), np.zeros((n, size(Tick)))
 
@@ -90,48 +89,54 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
 
     def fly() -> None:
         rollout.rollout(
-            plant, law, start, scene.sent_at, setpoints, noise,
+            plant, settings, start, scene.sent_at, setpoints, noise,
             int(world.delay_ticks), world.steps, scene.period_us, n, plant_rows, fcu_rows,
         )  # fmt: skip
 
     flight = per_call_s(fly, n, 3 * repeats)
     row = fcu_rows[n // 2]
-    state, setpoint, out = column(Tick, row, "state").copy(), setpoints[0], row.copy()
+    setpoint, out, remembered = setpoints[0], row.copy(), np.zeros(size(Remembered))
+    remembered[slice_of(Remembered, "law")] = column(Tick, row, "state")
+    remembered[slice_of(Remembered, "guard")] = column(Tick, row, "guard_state")
     command = column(Tick, row, "command").copy()
 
     rows = column(Tick, fcu_rows[n // 2 + 1 :][:STEPS], "measured").copy()
-    kept = np.zeros((len(rows), size(Internals)))
+    kept = np.zeros((len(rows), size(Tick)))
     measured = rows[0]
 
     def ticks() -> None:
+        at = remembered.copy()
         for _ in range(CALLS):
-            cascade.tick(1.0, cascade.FLYING, state, law, setpoint, 0.0, measured, out)
+            tick(1.0, FLYING, at, settings, setpoint, 0.0, measured, out)
 
-    step = per_call_s(lambda: law_steps(law, state, setpoint, rows, kept), len(rows), repeats)
+    step = per_call_s(
+        lambda: law_steps(settings, remembered, setpoint, rows, kept), len(rows), repeats
+    )
     yield Figure("law_step_ns", "law, one step, compiled (ns)", step * 1e9)
-    step = per_call_s(lambda: margin_steps(law, state, rows), len(rows), repeats)
+    step = per_call_s(lambda: margin_steps(settings, remembered, rows), len(rows), repeats)
     yield Figure("margin_ns", "of which its margins (ns)", step * 1e9)
-    governing = to_buffer(with_guard(scene.law, policy=GOVERN))
+    governing = to_buffer(with_guard(scene.settings, policy=GOVERN))
     far = setpoint.copy()
     far[:3] += 100.0
-    step = per_call_s(lambda: law_steps(governing, state, far, rows, kept), len(rows), repeats)
+    step = per_call_s(lambda: law_steps(governing, remembered, far, rows, kept), len(rows), repeats)
     yield Figure("law_governing_ns", "law, one step, its guard governing (ns)", step * 1e9)
     step = per_call_s(lambda: plant_steps(STEPS, plant, start, command), STEPS, repeats)
     yield Figure("plant_step_ns", "plant, one step of 1 ms, compiled (ns)", step * 1e9)
     step = per_call_s(ticks, CALLS, repeats)
-    yield Figure("tick_call_us", "cascade.tick(buffers) from Python (us)", step * 1e6)
+    yield Figure("tick_call_us", "tick(buffers) from Python (us)", step * 1e6)
     zero = Vec3(0.0, 0.0, 0.0)
-    look, way = Look(scene.law), way_to(Setpoint(Vec3(4.0, 7.0, 18.0), zero, zero, 0.0, 0.0))
+    look = Look(scene.guard, scene.law)
+    way = way_to(Setpoint(Vec3(4.0, 7.0, 18.0), zero, zero, 0.0, 0.0))
     step = per_call_s(lambda: look.short(way, np.zeros(6)), 1, 50 * repeats)
     yield Figure("look_us", "a look along the way to a setpoint (us)", step * 1e6)
     step = per_call_s(lambda: unstable(scene.law), 1, 20 * repeats)
     yield Figure("stability_rule_ms", "the rule on gains, asked once (ms)", step * 1e3)
     label = f"rollout, one core, {world.steps} plant steps a tick (million ticks/s)"
     yield Figure("rollout_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
-    yield from recorder(plant_rows, fcu_rows, law, repeats)
+    yield from recorder(plant_rows, fcu_rows, settings, repeats)
 
 
-def recorder(plant_rows: Any, fcu_rows: Any, law: Any, repeats: int) -> Iterator[Figure]:
+def recorder(plant_rows: Any, fcu_rows: Any, settings: Any, repeats: int) -> Iterator[Figure]:
     """What recording costs a tick, fed in batches as a flight feeds it."""
     from fcu.interface.tape import BATCH
     from gcs_tools.recording.recorder import Recorder
@@ -141,7 +146,7 @@ def recorder(plant_rows: Any, fcu_rows: Any, law: Any, repeats: int) -> Iterator
         with tempfile.TemporaryDirectory() as folder:
             began = time.perf_counter()
             with Recorder(Path(folder) / "flight.mcap", {}) as recording:
-                recording.set_params(law)
+                recording.set_params(settings)
                 for i in range(0, len(plant_rows), BATCH):
                     recording.add_plant(plant_rows[i : i + BATCH])
                     recording.add_fcu(fcu_rows[i : i + BATCH])
@@ -182,7 +187,7 @@ def flown(scene: Scenario, speed: float | None = None, clients: bool = False) ->
         folder = Path(name)
         recording = Recorder(folder / "flight.mcap", {})
         with recording, claimed(None, *PORTS) as instance:
-            recording.set_params(to_buffer(scene.law))
+            recording.set_params(to_buffer(scene.settings))
             takers = (recording.add_plant, recording.add_fcu)
             with listeners(instance, clients):
                 return WireFlight(scene, folder, instance, speed, takers, lambda _t: None).fly()

@@ -58,19 +58,19 @@ def _reports(instance: int) -> float:
     """Median of a Reporter.report, s; with a publisher if there is one."""
     import numpy as np
 
-    from fcu.configuration import read_drag, read_law
+    from fcu.configuration import read_drag, read_settings
     from fcu.interface.feed import Feed
     from fcu.interface.tape import Tape
     from fcu.parameters import Parameters
     from fcu.reporting import WIDTH, Reporter
     from fcu.vehicle.state_machine import StateMachine
 
-    params = Parameters(read_law(None, 500.0), instance + 1, None)
+    params = Parameters(read_settings(None, 500.0), instance + 1, None)
     vehicle, feed = StateMachine(params), Feed(instance, "fcu")
     reporter = Reporter(Tape(WIDTH), feed, read_drag())
     row: Any = np.zeros(WIDTH)
     reporter.warm_up(row)
-    reporter.idle(0.0, params.law, time.monotonic())
+    reporter.idle(0.0, params.settings, time.monotonic())
     taken = []
     for i in range(ROWS):
         if i % BURST == 0:

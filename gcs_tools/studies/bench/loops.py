@@ -6,31 +6,35 @@ from fcu.guard import margin
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.laws.mmrac import cascade
-from fcu.laws.mmrac.types import Internals, LawState
+from fcu.tick import FLYING, Remembered, Tick, engaged_tick, unpack_remembered, unpack_settings
 from sitl_plant.physics import dynamics, tick
 
-_unpack_state = unpacker(LawState)
 _unpack_setpoint = unpacker(Setpoint)
 _unpack_measured = unpacker(VehicleState)
 _unpack_command = unpacker(RotorCommand)
-_pack_internals = packer(Internals)
+_pack_outputs = packer(Tick, "outputs")
+_pack_internals = packer(Tick, "internals")
+_pack_guard = packer(Tick, "guard")
 
 
 @kernel
-def law_steps(params_buffer, state_buffer, setpoint_buffer, measured_rows, internals_rows):
-    """A tick of the law for each row of `measured_rows`; returns a sum over the commands.
+def law_steps(settings_buffer, remembered_buffer, setpoint_buffer, measured_rows, rows):
+    """A tick of law and guard for each row of `measured_rows`; returns a sum over the commands.
 
-    Measurements differ and internals are kept, or the compiler would take work out of the loop.
+    Measurements differ and what is computed is kept in `rows`, of Tick, or the compiler would take
+    work out of the loop.
     """
-    params, state = cascade.unpack_params(params_buffer), _unpack_state(state_buffer)
+    settings, remembered = unpack_settings(settings_buffer), unpack_remembered(remembered_buffer)
     setpoint = _unpack_setpoint(setpoint_buffer)
     seen = 0.0
     for i in range(len(measured_rows)):
         measured = _unpack_measured(measured_rows[i])
-        state, command, internals = cascade.step(state, params, setpoint, measured)
-        _pack_internals(internals_rows[i], internals)
-        seen += command.u.r1
+        flown = engaged_tick(0.0, FLYING, remembered, settings, setpoint, measured)
+        remembered = Remembered(law=flown.state, guard=flown.guard_state)
+        _pack_outputs(rows[i], flown.outputs)
+        _pack_internals(rows[i], flown.internals)
+        _pack_guard(rows[i], flown.guard)
+        seen += flown.command.u.r1
     return seen
 
 
@@ -45,14 +49,15 @@ def plant_steps(n, params_buffer, state_buffer, command_buffer):
 
 
 @kernel
-def margin_steps(params_buffer, state_buffer, measured_rows):
+def margin_steps(settings_buffer, remembered_buffer, measured_rows):
     """What a tick adds to tell its margins, for each row of `measured_rows`; returns their sum."""
-    params, state = cascade.unpack_params(params_buffer), _unpack_state(state_buffer)
-    seen = 0.0
+    settings, remembered = unpack_settings(settings_buffer), unpack_remembered(remembered_buffer)
+    guard, a_m, beta = settings.guard, remembered.guard.a_m, remembered.guard.beta
+    phi_star, seen = settings.law.limits.phi_star, 0.0
     for i in range(len(measured_rows)):
         v = _unpack_measured(measured_rows[i]).v_E
-        T = params.guard.m_max * (v + state.f_c_prev)
-        known = margin.known(params)
-        seen += margin.distance(known, T) + margin.tilt_left(params.phi_star, T)
-        seen += margin.condition(known, state.a_m, v, state.beta)
+        T = guard.m_max * (v + remembered.law.memory.f_c)
+        known = margin.known(guard, settings.law)
+        seen += margin.distance(known, T) + margin.tilt_left(phi_star, T)
+        seen += margin.condition(known, a_m, v, beta)
     return seen

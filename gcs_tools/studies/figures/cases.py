@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fcu.kernel.buffers import columns
-from fcu.laws.mmrac.types import LawParams, Tick
+from fcu.laws.mmrac.types import Params
+from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import EngagedTicks, Rows
@@ -47,7 +48,7 @@ class Flown:
     """A flight, by rows at the ticks at which the law was flying."""
 
     case: Case
-    law: LawParams
+    law: Params
     flight: EngagedTicks
     plant: Columns  # PlantRecord
     fcu: Columns  # Tick

@@ -56,7 +56,7 @@ def flown(gammas: tuple[float, ...] = GAMMAS) -> Iterator[Point]:
     """Each flight, as soon as it has been flown."""
     for gamma, case in cases(gammas):
         flight = fly(case)
-        size = norm(flight.fcu.axes("internals.v_til"))[late(flight, SETTLED_S)]
+        size = norm(flight.fcu.axes("internals.prediction.v_til"))[late(flight, SETTLED_S)]
         yield Point(case.title, gamma, None if flight.ended else float(size.max()))
 
 

@@ -71,7 +71,7 @@ def norm(parts: Sequence[Rows]) -> Rows:
 def angle_errors(flown: Flown, axes: str) -> list[Rows]:
     """Angle minus its command, rad, the short way round, each (n,)."""
     pairs = zip(
-        flown.fcu.axes("internals.angles", axes), flown.fcu.axes("internals.angles_c", axes),
+        flown.fcu.axes("outputs.angles", axes), flown.fcu.axes("outputs.angles_c", axes),
         strict=True,
     )  # fmt: skip
     return [(flown_to - asked + math.pi) % (2.0 * math.pi) - math.pi for flown_to, asked in pairs]
@@ -95,7 +95,7 @@ def _rms(parts: Callable[[Flown], list[Rows]], scale: float) -> Callable[[Flown]
 
 
 def _thrust(which: Callable[[Rows], Rows]) -> Callable[[Flown], Value]:
-    return lambda flown: float(which(flown.fcu["internals.T_c"][late(flown, FIRST_S)]))
+    return lambda flown: float(which(flown.fcu["outputs.T_c"][late(flown, FIRST_S)]))
 
 
 def gone_from(flown: Flown) -> float | None:
@@ -162,11 +162,11 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("tilt_max_from_1_s_deg", 3, "greatest roll or pitch command from 1 s on", _metric("tilt_max_deg", FIRST_S), 1, "°"),
         Quantity("tilt_error_rms_settled_deg", 3, "roll and pitch off their commands, RMS from 5 s on", _rms(lambda f: angle_errors(f, "xy"), 180.0 / math.pi), 1, "°"),
         Quantity("yaw_error_rms_settled_deg", 3, "yaw off its command, RMS from 5 s on", _rms(lambda f: angle_errors(f, "z"), 180.0 / math.pi), 2, "°"),
-        Quantity("velocity_prediction_rms_settled_mm_s", 4, "velocity off its prediction, RMS from 5 s on", _rms(lambda f: f.fcu.axes("internals.v_til"), MILLI), 1, "mm/s"),
-        Quantity("velocity_reference_rms_settled_m_s", 4, "velocity off the reference, RMS from 5 s on", _rms(lambda f: differences(f, "measured.v_E", "internals.v_m"), 1.0), 2, "m/s"),
-        Quantity("rate_prediction_rms_settled_mrad_s", 5, "body rate off its prediction, RMS from 5 s on", _rms(lambda f: f.fcu.axes("internals.w_til"), MILLI), 1, "mrad/s"),
-        Quantity("rate_command_rms_settled_rad_s", 5, "body rate off its command, RMS from 5 s on", _rms(lambda f: differences(f, "measured.w_B", "internals.w_c"), 1.0), 2, "rad/s"),
-        Quantity("m_hat_final_kg", 4, "mass estimate at the end (the mass is 8 kg)", lambda f: float(f.fcu["state.m_hat"][-1]), 1, "kg"),
+        Quantity("velocity_prediction_rms_settled_mm_s", 4, "velocity off its prediction, RMS from 5 s on", _rms(lambda f: f.fcu.axes("internals.prediction.v_til"), MILLI), 1, "mm/s"),
+        Quantity("velocity_reference_rms_settled_m_s", 4, "velocity off the reference, RMS from 5 s on", _rms(lambda f: differences(f, "measured.v_E", "outputs.reference.v_m"), 1.0), 2, "m/s"),
+        Quantity("rate_prediction_rms_settled_mrad_s", 5, "body rate off its prediction, RMS from 5 s on", _rms(lambda f: f.fcu.axes("internals.prediction.w_til"), MILLI), 1, "mrad/s"),
+        Quantity("rate_command_rms_settled_rad_s", 5, "body rate off its command, RMS from 5 s on", _rms(lambda f: differences(f, "measured.w_B", "outputs.w_c"), 1.0), 2, "rad/s"),
+        Quantity("m_hat_final_kg", 4, "mass estimate at the end (the mass is 8 kg)", lambda f: float(f.fcu["state.estimates.m_hat"][-1]), 1, "kg"),
     ),
     "wrong_start": (
         Quantity("position_error_first_m", 6, "distance from the reference at the start", lambda f: float(f.flight.position_error[0]), 2, "m"),

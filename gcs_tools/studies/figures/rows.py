@@ -56,7 +56,7 @@ def _position(axis: int) -> Row:
     def draw(axes: Axes, flown: Flown) -> None:
         colour, of = THREE[axis], "xyz"[axis]
         line(axes, flown.t, flown.fcu[f"setpoint.r_c.{of}"], color=colour, **DOTTED)
-        line(axes, flown.t, flown.fcu[f"internals.r_m.{of}"], color=colour, **WIDE)
+        line(axes, flown.t, flown.fcu[f"outputs.reference.r_m.{of}"], color=colour, **WIDE)
         line(axes, flown.t, flown.plant[f"state.r_E.{of}"], color=colour)
 
     return Row(f"{ENU[axis]}, m", draw)
@@ -79,23 +79,23 @@ def _known(axes: Axes, flown: Flown) -> None:
 
 def _thrust(axes: Axes, flown: Flown) -> None:
     mark(axes, FIRST_S)
-    line(axes, flown.t, flown.fcu["internals.T_achieved"], color=MUTED, **WIDE)
-    line(axes, flown.t, flown.fcu["internals.T_c"], color=X)
-    limits(axes, flown.law.T_min, flown.law.T_max)
-    flagged(axes, flown.t, flown.fcu["internals.thrust_saturated"], "")
+    line(axes, flown.t, flown.fcu["outputs.T_achieved"], color=MUTED, **WIDE)
+    line(axes, flown.t, flown.fcu["outputs.T_c"], color=X)
+    limits(axes, flown.law.limits.T_min, flown.law.limits.T_max)
+    flagged(axes, flown.t, flown.fcu["outputs.saturation.thrust"], "")
 
 
 def _delta_u(axes: Axes, flown: Flown) -> None:
     mark(axes, FIRST_S)
-    size = norm(flown.fcu.axes("internals.delta_u"))
+    size = norm(flown.fcu.axes("internals.achieved.delta_u"))
     line(axes, flown.t, np.maximum(size, 1e-2), color=INK, linewidth=0.9)
-    flagged(axes, flown.t, flown.fcu["internals.thrust_saturated"], "")
+    flagged(axes, flown.t, flown.fcu["outputs.saturation.thrust"], "")
 
 
 def _mass(axes: Axes, flown: Flown) -> None:
     bounds = flown.law.bounds
     line(axes, flown.t, flown.plant["m"], color=MUTED, **WIDE)
-    line(axes, flown.t, flown.fcu["state.m_hat"], color=X)
+    line(axes, flown.t, flown.fcu["state.estimates.m_hat"], color=X)
     for level in (bounds.m_min, bounds.m_max):
         axes.axhline(level, color=LIMIT, linewidth=0.9, linestyle=":")
 
@@ -106,15 +106,15 @@ def _angle(axis: int) -> Row:
     def draw(axes: Axes, flown: Flown) -> None:
         mark(axes, FIRST_S)
         angle, asked = (
-            np.degrees(flown.fcu[f"internals.{of}.{'xyz'[axis]}"]) for of in ("angles", "angles_c")
+            np.degrees(flown.fcu[f"outputs.{of}.{'xyz'[axis]}"]) for of in ("angles", "angles_c")
         )
         line(axes, flown.t, asked, color=THREE[axis], **WIDE)
         line(axes, flown.t, angle, color=THREE[axis])
         if axis < 2:
-            limit = float(np.degrees(flown.law.phi_star))
+            limit = float(np.degrees(flown.law.limits.phi_star))
             limits(axes, -limit, limit)
             axes.set_yticks([-limit, 0.0, limit])
-            flagged(axes, flown.t, flown.fcu["internals.tilt_saturated"], "")
+            flagged(axes, flown.t, flown.fcu["outputs.saturation.tilt"], "")
 
     return Row(f"{name}, °", draw)
 
@@ -122,9 +122,9 @@ def _angle(axis: int) -> Row:
 def _velocity(axis: int) -> Row:
     def draw(axes: Axes, flown: Flown) -> None:
         colour, of = THREE[axis], "xyz"[axis]
-        line(axes, flown.t, flown.fcu[f"internals.v_m.{of}"], color=INK, **DOTTED)
+        line(axes, flown.t, flown.fcu[f"outputs.reference.v_m.{of}"], color=INK, **DOTTED)
         line(axes, flown.t, flown.fcu[f"measured.v_E.{of}"], color=colour, **WIDE)
-        line(axes, flown.t, flown.fcu[f"state.v_hat.{of}"], color=colour)
+        line(axes, flown.t, flown.fcu[f"state.predictor.v_hat.{of}"], color=colour)
 
     return Row(f"{ENU[axis]}, m/s", draw)
 
@@ -134,10 +134,10 @@ def _rate(axis: int) -> Row:
 
     def draw(axes: Axes, flown: Flown) -> None:
         colour, of = THREE[axis], "xyz"[axis]
-        asked = flown.fcu[f"internals.w_c.{of}"]
+        asked = flown.fcu[f"outputs.w_c.{of}"]
         line(axes, flown.t, asked, color=INK, **DOTTED)
         line(axes, flown.t, flown.fcu[f"measured.w_B.{of}"], color=colour, **WIDE)
-        line(axes, flown.t, flown.fcu[f"state.w_hat.{of}"], color=colour)
+        line(axes, flown.t, flown.fcu[f"state.predictor.w_hat.{of}"], color=colour)
         ends = [end for end in (asked.min(), asked.max()) if not span[0] <= end <= span[1]]
         if ends:
             note(
@@ -152,7 +152,7 @@ def _rate(axis: int) -> Row:
 
 def _error(name: str) -> Callable[[Axes, Flown], None]:
     def draw(axes: Axes, flown: Flown) -> None:
-        size: Rows = MILLI * norm(flown.fcu.axes(f"internals.{name}"))
+        size: Rows = MILLI * norm(flown.fcu.axes(f"internals.prediction.{name}"))
         line(axes, flown.t, np.maximum(size, 1e-3), color=INK, linewidth=0.9)
 
     return draw

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.laws.mmrac.types import LawParams
+from fcu.laws.mmrac.types import Params
 from fcu.theory import scenes
 from fcu.theory.adaptive import Estimates
 from fcu.theory.arrays import Array
@@ -78,7 +78,7 @@ def excluded(loop: str, why: str) -> Iterator[Excluded]:
 
 
 def position(
-    params: LawParams, gamma: float, mass: float, duration: float
+    params: Params, gamma: float, mass: float, duration: float
 ) -> Iterator[Held | Excluded]:
     """Hover of one mass: a start that knows it and believes in no disturbance."""
     law = believing(with_gamma(params, gamma), mass)
@@ -105,7 +105,7 @@ def position(
 
 
 def rates(
-    params: LawParams, gamma: float, inertia: float, duration: float
+    params: Params, gamma: float, inertia: float, duration: float
 ) -> Iterator[Held | Excluded]:
     """Three rate loops of one inertia (kg m^2) at rest, couplings left out of plant and law."""
     low, high, J = inertia * LOW, inertia * HIGH, np.full(3, inertia)
@@ -130,7 +130,7 @@ def rates(
             )  # fmt: skip
 
 
-def _rate_run(law: LawParams, drawn: Scene, J: Array, duration: float) -> Run:
+def _rate_run(law: Params, drawn: Scene, J: Array, duration: float) -> Run:
     truth = Uncertainty(
         constant(np.diag(1.0 / J)), np.asarray(1.0 / J[0]), Structure.DIAGONAL,
         C=constant(np.zeros((3, 5))), s=drawn.s,
@@ -146,7 +146,7 @@ def _rate_run(law: LawParams, drawn: Scene, J: Array, duration: float) -> Run:
 
 
 def octocopter_loops(
-    params: LawParams, gammas: Sequence[float], masses: Sequence[float], duration: float
+    params: Params, gammas: Sequence[float], masses: Sequence[float], duration: float
 ) -> Iterator[list[Held | Excluded]]:
     """All loops, one list for each that is simulated."""
     for gamma in gammas:

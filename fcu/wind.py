@@ -16,14 +16,13 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, rotate, rotate_back
-from fcu.laws.mmrac.types import Tick
+from fcu.tick import Tick
 
 ROUNDS, CLOSE = 20, 1e-3  # of two equations for the drag upwards, N
 NOT_KNOWN = math.nan
 
 _measured = unpacker(Tick, "measured")
-_s_v_hat = unpacker(Tick, "state.s_v_hat")
-_m_hat = unpacker(Tick, "state.m_hat")
+_estimates = unpacker(Tick, "state.estimates")
 _engaged = unpacker(Tick, "engaged")
 
 
@@ -71,7 +70,8 @@ def read(tick, drag, out):
 
     drag : believed, float64[3], N/(m/s)^2, body axes.
     """
-    v_air = of(_measured(tick), _s_v_hat(tick), _m_hat(tick), Vec3(drag[0], drag[1], drag[2]))
+    estimates, believed = _estimates(tick), Vec3(drag[0], drag[1], drag[2])
+    v_air = of(_measured(tick), estimates.s_v_hat, estimates.m_hat, believed)
     flying = _engaged(tick) > 0.5
     out[0] = v_air.x if flying else NOT_KNOWN
     out[1] = v_air.y if flying else NOT_KNOWN

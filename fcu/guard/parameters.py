@@ -1,0 +1,88 @@
+"""The parameters of the guard: the one table of them, GuardParams from it, and what must hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fcu.guard.types import GuardParams
+from fcu.interface.parameter import Parameter, ParameterError, Part, Value, filled, group, values
+from fcu.interface.parameter import check as check_rows
+from fcu.kernel.buffers import from_buffer, size
+from fcu.laws.mmrac.parameters import DEMANDED
+from fcu.laws.mmrac.types import Params
+
+POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}
+WARN, GOVERN, REFUSE = POLICIES.values()
+
+PRINTED: dict[str, Value] = {"guard": "warn"}  # with prediction = "demanded" there is none
+
+P = Parameter
+
+# README.md
+PARAMETERS: tuple[Parameter, ...] = (
+    *group(
+        "The guard",
+        P(
+            "guard", "MR_GUARD", "govern", 0.0, 2.0, "", "when the actuators do not suffice",
+            "policy", words=POLICIES,
+        ),
+        P(
+            "guard_mass_kg",
+            (
+                Part("MR_GRD_M_MIN", ("m_min",), "least mass that the guard believes in"),
+                Part("MR_GRD_M_MAX", ("m_max",), "greatest mass that it believes in"),
+            ),
+            None, 0.1, 100.0, "kg", "least and greatest mass that the guard believes in", ("m_min", "m_max"), airframe="vehicle.mass_kg",
+        ),
+        P("guard_drag", "MR_GRD_DRAG", None, 0.001, 10.0, "N/(m/s)^2", "greatest drag coefficient that it believes in", "c_D", airframe="air.drag"),
+        # the paper's wind is up to 11.7 m/s, and changes by up to 18.5 m/s^2
+        P("guard_wind_m_s", "MR_GRD_WIND", 12.0, 0.0, 100.0, "m/s", "greatest wind that it believes in", "w_max"),
+        P("guard_wind_rate_m_s2", "MR_GRD_WRATE", 20.0, 0.0, 1000.0, "m/s^2", "greatest rate of that wind", "w_dot_max"),
+        P("guard_jerk_m_s3", "MR_GRD_JERK", 25.0, 5.0, 1000.0, "m/s^3", "fastest change of the acceleration of what is governed", "jerk"),
+    ),
+)  # fmt: skip
+
+
+def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
+    """The defaults that are others with what was chosen of the law: those of the printed one."""
+    return PRINTED if chosen.get("prediction") == DEMANDED else {}
+
+
+def guard_params(
+    airframe: Mapping[str, Any], law: Params, chosen: Mapping[str, Any] | None = None
+) -> GuardParams:
+    """GuardParams around a law.
+
+    `airframe`: the tables of an airframe file; `chosen`: values of PARAMETERS, under their keys, in
+    place of their defaults. Raises ParameterError, AirframeError.
+    """
+    given = values(PARAMETERS, airframe, chosen or {}, {} if law.achieved else PRINTED)
+    nothing = from_buffer(GuardParams, np.full(size(GuardParams), math.nan))
+    params: GuardParams = filled(nothing, PARAMETERS, given)
+    check(params, law)
+    return params
+
+
+def followed(params: GuardParams, before: Params, law: Params) -> GuardParams:
+    """GuardParams around a law that was another: with its defaults for what stands at the other's."""
+    if law.achieved == before.achieved:
+        return params
+    for row in PARAMETERS:
+        if row.key in PRINTED and row.default is not None:
+            old, new = row.default, PRINTED[row.key]
+            old, new = (old, new) if before.achieved else (new, old)
+            if row.get(params) == row.numbers(old):
+                params = row.put(params, row.numbers(new))
+    return params
+
+
+def check(params: GuardParams, law: Params) -> None:
+    """Raise ParameterError for values that the kernels cannot work with."""
+    check_rows(params, PARAMETERS)
+    if not law.achieved and params.policy != WARN:
+        expected = 'of "warn" with prediction = "demanded": the condition is for what was achieved'
+        raise ParameterError(f"guard: expected a value {expected}")

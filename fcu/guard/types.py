@@ -1,0 +1,44 @@
+"""What the guard is told once (GuardParams), remembers (GuardState), and tells (GuardInternals)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fcu.kernel.algebra import Vec3
+
+
+class GuardParams(NamedTuple):
+    """What is believed of the flight to come, and what is done when it does not fit the actuators."""
+
+    policy: float  # 0 warn, 1 govern, 2 refuse
+    m_min: float  # kg, the vehicle's mass is believed to lie
+    m_max: float  # kg, between these
+    c_D: float  # N/(m/s)^2, greatest drag coefficient of any body axis
+    w_max: float  # m/s, greatest velocity of the air
+    w_dot_max: float  # m/s^2, greatest rate of that velocity
+    jerk: float  # m/s^3, fastest change of the reference's acceleration
+
+
+class GuardState(NamedTuple):
+    """What the guard remembers from tick to tick."""
+
+    a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
+    beta: float  # control difference left of take-over, and of the reference's changes, N (30)
+    psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
+    psi_g_dot: float  # its rate, rad/s
+
+
+class Margin(NamedTuple):
+    """How far the demand is from what the actuators reach; negative outside."""
+
+    force: float  # N, from the demanded force to the nearest limit
+    tilt: float  # rad, from its tilt to the tilt limit
+    condition: float  # N, by which the condition for what is still to come holds
+
+
+class GuardInternals(NamedTuple):
+    """What the guard did at one tick: recorded, shown, never fed back."""
+
+    r_g: Vec3  # position setpoint that the reference model is given, m, E: r_c, or governed
+    governed: float  # 1 while that is not r_c
+    margin: Margin

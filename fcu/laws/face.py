@@ -1,0 +1,48 @@
+"""What every law tells of a tick, and what it keeps to, whatever it remembers and computes.
+
+Shell, telemetry, metrics and plots build on these alone. SI units; E is Earth East-North-Up, B is
+body Forward-Left-Up.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fcu.kernel.algebra import Rotors, Vec3
+
+
+class Limits(NamedTuple):
+    """What the law asks of the actuators at most."""
+
+    T_min: float  # least total thrust, N
+    T_max: float  # greatest total thrust, N
+    phi_star: float  # greatest roll, and greatest pitch, rad
+
+
+class Reference(NamedTuple):
+    """The reference model; NaN for a law that has none."""
+
+    r_m: Vec3  # its position, m, E
+    v_m: Vec3  # its velocity, m/s, E
+
+
+class Saturation(NamedTuple):
+    """What was cut, 1 while it is."""
+
+    thrust: float  # the total thrust command, by a limit
+    tilt: float  # the roll or pitch command, by the tilt limit
+    rotor: float  # torque or thrust, by the allocation
+
+
+class Outputs(NamedTuple):
+    """What one tick of a law asks for, and what is achieved."""
+
+    reference: Reference  # at this tick
+    e_r: Vec3  # position minus reference, m, E
+    T_c: float  # commanded total thrust, N
+    T_achieved: float  # achieved total thrust, N
+    angles: Vec3  # phi, theta, psi, rad
+    angles_c: Vec3  # phi_c, theta_c, psi_c, rad
+    w_c: Vec3  # commanded body rate, rad/s, B
+    thrusts: Rotors  # allocated rotor thrusts, N
+    saturation: Saturation

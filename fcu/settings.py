@@ -1,0 +1,80 @@
+"""What law and guard are told: constant in flight; a changed value is a new Settings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from fcu.guard import parameters as guard
+from fcu.guard.types import GuardParams
+from fcu.interface.airframe import Airframe
+from fcu.interface.parameter import Conversion, Parameter, Part, Value, flat
+from fcu.laws.mmrac import parameters as mmrac
+from fcu.laws.mmrac.types import Params
+
+
+class Settings(NamedTuple):
+    """Parameters of the law, and of the guard around it."""
+
+    law: Params
+    guard: GuardParams
+
+
+def settings(
+    believed: Airframe,
+    airframe: Mapping[str, Any],
+    rate_hz: float,
+    chosen: Mapping[str, Any] | None = None,
+) -> Settings:
+    """Settings for an airframe and a control rate; arguments as for `law_params`.
+
+    `chosen`: values of PARAMETERS. Raises ParameterError, AirframeError.
+    """
+    given, of_guard = dict(flat(chosen or {})), {row.key for row in guard.PARAMETERS}
+    of_law = {key: value for key, value in given.items() if key not in of_guard}
+    law = mmrac.law_params(believed, airframe, rate_hz, of_law)
+    rest = {key: value for key, value in given.items() if key in of_guard}
+    return Settings(law=law, guard=guard.guard_params(airframe, law, rest))
+
+
+def check(settings: Settings) -> None:
+    """Raise ParameterError for values that the kernels cannot work with."""
+    mmrac.check(settings.law)
+    guard.check(settings.guard, settings.law)
+
+
+def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
+    """The defaults that are others with what was chosen."""
+    return {**mmrac.printed(chosen), **guard.printed(chosen)}
+
+
+# --- the tables of both, as one of Settings
+
+
+def _of(name: str, rows: Iterable[Parameter]) -> Iterable[Parameter]:
+    """Rows of what stands in the field `name` of Settings."""
+    for row in rows:
+        parts = tuple(
+            Part(part.name, tuple(f"{name}.{field}" for field in part.fields), part.sentence)
+            for part in row.parts
+        )
+        yield row._replace(
+            mavlink=parts or row.mavlink,
+            field=tuple(f"{name}.{field}" for field in row.fields),
+            convert=None if row.convert is None else _within(name, row.convert),
+        )
+
+
+def _within(name: str, convert: Conversion) -> Conversion:
+    """A conversion of the value in the field `name` of Settings."""
+
+    def put(settings: Settings, number: float) -> Settings:
+        inner = convert.put(getattr(settings, name), number)
+        changed = settings._replace(**{name: inner})
+        following = guard.followed(changed.guard, settings.law, changed.law)
+        return changed._replace(guard=following)
+
+    return Conversion(lambda settings: convert.get(getattr(settings, name)), put)
+
+
+PARAMETERS = (*_of("law", mmrac.PARAMETERS), *_of("guard", guard.PARAMETERS))

@@ -1,0 +1,117 @@
+"""One control tick of law and guard: what is recorded of it, and the tick itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fcu.guard import guard
+from fcu.guard.types import GuardInternals, GuardState
+from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
+from fcu.kernel.algebra import Rotors
+from fcu.kernel.buffers import packer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.laws.face import Outputs
+from fcu.laws.mmrac import law
+from fcu.laws.mmrac.reference_model import carried
+from fcu.laws.mmrac.types import Internals, State
+from fcu.settings import Settings
+
+IDLE, TAKE_OVER, FLYING = 0.0, 1.0, 2.0
+
+
+class Remembered(NamedTuple):
+    """What law and guard remember from tick to tick."""
+
+    law: State
+    guard: GuardState
+
+
+class Tick(NamedTuple):
+    """One control tick, as the flight controller records it."""
+
+    t: float  # simulation time, s
+    measured: VehicleState
+    setpoint: Setpoint  # as asked for: extrapolated to this tick
+    command: RotorCommand
+    engaged: float  # 0 idle, 1 take-over at this tick, 2 flying the law
+    outputs: Outputs
+    state: State  # after the tick
+    internals: Internals
+    guard_state: GuardState  # after the tick
+    guard: GuardInternals
+
+
+@kernel
+def engaged_tick(t, engaged, remembered, settings, setpoint, measured):
+    """The Tick at which the law takes over, or goes on from what is `remembered`.
+
+    t : simulation time, s.  engaged : TAKE_OVER or FLYING.
+    """
+    told = settings.law
+    if engaged == TAKE_OVER:
+        governed = guard.take_over(settings.guard, told, setpoint, measured)
+        state, command, outputs, internals = law.take_over(told, governed.setpoint, measured)
+    else:
+        before = remembered.law
+        governed = guard.before(remembered.guard, settings.guard, told, before, setpoint, measured)
+        state, command, outputs, internals = law.step(before, told, governed.setpoint, measured)
+    guard_state, guarded = guard.after(
+        governed, settings.guard, told, state, outputs, internals, measured
+    )
+    return Tick(
+        t=t,
+        measured=measured,
+        setpoint=setpoint,
+        command=command,
+        engaged=engaged,
+        outputs=outputs,
+        state=state,
+        internals=internals,
+        guard_state=guard_state,
+        guard=guarded,
+    )
+
+
+@kernel
+def idle_tick(t, setpoint, measured):
+    """The Tick of a law that does not fly: it follows the measurement, and the rotors stand."""
+    state, outputs, internals = law.idle(measured)
+    guard_state, guarded = guard.idle(measured)
+    return Tick(
+        t=t,
+        measured=measured,
+        setpoint=setpoint,
+        command=RotorCommand(u=Rotors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        engaged=IDLE,
+        outputs=outputs,
+        state=state,
+        internals=internals,
+        guard_state=guard_state,
+        guard=guarded,
+    )
+
+
+unpack_settings = unpacker(Settings)
+unpack_remembered = unpacker(Remembered)
+_unpack_setpoint = unpacker(Setpoint)
+_unpack_measured = unpacker(VehicleState)
+_pack_tick = packer(Tick)
+_pack_remembered = packer(Remembered)
+
+
+@kernel
+def tick(t, engaged, remembered, settings, setpoint, age, measured, row):
+    """One control tick on flat float64 buffers; writes `row`, a Tick, and `remembered`.
+
+    t : simulation time, s.  engaged : IDLE, TAKE_OVER or FLYING.  age : s since the setpoint
+    was received.  remembered : float64[size(Remembered)], of the last tick, then of this one.
+    """
+    seen = _unpack_measured(measured)
+    asked = carried(_unpack_setpoint(setpoint), age)
+    if engaged == IDLE:
+        flown = idle_tick(t, asked, seen)
+    else:
+        before = unpack_remembered(remembered)
+        flown = engaged_tick(t, engaged, before, unpack_settings(settings), asked, seen)
+    _pack_tick(row, flown)
+    _pack_remembered(remembered, Remembered(law=flown.state, guard=flown.guard_state))
