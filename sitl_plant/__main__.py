@@ -1,4 +1,4 @@
-"""`sitl-plant`: the vehicle and its world as a process of its own."""
+"""`sitl-plant`: the simulator of the vehicle and its environment, as a process."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from fcu.interface.starter import occupy_standard_streams
 
 
 @click.command(
-    epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped or flown, 2 usage, 3 controller link or port."
+    epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped or flight ended, 2 usage error, 3 controller link or port failed."
 )
 @click.version_option(package_name="m-mrac")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
-@click.option("--world", "world_file", type=click.Path(path_type=Path), help="The world as JSON; default: an S1000 on the ground in still air.")  # fmt: skip
-@click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate, Hz, without --world.")  # fmt: skip
-@click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds a second, or max.")  # fmt: skip
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Instance number (default: first free).")  # fmt: skip
+@click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes the world (default: an S1000 on the ground in still air).")  # fmt: skip
+@click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate in Hz; ignored with --world.")  # fmt: skip
+@click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds per wall-clock second, or max.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--control-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
@@ -35,13 +35,13 @@ def main(
     lifeline_fd: int | None,
     drop: bool,
 ) -> None:
-    """Be the octocopter: send its state to a flight controller on UDP, fly what comes back.
+    """Simulate the octocopter: send its state to a flight controller by UDP, apply the reply.
 
-    Simulation time belongs to this process. It waits for the controller at every tick, so
-    the flight is the same at any speed; start the controller before or after (`fcu`).
+    This process owns simulation time and waits for the controller at every tick, so the
+    flight is the same at any speed. Start the controller (`fcu`) before or after it.
     """
     occupy_standard_streams()
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a signal ends it at once until the flight
 
     from fcu.interface.airframe import AirframeError
     from fcu.interface.feed import Feed
@@ -65,7 +65,7 @@ def main(
         pacer = Pacer(1.0 / world.rate_hz, speed)
         with watched(control_fd, lifeline_fd):
             if not is_cached("advance"):
-                say(0.0, "info", "compiling the plant, once for this version (about 10 s)")
+                say(0.0, "info", "compiling the simulator, once per version (about 10 s)")
             feed = Feed(number, "plant")
             server = Server(ports(number), world, tape, feed, pacer, control_fd, lifeline_fd)
             server.warm_up()
@@ -82,7 +82,7 @@ def main(
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     at = ports(number)
-    say(0.0, "info", f"instance {number}: the flight controller is expected on 127.0.0.1:{at.fcu_plant}")  # fmt: skip
+    say(0.0, "info", f"instance {number}: expecting the flight controller on 127.0.0.1:{at.fcu_plant}")  # fmt: skip
     announce({"ready": "plant", "instance": number, **at._asdict()})
     code = server.run()
     figures = {

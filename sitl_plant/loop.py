@@ -1,8 +1,9 @@
-"""The plant's loop: it owns simulation time and waits for the controller at every tick.
+"""The simulator's main loop: it owns simulation time and waits for the controller at every tick.
 
-A state goes out, the command computed from it comes back, and only then is it integrated.
-A missing answer is asked for again, then ends the run with a named cause; it is never
-replaced by zeros. Whoever started the plant may hold time: a run-until grant on a pipe.
+The loop sends a state, waits for the command computed from that state, and then integrates. If
+no answer comes, the loop sends the state again, then ends the run and logs the cause; it never
+substitutes zeros. The process that started the simulator may hold time: it writes run-until
+grants to a pipe.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.types import PlantRecord
 from sitl_plant.physics.world import World
 
-RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall: a controller that does not answer
+RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall-clock timeouts for an answer from the controller
 OK, INFRASTRUCTURE = 0, 3
 ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
 BATTERY_HZ = 10.0  # of simulation time
@@ -50,20 +51,20 @@ Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 @dataclass
 class Figures:
-    """What the loop counted, for whoever asks at the end."""
+    """Counters of the loop, reported at the end."""
 
     ticks: int = 0
     resent: int = 0
-    refused: int = 0  # datagrams that were not answers
-    stale: int = 0  # answers to another tick's state
-    strangers: int = 0  # datagrams from elsewhere than the flight controller
-    flight_ended: str = ""  # what became of the vehicle, if the flight ended by itself
+    refused: int = 0  # datagrams that could not be decoded as answers
+    stale: int = 0  # answers to the state of another tick
+    strangers: int = 0  # datagrams from senders other than the flight controller
+    flight_ended: str = ""  # how the flight ended, if the vehicle crashed or diverged
     time_s: float = 0.0  # simulation time at the end
-    unpublished: int = 0  # rows that the publisher had no room for
+    unpublished: int = 0  # rows dropped because the publisher's buffer was full
 
 
 class Server:
-    """One plant, from its first datagram to its end."""
+    """One simulator, from its first datagram to its end."""
 
     def __init__(
         self,
@@ -75,9 +76,9 @@ class Server:
         control: int | None = None,
         lifeline: int | None = None,
     ) -> None:
-        """`control`: file descriptor of the grants; None: time runs free.
+        """`control`: file descriptor of the grants, or None to let time run freely.
 
-        `lifeline`: a file descriptor whose end of file ends the flight. Raises PortBusy.
+        `lifeline`: a file descriptor; its end of file ends the flight. Raises PortBusy.
         """
         self._lifeline = lifeline
         self._world = world
@@ -98,16 +99,16 @@ class Server:
         self._noise = np.zeros((0, tick.NOISE))
         self._noise_at = 0
         self._period_us = round(1e6 / world.rate_hz)
-        self._battery: Battery | None = None  # as last observed for a report
+        self._battery: Battery | None = None  # the last battery report
         self._battery_ticks = max(1, round(world.rate_hz / BATTERY_HZ))
         self._granted = 0 if control is not None else sys.maxsize
         self._tick = 0
-        self._unusable = ""  # why the last answer to this tick's state was refused
+        self._unusable = ""  # why the last answer to this tick's state was rejected
         self.figures = Figures()
         self.stopping = False
 
     def warm_up(self) -> None:
-        """Compile what a tick needs."""
+        """Compile the functions that a tick calls."""
         state, row = self._start.copy(), np.zeros(WIDTH)
         drawn = self._drawn.copy()
         tick.observe(self._params, state, drawn, 0.0, self._start, row)
@@ -118,7 +119,7 @@ class Server:
         tick.advance(self._params, state, drawn, self._command, 0.0, self._world.steps)
 
     def run(self) -> int:
-        """Fly until the flight ends or we are told to stop; returns the exit code."""
+        """Run until the flight ends or a stop is requested; returns the exit code."""
         poll = select.poll()
         poll.register(self._link.fileno(), select.POLLIN)
         if self._control is not None:
@@ -150,7 +151,7 @@ class Server:
                 self.figures.ticks += 1
             self._tape.flush()
         except BrokenPipeError:
-            self._say("error", "nobody records this flight any more")
+            self._say("error", "the recorder has closed its pipe")
             code = INFRASTRUCTURE
         self.figures.time_s = self._time_s
         self.figures.strangers = self._link.count_strangers()
@@ -160,7 +161,7 @@ class Server:
         return code
 
     def _say(self, level: str, text: str) -> None:
-        """A line of log, and an event for whoever listens to the publisher."""
+        """Write a log line, and send it as an event to the publisher."""
         say(self._time_s, level, text)
         self._feed.event(self._time_s, level, text)
 
@@ -169,7 +170,7 @@ class Server:
         return self._tick * self._period_us * 1e-6
 
     def _observe(self) -> bool:
-        """Record the truth of this tick and prepare its report; False if the flight is over."""
+        """Record the true state of this tick and prepare its report; False if the flight has ended."""
         row = self._tape.row()
         ended = tick.observe(
             self._params, self._state, self._drawn, self._time_s, self._start, row
@@ -187,7 +188,7 @@ class Server:
         return True
 
     def _hand_on(self, row: Buffer) -> None:
-        """Complete the row of this tick: to the recorder, and to the publisher."""
+        """Complete the row of this tick and pass it to the recorder and the publisher."""
         row[_TIMING] = PlantTiming(
             sequence=self._tick, published=time.time(), late=self.pacer.late_s,
             slips=self.pacer.slips, resent=self.figures.resent,
@@ -213,7 +214,7 @@ class Server:
         return row
 
     def _exchange(self, poll: select.poll) -> bool:
-        """Send the state, wait for the command computed from it; False: there will be none."""
+        """Send the state and wait for the command computed from it; False if none will come."""
         time_us = self._tick * self._period_us
         battery = self._battery if self._reports_battery else None
         datagram = self._codec.pack_state(time_us, self._reported, battery)
@@ -250,7 +251,7 @@ class Server:
 
     def _what_is_wrong(self, seconds: float) -> str:
         if self._unusable:
-            return f"no usable answer for {seconds:.0f} s, the last was refused: {self._unusable}"
+            return f"no valid answer for {seconds:.0f} s; rejected the last one: {self._unusable}"
         return f"the flight controller has been silent for {seconds:.0f} s"
 
     def _is_answer(self, datagram: bytes, time_us: int) -> bool:
@@ -268,7 +269,7 @@ class Server:
         return True
 
     def _hold(self, poll: select.poll) -> None:
-        """Time stands: tell the recorder where, keep the controller company, await a grant."""
+        """Hold time: flush the recorder, send keep-alives to the controller, wait for a grant."""
         self._tape.flush()
         self.pacer.restart()
         if self._tick == 0:
@@ -298,12 +299,12 @@ class Server:
         except BlockingIOError:
             return
         if not data:
-            self.stopping = True  # whoever held time is gone
+            self.stopping = True  # the process that held time has ended
             return
         for (granted,) in GRANT.iter_unpack(data[: len(data) // GRANT.size * GRANT.size]):
             self._granted = granted
 
 
 def say(time_s: float, level: str, text: str) -> None:
-    """One line of log an event: simulation time, level, process."""
+    """Log one line: simulation time, level, process, text."""
     log(f"{time_s:10.3f} {level:<7} plant {text}")

@@ -1,4 +1,4 @@
-"""Simulation time against the wall clock: absolute deadlines, slips counted."""
+"""Pacing of simulation time against the wall clock: absolute deadlines, counted slips."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import numpy as np
 
 
 class Pacer:
-    """Holds each tick until its wall-clock deadline; does nothing at full speed.
+    """Delays each tick until its wall-clock deadline; does nothing at full speed.
 
-    A slip is a tick that would start a whole period or more late: it is counted, and the
-    grid moves on by whole periods, so that two ticks never run back to back to catch up.
+    A slip is a tick that would start a whole period or more late. The pacer counts slips and
+    moves the deadlines on by whole periods, so that no two ticks run back to back to catch up.
     """
 
     def __init__(self, period_s: float, speed: float | None) -> None:
-        """`speed`: simulated seconds in one of the wall clock; None: as fast as it goes."""
+        """`speed`: simulated seconds per wall-clock second; None for as fast as possible."""
         self._period = None if speed is None else period_s / speed
         self._due = 0.0
         self.slips = 0
-        self.late_s = math.nan  # how late the last tick began; NaN without deadlines
+        self.late_s = math.nan  # lateness of the last tick, s; NaN without deadlines
         self._late_us: list[float] = []
 
     def restart(self) -> None:
-        """Forget the deadline: time was held, and goes on from now."""
+        """Reset the deadline to now, after simulation time was held."""
         self._due = 0.0
 
     def wait(self) -> None:
-        """Until the next tick is due."""
+        """Sleep until the next tick is due."""
         if self._period is None:
             return
         now = time.monotonic()
@@ -46,7 +46,7 @@ class Pacer:
         self._due += self._period
 
     def lateness(self) -> dict[str, float] | None:
-        """p50, p99 and maximum (us) of how late ticks started; None at full speed."""
+        """p50, p99 and maximum lateness of ticks (us); None at full speed."""
         if not self._late_us:
             return None
         late = np.array(self._late_us)

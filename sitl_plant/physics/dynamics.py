@@ -1,7 +1,7 @@
-"""The rigid body, eight rotors, the air and the ground, integrated. Paper (32), (33).
+"""Equations of motion and integration: rigid body, rotors, air and ground. Paper (32), (33).
 
-Classical Runge-Kutta on position, velocity, attitude and body rate; the rotors' first-order
-lag is advanced exactly. `integrate` is pure: (state, command, time) -> state.
+Classical Runge-Kutta integrates position, velocity, attitude and body rate. The first-order lag
+of the rotors is solved exactly. `integrate` is pure: (state, command, time) -> state.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sitl_plant.physics.types import PlantRecord, PlantState
 from sitl_plant.physics.wind import field
 
 FLYING, DIVERGED, CRASHED = 0.0, 1.0, 2.0
-TIPPED = 0.5  # body z along Earth z, below which a vehicle on the ground lies on its side
+TIPPED = 0.5  # body z along Earth z; a vehicle on the ground below this value lies on its side
 
 
 class Body(NamedTuple):
@@ -29,7 +29,7 @@ class Body(NamedTuple):
 
 
 class Push(NamedTuple):
-    """What acts on the body and does not depend on its motion within a stage."""
+    """Inputs of one Runge-Kutta stage that do not depend on the motion of the body."""
 
     m: float
     T: float  # N
@@ -52,7 +52,7 @@ def moved(body, rate, h):
 
 @kernel
 def derivative(params, body, push):
-    """Time derivative of the body's state, as a Body. Paper (32), (33)."""
+    """Time derivative of the body state, as a Body. Paper (32), (33)."""
     R_EB = matrix(body.q_EB)
     w_B, J = body.w_B, params.J
 
@@ -77,13 +77,13 @@ def derivative(params, body, push):
 
 @kernel
 def mass(params, t):
-    """Mass in force at time t (s), kg."""
+    """Mass (kg) at time t (s)."""
     return select(t >= params.m_time, params.m_after, params.m)
 
 
 @kernel
 def push_at(params, Omega, left, m, at, t):
-    """What acts at time t (s, wind phases `at`) with the rotors at Omega (rad/s)."""
+    """The Push at time t (s), with wind phases `at` and rotor speeds Omega (rad/s)."""
     T, tau_B = rotors.thrust_and_torque(params, Omega, left)
     wind = params.wind
     return Push(
@@ -94,14 +94,14 @@ def push_at(params, Omega, left, m, at, t):
 
 @kernel
 def integrate(params, state, command, t):
-    """The state one step h after time t (s), under commanded rotor speeds over full speed."""
+    """The state one step h after time t (s); the command is rotor speeds relative to full speed."""
     h = params.h
     Omega_c = params.airframe.Omega_max * command.u
     Omega_0 = select_lagless(params, state.Omega, Omega_c)
     Omega_half = rotors.lagged(state.Omega, Omega_c, params.decay_half)
     Omega_1 = rotors.lagged(state.Omega, Omega_c, params.decay)
 
-    # what changes in mid-flight changes at a step, not inside one
+    # mass and effectiveness change between steps, not within a step
     m, left = mass(params, t), rotors.effectiveness(params, t)
     at_0 = field.phases(params.wind, t)
     at_half = field.half_step_later(params.wind, at_0)
@@ -122,16 +122,17 @@ def integrate(params, state, command, t):
 
 @kernel
 def select_lagless(params, Omega, Omega_c):
-    """Rotor speeds at the start of a step: those of the state, or the command without lag."""
+    """Rotor speeds at the start of a step: from the state, or from the command if there is no lag."""
     lagged = select(params.decay_half > 0.0, 1.0, 0.0)
     return Omega_c + lagged * (Omega - Omega_c)
 
 
 @kernel
 def ended(params, state, r_start):
-    """FLYING, or DIVERGED (outside the arena, or not a number), or CRASHED.
+    """FLYING, DIVERGED (outside the arena, or not a number) or CRASHED.
 
-    It has crashed if it hit the ground, went through it, or lies on it on its side or back.
+    A vehicle has crashed if it hits the ground too fast, is below the ground, or lies on its side
+    or back.
     """
     away = norm(state.r_E - r_start)
     inside = (away <= params.arena) and (norm(state.w_B) < 1e6) and (norm(state.v_E) < 1e6)
@@ -144,7 +145,7 @@ def ended(params, state, r_start):
 
 @kernel
 def record(params, state, drawn, t, r_start):
-    """The truth at time t, as a PlantRecord. `drawn`: BatteryState."""
+    """The true state at time t (s), as a PlantRecord. `drawn`: BatteryState."""
     R_EB = matrix(state.q_EB)
     m, left = mass(params, t), rotors.effectiveness(params, t)
     push = push_at(params, state.Omega, left, m, field.phases(params.wind, t), t)

@@ -1,4 +1,4 @@
-"""From tables a person writes (truth.toml, a mission's [plant] and [wind]) to PlantParams."""
+"""Builds PlantParams from truth.toml and the [plant] and [wind] tables of a mission."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sitl_plant.physics.types import GroundParams, PlantParams, PlantState, Wind
 from sitl_plant.physics.wind.field import Phases, phases
 
 G = 9.81  # m/s^2
-NEVER = 1e18  # s: an event that does not happen (finite, so that it can be written as JSON)
+NEVER = 1e18  # s: time of an event that does not happen (finite, so that JSON can hold it)
 STEP = 0.001  # s: the longest integration step
 
 TRUTH = Path(__file__).resolve().parents[1] / "truth.toml"
@@ -26,14 +26,14 @@ def _vec(row: Any) -> Vec3:
 
 
 def steps_per_tick(rate_hz: float) -> int:
-    """Integration steps in one control period: none longer than STEP."""
+    """Integration steps per control period, each at most STEP long."""
     return math.ceil(1.0 / (rate_hz * STEP) - 1e-9)
 
 
 def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
-    """WindParams from a mission's [wind] table and the integration step h (s).
+    """WindParams from the [wind] table of a mission and the integration step h (s).
 
-    Absent keys are still air.
+    Missing keys mean still air.
     """
     wind = wind or {}
     zero = (0.0, 0.0, 0.0)
@@ -53,7 +53,7 @@ def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
 
 
 def _chosen_battery(plant: Mapping[str, Any]) -> dict[str, Any]:
-    """What a mission's [plant] says of the battery, under the keys of truth's [battery]."""
+    """Battery settings of a mission's [plant] table, with the keys of [battery] in truth.toml."""
     keys = {"battery_ah": "capacity_ah", "battery_remaining": "remaining"}
     return {key: plant[of] for of, key in keys.items() if plant.get(of) is not None}
 
@@ -69,8 +69,8 @@ def plant_params(
 ) -> PlantParams:
     """PlantParams for a control rate.
 
-    believed_rotors : the `[rotors]` table the controller believes, from which truth differs.
-    plant, wind : a mission's tables, over those of `truth`.  Raises AirframeError.
+    believed_rotors : the `[rotors]` table of the controller's airframe file; `truth` overrides it.
+    plant, wind : tables of a mission; they override `truth`.  Raises AirframeError.
     """
     tables, plant = load(truth), plant or {}
     vehicle = {**tables["vehicle"], **{k: v for k, v in plant.items() if v is not None}}
@@ -125,10 +125,10 @@ def plant_params(
 
 
 def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> PlantState:
-    """The state in which a flight begins.
+    """The state at the start of a flight.
 
-    In the air: at `position_m`, level, rotors at the speed that carries the weight. On the
-    ground (`on_ground`): standing on the gear, rotors stopped.
+    In the air: at `position_m`, level, with the rotors at hover speed. On the ground
+    (`on_ground`): standing on the gear with the rotors stopped.
     """
     start = start or {}
     x, y, z = (float(v) for v in start.get("position_m", (0.0, 0.0, 0.0)))

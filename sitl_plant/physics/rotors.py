@@ -1,4 +1,4 @@
-"""Eight rotors: speed follows its command, thrust and torque follow speed. Paper (32), (33)."""
+"""Eight rotors: speed from the command by a lag, thrust and torque from speed. Paper (32), (33)."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from fcu.kernel.compile import kernel
 
 @kernel
 def lagged(Omega, Omega_c, decay):
-    """Rotor speeds (rad/s) after a time over which a first-order lag leaves `decay` of the gap.
+    """Rotor speeds (rad/s) after an interval of a first-order lag; `decay`: remaining share of the error.
 
-    Exact for a command held over that time, so a rotor without lag is decay = 0.
+    Exact for a command that is constant over the interval. decay = 0 means no lag.
     """
     return Omega_c + decay * (Omega - Omega_c)
 
 
 @kernel
 def effectiveness(params, t):
-    """Fraction of thrust and torque left to each rotor at time t (s)."""
+    """Remaining fraction of thrust and torque of each rotor at time t (s)."""
     since, left = params.loss_time, params.effectiveness
     return Rotors(
         select(t >= since.r1, left.r1, 1.0), select(t >= since.r2, left.r2, 1.0),
@@ -29,9 +29,10 @@ def effectiveness(params, t):
 
 @kernel
 def thrust_and_torque(params, Omega, left):
-    """Total thrust (N) and torque (N m, B) of rotor speeds (rad/s).
+    """Total thrust (N) and torque (N m, B) at given rotor speeds (rad/s).
 
-    A rotor's thrust acts up along +z at its arm's end; its drag turns the body against its spin.
+    The thrust of a rotor acts along +z at the end of its arm. Its drag torque turns the body
+    opposite to its spin.
     """
     airframe = params.airframe
     f = (airframe.c_T * left) * (Omega * Omega)

@@ -1,7 +1,8 @@
-"""One control tick of the plant: what is true, what it reports, and on to the next tick.
+"""One control tick of the simulator: record the true state, report it, integrate to the next tick.
 
-`report` is on values, for kernels; `observe` and `advance` are on flat float64 buffers, for
-the edge of a process. PlantState and VehicleState have one layout, so a state buffer is both.
+`report` works on values, for kernels. `observe`, `sense` and `advance` work on flat float64 buffers,
+for the edge of a process. PlantState and VehicleState have the same layout, so a state buffer can
+be read as either.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ _pack_drawn = packer(BatteryState)
 
 @kernel
 def as_reported(state):
-    """The VehicleState that a PlantState is reported as, without noise."""
+    """A PlantState as the VehicleState to report, without noise."""
     return VehicleState(state.r_E, state.v_E, state.q_EB, state.w_B, state.Omega)
 
 
 @kernel
 def report(state, noise):
-    """The VehicleState that a PlantState is reported as, with noise float64[12] added.
+    """A PlantState as the VehicleState to report, with noise float64[12] added.
 
-    m and m/s along Earth axes, rad about body axes, rad/s along body axes.
+    Units of the noise: m and m/s along Earth axes, rad and rad/s about body axes.
     """
     return VehicleState(
         state.r_E + Vec3(noise[0], noise[1], noise[2]),
@@ -50,10 +51,10 @@ def report(state, noise):
 
 @kernel
 def observe(params_buffer, state_buffer, drawn_buffer, t, start_buffer, row):
-    """Write the truth at time t (s) to `row`, a PlantRecord; returns how the flight stands.
+    """Write the true state at time t (s) to `row`, a PlantRecord; returns the flight status.
 
-    drawn_buffer : BatteryState.  start_buffer : the state in which the flight began, from
-    which the arena is measured.
+    drawn_buffer : BatteryState.  start_buffer : the state at the start of the flight, the centre
+    of the arena.
     """
     start = unpack_state(start_buffer)
     params, state = unpack_params(params_buffer), unpack_state(state_buffer)
@@ -64,16 +65,16 @@ def observe(params_buffer, state_buffer, drawn_buffer, t, start_buffer, row):
 
 @kernel
 def sense(state_buffer, noise, reported):
-    """Write the noisy report of a state buffer to `reported`, a VehicleState."""
+    """Write a state buffer with noise to `reported`, a VehicleState."""
     _pack_reported(reported, report(unpack_state(state_buffer), noise))
 
 
 @kernel
 def advance(params_buffer, state_buffer, drawn_buffer, command_buffer, t, steps):
-    """Integrate the states in their buffers over one control period from time t (s).
+    """Integrate the state buffers in place over one control period from time t (s).
 
     drawn_buffer : BatteryState.  command_buffer : RotorCommand.
-    steps : integration steps in the period.
+    steps : integration steps per period.
     """
     params, state = unpack_params(params_buffer), unpack_state(state_buffer)
     command = RotorCommand(_unpack_command(command_buffer).u)

@@ -1,4 +1,4 @@
-"""The plant's constants (PlantParams) and what changes (PlantState, PlantRecord).
+"""Types of the simulator: constants (PlantParams), state (PlantState), recorded row (PlantRecord).
 
 Frames: E is Earth East-North-Up, B is body Forward-Left-Up; SI units.
 """
@@ -15,54 +15,54 @@ from sitl_plant.physics.wind.field import Phases
 
 
 class WindParams(NamedTuple):
-    """The velocity and rotation of the air, as functions of time (paper, Section VIII)."""
+    """Parameters of the velocity and rotation of the air over time (paper, Section VIII)."""
 
-    steady: Vec3  # m/s, E: the velocity of the air, not where it comes from
+    steady: Vec3  # m/s, E: the direction the air moves to, not where it comes from
     amplitude: Vec3  # m/s, E
     frequency: Vec3  # rad/s
     rotation_amplitude: Vec3  # rad/s, B: air-mass rotation
     rotation_frequency: Vec3  # rad/s
     step: Vec3  # m/s, E: added from step_time on
     step_time: float  # s; NEVER without a step
-    half_step: Phases  # what the phases turn by in half an integration step
+    half_step: Phases  # phase advance per half integration step
 
 
 class GroundParams(NamedTuple):
-    """Landing gear on flat ground: a spring and damper, friction, a levelling torque."""
+    """Landing gear on flat ground: a spring and damper, friction, a righting torque."""
 
     z: float  # height of the ground, m
-    gear: float  # height of the centre of mass over the gear's feet, m
+    gear: float  # height of the centre of mass above the feet of the gear, m
     stiffness: float  # N/m
     damping: float  # N s/m
     friction: float  # coefficient
-    footprint: float  # m, half width over which the gear resists tilt
-    impact_max: float  # m/s: touching down faster is a crash
+    footprint: float  # m, half the width of the gear, its lever arm against tilt
+    impact_max: float  # m/s: a faster touchdown is a crash
 
 
 class PlantParams(NamedTuple):
-    """What is true of the vehicle and its world."""
+    """True parameters of the vehicle and its environment."""
 
     h: float  # integration step, s
     g: float  # m/s^2
     m: float  # kg
     m_after: float  # kg, from m_time on
-    m_time: float  # s; NEVER without
+    m_time: float  # s; NEVER if the mass is constant
     J: Vec3  # principal moments of inertia, kg m^2
     c_D: Vec3  # quadratic drag, N/(m/s)^2, body axes
     c_tau: Vec3  # quadratic drag torque, N m/(rad/s)^2, body axes
     airframe: Airframe
     decay_half: float  # exp(-h/2 / rotor_lag), 0 without lag
     decay: float  # exp(-h / rotor_lag)
-    loss_time: Rotors  # s from which a rotor has lost effectiveness; NEVER without
-    effectiveness: Rotors  # the fraction of thrust and torque left from then on
+    loss_time: Rotors  # s; time at which each rotor loses effectiveness, or NEVER
+    effectiveness: Rotors  # remaining fraction of thrust and torque from loss_time on
     wind: WindParams
     ground: GroundParams
     battery: BatteryParams
-    arena: float  # m from the start beyond which the flight is called diverged
+    arena: float  # m; a flight that gets farther from its start has diverged
 
 
 class PlantState(NamedTuple):
-    """The state that is integrated."""
+    """The integrated state."""
 
     r_E: Vec3  # m
     v_E: Vec3  # m/s
@@ -72,7 +72,7 @@ class PlantState(NamedTuple):
 
 
 class PlantRecord(NamedTuple):
-    """The truth at one control tick, as recorded; the first 22 are what the hash covers."""
+    """The true state at one control tick, as recorded; trajectory hashes cover the first 22 columns."""
 
     t: float  # s
     state: PlantState
@@ -81,8 +81,8 @@ class PlantRecord(NamedTuple):
     f_D_E: Vec3  # drag force, N
     T: float  # total thrust, N
     tau_B: Vec3  # torque of the rotors, N m
-    m: float  # mass in force, kg
-    J: Vec3  # inertia in force, kg m^2
+    m: float  # current mass, kg
+    J: Vec3  # current inertia, kg m^2
     on_ground: float  # 1 while the gear touches
     battery: Battery
     ended: float  # 0 flying, 1 diverged, 2 crashed

@@ -1,4 +1,4 @@
-"""What a plant is started with: its constants, where the flight begins, and what it reports."""
+"""The World that a simulator is started with: constants, start state, noise and delay of reports."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from sitl_plant.physics.types import PlantParams, PlantState
 
 BELIEVED = (
     TRUTH.parents[1] / "fcu" / "airframes" / "s1000.toml"
-)  # what truth.toml is a difference from
+)  # truth.toml lists differences from this file
 
 
 class Noise(NamedTuple):
-    """One sigma of white noise on the reported state, each axis, each tick."""
+    """Standard deviation, by axis, of the white noise added to the reported state at each tick."""
 
     position: float  # m
     velocity: float  # m/s
@@ -27,23 +27,23 @@ class Noise(NamedTuple):
 
 
 class World(NamedTuple):
-    """Everything the plant needs to know; all leaves are floats, so that it can be handed over."""
+    """All inputs of the simulator. All leaves are floats, so that JSON can hold them."""
 
     params: PlantParams
     start: PlantState
     noise: Noise
     rate_hz: float
-    seed: float  # a whole number, of the noise
-    delay_ticks: float  # a whole number: how late the reported state is
+    seed: float  # of the noise, a whole number
+    delay_ticks: float  # delay of the reported state, a whole number of ticks
 
     @property
     def steps(self) -> int:
-        """Integration steps in a control period."""
+        """Integration steps per control period."""
         return steps_per_tick(self.rate_hz)
 
     @property
     def noise_scale(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """float64[12]: one sigma of each number that `report` adds."""
+        """float64[12]: standard deviation of each noise value that `report` adds."""
         return np.repeat(np.array(self.noise), 3)
 
 
@@ -56,7 +56,7 @@ def world(
     ground_z_m: float = 0.0,
     arena_m: float = 1000.0,
 ) -> World:
-    """A World from a mission's tables; without any, an S1000 standing on the ground.
+    """A World from the tables of a mission (default: an S1000 standing on the ground, in still air).
 
     Raises AirframeError.
     """

@@ -1,4 +1,4 @@
-"""The air: its velocity and its rotation, as functions of time. Paper, Sections VI.B and VIII."""
+"""Velocity and rotation of the air as functions of time. Paper, Sections VI.B and VIII."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from fcu.kernel.compile import kernel
 
 
 class Phases(NamedTuple):
-    """Sines and cosines of the wind's phases at one time, axis by axis."""
+    """Sines and cosines of the phases of the wind at one time, by axis."""
 
-    sin: Vec3  # of the velocity's sinusoids
+    sin: Vec3  # of the velocity
     cos: Vec3
-    rotation_sin: Vec3  # of the rotation's
+    rotation_sin: Vec3  # of the rotation
     rotation_cos: Vec3
 
 
@@ -39,7 +39,7 @@ def phases(wind, t):
 
 @kernel
 def half_step_later(wind, at):
-    """Phases half an integration step after `at`, by the addition theorems."""
+    """Phases half an integration step after `at`, by the angle addition formulas."""
     s, c = wind.half_step.sin, wind.half_step.cos
     rs, rc = wind.half_step.rotation_sin, wind.half_step.rotation_cos
     return Phases(
@@ -52,7 +52,7 @@ def half_step_later(wind, at):
 
 @kernel
 def v_air_E(wind, at, t):
-    """Velocity of the air (m/s, E) at time t (s): steady, plus sinusoids, plus a step."""
+    """Velocity of the air (m/s, E) at time t (s): a constant, sinusoids and a step."""
     risen = select(t >= wind.step_time, 1.0, 0.0)
     return wind.steady + wind.amplitude * at.sin + risen * wind.step
 
