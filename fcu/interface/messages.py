@@ -1,7 +1,7 @@
 """What crosses the wire, in the paper's frames: Earth East-North-Up, body Forward-Left-Up, SI.
 
 Hamilton quaternions, scalar first; yaw in rad from East, counter-clockwise. As pure as
-the kernel: the law takes and returns these; `wire` turns them into MAVLink and back.
+the kernel: the law takes and returns these; `fcu.mavlink` turns them into MAVLink and back.
 """
 
 from __future__ import annotations

@@ -255,33 +255,31 @@ class PlantCodec:
 
 # --- the battery
 
-_PAYLOAD = struct.Struct("<iih10HhBBBb")  # charge, energy, temperature, cells, current, ..., left
 _NO_CELL = 2**16 - 1
 _NO_TEMPERATURE = 2**15 - 1
 _ALL_FUNCTIONS, _LIPO = 1, 1  # MAV_BATTERY_FUNCTION_ALL, MAV_BATTERY_TYPE_LIPO
 
 
-def _whole(x: float, low: int, high: int, unknown: int) -> int:
-    return unknown if x != x else round(min(max(x, low), high))
+def _known(x: float, unknown: int) -> float:
+    return unknown if x != x else x
 
 
 def _battery_payload(battery: Battery) -> bytes:
-    """The payload, without MAVLink 2's extensions."""
-    return _PAYLOAD.pack(
-        _whole(1e3 * battery.drawn_Ah, -(2**31), 2**31 - 1, -1),
-        _whole(1e-2 * battery.energy_J, -(2**31), 2**31 - 1, -1),
-        _NO_TEMPERATURE,
-        _whole(1e3 * battery.voltage, 0, _NO_CELL - 1, _NO_CELL),
-        *[_NO_CELL] * 9,
-        _whole(1e2 * battery.current, -(2**15), 2**15 - 1, -1),
-        0, _ALL_FUNCTIONS, _LIPO,
-        _whole(1e2 * battery.remaining, -(2**7), 2**7 - 1, -1),
-    )  # fmt: skip
+    pack_mV = _known(min(1e3 * battery.voltage, _NO_CELL - 1), _NO_CELL)
+    return message(
+        "BATTERY_STATUS", battery_function=_ALL_FUNCTIONS, type=_LIPO, temperature=_NO_TEMPERATURE,
+        voltages=[pack_mV, *[_NO_CELL] * 9], current_battery=_known(1e2 * battery.current, -1),
+        current_consumed=_known(1e3 * battery.drawn_Ah, -1),
+        energy_consumed=_known(1e-2 * battery.energy_J, -1),
+        battery_remaining=_known(1e2 * battery.remaining, -1),
+    ).payload  # fmt: skip
 
 
 def _battery_of(payload: bytes) -> Battery | None:
-    """The battery of a payload of full length; None if a field is unknown or out of range."""
-    charge, energy, _, pack_mV, *_, current, _, _, _, percent = _PAYLOAD.unpack_from(payload)
+    """The battery of a payload; None if a field is unknown or out of range."""
+    f = _BATTERY.unpack(payload)
+    charge, energy, current = f["current_consumed"], f["energy_consumed"], f["current_battery"]
+    pack_mV, percent = f["voltages"][0], f["battery_remaining"]
     if min(charge, energy, current) < 0 or pack_mV == _NO_CELL or not 0 <= percent <= 100:
         return None
     return Battery(

@@ -21,34 +21,21 @@ class Numbers(NamedTuple):
     sub: int  # of MainMode.AUTO, else 0
     standard: int  # MAV_STANDARD_MODE; 0: none
     guided: bool  # a script or ground station says where to go
-    description: str
 
 
 # The sub modes 11 to 18 are PX4's for modes that come from outside it.
 STEP_SUB, FIGURE_EIGHT_SUB = 11, 12
 
 MODES: dict[Mode, Numbers] = {
-    Mode.HOLD: Numbers(MainMode.AUTO, AutoMode.LOITER, 0, True, "stops, and stays there"),
-    Mode.TAKEOFF: Numbers(
-        MainMode.AUTO, AutoMode.TAKEOFF, 8, False,
-        "climbs to MIS_TAKEOFF_ALT, then holds",
-    ),
-    Mode.POSITION: Numbers(MainMode.POSITION, 0, 1, False, "holds; MANUAL_CONTROL moves it"),
-    Mode.OFFBOARD: Numbers(MainMode.OFFBOARD, 0, 0, True, "flies a script's setpoints"),
-    Mode.LAND: Numbers(MainMode.AUTO, AutoMode.LAND, 7, False, "descends, and disarms"),
-    Mode.RETURN: Numbers(
-        MainMode.AUTO, AutoMode.RETURN, 5, False,
-        "climbs to RTL_RETURN_ALT, flies home and lands",
-    ),
-    Mode.STEP: Numbers(
-        MainMode.AUTO, STEP_SUB, 0, False,
-        "steps the reference model by REF_STEP_E, _N, _U and back every REF_STEP_T",
-    ),
-    Mode.FIGURE_EIGHT: Numbers(
-        MainMode.AUTO, FIGURE_EIGHT_SUB, 0, False,
-        "flies a figure of eight of REF_8_LEN by REF_8_WIDTH at REF_8_SPEED",
-    ),
-}  # fmt: skip
+    Mode.HOLD: Numbers(main=MainMode.AUTO, sub=AutoMode.LOITER, standard=0, guided=True),
+    Mode.TAKEOFF: Numbers(main=MainMode.AUTO, sub=AutoMode.TAKEOFF, standard=8, guided=False),
+    Mode.POSITION: Numbers(main=MainMode.POSITION, sub=0, standard=1, guided=False),
+    Mode.OFFBOARD: Numbers(main=MainMode.OFFBOARD, sub=0, standard=0, guided=True),
+    Mode.LAND: Numbers(main=MainMode.AUTO, sub=AutoMode.LAND, standard=7, guided=False),
+    Mode.RETURN: Numbers(main=MainMode.AUTO, sub=AutoMode.RETURN, standard=5, guided=False),
+    Mode.STEP: Numbers(main=MainMode.AUTO, sub=STEP_SUB, standard=0, guided=False),
+    Mode.FIGURE_EIGHT: Numbers(main=MainMode.AUTO, sub=FIGURE_EIGHT_SUB, standard=0, guided=False),
+}
 
 # PX4's modes that this vehicle does not have, as ground stations show them: main, sub
 OTHERS: dict[tuple[int, int], str] = {
