@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure, print_json, print_line
+from gcs_tools.exit_codes import OK, USAGE
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from gcs_tools.judging.envelope import Envelope, Reach
 
-HOLDS, DOES_NOT_HOLD, USAGE, INTERRUPTED = 0, 1, 2, 130
+DOES_NOT_HOLD = 1  # exit code
 FORMATS = (".png", ".svg", ".pdf")
 NAMED = {
     "acceleration": "what the way demands",
@@ -46,66 +48,45 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
     "interrupted."
 )
 @click.argument("mission")
-@click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission.")  # fmt: skip
+@arguments.SETTINGS
 @click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw it, as FILE ends: .png, .svg, .pdf.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
-def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_json: bool) -> None:
+@arguments.as_json("Print it as JSON.")
+def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_json: bool) -> int:
     """Say before flight whether MISSION keeps thrust and tilt inside their limits.
 
     The largest step, speed and wind for which it is certain, which term eats the margin, and what
     to change. What is believed of mass, drag and wind is the mission's [law] guard_*.
     """
-    from gcs_tools.missions.mission import MissionError
-
-    try:
-        found = _found(mission, settings, figure)
-        if as_json:
-            print(json.dumps(found.as_json(), allow_nan=False, ensure_ascii=False, indent=2))
-        else:
-            from rich.console import Console
-
-            _show(found, Console(highlight=False))
-            if figure is not None:
-                print(f"{figure}")
-        if sys.stdout is not None:  # closed by whoever started this
-            sys.stdout.flush()
-    except MissionError as error:
-        click.echo(f"Error: {error}", err=True)
-        sys.exit(USAGE)
-    except BrokenPipeError:
-        from gcs_tools.cli.terminal import silence
-
-        silence(sys.stdout)
-    except OSError as error:
-        at = error.filename or figure or "standard output"
-        click.echo(f"Error: {at}: {error.strerror}", err=True)
-        sys.exit(USAGE)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-    sys.exit(HOLDS if found.holds or found.governed else DOES_NOT_HOLD)
-
-
-def _found(name: str, settings: tuple[str, ...], figure: Path | None) -> Envelope:
-    """Raises MissionError, OSError."""
     from fcu.interface.airframe import AirframeError
     from fcu.interface.parameter import ParameterError
     from fcu.theory.responses import UnstableError
-    from gcs_tools.judging.envelope import envelope as of
-    from gcs_tools.missions.mission import MissionError, load, override
+    from gcs_tools.cli.terminal import PipedConsole
+    from gcs_tools.judging.envelope import envelope as envelope_of
+    from gcs_tools.missions.mission import MissionError, load
 
-    mission = load(name)
-    for setting in settings:
-        mission = override(mission, setting)
-    click.echo("looking ahead (the first time compiles, for 10 s or so) ...", err=True)
     try:
-        found = of(mission)
-        if figure is not None:
-            from gcs_tools.pictures.plot.envelope import save
+        chosen = load(mission, settings)
+        click.echo("looking ahead (the first time compiles, for 10 s or so) ...", err=True)
+        try:
+            found = envelope_of(chosen)
+            if figure is not None:
+                from gcs_tools.pictures.plot.envelope import save
 
-            save(mission, found, figure)
-    except (ParameterError, AirframeError, UnstableError) as error:
-        raise MissionError(f"{mission.source}: {error}") from error
-    return found
+                save(chosen, found, figure)
+        except (ParameterError, AirframeError, UnstableError) as error:
+            raise MissionError(f"{chosen.source}: {error}") from error
+        if as_json:
+            print_json(found.as_json())
+        else:
+            _show(found, PipedConsole(highlight=False))
+            if figure is not None:
+                print_line(f"{figure}")
+    except MissionError as error:
+        raise Failure(error, USAGE) from error
+    except OSError as error:
+        at = error.filename or figure or "standard output"
+        raise Failure(f"{at}: {error.strerror}", USAGE) from error
+    return OK if found.holds or found.governed else DOES_NOT_HOLD
 
 
 def _show(found: Envelope, console: Console) -> None:

@@ -1,8 +1,7 @@
-"""The command `gcs monitor`."""
+"""`gcs monitor`."""
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable
@@ -11,7 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcs_tools.cli.bus_commands import INTERRUPTED, OK, USAGE, WHICH, ZENOH, fail, watched
+from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import watched
+from gcs_tools.cli.output import Failure, print_json
+from gcs_tools.exit_codes import INTERRUPTED, OK, USAGE
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,14 +29,14 @@ LOOK_S = 0.02  # wall: between two looks for what has come
 @click.command()
 @click.option("--once", is_flag=True, help="One picture, and end; also off a terminal.")
 @click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="One picture as SVG, and end.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="The numbers of one picture as JSON, and end.")  # fmt: skip
+@arguments.as_json("The numbers of one picture as JSON, and end.")
 @click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Listen so long before a single picture, s.")  # fmt: skip
-@WHICH
-@ZENOH
+@arguments.LIVE_INSTANCE
+@arguments.ZENOH
 def monitor(
     once: bool, svg: Path | None, as_json: bool, seconds: float, instance: int | None,
     zenoh: Path | None,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
     Stays when the vehicle goes, and goes on with the next one. Ctrl-C ends it. Exits 0; 2
@@ -42,18 +44,17 @@ def monitor(
     """
     from rich.console import Console
 
-    from gcs_tools.live import bus
     from gcs_tools.live.follow import Follower
     from gcs_tools.pictures.monitor.readings import KEPT, Readings
     from gcs_tools.pictures.monitor.screen import screen
 
     if svg is not None and not svg.absolute().parent.is_dir():
-        fail(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
+        raise Failure(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
     console = Console(highlight=False)
     single = once or as_json or svg is not None or not console.is_terminal
     try:
         while True:
-            with watched(instance, zenoh, "publish") as watch:
+            with watched(instance, zenoh) as watch:
                 follower = Follower(watch, kept=KEPT)
                 readings = Readings(follower)
                 if single:
@@ -63,9 +64,9 @@ def monitor(
                     break
                 _live(console, readings)
     except KeyboardInterrupt:
-        bus.leave(INTERRUPTED if single else OK)
+        return INTERRUPTED if single else OK
     if as_json:
-        click.echo(json.dumps(readings.snapshot(), indent=2))
+        print_json(readings.snapshot())
     elif svg is not None:
         _draw(readings, svg)
     else:
@@ -73,7 +74,7 @@ def monitor(
         told = console.is_terminal or "COLUMNS" in os.environ
         width = console.size.width if told else WIDTH
         Console(width=width, highlight=False).print(screen(readings, width, height), height=height)
-    bus.leave(OK)
+    return OK
 
 
 def _draw(readings: Readings, svg: Path) -> None:
@@ -88,7 +89,7 @@ def _draw(readings: Readings, svg: Path) -> None:
     try:
         svg.write_text(canvas.export_svg(title="gcs monitor"), encoding="utf-8")
     except OSError as error:
-        fail(f"{svg}: {error.strerror}", USAGE)
+        raise Failure(f"{svg}: {error.strerror}", USAGE) from error
 
 
 def _listen(take: Callable[[], bool], seconds: float) -> None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import difflib
-import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure, print_json, print_line
+from gcs_tools.exit_codes import OK, USAGE
+
 if TYPE_CHECKING:
     from gcs_tools.recording.reader import Recording
 
-OK, USAGE, INTERRUPTED = 0, 2, 130
 NAMES = ("flight", "tracking", "limits", "prediction", "estimates", "wind", "timing")
 FORMATS = ("png", "svg", "pdf")
 
@@ -51,13 +52,12 @@ def _names(
 @click.option("--from", "t_from", type=float, metavar="S", help="Simulation time from which, s.")
 @click.option("--to", "t_to", type=float, metavar="S", help="Simulation time up to which, s.")
 @click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: as --out ends, or png.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print paths and numbers as JSON.")
+@arguments.as_json("Print paths and numbers as JSON.")
 def plot(
     run: Path, what: tuple[str, ...] | None, out: Path | None, t_from: float | None,
     t_to: float | None, kind: str | None, as_json: bool,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """Draw the standard figures of the recording RUN.mcap, each with the number that matters."""
-    from gcs_tools.cli.terminal import silence
     from gcs_tools.recording.reader import RecordingError, read
 
     names = what or NAMES
@@ -68,23 +68,14 @@ def plot(
         drawn, failed = _draw(recording, names, place, kind, (t_from, t_to), what is not None)
         for name, found in drawn.items():
             if not as_json and found["path"] is not None:
-                print(f"{found['path']}  {name}: {found['answer']}", flush=True)
+                print_line(f"{found['path']}  {name}: {found['answer']}")
         if as_json:
-            print(json.dumps(drawn, allow_nan=False, ensure_ascii=False, indent=2), flush=True)
-    except BrokenPipeError:
-        silence(sys.stdout)
-        sys.exit(OK)
-    except (RecordingError, OSError) as error:
-        text = (
-            f"{error.filename or 'standard output'}: {error.strerror}"
-            if isinstance(error, OSError)
-            else str(error)
-        )
-        click.echo(f"Error: {text}", err=True)
-        sys.exit(USAGE)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-    sys.exit(USAGE if failed else OK)
+            print_json(drawn)
+    except RecordingError as error:
+        raise Failure(error, USAGE) from error
+    except OSError as error:
+        raise Failure(f"{error.filename or 'standard output'}: {error.strerror}", USAGE) from error
+    return USAGE if failed else OK
 
 
 def _places(

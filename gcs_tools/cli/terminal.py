@@ -2,56 +2,23 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import IO, Protocol
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
-from gcs_tools.judging.result import Result
+from gcs_tools.cli.output import silence
+from gcs_tools.flight.display import Display
+
+if TYPE_CHECKING:
+    from gcs_tools.judging.result import Result
 
 
-class Tell(Protocol):
-    """Told how far a flight is."""
-
-    def __call__(self, time_s: float) -> None:
-        """Simulation time flown, s."""
-
-
-class Show(Protocol):
-    """Where progress and verdicts go."""
-
-    def note(self, text: str) -> None:
-        """Something a person waits for is going on."""
-
-    @contextmanager
-    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
-        """A flight is under way."""
-
-    def verdict(self, result: Result, folder: str) -> None:
-        """A flight has been judged."""
-
-
-class Quiet:
-    """Shows nothing: for machine-readable output, and for use from Python."""
-
-    def note(self, text: str) -> None:
-        """Nothing."""
-
-    @contextmanager
-    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
-        """Nothing."""
-        yield lambda time_s: None
-
-    def verdict(self, result: Result, folder: str) -> None:
-        """Nothing."""
-
-
-class _Terminal(Console):
+class PipedConsole(Console):
     """A console that falls silent when nobody reads it any more (`gcs fly ... | head`)."""
 
     def on_broken_pipe(self) -> None:
@@ -60,26 +27,19 @@ class _Terminal(Console):
         silence(self.file)
 
 
-def silence(stream: IO[str]) -> None:
-    """Let a stream whose reader is gone end in nothing, also what it has still buffered."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
-
-
-class Terminal:
+class Terminal(Display):
     """Progress on standard error, verdicts on standard output."""
 
     def __init__(self) -> None:
-        self._log = _Terminal(stderr=True, highlight=False)
-        self._out = _Terminal(highlight=False)
+        self._log = PipedConsole(stderr=True, highlight=False)
+        self._out = PipedConsole(highlight=False)
 
     def note(self, text: str) -> None:
         """One line."""
         self._log.print(Text(text, style="dim"), soft_wrap=True)
 
     @contextmanager
-    def flight(self, mission: str, duration_s: float) -> Iterator[Tell]:
+    def flight(self, mission: str, duration_s: float) -> Iterator[Callable[[float], None]]:
         """A bar in simulation time."""
         bar = Progress(
             TextColumn("[bold]{task.description}"),
@@ -121,22 +81,11 @@ class Terminal:
 
 
 @contextmanager
-def recording_progress() -> Iterator[Callable[[str], None]]:
-    """A line on standard error that says how a recording stands; none off a terminal."""
-    console = _Terminal(stderr=True, highlight=False)
+def status(first: str) -> Iterator[Callable[[str], None]]:
+    """A line on standard error, `first` and then what it is told; none off a terminal."""
+    console = PipedConsole(stderr=True, highlight=False)
     if not console.is_terminal:
         yield lambda line: None
         return
-    with console.status("waiting for the first tick", spinner="point") as status:
-        yield status.update
-
-
-@contextmanager
-def replay_progress() -> Iterator[Callable[[float], None]]:
-    """A line on standard error that says how far a replay is; none off a terminal."""
-    console = _Terminal(stderr=True, highlight=False)
-    if not console.is_terminal:
-        yield lambda t: None
-        return
-    with console.status("", spinner="point") as status:
-        yield lambda t: status.update(f"{t:10.3f} s")
+    with console.status(first, spinner="point") as shown:
+        yield shown.update

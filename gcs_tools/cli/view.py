@@ -1,4 +1,4 @@
-"""The command `gcs view`."""
+"""`gcs view`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gcs_tools.cli.bus_commands import INFRASTRUCTURE, OK, USAGE, WHICH, ZENOH, fail, watched
+from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import watched
+from gcs_tools.cli.output import Failure
+from gcs_tools.exit_codes import USAGE
 
 if TYPE_CHECKING:
     from gcs_tools.pictures.view.app import App
@@ -21,8 +24,8 @@ FIRST_PORT = 8080
 @click.argument("recording", required=False, type=click.Path(path_type=Path))
 @click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"To serve the page on; default: {FIRST_PORT}, or the next that is free.")  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
-@WHICH
-@ZENOH
+@arguments.LIVE_INSTANCE
+@arguments.ZENOH
 def view(
     recording: Path | None, port: int | None, no_open: bool, instance: int | None,
     zenoh: Path | None,
@@ -42,8 +45,7 @@ def view(
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("fcu", "gcs_tools", "sitl_plant")):
             raise
-        fail(f"the page needs {error.name}, which is not installed: {INSTALL}")
-    from gcs_tools.live import bus
+        raise Failure(f"the page needs {error.name}, which is not installed: {INSTALL}") from error
     from gcs_tools.recording.reader import RecordingError
 
     try:
@@ -55,12 +57,11 @@ def view(
         else:
             _live(at, no_open, instance, zenoh)
     except RecordingError as error:
-        fail(str(error), USAGE)
+        raise Failure(error, USAGE) from error
     except NoPort as error:
-        fail(str(error), INFRASTRUCTURE)
+        raise Failure(error) from error
     except KeyboardInterrupt:
         click.echo("stopped", err=True)
-    bus.leave(OK)
 
 
 def _recorded(recording: Path, port: int, no_open: bool) -> None:
@@ -80,7 +81,7 @@ def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) ->
 
     said = False
     while True:
-        with watched(instance, zenoh, "publish") as watch:
+        with watched(instance, zenoh) as watch:
             follower = Follower(watch)
             with App(follower.flight, port, whole=False) as app:
                 if not said:

@@ -1,4 +1,4 @@
-"""The two processes of a flight: started, watched, and stopped again, whatever happens."""
+"""The processes of a flight: started, watched, stopped again whatever happens; their instance."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import queue
 import select
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -18,14 +19,16 @@ from typing import IO, Any
 
 import numpy as np
 
+from fcu.interface.link import HOST, PortBusy
+from fcu.interface.ports import INSTANCES, NoFreeInstance, busy, ports
+from gcs_tools.exit_codes import USAGE
+
+PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
 STOP_S = 1.0  # wall: between asking a process to end and ending it
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]
-
-
-USAGE = 2  # exit code
 
 
 class InfrastructureError(RuntimeError):
@@ -228,3 +231,42 @@ class Collector(threading.Thread):
         with self._changed:
             self._done = lambda: done() or self.error is not None
             return self._changed.wait_for(self._done, timeout_s)
+
+
+@contextmanager
+def claimed(instance: int | None, *names: str) -> Iterator[int]:
+    """Hold an instance whose ports are free, the first there is or the one asked for.
+
+    `names`: which of its ports must be free, as for `busy`. Raises PortBusy for the one asked
+    for, NoFreeInstance if there is none.
+
+    A process takes a second to start. Two runners that look for a free instance in that second
+    must not find the same one, so each holds a claim while its own processes run.
+    """
+    for number in range(INSTANCES) if instance is None else (instance,):
+        try:
+            claim = _claim(number)
+        except PortBusy:
+            if instance is not None:
+                raise
+            continue
+        with claim:
+            taken = busy(number, *names)
+            if not taken:
+                yield number
+                return
+            if instance is not None:
+                raise taken[0]
+    raise NoFreeInstance(f"instances 0 to {INSTANCES - 1} all have a port in use")
+
+
+def _claim(number: int) -> socket.socket:
+    """A TCP socket bound to the plant link's number: nobody uses it, and it dies with us."""
+    port = ports(number).fcu_plant
+    claim = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        claim.bind((HOST, port))
+    except OSError as error:
+        claim.close()
+        raise PortBusy(port, f"instance {number}, claimed by another runner") from error
+    return claim

@@ -22,24 +22,21 @@ from fcu import wind
 from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import to_buffer
-from gcs_tools.cli.terminal import Quiet, Show
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
 from gcs_tools.flight import rollout
-from gcs_tools.flight.instance import claimed
-from gcs_tools.flight.processes import InfrastructureError
+from gcs_tools.flight.display import Display
+from gcs_tools.flight.processes import PORTS, InfrastructureError, claimed
 from gcs_tools.flight.scenario import Scenario, arrival, scenario
-from gcs_tools.flight.wire_flight import R_C, Flown, WireFlight
+from gcs_tools.flight.wire_flight import Flown, WireFlight
 from gcs_tools.judging import result
 from gcs_tools.judging.preflight_check import refusal
-from gcs_tools.judging.result import Result
-from gcs_tools.judging.verdict import OK, judge
+from gcs_tools.judging.result import Result, judge
 from gcs_tools.live.publishing import Zenoh
 from gcs_tools.missions.mission import Mission, MissionError, load, override
 from gcs_tools.recording.logs import logged
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.recorder import Recorder
 
-INFRASTRUCTURE, INTERRUPTED = 3, 130
-PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 RUNS = Path("runs")
 
 
@@ -55,9 +52,7 @@ def prepared(
 ) -> tuple[Mission, Scenario]:
     """A mission with its changes, and what it flies. Raises UsageError."""
     try:
-        mission = load(name)
-        for setting in settings:
-            mission = override(mission, setting)
+        mission = load(name, settings)
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")
         if rate_hz is not None:
@@ -101,14 +96,14 @@ def fly_missions(
     settings: Sequence[str] = (),
     in_process: bool = False,
     instance: int | None = None,
-    show: Show | None = None,
+    display: Display | None = None,
     zenoh: Zenoh | None = None,
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
 
     `zenoh`: how it is published; None: not.
     """
-    show = show or Quiet()
+    display = display or Display()
     ready = [prepared(name, settings, seed, rate_hz) for name in missions]
     for mission, scene in ready:
         if why := refusal(scene):
@@ -121,8 +116,8 @@ def fly_missions(
         nth = sum(flown.mission == mission.name for flown in results)
         own = out and out / (f"{mission.name}-{nth}" if nth else mission.name)
         folder = new_folder(own if many else out, mission.name)
-        flown = _Run(mission, scene, folder, speed, in_process, instance, show, zenoh).fly()
-        show.verdict(flown, str(folder))
+        flown = _Run(mission, scene, folder, speed, in_process, instance, display, zenoh).fly()
+        display.verdict(flown, str(folder))
         results.append(flown)
         if flown.exit_code == INTERRUPTED:
             break
@@ -139,7 +134,7 @@ class _Run:
 
     def __init__(
         self, mission: Mission, scene: Scenario, folder: Path, speed: float | None,
-        in_process: bool, instance: int | None, show: Show, zenoh: Zenoh | None,
+        in_process: bool, instance: int | None, display: Display, zenoh: Zenoh | None,
     ) -> None:  # fmt: skip
         self._mission = mission
         self._scene = scene
@@ -147,13 +142,18 @@ class _Run:
         self._speed = speed
         self._in_process = in_process
         self._instance = instance
-        self._show = show
+        self._display = display
         self._zenoh = zenoh
 
     def fly(self) -> Result:
         """Fly, judge, and write everything down; never raises for what a flight can do."""
         flown, exit_code, error = self._recorded()
-        judged = judge(self._mission, self._scene, flown, exit_code, error, versions())
+        judged = judge(
+            self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
+            exit_code=exit_code, error=error, wall_time_s=flown.wall_time_s,
+            startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
+            versions=versions(),
+        )  # fmt: skip
         try:
             if len(flown.fcu) > 1:
                 from gcs_tools.pictures.plot import flight_figure
@@ -192,7 +192,7 @@ class _Run:
 
     def _flown(self, recorder: Recorder) -> Flown:
         duration = self._scene.ticks / self._scene.rate_hz
-        with self._show.flight(self._mission.name, duration) as progress:
+        with self._display.flight(self._mission.name, duration) as progress:
             if self._in_process:
                 return self._by_rollout(recorder, progress)
             return self._over_the_wire(recorder, progress)
@@ -201,7 +201,7 @@ class _Run:
         from fcu.kernel.compile import is_cached
 
         if not is_cached("rollout"):
-            self._show.note("compiling law and plant, once for this version (about 20 s)")
+            self._display.note("compiling law and plant, once for this version (about 20 s)")
         began = time.monotonic()
         rollout.warm_up(self._scene)
         first = time.monotonic()
@@ -221,11 +221,11 @@ class _Run:
         from fcu.kernel.compile import is_cached
 
         if not (is_cached("tick") and is_cached("advance")):
-            self._show.note("compiling law and plant, once for this version (about 20 s)")
+            self._display.note("compiling law and plant, once for this version (about 20 s)")
         try:
             with claimed(self._instance, *PORTS) as instance:
                 if self._instance is None and instance:
-                    self._show.note(f"instance {instance}: those before it are in use")
+                    self._display.note(f"instance {instance}: those before it are in use")
                 return self._fly_pair(instance, recorder, progress)
         except OSError as error:
             raise _cut(_nothing(), str(error.strerror or error)) from error
@@ -234,11 +234,13 @@ class _Run:
         self, instance: int, recorder: Recorder, progress: Callable[[float], None]
     ) -> Flown:
         if self._zenoh is not None:
-            self._show.note(f"published as instance {instance} (gcs monitor --instance {instance})")
+            self._display.note(
+                f"published as instance {instance} (gcs monitor --instance {instance})"
+            )
         flight = WireFlight(
             self._scene, self._folder, instance, self._speed,
             (recorder.add_plant, recorder.add_fcu), progress,
-            self._zenoh, flies(self._mission, self._scene), self._show.note,
+            self._zenoh, flies(self._mission, self._scene), self._display.note,
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
@@ -248,7 +250,7 @@ class _Run:
             raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
 
     def _cut_at_arrival(self, flown: Flown) -> Flown:
-        n = arrival(self._scene, flown.plant, flown.fcu, R_C)
+        n = arrival(self._scene, flown.plant, flown.fcu)
         if n is None:
             return flown
         return replace(flown, plant=flown.plant[:n], fcu=flown.fcu[:n], arrived=True)

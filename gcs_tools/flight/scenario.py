@@ -14,12 +14,15 @@ from fcu.guard.types import GuardParams
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rows import column
 from fcu.laws.mmrac.types import Params
 from fcu.mavlink.setpoints import setpoint_through_the_wire
 from fcu.settings import Settings, settings
+from fcu.tick import Tick
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
+from sitl_plant.physics.types import PlantRecord
 from sitl_plant.physics.world import World, world
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -91,17 +94,15 @@ def scenario(mission: Mission) -> Scenario:
     )
 
 
-def arrival(scene: Scenario, plant: Buffer, fcu: Buffer, r_c: slice) -> int | None:
-    """The number of ticks flown when the vehicle has arrived; None if it has not.
-
-    `plant`, `fcu`: rows so far.  `r_c`: columns of the setpoint's position in a fcu row.
-    """
+def arrival(scene: Scenario, plant: Buffer, fcu: Buffer) -> int | None:
+    """The number of ticks flown, in the rows so far, when the vehicle has arrived; None: not yet."""
     if scene.arrive is None:
         return None
     within, held = scene.arrive
     n = min(len(plant), len(fcu))
     last = int(scene.sent_at[-1])
-    near = np.linalg.norm(plant[:n, 1:4] - fcu[:n, r_c], axis=1) <= within
+    r_E, r_c = column(PlantRecord, plant[:n], "state.r_E"), column(Tick, fcu[:n], "setpoint.r_c")
+    near = np.linalg.norm(r_E - r_c, axis=1) <= within
     near[:last] = False
     run = 0
     for k in range(last, n):

@@ -21,20 +21,15 @@ from fcu.interface import handover
 from fcu.interface.link import PortBusy
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import size
-from fcu.kernel.rows import column_of, slice_of
+from fcu.kernel.rows import column_of
 from fcu.tick import Tick
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
-from gcs_tools.flight.processes import (
-    Child,
-    Collector,
-    InfrastructureError,
-    Rows,
-    one_core,
-    stop_all,
-)
+from gcs_tools.flight.pair import Pair
+from gcs_tools.flight.processes import Collector, InfrastructureError, Rows, one_core
 from gcs_tools.flight.scenario import Scenario, arrival
-from gcs_tools.live.publishing import Publishing, Zenoh
+from gcs_tools.live.publishing import Zenoh
 from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
+from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
@@ -42,7 +37,6 @@ DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that ha
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
 _ENDED = column_of(PlantRecord, "ended")
-R_C = slice_of(Tick, "setpoint.r_c")
 
 
 @dataclass
@@ -55,6 +49,13 @@ class Flown:
     startup_s: float = 0.0
     wall_time_s: float = 0.0
     said: dict[str, dict[str, Any]] = field(default_factory=dict)  # each process's last words
+
+    @property
+    def ended(self) -> str:
+        """How the flight ended, if it was not cut short: time, arrived, diverged, crashed."""
+        how = self.plant[-1, _ENDED] if len(self.plant) else dynamics.FLYING
+        words = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}
+        return "arrived" if self.arrived else words.get(how, "time")
 
 
 class WireFlight:
@@ -88,8 +89,6 @@ class WireFlight:
         self._progress = progress
         self._plant_rows: list[Rows] = []
         self._fcu_rows: list[Rows] = []
-        self._children: list[Child] = []
-        self._publishing: Publishing | None = None
 
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
@@ -110,38 +109,23 @@ class WireFlight:
                 first = time.monotonic()
                 arrived = self._send_setpoints(vehicle, control)
                 wall = time.monotonic() - first
-                said = stop_all(self._children)
-                if self._publishing is not None:
-                    said["publisher"] = self._publishing.stop()
-                    if problem := said["publisher"]["problem"]:
-                        self._note(f"diagnostics: {problem}")
+                said = self._pair.stop()
+                if problem := said.get("publisher", {}).get("problem"):
+                    self._note(f"diagnostics: {problem}")
         except OSError as error:
             where = error.filename or self._folder
             raise InfrastructureError(f"{where}: {error.strerror or error}") from error
         flown = self.flown()
         return Flown(flown.plant, flown.fcu, arrived, startup, wall, said)
 
-    def _stop(self) -> None:
-        """Stop both, and take what they have still handed over."""
-        stop_all(self._children)
-        self._collector.join(DRAIN_S)
-        if self._publishing is not None:
-            self._publishing.stop()
-
     # --- starting
 
     def _start(self, stack: ExitStack) -> int:
-        scene, folder, N = self._scene, self._folder, str(self._instance)
-        handover.save(folder / "settings.json", scene.settings)
-        handover.save(folder / "world.json", scene.world)
+        """Start the pair; where to grant it time."""
         plant_out, plant_in = os.pipe()
         fcu_out, fcu_in = os.pipe()
         grants_out, grants_in = os.pipe()
-        life_out, life_in = os.pipe()
-        stack.callback(os.close, life_in)
         stack.callback(os.close, grants_in)
-        for fd in (life_in, grants_in, plant_out, fcu_out):
-            os.set_inheritable(fd, False)
         keep = "--wait" if self._speed is None else "--drop"
         speed = "max" if self._speed is None else str(self._speed)
         self._collector = Collector(
@@ -152,34 +136,21 @@ class WireFlight:
         )
         self._plant_fd = plant_out
         self._collector.start()
-        stack.callback(self._stop)
-        if self._zenoh is not None:
-            self._publishing = Publishing(
-                self._zenoh, folder, self._instance, self._flies, os.dup(life_out)
-            )
-        fcu = Child(
-            "flight controller", "fcu",
-            ["--instance", N, "--handover", str(folder / "settings.json"), "--link-clock", "sim", keep,
-             "--record-fd", str(fcu_in), "--lifeline-fd", str(life_out)],
-            folder / "fcu.log", (fcu_in, life_out),
+        stack.callback(self._collector.join, DRAIN_S)  # takes what they have still handed over
+        self._pair = Pair(stack, self._folder, self._instance, self._zenoh, self._flies)
+        why = self._pair.start(
+            self._scene,
+            ["--link-clock", "sim", keep, "--record-fd", str(fcu_in)],
+            ["--speed", speed, keep, "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
+            (fcu_in,), (plant_in, grants_out),
         )  # fmt: skip
-        self._children.append(fcu)
-        plant = Child(
-            "plant", "sitl_plant",
-            ["--instance", N, "--world", str(folder / "world.json"), "--speed", speed, keep,
-             "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
-            folder / "plant.log", (plant_in, grants_out),
-        )  # fmt: skip
-        self._children.append(plant)
-        for child in (fcu, plant):
-            child.wait_ready(self._check)
-        if self._publishing is not None and (why := self._publishing.wait_ready()):
+        if why:
             self._note(f"flown without diagnostics: {why}")
         if self._speed is None:
             core = self._instance % (os.cpu_count() or 1)
-            if self._publishing is not None:
-                self._publishing.keep_off(core)
-            stack.enter_context(one_core(core, self._children, self._collector))
+            if self._pair.publisher is not None:
+                self._pair.publisher.keep_off(core)
+            stack.enter_context(one_core(core, self._pair.children, self._collector))
         return grants_in
 
     def _meet(self, stack: ExitStack) -> Vehicle:
@@ -188,7 +159,7 @@ class WireFlight:
         except PortBusy as error:
             raise InfrastructureError(str(error.strerror)) from error
         stack.callback(vehicle.close)
-        vehicle.on_wait = self._check
+        vehicle.on_wait = self._pair.check
         try:
             vehicle.wait_ready()
             for _ in range(2):  # one setpoint is not a stream yet
@@ -198,10 +169,6 @@ class WireFlight:
         except VehicleError as error:
             raise InfrastructureError(str(error)) from error
         return vehicle
-
-    def _check(self) -> None:
-        for child in self._children:
-            child.check()
 
     # --- flying
 
@@ -213,7 +180,7 @@ class WireFlight:
                 return False
             if last and scene.arrive is not None:
                 flown = self.flown()
-                if arrival(scene, flown.plant, flown.fcu, R_C) is not None:
+                if arrival(scene, flown.plant, flown.fcu) is not None:
                     return True
             if k >= scene.ticks:
                 break
@@ -238,7 +205,7 @@ class WireFlight:
                 return False
             if flown >= tick:
                 return True
-            self._check()
+            self._pair.check()
             if flown != seen:
                 seen, since = flown, time.monotonic()
             elif time.monotonic() - since > STALL_S:
@@ -250,7 +217,7 @@ class WireFlight:
 
     def _has_ended(self) -> bool:
         """Whether the plant has, because the flight is over: its last rows may be on their way."""
-        if self._children[-1].process.poll() != 0:
+        if self._pair.children[-1].process.poll() != 0:
             return False
         self._collector.wait_for(lambda: self._plant_fd in self._collector.ended, DRAIN_S)
         return self._is_over()

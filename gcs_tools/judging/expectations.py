@@ -87,7 +87,7 @@ def _judge_metric(name: str, entry: Any, metric: MetricFunction) -> Expectation:
     return Expectation(name, bound.limit, value, passed, text)
 
 
-def judge(expect: Mapping[str, Any], metric: MetricFunction, ended: str) -> list[Expectation]:
+def judge_each(expect: Mapping[str, Any], metric: MetricFunction, ended: str) -> list[Expectation]:
     """Each entry of `expect` judged, how the flight ended first.
 
     metric : value of a metric from and to a time (s); None where there is none.

@@ -20,23 +20,18 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.rows import column
-from gcs_tools.judging.expectations import Expectation
+from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
+from gcs_tools.judging.expectations import Expectation, judge_each
+from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, Rows
+from gcs_tools.missions.mission import Mission, Value
+from gcs_tools.missions.trajectory import last_change_s
 from sitl_plant.physics.types import PlantRecord
 
 SCHEMA_VERSION = 1
-INFRASTRUCTURE = 3  # exit code: not the flight failed, what flies it did
 
 
 class ResultError(Exception):
     """A result that cannot be written or read: names the file, or the value, and the reason."""
-
-
-@dataclass(frozen=True)
-class InForce:
-    """A value a flight was flown with, and where it came from (s1000.toml, mission, --set)."""
-
-    value: Any
-    origin: str
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class Result:
     slips: int
     trajectory_sha256: str
     versions: dict[str, str]
-    values: dict[str, InForce]  # dotted name -> value in force
+    values: dict[str, Value]  # dotted name -> value in force
     expectations: list[Expectation]
     metrics: dict[str, float | None]  # None: without a value
     error: str | None = None  # what ended the flight when the exit code is 3 or 130
@@ -74,6 +69,46 @@ class Result:
             if not math.isfinite(value):
                 raise ResultError(f"{path}: {name} is {value}, results are finite")
         _replace(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def judge(
+    mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, *, ended: str, exit_code: int,
+    error: str | None, **about: Any,
+) -> Result:  # fmt: skip
+    """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
+
+    plant, fcu : rows as for EngagedTicks.of.  ended : how the flight ended, if it was not cut short.
+    error : what cut it short, in words.  about : wall times, slips and versions of the Result.
+    """
+    judged: list[Expectation] = []
+    measured: dict[str, float | None] = {}
+    whole = exit_code == OK and len(plant) > 0 and len(fcu) > 0
+    if len(plant) and len(fcu):
+        flight = EngagedTicks.of(plant, fcu, last_change_s(mission.flight) + SETTLE_S)
+        measured = flight.metrics()
+        if whole:
+            judged = judge_each(mission.expectations(), flight.metric, ended)
+    passed = exit_code == OK and all(e.passed for e in judged)
+    sim_time = float(plant[-1, 0]) if len(plant) else 0.0
+    wall_time = about["wall_time_s"]
+    return Result(
+        mission=mission.name,
+        title=mission.title,
+        passed=passed,
+        exit_code=MISSED if exit_code == OK and not passed else exit_code,
+        ended=ended if whole else "aborted",
+        seed=mission.flight.seed,
+        rate_hz=rate_hz,
+        sim_time_s=sim_time,
+        real_time_factor=sim_time / wall_time if wall_time else 0.0,
+        ticks=len(fcu),
+        trajectory_sha256=trajectory_sha256(plant) if len(plant) else "",
+        values=mission.values_in_force(),
+        expectations=judged,
+        metrics=measured,
+        error=error,
+        **about,
+    )
 
 
 def _numbers(name: str, content: Any) -> Iterable[tuple[str, float]]:
@@ -139,7 +174,7 @@ def read(path: Path) -> Result:
         )
     try:
         known = {f.name for f in fields(Result)}
-        values = {name: InForce(**entry) for name, entry in content.pop("values").items()}
+        values = {name: Value(**entry) for name, entry in content.pop("values").items()}
         expectations = [Expectation(**entry) for entry in content.pop("expectations")]
         given = {name: value for name, value in content.items() if name in known}
         return Result(values=values, expectations=expectations, **given)
@@ -147,7 +182,7 @@ def read(path: Path) -> Result:
         raise ResultError(f"{path}: not a result ({error})") from error
 
 
-def trajectory_sha256(plant: np.ndarray[Any, np.dtype[np.float64]]) -> str:
+def trajectory_sha256(plant: Rows) -> str:
     """SHA-256 of t, r, v, q, w and rotor speeds of every row of the plant, little-endian float64.
 
     plant : float64 (n, size(PlantRecord)).

@@ -12,11 +12,11 @@ import difflib
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -36,8 +36,9 @@ class MissionError(ValueError):
     """A mission that cannot be flown: file, line, key and what was expected, one line each."""
 
 
-class Value(NamedTuple):
-    """A value in force, and where it came from."""
+@dataclass(frozen=True)
+class Value:
+    """A value in force, and where it came from (s1000.toml, mission, --set)."""
 
     value: Any
     origin: str
@@ -110,8 +111,11 @@ def _meant(word: str, known: list[str]) -> str:
 # --- checking
 
 
-def load(name_or_path: str | Path) -> Mission:
-    """A shipped mission by its name, or any by its file. Raises MissionError."""
+def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
+    """A shipped mission by its name, or any by its file; `settings` as for `override`.
+
+    Raises MissionError.
+    """
     path = _path(str(name_or_path))
     source = _shown(path)
     try:
@@ -125,7 +129,10 @@ def load(name_or_path: str | Path) -> Mission:
         at = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)", str(error))
         line = (at and at[1]) or len(text.splitlines())
         raise MissionError(f"{source}:{line}: {str(error)[: at and at.start()]}") from error
-    return _checked(path.stem, source, given, {}, text)
+    mission = _checked(path.stem, source, given, {}, text)
+    for setting in settings:
+        mission = override(mission, setting)
+    return mission
 
 
 def from_tables(name: str, given: Mapping[str, Any]) -> Mission:

@@ -22,11 +22,10 @@ def values_in_force(mission: Mission) -> dict[str, Value]:
     found = {}
     for table in ("flight", "law", "wind", "plant"):
         for path, value in _leaves((table,), getattr(mission, table)):
-            origin = _origin(mission, path)
-            if value is None:
-                value, origin = underneath.get(path, Value(None, "default"))
-            if value is not None and value != ():
-                found[".".join(map(str, path))] = Value(_plain(value), origin)
+            own = Value(value, _origin(mission, path))
+            used = underneath.get(path) if value is None else own
+            if used is not None and used.value not in (None, ()):
+                found[".".join(map(str, path))] = Value(_plain(used.value), used.origin)
     return found
 
 

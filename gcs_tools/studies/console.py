@@ -130,7 +130,7 @@ def whole_flight(console: Console) -> None:
 @click.argument("out", type=click.Path(dir_okay=False, path_type=Path))
 def main(out: Path) -> None:
     """Fly a vehicle by MAVProxy and write the session to OUT."""
-    from gcs_tools.flight.instance import claimed
+    from gcs_tools.flight.processes import claimed
 
     with claimed(None) as instance:
         pass  # a free one; `gcs up` claims it for itself

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gcs_tools.judging.expectations import ExpectError, judge
+from gcs_tools.judging.expectations import ExpectError, judge_each
 
 MEASURED = {"position_rms_m": 0.025, "position_max_m": 90.0, "thrust_max_n": math.nan}
 
@@ -28,14 +28,14 @@ def measured(name: str, t_from: float | None, t_to: float | None) -> float | Non
     ],
 )  # fmt: skip
 def test_limits(entry: object, passed: bool, text: str) -> None:
-    _, judged = judge({"position_rms_m": entry}, measured, "time")
+    _, judged = judge_each({"position_rms_m": entry}, measured, "time")
     assert (judged.passed, str(judged)) == (passed, text)
 
 
 @pytest.mark.parametrize("name", ["command_rms_m", "thrust_max_n", "no_such_metric"])
 def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
     for entry in (1e9, {"at_least": -1e9}):
-        _, judged = judge({name: entry}, measured, "time")
+        _, judged = judge_each({name: entry}, measured, "time")
         assert not judged.passed and judged.value is None
         assert str(judged).endswith(": no value")
 
@@ -51,15 +51,15 @@ def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
     ],
 )
 def test_a_flight_must_end_well_unless_expected_not_to(ended: str, passed: bool) -> None:
-    (judged,) = judge({}, measured, ended)
+    (judged,) = judge_each({}, measured, ended)
     assert judged.passed is passed
     assert str(judged) == f"ended = time or arrived: {ended}"
 
 
 def test_divergence_can_be_expected() -> None:
     expect = {"position_max_m": {"at_least": 50.0}, "ended": "diverged"}
-    assert [e.passed for e in judge(expect, measured, "diverged")] == [True, True]
-    assert [e.passed for e in judge(expect, measured, "time")] == [False, True]
+    assert [e.passed for e in judge_each(expect, measured, "diverged")] == [True, True]
+    assert [e.passed for e in judge_each(expect, measured, "time")] == [False, True]
 
 
 @pytest.mark.parametrize(
@@ -82,4 +82,4 @@ def test_divergence_can_be_expected() -> None:
 )
 def test_what_cannot_be_judged_is_refused(expect: dict[str, object], reason: str) -> None:
     with pytest.raises(ExpectError, match=reason):
-        judge(expect, measured, "time")
+        judge_each(expect, measured, "time")

@@ -14,7 +14,8 @@ import pytest
 
 from fcu.kernel.buffers import columns, size
 from gcs_tools.judging.expectations import Expectation
-from gcs_tools.judging.result import InForce, Result, ResultError, junit, read, trajectory_sha256
+from gcs_tools.judging.result import Result, ResultError, junit, read, trajectory_sha256
+from gcs_tools.missions.mission import Value
 from sitl_plant.physics.types import PlantRecord
 
 MET = Expectation("ended", "time or arrived", "time", True, "ended = time or arrived")
@@ -35,7 +36,7 @@ RESULT = Result(
     slips=0,
     trajectory_sha256="0" * 64,
     versions={"m-mrac": "0.1.0"},
-    values={"law.f_m": InForce(1.0, "mission"), "plant.mass_kg": InForce(8.0, "truth.toml")},
+    values={"law.f_m": Value(1.0, "mission"), "plant.mass_kg": Value(8.0, "truth.toml")},
     expectations=[MET],
     metrics={"position_rms_m": 0.02, "position_final_m": None},
 )
@@ -74,7 +75,7 @@ def test_its_keys_are_those_promised(tmp_path: Path) -> None:
     [
         (replace(RESULT, real_time_factor=math.inf), "real_time_factor is inf"),
         (replace(RESULT, metrics={"thrust_max_n": math.nan}), "metrics.thrust_max_n is nan"),
-        (replace(RESULT, values={"a.b": InForce([0.0, math.inf], "")}), r"a.b.value\[1\] is inf"),
+        (replace(RESULT, values={"a.b": Value([0.0, math.inf], "")}), r"a.b.value\[1\] is inf"),
     ],
 )
 def test_what_is_not_finite_is_named_and_not_written(

@@ -8,7 +8,7 @@ import pytest
 from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions import schema as mission_schema
-from gcs_tools.missions.mission import MissionError, folder, load, override
+from gcs_tools.missions.mission import MissionError, Value, folder, load, override
 from gcs_tools.missions.tables import Expect, Law
 
 SHIPPED = sorted(path.stem for path in folder().glob("*.toml"))
@@ -193,21 +193,21 @@ def test_the_values_in_force_say_where_they_came_from():
     mission = override(load("paper_nominal"), "law.bounds.m_max=12")
     mission = override(mission, "flight.rate_hz=250", "--rate")
     values = mission.values_in_force()
-    assert values["law.f_m"] == (1.0, "mission")
-    assert values["law.bounds.m_max"] == (12.0, "--set")
-    assert values["flight.rate_hz"] == (250, "--rate")
-    assert values["law.gamma"] == (1000.0, "default")
-    assert values["law.rotor_lag_s"] == (0.05, "s1000.toml")
-    assert values["law.tilt_max_deg"] == (45.0, "s1000.toml")
-    assert values["plant.mass_kg"] == (8.0, "truth.toml")
+    assert values["law.f_m"] == Value(1.0, "mission")
+    assert values["law.bounds.m_max"] == Value(12.0, "--set")
+    assert values["flight.rate_hz"] == Value(250, "--rate")
+    assert values["law.gamma"] == Value(1000.0, "default")
+    assert values["law.rotor_lag_s"] == Value(0.05, "s1000.toml")
+    assert values["law.tilt_max_deg"] == Value(45.0, "s1000.toml")
+    assert values["plant.mass_kg"] == Value(8.0, "truth.toml")
     assert values["flight.setpoints"].origin == "mission"
-    json.dumps(values, allow_nan=False)
+    json.dumps({key: value.value for key, value in values.items()}, allow_nan=False)
 
 
 def test_the_printed_law_has_its_own_bounds_in_force():
     values = load("paper_printed").values_in_force()
-    assert values["law.bounds.m_min"] == (0.5, "mission")
-    assert values["law.bounds.J_min"] == (0.0, "default")
+    assert values["law.bounds.m_min"] == Value(0.5, "mission")
+    assert values["law.bounds.J_min"] == Value(0.0, "default")
 
 
 def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():

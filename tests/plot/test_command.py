@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from gcs_tools.cli import plot as commands_plot
-from gcs_tools.cli.plot import plot
+from gcs_tools.cli.program import main
 from gcs_tools.pictures.plot.figures import FORMATS, STANDARD
 from gcs_tools.recording import reader as recording
 from gcs_tools.recording.recorder import Recorder
@@ -39,7 +39,7 @@ def written(made: Any, path: Path, reports: bool = True) -> Path:
 
 
 def called(*arguments: Any) -> Result:
-    return CliRunner().invoke(plot, [str(word) for word in arguments])
+    return CliRunner().invoke(main, ["plot", *map(str, arguments)])
 
 
 def test_the_command_knows_what_can_be_drawn() -> None:

@@ -49,10 +49,10 @@ def per_call_s(run: Callable[[], Any], calls: int, repeats: int) -> float:
 
 def streamed(duration_s: float) -> Scenario:
     """The paper's flight, its moving yaw sent 20 times a second of simulation time."""
-    from gcs_tools.flight import run as flying
+    from gcs_tools.flight.run import prepared
 
     settings = [f"flight.duration_s={duration_s:g}"]
-    return flying.prepared(MISSION, settings, rate_hz=RATE_HZ)[1]
+    return prepared(MISSION, settings, rate_hz=RATE_HZ)[1]
 
 
 def constant(scene: Scenario) -> Scenario:
@@ -178,8 +178,7 @@ def flown(scene: Scenario, speed: float | None = None, clients: bool = False) ->
     `clients`: with two that the vehicle streams telemetry to.
     """
     from fcu.kernel.buffers import to_buffer
-    from gcs_tools.flight.instance import claimed
-    from gcs_tools.flight.run import PORTS
+    from gcs_tools.flight.processes import PORTS, claimed
     from gcs_tools.flight.wire_flight import WireFlight
     from gcs_tools.recording.recorder import Recorder
 

@@ -30,8 +30,7 @@ def figures() -> Iterator[Figure]:
 def costs() -> Iterator[Figure]:
     """What a report costs the control thread after its answer is on its way."""
     from fcu.interface.feed import SUPPORTED
-    from gcs_tools.flight.instance import claimed
-    from gcs_tools.flight.run import PORTS
+    from gcs_tools.flight.processes import PORTS, claimed
 
     with claimed(None, *PORTS) as instance:
         alone = _reports(instance)
@@ -88,8 +87,7 @@ def _reports(instance: int) -> float:
 
 def heard(rate_hz: int) -> Iterator[Figure]:
     """A flight in real time, and a subscriber that records it: how old ticks are when they come."""
-    from gcs_tools.flight.instance import claimed
-    from gcs_tools.flight.run import PORTS
+    from gcs_tools.flight.processes import PORTS, claimed
 
     with claimed(None, *PORTS) as instance:
         pass  # it is free: the flight below claims it

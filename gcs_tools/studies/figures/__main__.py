@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from gcs_tools.cli.terminal import silence
+from gcs_tools.cli.output import silence
 from gcs_tools.studies.figures.page import PageError, check, written
 
 SCHEMA = 1

@@ -1,0 +1,64 @@
+"""`gcs fly`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure, print_json
+from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
+
+
+@click.command(
+    epilog="\b\nExit codes: 0 every expectation met, 1 one missed, 2 a bad command line or mission\n"
+    "file, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM); of\n"
+    "several missions the worst. A mission is a file, or the name of one that is shipped."
+)
+@click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
+@arguments.speed("max")
+@click.option("--seed", type=click.IntRange(0), help="Of the noise; default: the mission's.")
+@click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run's folder; default: a new one in runs/.")  # fmt: skip
+@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Write a JUnit report here too.")  # fmt: skip
+@arguments.SETTINGS
+@click.option("--in-process", is_flag=True, help="Fly the same law and plant without sockets.")
+@arguments.as_json("Print the results as JSON.")
+@click.option("--publish/--no-publish", default=None, help="Put every tick on Zenoh; default: unless --speed is max.")  # fmt: skip
+@arguments.ZENOH
+@arguments.FREE_INSTANCE
+def fly(
+    missions: tuple[str, ...], speed: float | None, seed: int | None, rate_hz: float | None,
+    out: Path | None, junit: Path | None, settings: tuple[str, ...], in_process: bool,
+    as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
+) -> int:  # fmt: skip
+    """Fly each MISSION and judge it.
+
+    Starts a flight controller and a plant, sends the mission over MAVLink as a ground script
+    would, holds what was flown against the mission's [expect], and stops both.
+    """
+    from gcs_tools.cli.terminal import Terminal
+    from gcs_tools.flight.display import Display
+    from gcs_tools.flight.run import UsageError, fly_missions
+    from gcs_tools.judging import result
+
+    try:
+        results = fly_missions(
+            missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, settings=settings,
+            in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
+            zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
+        )  # fmt: skip
+    except UsageError as error:
+        raise Failure(error, USAGE) from error
+    code = max(r.exit_code for r in results)
+    if junit is not None:
+        try:
+            result.junit(results, junit)
+        except result.ResultError as error:
+            click.echo(f"Error: {error}", err=True)
+            code = max(code, INFRASTRUCTURE)
+    if as_json:
+        print_json([dataclasses.asdict(r) for r in results])
+    return code

@@ -1,0 +1,74 @@
+"""The live vehicle that a command means: found on the bus, or waited for."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gcs_tools.cli.output import Failure
+
+if TYPE_CHECKING:
+    from zenoh import Session
+
+    from gcs_tools.live.watch import Watch
+
+ALONE_S = 3.0  # wall: after that who waits with a file of their own is told what for
+UNSEEN = "connected, but no vehicle answers, or not to us"
+
+LOOK_S = 0.2  # wall: between two looks for a publisher
+
+
+@contextlib.contextmanager
+def watched(instance: int | None, zenoh: Path | None) -> Iterator[Watch]:
+    """A Watch of the vehicle that is meant, found. Raises Failure when there can be none."""
+    from fcu.interface.ports import ports
+    from gcs_tools.live import bus
+    from gcs_tools.live.watch import Watch
+
+    try:
+        number = instance
+        if zenoh is None:
+            there = bus.published()
+            if number not in there if number is not None else not there:
+                who = "a vehicle" if number is None else f"instance {number}"
+                click.echo(f"waiting for {who} to publish (start one: gcs up) ...", err=True)
+            while number is None and not there:
+                time.sleep(LOOK_S)
+                there = bus.published()
+            number = there[0] if number is None else number
+        with bus.session(bus.for_tool(number or 0, zenoh)) as session:
+            watch = Watch(session, "*" if number is None else str(ports(number).system_id))
+            try:
+                watch.find(_told_when_alone(session, zenoh, number))
+                yield watch
+            finally:
+                watch.close()
+    except bus.BusError as error:
+        raise Failure(error, error.exit_code) from error
+
+
+def _told_when_alone(
+    session: Session, zenoh: Path | None, number: int | None
+) -> Callable[[], None]:
+    """What says once, to who waits though there is somebody, how far it leads."""
+    from gcs_tools.live import bus
+
+    there = zenoh is not None or number in bus.published()
+    due = time.monotonic() + ALONE_S if there else math.inf
+    where = f"as {zenoh} says" if zenoh is not None else f"instance {number}"
+    who = "" if number is None or zenoh is None else f" (as instance {number})"
+
+    def check() -> None:
+        nonlocal due
+        if time.monotonic() > due:
+            due = math.inf
+            why = UNSEEN if bus.connected(session) else bus.UNCONNECTED
+            click.echo(f"waiting, {where}: {why}{who} ...", err=True)
+
+    return check

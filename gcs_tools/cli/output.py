@@ -1,0 +1,40 @@
+"""How a command says what it found, and why it ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from typing import IO, Any
+
+import click
+
+from gcs_tools.exit_codes import INFRASTRUCTURE
+
+
+class Failure(click.ClickException):
+    """What ended a command, in words, and its exit code."""
+
+    def __init__(self, why: object, exit_code: int = INFRASTRUCTURE) -> None:
+        super().__init__(str(why))
+        self.exit_code = exit_code  # type: ignore[misc]
+
+
+def print_json(content: Any) -> None:
+    """On standard output, finite numbers only."""
+    print_line(json.dumps(content, allow_nan=False, indent=2))
+
+
+def print_line(text: str) -> None:
+    """On standard output, or nowhere once nobody reads it."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        silence(sys.stdout)
+
+
+def silence(stream: IO[str]) -> None:
+    """Let a stream whose reader is gone end in nothing, also what it has still buffered."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)

@@ -1,0 +1,76 @@
+"""`gcs` itself: its commands by group, each imported when it is asked for."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from importlib import import_module
+from typing import Any
+
+import click
+
+from fcu.interface.ports import table
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
+
+# a command is the module gcs_tools.cli.<name>, and the function of that name in it
+GROUPS = {
+    "Flying": ("fly", "up", "setpoint"),
+    "Before flight": ("envelope",),
+    "Recordings": ("plot", "view", "recover", "replay"),
+    "Live": ("monitor", "record", "topics", "publish"),
+}
+
+
+class Program(click.Group):
+    """Ends with what a command returns, and with 130 when it is interrupted, wherever it is."""
+
+    def list_commands(self, _context: click.Context) -> list[str]:
+        """All of them, in the order of their groups."""
+        return [name for names in GROUPS.values() for name in names]
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        """One of them, imported."""
+        if name not in self.list_commands(context):
+            return None
+        command: click.Command = getattr(import_module(f"gcs_tools.cli.{name}"), name)
+        return command
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """For --help: a list for each group."""
+        width = formatter.width - 6 - max(map(len, self.list_commands(context)))
+        for title, names in GROUPS.items():
+            found = [(name, self.get_command(context, name)) for name in names]
+            with formatter.section(title):
+                formatter.write_dl(
+                    [(name, made.get_short_help_str(width)) for name, made in found if made]
+                )
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run the command line, and exit."""
+        try:
+            code = super().main(*args, **{**options, "standalone_mode": False})
+        except click.ClickException as error:
+            error.show()
+            code = error.exit_code
+        except (click.Abort, KeyboardInterrupt):
+            code = INTERRUPTED
+        except OSError as error:  # of standard output: a full disk
+            click.echo(f"Error: {error.strerror or error}", err=True)
+            os._exit(INFRASTRUCTURE)  # what is still buffered would fail again
+        code = code if isinstance(code, int) else OK
+        if bus := sys.modules.get("gcs_tools.live.bus"):
+            bus.leave(code)  # whatever threads Zenoh still has
+        sys.exit(code)
+
+
+@click.group(cls=Program, epilog=f"\b\n{table()}")
+@click.version_option(package_name="m-mrac")
+def main() -> None:
+    """Ground tools of the M-MRAC flight stack."""
+    signal.signal(signal.SIGTERM, _interrupt)
+
+
+def _interrupt(_signal: int, _frame: object) -> None:
+    """Being told to end is being interrupted: what was started is stopped, what was flown kept."""
+    raise KeyboardInterrupt

@@ -1,0 +1,45 @@
+"""`gcs publish`."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import click
+
+from fcu.interface.ports import INSTANCES
+from gcs_tools.cli import arguments
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK
+
+
+@click.command()
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True)
+@click.option("--run", metavar="NAME", help="Under which its keys are; default: the time.")
+@arguments.ZENOH
+@click.option("--about", type=click.Path(path_type=Path), hidden=True)
+@click.option("--lifeline-fd", type=int, hidden=True)
+def publish(
+    instance: int, run: str | None, zenoh: Path | None, about: Path | None, lifeline_fd: int | None
+) -> int:
+    """Publish what fcu and sitl-plant fly, for a pair that was started by hand.
+
+    `gcs up` and `gcs fly` do this themselves. May be started, stopped and killed at any time.
+    """
+    from fcu.interface.link import PortBusy
+    from fcu.interface.starter import occupy_standard_streams
+    from fcu.interface.topics import run_name
+    from gcs_tools.live import bus, publisher
+
+    occupy_standard_streams()
+    name = run_name(run or time.strftime("%Y%m%d-%H%M%S"))
+    try:
+        flies = json.loads(about.read_text()) if about else {}
+        publisher.publish(instance, name, flies, zenoh, lifeline_fd)
+    except PortBusy:
+        publisher.say("error", f"instance {instance} has a publisher already")
+        return INFRASTRUCTURE
+    except bus.BusError as error:
+        publisher.say("error", str(error))
+        return error.exit_code
+    return OK

@@ -1,0 +1,48 @@
+"""`gcs record`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import watched
+from gcs_tools.cli.output import Failure, print_json
+from gcs_tools.exit_codes import USAGE
+
+
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="End after so many seconds of simulation time; default: with the vehicle, or Ctrl-C.")  # fmt: skip
+@arguments.as_json("Print what was recorded as JSON.")
+@arguments.LIVE_INSTANCE
+@arguments.ZENOH
+def record(
+    out: Path, seconds: float | None, as_json: bool, instance: int | None, zenoh: Path | None
+) -> None:
+    """Record everything that a running vehicle publishes into OUT, an MCAP file.
+
+    Waits for a vehicle if there is none. Exits 0 when the vehicle is gone, the time is up or
+    Ctrl-C was pressed; 2 when OUT cannot be written or CONFIG read; 3 without Zenoh.
+    """
+    from gcs_tools.cli.terminal import status
+    from gcs_tools.live.recorded import Recorded, record_until
+    from gcs_tools.recording.reader import RecordingError
+
+    if out.exists():
+        raise Failure(f"{out}: it exists already", USAGE)
+    if not out.absolute().parent.is_dir():
+        raise Failure(f"{out}: there is no folder {out.absolute().parent}", USAGE)
+    done = Recorded()
+    try:
+        with watched(instance, zenoh) as watch, status("waiting for the first tick") as progress:
+            record_until(watch, out, seconds, done, progress)
+    except RecordingError as error:
+        raise Failure(f"{error}" + (f"\n{done.summary(out)}" if done.ticks else ""), USAGE) from error  # fmt: skip
+    except KeyboardInterrupt:
+        done.why = done.why or "interrupted"
+    if as_json:
+        print_json(done.as_dict(out))
+    else:
+        click.echo(done.summary(out))

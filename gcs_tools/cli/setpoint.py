@@ -1,0 +1,58 @@
+"""`gcs setpoint`."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import click
+
+from fcu.interface.ports import busy, first_running_instance
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure, print_json
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("x", type=float)
+@click.argument("y", type=float)
+@click.argument("z", type=float)
+@click.option("--yaw-deg", type=float, help="From East, counter-clockwise; default: as it is.")
+@arguments.as_json("Print where it arrived as JSON.")
+@arguments.instance("the first that runs")
+def setpoint(
+    x: float, y: float, z: float, yaw_deg: float | None, as_json: bool, instance: int | None
+) -> None:
+    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up.
+
+    There it holds, and so it does when you interrupt this. Exits 0 when it is there, 3 when it
+    is not: refused, silent, landed, or a minute gone.
+    """
+    from fcu.interface.link import PortBusy
+    from fcu.kernel.algebra import Vec3
+    from gcs_tools.flight.ground_script import Vehicle, VehicleError, distance, fly_to
+
+    if not all(math.isfinite(v) and abs(v) <= 1e5 for v in (x, y, z, yaw_deg or 0.0)):
+        raise click.UsageError("X, Y, Z and --yaw-deg must be finite numbers, at most 1e5")
+    number = first_running_instance() if instance is None else instance
+    if number is None or not busy(number, "fcu_script"):
+        which = "" if number is None else f" as instance {number}"
+        raise Failure(f"no vehicle is up on this machine{which} (start one: gcs up)")
+    try:
+        vehicle = Vehicle(number)
+    except PortBusy as error:
+        raise Failure(f"another script or gcs setpoint flies instance {number} (it holds UDP port {error.port}): wait for it, or end it") from error  # fmt: skip
+    target = Vec3(x, y, z)
+    began = time.monotonic()
+    try:
+        here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True))
+    except VehicleError as error:
+        raise Failure(error) from error
+    finally:
+        vehicle.close()
+    away = distance(here.r_E, target)
+    if as_json:
+        print_json(
+            {"position_m": list(here.r_E), "error_m": away, "wall_s": time.monotonic() - began}
+        )
+    else:
+        click.echo(f"there: ({here.r_E.x:.2f}, {here.r_E.y:.2f}, {here.r_E.z:.2f}) m, {away:.2f} m off")  # fmt: skip

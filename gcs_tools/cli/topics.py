@@ -1,0 +1,33 @@
+"""`gcs topics`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import watched
+from gcs_tools.cli.output import print_json
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK
+
+
+@click.command()
+@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="How long to listen, s.")  # fmt: skip
+@arguments.as_json("Print it as JSON.")
+@arguments.LIVE_INSTANCE
+@arguments.ZENOH
+def topics(seconds: float, as_json: bool, instance: int | None, zenoh: Path | None) -> int:
+    """What a vehicle has on the bus: key, message, rate seen, losses, sizes.
+
+    Exits 0 when it has heard something, 3 when not, 130 after Ctrl-C.
+    """
+    from gcs_tools.live.listed import heard, shown
+
+    with watched(instance, zenoh) as watch:
+        found = heard(watch, seconds)
+    if as_json:
+        print_json(found)
+    else:
+        shown(found)
+    return OK if any(topic["ticks"] for topic in found["topics"].values()) else INFRASTRUCTURE

@@ -1,0 +1,113 @@
+"""`gcs up`."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure
+from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
+
+if TYPE_CHECKING:
+    from gcs_tools.flight.pair import Pair
+    from gcs_tools.flight.processes import Child
+    from gcs_tools.flight.scenario import Scenario
+
+TELL_S = 2.0  # wall: a flight controller tells after one that its plant is silent
+
+
+@click.command()
+@click.argument("mission", required=False)
+@arguments.speed("1")
+@click.option("--autopilot", type=click.Choice(["px4", "generic"]), help="As what the vehicle presents itself; default px4.")  # fmt: skip
+@click.option("--origin", metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth; default: PX4's home.")  # fmt: skip
+@click.option("--link-clock", type=click.Choice(["both", "sim"]), help="By which clock a script's stream is lost; default both.")  # fmt: skip
+@click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Saved parameters: read if it exists, written when a ground station asks.")  # fmt: skip
+@click.option("--publish/--no-publish", default=True, show_default=True, help="Put every tick on Zenoh.")  # fmt: skip
+@arguments.ZENOH
+@arguments.FREE_INSTANCE
+def up(
+    mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
+    link_clock: str | None, params: str | None, publish: bool, zenoh: Path | None,
+    instance: int | None,
+) -> None:  # fmt: skip
+    """Run the pair until Ctrl-C, for a ground station or a script.
+
+    With MISSION its law, world and starting point are flown; without, an S1000 stands on
+    the ground in still air.
+    """
+    given = {
+        "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
+    }  # fmt: skip
+    options = [word for name, value in given.items() if value for word in (name, value)]
+    from gcs_tools.flight.pair import Pair
+    from gcs_tools.flight.processes import InfrastructureError, Misused, claimed
+    from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
+
+    try:
+        chosen, scene = (None, None) if mission is None else prepared(mission)
+        folder = new_folder(None, "up")
+    except UsageError as error:
+        raise Failure(error, USAGE) from error
+    click.echo("starting (the first time compiles for half a minute) ...", err=True)
+    published = arguments.publication(publish, zenoh)
+    try:
+        with claimed(instance) as number, ExitStack() as stack:
+            pair = Pair(stack, folder, number, published, flies(chosen, scene))
+            _stand_by(pair, scene, folder, number, "max" if speed is None else str(speed), options,
+                      zenoh is not None)  # fmt: skip
+    except (InfrastructureError, OSError) as error:
+        code = USAGE if isinstance(error, Misused) else INFRASTRUCTURE
+        raise Failure(getattr(error, "strerror", None) or error, code) from error
+    except KeyboardInterrupt:
+        click.echo("stopped", err=True)
+
+
+def _stand_by(
+    pair: Pair, scene: Scenario | None, folder: Path, number: int, speed: str, options: list[str],
+    configured: bool,
+) -> None:  # fmt: skip
+    """Run both until interrupted; say what to connect to once both are ready.
+
+    Raises KeyboardInterrupt when told to stop, InfrastructureError when one of them ends.
+    """
+    from fcu.interface.link import HOST
+    from fcu.interface.ports import ports
+    from fcu.interface.topics import port
+    from gcs_tools.flight.processes import FlightEnded
+
+    life, at = pair.lifeline(), ports(number)
+    plant = ["--speed", speed, "--lifeline-fd", str(life)]
+    why = pair.start(scene, options, plant, plant_fds=(life,))
+    click.echo(
+        f"ready: instance {number}, MAVLink system {at.system_id}\n"
+        f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
+        f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
+        f"  logs            {folder}"
+    )
+    if pair.publisher is not None:
+        where = "as configured" if configured else f"tcp/{HOST}:{port(number)}"
+        click.echo(f"  diagnostics     {why or f'Zenoh, {where} (gcs monitor)'}")
+    try:
+        while True:
+            pair.check()
+            if pair.publisher is not None and pair.publisher.has_died():
+                click.echo(f"  diagnostics     ended (again with: gcs publish --instance {number})")
+            time.sleep(0.1)
+    except FlightEnded:
+        _let_it_tell(pair.children[0])
+        raise
+
+
+def _let_it_tell(fcu: Child) -> None:
+    """Wait until the flight controller has told its ground stations that there is no plant."""
+    until = time.monotonic() + TELL_S
+    while time.monotonic() < until and fcu.process.poll() is None:
+        if "silent" in fcu.last_words():
+            return
+        time.sleep(0.05)

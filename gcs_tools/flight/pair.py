@@ -1,0 +1,79 @@
+"""Flight controller, plant and publisher of one vehicle: started and stopped together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from fcu.interface import handover
+from gcs_tools.flight.processes import Child, stop_all
+from gcs_tools.flight.scenario import Scenario
+from gcs_tools.live.publishing import Publishing, Zenoh
+
+
+class Pair:
+    """The processes of one vehicle, which end with whoever has started them."""
+
+    def __init__(
+        self, stack: ExitStack, folder: Path, instance: int, zenoh: Zenoh | None,
+        flies: dict[str, Any],
+    ) -> None:  # fmt: skip
+        """`stack`: stops them. `zenoh`: how they are published, None: not; `flies`: what is then
+        said of them.
+        """
+        self.children: list[Child] = []  # flight controller, plant
+        self.publisher: Publishing | None = None
+        self._folder, self._instance = folder, instance
+        self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
+        for end in (self._life, held):
+            stack.callback(os.close, end)
+        stack.callback(self.stop)
+        if zenoh is not None:
+            self.publisher = Publishing(zenoh, folder, instance, flies, self.lifeline())
+
+    def lifeline(self) -> int:
+        """A file descriptor for one more process that ends with us."""
+        return os.dup(self._life)
+
+    def start(
+        self, scene: Scenario | None, fcu: Sequence[str], plant: Sequence[str],
+        fcu_fds: Sequence[int] = (), plant_fds: Sequence[int] = (),
+    ) -> str:  # fmt: skip
+        """Start both with these arguments; why nothing is published, or "".
+
+        `scene`: whose law and world to fly; None: s1000.toml's, standing on the ground.
+        Raises InfrastructureError when one of them ends, OSError.
+        """
+        own = ["--instance", str(self._instance)]
+        settings, world = self._folder / "settings.json", self._folder / "world.json"
+        life = self.lifeline()
+        fcu = [*own, *fcu, "--lifeline-fd", str(life)]
+        plant = [*own, *plant]
+        if scene is not None:
+            handover.save(settings, scene.settings)
+            handover.save(world, scene.world)
+            fcu += ["--handover", str(settings)]
+            plant += ["--world", str(world)]
+        for name, module, arguments, log, fds in (
+            ("flight controller", "fcu", fcu, "fcu.log", (*fcu_fds, life)),
+            ("plant", "sitl_plant", plant, "plant.log", plant_fds),
+        ):
+            self.children.append(Child(name, module, arguments, self._folder / log, fds))
+        for child in self.children:
+            child.wait_ready(self.check)
+        return self.publisher.wait_ready() if self.publisher is not None else ""
+
+    def check(self) -> None:
+        """Raise InfrastructureError if one of the two has ended."""
+        for child in self.children:
+            child.check()
+
+    def stop(self) -> dict[str, dict[str, Any]]:
+        """Stop them; returns what each said last, by name."""
+        said = stop_all(self.children)
+        if self.publisher is not None:
+            said["publisher"] = self.publisher.stop()
+        return said
