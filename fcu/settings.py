@@ -9,6 +9,7 @@ from fcu.guard import parameters as guard
 from fcu.guard.types import GuardParams
 from fcu.interface.airframe import Airframe
 from fcu.interface.parameter import Conversion, Parameter, Part, Value, flat
+from fcu.laws.face import Pace
 from fcu.laws.mmrac import parameters as mmrac
 from fcu.laws.mmrac.types import Params
 
@@ -46,6 +47,12 @@ def check(settings: Settings) -> None:
 def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
     """The defaults that are others with what was chosen."""
     return {**mmrac.printed(chosen), **guard.printed(chosen)}
+
+
+def pace(settings: Settings) -> Pace:
+    """What modes that lead the vehicle have to know of the law."""
+    told: Pace = mmrac.pace(settings.law)
+    return told
 
 
 # --- the tables of both, as one of Settings

@@ -6,8 +6,12 @@ upright), then total thrust, then torque about yaw.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
+import numpy as np
+
+from fcu.interface.airframe import Airframe
 from fcu.kernel.algebra import (
     Rotors,
     Vec3,
@@ -39,6 +43,42 @@ class RotorParams(NamedTuple):
     B_x: Rotors  # thrusts for one N m about body x, N
     B_y: Rotors  # about body y
     B_z: Rotors  # about body z
+
+
+def rotor_mean(h: float, lag: float) -> float:
+    """Weight of the earlier of two samples h apart in the mean of a first-order lag between them.
+
+    One half for a slow rotor, nought for one without lag, whose speed is constant in a tick.
+    """
+    if lag <= 0.0:
+        return 0.0
+    ratio, decay = h / lag, math.exp(-h / lag)
+    return 0.5 if ratio < 1e-4 else 1.0 / ratio - decay / (1.0 - decay)
+
+
+def believed_rotors(
+    believed: Airframe, h: float, lag: float, f_min: float, kappa: float
+) -> RotorParams:
+    """RotorParams of an airframe. h : control period, s.  lag : of the rotors, s."""
+    x, y, spin = (np.array(row) for row in (believed.x, believed.y, believed.spin))
+    effect = np.stack([np.ones(8), y, -x, -believed.k_Q * spin])
+    inverse = np.linalg.pinv(effect)  # so that torque does not change the total thrust
+    B_x, B_y, B_z = (Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))
+    return RotorParams(
+        x=believed.x,
+        y=believed.y,
+        spin=believed.spin,
+        c_T=believed.c_T,
+        k_Q=believed.k_Q,
+        Omega_max=believed.Omega_max,
+        f_min=f_min,
+        f_max=believed.c_T * believed.Omega_max**2,
+        kappa=kappa,
+        mean=rotor_mean(h, lag),
+        B_x=B_x,
+        B_y=B_y,
+        B_z=B_z,
+    )
 
 
 @kernel

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 
 
@@ -17,6 +18,14 @@ class Limits(NamedTuple):
     T_min: float  # least total thrust, N
     T_max: float  # greatest total thrust, N
     phi_star: float  # greatest roll, and greatest pitch, rad
+
+
+class Pace(NamedTuple):
+    """What modes that lead the vehicle have to know of the law."""
+
+    f_m: float  # natural frequency with which it follows a setpoint, rad/s
+    yaw_rate_max: float  # fastest yaw that it may be asked for, rad/s
+    T_hover: float  # total thrust that hover is expected to take, N
 
 
 class Reference(NamedTuple):
@@ -46,3 +55,14 @@ class Outputs(NamedTuple):
     w_c: Vec3  # commanded body rate, rad/s, B
     thrusts: Rotors  # allocated rotor thrusts, N
     saturation: Saturation
+
+
+class SharedTick(NamedTuple):
+    """What the Tick of every law begins with: for whoever reads ticks and knows no law."""
+
+    t: float  # simulation time, s
+    measured: VehicleState
+    setpoint: Setpoint  # as asked for: extrapolated to this tick
+    command: RotorCommand
+    engaged: float  # 0 idle, 1 take-over at this tick, 2 flying the law
+    outputs: Outputs

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.laws import allocation
-from fcu.laws.mmrac.parameters import rotor_mean
+from fcu.laws.allocation import rotor_mean
 
 
 def achieved(rotors, f):

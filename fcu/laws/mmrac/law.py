@@ -25,6 +25,8 @@ from fcu.laws.mmrac.types import (
     State,
 )  # fmt: skip
 
+GUARD = "fcu.guard.guard"  # which the law is flown with
+
 
 @kernel
 def step(state, params, setpoint, measured):

@@ -22,9 +22,9 @@ from fcu.interface.parameter import (
     with_field,
 )
 from fcu.interface.parameter import check as check_rows
-from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import from_buffer, size
-from fcu.laws.allocation import RotorParams
+from fcu.laws.allocation import believed_rotors, rotor_mean
+from fcu.laws.face import Pace
 from fcu.laws.mmrac.types import Params
 
 G = 9.81  # m/s^2
@@ -74,17 +74,6 @@ def _put_prediction(law: Params, achieved: float) -> Params:
             if row.get(law) == row.numbers(old):
                 law = row.put(law, row.numbers(new))
     return law._replace(achieved=achieved)
-
-
-def rotor_mean(h: float, lag: float) -> float:
-    """Weight of the earlier of two samples h apart in the mean of a first-order lag between them.
-
-    One half for a slow rotor, nought for one without lag, whose speed is constant in a tick.
-    """
-    if lag <= 0.0:
-        return 0.0
-    ratio, decay = h / lag, math.exp(-h / lag)
-    return 0.5 if ratio < 1e-4 else 1.0 / ratio - decay / (1.0 - decay)
 
 
 def rotor_lag(law: Params) -> float:
@@ -235,23 +224,8 @@ def law_params(
     given = dict(flat(chosen or {}))
     value = values(PARAMETERS, airframe, given, printed(given))
     h, (lag,), (response,) = 1.0 / rate_hz, value["rotor_lag_s"], value["rotor_response_s"]
-    B_x, B_y, B_z = _columns(believed)
     law: Params = from_buffer(Params, np.full(size(Params), math.nan))
-    rotors = RotorParams(
-        x=believed.x,
-        y=believed.y,
-        spin=believed.spin,
-        c_T=believed.c_T,
-        k_Q=believed.k_Q,
-        Omega_max=believed.Omega_max,
-        f_min=math.nan,  # with the least total thrust
-        f_max=believed.c_T * believed.Omega_max**2,
-        kappa=math.nan,  # below
-        mean=rotor_mean(h, lag),
-        B_x=B_x,
-        B_y=B_y,
-        B_z=B_z,
-    )
+    rotors = believed_rotors(believed, h, lag, f_min=math.nan, kappa=math.nan)  # both below
     law = filled(law._replace(h=h, g=G, rotors=rotors), PARAMETERS, value)
     law = with_field(law, "rotors.kappa", max(1.0, lag / response))
     if not law.achieved:
@@ -260,12 +234,9 @@ def law_params(
     return law
 
 
-def _columns(believed: Airframe) -> tuple[Rotors, Rotors, Rotors]:
-    """Rotor thrusts for one N m about x, y, z with no change of total thrust (pseudo-inverse)."""
-    x, y, spin = (np.array(row) for row in (believed.x, believed.y, believed.spin))
-    effect = np.stack([np.ones(8), y, -x, -believed.k_Q * spin])
-    inverse = np.linalg.pinv(effect)
-    return tuple(Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))  # type: ignore[return-value]
+def pace(law: Params) -> Pace:
+    """What modes that lead the vehicle have to know of the law."""
+    return Pace(f_m=law.f_m, yaw_rate_max=law.yaw_rate_max, T_hover=law.initial.m_hat_0 * law.g)
 
 
 def check(law: Params) -> None:

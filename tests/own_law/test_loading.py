@@ -1,0 +1,137 @@
+"""A law is found, imported and compiled once; what is wrong with it is said."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from fcu.laws import loader
+from fcu.laws.loader import LawError
+
+HERE = Path(__file__).parent
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_second_start_compiles_nothing_and_a_change_is_noticed(one_tick, own_law, cache):
+    first = one_tick(own_law)
+    assert first["compiled"] > 0
+    assert first["columns"][-6:] == [f"internals.{v}.{a}" for v in ("v_c", "tau_c") for a in "xyz"]
+    assert not any(name.startswith("guard") for name in first["columns"])
+
+    second = one_tick(own_law)
+    assert second["compiled"] == 0
+    assert second["row"] == pytest.approx(first["row"], abs=0.0, nan_ok=True)
+
+    own_law.touch()
+    assert one_tick(own_law)["compiled"] == 0  # it is the text that counts
+
+    beside = own_law.with_name("yawing.py")
+    beside.write_text("gentle = 0.4\n")
+    third = one_tick(own_law)
+    assert third["compiled"] > 0
+    assert third["digest"] != second["digest"]
+
+
+def test_a_law_leaves_what_is_compiled_of_ours_as_it_is(one_tick, own_law, cache):
+    one_tick(own_law)
+    ours = min((cache / "m-mrac").iterdir(), key=lambda folder: len(folder.name))
+    before = _files(ours)
+    own_law.write_text(own_law.read_text() + "\n# another law\n")
+    one_tick(own_law)
+    assert _files(ours) == before
+
+
+def test_two_that_start_at_once_both_fly(one_tick, own_law):
+    own_law.write_text(own_law.read_text() + "\n# new\n")
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.map(one_tick, [own_law, own_law])
+    assert one["row"] == pytest.approx(other["row"], abs=0.0, nan_ok=True)
+    assert one_tick(own_law)["compiled"] == 0
+
+
+def test_without_a_cache_it_is_compiled_every_time(one_tick, own_law, tmp_path):
+    in_the_way = tmp_path / "file"
+    in_the_way.touch()
+    assert one_tick(own_law, cache=in_the_way)["compiled"] > 0
+
+
+@pytest.mark.parametrize("name", ["numpy", "tick", "plain-cascade"])
+def test_a_file_is_called_as_it_likes(own_law, name):
+    law = loader.load(own_law.rename(own_law.with_name(f"{name}.py")))
+    assert law.name == name
+    import numpy
+
+    assert hasattr(numpy, "ndarray")
+
+
+def test_laws_whose_helpers_have_one_name_do_not_meet(own_law, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "own.py").write_text(own_law.read_text())
+    (other / "yawing.py").write_text("gentle = 0.5\n")
+    assert loader.load(own_law).face.gentle == 0.2
+    assert loader.load(other / "own.py").face.gentle == 0.5
+
+
+def test_a_package_beside_it_is_of_the_law(own_law, tmp_path):
+    (tmp_path / "shaping").mkdir()
+    (tmp_path / "shaping" / "__init__.py").write_text("from .gains import gentle\n")
+    (tmp_path / "shaping" / "gains.py").write_text("gentle = 0.3\n")
+    text = own_law.read_text()
+    own_law.write_text(text.replace("from yawing", "import shaping.gains\nfrom shaping"))
+    law = loader.load(own_law)
+    assert law.face.gentle == law.face.shaping.gains.gentle == 0.3
+    (tmp_path / "shaping" / "gains.py").write_text("gentle = 0.6\n")
+    assert loader.load(own_law).face.gentle == 0.6
+
+
+def _refused(path: Path, *said: str) -> None:
+    with pytest.raises(LawError) as refused:
+        loader.load(path)
+    for part in said:
+        assert part in str(refused.value)
+
+
+def test_a_law_that_nobody_knows_is_refused():
+    _refused("mmrak", "mmrac")
+    _refused("nowhere.py", "nowhere.py")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("def step(", "def step)(", [":{line}:"]),
+        ("from yawing", "from yawning", [":{line}:", "yawning"]),
+        ("def step(", "def stride(", ["step", "@kernel"]),
+        ("@kernel\ndef step", "def step", ["step", "@kernel"]),
+        ("def step(state, ", "def step(", ["step", "state, params"]),
+        ("class State(NamedTuple)", "class State", ["State", "NamedTuple"]),
+        ("class Internals(", "class Inwards(", ["Internals", "NamedTuple"]),
+        ("    h: float", "    hh: float", ["Params", "h: float"]),
+        ("    limits: Limits\n", "    limits: float\n", ["Params", "limits: Limits"]),
+        ("    v_dot: Vec3", "    v_dot: str", ["State", "v_dot"]),
+    ],
+)
+def test_a_law_without_the_face_of_one_is_refused(own_law, old, new, said):
+    text = own_law.read_text()
+    assert old in text
+    own_law.write_text(text.replace(old, new, 1))
+    line = next((n for n, row in enumerate(text.splitlines(), 1) if old in row), 0)
+    _refused(own_law, "own.py", *(part.format(line=line) for part in said))
+
+
+def test_what_goes_wrong_in_a_module_beside_it_is_told_with_its_line(own_law):
+    beside = own_law.with_name("yawing.py")
+    beside.write_text("\ngentle = 1 / 0\n")
+    _refused(own_law, "yawing.py:2", "ZeroDivisionError")
+
+
+def test_a_module_beside_it_must_not_be_called_as_an_installed_one(own_law):
+    own_law.with_name("json.py").write_text("gentle = 0.2\n")
+    own_law.write_text(own_law.read_text().replace("from yawing", "from json"))
+    _refused(own_law, "json.py", "import json")
