@@ -55,7 +55,6 @@ def _of_law(mission: Mission) -> dict[KeyPath, Value]:
     found: dict[KeyPath, Value] = {}
     tables = load(OCTO)
     instead = printed(mission.given.get("law", {}))
-    instead = {key: value for key, value in instead.items() if key.startswith("bounds.")}
     for row in PARAMETERS:
         if row.key:
             origin = "default" if row.default is not None else OCTO.name

@@ -208,6 +208,8 @@ def test_the_printed_law_has_its_own_bounds_in_force():
     values = load("paper_printed").values_in_force()
     assert values["law.bounds.m_min"] == Value(0.5, "mission")
     assert values["law.bounds.J_min"] == Value(0.0, "default")
+    assert values["law.J_hat_0"] == Value(0.0, "default")
+    assert values["law.guard"] == Value("warn", "default")
 
 
 def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():
