@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from fcu.guard.types import GuardParams
-from fcu.interface.parameter import Parameter, ParameterError, Part, Value, filled, group, values
+from fcu.interface.parameter import (
+    Parameter,
+    ParameterError,
+    Part,
+    Value,
+    blank,
+    filled,
+    group,
+    values,
+)
 from fcu.interface.parameter import check as check_rows
-from fcu.kernel.buffers import from_buffer, size
 from fcu.laws.mmrac.parameters import DEMANDED
 from fcu.laws.mmrac.types import Params
 
@@ -61,8 +66,7 @@ def guard_params(
     place of their defaults. Raises ParameterError, AirframeError.
     """
     given = values(PARAMETERS, airframe, chosen or {}, {} if law.achieved else PRINTED)
-    nothing = from_buffer(GuardParams, np.full(size(GuardParams), math.nan))
-    params: GuardParams = filled(nothing, PARAMETERS, given)
+    params = filled(blank(GuardParams), PARAMETERS, given)
     check(params, law)
     return params
 

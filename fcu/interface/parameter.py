@@ -11,12 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from operator import attrgetter, or_
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
 
 from fcu.interface.airframe import AirframeError
+from fcu.kernel.buffers import from_buffer, size
 
 Value = float | str | tuple[float, ...]
 Numbers = tuple[float, ...]
+T = TypeVar("T")
 
 
 class ParameterError(ValueError):
@@ -64,7 +68,7 @@ class Parameter(NamedTuple):
     @property
     def name(self) -> str:
         """What messages call it."""
-        return self.key or str(self.mavlink)
+        return self.key or self.parts[0].name
 
     @property
     def interval(self) -> bool:
@@ -158,11 +162,13 @@ def group(name: str, *rows: Parameter) -> tuple[Parameter, ...]:
     return tuple(row._replace(group=name) for row in rows)
 
 
-def with_field(value: Any, path: str, number: Any) -> Any:
+def with_field(value: T, path: str, number: Any) -> T:
     """A NamedTuple with another number at a dotted path."""
+    of: Any = value
     head, _, rest = path.partition(".")
     inner = with_field(getattr(value, head), rest, number) if rest else number
-    return value._replace(**{head: inner})
+    changed: T = of._replace(**{head: inner})
+    return changed
 
 
 def flat(chosen: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
@@ -214,7 +220,14 @@ def values(
     return found
 
 
-def filled(params: Any, rows: Iterable[Parameter], given: Mapping[str, Numbers]) -> Any:
+def blank(cls: type[T], **known: Any) -> T:
+    """Params of which all but the known fields are NaN."""
+    empty: Any = from_buffer(cls, np.full(size(cls), math.nan))
+    value: T = empty._replace(**known)
+    return value
+
+
+def filled(params: T, rows: Iterable[Parameter], given: Mapping[str, Numbers]) -> T:
     """Params with the values of their rows."""
     for row in rows:
         if row.key and row.fields:

@@ -9,12 +9,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from fcu.interface.airframe import Airframe
-from fcu.interface.parameter import Parameter, ParameterError, Value, filled, flat, values
+from fcu.interface.parameter import Parameter, ParameterError, Value, blank, filled, flat, values
 from fcu.interface.parameter import check as check_rows
-from fcu.kernel.buffers import fields, from_buffer, size
+from fcu.kernel.buffers import fields
 from fcu.laws.allocation import believed_rotors
 from fcu.laws.face import Limits, Pace
 from fcu.laws.mmrac import law as face
@@ -67,8 +65,7 @@ def _from_the_table(
     )
     h, f_min = 1.0 / rate_hz, limits.T_min / len(believed.spin)
     rotors = believed_rotors(believed, h, lag, f_min, kappa=max(1.0, lag / RESPONSE))
-    law: Any = from_buffer(kind, np.full(size(kind), math.nan))
-    law = law._replace(h=h, limits=limits, rotors=rotors)
+    law: Any = blank(kind, h=h, limits=limits, rotors=rotors)
     return filled(law, PARAMETERS, values(PARAMETERS, airframe, given))
 
 

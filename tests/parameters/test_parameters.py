@@ -167,8 +167,8 @@ def test_unstable_combinations_are_refused_with_a_value_that_would_do(params):
     refused(params, "MR_C_PQ", 4.0)  # which was stable beside MR_C_TILT 10
 
 
-def test_a_start_that_is_unstable_may_be_mended(law):
-    params = Parameters(law._replace(f_m=8.0), 1)
+def test_a_start_that_is_unstable_may_be_mended(start):
+    params = Parameters(start._replace(law=start.law._replace(f_m=8.0)), 1)
     assert params.set("MR_ZETA_M", 0.9, True)  # still is
     assert params.set("MR_F_M", 1.0, True)
     refused(params, "MR_F_M", 8.0)
@@ -272,10 +272,10 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(params, tmp_pat
         ),
     ],
 )
-def test_a_file_that_cannot_be_flown(law, tmp_path, text, reason):
+def test_a_file_that_cannot_be_flown(start, tmp_path, text, reason):
     (tmp_path / "p.toml").write_text(text)
     with pytest.raises(ParamsFileError) as error:
-        Parameters(law, 1, tmp_path / "p.toml")
+        Parameters(start, 1, tmp_path / "p.toml")
     assert reason in str(error.value)
 
 
@@ -288,24 +288,24 @@ def test_a_file_that_cannot_be_flown(law, tmp_path, text, reason):
     ],
 )
 def test_an_unstable_file_says_with_which_line_it_became_so_and_by_which_rule(
-    law, tmp_path, text, refused
+    start, tmp_path, text, refused
 ):
     (tmp_path / "p.toml").write_text(text)
     with pytest.raises(ParamsFileError) as error:
-        Parameters(law, 1, tmp_path / "p.toml")
+        Parameters(start, 1, tmp_path / "p.toml")
     said = str(error.value)
     assert f"p.toml:{refused} refused: pitch unstable with " in said
     assert "stable in hover" in said and "Which gains go together" in said
 
 
-def test_a_file_is_judged_as_a_whole(law, tmp_path):
+def test_a_file_is_judged_as_a_whole(start, tmp_path):
     """What its second line makes unstable its third makes good."""
     text = "MR_C_PQ = 4.0\nMR_C_TILT = 16.0\nMR_F_M = 0.3\n"
     (tmp_path / "p.toml").write_text(text)
-    assert Parameters(law, 1, tmp_path / "p.toml")["MR_C_TILT"] == 16.0
+    assert Parameters(start, 1, tmp_path / "p.toml")["MR_C_TILT"] == 16.0
     (tmp_path / "p.toml").write_text(f"{text}BAT_LOW_THR = 0.06\n")
     with pytest.raises(ParamsFileError, match="4: BAT_LOW_THR"):
-        Parameters(law, 1, tmp_path / "p.toml")
+        Parameters(start, 1, tmp_path / "p.toml")
 
 
 def test_the_page_in_docs_is_current():

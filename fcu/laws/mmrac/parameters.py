@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from fcu.interface.airframe import Airframe
 from fcu.interface.parameter import (
     Conversion,
@@ -15,6 +13,7 @@ from fcu.interface.parameter import (
     ParameterError,
     Part,
     Value,
+    blank,
     filled,
     flat,
     group,
@@ -22,7 +21,6 @@ from fcu.interface.parameter import (
     with_field,
 )
 from fcu.interface.parameter import check as check_rows
-from fcu.kernel.buffers import from_buffer, size
 from fcu.laws.allocation import believed_rotors, rotor_mean
 from fcu.laws.face import Pace
 from fcu.laws.mmrac.types import Params
@@ -224,9 +222,8 @@ def law_params(
     given = dict(flat(chosen or {}))
     value = values(PARAMETERS, airframe, given, printed(given))
     h, (lag,), (response,) = 1.0 / rate_hz, value["rotor_lag_s"], value["rotor_response_s"]
-    law: Params = from_buffer(Params, np.full(size(Params), math.nan))
     rotors = believed_rotors(believed, h, lag, f_min=math.nan, kappa=math.nan)  # both below
-    law = filled(law._replace(h=h, g=G, rotors=rotors), PARAMETERS, value)
+    law = filled(blank(Params, h=h, g=G, rotors=rotors), PARAMETERS, value)
     law = with_field(law, "rotors.kappa", max(1.0, lag / response))
     if not law.achieved:
         law = with_field(law, "initial.J_hat_0", 0.0)  # whatever was chosen
