@@ -96,6 +96,7 @@ def flight(rate_hz, **law):
     return float(np.sqrt(np.mean(error**2))), float(r[:, 2].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [250.0, 500.0, 1000.0])
 def test_the_printed_law_tracks_at_1_and_diverges_at_1_4(rate_hz):
     error, _ = flight(rate_hz, f_m=1.0, prediction="demanded")

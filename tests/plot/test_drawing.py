@@ -37,6 +37,7 @@ def test_question_answer_and_remarks_stand_in_the_figure(made: Any, tmp_path: Pa
         assert said in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STANDARD)
 @pytest.mark.parametrize(("n", "bad"), [(1, False), (3000, True)])
 def test_any_flight_is_drawn(

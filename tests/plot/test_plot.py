@@ -24,6 +24,7 @@ def test_thinning_keeps_the_peaks() -> None:
         assert y[peak] in thinned and t[peak] in at
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "bad"), [(0, False), (1, False), (5000, True)])
 def test_any_flight_is_drawn(tmp_path: Path, n: int, bad: bool) -> None:
     random = np.random.default_rng(1)

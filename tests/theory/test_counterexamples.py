@@ -8,6 +8,7 @@ import pytest
 from fcu.theory import counterexamples
 
 
+@pytest.mark.slow
 def test_13_without_the_rate_of_lambda_is_exceeded():
     found = counterexamples.moving_lambda()
     assert found.measured > 1.3 * found.printed

@@ -46,6 +46,7 @@ def test_hover_in_the_papers_wind_stays_under_its_bounds_and_near_them(law, gamm
         assert measured < bound < loosest * measured
 
 
+@pytest.mark.slow
 def test_a_disturbance_at_the_loops_own_frequency_comes_closer(law):
     params = believing(with_gamma(law(), 1000.0), MASS)
     found = position_bounds(params, MASS, WIND)

@@ -135,6 +135,7 @@ def test_the_derivative_of_v_is_the_papers_with_the_term_that_13_lacks(beside):
     np.testing.assert_allclose(loop.predictor.dissipation, dissipation, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v_star", [None, 0.7], ids=["unlimited", "saturating"])
 @pytest.mark.parametrize(
     ("structure", "kind"),

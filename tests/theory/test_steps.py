@@ -104,6 +104,7 @@ def position_by_the_kernels(params, start, achieved):
     return np.array([*predictor.v_hat, *hats.s_v_hat, about_mass])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["achieved", "demanded"])
 def test_position(free, taken_over, form):
     achieved = form == "achieved"

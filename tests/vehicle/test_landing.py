@@ -41,6 +41,7 @@ def rests_on_it(flown):
     assert flown.tilt_deg < 35.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wind", [None, GUSTS], ids=["still", "gusts"])
 @pytest.mark.parametrize("to", [(1.0, 1.0, -0.7), (10.0, 5.0, -0.7), (0.0, 0.0, 0.0)])
 def test_a_place_in_the_ground_is_landed_on(wind, to):
@@ -52,6 +53,7 @@ def test_a_place_in_the_ground_is_landed_on(wind, to):
     assert math.dist(flown.r[:2], to[:2]) < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", [(1.0, 0.0, -0.5), (12.0, 0.0, -1.5), (0.0, 0.0, -1.5)])
 def test_a_velocity_into_the_ground_ends_in_a_landing(v):
     flown = Flown(GUSTS)
@@ -84,6 +86,7 @@ def test_a_landing_finds_a_ground_that_is_not_known():
     is_down(flown)
 
 
+@pytest.mark.slow
 def test_a_reposition_into_the_ground_ends_on_it():
     flown = Flown(GUSTS)
     flown.up(2.5)
@@ -92,6 +95,7 @@ def test_a_reposition_into_the_ground_ends_on_it():
     rests_on_it(flown)
 
 
+@pytest.mark.slow
 def test_sticks_into_the_ground_end_on_it_and_up_again_in_the_air():
     flown = Flown()
     flown.up(2.5)
@@ -126,6 +130,7 @@ def test_a_long_step_to_a_place_near_the_ground_does_not_end_in_it(height, to):
     assert math.dist(flown.r, to) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [True, False], ids=["a place", "a velocity"])
 def test_a_setpoint_above_ends_a_landing(place):
     flown = Flown()
@@ -209,6 +214,7 @@ def test_a_lazy_reference_that_lags_behind_is_not_a_ground():
     assert looks.index(True) * 20_000 == 5_000_000
 
 
+@pytest.mark.slow
 def test_entering_offboard_with_a_setpoint_in_the_ground_is_told():
     flown = Flown(None)
     flown.up(2.5)
