@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from fcu.settings import Settings
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard
+from gcs_tools.many.flights import each
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.studies.guard_check import saturated
 
@@ -194,10 +194,11 @@ def main(figure: Path, points: int, as_json: bool) -> None:
     """Draw the map and print what part of the safe steps each condition covers."""
     f_m = np.geomspace(0.5, 3.0, points).tolist()
     steps = np.geomspace(0.2, 50.0, 2 * points).tolist()
-    maps = [
-        (curve(name, f_m), successes(name, f_m, steps), steps)
-        for name in track(WAYS, "flying", console=Console(stderr=True))
-    ]
+
+    def flown_map(name: str) -> tuple[Curve, Array, Sequence[float]]:
+        return curve(name, f_m), successes(name, f_m, steps), steps
+
+    maps = list(each(flown_map, list(WAYS), console=Console(stderr=True)))
     draw(maps, figure)
     covered = {
         found.way: {

@@ -13,13 +13,11 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from fcu.guard import foreseen
@@ -31,9 +29,9 @@ from fcu.settings import Settings
 from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
+from gcs_tools.many.flights import Random, drawn, each
 from gcs_tools.missions.mission import Mission, from_tables
 
-Random = np.random.Generator
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 SECOND_S, END_S = 30.0, 65.0  # when the second setpoint comes, and the flight ends
@@ -53,7 +51,7 @@ class Flown(NamedTuple):
     transient_s: float
 
 
-def drawn(random: Random) -> dict[str, Any]:
+def draw(random: Random) -> dict[str, Any]:
     """A mission's tables, drawn within what the guard believes by default."""
     direction = random.normal(size=(2, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]
@@ -201,27 +199,15 @@ WORDS = {
 }
 
 
-def flights(n: int, seed: int = 1) -> tuple[list[dict[str, Any]], int]:
-    """`n` draws whose gains are stable, and how many were not."""
-    random, kept, refused = np.random.default_rng(seed), list[dict[str, Any]](), 0
-    while len(kept) < n:
-        tables = drawn(random)
-        if unstable(scenario(from_tables("drawn", tables)).law):
-            refused += 1
-        else:
-            kept.append(tables)
-    return kept, refused
+def stable(tables: dict[str, Any]) -> bool:
+    """Whether the gains of a draw are."""
+    return not unstable(scenario(from_tables("drawn", tables)).law)
 
 
 def check(n: int, seed: int = 1, console: Console | None = None) -> Check:
     """Fly `n` draws under both policies."""
-    draws, refused = flights(n, seed)
-    with ThreadPoolExecutor(2) as pool:  # a rollout holds no lock
-        pairs = list(
-            track(
-                pool.map(pair, draws), "flying", n, console=console, disable=console is None
-            )
-        )  # fmt: skip
+    draws, refused = drawn(draw, stable, n, seed)
+    pairs = list(each(pair, draws, console=console))
     warned, governed = ([p[i] for p in pairs] for i in (0, 1))
     ways = [
         (inside, saturated, arrived)

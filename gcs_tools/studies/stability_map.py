@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 import numpy as np
+from rich.console import Console
 
 from fcu.guard.stability import unstable
 from fcu.kernel.rows import column
 from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.many.flights import Random, drawn, each
 from gcs_tools.missions.fields import RATES
 from gcs_tools.missions.mission import Mission, load, override
 
@@ -150,10 +152,11 @@ def point(mission: Mission) -> Point:
 
 def fly_map(chart: Map, mission: Mission) -> list[list[Point]]:
     """Rows of y, each of x."""
-    return [
-        [point(changed(changed(mission, chart.y, y), chart.x, x)) for x in chart.x.values]
-        for y in chart.y.values
-    ]
+    rows = [changed(mission, chart.y, y) for y in chart.y.values]
+    missions = [changed(row, chart.x, x) for row in rows for x in chart.x.values]
+    points = list(each(point, missions, console=Console(stderr=True)))
+    width = len(chart.x.values)
+    return [points[i : i + width] for i in range(0, len(points), width)]
 
 
 class Count(NamedTuple):
@@ -191,19 +194,17 @@ def fly_random(mission: Mission, n: int) -> tuple[int, int, list[float]]:
     """Draw until the rule has accepted n: how many it refused, and of those it accepted how many
     do not fly the gentle step, with their f_m.
     """
-    random, refused, bad = np.random.default_rng(1), 0, []
-    for _ in range(n):
-        while True:
-            drawn = mission
-            for name, (low, high) in SPREAD.items():
-                value = float(f"{np.exp(random.uniform(np.log(low), np.log(high))):.6g}")
-                drawn = override(drawn, f"law.{name}={value!r}")
-            scene = scenario(drawn)
-            if not unstable(scene.law):
-                break
-            refused += 1
-        if not flies(scene, False):
-            bad.append(scene.law.f_m)
+
+    def draw(random: Random) -> Scenario:
+        changed = mission
+        for name, (low, high) in SPREAD.items():
+            value = float(f"{np.exp(random.uniform(np.log(low), np.log(high))):.6g}")
+            changed = override(changed, f"law.{name}={value!r}")
+        return scenario(changed)
+
+    scenes, refused = drawn(draw, lambda scene: not unstable(scene.law), n)
+    flown = each(lambda scene: flies(scene, False), scenes, console=Console(stderr=True))
+    bad = [scene.law.f_m for scene, well in zip(scenes, flown, strict=True) if not well]
     return refused, len(bad), bad
 
 
@@ -266,15 +267,15 @@ def draw(results: Sequence[tuple[Map, list[list[Point]]]], path: Path) -> None:
 @click.command()
 @click.option("--points", default=16, show_default=True, help="values along an axis")
 @click.option("--figure", type=click.Path(path_type=Path), default=Path("docs/stability_map.png"))
-@click.option("--random", "drawn", type=int, help="instead: combinations of all gains at random")
-def main(points: int, figure: Path, drawn: int | None) -> None:
+@click.option("--random", type=int, help="instead: combinations of all gains at random")
+def main(points: int, figure: Path, random: int | None) -> None:
     """Draw the maps and print the agreement of rule and flights."""
     mission = load("paper_nominal")
-    if drawn is not None:
-        refused, bad, f_m = fly_random(gentle(mission), drawn)
+    if random is not None:
+        refused, bad, f_m = fly_random(gentle(mission), random)
         fast = sum(f > 4.0 for f in f_m)
         click.echo(
-            f"{drawn} accepted ({refused} refused): {bad} do not fly, {fast} with f_m above 4"
+            f"{random} accepted ({refused} refused): {bad} do not fly, {fast} with f_m above 4"
         )
         return
     results = []

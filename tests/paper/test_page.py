@@ -50,7 +50,7 @@ def test_what_counts_as_the_same_number(quoted, is_same):
 
 @pytest.fixture(scope="module")
 def points():
-    return list(gamma.flown(gamma.QUOTED))
+    return [gamma.flown(case) for case in gamma.cases(gamma.QUOTED)]
 
 
 @pytest.fixture(scope="module")

@@ -62,14 +62,15 @@ def _numbers(as_json: bool, page: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from gcs_tools.many.flights import each
     from gcs_tools.studies.figures import gamma
     from gcs_tools.studies.figures.cases import CASES, fly
     from gcs_tools.studies.figures.numbers import measured, table
 
     if page:
         check(page.read_text(encoding="utf-8"), (*CASES, gamma.NAME))
-    flights = {group: [fly(case) for case in cases] for group, cases in CASES.items()}
-    points = list(gamma.flown(gamma.QUOTED))
+    flights = {group: list(each(fly, cases)) for group, cases in CASES.items()}
+    points = list(each(gamma.flown, gamma.cases(gamma.QUOTED)))
     hovers = [gamma.hover(value) for value in gamma.QUOTED]
     tables = {group: table(group, flights[group]) for group in CASES}
     tables[gamma.NAME] = gamma.table(points, hovers)
@@ -98,47 +99,27 @@ def _numbers(as_json: bool, page: Path | None) -> None:
 
 def _draw(out: Path, names: tuple[str, ...]) -> None:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+    from gcs_tools.many.flights import each
     from gcs_tools.studies.figures import gamma
-    from gcs_tools.studies.figures.cases import CASES, Flown, fly
+    from gcs_tools.studies.figures.cases import CASES, fly
     from gcs_tools.studies.figures.drawing import FIGURES, save
 
     out.mkdir(parents=True, exist_ok=True)
-    groups = dict.fromkeys(FIGURES[name].group for name in names if name in FIGURES)
-    sweep = 2 * len(gamma.GAMMAS) + len(gamma.IN_THEORY) if gamma.NAME in names else 0
     log = Console(stderr=True, highlight=False)
-    with Progress(
-        TextColumn("[bold]{task.description}"), BarColumn(bar_width=40), MofNCompleteColumn(),
-        console=log, transient=True, disable=not log.is_terminal,
-    ) as bar:  # fmt: skip
-        steps = sum(len(CASES[group]) for group in groups) + sweep + len(names)
-        task = bar.add_task("", total=steps)
-        flights: dict[str, list[Flown]] = {}
-        for group in groups:
-            flights[group] = []
-            for case in CASES[group]:
-                bar.update(task, description=f"flying {case.mission}")
-                flights[group].append(fly(case))
-                bar.advance(task)
-        points = []
-        for point in gamma.flown() if sweep else ():
-            bar.update(task, description=f"flying at γ = {point.gamma:g}", advance=1)
-            points.append(point)
-        hovers = []
-        for value in gamma.IN_THEORY if sweep else ():
-            bar.update(task, description=f"hovering in theory at γ = {value:g}")
-            hovers.append(gamma.hover(value))
-            bar.advance(task)
-        for name in names:
-            bar.update(task, description=f"drawing {name}")
-            path = out / f"{name}.png"
-            if name in FIGURES:
-                save(name, flights[FIGURES[name].group], path)
-            else:
-                gamma.save(points, hovers, path)
-            bar.advance(task)
-            click.echo(path)
+    groups = dict.fromkeys(FIGURES[name].group for name in names if name in FIGURES)
+    cases = [case for group in groups for case in CASES[group]]
+    flown = iter(list(each(fly, cases, console=log)))
+    flights = {group: [next(flown) for _ in CASES[group]] for group in groups}
+    for name in names:
+        path = out / f"{name}.png"
+        if name in FIGURES:
+            save(name, flights[FIGURES[name].group], path)
+        else:
+            points = list(each(gamma.flown, gamma.cases(), f"flying {name}", log))
+            hovers = list(each(gamma.hover, gamma.IN_THEORY, "hovering in theory", log))
+            gamma.save(points, hovers, path)
+        click.echo(path)
 
 
 if __name__ == "__main__":

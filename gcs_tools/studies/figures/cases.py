@@ -10,7 +10,7 @@ from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import EngagedTicks, Rows
-from gcs_tools.missions.mission import load, override
+from gcs_tools.missions.mission import load
 from gcs_tools.pictures.plot.window import Columns
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
@@ -69,9 +69,7 @@ class Flown:
 
 def fly(case: Case) -> Flown:
     """Fly one. Raises MissionError."""
-    mission = load(case.mission)
-    for setting in case.settings:
-        mission = override(mission, setting)
+    mission = load(case.mission, case.settings)
     scene = scenario(mission)
     plant, fcu = rollout.fly(scene)
     ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(plant[-1, -1], "")

@@ -7,7 +7,6 @@ general M-MRAC, with the mass estimate held close to the truth: what its bounds 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -52,12 +51,12 @@ def cases(gammas: tuple[float, ...] = GAMMAS) -> list[tuple[float, Case]]:
     ]
 
 
-def flown(gammas: tuple[float, ...] = GAMMAS) -> Iterator[Point]:
-    """Each flight, as soon as it has been flown."""
-    for gamma, case in cases(gammas):
-        flight = fly(case)
-        size = norm(flight.fcu.axes("internals.prediction.v_til"))[late(flight, SETTLED_S)]
-        yield Point(case.title, gamma, None if flight.ended else float(size.max()))
+def flown(one: tuple[float, Case]) -> Point:
+    """One flight of `cases`."""
+    gamma, case = one
+    flight = fly(case)
+    size = norm(flight.fcu.axes("internals.prediction.v_til"))[late(flight, SETTLED_S)]
+    return Point(case.title, gamma, None if flight.ended else float(size.max()))
 
 
 @cache
