@@ -170,7 +170,7 @@ class Server:
         return self._tick * self._period_us * 1e-6
 
     def _observe(self) -> bool:
-        """Record the true state of this tick and prepare its report; False if the flight has ended."""
+        """Record the true state and prepare the report; False if the flight has ended."""
         row = self._tape.row()
         ended = tick.observe(
             self._params, self._state, self._drawn, self._time_s, self._start, row

@@ -1,15 +1,15 @@
-"""Prediction model, control and adaptive laws: Section III, for the plant of `systems`.
+"""Prediction model, control and adaptive laws of Section III, for the plant of `systems`.
 
-The predictor is written with the measured state and a matrix gain L,
+The predictor uses the measured state and a matrix gain L,
 
     x_hat' = A x + B r + B { Lambda_hat (u + Theta_hat f + d_hat) + C_hat phi + s_hat + kappa }
              + L x_til
 
-which is the paper's (5) for L = k I - A: A x_hat + k x_til = A x + (k I - A) x_til. The
-octocopter's predictors have L = k I. What the proof needs of L and P is L^T P + P L > 0.
+which equals the paper's (5) for L = k I - A: A x_hat + k x_til = A x + (k I - A) x_til. The
+predictors of the octocopter have L = k I. The proof needs L^T P + P L > 0.
 
-Nothing here asks where f, phi and kappa come from, so a loop whose regressor holds an estimate
-(the printed Section VII) is an instance too: `octocopter`.
+This module makes no assumption about f, phi and kappa. A loop whose regressor contains an estimate
+(the printed Section VII) is therefore also an instance: see `octocopter`.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from fcu.theory.systems import (
 
 @dataclass(frozen=True)
 class Predictor:
-    """What a prediction model is told. Paper (5), (10).
+    """Parameters of a prediction model. Paper (5), (10).
 
     A, P, L : (..., n, n).  B : (..., n, q).  Raises AssumptionError unless P and
-    L^T P + P L are positive definite: without that V (15) need not fall.
+    L^T P + P L are positive definite: otherwise V (15) need not decrease.
     """
 
     A: Array
@@ -48,7 +48,7 @@ class Predictor:
 
     @property
     def dissipation(self) -> Array:
-        """L^T P + P L (..., n, n): V' = -x_til^T of this x_til, and Q + 2 k P for the paper's L."""
+        """D = L^T P + P L (..., n, n): V' = -x_til^T D x_til. For the paper's L, D = Q + 2 k P."""
         PL = self.P @ self.L
         return PL + transposed(PL)
 
@@ -58,7 +58,7 @@ class Predictor:
 
 
 def predictor(reference: ReferenceModel, k: Array | float) -> Predictor:
-    """The paper's predictor of a reference model: L = k I - A, k (...) above 0. Paper (5)."""
+    """The paper's predictor for a reference model: L = k I - A, with k (...) above 0. Paper (5)."""
     gain = np.asarray(k, dtype=float)
     if np.any(gain <= 0.0):
         raise AssumptionError(f"k: must be above 0, got {k}")
@@ -67,10 +67,10 @@ def predictor(reference: ReferenceModel, k: Array | float) -> Predictor:
 
 
 class Estimates(NamedTuple):
-    """What is estimated, as it is stored: a matrix by its `Structure`, (..., i, j).
+    """The estimates as stored: each matrix (..., i, j) by its `Structure`.
 
     Full (..., q, p); diagonal (..., q, 1); scalar (..., 1, 1); d and s (..., q, 1).
-    None for what is not there.
+    None for an unknown that the system does not have.
     """
 
     Lambda: Array
@@ -82,9 +82,9 @@ class Estimates(NamedTuple):
 
 @dataclass(frozen=True)
 class Block:
-    """How one unknown is adapted: its gain gamma (...), above 0; its set; its form.
+    """Adaptation of one unknown: gain gamma (...) above 0, projection set and structure.
 
-    The set bounds the estimate as it is stored.
+    The set bounds the estimate as stored.
     """
 
     gamma: Array | float
@@ -96,13 +96,13 @@ class Block:
             raise AssumptionError(f"gamma: must be above 0, got {self.gamma}; None for no block")
 
     def rate(self, stored: Array, Y: Array) -> Array:
-        """gamma Pr(estimate, Y) for the unknowns of the form: as stored. Paper (10)."""
+        """Rate of the estimate as stored: gamma Pr(estimate, Y). Paper (10)."""
         gamma = np.asarray(self.gamma)[..., None, None]
         return np.asarray(gamma * self.kept_in.rate(stored, gathered(Y, self.structure)))  # (10)
 
 
 def gathered(Y: Array, structure: Structure) -> Array:
-    """What Y (..., q, p) says of the unknowns of a form: (..., q, p), (..., q, 1), (..., 1, 1)."""
+    """Y (..., q, p) reduced to a structure: (..., q, p), (..., q, 1) or (..., 1, 1)."""
     if structure is Structure.FULL:
         return Y
     diagonal = np.diagonal(Y, axis1=-2, axis2=-1)[..., None]
@@ -112,7 +112,7 @@ def gathered(Y: Array, structure: Structure) -> Array:
 
 
 def written_out(block: Block | None, stored: Array, q: int) -> Array:
-    """A stored estimate as the matrix it stands for; one without a block is stored in full."""
+    """A stored estimate as a full matrix; an estimate without a block is stored in full."""
     if block is None or block.structure is Structure.FULL:
         return stored
     return stored * np.eye(q)
@@ -120,10 +120,10 @@ def written_out(block: Block | None, stored: Array, q: int) -> Array:
 
 @dataclass(frozen=True)
 class Laws:
-    """The adaptive laws (10), a block for each unknown; None for what is not adapted.
+    """The adaptive laws (10): one block per unknown, None for an unknown that is not adapted.
 
-    weight : the form of the true Lambda, by which V weighs the errors of Theta and d. Raises
-    ProjectionError where a set is not sound for it, unless `unsound` is set (for counterexamples).
+    weight : structure of the true Lambda, with which V weights the errors of Theta and d. Raises
+    ProjectionError if a set is not sound for it, unless `unsound` is set (for counterexamples).
     """
 
     Lambda: Block | None
@@ -146,7 +146,7 @@ class Laws:
         return self.Lambda, self.Theta, self.d, self.C, self.s
 
     def hold(self, stored: Estimates) -> Estimates:
-        """Estimates put back into their (outer) sets, after a step of a fixed size."""
+        """Estimates clipped to their (outer) sets, after an integration step."""
 
         def held(block: Block | None, estimate: Array) -> Array:
             return estimate if block is None else block.kept_in.hold(estimate)
@@ -161,7 +161,7 @@ class Laws:
         )
 
     def full(self, stored: Estimates, q: int) -> Estimates:
-        """Estimates with every matrix written out: Lambda (..., q, q), Theta (..., q, p)."""
+        """Estimates with full matrices: Lambda (..., q, q), Theta (..., q, p)."""
         Lambda, Theta, d, C, s = stored
         return Estimates(
             written_out(self.Lambda, Lambda, q),
@@ -173,7 +173,7 @@ class Laws:
 
 
 class Known(NamedTuple):
-    """What is measured or known at an instant; None for what a system does not have."""
+    """Measured or known signals at one time; None for a signal that the system does not have."""
 
     x: Array  # (..., n)
     r: Array  # (..., q)
@@ -205,7 +205,7 @@ def beside(full: Estimates, known: Known) -> Array:
 
 
 def control(full: Estimates, known: Known) -> Array:
-    """v (..., q). What acts beside Lambda is divided by Lambda_hat. Paper (26)."""
+    """v (..., q). The terms outside Lambda are divided by Lambda_hat. Paper (26)."""
     q = known.r.shape[-1]
     demand = -inside(full, known, np.zeros(q))  # (26)
     if full.C is None and full.s is None and known.kappa is None:
@@ -216,7 +216,7 @@ def control(full: Estimates, known: Known) -> Array:
 def prediction_rate(
     told: Predictor, full: Estimates, known: Known, x_til: Array, u: Array
 ) -> Array:
-    """x_hat' (..., n), predicted with u: achieved, (5) and (9); demanded, (8). Paper (5)."""
+    """x_hat' (..., n), predicted with u: achieved in (5) and (9), demanded in (8). Paper (5)."""
     matched = times(full.Lambda, inside(full, known, u)) + beside(full, known)
     own = times(told.A, known.x) + times(told.B, known.r + matched)
     return own + times(told.L, x_til)  # (5)
@@ -225,7 +225,7 @@ def prediction_rate(
 def estimate_rates(
     laws: Laws, stored: Estimates, full: Estimates, known: Known, y_til: Array, u: Array
 ) -> Estimates:
-    """The rates of the estimates, as they are stored; 0 where one is not adapted. Paper (10)."""
+    """Rates of the estimates as stored; 0 for an estimate that is not adapted. Paper (10)."""
     column = y_til[..., None]
 
     def rate(block: Block | None, estimate: Array, regressor: Array | None) -> Array:
@@ -244,11 +244,11 @@ def estimate_rates(
 
 
 def lyapunov(told: Predictor, laws: Laws, Lambda: Array, x_til: Array, errors: Estimates) -> Array:
-    """V (...), with each block's own gain in place of the one gamma. Paper (15).
+    """V (...), with the gain of each block instead of a common gamma. Paper (15).
 
-    Lambda : the true one, (..., q, q).  errors : truth minus estimate, written out; those of an
-    unknown that is not adapted do not count. For one unknown times the identity its error
-    counts once, not q times.
+    Lambda : true value, (..., q, q).  errors : true value minus estimate, as full matrices. Errors
+    of unknowns that are not adapted do not count. The error of a scalar unknown (times the
+    identity) counts once, not q times.
     """
     V = (x_til * times(told.P, x_til)).sum(axis=-1)
     q = Lambda.shape[-1]

@@ -1,7 +1,7 @@
-"""Small matrices over any leading axes: each operation acts on the last one or two.
+"""Operations on small matrices with any leading axes; each acts on the last one or two axes.
 
-A leading axis is a batch: one array of shape (1000, n, n) is a thousand systems, and every
-function of this package computes all of them at once.
+Leading axes form a batch: an array of shape (1000, n, n) holds a thousand systems, and every
+function of this package computes all of them in one call.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def transposed(M: Array) -> Array:
 
 
 def inner(X: Array, Y: Array) -> Array:
-    """tr(X^T Y): two of (..., i, j) to (...)."""
+    """tr(X^T Y): (..., i, j) and (..., i, j) to (...)."""
     return np.asarray((X * Y).sum(axis=(-2, -1)))
 
 
 def frobenius(X: Array) -> Array:
-    """sqrt(tr(X^T X)), the norm in which every bound of this package is meant: (..., i, j) to (...)."""
+    """sqrt(tr(X^T X)), the norm of every bound in this package: (..., i, j) to (...)."""
     return np.sqrt(inner(X, X))
 
 

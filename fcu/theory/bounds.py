@@ -1,9 +1,9 @@
-"""Bounds of the prediction error and of the reference model, for any n, q, p. Paper (12)-(20), (28).
+"""Bounds of prediction error and reference model, for any n, q, p. Paper (12)-(20), (28).
 
-"repaired" (the default) holds what the printed argument needs: Frobenius norms in the traces, the
-rates of the true Theta, Lambda and d, the term of Lambda's rate that (13) leaves out, and the part
-of the decay that (17) drops. "printed" is the paper to the letter. Norms are 2-norms where not
-said otherwise. A number may be an array (...) over a batch of systems.
+The form "repaired" (the default) contains what the printed argument needs: Frobenius norms in the
+traces, the rates of the true Theta, Lambda and d, the term with the rate of Lambda that (13) omits,
+and the part of the decay that (17) drops. The form "printed" follows the paper to the letter. Norms
+are 2-norms unless stated otherwise. A number may be an array (...) over a batch of systems.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ Number = float | Matrix
 
 
 class Unknown(NamedTuple):
-    """What is assumed of one unknown, in the form in which it is estimated. Paper (4).
+    """Assumed bounds of one unknown, in the structure in which it is estimated. Paper (4).
 
-    A Lambda that is known to be a multiple of the identity is one number, so its Frobenius norm
-    is its absolute value; a diagonal one is a column.
+    A Lambda that is a multiple of the identity is one number, so its Frobenius norm is its
+    absolute value. A diagonal Lambda is a column.
     """
 
     size: Number  # Frobenius norm
     rate: Number = 0.0  # Frobenius norm of the true rate, 1/s
-    error: Number | None = None  # largest |truth - estimate| in the projection's sets; None: 2 size
-    norm: Number | None = None  # 2-norm as a matrix, what the paper's stars are; None: size
-    norm_rate: Number | None = None  # and of the rate; None: rate
+    error: Number | None = None  # largest |truth - estimate| in the projection sets; None: 2 size
+    norm: Number | None = None  # 2-norm as a matrix, the starred bounds of the paper; None: size
+    norm_rate: Number | None = None  # the same of the rate; None: rate
 
     @property
     def farthest(self) -> Number:
-        """Largest error of the estimate (Frobenius); the paper's is twice the bound."""
+        """Largest error of the estimate (Frobenius norm); the paper uses twice the bound."""
         return 2.0 * self.size if self.error is None else self.error
 
     @property
@@ -51,9 +51,9 @@ NOTHING = Unknown(0.0)
 
 
 class Assumed(NamedTuple):
-    """All that is assumed of the unknowns: inside Lambda (Theta, d) and beside it (C, s). Paper (4).
+    """Assumptions about the unknowns inside Lambda (Theta, d) and outside (C, s). Paper (4).
 
-    Lambda_least : every eigenvalue of Lambda is at least this; the paper's (4) has no such bound.
+    Lambda_least : lower bound of the eigenvalues of Lambda; the paper's (4) has no such bound.
     """
 
     Lambda: Unknown
@@ -65,7 +65,7 @@ class Assumed(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """A number for each block of estimates: gains, or what it adds to a constant."""
+    """One number per block of estimates: its gain, or its contribution to a constant."""
 
     Lambda: Number = 0.0
     Theta: Number = 0.0
@@ -93,7 +93,7 @@ def single(gamma: Number) -> Blocks:
 
 
 def c1(known: Assumed, form: Form = "repaired") -> Blocks:
-    """Bound of what the estimates' errors add to gamma V of (15). Paper (12)."""
+    """Bound of the contribution of the estimation errors to gamma V of (15). Paper (12)."""
     star = known.Lambda.star
     if form == "printed":
         Theta, d = 4.0 * star * known.Theta.star**2, 4.0 * star * known.d.star**2
@@ -109,9 +109,9 @@ def c1(known: Assumed, form: Form = "repaired") -> Blocks:
 
 
 def c2(known: Assumed, form: Form = "repaired") -> Blocks:
-    """Bound (1/s) of what moving truths add to gamma V'. Paper (13).
+    """Bound (1/s) of the contribution of time-varying unknowns to gamma V'. Paper (13).
 
-    Printed, 2 tr(Lambda'^T Lambda_til) <= 4 lambda* lambda_d* is missing.
+    The printed form lacks 2 tr(Lambda'^T Lambda_til) <= 4 lambda* lambda_d*.
     """
     star, rate = known.Lambda.star, known.Lambda.star_rate
 
@@ -135,8 +135,8 @@ class PredictionBound(NamedTuple):
     """|x_til(t)| as a function of time. Paper (14), (19), (20)."""
 
     V_0: Number  # V(0) of (15), or a bound of it
-    level: Number  # c/gamma: what V falls to
-    rate: Number  # 1/s: of V, halved
+    level: Number  # c/gamma: level that V decays to
+    rate: Number  # 1/s: half the decay rate of V
     P_least: Number  # smallest eigenvalue of P
 
     def at(self, t: Number) -> Number:
@@ -145,13 +145,13 @@ class PredictionBound(NamedTuple):
         return np.sqrt(V / self.P_least)  # (19)
 
     def split(self, t: Number) -> Number:
-        """The same, coarser, as a decaying term and a lasting one. Paper (14)."""
+        """The same, coarser, as a decaying term plus a constant term. Paper (14)."""
         decaying = np.sqrt(np.abs(self.V_0 - self.level) / self.P_least) * np.exp(-self.rate * t)
         return decaying + np.sqrt(self.level / self.P_least)  # (14)
 
     @property
     def settled(self) -> Number:
-        """What is left, and from x_hat(0) = x(0) the bound at all times. Paper (20)."""
+        """The bound after the transient; if x_hat(0) = x(0), the bound at all times. Paper (20)."""
         return np.sqrt(self.level / self.P_least)  # (20)
 
     @property
@@ -172,11 +172,11 @@ def prediction_bound(
     known: Assumed, gammas: Blocks, k: Number, P: Matrix, Q: Matrix, x_til_0: Matrix,
     form: Form = "repaired",
 ) -> PredictionBound:  # fmt: skip
-    """The bound of the prediction error, whatever the control does. Paper (14), (19), (20).
+    """The bound of the prediction error, for any control. Paper (14), (19), (20).
 
-    P, Q : (..., n, n) with A^T P + P A = -Q (Q = 0, P = I for a predictor without A). Repaired,
-    V decays with 2 k + min eig(P^-1 Q), of which the print drops the second. Assumes that the
-    projection lets V grow by no more than without it (`fcu.theory.projection.sound`).
+    P, Q : (..., n, n) with A^T P + P A = -Q (Q = 0, P = I for a predictor without A). In the
+    repaired form V decays with 2 k + min eig(P^-1 Q); the printed form drops the second term.
+    Assumes that projection never increases the growth of V (`fcu.theory.projection.sound`).
     """
     rate = k
     if form == "repaired":
@@ -188,7 +188,7 @@ def prediction_bound(
 
 
 def reference_bound(decay: Decay, B: Matrix, x_m_0: Matrix, r_star: float) -> float:
-    """x_m*, the largest norm of the reference state under commands of norm r_star. After (23)."""
+    """x_m*, the largest norm of the reference state for commands of norm r_star. After (23)."""
     along = float(np.linalg.norm(B, 2)) * r_star / decay.lambda_A
     return decay.gamma_A * (float(np.linalg.norm(x_m_0)) + along)
 
@@ -196,10 +196,10 @@ def reference_bound(decay: Decay, B: Matrix, x_m_0: Matrix, r_star: float) -> fl
 def predictor_bound(
     A: Matrix, decay: Decay, k: float, x_hat_m_0: Matrix, prediction: float, form: Form = "repaired"
 ) -> float:
-    """Bound of |x_hat - x_m| while nothing saturates. Paper (28).
+    """Bound of |x_hat - x_m| without saturation. Paper (28).
 
     x_hat_m_0 : x_hat(0) - x_m(0), n. prediction : bound of |x_til| at all times (printed: (20)).
-    Repaired, gamma_A / lambda_A is the L1 gain of A, which it bounds.
+    The repaired form uses the L1 gain of A where it is below its bound gamma_A / lambda_A.
     """
     most = decay.gamma_A / decay.lambda_A
     if form == "repaired":
@@ -210,9 +210,9 @@ def predictor_bound(
 def tracking_bound(
     A: Matrix, decay: Decay, k: float, x_hat_m_0: Matrix, prediction: float, form: Form = "repaired"
 ) -> float:
-    """Bound of |x - x_m| while nothing saturates. Paper (29).
+    """Bound of |x - x_m| without saturation. Paper (29).
 
-    With k = sqrt(gamma) it does not shrink as gamma grows: k sqrt(c/gamma) stays. Then
-    `fcu.theory.linear_loop.bounds` is the one to use.
+    With k = sqrt(gamma) the bound does not shrink as gamma grows, because k sqrt(c/gamma) is
+    constant. In this case use `fcu.theory.linear_loop.bounds`.
     """
     return prediction + predictor_bound(A, decay, k, x_hat_m_0, prediction, form)  # (29)

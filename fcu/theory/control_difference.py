@@ -1,19 +1,19 @@
-"""How far adaptive control is from the one that knows: (30), with its constants derived.
+"""Difference between adaptive control and known control: (30), with its constants derived.
 
-While nothing saturates and no projection acts, the prediction error x_til and
-z = Theta_til f + d_til (inside) obey, for any moving Theta, d and regressor f,
+With no saturation and no active projection, the prediction error x_til and z = Theta_til f + d_til
+(inside Lambda) obey, for any time-varying Theta, d and regressor f,
 
     x_til' = (A - k I) x_til + B Lambda z        z' = -G B^T P x_til + delta
     delta  = Theta' f + d' + Theta_til f'        G  = gamma_d + gamma_Theta |f|^2
 
-and the control difference is v_0 - v = -z. With a disturbance beside Lambda, z is
-Lambda Theta_til f + s_til + Lambda_til (u + Theta_hat f), it enters without Lambda, G is
+and the control difference is v_0 - v = -z. For a disturbance outside Lambda, z is
+Lambda Theta_til f + s_til + Lambda_til (u + Theta_hat f) and enters without Lambda, G is
 gamma_d + gamma_Theta Lambda |f|^2 + gamma_Lambda |u + Theta_hat f|^2, and v_0 - v = -Lambda^-1 z.
-The tracking error is driven by the same z: e' = A e + B Lambda z.
+The same z drives the tracking error: e' = A e + B Lambda z.
 
 With constant Lambda and |f| this is a linear system: bounds of its impulse responses bound its
-errors, and some delta attains them. Here are the closed forms for one channel (A neglected
-against k, B = P = 1); `fcu.theory.linear_loop` does the same for any A, B, P and for moving G.
+errors, and some delta attains them. This module has the closed forms for one channel (A neglected
+against k, B = P = 1). `fcu.theory.linear_loop` handles any A, B, P and time-varying G.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-CLOSE = 1e-9  # zeta to 1, where the two forms meet
+CLOSE = 1e-9  # of zeta to 1, where the two forms coincide
 
 
 class ControlDifference(NamedTuple):
@@ -60,10 +60,10 @@ class Channel(NamedTuple):
 
 
 def control_gain(zeta: float) -> float:
-    """N(zeta): omega times the integral of |h|, h from delta to z. Exact.
+    """N(zeta): omega times the integral of |h|, h the impulse response from delta to z. Exact.
 
-    h has transfer function (s + k)/(s^2 + k s + omega^2). For zeta >= 1 it does not change its
-    sign; for zeta < 1 the areas of its half waves are a geometric series.
+    h has the transfer function (s + k)/(s^2 + k s + omega^2). For zeta >= 1 it does not change
+    sign. For zeta < 1 the areas of its half waves form a geometric series.
     """
     if zeta >= 1.0:
         return 2.0 * zeta
@@ -73,14 +73,14 @@ def control_gain(zeta: float) -> float:
 
 
 def prediction_gain(zeta: float) -> float:
-    """G times the integral of |x_til|'s impulse response from delta. Exact: 1 for zeta >= 1."""
+    """G times the integral of the absolute impulse response from delta to x_til. Exact."""
     if zeta >= 1.0:
         return 1.0
     return 1.0 / math.tanh(math.pi * zeta / (2.0 * math.sqrt(1.0 - zeta * zeta)))
 
 
 def _envelope(channel: Channel) -> tuple[float, float, float]:
-    """Of z: its rate (1/s), and what one unit of z(0) and one of x_til(0) begin at."""
+    """Envelope of z: decay rate (1/s), and initial values per unit of z(0) and of x_til(0)."""
     omega, zeta = channel.omega, channel.zeta
     if abs(zeta - 1.0) < CLOSE:  # (1 + omega t) e^(-omega t), G t e^(-omega t), at half the rate
         return 0.5 * omega, 2.0 * math.exp(-0.5), channel.G * 2.0 / (math.e * omega)
@@ -88,7 +88,7 @@ def _envelope(channel: Channel) -> tuple[float, float, float]:
         root = math.sqrt(1.0 - zeta * zeta)
         return zeta * omega, 1.0 / root, channel.G / (omega * root)
     root = math.sqrt(zeta * zeta - 1.0)
-    slow = omega / (zeta + root)  # omega (zeta - root), without its cancellation
+    slow = omega / (zeta + root)  # omega (zeta - root), without cancellation
     return slow, (zeta + root) / (2.0 * root), channel.G / (2.0 * omega * root)
 
 
@@ -97,10 +97,10 @@ def control_difference(
 ) -> ControlDifference:
     """beta_1, nu_1 and beta_2 gamma^(-1/2) of one channel. Paper (30).
 
-    z_0, x_til_0 : |z| and |x_til| at the start. delta_star : |delta| at all times.
-    beta_1 grows as sqrt(gamma) with x_til_0: begin the predictor at the state. Near zeta = 1 the
-    envelope is wide; `linear_loop` has a tighter one. Also right for vectors, as norms, when the
-    channels are alike.
+    z_0, x_til_0 : |z| and |x_til| at the start. delta_star : bound of |delta| at all times.
+    With x_til_0 above zero, beta_1 grows as sqrt(gamma): start the predictor at the state. Near
+    zeta = 1 the envelope is wide; `linear_loop` gives a tighter one. If all channels are equal,
+    this also holds for norms of vectors.
     """
     nu_1, per_z, per_x = _envelope(channel)
     beta_1 = per_z * abs(z_0) + per_x * abs(x_til_0)
@@ -109,5 +109,5 @@ def control_difference(
 
 
 def settled_prediction(channel: Channel, delta_star: float) -> float:
-    """Bound of |x_til| once the start is forgotten: it shrinks as 1/gamma, (20) as 1/sqrt(gamma)."""
+    """Bound of |x_til| after the transient: it shrinks as 1/gamma, (20) only as 1/sqrt(gamma)."""
     return prediction_gain(channel.zeta) * delta_star / channel.G

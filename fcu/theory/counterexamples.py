@@ -1,8 +1,8 @@
-"""Where the printed bounds and conditions fail: a simulated system for each, and what the repair says.
+"""Simulated systems for which the printed bounds and conditions fail, with repaired values.
 
-Each function names the paper's equation. A bound fails when what is simulated is larger than what
-is printed; a condition fails when it holds and the control saturates nevertheless. The repaired
-form must hold, or must not promise anything.
+Each function names the equation of the paper. A bound fails if a simulated value exceeds it. A
+condition fails if it holds and the control saturates nevertheless. The repaired form must hold or
+make no claim.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class BoundFails(NamedTuple):
 
 
 class ConditionFails(NamedTuple):
-    """A condition that holds as printed (margin of at least nought), while the control saturates."""
+    """A condition that holds as printed (margin at least zero) while the control saturates."""
 
-    printed_margin: float  # units of u; at least nought: no saturation is promised
+    printed_margin: float  # units of u; at least zero: the condition claims no saturation
     repaired_margin: float
     saturated: bool
     run: Run
@@ -61,11 +61,11 @@ def scalar_model(a: float) -> ReferenceModel:
 
 
 def moving_lambda() -> BoundFails:
-    """(13) without 4 lambda* lambda_d*: Lambda swings in step with what the limit cuts off.
+    """(13) without 4 lambda* lambda_d*: Lambda oscillates in phase with Delta_u.
 
-    Theta is known, tiny, and its regressor large, so Delta_u swings too; nothing else is unknown,
-    and printed c2 is nearly nothing. Lambda_hat cannot follow, the product of the two swings has a
-    mean, and x_til grows with it. Paper (13), (20).
+    Theta is known and tiny and its regressor is large, so Delta_u oscillates. No other unknown
+    exists, and the printed c2 is almost zero. Lambda_hat is too slow to follow, the product of the
+    two oscillations has a nonzero mean, and x_til grows with this mean. Paper (13), (20).
     """
     gamma, k, theta, omega, swing = 100.0, 1.0, 1e-3, 600.0, 3.0
     told = scalar_model(1.0)
@@ -99,7 +99,7 @@ def _known_run(
     told: ReferenceModel, Lambda: Array, K: Array, r: Signal, actuator: Actuator, x_0: Array,
     x_m_0: Array, d: Varying | None = None, gamma: float = 100.0,
 ) -> Run:  # fmt: skip
-    """A loop that knows Lambda, K and Lambda^-1, and estimates d alone."""
+    """Simulate a loop that knows Lambda, K and Lambda^-1 and estimates only d."""
     q = told.q
     Theta = np.concatenate([K, -np.linalg.inv(Lambda)], axis=-1)
     d = constant(np.zeros((q, 1))) if d is None else d
@@ -128,9 +128,9 @@ NO_DIFFERENCE = ControlDifference(0.0, 1.0, 0.0)
 
 
 def command_over_lambda() -> ConditionFails:
-    """(24), (25), (31) divide |r| by the upper bound of Lambda; it takes the lower.
+    """(24), (25), (31) divide |r| by the upper bound of Lambda instead of the lower bound.
 
-    Lambda = diag(2, 1/2), everything known, at rest at the origin of a command to the weak channel.
+    Lambda = diag(2, 1/2), everything known; a command to the weak channel, from rest at the origin.
     """
     told = ReferenceModel(-np.eye(2), np.eye(2), 2.0 * np.eye(2))
     Lambda, K = np.diag([2.0, 0.5]), np.zeros((2, 2))
@@ -147,7 +147,7 @@ def command_over_lambda() -> ConditionFails:
 
 
 def limit_of_channels() -> ConditionFails:
-    """v* = sqrt(q) max v_i* after (22): admits a demand of one channel beyond its limit.
+    """v* = sqrt(q) max v_i* after (22) admits a demand beyond the limit of one channel.
 
     Lambda = I, limits (1, 0.2), everything known; a command of 0.5 to the second channel.
     """
@@ -164,10 +164,10 @@ def limit_of_channels() -> ConditionFails:
 
 
 def ball_of_the_theorem() -> ConditionFails:
-    """Theorem V.1's ball grows with d* + rho_1, which leave less room.
+    """The ball of Theorem V.1 grows with d* + rho_1, although these terms reduce the margin.
 
-    Everything known, no disturbance; the plant alone is unstable, x' = 2 x + u. The margins are
-    those of |e(0)| inside the ball, in units of u. The state leaves for good.
+    Everything is known and there is no disturbance; the open loop x' = 2 x + u is unstable. The
+    margins are those of |e(0)| inside the ball, in units of u. The state diverges.
     """
     told, K, v_star = scalar_model(1.0), 3.0, 1.0
     r = x_m_0 = 0.2375
@@ -189,10 +189,10 @@ def ball_of_the_theorem() -> ConditionFails:
 
 
 def tracking_error_left_out() -> ConditionFails:
-    """(31) leaves out what adaptation adds to the tracking error, which v_0 sees through K.
+    """(31) omits the tracking error that adaptation causes and that enters v_0 through K.
 
-    Only d is unknown, and ramps. e settles at z / a, K e is several times beta_2, and the plant
-    alone is unstable: it saturates, and leaves for good.
+    Only d is unknown; it is a ramp. e settles at z / a, and K e is several times beta_2. The open
+    loop is unstable: the control saturates, and the state diverges.
     """
     a, K, gamma, rate, d_star = 0.1, 10.0, 100.0, 0.1, 1.0
     told, k = scalar_model(a), math.sqrt(gamma)
@@ -218,7 +218,7 @@ def tracking_error_left_out() -> ConditionFails:
 
 
 class Growth(NamedTuple):
-    """V (15) of a loop whose unknowns are constant, at the start and at its largest."""
+    """V (15) of a loop with constant unknowns: initial value, and largest value for two sets."""
 
     start: float
     ball: float  # projection to a ball, as printed
@@ -226,7 +226,7 @@ class Growth(NamedTuple):
 
 
 def ball_and_diagonal() -> Growth:
-    """Pr of a norm ball with a diagonal Lambda: V grows where (16) has it fall. Paper (10), (16)."""
+    """Pr onto a ball with a diagonal Lambda: V grows, but decreases in (16). Paper (10), (16)."""
     Lambda, gamma, k = np.diag([10.0, 0.1]), 100.0, 1.0
     told = ReferenceModel(-np.eye(2), np.eye(2), 2.0 * np.eye(2))
     truth = Uncertainty(
@@ -251,10 +251,10 @@ def ball_and_diagonal() -> Growth:
 
 
 def setpoint_of_section_viii(params: Params, mass: float = 8.0) -> ConditionFails:
-    """(4, 7, 18) m at f_m = 1 from rest at the origin does not satisfy (31), as Section VIII says.
+    """Section VIII claims that (4, 7, 18) m at f_m = 1, from rest at the origin, satisfies (31).
 
-    The margins are of |v_0(0)| = |mass (f_m^2 r_c + g e_3)| against the paper's v* (three channels
-    of T_max) and against T_max, which is what |T| may be; no wind, mass known.
+    It does not. The margins are those of |v_0(0)| = |mass (f_m^2 r_c + g e_3)| to the paper's v*
+    (three channels of T_max) and to T_max, the limit of |T|; no wind, mass known.
     """
     r_c = np.array([4.0, 7.0, 18.0])
     f = params.f_m

@@ -1,9 +1,9 @@
-"""Before the run: does this command, from this start, keep the adaptive control inside its limits?
+"""Check before a run whether a command and a start keep the adaptive control inside its limits.
 
-For the paper's own system, Theta f = K x + K_0 g(x) - Lambda^-1 r with constant unknowns and a
-moving d inside Lambda: the regressor f moves with the state, whose bound needs that of the
-control difference, which needs that of f. They are found together, by repetition, and (31) with
-them. Theorem V.1 with nothing left to be looked up.
+The system is that of the paper, Theta f = K x + K_0 g(x) - Lambda^-1 r with constant unknowns and a
+time-varying d inside Lambda. The regressor f depends on the state. The bound of the state needs the
+bound of the control difference, which needs the bound of f. An iteration finds the bounds together,
+and (31) follows from them. This is Theorem V.1 with all its constants computed.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, boun
 from fcu.theory.region import Budget, Reference, Sizes, adaptive_budget
 from fcu.theory.responses import Matrix, peak
 
-ROUNDS, SLACK = 30, 5e-3  # of repetition; relative, by which each round assumes more
+ROUNDS, SLACK = 30, 5e-3  # iterations; relative increase of the assumed bounds per iteration
 
 
 class Model(NamedTuple):
-    """The reference model and the predictor, and the true constant Lambda. Paper (1), (5)."""
+    """Reference model, predictor and the true, constant Lambda. Paper (1), (5)."""
 
     A: Matrix
     B: Matrix
@@ -34,7 +34,7 @@ class Model(NamedTuple):
 
 
 class Assumptions(NamedTuple):
-    """Bounds (norms, at all times) of unknowns, estimates and of the reference trajectory."""
+    """Bounds (norms, at all times) of the unknowns, the estimates and the reference trajectory."""
 
     sizes: Sizes
     d_rate: float
@@ -57,8 +57,8 @@ class Guarantee(NamedTuple):
 def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
     """The budget of (31) and the bounds of all errors, for a limit v_star of |v|.
 
-    Assumes that no projection acts. Raises UnstableError, and NoBoundError where the regressor
-    may move too far for a bound.
+    Assumes no active projection. Raises UnstableError, and NoBoundError if the regressor may vary
+    too much for a bound.
     """
     system_A = float(np.linalg.norm(model.A, 2))
     driven = float(np.linalg.norm(model.B @ model.Lambda, 2))
@@ -79,7 +79,7 @@ def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
             break
         E, Z = float(found.tracking[0]), float(found.control_peak[0])
     else:
-        raise NoBoundError("no bound: state and regressor chase each other; they move too far")
+        raise NoBoundError("no bound: the iteration did not converge; the state moves too far")
     gamma_A = float(peak(model.A)[0, 0])
     settled = float(found.control_settled[0])
     difference = ControlDifference(

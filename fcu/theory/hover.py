@@ -1,15 +1,16 @@
-"""The octocopter's region of attraction: conditions on steps and wind, in newtons and metres.
+"""Region of attraction of the octocopter: conditions on steps and wind, in newtons and metres.
 
-The forces that can be had for every yaw angle are
+The forces that the vehicle can produce at every yaw angle satisfy
 
     |T_xy| <= T_z tan phi*,   T_min <= |T| <= T_max,   T_z > 0,
 
-neither a box nor around zero. Two conditions that are easy to state, after the exact set along
-the reference trajectory: the largest ball about hover, and the paper's (31), taken from the target
-(from the start it would count |K x_m| and |Lambda^-1 r|, which in truth cancel). Both are
-sufficient; that one fails predicts nothing.
+This set is not a box and does not contain zero. Besides the exact set along the reference
+trajectory there are two simpler conditions: the largest ball about hover, and the paper's (31) with
+the origin at the target (with the origin at the start it would count |K x_m| and |Lambda^-1 r|
+separately, although they cancel). Both are sufficient, not necessary: a flight that fails them may
+still be fine.
 
-Forces in N, E; the mass is believed, and the wind a bound of its speed.
+Forces are in N, E. The mass is the believed mass, and the wind is a bound of its speed.
 """
 
 from __future__ import annotations
@@ -30,29 +31,29 @@ from fcu.theory.responses import Matrix, gain, peak
 
 
 class Air(NamedTuple):
-    """What is assumed of the air: bounds of the wind and of its rate, and the drag coefficient."""
+    """Assumptions about the air: bounds of the wind and of its rate, and the drag coefficient."""
 
     speed: float  # m/s
     rate: float  # m/s^2
     drag: float  # N/(m/s)^2
 
     def force(self, v: float = 0.0) -> float:
-        """Largest drag (N) at any attitude of a vehicle at speed v (m/s). Section VI.B."""
+        """Largest drag (N) at speed v (m/s), for any attitude. Section VI.B."""
         return self.drag * (v + self.speed) ** 2
 
     def force_rate(self) -> float:
-        """Largest rate of drag (N/s) at rest: that of c |w| w."""
+        """Largest rate of the drag c |w| w (N/s) at rest."""
         return 2.0 * self.drag * self.speed * self.rate
 
 
 def A(params: Params) -> Matrix:
-    """Of one axis (2 x 2): position and velocity. Paper (34)."""
+    """A (2 x 2) of position and velocity on one axis. Paper (34)."""
     f, zeta = params.f_m, params.zeta_m
     return np.array([[0.0, 1.0], [-f * f, -2.0 * f * zeta]])  # (34)
 
 
 def ball(params: Params, mass: float) -> float:
-    """R (N): every force this close to hover, mass * g up, can be had."""
+    """R (N): the vehicle can produce every force within R of hover, which is mass * g up."""
     weight = mass * params.g
     aside = weight * math.sin(params.limits.phi_star)
     lowest = max(params.limits.T_min, params.achieved * params.T_dz_min)
@@ -66,23 +67,24 @@ def K(params: Params, mass: float) -> float:
 
 
 def loop_bounds(params: Params, mass: float, air: Air, m_hat_0: float | None = None) -> LoopBounds:
-    """Bounds about hover at rest; the estimate of mass may be wrong at first, m_hat_0 (kg).
+    """Bounds for hover at rest, with an initial mass estimate m_hat_0 (kg) that may be wrong.
 
     Norms of the prediction error (m/s), control difference (N) and tracking error (m and m/s).
-    Assumes a steady force: `fcu.theory.loop_bounds` has the regressor's own motion. Paper (30).
+    Assumes a constant force; `fcu.theory.loop_bounds` includes the motion of the regressor.
+    Paper (30).
     """
     z_0 = 0.0 if m_hat_0 is None else abs(m_hat_0 / mass - 1.0) * params.g
     return bounds(position_loop(params, mass), air.force_rate() / mass, Start(z=z_0))
 
 
 def position_error(params: Params, z: float) -> float:
-    """Bound of |r - r_m| (m) from rest on it, for |z| (m/s^2) at all times: e'' + 2 zeta f e' + f^2 e = z."""
+    """Bound of |r - r_m| (m), from 0, for a bound z (m/s^2): e'' + 2 zeta f e' + f^2 e = z."""
     B, C = np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
     return float(gain(A(params), B, C)[0, 0]) * z
 
 
 class Step(NamedTuple):
-    """The reference model's answer to a step of 1 m from rest, in its largest values."""
+    """Largest values of the response of the reference model to a step of 1 m from rest."""
 
     speed: float  # m/s
     away: float  # |x_m - x_c|, m and m/s
@@ -91,7 +93,7 @@ class Step(NamedTuple):
 
 @lru_cache(maxsize=64)
 def unit_step(params: Params) -> Step:
-    """Largest values along the reference model, each rounded up by less than 1e-4 of itself."""
+    """Largest values along the reference model, overestimated by less than 1e-4 of their value."""
     M, start = A(params), np.array([[-1.0], [0.0]])
     return Step(
         float(peak(M, start, np.array([[0.0, 1.0]]))[0, 0]),
@@ -105,8 +107,8 @@ def ball_budget(
 ) -> Budget:
     """Condition (B): mass |r_m''(t)| + d + mu <= R, at the worst time.
 
-    step : m, from rest, in any direction. adaptation : mu (N), beta_1 + beta_2 gamma^(-1/2) and
-    what the tracking error adds.
+    step : m, from rest, in any direction. adaptation : mu (N), beta_1 + beta_2 gamma^(-1/2) plus
+    the contribution of the tracking error.
     """
     states = step * _reference(params)
     acceleration = mass * np.abs(states @ A(params)[1])
@@ -122,7 +124,7 @@ def theorem_budget(
     params: Params, mass: float, air: Air, step: float, adaptation: float = 0.0,
     e_0: float = 0.0,
 ) -> Budget:  # fmt: skip
-    """Condition (N): (31) with the origin at the target, the limit R about hover.
+    """Condition (N): (31) with the origin at the target and the limit R about hover.
 
     e_0 : |x(0) - x_m(0)|, m and m/s. Other arguments as in `ball_budget`. Paper (31).
     """
@@ -138,13 +140,13 @@ def theorem_budget(
     )  # (31)
 
 
-POINTS = 2000  # of the reference's answer
-FARTHEST = 1e6  # m, of a step that is looked for
+POINTS = 2000  # of the response of the reference model
+FARTHEST = 1e6  # m, upper end of the search for the largest step
 
 
 @lru_cache(maxsize=64)
 def _reference(params: Params) -> Matrix:
-    """Position from the target and velocity (POINTS x 2) after a step of 1 m from rest."""
+    """Position relative to the target, and velocity (POINTS x 2), for a step of 1 m from rest."""
     slow = params.f_m * min(params.zeta_m, 1.0 / params.zeta_m)
     h = 8.0 / slow / POINTS
     one, states = expm(A(params) * h), [np.array([-1.0, 0.0])]
@@ -154,7 +156,7 @@ def _reference(params: Params) -> Matrix:
 
 
 def largest_step(condition: Callable[[float], Budget]) -> float:
-    """Largest step (m) for which a condition, from a step to its `Budget`, holds; 0 for none."""
+    """Largest step (m) whose `Budget` holds, or 0; condition : function from step to Budget."""
     low, high = 0.0, 1.0
     if not condition(low).holds:
         return 0.0

@@ -1,11 +1,11 @@
 """Bounds of prediction error, control difference and tracking error, for any A, B, P.
 
-The errors of `fcu.theory.control_difference` as one linear system with state (x_til, z, e). The
-bounds are its L1 gains and peaks, so that some delta comes as close to them as one likes. A
-regressor or a Lambda that moves is a departure from constants, fed back from the bounds
-themselves: a small-gain argument, refused where its loop gain is not below one.
+The errors of `fcu.theory.control_difference` form one linear system with state (x_til, z, e). The
+bounds are its L1 gains and peaks, so some delta comes arbitrarily close to them. A time-varying
+regressor or Lambda is treated as a deviation from a constant, which is bounded in terms of the
+bounds themselves: a small-gain argument. NoBoundError is raised if its loop gain is not below one.
 
-Assumed: nothing saturates, no projection acts.
+Assumes no saturation and no active projection.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from fcu.theory.responses import Matrix, Norm, decay, gain, peak
 
 
 class NoBoundError(ValueError):
-    """What moves, moves too far for the small-gain argument: the loop gain found."""
+    """Regressor or Lambda vary too much for a bound; the message has the loop gain."""
 
 
 class Loop(NamedTuple):
     """x_til' = F x_til + drive z, z' = -G output x_til + delta, e' = A e + drive_e z.
 
-    In the general case F = A - k I, output = B^T P, drive = drive_e = B Lambda (inside) or B
-    (beside). The octocopter predicts the velocity alone: F = -k I, and e is of position and
-    velocity. `unknown` and `unknown_e` are where a moving part of Lambda enters, times z.
+    In the general case F = A - k I, output = B^T P, and drive = drive_e = B Lambda (unknowns inside
+    Lambda) or B (outside). The octocopter predicts only the velocity: F = -k I, and e holds
+    position and velocity. The time-varying part of Lambda times z enters through `unknown` and
+    `unknown_e`.
     """
 
     F: Matrix  # n x n
@@ -42,13 +43,13 @@ class Loop(NamedTuple):
 
     @property
     def fast(self) -> Matrix:
-        """Of (x_til, z), n + q square."""
+        """System matrix of (x_til, z), n + q square."""
         q = self.drive.shape[1]
         return np.block([[self.F, self.drive], [-self.G @ self.output, np.zeros((q, q))]])
 
     @property
     def whole(self) -> Matrix:
-        """Of (x_til, z, e), n + q + m square."""
+        """System matrix of (x_til, z, e), n + q + m square."""
         (n, q), m = self.drive.shape, len(self.A)
         return np.block([
             [self.fast, np.zeros((n + q, m))],
@@ -80,17 +81,17 @@ class Start(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """How far G(t) and Lambda(t) go from the loop's constants: norms, or arrays of entries."""
+    """Largest deviations of G(t) and Lambda(t) from the constants of the loop: norms or entries."""
 
     G: Matrix | float = 0.0
     Lambda: Matrix | float = 0.0
 
 
 class LoopBounds(NamedTuple):
-    """Bounds of norms (1 number), or of each component."""
+    """Bounds of norms (one number) or of each component."""
 
     prediction: Matrix  # |x_til| at all times
-    prediction_settled: Matrix  # and once the start is forgotten
+    prediction_settled: Matrix  # the same after the transient
     control: ControlDifference  # (30); of the largest component for norm "entries"
     control_settled: Matrix
     control_peak: Matrix  # |v_0 - v| at all times
@@ -100,7 +101,7 @@ class LoopBounds(NamedTuple):
 
 
 class _Ways(NamedTuple):
-    """In and out of the state (x_til, z, e)."""
+    """Matrices that select inputs and outputs of the state (x_til, z, e)."""
 
     x: Matrix
     z: Matrix
@@ -137,8 +138,8 @@ def bounds(
 ) -> LoopBounds:  # fmt: skip
     """Bounds for |delta| at most delta_star at all times (a norm, or an array of entries).
 
-    nu_1 (1/s): rate at which the start is to be forgotten in (30), below the slowest mode of
-    (x_til, z); half of that if left out. Raises UnstableError, NoBoundError.
+    nu_1 (1/s): decay rate of the transient in (30), below the rate of the slowest mode of
+    (x_til, z); default: half of that rate. Raises UnstableError, NoBoundError.
     """
     start, moving = start or Start(), moving or Moving()
     (n, q), m = system.drive.shape, len(system.A)
@@ -175,29 +176,29 @@ class _Problem(NamedTuple):
 
     M: Matrix
     ways: _Ways
-    fed: Matrix  # rows of the state that what moves multiplies: y_til, z
-    into_delta: Matrix  # and what they add to delta
-    into_beside: Matrix  # and to what enters beside drive z
+    fed: Matrix  # rows of the state that the time-varying parts multiply: y_til, z
+    into_delta: Matrix  # gain from these signals to delta
+    into_beside: Matrix  # gain from these signals to the input besides drive z
     norm: Norm
     rate: float  # 1/s
-    found: dict[bytes, tuple[Matrix, Matrix]]  # gains to an output, so that none is sought twice
+    found: dict[bytes, tuple[Matrix, Matrix]]  # cache of the gains to an output
 
     def without_e(self, size: int) -> _Problem:
-        """The same of (x_til, z) alone, `size` states."""
+        """The same problem for (x_til, z) only, `size` states."""
         ways = self.ways
         x, z, e, y = (way[:, :size] for way in ways[:4])
         cut = _Ways(x, z, e, y, ways.beside[:size])
         return self._replace(M=self.M[:size, :size], ways=cut, fed=self.fed[:, :size], found={})
 
     def _outputs(self) -> list[Matrix]:
-        """The fed signals, one by one for norm "spectral" (a norm each), all at once else."""
+        """The fed signals: separately for norm "spectral", together for "entries"."""
         if self.norm == "entries":
             return [self.fed]
         half = len(self.fed) // 2
         return [self.fed[:half], self.fed[half:]]
 
     def _gains(self, out: Matrix) -> tuple[Matrix, Matrix]:
-        """To an output from delta, and from what enters beside drive z."""
+        """Gains to an output from delta and from the input besides drive z."""
         key = out.tobytes()
         if key not in self.found:
             faster = self.M + self.rate * np.eye(len(self.M))
@@ -209,7 +210,7 @@ class _Problem(NamedTuple):
         return self.found[key]
 
     def _gain(self, out: Matrix) -> Matrix:
-        """From bounds of the fed signals to what they can make of `out`."""
+        """Gain from bounds of the fed signals to a bound of `out`."""
         by_delta, beside = self._gains(out)
         return np.asarray(by_delta @ self.into_delta + beside @ self.into_beside)
 
@@ -217,7 +218,7 @@ class _Problem(NamedTuple):
         return np.asarray(self._gains(out)[0] @ delta)
 
     def started(self, out: Matrix, begin: list[Matrix]) -> Matrix:
-        """Bound of `out` times e^(rate t) from the start alone."""
+        """Bound of `out` times e^(rate t) that the initial state causes."""
         ways = (self.ways.x.T, self.ways.z.T, self.ways.e.T)
         rows = 1 if self.norm == "spectral" else len(out)
         total = np.zeros(rows)
@@ -227,12 +228,12 @@ class _Problem(NamedTuple):
         return total
 
     def at_most(self, out: Matrix, delta: Matrix, signals: Matrix) -> Matrix:
-        """Bound of `out` from rest, by delta and the fed signals."""
+        """Bound of `out` that delta and the fed signals cause from rest."""
         moved = self._gain(out) @ signals if np.any(signals) else 0.0
         return self._driven(out, delta) + moved
 
     def signals(self, delta: Matrix, begin: list[Matrix]) -> tuple[Matrix, float]:
-        """Bounds of the fed signals, closed on themselves, and the loop gain."""
+        """Bounds of the fed signals with the feedback closed, and the loop gain."""
         free = np.concatenate([
             self._driven(out, delta) + self.started(out, begin) for out in self._outputs()
         ])  # fmt: skip
@@ -242,7 +243,7 @@ class _Problem(NamedTuple):
         radius = float(np.abs(np.linalg.eigvals(feedback)).max())
         if radius >= 1.0:
             raise NoBoundError(
-                "no bound: what moves (regressor, Lambda) moves too far for it, "
+                "no bound: the regressor or Lambda moves too far, "
                 f"loop gain {radius:.3g}, not below 1"
             )
         return np.linalg.solve(np.eye(len(free)) - feedback, free), radius

@@ -1,18 +1,19 @@
-"""Bounds of the octocopter's own loops, position and body rates, in flight: the regressor moves.
+"""Bounds of the position and body-rate loops of the octocopter in flight, with a moving regressor.
 
-Of the achieved form (`fcu.theory.octocopter`), unsaturated, mass and inertia constant, no
-projection acting. rho = Lambda / Lambda_hat is m_hat/m or J_hat/J, a what the reference model asks
-at the state that there is, T the force or torque. Then exactly,
+The loops are those of the achieved form (`fcu.theory.octocopter`), with constant mass and inertia,
+no saturation and no active projection. rho = Lambda / Lambda_hat is m_hat/m or J_hat/J, a is the
+acceleration that the reference model demands at the actual state, and T is the force or torque.
+Then, exactly,
 
     x_til' = -k x_til + z              z' = delta - G(t) x_til
     delta  = s' - (1 - rho) a'         G  = rho (gamma + gamma_Lambda T T^T)
     e' = A e + B z                     T  = m (a + z - s - g)
 
-and a follows from the reference trajectory and z. Seen from a frame that turns with T, G is
-diagonal; the frame's rate is |T'|/|T| at most. That, the change of G and a' are fed back from the
-bounds themselves (a small-gain argument, refused where its gain is not below one), and the ranges
-of T and T' are found by repetition: as long as the bounds hold, so does what they were computed
-from, and at the start it does.
+and a follows from the reference trajectory and z. In a frame that rotates with T, G is diagonal;
+the frame rotates at most at |T'|/|T|. The rotation, the change of G and a' are bounded in terms of
+the bounds themselves: a small-gain argument. NoBoundError is raised if its gain is not below one.
+An iteration finds the ranges of T and T'. As long as the bounds hold, their assumptions hold, and
+the assumptions hold at the start.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ from fcu.theory.linear_loop import Loop, NoBoundError
 from fcu.theory.octocopter import position_model
 from fcu.theory.responses import Matrix, decay, gain, peak
 
-ROUNDS = 60  # of repetition; it converges geometrically or not at all
-SLACK = 1e-3  # relative, by which what is assumed of the next round exceeds what was found
+ROUNDS = 60  # iterations; the iteration converges geometrically or diverges
+SLACK = 1e-3  # relative increase of the assumed bounds over the found bounds, per iteration
 
 
 class Flight(NamedTuple):
-    """What is assumed of a flight, axis by axis (each (3,), absolute values at all times)."""
+    """Assumptions about a flight by axis (each (3,), bounds of absolute values at all times)."""
 
     s: Matrix  # disturbance, m/s^2 or rad/s^2
-    s_rate: Matrix  # 1/s of that
+    s_rate: Matrix  # rate of s
     a: Matrix  # acceleration of the reference trajectory
-    jerk: Matrix  # and its rate
+    jerk: Matrix  # rate of that acceleration
     rho_low: Matrix | float = (
         1.0  # estimate of mass (one) or inertia (3,) over the truth, in flight
     )
@@ -49,7 +50,7 @@ class Flight(NamedTuple):
 
 
 class FlightBounds(NamedTuple):
-    """Bounds of norms, over all times and once the start is forgotten."""
+    """Bounds of norms, over all times and after the transient."""
 
     prediction: float  # m/s, rad/s
     prediction_settled: float
@@ -61,14 +62,14 @@ class FlightBounds(NamedTuple):
 
 
 def at_rest(s: Matrix, s_rate: Matrix) -> Flight:
-    """A reference trajectory that is a point; mass or inertia known."""
+    """Hover: the reference trajectory is a point, and mass or inertia is known."""
     return Flight(np.asarray(s), np.asarray(s_rate), np.zeros(3), np.zeros(3))
 
 
 def position_loop(params: Params, mass: float, G: Matrix | None = None) -> Loop:
-    """x_til = v_til (m/s), z (m/s^2), e of position and velocity, control difference in N.
+    """Loop of x_til = v_til (m/s), z (m/s^2), e of position and velocity; control in N.
 
-    G : 3 x 3, 1/s^2; about hover if left out. Paper (34)-(38).
+    G : 3 x 3, 1/s^2; default: G at hover. Paper (34)-(38).
     """
     if G is None:
         G = np.diag(stiffness(params, mass, mass * params.g))
@@ -79,9 +80,9 @@ def position_loop(params: Params, mass: float, G: Matrix | None = None) -> Loop:
 
 
 def stiffness(params: Params, mass: float, T_0: float, m_hat: float | None = None) -> Matrix:
-    """G (1/s^2) across (twice) and along a steady force T_0 (N): how fast z is learnt.
+    """G (1/s^2), the adaptation rate of z: across (twice) and along a constant force T_0 (N).
 
-    With the achieved force 1/m is learnt; as printed m, from the demanded specific force.
+    The achieved form estimates 1/m; the printed form estimates m from the demanded specific force.
     """
     m_hat = mass if m_hat is None else m_hat
     across = params.gamma * m_hat / mass
@@ -93,14 +94,14 @@ def stiffness(params: Params, mass: float, T_0: float, m_hat: float | None = Non
 
 
 class _Channels(NamedTuple):
-    """Second-order channels that drive each other (c of them), and the reference model behind."""
+    """c coupled second-order channels, followed by the reference model."""
 
     k: float  # 1/s
-    low: Matrix  # (c,), G at least
-    high: Matrix  # (c,), G at most
+    low: Matrix  # (c,), lower bound of G
+    high: Matrix  # (c,), upper bound of G
     delta: Matrix  # (c,), |s'| + |1 - rho| |a'| of the reference trajectory
-    turning: Matrix  # (c, c), how fast the channels turn into each other, rad/s
-    echo: Matrix  # (c, c), what a bound of |z| adds to delta
+    turning: Matrix  # (c, c), rotation rate of the channels into each other, rad/s
+    echo: Matrix  # (c, c), gain from a bound of |z| to delta
 
 
 class _Bound(NamedTuple):
@@ -110,7 +111,7 @@ class _Bound(NamedTuple):
 
 
 def _solved(channels: _Channels, x_0: Matrix, z_0: Matrix, lasting: bool, rate: float) -> _Bound:
-    """Bounds of e^(rate t) |x_til| and |z|, by delta (if `lasting`) and from the start."""
+    """Bounds of e^(rate t) |x_til| and |z| that delta (if `lasting`) and the start cause."""
     c = len(channels.low)
     to_X, to_Z = np.zeros((c, 2 * c)), np.zeros((c, 2 * c))
     begun_X, begun_Z = np.zeros(c), np.zeros(c)
@@ -131,7 +132,7 @@ def _solved(channels: _Channels, x_0: Matrix, z_0: Matrix, lasting: bool, rate: 
     radius = float(np.abs(np.linalg.eigvals(feedback)).max())
     if radius >= 1.0:
         raise NoBoundError(
-            f"no bound: force or estimates move too far for it, loop gain {radius:.3g}, not below 1"
+            f"no bound: force or estimates move too far, loop gain {radius:.3g}, not below 1"
         )
     source = np.concatenate([begun_X, begun_Z])
     if lasting:
@@ -147,12 +148,12 @@ def _pair(across: Matrix, along: float) -> Matrix:
 def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds:
     """Bounds of the position loop in flight: prediction (m/s), control (N), tracking (m).
 
-    Raises NoBoundError where force or estimate of mass may move too far for a bound.
+    Raises NoBoundError if the force or the mass estimate may vary too much for a bound.
     """
     (A, B), k, g = position_model(params), params.lambda_v, params.g
     rho_low, rho_high = float(flight.rho_low), float(flight.rho_high)
     off = max(1.0 - rho_low, rho_high - 1.0)
-    asked = B.T @ A  # of e; a' of z adds asked B
+    asked = B.T @ A  # a as a function of e; a' adds asked B as a function of z
     a_of_z = float(gain(A, B, asked)[0, 0])
     jerk_of_z = _jerk(A, B, asked, 0.0)
     a_0 = float(np.linalg.norm(flight.a)) + float(peak(A, C=asked)[0, 0]) * flight.e_0
@@ -168,16 +169,18 @@ def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds
         most = mass * math.hypot(g + upward, aside)
         least = mass * max(g - upward, 0.0)
         if least <= 0.0:
-            raise NoBoundError("no bound: the force may vanish, and with it its direction")
+            raise NoBoundError(
+                "no bound: the force may vanish, which leaves its direction undefined"
+            )
         assumed, tilt = tilt, min(aside * mass / least, 1.0)
         high = rho_high * (params.gamma + np.array([0.0, params.gamma_Lambda * most**2]))
         low = rho_low * (params.gamma + np.array([0.0, params.gamma_Lambda * least**2]))
         jerk = jerk_0 + jerk_of_z * float(Z.sum())
-        # across itself T = m_hat (a - g - s_hat) moves with a' and s_hat' = gamma x_til alone
+        # across its direction T = m_hat (a - g - s_hat) changes only by a', s_hat' = gamma x_til
         turning = rho_high * mass * (jerk + params.gamma * X) / least
         level, up = float(np.linalg.norm(flight.s_rate[:2])), float(flight.s_rate[2])
         delta = np.array([level + tilt * up, up + tilt * level]) + off * jerk_0
-        seen = off * np.array([[1.0, tilt], [tilt, 1.0]])  # an axis of Earth from those of T
+        seen = off * np.array([[1.0, tilt], [tilt, 1.0]])  # Earth axes from the axes of T
         channels = _Channels(k, low, high, delta, turning * (1.0 - np.eye(2)), jerk_of_z * seen)
         x_0 = _pair(x_start[:2], float(x_start[2])) + tilt * np.linalg.norm(x_start)
         z_0 = _pair(z_start[:2], float(z_start[2])) + tilt * np.linalg.norm(z_start)
@@ -186,13 +189,15 @@ def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds
             break
         Z, X = ever.Z, float(ever.X[0])
     else:
-        raise NoBoundError("no bound: force and bounds chase each other; the flight moves too far")
+        raise NoBoundError(
+            "no bound: the force bound iteration did not converge; the flight moves too far"
+        )
 
     settled = _solved(channels, 0.0 * x_0, 0.0 * z_0, True, 0.0)
     slow = 0.5 * min(decay(A), *(_slowest(k, G) for G in 0.5 * (low + high)))
     weighted = channels._replace(echo=_jerk(A, B, asked, slow) * seen)
     beta_1 = _forgetting(weighted, x_0, z_0, slow)
-    # e'' + 2 zeta f e' + f^2 e = z = x_til' + k x_til: by z, or by x_til, which is smaller
+    # e'' + 2 zeta f e' + f^2 e = z = x_til' + k x_til: bound by z or by x_til, whichever is smaller
     position = np.hstack([np.eye(3), np.zeros((3, 3))])
     by_z = float(gain(A, B, position)[0, 0])
     by_x = float(gain(A, A @ B + k * B, position)[0, 0])
@@ -216,23 +221,23 @@ def _slowest(k: float, G: float) -> float:
 
 
 def _jerk(A: Matrix, B: Matrix, asked: Matrix, rate: float) -> float:
-    """L1 gain from z to what e makes of a': asked (A e + B z)."""
+    """L1 gain from z to the part of a' that depends on e: asked (A e + B z)."""
     M = A + rate * np.eye(len(A))
     return float(gain(M, B, asked @ A)[0, 0] + np.linalg.norm(asked @ B, 2))
 
 
 def _forgetting(channels: _Channels, x_0: Matrix, z_0: Matrix, rate: float) -> float:
-    """beta_1 of (30), for z, at this rate; nought if nothing is to be forgotten."""
+    """beta_1 of (30) for z at this decay rate; 0 if the initial errors are 0."""
     if not (np.any(x_0) or np.any(z_0)):
         return 0.0
     return float(np.linalg.norm(_solved(channels, x_0, z_0, False, rate).Z))
 
 
 def rate_bounds(params: Params, inertia: Matrix, flight: Flight) -> list[FlightBounds]:
-    """Bounds of the three rate loops, one by one: prediction and tracking (rad/s), control (N m).
+    """Bounds of each of the three rate loops: prediction and tracking (rad/s), control (N m).
 
-    inertia : (3,), kg m^2. The couplings are left out: assumes no rotation but what the errors
-    make of it. Raises NoBoundError.
+    inertia : (3,), kg m^2. Neglects the couplings: assumes no rotation except that caused by the
+    errors. Raises NoBoundError.
     """
     return [_rate_bounds(params, axis, float(inertia[axis]), flight) for axis in range(3)]
 
@@ -253,7 +258,7 @@ def _rate_bounds(params: Params, axis: int, J: float, flight: Flight) -> FlightB
     Z = float(z_0[0])
     for _ in range(ROUNDS):
         Z *= 1.0 + SLACK
-        torque = J * (a_0 + s + 2.0 * Z)  # a of z has gain 1, z itself adds one
+        torque = J * (a_0 + s + 2.0 * Z)  # the gain from z to a is 1, and z itself adds 1
         low = np.array([rho_low * params.gamma])
         high = np.array([rho_high * (params.gamma + params.gamma_LambdaJ * torque**2)])
         echo = np.array([[off * 2.0 * c]])  # a' of z: -c s/(s + c)
@@ -264,7 +269,9 @@ def _rate_bounds(params: Params, axis: int, J: float, flight: Flight) -> FlightB
             break
         Z = float(ever.Z[0])
     else:
-        raise NoBoundError("no bound: torque and bounds chase each other; the flight moves too far")
+        raise NoBoundError(
+            "no bound: the torque bound iteration did not converge; the flight moves too far"
+        )
     settled = _solved(channels, 0.0 * x_0, 0.0 * z_0, True, 0.0)
     slow = 0.5 * min(c, _slowest(k, float(0.5 * (low + high)[0])))
     echo = np.array([[off * (c + c * c / (c - slow))]])

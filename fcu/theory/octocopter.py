@@ -1,12 +1,12 @@
-"""The loops of Section VII as instances of the general form: position, and the three body rates.
+"""The loops of Section VII, position and the three body rates, as instances of the general form.
 
-An `Image` is one instant of a flight controller's loop in the general form's terms; its rates
-must be the continuous right-hand sides of the kernels in `fcu.law`. `position_loop` and
-`rate_loop` are whole loops, to be simulated: the form that predicts with what was achieved, with
-an attitude and rotors that follow at once. Where the image is not exact: README.
+An `Image` is a loop of the flight controller at one time, in terms of the general form. Its rates
+must equal the continuous right-hand sides of the kernels in `fcu.laws.mmrac`. `position_loop` and
+`rate_loop` are complete loops for simulation. They predict with the achieved input and assume that
+attitude and rotors follow without lag. The README lists where an image is not exact.
 
-Arrays have any leading axes. Frames and units as in `fcu.laws.mmrac.types`. Every set is a hard box,
-as the kernels' is.
+Arrays may have any leading axes. Frames and units are those of `fcu.laws.mmrac.types`. Every set is
+a hard box, as in the kernels.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from fcu.theory.simulate import ClosedLoop
 from fcu.theory.systems import Actuator, Plant, ReferenceModel, Signal, Uncertainty
 
 ONE = np.ones((1, 1))
-# which of the five couplings c_p1, c_p2, c_q1, c_q2, c_r1 acts on which axis
+# axes (rows) on which the five couplings c_p1, c_p2, c_q1, c_q2, c_r1 (columns) act
 COUPLED = np.array([[1, 1, 0, 0, 0], [0, 0, 1, 1, 0], [0, 0, 0, 0, 1]], dtype=float)
 
 
 class Image(NamedTuple):
-    """One instant of an octocopter's loop: everything the general right-hand side is told."""
+    """A loop of the octocopter at one time: all inputs of the general right-hand side."""
 
     told: Predictor
     laws: Laws
     stored: Estimates
     known: Known
-    u: Array  # (..., q), what the predictor is told that the actuator gives
+    u: Array  # (..., q), actuator output that the predictor uses
 
     def rates(self, x_til: Array) -> tuple[Array, Estimates]:
-        """x_hat' (..., n) and the rates of the estimates for a prediction error (..., n)."""
+        """x_hat' (..., n) and the rates of the estimates, for a prediction error (..., n)."""
         full = self.laws.full(self.stored, self.known.r.shape[-1])
         y_til = self.told.y_til(x_til)
         x_hat_dot = prediction_rate(self.told, full, self.known, x_til, self.u)
@@ -55,13 +55,13 @@ class Image(NamedTuple):
 
 
 def integrator(q: int, gain: float) -> Predictor:
-    """The predictor of q rates of change: A = 0, B = P = I, L = gain I."""
+    """The predictor of q integrators: A = 0, B = P = I, L = gain I."""
     eye = np.eye(q)
     return Predictor(np.zeros((q, q)), eye, eye, gain * eye)
 
 
 def box(low: Array | float, high: Array | float, rows: int = 1) -> Box:
-    """The hard box of `rows` components with the same limits."""
+    """A hard box of `rows` components with equal limits."""
     return Box(low * np.ones((rows, 1)), high * np.ones((rows, 1)), margin=0.0)
 
 
@@ -71,10 +71,10 @@ def column(rows: Array) -> Array:
 
 
 def position_achieved(params: Params, v: Array, m_hat: Array, s_v_hat: Array, T_a: Array) -> Image:
-    """Velocity and 1/m, s_v, by the achieved force: v' = Lambda u + s + kappa. Paper (5), (10).
+    """Velocity, 1/m and s_v from the achieved force: v' = Lambda u + s + kappa. Paper (5), (10).
 
-    v, s_v_hat, T_a : (..., 3).  m_hat : (...).  Lambda = I/m is one unknown, s_v the s of the
-    general form, gravity the known part; there is no Theta.
+    v, s_v_hat, T_a : (..., 3).  m_hat : (...).  Lambda = I/m is one unknown, s_v is the s of the
+    general form, and gravity is the known term. There is no Theta.
     """
     b = params.bounds
     laws = Laws(
@@ -91,11 +91,11 @@ def position_achieved(params: Params, v: Array, m_hat: Array, s_v_hat: Array, T_
 
 
 def position_demanded(params: Params, v: Array, m_hat: Array, s_v_hat: Array, f_c: Array) -> Image:
-    """Velocity and m, s_v, as printed: v' = f_c + Lambda (u + Theta f_c) + s. Paper (36)-(38).
+    """Velocity, m and s_v as printed: v' = f_c + Lambda (u + Theta f_c) + s. Paper (36)-(38).
 
-    f_c : (..., 3), the demanded specific force, which holds s_v_hat. Theta = -m I is one unknown,
-    f = f_c its regressor and f_c also the known part. The predictor is told the demanded
-    force m_hat f_c, so that u + Theta_hat f is zero, and with it the part of Lambda_hat.
+    f_c : (..., 3), the demanded specific force, which contains s_v_hat. Theta = -m I is one unknown
+    with regressor f = f_c, and f_c is also the known term. The predictor uses the demanded force
+    m_hat f_c, so u + Theta_hat f is zero and Lambda_hat has no effect.
     """
     b = params.bounds
     laws = Laws(
@@ -113,10 +113,10 @@ def position_demanded(params: Params, v: Array, m_hat: Array, s_v_hat: Array, f_
 def rate_achieved(
     params: Params, w: Array, J_hat: Array, s_hat: Array, c_hat: Array, phi: Array, tau_a: Array
 ) -> Image:
-    """One body rate and 1/J, c, s: w' = Lambda tau + C phi + s. Paper (5), (10), (43).
+    """One body rate, 1/J, c and s: w' = Lambda tau + C phi + s. Paper (5), (10), (43).
 
-    w, J_hat, s_hat, tau_a : (...).  c_hat, phi : (..., c), its couplings and their products of
-    rates; roll and pitch have two, yaw one.
+    w, J_hat, s_hat, tau_a : (...).  c_hat, phi : (..., c), the couplings of the axis and their
+    products of rates; roll and pitch have two, yaw has one.
     """
     b, c = params.bounds, np.shape(phi)[-1]
     laws = Laws(
@@ -133,9 +133,9 @@ def rate_achieved(
 def rate_demanded(
     params: Params, w: Array, J_hat: Array, s_hat: Array, c_hat: Array, phi: Array, f_wc: Array
 ) -> Image:
-    """One body rate and J, c, s, as printed: w' = f_wc + Lambda (tau + Theta f_wc) + C phi + s.
+    """One body rate, J, c and s as printed: w' = f_wc + Lambda (tau + Theta f_wc) + C phi + s.
 
-    Theta = -J; the predictor is told the demanded torque J_hat f_wc. Paper (41)-(45).
+    Theta = -J. The predictor uses the demanded torque J_hat f_wc. Paper (41)-(45).
     """
     b, c = params.bounds, np.shape(phi)[-1]
     laws = Laws(
@@ -153,7 +153,7 @@ def rate_demanded(
 
 
 def products(w: Array, Omega_m: Array | float) -> Array:
-    """q r, q omega_m, p r, p omega_m, p q (..., 5) of body rates (..., 3). Paper (43)."""
+    """Products q r, q omega_m, p r, p omega_m, p q (..., 5) of body rates (..., 3). Paper (43)."""
     p, q, r = (w[..., i] for i in range(3))
     return np.stack([q * r, q * Omega_m, p * r, p * Omega_m, p * q], axis=-1)  # (43)
 
@@ -167,11 +167,11 @@ def position_model(params: Params) -> tuple[Array, Array]:
 
 
 def position_loop(params: Params, truth: Uncertainty, r: Signal, actuator: Actuator) -> ClosedLoop:
-    """The position loop, x = (r, v), n = 6, q = 3: achieved form, attitude that follows at once.
+    """The position loop, x = (r, v), n = 6, q = 3, in the achieved form, without attitude lag.
 
     truth : Lambda = I/m and s, both (..., 3, .).  r : f_m^2 r_c, and for a moving setpoint
-    + 2 zeta_m f_m v_c + a_c, (..., 3).  actuator : `cone(params)`, or a limit of one's own.
-    kappa = g_E - a_ref cancels the reference's part of (3), so (26) is T_d of (37).
+    + 2 zeta_m f_m v_c + a_c, (..., 3).  actuator : `cone(params)` or any other limit.
+    kappa = g_E - a_ref cancels the part of the reference model in (3), so (26) is T_d of (37).
     """
     A, B = position_model(params)
     g_E = np.array([0.0, 0.0, -params.g])
@@ -185,10 +185,10 @@ def position_loop(params: Params, truth: Uncertainty, r: Signal, actuator: Actua
 
 
 def cone(params: Params) -> Actuator:
-    """What becomes of a demanded force (N, E) when attitude follows at once: departure 13 of the law.
+    """Limits a demanded force (N, E) without attitude lag: departure 13 of the law.
 
-    Height first: its vertical part at least T_dz_min, its horizontal part inside the tilt limit,
-    its length in [T_min, T_max].
+    Height has priority: the vertical component is at least T_dz_min, then the horizontal component
+    is limited by the tilt limit, then the length is limited to [T_min, T_max].
     """
 
     def achieved(x: Array, T_d: Array) -> Array:
@@ -206,10 +206,10 @@ def cone(params: Params) -> Actuator:
 def rate_loop(
     params: Params, truth: Uncertainty, r: Signal, actuator: Actuator, Omega_m: float = 0.0
 ) -> ClosedLoop:
-    """The three rate loops as one, n = q = 3: achieved form, torque that follows at once.
+    """The three rate loops as one, n = q = 3, in the achieved form, without torque lag.
 
-    truth : Lambda = J^-1 diagonal, C (..., 3, 5) of `COUPLED`'s pattern, s.  r : c_rate w_c
-    (..., 3).  Omega_m : rad/s, held. A is -c_rate on the diagonal. Paper (41)-(45).
+    truth : Lambda = J^-1 diagonal, C (..., 3, 5) with the pattern of `COUPLED`, s.  r : c_rate w_c
+    (..., 3).  Omega_m : rad/s, constant.  A has -c_rate on the diagonal. Paper (41)-(45).
     """
     b = params.bounds
     c_rate = np.array(params.c_rate)

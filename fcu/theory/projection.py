@@ -1,18 +1,18 @@
-"""The projection Pr of the adaptive laws (10): the rate of an estimate, held to a set.
+"""The projection Pr of the adaptive laws (10): limits the rate of an estimate to keep it in a set.
 
-An estimate is a matrix (..., i, j); a vector is a matrix of one column. A set is a ball of the
-Frobenius norm or a box. With `margin` above zero Pr is the smooth one of Pomet and Praly: it
-begins at the edge of the set and is complete at the edge of a slightly larger outer set, which
-the estimate never leaves. The bounds of Section IV must be those of the outer set. With
-`margin` zero Pr is hard: a rate that points out of the set loses that part at the edge, and
-after a step of a fixed size `hold` puts the estimate back.
+An estimate is a matrix (..., i, j); a vector is a matrix with one column. A set is a ball of the
+Frobenius norm or a box. With `margin` above zero Pr is the smooth projection of Pomet and Praly: it
+starts to act at the boundary of the set and acts fully at the boundary of a slightly larger outer
+set, which the estimate never leaves. The bounds of Section IV must be those of the outer set. With
+`margin` zero Pr is hard: at the boundary it removes the outward part of the rate, and after an
+integration step `hold` clips the estimate to the set.
 
-What the proofs need of Pr: V (15) weighs the error of an estimate by W, and
+The proofs need this property of Pr. V (15) weights the error of an estimate with W, and
 
-    tr(error^T W (Y - Pr(estimate, Y))) <= 0    while the truth is in the set.
+    tr(error^T W (Y - Pr(estimate, Y))) <= 0    while the true value is in the set.
 
-W is Lambda for Theta and d, and the identity for Lambda itself and for what acts beside it.
-`sound` says which set has this property for which W.
+W is Lambda for Theta and d, and the identity for Lambda itself and for unknowns outside Lambda.
+`sound` tells which set has this property for which W.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from fcu.theory.arrays import Array, frobenius, inner
 
 
 class ProjectionError(ValueError):
-    """A set, or a set and a weight, that cannot be used: what is wrong and what to use."""
+    """An invalid set, or a set that is not sound for a weight; the message names a valid choice."""
 
 
 class Structure(Enum):
-    """What is known of the form of a matrix: of Lambda, or of an unknown that is estimated."""
+    """Known structure of a matrix: of Lambda, or of an estimated unknown."""
 
     SCALAR = "scalar"  # a multiple of the identity: one unknown
     DIAGONAL = "diagonal"
@@ -41,9 +41,10 @@ class Structure(Enum):
 class Ball:
     """All matrices of Frobenius norm at most `radius`.
 
-    radius : (...), above 0.  margin : outer radius over radius, less one; 0 for hard.
-    metric : (..., i, i), the weight W if it is known, or None. Pr then takes away what points out
-    along W^-1 times the estimate instead of along the estimate, which is sound for every W.
+    radius : (...), above 0.  margin : outer radius over radius, minus one; 0 for a hard projection.
+    metric : (..., i, i), the weight W if it is known, or None. With a metric, Pr removes the
+    outward part along W^-1 times the estimate instead of along the estimate, which is sound for
+    every W.
     """
 
     radius: Array | float
@@ -60,7 +61,7 @@ class Ball:
 
     @property
     def outer_radius(self) -> Array:
-        """(...), the Frobenius norm that an estimate never exceeds."""
+        """(...), largest Frobenius norm of an estimate."""
         return np.asarray(self.radius) * (1.0 + self.margin)
 
     def rate(self, estimate: Array, Y: Array) -> Array:
@@ -82,13 +83,13 @@ class Ball:
         return np.asarray(Y - (share * outward)[..., None, None] * away)
 
     def hold(self, estimate: Array) -> Array:
-        """An estimate (..., i, j) put back on the outer ball, along itself, if it is outside."""
+        """An estimate (..., i, j), scaled down to the outer ball if it is outside."""
         norm = frobenius(estimate)
         shrink = np.minimum(1.0, self.outer_radius / np.maximum(norm, 1e-300))
         return estimate * shrink[..., None, None]
 
     def contains(self, estimate: Array) -> Array:
-        """bool (...): in the set itself, not only in the outer one."""
+        """bool (...): whether the estimate is in the set itself, not only in the outer set."""
         return np.asarray(frobenius(estimate) <= self.radius)
 
 
@@ -96,8 +97,8 @@ class Ball:
 class Box:
     """All matrices between `low` and `high`, component by component.
 
-    low, high : (..., i, j); equal where a component is known.  margin : by how much the outer box
-    is wider, over the width; 0 for hard.
+    low, high : (..., i, j); equal for a known component.  margin : additional width of the outer
+    box over the width of the box; 0 for a hard projection.
     """
 
     low: Array
@@ -112,17 +113,17 @@ class Box:
 
     @property
     def outer_low(self) -> Array:
-        """(..., i, j), what no component of an estimate falls below."""
+        """(..., i, j), lower bounds of the components of an estimate."""
         return self.low - 0.5 * self.margin * (self.high - self.low)
 
     @property
     def outer_high(self) -> Array:
-        """(..., i, j), what no component of an estimate exceeds."""
+        """(..., i, j), upper bounds of the components of an estimate."""
         return self.high + 0.5 * self.margin * (self.high - self.low)
 
     @property
     def outer_radius(self) -> Array:
-        """(...), the Frobenius norm of the outer box's farthest corner."""
+        """(...), Frobenius norm of the farthest corner of the outer box."""
         return frobenius(np.maximum(np.abs(self.outer_low), np.abs(self.outer_high)))
 
     def rate(self, estimate: Array, Y: Array) -> Array:
@@ -136,16 +137,16 @@ class Box:
         return np.asarray(Y * (1.0 - above - below))
 
     def hold(self, estimate: Array) -> Array:
-        """The point of the outer box that is nearest to an estimate: (..., i, j)."""
+        """An estimate, clipped to the outer box: (..., i, j)."""
         return np.minimum(np.maximum(estimate, self.outer_low), self.outer_high)
 
     def contains(self, estimate: Array) -> Array:
-        """bool (...): in the box itself, not only in the outer one."""
+        """bool (...): whether the estimate is in the box itself, not only in the outer box."""
         return np.asarray(((self.low <= estimate) & (estimate <= self.high)).all(axis=(-2, -1)))
 
 
 def _share(past: Array, edge: Array) -> Array:
-    """From 0 inside to 1 at the outer edge, for components `past` the inner one; hard if no edge."""
+    """0 inside to 1 at the outer edge; `past`: excess over the inner edge. Hard if `edge` is 0."""
     smooth = np.clip(past / np.where(edge > 0.0, edge, 1.0), 0.0, 1.0)
     return np.where(edge > 0.0, smooth, np.where(past >= 0.0, 1.0, 0.0))
 
@@ -154,17 +155,17 @@ Set = Ball | Box
 
 
 def symmetric_box(half_width: Array, margin: float = 0.1) -> Box:
-    """The box of components at most `half_width` (..., i, j) in absolute value."""
+    """The box of components with absolute values of at most `half_width` (..., i, j)."""
     return Box(-half_width, np.asarray(half_width), margin)
 
 
 def sound(kept_in: Set, weight: Structure, scalar_unknown: bool = False) -> bool:
-    """Whether Pr of this set never raises V (15) when V weighs the error by such a matrix.
+    """Whether Pr onto this set never increases V (15), for a weight of this structure.
 
-    A ball shrinks an estimate along itself, a direction that a matrix weight turns: it is sound
-    only for a multiple of the identity. A box acts on each component alone, which any diagonal
-    weight leaves alone. For a full one only a ball with the weight as its metric is, and the
-    weight is seldom known. For one unknown (`scalar_unknown`) every set is an interval.
+    A ball shrinks an estimate along its own direction, which a matrix weight rotates: a ball is
+    sound only for a multiple of the identity. A box acts on each component separately and is sound
+    for every diagonal weight. For a full weight only a ball with the weight as its metric is sound,
+    and the weight is rarely known. For one unknown (`scalar_unknown`) every set is an interval.
     """
     if scalar_unknown or weight is Structure.SCALAR:
         return True
@@ -174,7 +175,7 @@ def sound(kept_in: Set, weight: Structure, scalar_unknown: bool = False) -> bool
 
 
 def require_sound(name: str, kept_in: Set, weight: Structure, scalar_unknown: bool = False) -> None:
-    """Raise ProjectionError, with what to use instead, unless `sound`."""
+    """Raise ProjectionError, which names a sound set, unless `sound`."""
     if sound(kept_in, weight, scalar_unknown):
         return
     instead = "a box" if weight is Structure.DIAGONAL else "a ball with Lambda as its metric"

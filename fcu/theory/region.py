@@ -1,12 +1,12 @@
-"""The region of attraction: which commands and starts keep the control inside its limits.
+"""The region of attraction: commands and starts for which the control stays inside its limits.
 
-Section V: the control that knows, v_0 = -K x - K_0 g(x) + Lambda^-1 r - d, is bounded term by
-term along the reference model, and what adaptation adds has to fit beside it. Every term is
-in the units of u, so that a `Budget` says which of them eats how much of the limit.
+Section V bounds the known control, v_0 = -K x - K_0 g(x) + Lambda^-1 r - d, term by term along the
+reference model, and adds the contribution of adaptation. Every term is in the units of u, so a
+`Budget` shows how much of the limit each term uses.
 
-"repaired" (the default): the limit is the smallest of the channels' and Lambda^-1 is bounded by
-the lower bound of Lambda; (31) and Theorem V.1 hold the adaptive tracking error and beta_1 and
-beta_2 gamma^(-1/2); the term lambda_g |K_0| |x_m|, which is not needed, is dropped. "printed" is
+The form "repaired" (the default) takes the smallest limit of the channels and bounds Lambda^-1 by
+the lower bound of Lambda. Its (31) and Theorem V.1 contain the adaptive tracking error, beta_1 and
+beta_2 gamma^(-1/2). It drops the unnecessary term lambda_g |K_0| |x_m|. The form "printed" follows
 the paper to the letter.
 """
 
@@ -31,16 +31,16 @@ class Sizes(NamedTuple):
     d_star: float  # inside Lambda
     K_0: float = 0.0
     lambda_g: float = 0.0  # Lipschitz constant of g
-    s_star: float = 0.0  # beside Lambda
+    s_star: float = 0.0  # outside Lambda
 
     @property
     def per_state(self) -> float:
-        """|K| + lambda_g |K_0|: what a unit of tracking error costs."""
+        """|K| + lambda_g |K_0|: control per unit of tracking error."""
         return self.K + self.lambda_g * self.K_0
 
 
 class Reference(NamedTuple):
-    """Norms along the reference model, at an instant or the largest of all. Paper (24)."""
+    """Norms along the reference model, at one time or the largest of all times. Paper (24)."""
 
     x_m: float
     r: float
@@ -48,7 +48,7 @@ class Reference(NamedTuple):
 
 
 class Budget(NamedTuple):
-    """What each term takes of the limit, in the units of u. Paper (24), (25), (31)."""
+    """Part of the limit that each term uses, in the units of u. Paper (24), (25), (31)."""
 
     limit: float  # v*
     reference: float  # to hold the reference state: |K| |x_m|
@@ -56,7 +56,7 @@ class Budget(NamedTuple):
     command: float  # |Lambda^-1| |r|
     disturbance: float  # d*
     initial_error: float  # gamma_A (|K| + lambda_g |K_0|) |e(0)|
-    tracking_error: float = 0.0  # what adaptation adds to e; not in the print
+    tracking_error: float = 0.0  # contribution of adaptation to e; not in the paper
     learning: float = 0.0  # beta_1
     lasting_error: float = 0.0  # beta_2 gamma^(-1/2)
 
@@ -67,7 +67,7 @@ class Budget(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """What is left; the condition holds while it is not below zero."""
+        """Limit minus used; the condition holds if the margin is not negative."""
         return self.limit - self.used
 
     @property
@@ -77,14 +77,14 @@ class Budget(NamedTuple):
 
     @property
     def largest(self) -> str:
-        """Name of the term that takes most."""
+        """Name of the largest term."""
         return max(self._fields[1:], key=lambda name: float(getattr(self, name)))
 
 
 def limit(channels: Matrix, form: Form = "repaired") -> float:
-    """v*: |v| below it keeps every channel inside its own limit. After (22).
+    """v*: while |v| is below v*, every channel is inside its limit. After (22).
 
-    Printed, sqrt(q) times the largest limit: necessary for a v inside the limits, not sufficient.
+    The printed v* is sqrt(q) times the largest limit, which is necessary but not sufficient.
     """
     if form == "printed":
         return math.sqrt(len(channels)) * float(np.max(channels))
@@ -95,7 +95,7 @@ def known_control(
     K: Matrix, x: Matrix, K_0_g: Matrix, Lambda: Matrix, r: Matrix, d: Matrix,
     form: Form = "repaired",
 ) -> float:  # fmt: skip
-    """|v_0| at a state, directly. Paper (22), whose print has -Lambda^-1 r."""
+    """|v_0| at a state. Paper (22), which prints -Lambda^-1 r."""
     sign = -1.0 if form == "printed" else 1.0
     v_0 = -K @ x - K_0_g + sign * np.linalg.solve(Lambda, r) - d  # (22)
     return float(np.linalg.norm(v_0))
@@ -105,7 +105,7 @@ def known_budget(
     sizes: Sizes, reference: Reference, v_star: float, gamma_A: float, e_0: float,
     form: Form = "repaired",
 ) -> Budget:  # fmt: skip
-    """The condition for the control that knows. Paper (24); (25) is its margin.
+    """The condition for the known control. Paper (24); (25) is its margin.
 
     gamma_A : bound of |exp(A t)| at all times. e_0 : |x(0) - x_m(0)|.
     """
@@ -126,8 +126,8 @@ def adaptive_budget(
 ) -> Budget:  # fmt: skip
     """The condition for the adaptive control. Paper (31).
 
-    tracking : bound of |e| from e(0) = 0, that of (29) or of `linear_loop.bounds`. gamma : the
-    paper's; printed, beta_2 stands without its gamma^(-1/2) and the tracking error is left out.
+    tracking : bound of |e| from e(0) = 0, from (29) or from `linear_loop.bounds`. gamma : that of
+    the paper. The printed form uses beta_2 without gamma^(-1/2) and omits the tracking error.
     """
     known = known_budget(sizes, reference, v_star, gamma_A, e_0, form)
     printed = form == "printed"
@@ -140,17 +140,17 @@ def adaptive_budget(
 
 
 class Theorem(NamedTuple):
-    """Theorem V.1: what must be positive, and the ball in which the initial error must lie."""
+    """Theorem V.1: a quantity that must be positive, and the ball of admissible initial errors."""
 
-    positive: float  # v* - beta_1 - beta_2 - d* - rho_1 (repaired: and the tracking error)
-    rho_1: float  # of the reference model and the command, units of u
+    positive: float  # v* - beta_1 - beta_2 - d* - rho_1 (repaired: minus the tracking error)
+    rho_1: float  # of reference model and command, units of u
     rho_2: float
     e_0_most: float  # largest |e(0)|: rho_2 / gamma_A
     e_0: float
 
     @property
     def holds(self) -> bool:
-        """Whether the theorem promises tracking without saturation."""
+        """Whether the theorem guarantees tracking without saturation."""
         return self.positive > 0.0 and self.e_0 <= self.e_0_most
 
 
@@ -160,8 +160,8 @@ def theorem(
 ) -> Theorem:  # fmt: skip
     """Theorem V.1, for the smallest rho_1 that the reference and the command allow.
 
-    Printed, the ball is rho_2 (|K| + lambda_g |K_0|) <= d* + rho_1, which grows with what it
-    should shrink with. Repaired, the right-hand side is what is left of v*. Arguments as in
+    The printed ball is rho_2 (|K| + lambda_g |K_0|) <= d* + rho_1, which grows where it should
+    shrink. In the repaired form the right-hand side is the remaining part of v*. Arguments as in
     `adaptive_budget`.
     """
     budget = adaptive_budget(

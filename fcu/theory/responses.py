@@ -1,11 +1,10 @@
-"""How large the answer of a stable linear system can get: peaks and L1 gains, never underestimated.
+"""Upper bounds of the response of a stable linear system: peaks and L1 gains.
 
-Of X(t) = C exp(M t) E two numbers are asked: its largest norm, weighted by e^(rate t), and the
-integral of its norm. A norm is convex, so between two times it lies below the straight line
-through its values there, plus h^2/8 times the largest |X''|: a grid of values gives an upper
-bound, not an estimate, and the grid is made fine enough that a peak exceeds the truth by
-TOLERANCE at most, a gain by a few times that. What comes after the last time is bounded by what
-is left then.
+For X(t) = C exp(M t) E this module bounds the largest norm, weighted by e^(rate t), and the
+integral of the norm. A norm is convex, so between two grid points it lies below the straight line
+through its values there, plus h^2/8 times the largest |X''|. A grid of values therefore gives an
+upper bound, not an estimate. The grid is so fine that a peak exceeds the true value by TOLERANCE at
+most, and a gain by a few times TOLERANCE. The remaining modes bound X after the last grid point.
 """
 
 from __future__ import annotations
@@ -19,16 +18,18 @@ Matrix = np.ndarray[Any, np.dtype[np.float64]]
 Norm = Literal["spectral", "entries"]
 
 TOLERANCE = 2e-4  # of a peak or a gain, relative
-POINTS = 200_000  # most values on a stretch of time
-WELL_CONDITIONED = 1e6  # eigenvectors; beyond it the exponential itself is used
+POINTS = 200_000  # most grid points per time interval
+WELL_CONDITIONED = (
+    1e6  # largest condition number of the eigenvectors; above it use the matrix exponential
+)
 
 
 class UnstableError(ValueError):
-    """A system without a bound: its slowest mode, and the rate that was asked of it."""
+    """A system without a bound; the message has its slowest rate and the requested rate."""
 
 
 class _Stretch(NamedTuple):
-    """Values of X on a stretch of time, the step between, and the largest |X''| on it."""
+    """Norms of X on a grid over a time interval, the grid step, and the largest |X''| there."""
 
     norms: Matrix  # times x 1 x 1 (spectral), times x rows x columns (entries)
     step: float
@@ -36,7 +37,7 @@ class _Stretch(NamedTuple):
 
 
 def decay(M: Matrix) -> float:
-    """Rate (1/s) of the slowest mode of exp(M t): minus the largest real part."""
+    """Rate (1/s) of the slowest mode of exp(M t): minus the largest real part of an eigenvalue."""
     return -float(np.linalg.eigvals(M).real.max())
 
 
@@ -48,7 +49,7 @@ def _norms(X: Matrix, norm: Norm) -> Matrix:
 
 
 class _Modes:
-    """X(t) as a sum of modes R_i e^(lambda_i t), which also bounds its curvature and its rest."""
+    """X(t) as a sum of modes R_i e^(lambda_i t), which also bounds X'' and the tail of X."""
 
     def __init__(self, rates: Any, residues: Any, norm: Norm) -> None:
         self.rates, self.residues, self.norm = rates, residues, norm
@@ -59,34 +60,34 @@ class _Modes:
         self.fastest = float(np.abs(rates).max())
 
     def stretch(self, start: float, end: float, points: int) -> _Stretch:
-        """Values at `points` + 1 times from start to end (s)."""
+        """Norms at `points` + 1 times from start to end (s)."""
         t = np.linspace(start, end, points + 1)
         X = np.tensordot(np.exp(np.outer(t, self.rates)), self.residues, axes=1).real
         return _Stretch(_norms(X, self.norm), (end - start) / points, self.bend(start))
 
     def bend(self, t: float) -> Matrix:
-        """At most this large is X'' from time t on."""
+        """Upper bound of |X''| from time t on."""
         weights = np.abs(self.rates) ** 2 * np.exp(self.rates.real * t)
         return np.tensordot(weights, self.sizes, axes=1)
 
     def rest(self, t: float) -> Matrix:
-        """At most this large is X from time t on."""
+        """Upper bound of |X| from time t on."""
         return np.tensordot(np.exp(self.rates.real * t), self.sizes, axes=1)
 
     def rest_integral(self, t: float) -> Matrix:
-        """At most this large is the integral of X from time t on."""
+        """Upper bound of the integral of |X| from time t on."""
         weights = np.exp(self.rates.real * t) / -self.rates.real
         return np.tensordot(weights, self.sizes, axes=1)
 
 
 class _Powers:
-    """X(t) by powers of an exponential, for systems whose eigenvectors (nearly) coincide.
+    """X(t) by powers of a matrix exponential, for systems whose eigenvectors (nearly) coincide.
 
-    L of M^T L + L M = -I bounds what is left: |exp(M t)| <= sqrt(cond L) e^(-t / (2 max L)).
+    L of M^T L + L M = -I bounds the tail: |exp(M t)| <= sqrt(cond L) e^(-t / (2 max L)).
     """
 
     def __init__(self, M: Matrix, E: Matrix, C: Matrix, norm: Norm) -> None:
-        # states of like size, or the norms below would mix their units
+        # balance the states, because the norms below would otherwise mix their units
         M, scale = matrix_balance(M, permute=False)
         self.M, self.E, self.C, self.norm = M, np.linalg.solve(scale, E), C @ scale, norm
         spread = np.linalg.eigvalsh(solve_continuous_lyapunov(M.T, -np.eye(len(M))))
@@ -95,7 +96,7 @@ class _Powers:
         self.fastest = float(np.linalg.norm(M, 2))
 
     def stretch(self, start: float, end: float, points: int) -> _Stretch:
-        """Values at `points` + 1 times from start to end (s)."""
+        """Norms at `points` + 1 times from start to end (s)."""
         step = (end - start) / points
         powers, one = np.eye(len(self.M))[None], expm(self.M * step)
         while len(powers) <= points:
@@ -114,15 +115,15 @@ class _Powers:
         )
 
     def bend(self, t: float) -> Matrix:
-        """At most this large is X'' from time t on."""
+        """Upper bound of |X''| from time t on."""
         return self._left(t, self.C @ self.M @ self.M)
 
     def rest(self, t: float) -> Matrix:
-        """At most this large is X from time t on."""
+        """Upper bound of |X| from time t on."""
         return self._left(t, self.C)
 
     def rest_integral(self, t: float) -> Matrix:
-        """At most this large is the integral of X from time t on."""
+        """Upper bound of the integral of |X| from time t on."""
         return self._left(t, self.C) / self.slowest
 
 
@@ -135,7 +136,7 @@ def _answer(M: Matrix, E: Matrix, C: Matrix, norm: Norm) -> _Modes | _Powers:
 
 
 def _stretches(answer: _Modes | _Powers) -> Any:
-    """Start and end of stretches of time, each as long as all before it."""
+    """Start and end of time intervals; each is as long as all intervals before it."""
     start, end = 0.0, 1.0 / answer.fastest
     while True:
         yield start, end
@@ -164,9 +165,9 @@ def peak(
 ) -> Matrix:  # fmt: skip
     """Bound of e^(rate t) |C exp(M t) E| over all t >= 0.
 
-    M (n x n) Hurwitz and faster than `rate` (1/s); E (n x a) and C (b x n), each the identity
-    if left out. `norm` "spectral": 1 x 1; "entries": b x a, each entry of its own.
-    Raises UnstableError.
+    M (n x n) must be Hurwitz and decay faster than `rate` (1/s). E (n x a) and C (b x n) default to
+    the identity. The result is 1 x 1 for `norm` "spectral", and b x a, one bound per entry, for
+    "entries". Raises UnstableError.
     """
     M, E, C = _checked(M, E, C, rate)
     answer = _answer(M, E, C, norm)
@@ -179,16 +180,16 @@ def peak(
         wanted = (end - start) * np.sqrt(float(answer.bend(start).max()) / allowed)
         values = answer.stretch(start, end, _points(wanted))
         most = np.maximum(most, values.norms.max(axis=0) + values.bend * values.step**2 / 8.0)
-    raise AssertionError("time has an end")
+    raise AssertionError("unreachable: the time intervals never end")
 
 
 def gain(
     M: Matrix, E: Matrix | None = None, C: Matrix | None = None, norm: Norm = "spectral"
 ) -> Matrix:
-    """Bound of the integral of |C exp(M t) E| over t >= 0: the L1 gain from input E to output C.
+    """Bound of the integral of |C exp(M t) E| over t >= 0, the L1 gain from input E to output C.
 
-    An input of norm at most 1 at every time makes an output of at most this norm, from rest.
-    Shapes as in `peak`. Raises UnstableError.
+    From rest, an input whose norm is at most 1 at all times gives an output whose norm is at most
+    this bound. Shapes as in `peak`. Raises UnstableError.
     """
     M, E, C = _checked(M, E, C, 0.0)
     answer = _answer(M, E, C, norm)
@@ -203,7 +204,7 @@ def gain(
         values = answer.stretch(start, end, _points(wanted))
         inner = values.norms[1:-1].sum(axis=0) + 0.5 * (values.norms[0] + values.norms[-1])
         total = total + values.step * inner + length * values.bend * values.step**2 / 12.0
-    raise AssertionError("time has an end")
+    raise AssertionError("unreachable: the time intervals never end")
 
 
 class Decay(NamedTuple):
@@ -214,9 +215,9 @@ class Decay(NamedTuple):
 
 
 def decay_pair(A: Matrix, lambda_A: float | None = None) -> Decay:
-    """A valid pair for a Hurwitz A (n x n), tight for its lambda_A (1/s) to TOLERANCE.
+    """A valid pair for a Hurwitz A (n x n); gamma_A is tight for lambda_A (1/s) to TOLERANCE.
 
-    lambda_A below the rate of the slowest mode; nine tenths of that rate if left out.
+    lambda_A must be below the rate of the slowest mode (default: nine tenths of that rate).
     gamma_A is the largest norm of exp((A + lambda_A I) t). Raises UnstableError.
     """
     lambda_A = 0.9 * decay(np.atleast_2d(A)) if lambda_A is None else lambda_A

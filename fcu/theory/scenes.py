@@ -1,4 +1,4 @@
-"""Disturbances of the octocopter at rest: the paper's wind as drag, and the worst that its bounds allow."""
+"""Disturbances of the octocopter at rest: drag of the paper's wind, and nearly worst cases."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ ROTATION = np.array([0.7, 0.6, 0.5]), np.array([2.5, 2.4, 2.3])  # rad/s, rad/s:
 
 
 def drag(amplitude: Array, omega: Array, over: Array | float) -> Varying:
-    """s (3, 1) of a sinusoidal wind (3,) on a body at rest, axes along Earth's. Section VI.B.
+    """s (3, 1) of a sinusoidal wind (3,) on a body at rest, with Earth axes. Section VI.B.
 
-    over : drag coefficient over mass (1/m), or over inertia. Bounds are of each axis at its
-    largest: amplitude^2 over, and that times omega for the rate.
+    over : drag coefficient divided by mass (1/m) or by inertia. The bounds use the largest value of
+    each axis: amplitude^2 over, and amplitude^2 over omega for the rate.
     """
     amplitude, omega = np.asarray(amplitude), np.asarray(omega)
     most = over * amplitude * amplitude
@@ -28,10 +28,10 @@ def drag(amplitude: Array, omega: Array, over: Array | float) -> Varying:
 
 
 def triangle(rate: Array, omega: Array) -> Varying:
-    """s (..., 3, 1) that always moves at its full rate (..., 3), back and forth at omega (rad/s).
+    """A triangle wave s (..., 3, 1) with rate (..., 3) and frequency omega (rad/s).
 
-    At the frequency of the prediction error's own oscillation this is nearly the worst of all
-    disturbances of that rate.
+    At the natural frequency of the prediction error this is nearly the worst of all disturbances
+    with that rate.
     """
     rate, omega = np.asarray(rate), np.asarray(omega)
     most = 0.5 * np.pi * rate / omega

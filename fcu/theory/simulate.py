@@ -1,7 +1,7 @@
-"""A closed loop integrated: plant, predictor, estimates and reference model, a batch at a time.
+"""Simulation of closed loops in batches: plant, predictor, estimates and reference model.
 
-Classical Runge-Kutta with a fixed step. A batch is one array with a leading axis of systems of
-equal n, q, p, so a thousand systems cost little more numpy than one.
+Classical Runge-Kutta with a fixed step. A batch is one array with a leading axis of systems with
+equal n, q, p, so a step of a thousand systems takes little longer than a step of one.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from fcu.theory.systems import Plant
 
 
 class SimulationError(ArithmeticError):
-    """A loop that left the numbers: when, and which systems of the batch."""
+    """A state is no longer finite; the message has the time and the systems of the batch."""
 
 
 class LoopState(NamedTuple):
-    """Everything that moves: plant, reference model and prediction (..., n), estimates as stored."""
+    """States of plant, reference model and predictor (..., n), and estimates as stored."""
 
     x: Array
     x_m: Array
@@ -41,11 +41,11 @@ class LoopState(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """What a closed loop computes at an instant, from its state."""
+    """Signals that a closed loop computes from its state."""
 
     v_0: Array  # (..., q), the control of a known system (21)
-    v: Array  # (..., q), what is demanded (26)
-    u: Array  # (..., q), what is achieved
+    v: Array  # (..., q), demanded (26)
+    u: Array  # (..., q), achieved
     V: Array  # (...), (15)
 
 
@@ -53,8 +53,8 @@ class Signals(NamedTuple):
 class ClosedLoop:
     """A plant with its predictor and adaptive laws.
 
-    achieved : the predictor and the laws are told u, as in (5) and (9); False: told v, which
-    leaves out Delta_u, as the printed Section VII does.
+    achieved : True if the predictor and the laws use u, as in (5) and (9); False if they use v,
+    which omits Delta_u, as in the printed Section VII.
     """
 
     plant: Plant
@@ -91,7 +91,7 @@ class ClosedLoop:
         )
 
     def errors(self, t: float, stored: Estimates) -> Estimates:
-        """Truth minus estimate, written out: Lambda (..., q, q), Theta (..., q, p)."""
+        """True values minus estimates, as full matrices: Lambda (..., q, q), Theta (..., q, p)."""
         truth, full = self.plant.truth, self.laws.full(stored, self.plant.reference.q)
 
         def error(name: str) -> Array | None:
@@ -102,7 +102,7 @@ class ClosedLoop:
         return Estimates(Lambda, error("Theta"), error("d"), error("C"), error("s"))
 
     def signals(self, t: float, state: LoopState) -> Signals:
-        """What is shown and bounded; not needed to integrate."""
+        """Signals to show and to compare with bounds; the integration does not need them."""
         r = self.plant.r(t)
         full = self.laws.full(state.estimates, r.shape[-1])
         v = control(full, self.known(state.x, r))
@@ -114,7 +114,7 @@ class ClosedLoop:
 
 
 class Run(NamedTuple):
-    """A simulated loop: t (m,), and every other array with m in front of its own axes."""
+    """A simulated loop: t (m,); every other array has a leading axis of length m."""
 
     t: Array
     states: LoopState
@@ -122,7 +122,7 @@ class Run(NamedTuple):
 
 
 class Layout:
-    """Between a LoopState and one array (..., size), the batch axes in front."""
+    """Conversion between a LoopState and one array (..., size) with leading batch axes."""
 
     def __init__(self, state: LoopState) -> None:
         leaves = (*state[:3], *state.estimates)
@@ -141,7 +141,7 @@ class Layout:
         )
 
     def widened(self, loop: ClosedLoop, state: LoopState) -> Array:
-        """A start as one array, its batch axes those of the loop's rates too."""
+        """A start state as one array, with the batch axes of state and loop."""
         rate = loop.rate(0.0, state)
         self._batch = np.broadcast_shapes(self._batch, Layout(rate)._batch)
         return self.pack(state)
@@ -171,11 +171,10 @@ class Layout:
 
 
 def simulate(loop: ClosedLoop, start: LoopState, duration: float, h: float, every: int = 1) -> Run:
-    """Integrate a loop for `duration` s in steps of at most h s; every `every`-th state is kept.
+    """Integrate a loop for `duration` s in steps of at most h s; keep every `every`-th state.
 
-    `step_for` gives a step. After each step an estimate that the step has carried out of its
-    outer set is put back. Raises SimulationError, with the time and the systems, if a state is no
-    longer finite.
+    `step_for` computes a step. After each step, estimates outside their outer set are clipped to
+    it. Raises SimulationError, with the time and the systems, if a state is no longer finite.
     """
     steps = every * math.ceil(duration / (h * every) * (1.0 - 1e-12))
     h = duration / steps
@@ -201,7 +200,7 @@ def simulate(loop: ClosedLoop, start: LoopState, duration: float, h: float, ever
                 lost = np.argwhere(~np.isfinite(y).all(axis=-1)).tolist()
                 raise SimulationError(
                     f"not finite before t = {t + h:.4g} s in systems {lost}: "
-                    f"take a shorter step than {h:.3g} s, or a shorter flight"
+                    f"use a step shorter than {h:.3g} s, or a shorter duration"
                 )
             kept.append(y)
             times_kept.append(t + h)
@@ -220,12 +219,13 @@ def step_for(
     delta_u: float = 0.0,
     radians: float = 0.3,
 ) -> float:
-    """A step (s) for regressors of these norms: `radians` of the batch's fastest prediction.
+    """A step (s) for regressors of these norms: `radians` of the fastest oscillation in the batch.
 
-    Prediction error and estimates are an oscillator with frequency squared at most
+    Prediction error and estimates form an oscillator with squared frequency of at most
     |B^T P B| (|Lambda| (gamma_Theta f^2 + gamma_d) + gamma_Lambda delta_u^2 + gamma_C phi^2 +
-    gamma_s), and L damps it. delta_u is the norm of Lambda_hat's whole regressor. A batch is
-    as slow as its fastest system: scale each Q so that its P has norm 1, and gamma is the speed.
+    gamma_s), damped by L. delta_u is the norm of the whole regressor of Lambda_hat. The fastest
+    system determines the step of a batch. Scale each Q so that P has norm 1; then gamma determines
+    the frequency.
     """
     told, laws, truth = loop.predictor, loop.laws, loop.plant.truth
     strength = np.linalg.norm(transposed(told.B) @ told.P @ told.B, ord=2, axis=(-2, -1))

@@ -1,4 +1,4 @@
-"""Prediction error against gamma, for the octocopter's position loop in the paper's wind."""
+"""Prediction error over gamma for the position loop of the octocopter in the paper's wind."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from fcu.theory.simulate import ClosedLoop, LoopState, Run, simulate
 from fcu.theory.systems import Uncertainty, Varying, constant, unlimited
 
 DRAG = 0.15  # N/(m/s)^2
-STEP = 0.3  # of integration, over the fastest frequency
+STEP = 0.3  # integration step times the fastest frequency, rad
 
 
 class GammaSweep(NamedTuple):
-    """Largest prediction errors (m/s) in hover, and their bounds, one for each gamma."""
+    """Largest prediction errors (m/s) in hover and their bounds, one per gamma."""
 
     gamma: Array
     measured: Array
     lyapunov: Array  # (20), of order 1/sqrt(gamma)
-    inverse: Array  # of order 1/gamma; nan where the force may move too far for it
+    inverse: Array  # of order 1/gamma; NaN where the force may move too far for a bound
 
 
 def with_gamma(params: Params, gamma: float) -> Params:
-    """The same law at another gamma: block gains in proportion, lambda = sqrt(gamma)."""
+    """The same law with another gamma: block gains scaled in proportion, lambda = sqrt(gamma)."""
     scale = gamma / params.gamma
     return params._replace(
         gamma=gamma,
@@ -48,26 +48,27 @@ def with_gamma(params: Params, gamma: float) -> Params:
     )
 
 
-# The estimate of mass is held to these fractions of it. In the paper's wind it moves by up to 5 %
-# from 8 kg up; if the sets were wider, the force would not be known well enough at gamma = 1000.
+# The projection set of the mass estimate, relative to the true mass. In the paper's wind the
+# estimate rises by up to 5 % above 8 kg. With a wider set no bound exists at gamma = 1000, because
+# the force is too uncertain.
 LOW, HIGH = 0.955, 1.055
 
 
 def believing(params: Params, mass: float) -> Params:
-    """The same law with its mass estimate held to LOW and HIGH times a mass (kg)."""
+    """The same law with its mass estimate limited to LOW to HIGH times a mass (kg)."""
     bounds = params.bounds._replace(m_min=mass * LOW, m_max=mass * HIGH)
     return params._replace(bounds=bounds, initial=params.initial._replace(m_hat_0=mass))
 
 
 def hover_loop(params: Params, mass: float, s: Varying) -> ClosedLoop:
-    """The position loop at rest at the origin, disturbed by s ((..., 3, 1), m/s^2), unlimited."""
+    """The position loop at the origin with disturbance s ((..., 3, 1), m/s^2), without limits."""
     Lambda = constant(np.eye(3) / mass)
     truth = Uncertainty(Lambda, np.asarray(1.0 / mass), Structure.SCALAR, s=s)
     return position_loop(params, truth, lambda t: np.zeros(3), unlimited)
 
 
 def hover_start(mass: float, batch: tuple[int, ...] = ()) -> LoopState:
-    """At rest at the origin, mass known, no disturbance believed in."""
+    """At rest at the origin, with known mass and an estimated disturbance of zero."""
     nothing = np.zeros((*batch, 6))
     Lambda_hat = np.full((*batch, 1, 1), 1.0 / mass)
     return LoopState(
@@ -78,7 +79,7 @@ def hover_start(mass: float, batch: tuple[int, ...] = ()) -> LoopState:
 def hover_run(
     params: Params, mass: float, s: Varying, duration: float, batch: tuple[int, ...] = ()
 ) -> Run:
-    """A simulated hover; the step follows from the gains."""
+    """A simulated hover; the step size follows from the gains."""
     weight = mass * params.g
     fastest = math.sqrt(params.gamma + params.gamma_Lambda * (1.3 * weight) ** 2)
     h = STEP / max(fastest, params.lambda_v)
@@ -87,7 +88,7 @@ def hover_run(
 
 
 def hover_assumed(params: Params, mass: float, s: Array, s_rate: Array) -> Assumed:
-    """What (14) assumes: the sets of projection, and the bounds of s and its rate, by axis (3,)."""
+    """Assumptions of (14): projection sets, and bounds of s and its rate by axis (3,)."""
     b = params.bounds
     width = max(1.0 / b.m_min - 1.0 / mass, 1.0 / mass - 1.0 / b.m_max)
     farthest = float(np.linalg.norm(np.asarray(s) + b.s_v_max))
@@ -99,7 +100,7 @@ def hover_assumed(params: Params, mass: float, s: Array, s_rate: Array) -> Assum
 
 
 def lyapunov_settled(params: Params, assumed: Assumed) -> float:
-    """(20) of the position loop (m/s): P = I, no A in the predictor of the velocity."""
+    """(20) of the position loop (m/s), with P = I and no A in the velocity predictor."""
     gammas = Blocks(Lambda=params.gamma_Lambda, s=params.gamma)
     bound = prediction_bound(
         assumed, gammas, params.lambda_v, np.eye(3), np.zeros((3, 3)), np.zeros(3)
@@ -110,10 +111,10 @@ def lyapunov_settled(params: Params, assumed: Assumed) -> float:
 def prediction_against_gamma(
     gammas: Sequence[float], params: Params, mass: float = 8.0, duration: float = 12.0
 ) -> GammaSweep:
-    """Simulate a hover (duration s) in the paper's wind at each gamma, and bound its errors.
+    """Simulate a hover of `duration` s in the paper's wind at each gamma, and bound its errors.
 
-    The estimate of the mass (kg) is held to LOW and HIGH times it. Measured over the whole hover,
-    from a start that knows the mass and no wind.
+    The mass estimate is limited to LOW to HIGH times the mass (kg). The errors are measured over
+    the whole hover, from a start with known mass and a wind estimate of zero.
     """
     amplitude, omega = scenes.WIND
     s = scenes.drag(amplitude, omega, DRAG / mass)

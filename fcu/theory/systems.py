@@ -1,12 +1,12 @@
-"""Reference model, uncertainty, actuator and plant: Sections II and V, any n, q, p.
+"""Reference model, uncertainty, actuator and plant of Sections II and V, for any n, q, p.
 
-The plant of the paper, (3), with three terms more, which the octocopter needs. They act beside
-Lambda: a regressor phi with unknown C, a disturbance s, and a known part kappa,
+The plant is that of the paper, (3), with three additional terms outside Lambda that the octocopter
+needs: a regressor phi with unknown C, a disturbance s, and a known term kappa,
 
     x' = A x + B r + B { Lambda (u + Theta f + d) + C phi + s + kappa }
 
-Shapes: x n, u and r q, f p, phi c; every array may have leading axes (`arrays`). Bounds are
-of the Frobenius norm: the proof of (14) meets tr(X^T Y), which no smaller norm bounds.
+Shapes: x n, u and r q, f p, phi c; every array may have leading axes (`arrays`). Bounds are in the
+Frobenius norm: the proof of (14) contains tr(X^T Y), which no smaller norm bounds.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ Actuator = Callable[[Array, Array], Array]  # x (..., n), v (..., q) -> u (..., 
 
 
 class AssumptionError(ValueError):
-    """A system that is outside the assumptions of Section II: which, and by how much."""
+    """A system violates an assumption of Section II; the message says which, and by how much."""
 
 
 @dataclass(frozen=True)
 class ReferenceModel:
-    """x_m' = A x_m + B r, and P of A^T P + P A = -Q. Paper (1).
+    """x_m' = A x_m + B r, with P from A^T P + P A = -Q. Paper (1).
 
     A : (..., n, n), Hurwitz.  B : (..., n, q).  Q : (..., n, n), symmetric, positive definite.
     Raises AssumptionError for other shapes or properties.
@@ -92,10 +92,10 @@ def require_positive_definite(name: str, M: Array) -> None:
 
 @dataclass(frozen=True)
 class Varying:
-    """An unknown as it changes with time, and the bounds of (4).
+    """An unknown as a function of time, with the bounds of (4).
 
-    value : t -> (..., i, j), a vector has one column.  bound : (...), of its Frobenius norm.
-    rate_bound : (...), of that of its time derivative.
+    value : t -> (..., i, j), a vector has one column.  bound : (...), of the Frobenius norm.
+    rate_bound : (...), of the Frobenius norm of the time derivative.
     """
 
     value: Signal
@@ -104,7 +104,7 @@ class Varying:
 
 
 def constant(value: Array) -> Varying:
-    """An unknown (..., i, j) that stays as it is; its bound is its own norm."""
+    """A constant unknown (..., i, j); its bound is its norm."""
     fixed = np.asarray(value, dtype=float)
     norm = frobenius(fixed)
     return Varying(lambda t: fixed, norm, np.zeros_like(norm))
@@ -113,7 +113,7 @@ def constant(value: Array) -> Varying:
 def swinging(
     mean: Array, amplitude: Array | float, omega: Array | float, phase: Array | float = 0.0
 ) -> Varying:
-    """mean + amplitude sin(omega t + phase), component by component; the mean is (..., i, j)."""
+    """mean + amplitude sin(omega t + phase), by component; mean is (..., i, j)."""
     mean, amplitude, omega, phase = np.broadcast_arrays(mean, amplitude, omega, phase)
     return Varying(
         lambda t: mean + amplitude * np.sin(omega * t + phase),
@@ -124,12 +124,13 @@ def swinging(
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What the controller does not know. Paper (4); C and s are the octocopter's.
+    """The unknowns of a system. Paper (4); C and s are added for the octocopter.
 
     Lambda : (..., q, q), symmetric, positive definite.  Lambda_min : (...), lower bound of its
-    least eigenvalue at all times; the paper's (4) has none, and (24), (25), (31) need it.
-    structure : the form of Lambda.  Theta : (..., q, p).  d, s : (..., q, 1).  C : (..., q, c).
-    None for what is not there. Raises AssumptionError where Lambda(0) is not as it is said to be.
+    smallest eigenvalue at all times; the paper's (4) has none, but (24), (25), (31) need one.
+    structure : structure of Lambda.  Theta : (..., q, p).  d, s : (..., q, 1).  C : (..., q, c).
+    None for an unknown that the system does not have. Raises AssumptionError if Lambda(0) violates
+    Lambda_min or the structure.
     """
 
     Lambda: Varying
@@ -155,12 +156,12 @@ class Uncertainty:
             Structure.FULL: Lambda,
         }
         if not np.array_equal(Lambda, allowed[self.structure]):
-            raise AssumptionError(f"Lambda(0): said to be {self.structure.value}, and is not")
+            raise AssumptionError(f"Lambda(0): declared {self.structure.value} but is not")
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The actuator of the paper: each channel between `low` and `high` (..., q). Section II."""
+    """The actuator of the paper: limits each channel to `low` to `high` (..., q). Section II."""
 
     low: Array
     high: Array
@@ -170,7 +171,7 @@ class Limits:
             raise AssumptionError("limits: low must be below high in every channel")
 
     def __call__(self, x: Array, v: Array) -> Array:
-        """u = h(x, v) (..., q); here no state x changes it."""
+        """u = h(x, v) (..., q), independent of x."""
         return sat(v, self)
 
 
@@ -180,12 +181,12 @@ def symmetric(v_star: Array) -> Limits:
 
 
 def sat(v: Array, limits: Limits) -> Array:
-    """v (..., q), each channel inside its limits. Paper Section II."""
+    """v (..., q) with each channel clipped to its limits. Paper Section II."""
     return np.minimum(np.maximum(v, limits.low), limits.high)
 
 
 def unlimited(x: Array, v: Array) -> Array:
-    """An actuator that gives what it is told: u = v."""
+    """An actuator without limits: u = v."""
     return v
 
 
@@ -193,8 +194,8 @@ def unlimited(x: Array, v: Array) -> Array:
 class Plant:
     """x' = A x + B r + B { Lambda (u + Theta f + d) + C phi + s + kappa }, u = h(x, v).
 
-    f, phi : regressors (x, r) -> (..., p), (..., c); None with Theta, C of the truth.
-    kappa : (x, r) -> (..., q), a part that is known; None for none.
+    f, phi : regressors (x, r) -> (..., p), (..., c); None if `truth` has no Theta, no C.
+    kappa : (x, r) -> (..., q), a known term, or None.
     r : t -> (..., q).  actuator : (x, v) -> u. Paper (2), (3).
     """
 
@@ -215,7 +216,7 @@ class Plant:
                 raise AssumptionError(f"{name}: give both or neither")
 
     def inside(self, t: float, x: Array, r: Array) -> Array:
-        """Theta f + d (..., q): what is unknown inside Lambda, in units of the input."""
+        """Theta f + d (..., q): the unknown terms inside Lambda, in units of the input."""
         truth, total = self.truth, np.zeros(self.reference.q)
         if truth.Theta is not None and self.f is not None:
             total = total + times(truth.Theta.value(t), self.f(x, r))
@@ -224,7 +225,7 @@ class Plant:
         return total
 
     def beside(self, t: float, x: Array, r: Array) -> Array:
-        """C phi + s + kappa (..., q): what acts beside Lambda."""
+        """C phi + s + kappa (..., q): the terms outside Lambda."""
         truth, total = self.truth, np.zeros(self.reference.q)
         if truth.C is not None and self.phi is not None:
             total = total + times(truth.C.value(t), self.phi(x, r))
@@ -241,7 +242,7 @@ class Plant:
         return known + times(self.reference.B, matched + self.beside(t, x, r))  # (3)
 
     def known_control(self, t: float, x: Array, r: Array) -> Array:
-        """v_0 (..., q), the control that would be right: x then follows (1). Paper (21)."""
+        """v_0 (..., q), the known control, with which x follows (1). Paper (21)."""
         Lambda, beside = self.truth.Lambda.value(t), self.beside(t, x, r)
         return -self.inside(t, x, r) - solve(Lambda, beside)  # (21)
 

@@ -40,7 +40,7 @@ class BatteryState(NamedTuple):
 
 @kernel
 def power(params, airframe, Omega, left):
-    """Electrical power (W) at rotor speeds Omega (rad/s); `left`: remaining effectiveness of each."""
+    """Electrical power (W) at rotor speeds Omega (rad/s); `left`: remaining effectiveness."""
     blades = (airframe.k_Q * airframe.c_T) * total(left * (Omega * Omega * Omega))
     return blades / params.efficiency + params.avionics
 

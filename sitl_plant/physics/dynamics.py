@@ -122,7 +122,7 @@ def integrate(params, state, command, t):
 
 @kernel
 def select_lagless(params, Omega, Omega_c):
-    """Rotor speeds at the start of a step: from the state, or from the command if there is no lag."""
+    """Rotor speeds at the start of a step: the state, or the command if there is no lag."""
     lagged = select(params.decay_half > 0.0, 1.0, 0.0)
     return Omega_c + lagged * (Omega - Omega_c)
 

@@ -8,7 +8,7 @@ from fcu.kernel.compile import kernel
 
 @kernel
 def lagged(Omega, Omega_c, decay):
-    """Rotor speeds (rad/s) after an interval of a first-order lag; `decay`: remaining share of the error.
+    """Rotor speeds (rad/s) after an interval of lag; `decay`: remaining share of the error.
 
     Exact for a command that is constant over the interval. decay = 0 means no lag.
     """

@@ -1,8 +1,8 @@
 """One control tick of the simulator: record the true state, report it, integrate to the next tick.
 
-`report` works on values, for kernels. `observe`, `sense` and `advance` work on flat float64 buffers,
-for the edge of a process. PlantState and VehicleState have the same layout, so a state buffer can
-be read as either.
+`report` works on values, for kernels. `observe`, `sense` and `advance` work on flat float64
+buffers, for the edge of a process. PlantState and VehicleState have the same layout, so a state
+buffer can be read as either.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class PlantState(NamedTuple):
 
 
 class PlantRecord(NamedTuple):
-    """The true state at one control tick, as recorded; trajectory hashes cover the first 22 columns."""
+    """The true state at one control tick; trajectory hashes cover the first 22 columns."""
 
     t: float  # s
     state: PlantState

@@ -1,4 +1,4 @@
-"""The World that a simulator is started with: constants, start state, noise and delay of reports."""
+"""The World of a simulator: constants, start state, noise and delay of reports."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def world(
     ground_z_m: float = 0.0,
     arena_m: float = 1000.0,
 ) -> World:
-    """A World from the tables of a mission (default: an S1000 standing on the ground, in still air).
+    """A World from the tables of a mission (default: an S1000 on the ground in still air).
 
     Raises AirframeError.
     """
