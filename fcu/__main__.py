@@ -70,10 +70,10 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
-    from fcu.interface.feed import Feed
     from fcu.interface.link import PortBusy
+    from fcu.interface.publisher_feed import PublisherFeed
+    from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.interface.starter import announce, watched
-    from fcu.interface.tape import Tape
     from fcu.kernel.compile import is_cached
     from fcu.loop import INFRASTRUCTURE, Loop, say
     from fcu.mavlink.definitions import Autopilot
@@ -87,8 +87,8 @@ def main(
         params = Parameters(read_settings(handover, rate_hz), ports(number).system_id, params_file)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
-        tape = Tape(WIDTH, record_fd, wait=not drop)
-        reporter = Reporter(tape, Feed(number, "fcu"), identity.drag)
+        tape = RecorderPipe(WIDTH, record_fd, wait=not drop)
+        reporter = Reporter(tape, PublisherFeed(number, "fcu"), identity.drag)
         with watched(lifeline_fd):
             if not is_cached("tick"):
                 say(-1, "info", "compiling the law, once for this version (about 15 s)")

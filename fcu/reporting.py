@@ -12,8 +12,8 @@ import numpy as np
 
 from fcu import wind
 from fcu.interface.diagnostics import Report, Status, Timing, fcu_row
-from fcu.interface.feed import Feed
-from fcu.interface.tape import Tape
+from fcu.interface.publisher_feed import PublisherFeed
+from fcu.interface.recorder_pipe import RecorderPipe
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
@@ -35,7 +35,7 @@ _OFF = column_of(Report, "status.position_off")
 class Reporter:
     """Completes rows, and hands them on to the recorder and to the publisher."""
 
-    def __init__(self, tape: Tape, feed: Feed, drag: Vec3) -> None:
+    def __init__(self, tape: RecorderPipe, feed: PublisherFeed, drag: Vec3) -> None:
         """`drag`: believed, N/(m/s)^2, body axes."""
         self.tape = tape
         self.feed = feed

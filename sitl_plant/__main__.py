@@ -44,11 +44,11 @@ def main(
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # a signal ends it at once until the flight
 
     from fcu.interface.airframe import AirframeError
-    from fcu.interface.feed import Feed
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
+    from fcu.interface.publisher_feed import PublisherFeed
+    from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.interface.starter import announce, watched
-    from fcu.interface.tape import Tape
     from fcu.kernel.compile import is_cached
     from sitl_plant.loop import INFRASTRUCTURE, WIDTH, Server, say
     from sitl_plant.pacing import Pacer
@@ -61,12 +61,12 @@ def main(
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance
-        tape = Tape(WIDTH, record_fd, wait=not drop)
+        tape = RecorderPipe(WIDTH, record_fd, wait=not drop)
         pacer = Pacer(1.0 / world.rate_hz, speed)
         with watched(control_fd, lifeline_fd):
             if not is_cached("advance"):
                 say(0.0, "info", "compiling the simulator, once per version (about 10 s)")
-            feed = Feed(number, "plant")
+            feed = PublisherFeed(number, "plant")
             server = Server(ports(number), world, tape, feed, pacer, control_fd, lifeline_fd)
             server.warm_up()
     except PortBusy as error:

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.diagnostics import PlantTiming, plant_row
-from fcu.interface.feed import Feed
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.interface.ports import Ports, owner
+from fcu.interface.publisher_feed import PublisherFeed
+from fcu.interface.recorder_pipe import RecorderPipe
 from fcu.interface.starter import log
-from fcu.interface.tape import Tape
 from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rows import column, slice_of
 from fcu.mavlink.plant_link import PlantCodec, WireError
@@ -70,8 +70,8 @@ class Server:
         self,
         ports: Ports,
         world: World,
-        tape: Tape,
-        feed: Feed,
+        tape: RecorderPipe,
+        feed: PublisherFeed,
         pacer: Pacer,
         control: int | None = None,
         lifeline: int | None = None,

@@ -82,6 +82,16 @@ def fcu_row(tick: Any) -> Any:
     return joined("FcuRow", tick, Report)
 
 
+class _Told(NamedTuple):
+    t: float  # simulation time, s, from which they are in force
+
+
+@cache
+def params_row(params: Any) -> Any:
+    """The class of what is handed on of a law's parameters. `params`: their class."""
+    return joined("ParamsRow", _Told, params)
+
+
 @cache
 def plant_row(record: Any) -> Any:
     """The class of a whole row of the plant. `record`: the class of its truth."""

@@ -3,10 +3,12 @@
     m_mrac/<run>/<vehicle>/<topic>            what is published, e.g. m_mrac/20261121-1700-up/1/fcu/law
     m_mrac/<run>/<vehicle>/alive/<process>    a liveliness token for each process that is there
     m_mrac/<run>/<vehicle>/about              answers a query with what runs, as JSON
+    m_mrac/<run>/<vehicle>/schemas            answers one with what its messages are, as JSON
     m_mrac/<run>/<vehicle>/ended              put last: the number of the last tick of each topic
 
 A publisher's session has the namespace `m_mrac/<run>` and cannot write outside it. Which topics
-there are, and their messages, is derived from what a tick is: `gcs topics`, docs/schemas.
+there are, and their messages, is derived from what a tick is, and told by `schemas`: whoever
+listens needs nothing else. See `gcs topics`, docs/schemas.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import re
 from typing import NamedTuple
 
 PREFIX = "m_mrac"
-ABOUT, ALIVE, ENDED, EVENTS = "about", "alive", "ended", "events"
+ABOUT, ALIVE, ENDED, EVENTS, SCHEMAS = "about", "alive", "ended", "events", "schemas"
 PUBLISHER = "publisher"
 PROCESSES = ("fcu", "plant", PUBLISHER)
 

@@ -12,7 +12,7 @@ from fcu.interface import options
 from fcu.interface.ports import INSTANCES
 
 if TYPE_CHECKING:
-    from gcs_tools.live.publishing import Zenoh as Publication
+    from gcs_tools.flight.publisher_process import Zenoh as Publication
 
 Decorator = Callable[[Any], Any]
 
@@ -55,7 +55,7 @@ def new_file(
 
 def publication(publish: bool, zenoh: Path | None) -> Publication | None:
     """How what is flown is put on Zenoh. Raises click's UsageError for a file that is not there."""
-    from gcs_tools.live.publishing import Zenoh as Publication
+    from gcs_tools.flight.publisher_process import Zenoh as Publication
 
     if zenoh is not None and not zenoh.is_file():
         raise click.UsageError(f"--zenoh {zenoh}: no such file")

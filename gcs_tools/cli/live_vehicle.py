@@ -16,7 +16,7 @@ from gcs_tools.cli.output import Failure
 if TYPE_CHECKING:
     from zenoh import Session
 
-    from gcs_tools.live.watch import Watch
+    from gcs_tools.live.subscriber import Subscriber
 
 ALONE_S = 3.0  # wall: after that who waits with a file of their own is told what for
 UNSEEN = "connected, but no vehicle answers, or not to us"
@@ -25,11 +25,11 @@ LOOK_S = 0.2  # wall: between two looks for a publisher
 
 
 @contextlib.contextmanager
-def watched(instance: int | None, zenoh: Path | None) -> Iterator[Watch]:
-    """A Watch of the vehicle that is meant, found. Raises Failure when there can be none."""
+def watched(instance: int | None, zenoh: Path | None) -> Iterator[Subscriber]:
+    """A Subscriber to the vehicle that is meant, found. Raises Failure when there can be none."""
     from fcu.interface.ports import ports
     from gcs_tools.live import bus
-    from gcs_tools.live.watch import Watch
+    from gcs_tools.live.subscriber import Subscriber
 
     try:
         number = instance
@@ -43,12 +43,12 @@ def watched(instance: int | None, zenoh: Path | None) -> Iterator[Watch]:
                 there = bus.published()
             number = there[0] if number is None else number
         with bus.session(bus.for_tool(number or 0, zenoh)) as session:
-            watch = Watch(session, "*" if number is None else str(ports(number).system_id))
+            vehicle = Subscriber(session, "*" if number is None else str(ports(number).system_id))
             try:
-                watch.find(_told_when_alone(session, zenoh, number))
-                yield watch
+                vehicle.find(_told_when_alone(session, zenoh, number))
+                yield vehicle
             finally:
-                watch.close()
+                vehicle.close()
     except bus.BusError as error:
         raise Failure(error, error.exit_code) from error
 

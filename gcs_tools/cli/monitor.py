@@ -44,7 +44,7 @@ def monitor(
     """
     from rich.console import Console
 
-    from gcs_tools.live.follow import Follower
+    from gcs_tools.pictures.follower import Follower
     from gcs_tools.pictures.monitor.readings import KEPT, Readings
     from gcs_tools.pictures.monitor.screen import screen
 
@@ -54,8 +54,8 @@ def monitor(
     single = once or as_json or svg is not None or not console.is_terminal
     try:
         while True:
-            with watched(instance, zenoh) as watch:
-                follower = Follower(watch, kept=KEPT)
+            with watched(instance, zenoh) as vehicle:
+                follower = Follower(vehicle, kept=KEPT)
                 readings = Readings(follower)
                 if single:
                     _listen(follower.take, seconds - min(SPEED_S, 0.5 * seconds))
@@ -111,5 +111,5 @@ def _live(console: Console, readings: Readings) -> None:
             _listen(follower.take, 1.0 / FRAMES_HZ)
             size = console.size
             live.update(screen(readings, size.width, size.height), refresh=True)
-            if follower.watch.succeeded:
+            if follower.vehicle.succeeded:
                 return

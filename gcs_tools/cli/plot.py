@@ -102,7 +102,7 @@ def _inside(recording: Recording, t_from: float | None, t_to: float | None) -> N
     """Refuse a window that holds nothing of the recording. Raises click.UsageError."""
     if t_from is not None and t_to is not None and not t_from < t_to:
         raise click.UsageError(f"--from {t_from:g} is not before --to {t_to:g}")
-    times = [rows[[0, -1], 0] for rows in (recording.plant, recording.fcu) if len(rows)]
+    times = [rows["t"][[0, -1]] for rows in (recording.plant, recording.fcu) if len(rows)]
     if not times:
         return
     first, last = min(float(t[0]) for t in times), max(float(t[1]) for t in times)
@@ -117,6 +117,7 @@ def _draw(
     """What was drawn and its numbers, by name, and whether one that was asked for was not."""
     from gcs_tools.pictures.plot.figures import STANDARD, save
     from gcs_tools.pictures.plot.window import Missing, Window
+    from gcs_tools.recording.table import UnknownColumn
 
     remarks = _remarks(recording)
     for remark in remarks:
@@ -130,7 +131,7 @@ def _draw(
         path = place(name)
         try:
             found = save(name, shown, path, kind, source, remarks)
-        except Missing as missing:
+        except (Missing, UnknownColumn) as missing:
             click.echo(f"{'Error: ' if asked else ''}{name}: not drawn, {missing}", err=True)
             drawn[name] = {"path": None, "missing": str(missing)}
             failed = failed or asked
@@ -144,7 +145,7 @@ def _remarks(recording: Recording) -> tuple[str, ...]:
     remarks = []
     if not recording.complete:
         rows = recording.fcu if len(recording.fcu) else recording.plant
-        last = f" after {rows[-1, 0]:.3f} s" if len(rows) else ""
+        last = f" after {rows['t'][-1]:.3f} s" if len(rows) else ""
         remarks.append(
             f"The recording was cut short{last}: what came later is missing (gcs recover)."
         )

@@ -27,17 +27,17 @@ def record(
     Ctrl-C was pressed; 2 when OUT cannot be written or CONFIG read; 3 without Zenoh.
     """
     from gcs_tools.cli.terminal import status
-    from gcs_tools.live.recorded import Recorded, record_until
+    from gcs_tools.live.recorder import RecordingSummary, record_until
     from gcs_tools.recording.reader import RecordingError
 
     if out.exists():
         raise Failure(f"{out}: it exists already", USAGE)
     if not out.absolute().parent.is_dir():
         raise Failure(f"{out}: there is no folder {out.absolute().parent}", USAGE)
-    done = Recorded()
+    done = RecordingSummary()
     try:
-        with watched(instance, zenoh) as watch, status("waiting for the first tick") as progress:
-            record_until(watch, out, seconds, done, progress)
+        with watched(instance, zenoh) as vehicle, status("waiting for the first tick") as progress:
+            record_until(vehicle, out, seconds, done, progress)
     except RecordingError as error:
         raise Failure(f"{error}" + (f"\n{done.summary(out)}" if done.ticks else ""), USAGE) from error  # fmt: skip
     except KeyboardInterrupt:

@@ -22,12 +22,12 @@ def topics(seconds: float, as_json: bool, instance: int | None, zenoh: Path | No
 
     Exits 0 when it has heard something, 3 when not, 130 after Ctrl-C.
     """
-    from gcs_tools.live.listed import heard, shown
+    from gcs_tools.live.topics import listen, print_table
 
-    with watched(instance, zenoh) as watch:
-        found = heard(watch, seconds)
+    with watched(instance, zenoh) as vehicle:
+        found = listen(vehicle, seconds)
     if as_json:
         print_json(found)
     else:
-        shown(found)
+        print_table(found)
     return OK if any(topic["ticks"] for topic in found["topics"].values()) else INFRASTRUCTURE

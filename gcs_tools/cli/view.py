@@ -76,20 +76,20 @@ def _recorded(recording: Path, port: int, no_open: bool) -> None:
 
 def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) -> None:
     """Until interrupted: one vehicle after the other, on one port, so that pages stay open."""
-    from gcs_tools.live.follow import Follower
+    from gcs_tools.pictures.follower import Follower
     from gcs_tools.pictures.view.app import App
 
     said = False
     while True:
-        with watched(instance, zenoh) as watch:
-            follower = Follower(watch)
+        with watched(instance, zenoh) as vehicle:
+            follower = Follower(vehicle)
             with App(follower.flight, port, whole=False) as app:
                 if not said:
                     _say(app, no_open)
                 said = True
-                while not watch.succeeded:
+                while not vehicle.succeeded:
                     follower.take()
-                    app.gone = watch.gone
+                    app.gone = vehicle.gone
                     app.frame()
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from fcu.interface import handover
 from gcs_tools.flight.processes import Child, stop_all
+from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.live.publishing import Publishing, Zenoh
 
 
 class Pair:
@@ -25,14 +25,14 @@ class Pair:
         said of them.
         """
         self.children: list[Child] = []  # flight controller, plant
-        self.publisher: Publishing | None = None
+        self.publisher: PublisherProcess | None = None
         self._folder, self._instance = folder, instance
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
         for end in (self._life, held):
             stack.callback(os.close, end)
         stack.callback(self.stop)
         if zenoh is not None:
-            self.publisher = Publishing(zenoh, folder, instance, flies, self.lifeline())
+            self.publisher = PublisherProcess(zenoh, folder, instance, flies, self.lifeline())
 
     def lifeline(self) -> int:
         """A file descriptor for one more process that ends with us."""

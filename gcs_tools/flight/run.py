@@ -26,16 +26,16 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
 from gcs_tools.flight import rollout
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.processes import PORTS, InfrastructureError, claimed
+from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, arrival, scenario
 from gcs_tools.flight.wire_flight import Flown, WireFlight
 from gcs_tools.judging import result
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
-from gcs_tools.live.publishing import Zenoh
 from gcs_tools.missions.mission import Mission, MissionError, load, override
-from gcs_tools.recording.logs import logged
-from gcs_tools.recording.reader import RecordingError
-from gcs_tools.recording.recorder import Recorder
+from gcs_tools.recording.events import logged
+from gcs_tools.recording.reader import LAW, OUR_LAW, RecordingError
+from gcs_tools.recording.writer import RecordingWriter
 
 RUNS = Path("runs")
 
@@ -176,7 +176,7 @@ class _Run:
         """What was flown, on file too; an exit code and an error if it was cut short."""
         flown, exit_code, error = _nothing(), OK, None
         try:
-            with Recorder(self._folder / "flight.mcap", self._metadata()) as recorder:
+            with RecordingWriter(self._folder / "flight.mcap", self._metadata()) as recorder:
                 recorder.set_params(to_buffer(self._scene.settings))
                 try:
                     flown = self._flown(recorder)
@@ -190,14 +190,14 @@ class _Run:
             exit_code, error = INTERRUPTED, "interrupted"
         return flown, exit_code, error
 
-    def _flown(self, recorder: Recorder) -> Flown:
+    def _flown(self, recorder: RecordingWriter) -> Flown:
         duration = self._scene.ticks / self._scene.rate_hz
         with self._display.flight(self._mission.name, duration) as progress:
             if self._in_process:
                 return self._by_rollout(recorder, progress)
             return self._over_the_wire(recorder, progress)
 
-    def _by_rollout(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
+    def _by_rollout(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
         from fcu.kernel.compile import is_cached
 
         if not is_cached("rollout"):
@@ -217,7 +217,7 @@ class _Run:
             raise _cut(flown, f"recording: {failed}") from failed
         return flown
 
-    def _over_the_wire(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
+    def _over_the_wire(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
         from fcu.kernel.compile import is_cached
 
         if not (is_cached("tick") and is_cached("advance")):
@@ -231,7 +231,7 @@ class _Run:
             raise _cut(_nothing(), str(error.strerror or error)) from error
 
     def _fly_pair(
-        self, instance: int, recorder: Recorder, progress: Callable[[float], None]
+        self, instance: int, recorder: RecordingWriter, progress: Callable[[float], None]
     ) -> Flown:
         if self._zenoh is not None:
             self._display.note(
@@ -258,6 +258,7 @@ class _Run:
     def _metadata(self) -> dict[str, str]:
         mission = self._mission
         return {
+            LAW: OUR_LAW,
             "mission": mission.name,
             "title": mission.title,
             "seed": str(mission.flight.seed),

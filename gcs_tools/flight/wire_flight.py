@@ -26,9 +26,9 @@ from fcu.tick import Tick
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.pair import Pair
 from gcs_tools.flight.processes import Collector, InfrastructureError, Rows, one_core
+from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, arrival
-from gcs_tools.live.publishing import Zenoh
-from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
+from gcs_tools.recording.schema import FcuRow, PlantRow
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
@@ -130,8 +130,8 @@ class WireFlight:
         speed = "max" if self._speed is None else str(self._speed)
         self._collector = Collector(
             {
-                plant_out: (len(PLANT_COLUMNS), self._plant_rows, self._on_rows[0]),
-                fcu_out: (len(FCU_COLUMNS), self._fcu_rows, self._on_rows[1]),
+                plant_out: (size(PlantRow), self._plant_rows, self._on_rows[0]),
+                fcu_out: (size(FcuRow), self._fcu_rows, self._on_rows[1]),
             }
         )
         self._plant_fd = plant_out

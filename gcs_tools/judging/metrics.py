@@ -11,22 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from fcu.kernel.rows import column
-from fcu.tick import Tick
-from sitl_plant.physics.types import PlantRecord
-
-Rows = np.ndarray[Any, np.dtype[np.float64]]
+from gcs_tools.recording.table import Rows, Table
 
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
 FINAL_S = 1.0  # length of the last part of a flight that position_final_m looks at
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
 
-def settle_from(fcu: Rows) -> float:
+def settle_from(fcu: Table) -> float:
     """Simulation time (s) from which a flight counts as settled.
 
     SETTLE_S after the last step of a position setpoint, or after take-over if there was none:
@@ -36,19 +31,19 @@ def settle_from(fcu: Rows) -> float:
     fcu = _flying(fcu)
     if not len(fcu):
         return math.inf
-    taken_over = np.flatnonzero(column(Tick, fcu, "engaged") < 1.5)
-    v_c, a_c = column(Tick, fcu, "setpoint.v_c"), column(Tick, fcu, "setpoint.a_c")
+    taken_over = np.flatnonzero(fcu["engaged"] < 1.5)
+    v_c, a_c = fcu["setpoint.v_c"], fcu["setpoint.a_c"]
     resting = (v_c == 0.0).all(axis=1) & (a_c == 0.0).all(axis=1)
-    r_c = column(Tick, fcu, "setpoint.r_c")
+    r_c = fcu["setpoint.r_c"]
     moved = (r_c[1:] != r_c[:-1]).any(axis=1)
     steps = 1 + np.flatnonzero(moved & resting[1:] & resting[:-1])
     last = max([0, *taken_over.tolist(), *steps.tolist()])
-    return float(column(Tick, fcu, "t")[last]) + SETTLE_S
+    return float(fcu["t"][last]) + SETTLE_S
 
 
-def _flying(fcu: Rows) -> Rows:
+def _flying(fcu: Table) -> Table:
     """The ticks at which the law was flying."""
-    return fcu[column(Tick, fcu, "engaged") > 0.5]
+    return fcu.take(fcu["engaged"] > 0.5)
 
 
 @dataclass(frozen=True)
@@ -58,37 +53,34 @@ class EngagedTicks:
     t: Rows  # s
     position_error: Rows  # m, against the reference model; not finite where either is not
     command_error: Rows  # m, against the command
-    plant: Rows  # rows of PlantRecord, at the same ticks as
-    fcu: Rows  # rows of Tick
+    plant: Table  # the truth, at the same ticks
+    fcu: Table  # what the controller told
     settle_from_s: float
 
     @classmethod
-    def of(cls, plant: Rows, fcu: Rows, settle_from_s: float | None = None) -> EngagedTicks:
+    def of(cls, plant: Table, fcu: Table, settle_from_s: float | None = None) -> EngagedTicks:
         """Join the rows of plant and flight controller that belong to one time.
 
-        plant : float64 (n, size(PlantRecord)).  fcu : float64 (m, size(Tick)).
         settle_from_s : from where settled metrics count; by default `settle_from(fcu)`.
         """
         fcu = _flying(fcu)
         _, of_plant, of_fcu = np.intersect1d(
-            np.rint(column(PlantRecord, plant, "t") * 1e6),
-            np.rint(column(Tick, fcu, "t") * 1e6),
-            return_indices=True,
+            np.rint(plant["t"] * 1e6), np.rint(fcu["t"] * 1e6), return_indices=True
         )
-        plant, fcu = plant[of_plant], fcu[of_fcu]
-        true_r = column(PlantRecord, plant, "state.r_E")
+        plant, fcu = plant.take(of_plant), fcu.take(of_fcu)
+        true_r = plant["state.r_E"]
         return cls(
-            t=column(Tick, fcu, "t"),
-            position_error=_distance(true_r, column(Tick, fcu, "outputs.reference.r_m")),
-            command_error=_distance(true_r, column(Tick, fcu, "setpoint.r_c")),
+            t=fcu["t"],
+            position_error=_distance(true_r, fcu["outputs.reference.r_m"]),
+            command_error=_distance(true_r, fcu["setpoint.r_c"]),
             plant=plant,
             fcu=fcu,
             settle_from_s=settle_from(fcu) if settle_from_s is None else settle_from_s,
         )
 
     def told(self, name: str) -> Rows:
-        """What the controller told of each tick: a field of Tick by its dotted name."""
-        return column(Tick, self.fcu, name)
+        """A column of what the controller told of each tick; of what it did not, not a number."""
+        return self.fcu[name] if name in self.fcu else np.full(len(self.t), math.nan)
 
     def window(self, t_from: float | None, t_to: float | None) -> EngagedTicks:
         """The ticks from t_from to t_to (s, both included); None: from the start, to the end."""
@@ -99,8 +91,8 @@ class EngagedTicks:
             self.t[inside],
             self.position_error[inside],
             self.command_error[inside],
-            self.plant[inside],
-            self.fcu[inside],
+            self.plant.take(inside),
+            self.fcu.take(inside),
             self.settle_from_s,
         )
 
@@ -192,15 +184,17 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
 }
 
 
-def metrics(plant: Rows, fcu: Rows, settle_from_s: float | None = None) -> dict[str, float | None]:
+def metrics(
+    plant: Table, fcu: Table, settle_from_s: float | None = None
+) -> dict[str, float | None]:
     """Every metric of a flight (rows as for EngagedTicks.of); None for one without a value."""
     return EngagedTicks.of(plant, fcu, settle_from_s).metrics()
 
 
 def metric(
     name: str,
-    plant: Rows,
-    fcu: Rows,
+    plant: Table,
+    fcu: Table,
     t_from: float | None = None,
     t_to: float | None = None,
     settle_from_s: float | None = None,

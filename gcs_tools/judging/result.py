@@ -20,11 +20,13 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.rows import column
+from fcu.tick import Tick
 from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
 from gcs_tools.judging.expectations import Expectation, judge_each
-from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, Rows
+from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.missions.trajectory import last_change_s
+from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
 SCHEMA_VERSION = 1
@@ -77,14 +79,15 @@ def judge(
 ) -> Result:  # fmt: skip
     """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
 
-    plant, fcu : rows as for EngagedTicks.of.  ended : how the flight ended, if it was not cut short.
+    plant, fcu : rows that begin with a PlantRecord, a Tick.  ended : how the flight ended, if it was not cut short.
     error : what cut it short, in words.  about : wall times, slips and versions of the Result.
     """
     judged: list[Expectation] = []
     measured: dict[str, float | None] = {}
     whole = exit_code == OK and len(plant) > 0 and len(fcu) > 0
     if len(plant) and len(fcu):
-        flight = EngagedTicks.of(plant, fcu, last_change_s(mission.flight) + SETTLE_S)
+        told = Table.of(PlantRecord, plant), Table.of(Tick, fcu)
+        flight = EngagedTicks.of(*told, last_change_s(mission.flight) + SETTLE_S)
         measured = flight.metrics()
         if whole:
             judged = judge_each(mission.expectations(), flight.metric, ended)

@@ -3,29 +3,58 @@
 A process of its own, so that Zenoh's threads, its waits and its end touch no flight. It wakes a
 hundred times a second, takes what has come and publishes it: ticks share a sample. It sleeps
 rather than waits for a row, since waking it would cost the control thread more than the row.
+
+FeedListener is its end of the feed, PublishedVehicle what others see of it, Publisher the two
+joined. A replay is a PublishedVehicle too.
 """
 
 from __future__ import annotations
 
+import json
 import select
 import signal
+import socket
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zenoh
 
+from fcu.interface import publisher_feed
+from fcu.interface import topics as keys
 from fcu.interface.airframe import believed_drag
 from fcu.interface.ports import ports
 from fcu.interface.starter import announce, log
-from fcu.kernel.buffers import columns
-from fcu.settings import Settings
-from gcs_tools.live import bus
-from gcs_tools.live.feeding import WIDTHS, FeedError, Feeds, Source, Taken
-from gcs_tools.live.outlet import Outlet
+from fcu.kernel.buffers import columns, size
+from fcu.kernel.rows import column
+from gcs_tools.live import bus, samples
+from gcs_tools.live.samples import Numbers, Packer
+from gcs_tools.recording import events
 from gcs_tools.recording.events import LEVELS, Event
-from gcs_tools.recording.reader import SCHEMA_VERSION
+from gcs_tools.recording.reader import LAW, OUR_LAW, SCHEMA_VERSION
+from gcs_tools.recording.schema import PARAMS, TOPICS, FcuRow, ParamsRow, PlantRow, Topic
+from gcs_tools.recording.table import Rows
+
+AT_ONCE = 1024  # datagrams taken in one go
+SOURCES = 8  # connected at once; two fly
+H_MIN = 1e-6  # s, of a control period
+HELLO_S = 1.0  # wall: who says nothing for so long is hung up on
+
+ROWS = {"fcu": FcuRow, "plant": PlantRow}  # by who flies
+WIDTHS = {who: size(kind) for who, kind in ROWS.items()}
+PARAMS_WIDTH = size(ParamsRow)
+
+_EXACT = 2.0**53  # numbers of ticks, and ns, below which a float64 is a whole number
+_T_MAX = _EXACT * 1e-9  # s
+
+ANSWERS = 16  # given in one go: who asks without end must not keep ticks waiting
+LOOK_S = 0.01  # wall: between two looks for somebody who listens
+TOGETHER = 64  # ticks in a sample, at most: it stays below Zenoh's 64 KiB
 
 PERIOD_S = 0.01  # wall: between two looks at what has come
 LEAVE_S = 0.3  # wall: for what is still on its way when a flight has ended
@@ -33,13 +62,347 @@ IDLE_S = 0.05  # the same, while nobody flies
 LAST = 4  # looks at what has still come when it ends: more than a feed can hold
 
 
+class FeedError(ValueError):
+    """What no flying process of this version sends: in words."""
+
+
+@dataclass
+class Taken:
+    """What one process has sent since it was last asked."""
+
+    rows: Rows  # (n, columns of its row)
+    sequence: Numbers  # (n,), ascending
+    time_ns: Numbers  # (n,)
+    params: Rows | None = None  # the law's, with the time before them, if they were told anew
+    said: list[dict[str, Any]] = field(default_factory=list)
+
+
+class Source:
+    """One flying process."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        """`connected`: its end, non-blocking."""
+        self._socket = connected
+        self._since = time.monotonic()
+        self.pid = publisher_feed.peer_pid(connected)
+        self.who = ""  # fcu or plant, as it says
+        self.ended = False
+        self.next = -1  # number of the row that comes next
+        self.lost = 0  # rows that did not reach us since it said hello
+        self._dropped = 0  # rows for which it had no room before that
+        self._buffer = np.zeros((AT_ONCE, max(WIDTHS.values())))
+        self._bytes = bytearray(publisher_feed.GREATEST_BYTES)
+
+    def take(self) -> Taken:
+        """All that is there, at most AT_ONCE datagrams. Raises FeedError: then hang up."""
+        n = 0
+        said: list[dict[str, Any]] = []
+        params: Rows | None = None
+        for _ in range(AT_ONCE):
+            try:
+                got = self._socket.recv_into(self._bytes)
+            except BlockingIOError:
+                break
+            except OSError:
+                got = 0
+            width = WIDTHS.get(self.who, 0)
+            if got == 0:
+                self.ended = True
+                break
+            if got % 8:
+                said.append(self._word(bytes(self._bytes[:got])))
+            elif got == 8 * width:
+                self._buffer[n, :width] = np.frombuffer(self._bytes, "<f8", width)
+                n += 1
+            elif got == 8 * PARAMS_WIDTH:
+                params = _checked(np.frombuffer(self._bytes, "<f8", PARAMS_WIDTH).copy())
+            else:
+                raise FeedError(f"rows of {got} bytes (of another version?)")
+        if not self.who and time.monotonic() - self._since > HELLO_S:
+            raise FeedError("no hello")
+        rows = self._buffer[:n, : WIDTHS.get(self.who, 0)].copy()
+        taken = Taken(rows, *self._numbers(rows), params, said)
+        if said and "bye" in said[-1]:
+            self._count_last(said[-1]["dropped"])
+        return taken
+
+    def _numbers(self, rows: Rows) -> tuple[Numbers, Numbers]:
+        """Of rows their numbers and times, counting those that are missing."""
+        n = len(rows)
+        if n == 0:
+            return np.zeros(0, np.uint64), np.zeros(0, np.uint64)
+        sequence, t = (column(ROWS[self.who], rows, name) for name in ("timing.sequence", "t"))
+        if not ((sequence >= 0.0) & (sequence < _EXACT) & (t >= 0.0) & (t < _T_MAX)).all():
+            raise FeedError("rows without a number or a time")
+        first, last = int(sequence[0]), int(sequence[-1])
+        if first < self.next or (np.diff(sequence) < 1.0).any():
+            raise FeedError("rows that go back")
+        if self.next >= 0:
+            self.lost += first - self.next
+        self.lost += last + 1 - first - n
+        self.next = last + 1
+        return sequence.astype(np.uint64), np.rint(t * 1e9).astype(np.uint64)
+
+    def _count_last(self, dropped: int) -> None:
+        """Rows after the last that has come: by the count of who had no room for them."""
+        missing = max(dropped - self._dropped - self.lost, 0)
+        self.lost += missing
+        if self.next >= 0:
+            self.next += missing
+
+    def _word(self, data: bytes) -> dict[str, Any]:
+        """What is said, if it is one of the three things that are."""
+        try:
+            word: dict[str, Any] = json.loads(data)
+            if "hello" in word:
+                if self.who or word["hello"] not in WIDTHS:
+                    raise FeedError("a hello of nobody known")
+                self.who, self._dropped = word["hello"], _count(word["dropped"])
+            elif "bye" in word:
+                word["dropped"] = _count(word["dropped"])
+            else:
+                word["event"].encode()
+                if not 0.0 <= word["t"] < _T_MAX:
+                    raise FeedError("an event at no time")
+        except FeedError:
+            raise
+        except (ValueError, AttributeError, KeyError, OverflowError, TypeError, RecursionError):
+            raise FeedError("neither rows nor words of ours") from None
+        return word
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+
+def _checked(params: Rows) -> Rows:
+    """The parameters of a law. Raises FeedError."""
+    t, h = column(ParamsRow, params, "t"), column(ParamsRow, params, "law.h")
+    if not (np.isfinite(params).all() and _T_MAX > t >= 0.0 and h > H_MIN):
+        raise FeedError("parameters that are none of a law")
+    return params
+
+
+def _count(told: Any) -> int:
+    """A number of rows. Raises ValueError."""
+    if not 0 <= int(told) < _EXACT:
+        raise ValueError(f"not a number of rows: {told}")
+    return int(told)
+
+
+class FeedListener:
+    """All flying processes of one instance."""
+
+    def __init__(self, instance: int) -> None:
+        """Raises PortBusy when another publisher listens."""
+        self._listener = publisher_feed.listen(instance)
+        self.sources: list[Source] = []
+
+    def accept(self) -> None:
+        """Take in who has come; only of our own user, and not too many."""
+        for _ in range(SOURCES):
+            try:
+                connected, _ = self._listener.accept()
+            except OSError:  # nobody, or no file descriptor to spare
+                return
+            if len(self.sources) >= SOURCES or not publisher_feed.is_ours(connected):
+                connected.close()
+                continue
+            connected.setblocking(False)
+            self.sources.append(Source(connected))
+
+    def hang_up(self, source: Source) -> None:
+        """One has ended, or is not to be heard any more."""
+        self.sources.remove(source)
+        source.close()
+
+    def close(self) -> None:
+        """Hang up on all."""
+        self._listener.close()
+        for source in self.sources:
+            source.close()
+
+
+@cache
+def _packer(who: str) -> Packer:
+    """Rows of "fcu" or "plant", or the law's "params", into samples."""
+    if who == "params":
+        return Packer([TOPICS[PARAMS]], columns(ParamsRow))
+    of_them = [t for name, t in TOPICS.items() if name.startswith(f"/{who}/") and name != PARAMS]
+    return Packer(of_them, columns(ROWS[who]))
+
+
+class PublishedVehicle:
+    """One vehicle on the bus: its topics, who of it is alive, and answers to who comes late.
+
+    Of a flight nothing here waits: a sample for which there is no room on its way is dropped, and
+    its numbers are missing. The session has the namespace of the run.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, vehicle: str, topics: Mapping[str, Topic],
+        waits: bool = False,
+    ) -> None:  # fmt: skip
+        """`topics`: those of numbers, by name. `waits`: for room, rather than drop; for no flight."""
+        self._topics = topics
+        self._session = session
+        control = zenoh.CongestionControl
+        self._congestion = control.BLOCK if waits else control.DROP
+        self._vehicle = vehicle
+        self._publishers: dict[str, Any] = {}
+        self._tokens: dict[str, Any] = {}
+        self._last: dict[str, tuple[bytes, str]] = {}  # by topic: a sample of its last tick
+        self._latest: dict[str, tuple[Packer, Rows, Numbers, Numbers]] = {}
+        self._flown: dict[str, int] = {}  # by topic: number of the last tick there was
+        self._counts = {"params": 0, keys.EVENTS: 0}
+        self.about: dict[str, Any] = {}
+        self._queries = session.declare_queryable(
+            keys.relative(vehicle, "**"), handler=bus.channel()
+        )
+
+    # --- what is published
+
+    def rows(self, who: str, rows: Rows, sequence: Numbers, time_ns: Numbers) -> None:
+        """Ticks of "fcu" or "plant", or the law's "params": whole rows."""
+        if not len(rows):
+            return
+        packer = _packer(who)
+        for i in range(0, len(rows), TOGETHER):
+            part = slice(i, i + TOGETHER)
+            packed = packer.pack(rows[part], sequence[part], time_ns[part])
+            for topic, sample in zip(packer.topics, packed, strict=True):
+                self._put(topic.name, topic.encoding, sample)
+        self._latest[who] = packer, rows[-1:].copy(), sequence[-1:], time_ns[-1:]
+        self.flown(who, int(sequence[-1]))
+
+    def flown(self, who: str, number: int) -> None:
+        """There have been ticks up to this one, whether or not we have got them to publish."""
+        for topic in _packer(who).topics:
+            self._flown[topic.name] = number
+
+    def params(self, row: Rows) -> None:
+        """The law's parameters in force from row[0] (s) on."""
+        self.rows("params", row[None, :], *self._numbered("params", float(row[0])))
+
+    def event(self, event: Event) -> None:
+        """Something happened."""
+        numbered = self._numbered(keys.EVENTS, event.t)
+        sample = samples.pack_messages(*numbered, [events.encode(event)])
+        self._put(events.TOPIC, events.encoding(), sample)
+        self._last[events.TOPIC] = sample, events.encoding()
+        self._flown[events.TOPIC] = int(numbered[0][0])
+
+    def messages(
+        self, topic: str, encoding: str, sequence: Numbers, time_ns: Numbers,
+        messages: Sequence[bytes],
+    ) -> None:  # fmt: skip
+        """Ticks of one topic as they are on file."""
+        for i in range(0, len(messages), TOGETHER):
+            part = slice(i, i + TOGETHER)
+            sample = samples.pack_messages(sequence[part], time_ns[part], messages[part])
+            self._put(topic, encoding, sample)
+        if len(messages):
+            last = samples.pack_messages(sequence[-1:], time_ns[-1:], messages[-1:])
+            self._last[topic] = last, encoding
+            self._flown[topic] = int(sequence[-1])
+
+    def _numbered(self, what: str, t: float) -> tuple[Numbers, Numbers]:
+        n = self._counts[what]
+        self._counts[what] = n + 1
+        return np.array([n], np.uint64), np.array([max(round(t * 1e9), 0)], np.uint64)
+
+    def _put(self, topic: str, encoding: str, sample: bytes) -> None:
+        self._publisher(topic, encoding).put(sample)
+
+    def _publisher(self, topic: str, encoding: str) -> Any:
+        publisher = self._publishers.get(topic)
+        if publisher is None:
+            publisher = self._publishers[topic] = self._session.declare_publisher(
+                keys.relative(self._vehicle, topic),
+                encoding=encoding,
+                congestion_control=self._congestion,
+                priority=zenoh.Priority.DATA_LOW,
+            )
+        return publisher
+
+    def is_heard(self) -> bool:
+        """Whether somebody listens to any topic."""
+        for topic in self._topics.values():
+            self._publisher(topic.name, topic.encoding)
+        return any(publisher.matching_status.matching for publisher in self._publishers.values())
+
+    # --- who is there
+
+    def alive(self, process: str, there: bool) -> None:
+        """Show or take back the token of a process."""
+        if there and process not in self._tokens:
+            key = keys.relative(self._vehicle, f"{keys.ALIVE}/{process}")
+            self._tokens[process] = self._session.liveliness().declare_token(key)
+        elif not there and process in self._tokens:
+            self._tokens.pop(process).undeclare()
+
+    def leave(self, bound_s: float) -> None:
+        """Say what there was, and wait until nobody listens any more, so long at most (wall).
+
+        Closing a session discards what is still on its way; who listens leaves when all has come.
+        """
+        self.ended()
+        for process in list(self._tokens):
+            self.alive(process, False)
+        until = time.monotonic() + bound_s
+        while self.is_heard() and time.monotonic() < until:
+            self.serve()
+            time.sleep(LOOK_S)
+
+    def ended(self) -> None:
+        """Nobody flies any more: say what there was, for who counts."""
+        self._session.put(  # ahead of the ticks: there is room for it when there is none for them
+            keys.relative(self._vehicle, keys.ENDED),
+            json.dumps(self._flown).encode(),
+            encoding="application/json",
+            congestion_control=self._congestion,
+            priority=zenoh.Priority.DATA_HIGH,
+        )
+
+    # --- answers
+
+    def serve(self) -> None:
+        """Answer what was asked since the last call."""
+        for _ in range(ANSWERS):
+            query = self._queries.try_recv()
+            if query is None:
+                return
+            with query:
+                self._answer(query)
+
+    def _answer(self, query: Any) -> None:
+        """What is asked for of: `about`, `schemas`, and the last tick of each topic."""
+        for packer, row, sequence, time_ns in self._latest.values():
+            packed = packer.pack(row, sequence, time_ns)
+            for topic, sample in zip(packer.topics, packed, strict=True):
+                self._last[topic.name] = sample, topic.encoding
+        self._latest.clear()
+        told = {
+            keys.ABOUT: (json.dumps(self.about).encode(), "application/json"),
+            keys.SCHEMAS: (samples.describe(self._topics), "application/json"),
+        }
+        for topic_name, (sample, encoding) in {**self._last, **told}.items():
+            key = keys.relative(self._vehicle, topic_name)
+            if query.key_expr.intersects(zenoh.KeyExpr(key)):
+                query.reply(
+                    key, sample, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
+                )
+
+
 class Publisher:
     """Between the feed of one instance and its vehicle on the bus."""
 
-    def __init__(self, feeds: Feeds, outlet: Outlet, lifeline: int | None) -> None:
+    def __init__(
+        self, feeds: FeedListener, vehicle: PublishedVehicle, lifeline: int | None
+    ) -> None:
         """`lifeline`: a file descriptor at whose end of file it ends."""
         self._feeds = feeds
-        self._outlet = outlet
+        self._vehicle = vehicle
         self._lifeline = select.poll()
         if lifeline is not None:
             self._lifeline.register(lifeline, 0)  # a hang-up is told without being asked for
@@ -55,7 +418,7 @@ class Publisher:
         due = time.monotonic()
         while not (self.stopping or self._lifeline.poll(0)):
             self.pass_on()
-            self._outlet.serve()
+            self._vehicle.serve()
             due += PERIOD_S if self._feeds.sources else IDLE_S
             now = time.monotonic()
             if due > now:
@@ -98,27 +461,27 @@ class Publisher:
         who = source.who
         if len(taken.rows) and int(taken.sequence[0]) + self._before[who] < self._next[who]:
             self._before[who] = self._next[who]
-        self._outlet.rows(
+        self._vehicle.rows(
             who, taken.rows, taken.sequence + np.uint64(self._before[who]), taken.time_ns
         )
         self.published[who] += len(taken.rows)
         self.lost[who] += lost
         if source.next > 0:
             self._next[who] = self._before[who] + source.next
-            self._outlet.flown(who, self._next[who] - 1)
+            self._vehicle.flown(who, self._next[who] - 1)
 
     def _meet(self, source: Source) -> None:
         if any(other.who == source.who for other in self._feeds.sources if other is not source):
             raise FeedError(f"what another {source.who} feeds already")
-        self._outlet.alive(source.who, True)
-        self._outlet.about["processes"][source.who] = {"pid": source.pid}
+        self._vehicle.alive(source.who, True)
+        self._vehicle.about["processes"][source.who] = {"pid": source.pid}
 
     def _end(self, source: Source) -> None:
         self._feeds.hang_up(source)
         if source.who and not any(other.who == source.who for other in self._feeds.sources):
-            self._outlet.alive(source.who, False)
+            self._vehicle.alive(source.who, False)
             if not any(other.who for other in self._feeds.sources):
-                self._outlet.ended()
+                self._vehicle.ended()
 
     def _refuse(self, source: Source, why: str) -> None:
         self._end(source)
@@ -130,13 +493,14 @@ class Publisher:
         if "event" in said:
             level = said.get("level")
             known = level if level in LEVELS else "unknown"
-            self._outlet.event(Event(float(said["t"]), known, f"{source.who}: {said['event']}"))
+            self._vehicle.event(Event(float(said["t"]), known, f"{source.who}: {said['event']}"))
 
     def _told(self, row: np.ndarray[Any, np.dtype[np.float64]]) -> None:
-        named = dict(zip(columns(Settings), row[1:].tolist(), strict=True))
-        self._outlet.about["params"] = named
-        self._outlet.about["rate_hz"] = 1.0 / named["law.h"]
-        self._outlet.params(row)
+        named = dict(zip(columns(ParamsRow), row.tolist(), strict=True))
+        del named["t"]
+        self._vehicle.about["params"] = named
+        self._vehicle.about["rate_hz"] = 1.0 / named["law.h"]
+        self._vehicle.params(row)
 
 
 def about(run: str, instance: int, flies: dict[str, Any]) -> dict[str, Any]:
@@ -146,6 +510,7 @@ def about(run: str, instance: int, flies: dict[str, Any]) -> dict[str, Any]:
         "vehicle": str(ports(instance).system_id),
         "instance": instance,
         "schema_version": SCHEMA_VERSION,
+        LAW: OUR_LAW,
         "version": version("m-mrac"),
         "started": time.time(),
         "believed_drag": list(believed_drag()),
@@ -162,13 +527,13 @@ def publish(
 
     Raises BusError, and PortBusy when another publisher has the instance.
     """
-    feeds = Feeds(instance)
+    feeds = FeedListener(instance)
     try:
         with bus.session(bus.for_publisher(instance, run, zenoh)) as session:
-            outlet = Outlet(session, str(ports(instance).system_id))
-            outlet.about = about(run, instance, flies)
-            outlet.alive("publisher", True)
-            publisher = Publisher(feeds, outlet, lifeline)
+            vehicle = PublishedVehicle(session, str(ports(instance).system_id), TOPICS)
+            vehicle.about = about(run, instance, flies)
+            vehicle.alive("publisher", True)
+            publisher = Publisher(feeds, vehicle, lifeline)
 
             def stop(_signal: int, _frame: object) -> None:
                 publisher.stopping = True
@@ -177,7 +542,7 @@ def publish(
             signal.signal(signal.SIGINT, stop)
             announce({"ready": "publisher", "instance": instance, "run": run})
             publisher.run()
-            outlet.leave(LEAVE_S)
+            vehicle.leave(LEAVE_S)
             announce(
                 {"ended": "publisher", "published": publisher.published, "lost": publisher.lost}
             )

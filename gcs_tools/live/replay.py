@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.live import bus, ticks
-from gcs_tools.live.outlet import LOOK_S, Outlet
+from gcs_tools.live import bus
+from gcs_tools.live.publisher import LOOK_S, PublishedVehicle
 from gcs_tools.recording import events
 from gcs_tools.recording.reader import SCHEMA_VERSION, Messages, RecordingError, messages
-from gcs_tools.recording.schema import PARAMS, TOPICS
+from gcs_tools.recording.schema import PARAMS
 
 LEAVE_S = 4.0  # wall: how long who listens may take to have it all
 SLICE_NS = 10_000_000  # of simulation time that goes out together at speed 1
@@ -36,10 +36,9 @@ class Replay:
 
     def __init__(self, path: Path, t_from: float, t_to: float) -> None:
         """t_from, t_to : simulation time, s, of what is replayed. Raises RecordingError."""
-        self.metadata, found = messages(path)
-        self._encodings = {topic.name: ticks.encoding(topic) for topic in TOPICS}
-        self._encodings[events.TOPIC] = events.ENCODING
-        self._messages = {t: m for t, m in found.items() if t in self._encodings and len(m.data)}
+        self.metadata, self.topics, found = messages(path)
+        known = {*self.topics, events.TOPIC}
+        self._messages = {t: m for t, m in found.items() if t in known and len(m.data)}
         moving = [m.time_ns for t, m in self._messages.items() if len(m.data) > 1]
         if not moving:
             raise RecordingError(f"{path}: nothing was recorded of this flight")
@@ -53,41 +52,43 @@ class Replay:
         """Simulation time of the first and the last tick that is replayed."""
         return self._first * 1e-9, self._last * 1e-9
 
-    def run(self, outlet: Outlet, speed: float | None, progress: Callable[[float], None]) -> None:
+    def run(
+        self, vehicle: PublishedVehicle, speed: float | None, progress: Callable[[float], None]
+    ) -> None:
         """Send it all. `speed`: simulated seconds a second; None: as fast as it goes.
 
         `progress` is told the simulation time, s, and may raise to stop it.
         """
-        self._before(outlet)
+        self._before(vehicle)
         began = time.monotonic()
         step = round(SLICE_NS * max(speed or 1.0, 1.0))
         now = self._first
         while now <= self._last:
-            self._send(outlet, now, min(now + step, self._last + 1))
+            self._send(vehicle, now, min(now + step, self._last + 1))
             now += step
-            outlet.serve()
+            vehicle.serve()
             progress(min(now, self._last) * 1e-9)
             if speed is not None:
                 left = began + (now - self._first) * 1e-9 / speed - time.monotonic()
                 if left > 0.0:
                     time.sleep(left)
 
-    def _before(self, outlet: Outlet) -> None:
+    def _before(self, vehicle: PublishedVehicle) -> None:
         """The parameters in force when it begins."""
-        found = self._messages.get(PARAMS.name)
+        found = self._messages.get(PARAMS)
         if found is not None:
             end = int(np.searchsorted(found.time_ns, self._first))
-            self._part(outlet, PARAMS.name, found, slice(max(end - 1, 0), end))
+            self._part(vehicle, PARAMS, found, slice(max(end - 1, 0), end))
 
-    def _send(self, outlet: Outlet, start: int, end: int) -> None:
+    def _send(self, vehicle: PublishedVehicle, start: int, end: int) -> None:
         for topic, found in self._messages.items():
             first, after = np.searchsorted(found.time_ns, [start, end])
-            self._part(outlet, topic, found, slice(int(first), int(after)))
+            self._part(vehicle, topic, found, slice(int(first), int(after)))
 
-    def _part(self, outlet: Outlet, topic: str, found: Messages, part: slice) -> None:
+    def _part(self, vehicle: PublishedVehicle, topic: str, found: Messages, part: slice) -> None:
         if part.stop > part.start:
-            outlet.messages(
-                topic, self._encodings[topic], found.sequence[part], found.time_ns[part],
+            vehicle.messages(
+                topic, found.encoding, found.sequence[part], found.time_ns[part],
                 found.data[part],
             )  # fmt: skip
 
@@ -104,14 +105,14 @@ def replay(
     """
     made = Replay(path, t_from, t_to)
     with bus.session(bus.for_publisher(instance, run, zenoh)) as session:
-        outlet = Outlet(session, vehicle, waits=True)
-        outlet.about = about(path, made.metadata, run, vehicle)
+        published = PublishedVehicle(session, vehicle, made.topics, waits=True)
+        published.about = about(path, made.metadata, run, vehicle)
         for process in ("publisher", "fcu", "plant"):
-            outlet.alive(process, True)
+            published.alive(process, True)
         ready(made)
-        while wait and not outlet.is_heard():
-            outlet.serve()
+        while wait and not published.is_heard():
+            published.serve()
             progress(made.span_s[0])
             time.sleep(LOOK_S)
-        made.run(outlet, speed, progress)
-        outlet.leave(LEAVE_S)
+        made.run(published, speed, progress)
+        published.leave(LEAVE_S)

@@ -14,13 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.interface.airframe import believed
-from fcu.kernel.buffers import columns
-from fcu.kernel.rows import view
 from fcu.mavlink.px4_modes import AutoMode, MainMode
-from fcu.settings import Settings
-from gcs_tools.recording.layout import Rows
 from gcs_tools.recording.reader import RecordingError, read
-from gcs_tools.recording.schema import FCU, FCU_COLUMNS, TOPICS, Topic
+from gcs_tools.recording.schema import TICK_TOPICS, TRUTH
+from gcs_tools.recording.table import Rows, Table
 
 WINDOW_S = 60.0  # of a live flight that is kept and drawn
 HALF_US = 0.5e-6  # ticks fall on whole microseconds: a time is met by rounding
@@ -59,23 +56,14 @@ DRAWN = {
     "/fcu/wind": parts("wind.v_air_E"),
     "/fcu/status": ["status.armed", "status.main_mode", "status.sub_mode", "status.failsafe"],
 }  # fmt: skip
-TRUTH = "/plant/truth"
-
-
-def carried(topic: Topic) -> list[str]:
-    """The columns of the messages of a topic, in their order."""
-    return [*topic.own, *(topic.prefix + name for name in columns(topic.carries))]
 
 
 class TopicHistory:
     """Rows of one topic, oldest first: all of them, or those of the newest `keep_s` seconds."""
 
-    def __init__(
-        self, names: Sequence[str], wanted: Sequence[str], keep_s: float = math.inf
-    ) -> None:
-        """names : columns of the rows appended, `t` (s) among them.  wanted : those to keep."""
+    def __init__(self, wanted: Sequence[str], keep_s: float = math.inf) -> None:
+        """wanted : the columns to keep, beside `t` (s)."""
         kept = ["t", *wanted]
-        self._from = [list(names).index(name) for name in kept]
         self._at = {name: i for i, name in enumerate(kept)}
         self._keep_s = keep_s
         self._data = np.empty((len(kept), 1024))  # a column after the other: each is read whole
@@ -88,11 +76,17 @@ class TopicHistory:
         """One column, (n,). Good until the next `append`."""
         return self._data[self._at[name], self._first : self._end]
 
-    def append(self, rows: Rows) -> None:
-        """Append rows, float64 (n, len(names)). Where time goes back, a new flight begins."""
+    def append(self, rows: Table) -> None:
+        """Append rows; what they do not have is not a number. Where time goes back, a new flight begins.
+
+        Raises KeyError of rows without time.
+        """
         if not len(rows):
             return
-        new = rows[:, self._from].T
+        new = np.full((len(self._at), len(rows)), np.nan)
+        for name, i in self._at.items():
+            if name in rows.names or name == "t":
+                new[i] = rows[name]
         last = self._data[0, self._end - 1] if len(self) else -math.inf
         back = np.flatnonzero(np.diff(new[0], prepend=last) < 0.0)
         if len(back):
@@ -132,12 +126,17 @@ class Limits(NamedTuple):
     g: float
 
     @classmethod
-    def of(cls, params: Rows) -> Limits:
-        """Those of a row of Settings."""
-        law = view(Settings, params).law
+    def of(cls, params: Mapping[str, float]) -> Limits:
+        """Those of a law's parameters, by name; of what it does not have, not a number."""
+
+        def told(name: str) -> float:
+            return params.get(f"law.{name}", math.nan)
+
         return cls(
-            **law.limits._asdict(), Omega_max=law.rotors.Omega_max, achieved=law.achieved, g=law.g
-        )
+            T_min=told("limits.T_min"), T_max=told("limits.T_max"),
+            phi_star=told("limits.phi_star"), Omega_max=told("rotors.Omega_max"),
+            achieved=told("achieved"), g=told("g"),
+        )  # fmt: skip
 
     @classmethod
     def believed(cls) -> Limits:
@@ -164,15 +163,11 @@ class FlightHistory:
         self.title = title
         self.limits = Limits.believed()
         self.ground_z: float | None = None  # m; None until it is known
-        self._topics = {
-            topic.name: TopicHistory(carried(topic), kept[topic.name], keep_s)
-            for topic in TOPICS
-            if topic.name in kept
-        }
+        self._topics = {topic: TopicHistory(names, keep_s) for topic, names in kept.items()}
         self._of = {name: self._topics[topic] for topic, names in kept.items() for name in names}
 
-    def append(self, topic: str, rows: Rows) -> None:
-        """Append rows of a topic, float64 (n, columns of its messages), if it is drawn."""
+    def append(self, topic: str, rows: Table) -> None:
+        """Append rows of a topic, if it is drawn."""
         if topic in self._topics:
             self._topics[topic].append(rows)
         if topic == TRUTH and self.ground_z is None:
@@ -253,9 +248,8 @@ def recorded(path: Path) -> FlightHistory:
     if recording.params is not None:
         flight.limits = Limits.of(recording.params)
     flight.append(TRUTH, recording.plant)
-    ticks = FCU_COLUMNS.index
-    for topic in FCU:
-        flight.append(topic.name, recording.fcu[:, [ticks(name) for name in carried(topic)]])
+    for topic in TICK_TOPICS:
+        flight.append(topic.name, recording.fcu)
     for name, rows in recording.reports.items():
         flight.append(name, rows)
     return flight

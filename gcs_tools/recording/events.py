@@ -1,11 +1,14 @@
-"""What happened in a flight, in words: the messages of the topic /events.
+"""What happened in a flight, in words: the messages of the topic /events, and what both logs say.
 
 The schema is foxglove.Log, as published, which viewers show as a log.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from google.protobuf import timestamp_pb2
@@ -16,11 +19,11 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
 TOPIC = "/events"
 MESSAGE = "foxglove.Log"
-ENCODING = f"application/protobuf;{MESSAGE}s"  # on Zenoh: as ticks share a sample (ticks.pack)
 LEVELS = ("unknown", "debug", "info", "warning", "error", "fatal")
 _NS = 1_000_000_000
 
@@ -31,6 +34,11 @@ class Event(NamedTuple):
     t: float
     level: str  # one of LEVELS
     text: str
+
+
+def encoding(message: str = MESSAGE) -> str:
+    """What samples say of themselves on Zenoh, where messages share them as ticks do (ticks.pack)."""
+    return f"application/protobuf;{message}s"
 
 
 @cache
@@ -88,12 +96,34 @@ def encode(event: Event) -> bytes:
 def decode(schema: bytes, messages: list[bytes]) -> list[Event]:
     """The events that `messages` hold, read through the schema that came with them.
 
-    Raises ValueError or google.protobuf's DecodeError for what is no such message.
+    Raises ValueError for what is no such message.
     """
     decoder = _message_class(schema)
     found = []
-    for message in map(decoder.FromString, messages):
+    try:
+        decoded = [decoder.FromString(message) for message in messages]
+    except DecodeError as error:
+        raise ValueError(f"not a message of {MESSAGE}") from error
+    for message in decoded:
         t = (message.timestamp.seconds * _NS + message.timestamp.nanos) / _NS
         level = LEVELS[message.level] if 0 <= message.level < len(LEVELS) else LEVELS[0]
         found.append(Event(t, level, message.message))
     return found
+
+
+# a line of log: simulation time or "-", level, process, text: fcu.loop.say, sitl_plant.loop.say
+_LINE = re.compile(r" *(?P<t>-|[0-9]+\.[0-9]{3}) (?P<level>\w+) +(?P<who>\w+) +(?P<text>.+)")
+
+
+def logged(folder: Path) -> Iterator[Event]:
+    """The lines of fcu.log and plant.log of a run; what came before the flight is at time 0."""
+    for name in ("fcu.log", "plant.log"):
+        try:
+            lines = (folder / name).read_text(errors="replace").splitlines()
+        except OSError:
+            continue
+        for line in lines:
+            found = _LINE.fullmatch(line)
+            if found and found["level"] in LEVELS:
+                t = 0.0 if found["t"] == "-" else float(found["t"])
+                yield Event(t, found["level"], f"{found['who']}: {found['text']}")

@@ -9,22 +9,20 @@ places, once the bytes between them are known to be the template's.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorSet
 
+from gcs_tools.recording.table import Rows
+
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
-Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 _FIXED64, _LENGTH_DELIMITED = 1, 2  # Protobuf wire types
-_RECORD = np.dtype(  # an MCAP message record, up to its data
-    [
-        ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
-        ("log_time", "<u8"), ("publish_time", "<u8"),
-    ]
-)  # fmt: skip
-_MESSAGE_OPCODE = 5
+
+
+DEEPEST, LONGEST = 16, 1 << 16  # of a message in another, and bytes: a schema may be anybody's
 
 
 class LayoutError(ValueError):
@@ -58,6 +56,7 @@ def _messages(
         yield from _messages(name, message.nested_type)
 
 
+@cache
 def layout(schema: bytes, name: str) -> Layout:
     """The layout of the message `name` of a serialized FileDescriptorSet.
 
@@ -70,8 +69,8 @@ def layout(schema: bytes, name: str) -> Layout:
     return _layout(known, f".{name}")
 
 
-def _layout(known: dict[str, DescriptorProto], name: str) -> Layout:
-    if name not in known:
+def _layout(known: dict[str, DescriptorProto], name: str, depth: int = 0) -> Layout:
+    if name not in known or depth > DEEPEST:
         raise LayoutError(f"the schema has no message {name.lstrip('.')}")
     template, names, places = b"", [], []
     for field in sorted(known[name].field, key=lambda field: int(field.number)):
@@ -82,7 +81,7 @@ def _layout(known: dict[str, DescriptorProto], name: str) -> Layout:
             places.append(len(template))
             template += bytes(8)
         elif single and field.type == FieldDescriptorProto.TYPE_MESSAGE:
-            inner = _layout(known, field.type_name)
+            inner = _layout(known, field.type_name, depth + 1)
             template += varint(field.number << 3 | _LENGTH_DELIMITED)
             template += varint(len(inner.template))
             names += [f"{field.name}.{inner_name}" for inner_name in inner.names]
@@ -90,6 +89,8 @@ def _layout(known: dict[str, DescriptorProto], name: str) -> Layout:
             template += inner.template
         else:
             raise LayoutError(f"{name.lstrip('.')}.{field.name}: expected a double or a message")
+        if len(template) > LONGEST:
+            raise LayoutError(f"{name.lstrip('.')} is longer than {LONGEST} bytes")
     return Layout(template, tuple(names), tuple(places))
 
 
@@ -110,6 +111,12 @@ def decode(form: Layout, messages: list[bytes]) -> Rows:
     if wrong.any():
         raise LayoutError(f"message {int(wrong.argmax())} has other fields than its schema")
     return np.ascontiguousarray(data[:, at]).view("<f8")[..., 0].astype(np.float64, copy=False)
+
+
+def encode(form: Layout, rows: Rows) -> list[bytes]:
+    """A message of each row, float64 (n, len(form.names))."""
+    stack = Stack([(b"", form, list(range(len(form.names))))])
+    return [row.tobytes() for row in stack.encode(rows)]
 
 
 class _Run(NamedTuple):
@@ -162,62 +169,11 @@ class Stack:
         n = len(rows)
         out = np.empty((n, self.row_bytes), np.uint8)
         out[:] = self._template
+        if not n:  # numpy has no views into nothing
+            return out
         for run in self._runs:
             to: Rows = np.ndarray(
                 (n, run.width), "<f8", out, run.place, (self.row_bytes, run.spacing)
             )
             to[:] = rows[:, run.column : run.column + run.width]
         return out
-
-
-class Encoder:
-    """Rows of float64 into MCAP message records: for each row one record on each channel."""
-
-    def __init__(self, forms: list[tuple[int, Layout, list[int]]]) -> None:
-        """`forms`: channel, its layout, and for each double of it the column of the row."""
-        self.channels = [channel for channel, _, _ in forms]
-        self._stack = Stack([(_head(c, form), form, columns) for c, form, columns in forms])
-        self.starts = self._stack.starts  # of each channel's record in the bytes of a row
-
-    @property
-    def row_bytes(self) -> int:
-        """Bytes that one row becomes."""
-        return self._stack.row_bytes
-
-    def encode(self, rows: Rows, time_ns: np.ndarray[Any, Any], first: int) -> Bytes:
-        """The records of `rows`, uint8 (n, row_bytes).
-
-        time_ns : uint64 (n,), simulation time.  first : sequence number of the first row.
-        """
-        out = self._stack.encode(rows)
-        sequence = np.arange(first, first + len(rows))
-        for start in self.starts:
-            number(out, start, sequence, time_ns)
-        return out
-
-
-def _head(channel: int, form: Layout) -> bytes:
-    """Of an MCAP message record of this layout."""
-    head = np.zeros((), _RECORD)
-    head["opcode"], head["channel"] = _MESSAGE_OPCODE, channel
-    head["length"] = _RECORD.itemsize - 9 + len(form.template)  # after opcode and length
-    return head.tobytes()
-
-
-def number(
-    records: Bytes, start: int, sequence: np.ndarray[Any, Any], time_ns: np.ndarray[Any, Any]
-) -> None:
-    """Write sequence numbers and simulation times into the heads of MCAP message records.
-
-    records : uint8 (n, row_bytes), heads at byte `start` of each row.
-    """
-    n, row_bytes = records.shape
-    head: Any = np.ndarray((n,), _RECORD, records, start, (row_bytes,))
-    head["sequence"] = sequence.astype(np.uint32)
-    head["log_time"] = head["publish_time"] = time_ns
-
-
-def records(channel: int, form: Layout, messages: Bytes) -> Bytes:
-    """MCAP records of encoded messages, uint8 (n, len(form.template)); yet to be numbered."""
-    head = np.frombuffer(_head(channel, form), np.uint8)
-    return np.concatenate([np.tile(head, (len(messages), 1)), messages], axis=1)

@@ -1,8 +1,31 @@
-"""What columns were called in recordings of versions 1 to 3, and what they are called now."""
+"""What older recordings call otherwise: the one table of old and new names.
+
+Versions 1 to 3 do not say where in a row the fields of a topic belong: `ROWS` does. Version 1 has
+nothing but truth, ticks, parameters and events; version 2 had no guard: what they lack is read as
+not a number. Names that changed are in `COLUMNS` and `PARAMS`, by what they begin with.
+"""
 
 from __future__ import annotations
 
-TICK = {
+from collections.abc import Mapping
+
+VERSIONS = ("1", "2", "3")
+
+ROWS: dict[str, dict[str, str]] = {  # topic -> metadata of its channel, as version 4 has it
+    "/plant/truth": {"row": "plant", "own": "", "prefix": ""},
+    "/plant/timing": {"own": "t", "prefix": "timing."},
+    "/fcu/measured": {"row": "fcu", "own": "t", "prefix": "measured."},
+    "/fcu/setpoint": {"row": "fcu", "own": "t", "prefix": "setpoint."},
+    "/fcu/law": {"row": "fcu", "own": "t engaged", "prefix": "state."},
+    "/fcu/internals": {"row": "fcu", "own": "t", "prefix": "internals."},
+    "/fcu/command": {"row": "fcu", "own": "t", "prefix": "command."},
+    "/fcu/wind": {"own": "t", "prefix": "wind."},
+    "/fcu/status": {"own": "t", "prefix": "status."},
+    "/fcu/timing": {"own": "t", "prefix": "timing."},
+    "/fcu/params": {"own": "t", "prefix": ""},
+}
+
+COLUMNS = {
     "state.r_m": "state.reference.r_m",
     "state.v_m": "state.reference.v_m",
     "state.v_hat": "state.predictor.v_hat",
@@ -63,28 +86,30 @@ PARAMS = {
     **{name: f"law.limits.{name}" for name in ("T_min", "T_max", "phi_star")},
     **{
         name: f"law.rotors.{name}"
-        for name in ("x", "y", "spin", "c_T", "k_Q", "Omega_max", "f_min", "f_max", "kappa")
+        for name in (
+            "x", "y", "spin", "c_T", "k_Q", "Omega_max", "f_min", "f_max", "kappa",
+            "B_x", "B_y", "B_z",
+        )
     },
-    **{name: f"law.rotors.{name}" for name in ("B_x", "B_y", "B_z")},
     "rotor_mean": "law.rotors.mean",
     **{
         name: f"law.initial.{name}" for name in ("m_hat_0", "J_hat_0", "r_m_offset", "v_hat_offset")
     },
     "guard": "guard",
-}
+}  # fmt: skip
 
 
-def now_of_tick(name: str) -> str:
-    """What a column of a Tick is called now."""
-    return _renamed(name, TICK) or name
+def of_tick(name: str) -> str:
+    """What a column of a tick is called now."""
+    return _renamed(name, COLUMNS) or name
 
 
-def now_of_params(name: str) -> str:
-    """What a column of the parameters is called now."""
+def of_params(name: str) -> str:
+    """What a parameter is called now."""
     return name if name == "t" else _renamed(name, PARAMS) or f"law.{name}"
 
 
-def _renamed(name: str, names: dict[str, str]) -> str:
+def _renamed(name: str, names: Mapping[str, str]) -> str:
     """By the longest beginning of a dotted name that has another; empty without one."""
     parts = name.split(".")
     for n in range(len(parts), 0, -1):

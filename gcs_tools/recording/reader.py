@@ -1,9 +1,14 @@
-"""A recording read back: the same rows that were recorded, to the bit."""
+"""A recording read back: the same rows that were recorded, to the bit.
+
+What a file holds is told by its own schemas, not by the NamedTuples of this version: columns are
+called what the file calls them, and stand in its order. What this version does not know is there
+all the same; what it knows and the file does not have is not a number.
+"""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import reduce
@@ -18,24 +23,21 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
-from fcu.kernel.buffers import columns
-from fcu.settings import Settings
-from fcu.tick import Tick
 from gcs_tools.recording import events, old_names
 from gcs_tools.recording.events import Event
-from gcs_tools.recording.layout import LayoutError, Rows, decode, layout
-from gcs_tools.recording.schema import FCU, PARAMS, PLANT, PLANT_TIMING, STATUS, TIMING, WIND, Topic
-from sitl_plant.physics.types import PlantRecord
+from gcs_tools.recording.layout import LayoutError, decode, encode
+from gcs_tools.recording.schema import FCU, PARAMS, PLANT, TOPICS, TRUTH, Topic
+from gcs_tools.recording.table import Rows, Table
 
 SCHEMA_VERSION = 4  # of what a recording holds; a reader refuses a newer one
-OLD = ("1", "2", "3")  # read under the names of now; what they do not have as not a number
-SINCE_4 = {"/fcu/outputs", "/fcu/guard_state", "/fcu/guard"}  # before in the topics of the law
+READ = (*old_names.VERSIONS, str(SCHEMA_VERSION))
 SOURCE, BUS = "recorded_from", "bus"  # of metadata: a bus, unlike a flight, may lose messages
 METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
+LAW, OUR_LAW = "law", "mmrac"  # of metadata: which law was flown; without it, ours
+OF_A_LAW = ("/fcu/law", "/fcu/internals", PARAMS)  # topics whose fields are another law's own
 
-SEEN = (PLANT_TIMING, WIND, STATUS, TIMING)  # beside truth and ticks
-Sequence = np.ndarray[Any, np.dtype[np.int64]]
+Sequence = np.ndarray[Any, np.dtype[np.uint64]]
 
 _MAGIC_BYTES = 8
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
@@ -47,15 +49,16 @@ class RecordingError(Exception):
 
 @dataclass(frozen=True)
 class Recording:
-    """What one flight recorded. Rows are float64, one a control tick."""
+    """What one flight recorded. Tables have a row a control tick, and a column `t`."""
 
     path: Path
     metadata: dict[str, str]
-    plant: Rows  # (n, size(PlantRecord))
-    fcu: Rows  # (m, size(Tick))
-    params: Rows | None  # (size(Settings),), or None if the flight ended before they were known
+    plant: Table  # the truth
+    fcu: Table  # what the controller and its law told of each tick
+    params: dict[str, float] | None  # the law's, or None if the flight ended before they were known
     events: list[Event]
-    reports: dict[str, Rows]  # by topic, of SEEN those recorded: t, then the columns it carries
+    reports: dict[str, Table]  # by topic, those recorded: what was told beside, whatever it is
+    topics: dict[str, Topic]  # as the file describes them
     lost: dict[str, int]  # by topic: messages missing between the first and the last
     complete: bool  # False: the recorder did not close it, what it had not written is missing
 
@@ -100,6 +103,16 @@ class _Contents:
             if len(data) < _MAGIC_BYTES:
                 raise
 
+    @property
+    def is_of_a_bus(self) -> bool:
+        """Whether it was recorded off a bus, which may lose messages."""
+        return self.metadata.get(SOURCE) == BUS
+
+    @property
+    def is_of_our_law(self) -> bool:
+        """Whether the law that was flown is the one whose names this version knows."""
+        return self.metadata.get(LAW, OUR_LAW) == OUR_LAW
+
     def lost(self) -> dict[str, int]:
         """By topic: messages missing between the first and the last."""
         lost = {}
@@ -109,144 +122,172 @@ class _Contents:
                 lost[topic] = missing
         return lost
 
-    def of(self, topic: str) -> tuple[Schema, list[Message]] | None:
-        """Schema and messages of `topic`, or None if the file does not have it."""
-        channel = self.channels.get(topic)
-        if channel is None:
-            return None
-        return self.schemas[channel.schema_id], self.messages.get(channel.id, [])
+    def topics(self) -> dict[str, Topic]:
+        """Every topic of numbers as the file describes it, by name."""
+        found = {}
+        for name, channel in self.channels.items():
+            schema = self.schemas[channel.schema_id]
+            of_row: Mapping[str, str] = channel.metadata
+            if self.version in old_names.VERSIONS:
+                of_row = old_names.ROWS.get(name, {})
+            elif not of_row and name in TOPICS:  # a copy by a tool that does not keep it
+                of_row = TOPICS[name].metadata
+            topic = Topic.described(name, schema.name, schema.data, of_row)
+            if topic.has_layout:  # others have words, or are somebody else's
+                found[name] = topic
+        return found
+
+    def of(self, topic: str) -> list[Message]:
+        """Its messages."""
+        return self.messages.get(self.channels[topic].id, [])
+
+    def known(self, row: str) -> list[str]:
+        """The columns of a row that this version knows of the law that was flown."""
+        topics = (t for t in TOPICS.values() if t.row == row)
+        ours = (t for t in topics if self.is_of_our_law or t.name not in OF_A_LAW)
+        return list(dict.fromkeys(name for topic in ours for name in topic.columns))
+
+    def known_of(self, topic: Topic) -> list[str]:
+        """The same, of a topic that is of no row."""
+        ours = topic.name in TOPICS and (self.is_of_our_law or topic.name not in OF_A_LAW)
+        return TOPICS[topic.name].columns if ours else []
+
+    def present_names(self, topic: Topic) -> list[str]:
+        """The columns of a topic, called what this version calls them."""
+        if self.version not in old_names.VERSIONS:
+            return topic.columns
+        if topic.name == PARAMS:
+            return [old_names.of_params(name) for name in topic.columns]
+        if topic.row == FCU:
+            return [old_names.of_tick(name) for name in topic.columns]
+        return topic.columns
 
 
-class _Column(NamedTuple):
-    """The messages of one topic."""
+class _Part(NamedTuple):
+    """The messages of one topic, or of all topics of one row."""
 
     sequence: Sequence  # (n,), ascending
-    rows: Rows  # (n, columns)
-    at: list[int]  # for each column of `rows`, the column of the whole row that it is
+    table: Table
 
 
-def _column(contents: _Contents, topic: Topic, names: list[str]) -> _Column:
-    """What is recorded of `topic`, whose whole row has columns called `names`."""
-    found = contents.of(topic.name)
-    if found is None:
-        raise LayoutError(f"{topic.name} is missing")
-    schema, messages = found
-    form = layout(schema.data, schema.name)
-    recorded = [topic.column(name) for name in form.names]
-    expected = {*topic.own, *(topic.prefix + name for name in columns(topic.carries))}
-    if contents.version in OLD and (topic in FCU or topic is PARAMS):
-        now = old_names.now_of_params if topic is PARAMS else old_names.now_of_tick
-        recorded = [now(name) for name in recorded]
-        expected = set(names) & set(recorded)
-    lacks = expected - set(recorded)
-    for problem, which in (
-        ("lacks", sorted(lacks)),
-        ("has the unknown", sorted(set(recorded) - expected)),
-    ):
-        if which:
-            raise LayoutError(f"{topic.name} {problem} {', '.join(which)}: another version's")
-    sequence = np.array([message.sequence for message in messages], np.int64)
-    backwards = np.flatnonzero(np.diff(sequence) <= 0)
+def _part(contents: _Contents, topic: Topic) -> _Part:
+    """What is recorded of `topic`."""
+    messages = contents.of(topic.name)
+    sequence = np.array([message.sequence for message in messages], np.uint64)
+    backwards = np.flatnonzero(sequence[1:] <= sequence[:-1])
     if len(backwards):
         raise LayoutError(f"{topic.name}: tick {sequence[backwards[0]]} is followed by an earlier")
-    if contents.metadata.get(SOURCE) != BUS:  # its own flight's: nothing can be missing
+    if not contents.is_of_a_bus:  # its own flight's: nothing can be missing
         gaps = np.flatnonzero(sequence != np.arange(len(sequence)))
         if len(gaps):
             i = int(gaps[0])
             raise LayoutError(f"{topic.name}: tick {i} is missing, next is {sequence[i]}")
     try:
-        values = decode(form, [message.data for message in messages])
+        rows = decode(topic.layout, [message.data for message in messages])
     except LayoutError as error:
         raise LayoutError(f"{topic.name}: {error}") from error
-    return _Column(sequence, values, [names.index(name) for name in recorded])
+    return _Part(sequence, Table(rows, contents.present_names(topic)))
 
 
-def _together(found: dict[Topic, _Column], names: list[str]) -> Rows:
-    """Whole rows, of the ticks that every topic has."""
-    sequences = [column.sequence for column in found.values()]
-    shared = reduce(np.intersect1d, sequences)
-    rows = np.full((len(shared), len(names)), np.nan)
-    first: Topic | None = None
-    for topic, column in found.items():
-        values = column.rows[np.isin(column.sequence, shared)]
-        if first is not None and (values[:, column.at.index(0)] != rows[:, 0]).any():
-            raise LayoutError(f"{topic.name} and {first.name} are not of the same ticks")
-        rows[:, column.at] = values
-        first = first or topic
-    return rows
+def _filled(table: Table, known: list[str]) -> Table:
+    """`table`, with what it lacks of the columns that are known: not numbers, behind its own."""
+    lacks = [name for name in known if name not in table.names]
+    if not lacks:
+        return table
+    more = np.full((len(table), len(lacks)), np.nan)
+    return Table(np.concatenate([table.rows, more], axis=1), [*table.names, *lacks])
 
 
-def _ticks(contents: _Contents, topics: tuple[Topic, ...], names: list[str]) -> Rows:
-    if contents.version in OLD:
-        topics = tuple(topic for topic in topics if topic.name not in SINCE_4)
-    found = {topic: _column(contents, topic, names) for topic in topics}
-    rows = _together(found, names)
-    if contents.metadata.get(SOURCE) != BUS and any(
-        len(c.rows) != len(rows) for c in found.values()
-    ):
-        by_length = sorted(found, key=lambda topic: len(found[topic].rows))
-        both = f"{by_length[0].name} and {by_length[-1].name}"
-        raise LayoutError(f"{both} are not of the same ticks")
-    return rows
+def _together(contents: _Contents, topics: list[Topic], row: str) -> _Part:
+    """Whole rows, of the ticks that every topic of the row has."""
+    parts = {topic.name: _part(contents, topic) for topic in topics if topic.row == row}
+    if not parts:
+        raise LayoutError(
+            f"{TRUTH if row == PLANT else 'every topic of the controller'} is missing"
+        )
+    shared = reduce(np.intersect1d, [part.sequence for part in parts.values()])
+    if not contents.is_of_a_bus and any(len(p.sequence) != len(shared) for p in parts.values()):
+        by_length = sorted(parts, key=lambda name: len(parts[name].sequence))
+        raise LayoutError(f"{by_length[0]} and {by_length[-1]} are not of the same ticks")
+    values: dict[str, Rows] = {}
+    for name, part in parts.items():
+        rows = part.table.rows[np.isin(part.sequence, shared)]
+        for column, value in zip(part.table.names, rows.T, strict=True):
+            if column == "t" and (values.get("t", value) != value).any():
+                raise LayoutError(f"{name} and {next(iter(parts))} are not of the same ticks")
+            values.setdefault(column, value)
+    table = Table(np.stack(list(values.values()), axis=1), list(values))
+    return _Part(shared, _filled(table, contents.known(row)))
 
 
-def _reports(contents: _Contents) -> dict[str, Rows]:
-    """What was recorded beside ticks, by topic."""
-    reports = {}
-    for topic in SEEN:
-        if contents.of(topic.name) is not None:
-            names = [*topic.own, *(topic.prefix + name for name in columns(topic.carries))]
-            column = _column(contents, topic, names)
-            if len(column.rows):
-                reports[topic.name] = np.empty((len(column.rows), len(names)))
-                reports[topic.name][:, column.at] = column.rows
-    return reports
+def _beside(contents: _Contents, topic: Topic) -> _Part:
+    """What is recorded of a topic that is of no row."""
+    part = _part(contents, topic)
+    return part._replace(table=_filled(part.table, contents.known_of(topic)))
 
 
-def _params(contents: _Contents) -> Rows | None:
-    names = ["t", *columns(Settings)]
-    column = _column(contents, PARAMS, names)
-    if not len(column.rows):
+def _params(contents: _Contents, topics: Mapping[str, Topic]) -> dict[str, float] | None:
+    if PARAMS not in topics or not contents.of(PARAMS):
         return None
-    row = np.full(len(names), np.nan)
-    row[column.at] = column.rows[0]
-    return row[1:]
+    told = _beside(contents, topics[PARAMS]).table
+    first = zip(told.names, told.rows[0].tolist(), strict=True)
+    return {name: value for name, value in first if name != "t"}
 
 
 def _events(contents: _Contents) -> list[Event]:
-    found = contents.of(events.TOPIC)
-    if found is None:
+    channel = contents.channels.get(events.TOPIC)
+    if channel is None:
         raise LayoutError(f"{events.TOPIC} is missing")
-    schema, messages = found
-    return events.decode(schema.data, [message.data for message in messages])
+    schema = contents.schemas[channel.schema_id].data
+    return events.decode(schema, [message.data for message in contents.of(events.TOPIC)])
 
 
 class Messages(NamedTuple):
     """One topic as it is on file, in the order of time."""
 
-    sequence: np.ndarray[Any, np.dtype[np.uint64]]  # (n,)
-    time_ns: np.ndarray[Any, np.dtype[np.uint64]]  # (n,), simulation time
+    encoding: str  # of its samples on the bus
+    sequence: Sequence  # (n,)
+    time_ns: Sequence  # (n,), simulation time
     data: list[bytes]
 
 
-def messages(path: Path) -> tuple[dict[str, str], dict[str, Messages]]:
-    """The metadata of the recording at `path`, and its messages by topic.
+def messages(path: Path) -> tuple[dict[str, str], dict[str, Topic], dict[str, Messages]]:
+    """Metadata of the recording at `path`, its topics of numbers, and the messages of all topics.
 
-    Raises RecordingError, also for an older version's: its messages have other fields.
+    Of an older version's: as this version would have recorded them. Raises RecordingError.
     """
     contents, _ = _opened(path)
-    if contents.version != str(SCHEMA_VERSION):
-        why = f"recording version {contents.version}: only {SCHEMA_VERSION} can be replayed"
-        raise RecordingError(f"{path}: {why}")
+    with _named(path):
+        topics, found = contents.topics(), {}
+        for name, channel in contents.channels.items():
+            schema = contents.schemas[channel.schema_id].name
+            of = contents.messages.get(channel.id, [])
+            sequence, time_ns = (
+                np.array([getattr(message, which) for message in of], np.uint64)
+                for which in ("sequence", "log_time")
+            )
+            encoding = topics[name].encoding if name in topics else events.encoding(schema)
+            found[name] = Messages(encoding, sequence, time_ns, [message.data for message in of])
+        if contents.version in old_names.VERSIONS:
+            told = {name: found[name] for name in found if name not in topics}
+            topics, found = TOPICS, {**_as_present(contents, topics), **told}
+    return contents.metadata, topics, found
+
+
+def _as_present(contents: _Contents, topics: Mapping[str, Topic]) -> dict[str, Messages]:
+    """What is on file, in messages of this version's topics."""
+    rows = {row: _together(contents, [*topics.values()], row) for row in (PLANT, FCU)}
     found = {}
-    for topic, channel in contents.channels.items():
-        of = contents.messages.get(channel.id, [])
-        sequence, time_ns = (
-            np.array([getattr(message, name) for message in of], np.uint64)
-            for name in ("sequence", "log_time")
-        )
-        found[topic] = Messages(sequence, time_ns, [message.data for message in of])
-    return contents.metadata, found
+    for topic in TOPICS.values():
+        if not topic.row and topic.name not in topics:
+            continue
+        sequence, table = rows.get(topic.row) or _beside(contents, topics[topic.name])
+        time_ns = np.rint(table["t"] * 1e9).astype(np.uint64)
+        values = np.stack([table[name] for name in topic.columns], axis=1)
+        found[topic.name] = Messages(
+            topic.encoding, sequence, time_ns, encode(topic.layout, values)
+        )  # fmt: skip
+    return found
 
 
 def _opened(path: Path) -> tuple[_Contents, bool]:
@@ -262,7 +303,7 @@ def _opened(path: Path) -> tuple[_Contents, bool]:
         version = contents.metadata.pop(VERSION_KEY, None)
         if version is None:
             raise LayoutError("not a recording of a flight")
-        if version not in (*OLD, str(SCHEMA_VERSION)):
+        if version not in READ:
             raise LayoutError(f"recording version {version}; this program reads {SCHEMA_VERSION}")
         contents.version = version
     return contents, complete
@@ -284,18 +325,21 @@ def _named(path: Path) -> Iterator[None]:
 def read(path: Path) -> Recording:
     """The recording at `path`; of one that was cut short, all up to its last whole chunk.
 
-    Raises RecordingError if it cannot be read, is damaged, or was written by another version.
+    Raises RecordingError if it cannot be read, is damaged, or was written by a later version.
     """
     contents, complete = _opened(path)
     with _named(path):
+        topics = contents.topics()
+        beside = [t for t in topics.values() if not t.row and t.name != PARAMS]
         return Recording(
             path=path,
             metadata=contents.metadata,
-            plant=_ticks(contents, (PLANT,), columns(PlantRecord)),
-            fcu=_ticks(contents, FCU, columns(Tick)),
-            params=_params(contents),
+            plant=_together(contents, [*topics.values()], PLANT).table,
+            fcu=_together(contents, [*topics.values()], FCU).table,
+            params=_params(contents, topics),
             events=_events(contents),
-            reports=_reports(contents),
+            reports={t.name: _beside(contents, t).table for t in beside if contents.of(t.name)},
+            topics=topics,
             lost=contents.lost(),
             complete=complete,
         )

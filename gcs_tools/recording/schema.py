@@ -1,7 +1,8 @@
-"""The Protobuf schemas of a recording, derived from the NamedTuples that carry the quantities.
+"""The topics of a recording and their Protobuf schemas, derived from NamedTuples or read from a file.
 
 One message a topic; every message starts with `t`, the simulation time. The unit and frame
-that stand as a comment beside a field in the source stand as its comment in the schema.
+that stand as a comment beside a field in the source stand as its comment in the schema. A Topic
+says all that its reader needs: whoever reads a file or listens to the bus needs no NamedTuple.
 `python -m gcs_tools.recording.schema FOLDER` writes the schemas as .proto text.
 """
 
@@ -13,7 +14,7 @@ import io
 import sys
 import textwrap
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,18 +25,23 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorProto,
     FileDescriptorSet,
 )
+from google.protobuf.message import DecodeError
 
-from fcu.interface.diagnostics import PlantReport, Report
+from fcu.interface.diagnostics import PlantReport, Report, fcu_row, params_row, plant_row
 from fcu.kernel import algebra
-from fcu.kernel.buffers import columns, fields, is_value
+from fcu.kernel.buffers import fields, is_value
 from fcu.settings import Settings
 from fcu.tick import Tick
+from gcs_tools.recording.layout import Layout, LayoutError, layout
 from sitl_plant.physics.types import PlantRecord
 
 PACKAGE = "m_mrac"
 GEOMETRY = f"{PACKAGE}/geometry.proto"
 _DOUBLE = FieldDescriptorProto.TYPE_DOUBLE
 _MESSAGE = FieldDescriptorProto.TYPE_MESSAGE
+TRUTH, PARAMS, TIMING, PLANT_TIMING, WIND, STATUS = (
+    "/plant/truth", "/fcu/params", "/fcu/timing", "/plant/timing", "/fcu/wind", "/fcu/status",
+)  # fmt: skip
 TICKS = "Ticks"  # what the name of a message of several ticks ends with
 _FIXED64 = FieldDescriptorProto.TYPE_FIXED64
 _OF_TICKS = (
@@ -47,48 +53,129 @@ _TIME_COMMENT = "simulation time, s"
 
 
 class Topic(NamedTuple):
-    """One topic of a recording, and the part of a row that its messages carry."""
+    """One topic as its messages describe themselves, and where in a row they belong."""
 
     name: str
-    message: str  # name of the Protobuf message, without its package
-    carries: Any  # the NamedTuple whose fields the message has
-    own: tuple[str, ...]  # floats of the row itself that stand before them
-    prefix: str  # of the names of the other columns in the row
+    message: str  # full name of its Protobuf message
+    schema: bytes  # a serialized FileDescriptorSet that holds it
+    row: str  # ticks of topics with one name for it are parts of one row; "": of none
+    own: tuple[str, ...]  # fields that are columns of the row by their own name
+    prefix: str  # of the names that its other fields have as columns
 
-    def column(self, field: str) -> str:
-        """Name in the row of the field of the message called `field` (dotted)."""
-        return field if field in self.own else self.prefix + field
+    @property
+    def layout(self) -> Layout:
+        """Where its doubles stand. Raises LayoutError if it is not one of doubles alone."""
+        return layout(self.schema, self.message)
+
+    @property
+    def has_layout(self) -> bool:
+        """Whether its messages are of doubles alone."""
+        try:
+            layout(self.schema, self.message)
+        except (LayoutError, DecodeError):
+            return False
+        return True
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of its messages in their order: t first. Raises LayoutError."""
+        return [name if name in self.own else self.prefix + name for name in self.layout.names]
+
+    @property
+    def comments(self) -> dict[str, str]:
+        """Column -> what its schema says of it: meaning, unit, frame; of a Vec3 for each component."""
+        return dict(zip(self.columns, _commented(self.schema, self.message), strict=True))
+
+    @property
+    def encoding(self) -> str:
+        """What its samples on the bus say of themselves."""
+        return f"application/protobuf;{self.message}{TICKS}"
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Of its channel in a file, beside its schema."""
+        return {"row": self.row, "own": " ".join(self.own), "prefix": self.prefix}
+
+    @classmethod
+    def described(
+        cls, name: str, message: str, schema: bytes, metadata: Mapping[str, str]
+    ) -> Topic:
+        """One as a file or a vehicle describes it."""
+        own = tuple(metadata.get("own", "t").split())
+        return cls(
+            name, message, schema, metadata.get("row", ""), own, metadata.get("prefix", "")
+        )  # fmt: skip
 
 
-def _fcu_topics() -> Iterator[Topic]:
-    """One topic for each value of a Tick; `engaged` goes with what the law remembers."""
-    for name, kind in fields(Tick).items():
-        if is_value(kind):
+@cache
+def _commented(schema: bytes, name: str) -> tuple[str, ...]:
+    """The comment of each double of a message, in their order; else that of what it is part of."""
+    found: dict[str, tuple[DescriptorProto, list[str]]] = {}
+
+    def take(scope: str, message: DescriptorProto, path: tuple[int, ...]) -> None:
+        full = f"{scope}.{message.name}"
+        beside = [notes.get((*path, 2, i), "") for i in range(len(message.field))]
+        found[full] = message, beside
+        for i, nested in enumerate(message.nested_type):
+            take(full, nested, (*path, 3, i))
+
+    for file in FileDescriptorSet.FromString(schema).file:
+        notes = {
+            tuple(each.path): each.trailing_comments.strip()
+            for each in file.source_code_info.location
+        }
+        for i, message in enumerate(file.message_type):
+            take(f".{file.package}", message, (4, i))
+
+    def leaves(name: str, outer: str) -> Iterator[str]:
+        for field, comment in sorted(
+            zip(*_fields(name), strict=True), key=lambda one: one[0].number
+        ):
+            if field.type == _MESSAGE:
+                yield from leaves(field.type_name, comment or outer)
+            else:
+                yield comment or outer
+
+    def _fields(name: str) -> tuple[list[FieldDescriptorProto], list[str]]:
+        message, beside = found[name]
+        return list(message.field), beside
+
+    return tuple(leaves(f".{name}", ""))
+
+
+class Declaration(NamedTuple):
+    """A topic of ours: the NamedTuple whose fields its messages have, and the rest of a Topic."""
+
+    name: str
+    title: str  # of the message
+    carries: Any
+    row: str
+    own: tuple[str, ...]
+    prefix: str
+
+
+PLANT, FCU = "plant", "fcu"  # rows
+
+
+def declared_for(tick: Any, params: Any, record: Any) -> Iterator[Declaration]:
+    """The topics of a flight. `tick`, `params`: of its law; `record`: the plant's truth."""
+    yield Declaration(TRUTH, "PlantTruth", record, PLANT, (), "")
+    yield from _reports("plant", PlantReport)
+    for name, kind in fields(tick).items():
+        if is_value(kind):  # `engaged` goes with what the law remembers
             title = "law" if name == "state" else name
             own = ("t", "engaged") if name == "state" else ("t",)
-            message = "".join(part.capitalize() for part in title.split("_"))
-            yield Topic(f"/fcu/{title}", f"Fcu{message}", kind, own, f"{name}.")
+            message = "".join(part.capitalize() for part in ("fcu", *title.split("_")))
+            yield Declaration(f"/fcu/{title}", message, kind, FCU, own, f"{name}.")
+    yield from _reports("fcu", Report)
+    yield Declaration(PARAMS, "FcuParams", params, "", ("t",), "")
 
 
-def _reported(who: str, report: Any) -> list[Topic]:
+def _reports(who: str, report: Any) -> Iterator[Declaration]:
     """One topic for each value of a report."""
-    return [
-        Topic(f"/{who}/{name}", f"{who.capitalize()}{name.capitalize()}", kind, ("t",), f"{name}.")
-        for name, kind in fields(report).items()
-    ]
-
-
-PLANT = Topic("/plant/truth", "PlantTruth", PlantRecord, (), "")
-(PLANT_TIMING,) = _reported("plant", PlantReport)
-FCU = tuple(_fcu_topics())
-WIND, STATUS, TIMING = _reported("fcu", Report)
-PARAMS = Topic("/fcu/params", "FcuParams", Settings, ("t",), "")
-OF_PLANT = (PLANT, PLANT_TIMING)  # of a row of the plant
-OF_FCU = (*FCU, WIND, STATUS, TIMING)  # of a row of the flight controller
-TOPICS = (*OF_PLANT, *OF_FCU, PARAMS)
-
-PLANT_COLUMNS = [*columns(PlantRecord), *columns(PlantReport)]
-FCU_COLUMNS = [*columns(Tick), *columns(Report)]
+    for name, kind in fields(report).items():
+        title = f"{who.capitalize()}{name.capitalize()}"
+        yield Declaration(f"/{who}/{name}", title, kind, "", ("t",), f"{name}.")
 
 
 @cache
@@ -111,7 +198,7 @@ def comments(cls: Any) -> dict[str, str]:
     }
 
 
-def file_name(topic: Topic) -> str:
+def file_name(topic: Declaration) -> str:
     """Path of the .proto file of `topic`, as an import statement names it."""
     return f"{PACKAGE}/{topic.name.strip('/').replace('/', '_')}.proto"
 
@@ -172,12 +259,12 @@ def geometry_file() -> FileDescriptorProto:
     return file.proto
 
 
-def topic_file(topic: Topic) -> FileDescriptorProto:
+def topic_file(topic: Declaration) -> FileDescriptorProto:
     """The file with the message of `topic`."""
     file = _File(file_name(topic))
     if any(is_value(kind) for kind in fields(topic.carries).values()):
         file.proto.dependency.append(GEOMETRY)
-    message = file.proto.message_type.add(name=topic.message)
+    message = file.proto.message_type.add(name=topic.title)
     file.comment([4, 0], leading=f"{topic.name}: {_summary(topic.carries)}")
     of_tick = comments(Tick)
     for i, name in enumerate(topic.own):
@@ -185,28 +272,59 @@ def topic_file(topic: Topic) -> FileDescriptorProto:
             name=name, number=i + 1, label=FieldDescriptorProto.LABEL_OPTIONAL, type=_DOUBLE
         )
         file.comment([4, 0, 2, i], trailing=of_tick.get(name, _TIME_COMMENT))
-    file.describe(message, [4, 0], topic.carries, f"{PACKAGE}.{topic.message}")
+    file.describe(message, [4, 0], topic.carries, f"{PACKAGE}.{topic.title}")
     _describe_ticks(file, topic)
     return file.proto
 
 
-def _describe_ticks(file: _File, topic: Topic) -> None:
+def _describe_ticks(file: _File, topic: Declaration) -> None:
     """Append the message in which ticks of `topic` share a Zenoh sample."""
-    message = file.proto.message_type.add(name=topic.message + TICKS)
+    message = file.proto.message_type.add(name=topic.title + TICKS)
     file.comment([4, 1], leading=f"A Zenoh sample of {topic.name}: some ticks, in order.")
     for i, (name, kind, comment) in enumerate(_OF_TICKS):
         field = message.field.add(
             name=name, number=i + 1, label=FieldDescriptorProto.LABEL_REPEATED, type=kind
         )
         if kind == _MESSAGE:
-            field.type_name = f".{PACKAGE}.{topic.message}"
+            field.type_name = f".{PACKAGE}.{topic.title}"
         file.comment([4, 1, 2, i], trailing=comment)
 
 
-def schema(topic: Topic) -> FileDescriptorSet:
-    """Everything needed to decode the messages of `topic`."""
-    file = topic_file(topic)
-    return FileDescriptorSet(file=[*([geometry_file()] if file.dependency else []), file])
+def topic_of(declared: Declaration) -> Topic:
+    """What it says to whoever does not have the NamedTuple."""
+    file = topic_file(declared)
+    needed = FileDescriptorSet(file=[*([geometry_file()] if file.dependency else []), file])
+    return Topic(
+        name=declared.name, message=f"{PACKAGE}.{declared.title}",
+        schema=needed.SerializeToString(deterministic=True),
+        row=declared.row, own=declared.own, prefix=declared.prefix,
+    )  # fmt: skip
+
+
+@cache
+def topics_for(tick: Any, params: Any, record: Any) -> dict[str, Topic]:
+    """By name, the topics of a flight, as `declared_for`."""
+    return {each.name: topic_of(each) for each in declared_for(tick, params, record)}
+
+
+class Kinds(NamedTuple):
+    """The NamedTuple classes of what is told in a flight: its law's, and the plant's."""
+
+    tick: Any
+    params: Any
+    record: Any
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """By name."""
+        return topics_for(*self)
+
+
+OURS = Kinds(Tick, Settings, PlantRecord)
+DECLARED = tuple(declared_for(*OURS))
+TOPICS = OURS.topics
+TICK_TOPICS = tuple(topic for topic in TOPICS.values() if topic.row == FCU)
+FcuRow, PlantRow, ParamsRow = fcu_row(Tick), plant_row(PlantRecord), params_row(Settings)
 
 
 def proto_text(file: FileDescriptorProto) -> str:
@@ -245,7 +363,7 @@ def proto_text(file: FileDescriptorProto) -> str:
 
 def texts() -> dict[str, str]:
     """File name -> .proto source, for every schema of a recording that is our own."""
-    files = [geometry_file(), *map(topic_file, TOPICS)]
+    files = [geometry_file(), *map(topic_file, DECLARED)]
     return {file.name: proto_text(file) for file in files}
 
 

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 import trustme
 
-from fcu.interface.feed import Feed
-from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
+from fcu.interface.publisher_feed import PublisherFeed
+from fcu.kernel.buffers import size
+from fcu.kernel.rows import column_of
+from gcs_tools.recording.schema import FcuRow, PlantRow
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "zenoh"
 HERE = "127.0.0.1"
@@ -124,8 +126,8 @@ class Vehicle(threading.Thread):
     def __init__(self, instance: int) -> None:
         super().__init__(daemon=True)
         self._feeds = [
-            (Feed(instance, who), np.zeros(len(columns)), columns)
-            for who, columns in (("fcu", FCU_COLUMNS), ("plant", PLANT_COLUMNS))
+            (PublisherFeed(instance, who), np.zeros(size(kind)), kind)
+            for who, kind in (("fcu", FcuRow), ("plant", PlantRow))
         ]
         self._landed = threading.Event()
 
@@ -133,10 +135,10 @@ class Vehicle(threading.Thread):
         began = time.monotonic()
         n = 0
         while not self._landed.wait(max(began + n / RATE_HZ - time.monotonic(), 0.0)):
-            for feed, row, columns in self._feeds:
+            for feed, row, kind in self._feeds:
                 feed.find(time.monotonic())
                 row[0] = n / RATE_HZ
-                row[columns.index("timing.sequence")] = n
+                row[column_of(kind, "timing.sequence")] = n
                 feed.send(row)
             n += 1
 

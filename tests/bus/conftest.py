@@ -12,7 +12,7 @@ import pytest
 from fcu.interface import topics
 from fcu.interface.ports import ports
 from gcs_tools.judging import result
-from gcs_tools.live.recorded import GONE
+from gcs_tools.live.recorder import GONE
 from gcs_tools.recording import reader as recording
 from gcs_tools.recording.schema import TOPICS
 from tests.patience import until
@@ -75,7 +75,7 @@ class Flight:
     def keys(self) -> list[str]:
         """All that it publishes, and all there can be."""
         within = topics.namespace(self.run.name), str(ports(self.instance).system_id)
-        found = [*(topic.name[1:] for topic in TOPICS), *SAID, "alive/fcu", "alive/publisher"]
+        found = [*(name[1:] for name in TOPICS), *SAID, "alive/fcu", "alive/publisher"]
         return ["m_mrac/**", "**", *("/".join((*within, name)) for name in found)]
 
     def trajectory(self) -> str:
@@ -156,7 +156,7 @@ class Recorder:
         found = recording.read(self.out)
         assert found.complete
         for topic, rows in found.reports.items():
-            missing_at_first = int(rows[0, 1]) if "timing" in topic else None
+            missing_at_first = int(rows["timing.sequence"][0]) if "timing" in topic else None
             lost = said["lost"].get(topic, 0)
             assert said["topics"][topic] == len(rows)
             assert found.lost.get(topic, 0) <= lost

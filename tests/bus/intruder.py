@@ -18,8 +18,8 @@ from collections.abc import Iterator
 
 import zenoh
 
-from fcu.interface import feed
-from gcs_tools.live.feeding import PARAMS, WIDTHS
+from fcu.interface import publisher_feed
+from gcs_tools.live.publisher import PARAMS_WIDTH, WIDTHS
 
 RANDOM = random.Random(4)
 
@@ -78,11 +78,11 @@ def lies(instance: str) -> Iterator[int]:
     """Each on a connection of its own, some after a hello; and some that stay and say nothing."""
     said = list(words())
     kept = []
-    sizes = [8 * WIDTHS["fcu"], 8 * WIDTHS["plant"], 8 * PARAMS, 8, 65_528, 3]
+    sizes = [8 * WIDTHS["fcu"], 8 * WIDTHS["plant"], 8 * PARAMS_WIDTH, 8, 65_528, 3]
     while True:
         one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            one.connect(feed.address(int(instance)))
+            one.connect(publisher_feed.address(int(instance)))
             if RANDOM.random() < 0.5:
                 one.send(b'{"hello": "plant", "dropped": 0}')
             one.send(RANDOM.choice([RANDOM.randbytes(RANDOM.choice(sizes)), *said]))

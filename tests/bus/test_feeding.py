@@ -9,33 +9,41 @@ import time
 import numpy as np
 import pytest
 
-from fcu.interface import feed
+from fcu.interface import publisher_feed
 from fcu.interface.ports import ports
-from gcs_tools.live import bus, ticks
-from gcs_tools.live.feeding import HELLO_S, PARAMS, SOURCES, WIDTHS, Feeds
-from gcs_tools.live.outlet import Outlet
-from gcs_tools.live.publisher import Publisher, about
-from gcs_tools.recording.schema import FCU_COLUMNS
+from fcu.kernel.rows import column_of
+from gcs_tools.live import bus, samples
+from gcs_tools.live.publisher import (
+    HELLO_S,
+    PARAMS_WIDTH,
+    SOURCES,
+    WIDTHS,
+    FeedListener,
+    PublishedVehicle,
+    Publisher,
+    about,
+)
+from gcs_tools.recording.schema import TOPICS, FcuRow, ParamsRow
 from tests.bus.intruder import words
 from tests.patience import PATIENCE_S, until
 
-SEQUENCE = FCU_COLUMNS.index("timing.sequence")
+T, SEQUENCE = (column_of(FcuRow, name) for name in ("t", "timing.sequence"))
 HELLO = json.dumps({"hello": "fcu", "dropped": 3}).encode()  # no multiple of 8 long
 
 
 def row(number, t=0.0):
     found = np.zeros(WIDTHS["fcu"])
-    found[[0, SEQUENCE]] = t, number
+    found[[T, SEQUENCE]] = t, number
     return found.tobytes()
 
 
 @pytest.fixture
 def publisher(instance):
-    feeds = Feeds(instance)
+    feeds = FeedListener(instance)
     with bus.session(bus.for_publisher(instance, "feeding")) as session:
-        outlet = Outlet(session, str(ports(instance).system_id))
-        outlet.about = about("feeding", instance, {})
-        yield Publisher(feeds, outlet, None)
+        vehicle = PublishedVehicle(session, str(ports(instance).system_id), TOPICS)
+        vehicle.about = about("feeding", instance, {})
+        yield Publisher(feeds, vehicle, None)
     feeds.close()
 
 
@@ -47,7 +55,7 @@ def connected(publisher, instance):
     def connect(*datagrams):
         one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         one.settimeout(PATIENCE_S)
-        one.connect(feed.address(instance))
+        one.connect(publisher_feed.address(instance))
         for datagram in datagrams:
             one.send(datagram)
         sockets.append(one)
@@ -66,8 +74,8 @@ def is_hung_up_on(one):
 
 
 def params(t, h):
-    found = np.ones(PARAMS)
-    found[:2] = t, h
+    found = np.ones(PARAMS_WIDTH)
+    found[[column_of(ParamsRow, "t"), column_of(ParamsRow, "law.h")]] = t, h
     return found.tobytes()
 
 
@@ -154,18 +162,20 @@ def test_what_was_dropped_is_counted(publisher, connected):
 def test_numbers_go_on_when_a_process_is_started_anew(publisher, connected, instance):
     with bus.session(bus.for_tool(instance)) as session:
         heard = session.declare_subscriber("m_mrac/*/*/fcu/timing", handler=bus.channel())
-        until(publisher._outlet.is_heard, "somebody who listens")
+        until(publisher._vehicle.is_heard, "somebody who listens")
         for _ in range(2):
             one = connected(HELLO, row(0), row(1))
             publisher.pass_on()
             one.close()
             publisher.pass_on()
-        found = [ticks.unpack(heard.recv().payload.to_bytes()).sequence.tolist() for _ in range(2)]
+        found = [
+            samples.unpack(heard.recv().payload.to_bytes()).sequence.tolist() for _ in range(2)
+        ]
     assert found == [[0, 1], [2, 3]]
 
 
 def test_words_go_through_when_rows_do_not(instance):
-    feeds, fed = Feeds(instance), feed.Feed(instance, "fcu")
+    feeds, fed = FeedListener(instance), publisher_feed.PublisherFeed(instance, "fcu")
     assert fed.find(0.0)
     n = 0
     while not fed.dropped:

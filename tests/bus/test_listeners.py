@@ -12,7 +12,7 @@ import socket
 import pytest
 
 from fcu.interface import topics
-from gcs_tools.live.recorded import GONE, OUT_OF_SIGHT
+from gcs_tools.live.recorder import GONE, OUT_OF_SIGHT
 from gcs_tools.recording import reader as recording
 from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
 from tests.process.conftest import claimed_instance
@@ -29,8 +29,8 @@ def test_recorded_twice(recorded, record, instance, quiet, speed):
     own = recording.read(flight.recording)
     assert own.complete
     assert len(own.fcu) == len(own.plant) == TICKS
-    kept = {row.tobytes() for row in own.fcu}
-    assert {row.tobytes() for row in found.fcu} <= kept
+    kept = {row.tobytes() for row in own.fcu.rows}
+    assert {row.tobytes() for row in found.fcu.rows} <= kept
 
 
 # --- no bus
@@ -129,9 +129,11 @@ def test_two_flights_that_are_recorded_at_once(fly, record, quiet):
         found, own = recorder.adds_up(), recording.read(flight.recording)
         assert found.metadata["run"] == flight.run.name
         assert found.metadata["seed"] == own.metadata["seed"]
-        of_own = {row.tobytes() for row in own.reports["/plant/timing"]}  # wall times are in it
+        of_own = {
+            row.tobytes() for row in own.reports["/plant/timing"].rows
+        }  # wall times are in it
         rows = found.reports["/plant/timing"]
-        assert {row.tobytes() for row in rows} <= of_own
+        assert {row.tobytes() for row in rows.rows} <= of_own
 
 
 def test_a_flight_without_room_for_its_own_recording(fly, record, instance):
@@ -145,4 +147,4 @@ def test_a_flight_without_room_for_its_own_recording(fly, record, instance):
     assert "flight.mcap: File too large" in flight.said
     said = recorder.ended()
     assert (said["ended"], said["end_seen"]) == (GONE, True)
-    assert said["last_s"] >= recording.read(flight.recording).fcu[-1, 0]
+    assert said["last_s"] >= recording.read(flight.recording).fcu["t"][-1]

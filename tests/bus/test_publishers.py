@@ -8,9 +8,9 @@ import signal
 
 import pytest
 
-from fcu.interface import feed, topics
-from gcs_tools.live.feeding import Feeds
-from gcs_tools.live.recorded import GONE, OUT_OF_SIGHT
+from fcu.interface import publisher_feed, topics
+from gcs_tools.live.publisher import FeedListener
+from gcs_tools.live.recorder import GONE, OUT_OF_SIGHT
 from gcs_tools.recording import reader as recording
 from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
 from tests.patience import until
@@ -53,7 +53,7 @@ def test_a_publisher_that_is_suspended_for_a_while(recorded, quiet):
         lost = flight.unpublished(who)
         assert 0 < lost <= found.lost[f"/{who}/timing"]
         assert f"{lost} of {TICKS} ticks of the {who} came too fast" in flight.publisher_said
-    assert found.reports["/fcu/timing"][-1, -1] == flight.unpublished("fcu")
+    assert found.reports["/fcu/timing"]["timing.unpublished"][-1] == flight.unpublished("fcu")
     own = recording.read(flight.recording)
     assert own.complete
     assert len(own.fcu) == len(own.plant) == TICKS
@@ -100,7 +100,7 @@ def test_an_intruder(recorded, start, quiet, instance, what):
 
 
 def test_nobody_feeds_or_listens_to_another_user(instance, monkeypatch):
-    feeds, fed = Feeds(instance), feed.Feed(instance, "fcu")
+    feeds, fed = FeedListener(instance), publisher_feed.PublisherFeed(instance, "fcu")
     theirs = os.getuid() + 1
     with monkeypatch.context() as patched:
         patched.setattr(os, "getuid", lambda: theirs)

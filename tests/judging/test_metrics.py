@@ -9,9 +9,9 @@ import pytest
 from fcu.kernel.buffers import columns, size
 from fcu.tick import Tick
 from gcs_tools.judging.metrics import METRICS, EngagedTicks, metric, metrics, settle_from
+from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
-Rows = np.ndarray[Any, np.dtype[np.float64]]
 RATE = 10.0  # Hz
 OFF = [2.0, 3.0, 6.0]  # 7 m long
 
@@ -34,11 +34,16 @@ def flight(seconds: float) -> tuple[Rows, Rows]:
     return plant, fcu
 
 
+def told(plant: Rows, fcu: Rows) -> tuple[Table, Table]:
+    """What it is judged by."""
+    return Table.of(PlantRecord, plant), Table.of(Tick, fcu)
+
+
 def test_errors_are_distances() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", OFF)
     put(fcu, Tick, "setpoint.r_c", [2.0, 0.0, 2.0])  # off by (0, 3, 4): 5 m
-    found = metrics(plant, fcu)
+    found = metrics(*told(plant, fcu))
     assert set(found) == set(METRICS)
     for name in ("position_rms_m", "position_rms_settled_m", "position_max_m", "position_final_m"):
         assert found[name] == pytest.approx(7.0)
@@ -49,7 +54,7 @@ def test_errors_are_distances() -> None:
 def test_root_of_the_mean_square() -> None:
     plant, fcu = flight(0.3)  # four ticks: 1, 1, 1 and 5 m
     put(plant, PlantRecord, "state.r_E", [[1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 3, 4]])
-    assert metrics(plant, fcu)["position_rms_m"] == pytest.approx(math.sqrt(7.0))
+    assert metrics(*told(plant, fcu))["position_rms_m"] == pytest.approx(math.sqrt(7.0))
 
 
 def test_settled_begins_five_seconds_after_take_over() -> None:
@@ -57,8 +62,8 @@ def test_settled_begins_five_seconds_after_take_over() -> None:
     put(fcu, Tick, "engaged", 0.0, slice(0, 20))  # idle for two seconds
     put(fcu, Tick, "engaged", 1.0, 20)
     put(plant, PlantRecord, "state.r_E", OFF, slice(0, 70))  # up to 6.9 s
-    assert settle_from(fcu) == 7.0
-    found = metrics(plant, fcu)
+    assert settle_from(told(plant, fcu)[1]) == 7.0
+    found = metrics(*told(plant, fcu))
     assert found["position_rms_settled_m"] == 0.0
     assert found["position_rms_m"] == pytest.approx(7.0 * math.sqrt(50 / 181))  # idle ticks apart
 
@@ -67,28 +72,28 @@ def test_settled_begins_five_seconds_after_the_last_step() -> None:
     plant, fcu = flight(20.0)
     put(fcu, Tick, "setpoint.r_c", [0.0, 0.0, 1.0], slice(40, None))
     put(fcu, Tick, "setpoint.r_c", [4.0, 7.0, 18.0], slice(90, None))  # at 9 s
-    assert settle_from(fcu) == 14.0
+    assert settle_from(told(plant, fcu)[1]) == 14.0
 
 
 def test_a_moving_setpoint_makes_no_step() -> None:
     plant, fcu = flight(20.0)
     put(fcu, Tick, "setpoint.r_c", fcu[:, :1] * [[1.0, 0.0, 0.0]])
     put(fcu, Tick, "setpoint.v_c", [1.0, 0.0, 0.0])
-    assert settle_from(fcu) == 5.0
+    assert settle_from(told(plant, fcu)[1]) == 5.0
 
 
 def test_who_knows_the_mission_says_when_it_settles() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", OFF, slice(0, 150))
-    assert metrics(plant, fcu)["position_rms_settled_m"] > 5.0  # type: ignore[operator]
-    assert metrics(plant, fcu, settle_from_s=15.0)["position_rms_settled_m"] == 0.0
+    assert metrics(*told(plant, fcu))["position_rms_settled_m"] > 5.0  # type: ignore[operator]
+    assert metrics(*told(plant, fcu), settle_from_s=15.0)["position_rms_settled_m"] == 0.0
 
 
 def test_final_is_the_worst_of_the_last_second() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [0.0, 0.5, 0.0], 190)  # at 19.0 s, the last that counts
     put(plant, PlantRecord, "state.r_E", [9.0, 0.0, 0.0], 189)
-    found = metrics(plant, fcu)
+    found = metrics(*told(plant, fcu))
     assert found["position_final_m"] == 0.5
     assert found["position_max_m"] == 9.0
 
@@ -98,12 +103,12 @@ def test_saturation_is_a_part_of_the_flight() -> None:
     put(fcu, Tick, "outputs.saturation.thrust", 1.0, slice(0, 10))
     put(fcu, Tick, "outputs.saturation.tilt", 1.0, slice(0, 25))
     put(fcu, Tick, "outputs.saturation.rotor", 1.0, slice(50, 51))
-    found = metrics(plant, fcu)
+    found = metrics(*told(plant, fcu))
     assert found["thrust_saturated_fraction"] == 0.1
     assert found["tilt_saturated_fraction"] == 0.25
     assert found["rotor_saturated_fraction"] == 0.01
-    assert metric("thrust_saturated_fraction", plant, fcu, t_from=1.0) == 0.0
-    assert metric("thrust_saturated_fraction", plant, fcu, t_to=0.9) == 1.0
+    assert metric("thrust_saturated_fraction", *told(plant, fcu), t_from=1.0) == 0.0
+    assert metric("thrust_saturated_fraction", *told(plant, fcu), t_to=0.9) == 1.0
 
 
 def test_margins_are_the_least_of_the_flight() -> None:
@@ -112,12 +117,12 @@ def test_margins_are_the_least_of_the_flight() -> None:
     for name, most in (("force", 50.0), ("tilt", 0.5), ("condition", 9.0)):
         put(fcu, Tick, f"guard.margin.{name}", most)
         put(fcu, Tick, f"guard.margin.{name}", -0.1 * most, 7)
-    found = metrics(plant, fcu)
+    found = metrics(*told(plant, fcu))
     assert found["governed_fraction"] == 0.3
     assert found["margin_min_n"] == -5.0
     assert found["margin_tilt_min_deg"] == pytest.approx(math.degrees(-0.05))
     assert found["margin_condition_min_n"] == -0.9
-    assert metric("margin_min_n", plant, fcu, t_from=1.0) == 50.0
+    assert metric("margin_min_n", *told(plant, fcu), t_from=1.0) == 50.0
 
 
 def test_thrust_and_tilt_are_those_commanded() -> None:
@@ -125,7 +130,7 @@ def test_thrust_and_tilt_are_those_commanded() -> None:
     put(fcu, Tick, "outputs.T_achieved", 300.0)
     put(fcu, Tick, "outputs.T_c", 199.0, 3)
     put(fcu, Tick, "outputs.angles_c", [math.radians(10), math.radians(-45), 3.0], 7)
-    found = metrics(plant, fcu)
+    found = metrics(*told(plant, fcu))
     assert found["thrust_max_n"] == 199.0
     assert found["tilt_max_deg"] == pytest.approx(45.0)  # yaw is no tilt
 
@@ -135,28 +140,30 @@ def test_a_window_holds_both_its_ends() -> None:
     put(plant, PlantRecord, "state.r_E", [1.0, 0.0, 0.0], 120)
     put(plant, PlantRecord, "state.r_E", [2.0, 0.0, 0.0], 130)
     put(plant, PlantRecord, "state.r_E", [3.0, 0.0, 0.0], 131)
-    assert metric("position_max_m", plant, fcu, 12.0, 13.0) == 2.0
-    assert metric("position_max_m", plant, fcu, 12.0, 12.9) == 1.0
-    assert metric("position_max_m", plant, fcu, 12.1, 12.9) == 0.0
-    assert metric("position_max_m", plant, fcu, 30.0, None) is None
+    assert metric("position_max_m", *told(plant, fcu), 12.0, 13.0) == 2.0
+    assert metric("position_max_m", *told(plant, fcu), 12.0, 12.9) == 1.0
+    assert metric("position_max_m", *told(plant, fcu), 12.1, 12.9) == 0.0
+    assert metric("position_max_m", *told(plant, fcu), 30.0, None) is None
 
 
 def test_a_diverged_flight_has_finite_metrics() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [0.0, 0.0, 80.0], 150)
     put(plant, PlantRecord, "state.r_E", [0.0, np.inf, np.nan], slice(198, None))
-    found = EngagedTicks.of(plant, fcu).metrics()
+    found = EngagedTicks.of(*told(plant, fcu)).metrics()
     assert found["position_max_m"] == 80.0
     assert found["nonfinite_samples"] == 3.0
     assert found["position_rms_m"] is None  # no mean square of what is not finite
     assert found["position_final_m"] is None
-    assert metric("position_rms_m", plant, fcu, t_to=19.0) == pytest.approx(80 / math.sqrt(191))
+    assert metric("position_rms_m", *told(plant, fcu), t_to=19.0) == pytest.approx(
+        80 / math.sqrt(191)
+    )
 
 
 def test_a_huge_error_does_not_overflow() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [3e200, 4e200, 0.0])
-    assert metrics(plant, fcu)["position_rms_m"] == pytest.approx(5e200)
+    assert metrics(*told(plant, fcu))["position_rms_m"] == pytest.approx(5e200)
 
 
 def test_ticks_are_joined_by_their_time() -> None:
@@ -165,12 +172,12 @@ def test_ticks_are_joined_by_their_time() -> None:
     put(plant, PlantRecord, "state.r_E", plant[:, :1])
     put(fcu, Tick, "outputs.reference.r_m", plant[:, :1])
     plant[:, 0] += 1e-9
-    assert metrics(plant, fcu[3:8])["position_max_m"] == 0.0
+    assert metrics(*told(plant, fcu[3:8]))["position_max_m"] == 0.0
 
 
 def test_a_flight_that_never_flew_has_no_metrics() -> None:
     plant, fcu = flight(1.0)
     put(fcu, Tick, "engaged", 0.0)
-    found = metrics(plant, fcu)
+    found = metrics(*told(plant, fcu))
     assert found.pop("nonfinite_samples") == 0.0
     assert set(found.values()) == {None}

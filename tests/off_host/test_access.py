@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from gcs_tools.live import bus
-from gcs_tools.live.recorded import OUT_OF_SIGHT
+from gcs_tools.live.recorder import OUT_OF_SIGHT
 from tests.bus.configured import (
     EXAMPLES,
     FOR_S,

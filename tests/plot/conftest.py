@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from fcu.interface.airframe import believed
-from fcu.interface.diagnostics import PlantReport, Report
-from fcu.kernel.buffers import columns, to_buffer
+from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.kernel.rows import column
 from fcu.settings import Settings, settings
 from fcu.tick import Tick
 from gcs_tools.recording.reader import Recording
-from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS, PLANT_TIMING, TIMING, WIND
+from gcs_tools.recording.schema import PLANT_TIMING, TIMING, TOPICS, WIND, FcuRow, PlantRow
+from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
 
 RATE_HZ = 500.0
@@ -37,7 +38,7 @@ class Made:
 
     def __post_init__(self) -> None:
         n = round(self.seconds * RATE_HZ)
-        self.plant, self.fcu = np.zeros((n, len(PLANT_COLUMNS))), np.zeros((n, len(FCU_COLUMNS)))
+        self.plant, self.fcu = np.zeros((n, size(PlantRow))), np.zeros((n, size(FcuRow)))
         self.t = np.arange(n) / RATE_HZ
         self.plant[:, 0] = self.fcu[:, 0] = self.t
         self.set_fcu(engaged=2.0, **{"outputs.T_c": 80.0, "state.estimates.m_hat": 8.0})
@@ -50,34 +51,34 @@ class Made:
     def set_fcu(self, **values: Any) -> None:
         """Values of columns of Tick and Report: a number, or one for each tick."""
         for name, value in values.items():
-            self.fcu[:, FCU_COLUMNS.index(name)] = value
+            column(FcuRow, self.fcu, name)[:] = value
 
     def set_plant(self, **values: Any) -> None:
         """Values of columns of PlantRecord and PlantReport."""
         for name, value in values.items():
-            self.plant[:, PLANT_COLUMNS.index(name)] = value
+            column(PlantRow, self.plant, name)[:] = value
 
     def recording(self, path: Path = Path("made_up.mcap"), **changed: Any) -> Recording:
         """As if read from `path`; fields of Recording may be changed."""
-        plant, tick = len(columns(PlantRecord)), len(columns(Tick))
-        fcu_names, plant_names = columns(Report), columns(PlantReport)
+        plant, fcu = Table.of(PlantRow, self.plant), Table.of(FcuRow, self.fcu)
 
-        def of(rows: Any, first: int, names: list[str], prefix: str) -> Any:
-            kept = [first + i for i, name in enumerate(names) if name.startswith(prefix)]
-            return rows[:, [0, *kept]]
+        def of(rows: Table, topic: str) -> Table:
+            names = TOPICS[topic].columns
+            return Table(np.stack([rows[name] for name in names], axis=1), names)
 
         given: dict[str, Any] = {
             "path": path,
             "metadata": self.metadata,
-            "plant": self.plant[:, :plant],
-            "fcu": self.fcu[:, :tick],
-            "params": self.params,
+            "plant": Table.of(PlantRecord, self.plant),
+            "fcu": Table.of(Tick, self.fcu),
+            "params": self.told,
             "events": [],
             "reports": {
-                WIND.name: of(self.fcu, tick, fcu_names, "wind."),
-                TIMING.name: of(self.fcu, tick, fcu_names, "timing."),
-                PLANT_TIMING.name: of(self.plant, plant, plant_names, "timing."),
+                WIND: of(fcu, WIND),
+                TIMING: of(fcu, TIMING),
+                PLANT_TIMING: of(plant, PLANT_TIMING),
             },
+            "topics": TOPICS,
             "lost": {},
             "complete": True,
         }

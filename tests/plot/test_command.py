@@ -17,7 +17,7 @@ from gcs_tools.cli import plot as commands_plot
 from gcs_tools.cli.program import main
 from gcs_tools.pictures.plot.figures import FORMATS, STANDARD
 from gcs_tools.recording import reader as recording
-from gcs_tools.recording.recorder import Recorder
+from gcs_tools.recording.writer import RecordingWriter
 
 
 @pytest.fixture
@@ -29,9 +29,9 @@ def run(made: Any, tmp_path: Path) -> Path:
 
 def written(made: Any, path: Path, reports: bool = True) -> Path:
     whole = made.recording()
-    with Recorder(path, made.metadata) as recorder:
+    with RecordingWriter(path, made.metadata) as recorder:
         recorder.set_params(made.params)
-        plant, fcu = (made.plant, made.fcu) if reports else (whole.plant, whole.fcu)
+        plant, fcu = (made.plant, made.fcu) if reports else (whole.plant.rows, whole.fcu.rows)
         for i in range(0, len(plant), 500):  # both sides side by side, as in a flight
             recorder.add_plant(plant[i : i + 500])
             recorder.add_fcu(fcu[i : i + 500])

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu.kernel.buffers import to_buffer
+from fcu.kernel.buffers import columns, to_buffer
+from fcu.settings import Settings
+from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
 from gcs_tools.pictures.plot import estimates
 from gcs_tools.pictures.plot.window import Window
 from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.table import Table
+from sitl_plant.physics.types import PlantRecord
 
 
 def test_the_angular_truth_explains_the_motion() -> None:
@@ -22,17 +26,19 @@ def test_the_angular_truth_explains_the_motion() -> None:
     scene = scenario(mission)
     plant, fcu = rollout.fly(scene)
     metadata = {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()}
-    law = to_buffer(scene.settings)
-    window = Window.of(
-        Recording(Path("weak.mcap"), metadata, plant, fcu, law, [], {}, {}, True), None, None
-    )
+    recording = Recording(
+        path=Path("weak.mcap"), metadata=metadata, plant=Table.of(PlantRecord, plant),
+        fcu=Table.of(Tick, fcu), params=dict(zip(columns(Settings), to_buffer(scene.settings).tolist(), strict=True)),
+        events=[], reports={}, topics={}, lost={}, complete=True,
+    )  # fmt: skip
+    window = Window.of(recording, None, None)
     truth = np.stack([e.truth for e in estimates.angular(window) if e.truth is not None], axis=1)
     assert truth.shape == (1500, 3)
 
-    h, J = 1.0 / 500.0, window.plant.vectors("J")
-    w, Omega = window.plant.vectors("state.w_B"), [f"state.Omega.r{i}" for i in range(1, 9)]
+    h, J = 1.0 / 500.0, window.plant["J"]
+    w = window.plant["state.w_B"]
     # what the truth leaves: the rotors' believed torque, couplings, and their gyroscopic torque
-    turning = np.stack([window.plant[name] for name in Omega], axis=1)
+    turning = window.plant["state.Omega"]
     spin, airframe = np.array(scene.law.rotors.spin), scene.world.params.airframe
     gyro = (
         airframe.J_m

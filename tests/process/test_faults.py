@@ -59,7 +59,7 @@ def flown(run):
     found = recording.read(run / "flight.mcap")
     for rows in (found.plant, found.fcu):
         assert len(rows) > 500
-        assert np.allclose(np.diff(rows[:, 0]), 0.002, atol=1e-9)
+        assert np.allclose(np.diff(rows["t"]), 0.002, atol=1e-9)
     assert found.params is not None
     return found
 

@@ -1,7 +1,6 @@
 """Log lines of a run become events, those that are none do not."""
 
-from gcs_tools.recording.events import Event
-from gcs_tools.recording.logs import logged
+from gcs_tools.recording.events import Event, logged
 
 
 def test_lines_of_both_processes_become_events(tmp_path):

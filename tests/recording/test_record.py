@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,41 +17,52 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from fcu.guard.types import GuardInternals, GuardParams, GuardState
+from fcu.interface.messages import VehicleState
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size
+from fcu.kernel.rows import column
 from fcu.settings import Settings
 from fcu.tick import Tick
 from gcs_tools.judging.metrics import metrics
-from gcs_tools.recording import schema
+from gcs_tools.recording import events, old_names, schema
 from gcs_tools.recording.events import Event
+from gcs_tools.recording.layout import decode, encode, layout
+from gcs_tools.recording.mcap_file import RecordingFile, block_of
 from gcs_tools.recording.reader import RecordingError, messages, read
-from gcs_tools.recording.recorder import Recorder
-from gcs_tools.recording.schema import FCU_COLUMNS, PLANT_COLUMNS
+from gcs_tools.recording.schema import TOPICS, Declaration, FcuRow, Kinds, PlantRow, topic_of
+from gcs_tools.recording.table import Rows, Table
+from gcs_tools.recording.writer import RecordingWriter
 from sitl_plant.physics.types import PlantRecord
 
 ROOT = Path(__file__).parents[2]
-Rows = np.ndarray[Any, np.dtype[np.float64]]
-PLANT, TICK = size(PlantRecord), size(Tick)  # of a row, before its report
 
 
 def any_rows(n: int, cls: Any, seed: int = 1) -> Rows:
-    """Rows of every kind of bit pattern, at 500 Hz; `cls`: what is in a row, or its width."""
-    width = cls if isinstance(cls, int) else size(cls)
-    bits = np.random.default_rng(seed).integers(0, 2**64, (n, width), dtype=np.uint64)
+    """Rows of every kind of bit pattern, at 500 Hz; `cls`: what is in a row."""
+    bits = np.random.default_rng(seed).integers(0, 2**64, (n, size(cls)), dtype=np.uint64)
     rows = bits.view(np.float64)
     kinds = [0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324]
-    rows[:, 1 : 1 + len(kinds)] = kinds
+    rows[:, 1 : 1 + len(kinds)] = kinds[: rows.shape[1] - 1]
     rows[:, 0] = np.arange(n) * 2000 * 1e-6
     return rows
 
 
-def same_bits(a: Rows | None, b: Rows) -> bool:
-    return a is not None and a.shape == b.shape and a.tobytes() == b.tobytes()
+def same_bits(a: Table, cls: Any, b: Rows) -> bool:
+    """Whether a table has what the first columns of rows have, a value of `cls`."""
+    found = a.rows_of(cls)
+    return len(found) == len(b) and found.tobytes() == b[:, : size(cls)].tobytes()
+
+
+def reported(rows: Rows, cls: Any, topic: str) -> Table:
+    """What whole rows say of a topic."""
+    names, whole = TOPICS[topic].columns, Table.of(cls, rows)
+    return Table(np.stack([whole[name] for name in names], axis=1), names)
 
 
 def write(path: Path, n: int, batch: int = 50) -> tuple[Rows, Rows]:
     """Whole rows, with their reports."""
-    plant, fcu = any_rows(n, len(PLANT_COLUMNS)), any_rows(n, len(FCU_COLUMNS))
-    with Recorder(path, {"mission": "paper_nominal"}) as recorder:
+    plant, fcu = any_rows(n, PlantRow), any_rows(n, FcuRow)
+    with RecordingWriter(path, {"mission": "paper_nominal"}) as recorder:
         for i in range(0, n, batch):
             recorder.add_plant(plant[i : i + batch])
             recorder.add_fcu(fcu[i : i + batch])
@@ -64,13 +75,14 @@ def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
     plant, fcu = write(path, 500, batch)
     recording = read(path)
     assert recording.complete and not recording.lost
-    assert same_bits(recording.plant, plant[:, :PLANT])
-    assert same_bits(recording.fcu, fcu[:, :TICK])
-    timing = np.column_stack([plant[:, 0], plant[:, PLANT:]])
-    assert same_bits(recording.reports["/plant/timing"], timing)
-    for topic, first, last in (("wind", 0, 3), ("status", 3, 10), ("timing", 10, None)):
-        report = fcu[:, TICK:][:, first:last]
-        assert same_bits(recording.reports[f"/fcu/{topic}"], np.column_stack([fcu[:, 0], report]))
+    assert same_bits(recording.plant, PlantRecord, plant)
+    assert same_bits(recording.fcu, Tick, fcu)
+    assert recording.reports.keys() == {"/plant/timing", "/fcu/wind", "/fcu/status", "/fcu/timing"}
+    for topic, found in recording.reports.items():
+        rows, cls = (plant, PlantRow) if topic == "/plant/timing" else (fcu, FcuRow)
+        expected = reported(rows, cls, topic)
+        assert found.names == expected.names
+        assert found.rows.tobytes() == expected.rows.tobytes()
     assert recording.params is None
     assert recording.metadata == {"mission": "paper_nominal"}
 
@@ -78,7 +90,7 @@ def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
 def test_parameters_and_events_come_back(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     told = any_rows(1, Settings)[0]
-    with Recorder(path, {}) as recorder:
+    with RecordingWriter(path, {}) as recorder:
         recorder.set_params(told)
         recorder.event(2.002, "rotor 3 lost", level="warning")
         recorder.event(0.5, "take-over")
@@ -87,7 +99,9 @@ def test_parameters_and_events_come_back(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="level loud"):
             recorder.event(0.0, "", level="loud")
     recording = read(path)
-    assert same_bits(recording.params, told)
+    assert recording.params is not None
+    values = [recording.params[name] for name in columns(Settings)]
+    assert np.array(values).tobytes() == told.tobytes()
     assert recording.events == [
         Event(0.5, "info", "take-over"),
         Event(2.002, "warning", "rotor 3 lost"),
@@ -99,8 +113,7 @@ def test_others_read_it_through_the_schemas_in_the_file(tmp_path: Path) -> None:
     """mcap's own indexed reader and google.protobuf, knowing nothing of this project."""
     path = tmp_path / "flight.mcap"
     plant, fcu = write(path, 400)
-    topics = {topic.name: topic for topic in schema.TOPICS}
-    seen = dict.fromkeys(topics, 0)
+    seen = dict.fromkeys(TOPICS, 0)
     classes: dict[str, Any] = {}
     last_time = 0
     with path.open("rb") as file:
@@ -113,20 +126,18 @@ def test_others_read_it_through_the_schemas_in_the_file(tmp_path: Path) -> None:
                     pool.AddSerializedFile(proto.SerializeToString())
                 classes[found.name] = GetMessageClass(pool.FindMessageTypeByName(found.name))
             decoded = classes[found.name].FromString(message.data)
-            topic, k = topics[channel.topic], seen[channel.topic]
+            topic, k = TOPICS[channel.topic], seen[channel.topic]
             seen[channel.topic] += 1
             assert message.log_time == message.publish_time == k * 2_000_000 >= last_time
             assert message.sequence == k
             last_time = message.log_time
-            of_plant = topic in schema.OF_PLANT
-            names, row = (PLANT_COLUMNS, plant[k]) if of_plant else (FCU_COLUMNS, fcu[k])
-            at = {name: i for i, name in enumerate(names)}
-            for name in ("t", *(topic.prefix + name for name in columns(topic.carries))):
+            cls, row = (PlantRow, plant[k]) if "/plant/" in topic.name else (FcuRow, fcu[k])
+            for name in topic.columns:
                 value = decoded
                 for part in name.removeprefix(topic.prefix).split("."):
                     value = getattr(value, part)
-                assert np.float64(value).tobytes() == row[at[name]].tobytes(), name
-    assert seen == {name: 400 if name != schema.PARAMS.name else 0 for name in topics}
+                assert np.float64(value).tobytes() == column(cls, row, name).tobytes(), name
+    assert seen == {name: 400 if name != schema.PARAMS else 0 for name in TOPICS}
 
 
 def test_a_chunk_is_written_when_a_second_has_passed(
@@ -135,13 +146,13 @@ def test_a_chunk_is_written_when_a_second_has_passed(
     path, rows = tmp_path / "flight.mcap", any_rows(3, PlantRecord)
     now = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    recorder = Recorder(path, {})
+    recorder = RecordingWriter(path, {})
     recorder.add_plant(rows[:1])
     assert len(read(path).plant) == 0
     now[0] += 1.0
     recorder.add_plant(rows[1:2])
     recording = read(path)
-    assert same_bits(recording.plant, rows[:2])
+    assert same_bits(recording.plant, PlantRecord, rows[:2])
     assert not recording.complete
     recorder.close()
     recorder.close()  # a second call does nothing
@@ -151,10 +162,10 @@ KILLED = """
 import sys
 import time
 from pathlib import Path
-from gcs_tools.recording.recorder import Recorder
+from gcs_tools.recording.writer import RecordingWriter
 from tests.recording.test_record import PlantRecord, Tick, any_rows
 
-recorder = Recorder(Path(sys.argv[1]), {"mission": "killed"})
+recorder = RecordingWriter(Path(sys.argv[1]), {"mission": "killed"})
 recorder.add_plant(any_rows(600, PlantRecord)[:300])
 recorder.add_fcu(any_rows(600, Tick)[:300])
 recorder.flush()
@@ -179,21 +190,21 @@ def test_a_killed_recorder_leaves_what_it_had_written(tmp_path: Path) -> None:
     assert process.returncode == -signal.SIGKILL
     recording = read(path)
     assert not recording.complete
-    assert same_bits(recording.plant, any_rows(600, PlantRecord)[:300])
-    assert same_bits(recording.fcu, any_rows(600, Tick)[:300])
+    assert same_bits(recording.plant, PlantRecord, any_rows(600, PlantRecord)[:300])
+    assert same_bits(recording.fcu, Tick, any_rows(600, Tick)[:300])
     assert recording.metadata == {"mission": "killed"}
 
 
 FULL = """
 import resource, sys
 from pathlib import Path
-from gcs_tools.recording.recorder import Recorder
+from gcs_tools.recording.writer import RecordingWriter
 from gcs_tools.recording.reader import RecordingError
 from tests.recording.test_record import PlantRecord, Tick, any_rows
 
 plant, fcu = any_rows(2000, PlantRecord), any_rows(2000, Tick)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
-with Recorder(Path(sys.argv[1]), {}) as recorder:
+with RecordingWriter(Path(sys.argv[1]), {}) as recorder:
     try:
         for i in range(0, 2000, 50):
             recorder.add_plant(plant[i : i + 50])
@@ -217,8 +228,8 @@ def test_a_full_disk_is_named_and_leaves_whole_chunks(tmp_path: Path) -> None:
     recording = read(path)
     n = len(recording.plant)
     assert 100 <= n < 2000 and not recording.complete
-    assert same_bits(recording.plant, any_rows(2000, PlantRecord)[:n])
-    assert same_bits(recording.fcu, any_rows(2000, Tick)[: len(recording.fcu)])
+    assert same_bits(recording.plant, PlantRecord, any_rows(2000, PlantRecord)[:n])
+    assert same_bits(recording.fcu, Tick, any_rows(2000, Tick)[: len(recording.fcu)])
 
 
 @pytest.mark.slow
@@ -227,13 +238,13 @@ def test_cut_anywhere_it_gives_the_ticks_before_the_cut(tmp_path: Path) -> None:
     plant, fcu = write(path, 400)
     data = path.read_bytes()
     lengths = []
-    for end in range(30_000, len(data), 4801):
+    for end in range(40_000, len(data), 4801):
         cut.write_bytes(data[:end])
         recording = read(cut)
         n, m = len(recording.plant), len(recording.fcu)
         assert not recording.complete
-        assert same_bits(recording.plant, plant[:n, :PLANT])
-        assert same_bits(recording.fcu, fcu[:m, :TICK])
+        assert same_bits(recording.plant, PlantRecord, plant[:n])
+        assert same_bits(recording.fcu, Tick, fcu[:m])
         lengths.append(n)
     assert lengths == sorted(lengths) and lengths[0] == 0 < lengths[-1] == 400
 
@@ -243,10 +254,10 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"flight.mcap: No such file"):
         read(path)
     with pytest.raises(RecordingError, match=r"nowhere.*No such file"):
-        Recorder(tmp_path / "nowhere" / "flight.mcap", {})
+        RecordingWriter(tmp_path / "nowhere" / "flight.mcap", {})
     write(path, 100)
     with pytest.raises(RecordingError, match=r"flight.mcap: File exists"):
-        Recorder(path, {})
+        RecordingWriter(path, {})
     whole = path.read_bytes()
     for content, reason in ((b"", "not a recording"), (b"a text, not", ".*not a valid MCAP")):
         path.write_bytes(content)
@@ -263,37 +274,153 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
         read(path)
 
 
-def test_an_older_recording_is_read_without_what_it_does_not_have(tmp_path: Path) -> None:
-    """Five ticks of paper_nominal as version 2 wrote them, before there was a guard."""
-    path = Path(__file__).with_name("version_2.mcap")
+def as_written(path: Path) -> dict[str, float]:
+    """Every number of the last message of each topic, by topic and the name in its schema."""
+    found = {}
+    with path.open("rb") as file:
+        for kind, channel, message in make_reader(file).iter_messages():
+            assert kind is not None
+            if kind.name.startswith(schema.PACKAGE):
+                form = layout(kind.data, kind.name)
+                values = zip(form.names, decode(form, [message.data])[0].tolist(), strict=True)
+                found |= {f"{channel.topic} {name}": value for name, value in values}
+    return found
+
+
+@pytest.mark.parametrize("version", old_names.VERSIONS[1:])
+def test_an_older_recording_is_read_by_present_names(version: str) -> None:
+    """Five ticks of paper_nominal as older versions wrote them: every number, and no other."""
+    path = Path(__file__).with_name(f"version_{version}.mcap")
     recording = read(path)
     assert recording.complete and len(recording.fcu) == len(recording.plant) == 5
     assert recording.params is not None
-    unknown = set()
-    for cls, row in ((Tick, recording.fcu[-1]), (Settings, recording.params)):
-        unknown |= {n for n, x in zip(columns(cls), row.tolist(), strict=True) if x != x}
+    for name, value in as_written(path).items():
+        topic, field = name.split(" ")
+        of_row = old_names.ROWS[topic]
+        old = field if field in of_row["own"].split() else of_row["prefix"] + field
+        if topic == schema.PARAMS:
+            new = old_names.of_params(old)
+            found = recording.params.get(new, value)  # their time is not among them
+        else:
+            new = old if topic == schema.TRUTH else old_names.of_tick(old)
+            tables = {"plant": recording.plant, "fcu": recording.fcu}
+            found = tables.get(of_row.get("row", ""), recording.reports.get(topic))[new][-1]  # type: ignore[index]
+        assert np.float64(found).tobytes() == np.float64(value).tobytes(), name
+    assert set(columns(Tick)) <= set(recording.fcu.names)
+    assert set(columns(Settings)) <= set(recording.params)
+
+
+def test_what_version_2_did_not_have_is_not_a_number() -> None:
+    recording = read(Path(__file__).with_name("version_2.mcap"))
+    assert recording.params is not None
+    unknown = {name for name in recording.fcu.names if np.isnan(recording.fcu[name]).all()}
     assert {".".join(name.split(".")[:2]) for name in unknown} == {
         *(f"guard_state.{name}" for name in GuardState._fields),
-        *(f"guard.{name}" for name in (*GuardInternals._fields, *GuardParams._fields)),
+        *(f"guard.{name}" for name in GuardInternals._fields),
         "internals.demand",
     }
     assert {name for name in unknown if name.startswith("internals.")} == {
         f"internals.demand.T_0.{axis}" for axis in "xyz"
     }
+    assert all(np.isnan(recording.params[f"guard.{name}"]) for name in GuardParams._fields)
     found = metrics(recording.plant, recording.fcu)
     assert found["thrust_saturated_fraction"] == 0.0
     assert found["governed_fraction"] is found["margin_min_n"] is None
-    with pytest.raises(RecordingError, match=r"recording version 2: only 4 can be replayed"):
-        messages(path)
-    newer = tmp_path / "flight.mcap"  # of which nothing may be missing
-    version = b"schema_version\x01\x00\x00\x00"
-    newer.write_bytes(path.read_bytes().replace(version + b"2", version + b"4"))
-    with pytest.raises(RecordingError, match=r"/fcu/outputs is missing|lacks"):
-        read(newer)
+
+
+@pytest.mark.parametrize("version", old_names.VERSIONS[1:])
+def test_an_older_recording_is_replayed_in_present_messages(version: str) -> None:
+    path = Path(__file__).with_name(f"version_{version}.mcap")
+    recording = read(path)
+    _, topics, found = messages(path)
+    assert topics == TOPICS
+    for topic in (t for t in topics.values() if t.row == schema.FCU):
+        said = found[topic.name]
+        assert said.time_ns.tolist() == [0, 2_000_000, 4_000_000, 6_000_000, 8_000_000]
+        rows = np.stack([recording.fcu[name] for name in topic.columns], axis=1)
+        assert decode(topic.layout, said.data).tobytes() == rows.tobytes()
+
+
+class Estimates(NamedTuple):
+    """What a law of somebody's own remembers."""
+
+    bias: Vec3  # what it thinks pulls, m/s^2, E
+    count: float  # ticks so far
+
+
+class OwnTick(NamedTuple):
+    """What it tells of a tick."""
+
+    t: float
+    measured: VehicleState
+    state: Estimates
+    engaged: float
+
+
+class OwnParams(NamedTuple):
+    """What it is told."""
+
+    h: float  # control period, s
+    gain: float
+
+
+class Record(NamedTuple):
+    """A later plant's truth."""
+
+    t: float
+    m: float  # mass in force, kg
+    humidity: float  # of the air, 0 to 1
+
+
+def test_a_recording_describes_itself(tmp_path: Path) -> None:
+    """Of another law and a later plant: read, and replayed, without their NamedTuples."""
+    path, kinds = tmp_path / "flight.mcap", Kinds(OwnTick, OwnParams, Record)
+    plant, fcu = any_rows(20, Record), any_rows(20, OwnTick)
+    with RecordingWriter(path, {"law": "own"}, kinds) as recorder:
+        recorder.set_params(np.array([0.002, 3.0]))
+        recorder.add_plant(plant)
+        recorder.add_fcu(fcu)
+    recording = read(path)
+    assert recording.params == {"h": 0.002, "gain": 3.0}
+    assert same_bits(recording.fcu, OwnTick, fcu)
+    assert same_bits(recording.plant, Record, plant)  # with what this version does not know
+    assert np.isnan(recording.plant["T"]).all()  # and without what it knows
+    assert "state.estimates.m_hat" not in recording.fcu
+    comments = recording.topics["/fcu/law"].comments
+    assert comments["state.bias.y"] == "what it thinks pulls, m/s^2, E"
+    assert comments["state.count"] == "ticks so far"
+    _, topics, found = messages(path)
+    assert topics == kinds.topics == recording.topics
+    assert topics["/plant/truth"].columns == columns(Record)
+    assert found["/plant/truth"].encoding == "application/protobuf;m_mrac.PlantTruthTicks"
+    assert len(found["/plant/truth"].data) == 20
+
+
+class Gust(NamedTuple):
+    """What a later plant tells beside."""
+
+    w: float  # m/s
+    extent: float  # m
+
+
+def test_a_topic_that_nobody_knows_is_read(tmp_path: Path) -> None:
+    path, gusts = tmp_path / "flight.mcap", any_rows(3, Record)
+    later = topic_of(Declaration("/plant/gusts", "PlantGusts", Gust, "", ("t",), "gusts."))
+    file = RecordingFile(path, {"mission": "later"})
+    for topic in (*TOPICS.values(), later):
+        channel = file.add_channel(*topic[:3], topic.metadata)
+    numbers = np.arange(3, dtype=np.uint64)
+    file.write([block_of(channel, numbers, numbers, encode(later.layout, gusts))])
+    file.add_channel(events.TOPIC, events.MESSAGE, events.schema())
+    file.finish()
+    file.close()
+    found = read(path).reports["/plant/gusts"]
+    assert found.names == ("t", "gusts.w", "gusts.extent")
+    assert found.rows.tobytes() == gusts.tobytes()
 
 
 def test_rows_that_are_none_are_refused(tmp_path: Path) -> None:
-    with Recorder(tmp_path / "flight.mcap", {}) as recorder:
+    with RecordingWriter(tmp_path / "flight.mcap", {}) as recorder:
         with pytest.raises(ValueError, match=rf"expected float64 \(n, {size(PlantRecord)}\)"):
             recorder.add_plant(np.zeros((2, 40)))
         with pytest.raises(ValueError, match="not a simulation time: nan"):
@@ -327,8 +454,8 @@ def test_a_copy_by_another_tool_is_read(tmp_path: Path) -> None:
     plant, fcu = write(tmp_path / "flight.mcap", 300)
     rewrite(tmp_path / "flight.mcap", tmp_path / "copy.mcap", lambda topic, k: True)
     recording = read(tmp_path / "copy.mcap")
-    assert same_bits(recording.plant, plant[:, :PLANT])
-    assert same_bits(recording.fcu, fcu[:, :TICK])
+    assert same_bits(recording.plant, PlantRecord, plant)
+    assert same_bits(recording.fcu, Tick, fcu)
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,10 @@ from fcu.settings import Settings
 from fcu.tick import Tick
 from gcs_tools.recording import events, schema
 from gcs_tools.recording.layout import LayoutError, layout
+from gcs_tools.recording.schema import TICK_TOPICS, TOPICS
 from sitl_plant.physics.types import PlantRecord
 
 FOLDER = Path(__file__).parents[2] / "docs" / "schemas"
-
-
-def names(topic: schema.Topic) -> list[str]:
-    form = layout(schema.schema(topic).SerializeToString(), f"{schema.PACKAGE}.{topic.message}")
-    return [topic.column(name) for name in form.names]
 
 
 def test_files_are_current() -> None:
@@ -25,14 +21,14 @@ def test_files_are_current() -> None:
 
 
 def test_every_column_is_recorded_once() -> None:
-    assert names(schema.PLANT) == columns(PlantRecord)
-    assert names(schema.PARAMS) == ["t", *columns(Settings)]
-    of_tick = [name for topic in schema.FCU for name in names(topic) if name != "t"]
+    assert TOPICS[schema.TRUTH].columns == columns(PlantRecord)
+    assert TOPICS[schema.PARAMS].columns == ["t", *columns(Settings)]
+    of_tick = [name for topic in TICK_TOPICS for name in topic.columns if name != "t"]
     assert sorted([*of_tick, "t"]) == sorted(columns(Tick))
 
 
 def test_every_message_starts_with_the_time() -> None:
-    assert all(names(topic)[0] == "t" for topic in schema.TOPICS)
+    assert all(topic.columns[0] == "t" for topic in TOPICS.values())
 
 
 def test_units_and_frames_stand_beside_the_fields() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import gcs_tools
-from fcu.kernel.buffers import size
+from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
+from fcu.settings import Settings
 from fcu.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
 from gcs_tools.recording import reader as recording
 
@@ -23,10 +24,12 @@ def test_recorded_inputs_give_the_recorded_outputs(tmp_path, mission, speed):
     assert recorded.complete
     assert len(recorded.fcu) == flown.ticks == 1250
 
-    remembered, again = np.zeros(size(Remembered)), np.zeros_like(recorded.fcu)
+    ticks = recorded.fcu.rows_of(Tick)
+    settings = np.array([recorded.params[name] for name in columns(Settings)])
+    remembered, again = np.zeros(size(Remembered)), np.zeros_like(ticks)
     names = ("t", "engaged", "setpoint", "measured")
-    inputs = zip(*(column(Tick, recorded.fcu, name) for name in names), strict=True)
+    inputs = zip(*(column(Tick, ticks, name) for name in names), strict=True)
     for row, (t, engaged, setpoint, measured) in zip(again, inputs, strict=True):
-        tick(t, engaged, remembered, recorded.params, setpoint, 0.0, measured, row)
-    assert again.tobytes() == recorded.fcu.tobytes()
-    assert set(column(Tick, recorded.fcu, "engaged")) == {TAKE_OVER, FLYING}
+        tick(t, engaged, remembered, settings, setpoint, 0.0, measured, row)
+    assert again.tobytes() == ticks.tobytes()
+    assert set(recorded.fcu["engaged"]) == {TAKE_OVER, FLYING}

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools.live.bus_record import BusRecorder
-from gcs_tools.live.ticks import Sample
+from gcs_tools.live.recorder import BusRecorder
+from gcs_tools.live.samples import Sample
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.reader import read
+from gcs_tools.recording.schema import TOPICS
 
 
 def said(*numbers: int) -> Sample:
@@ -29,7 +30,7 @@ def said(*numbers: int) -> Sample:
 )
 def test_in_the_order_in_which_it_was_said(tmp_path, before, then, there):
     path = tmp_path / "recorded.mcap"
-    with BusRecorder(path, {}) as recorder:
+    with BusRecorder(path, {}, TOPICS) as recorder:
         recorder.before(events.TOPIC, said(*before))
         for numbers in then:
             recorder.add(events.TOPIC, said(*numbers))
@@ -38,7 +39,7 @@ def test_in_the_order_in_which_it_was_said(tmp_path, before, then, there):
 
 def test_what_is_late_to_a_chunk_that_has_it_is_left_out(tmp_path, monkeypatch):
     path = tmp_path / "recorded.mcap"
-    with BusRecorder(path, {}) as recorder:
+    with BusRecorder(path, {}, TOPICS) as recorder:
         recorder.before(events.TOPIC, said(4))
         monkeypatch.setattr(recorder._file, "is_due", lambda pending: True)
         recorder.flush_if_due()

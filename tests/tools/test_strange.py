@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from gcs_tools.live import ticks
-from gcs_tools.live.follow import Follower
-from gcs_tools.live.recorded import Latency
-from gcs_tools.live.ticks import Sample
-from gcs_tools.live.watch import _object
+from gcs_tools.live.recorder import Latency
+from gcs_tools.live.samples import Sample, SampleError, describe, described
+from gcs_tools.live.subscriber import _object
+from gcs_tools.pictures.follower import Follower
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
-from gcs_tools.recording.layout import Stack
+from gcs_tools.recording.layout import encode
 from gcs_tools.recording.reader import RecordingError, read
-from gcs_tools.recording.schema import TIMING
+from gcs_tools.recording.schema import TIMING, TOPICS
 
 
 def sample(*messages: bytes) -> Sample:
@@ -35,17 +34,34 @@ def test_a_level_that_there_is_not_is_unknown():
     ("topic", "data"), [("/events", b"\xff\xff"), ("/fcu/timing", b"short"), ("/plant/truth", b"")]
 )
 def test_what_is_no_message_of_its_topic_is_counted(topic, data):
-    watch = SimpleNamespace(about={}, latest=lambda: [(topic, sample(data))], take=list)
-    assert Follower(watch).unusable == (
+    vehicle = SimpleNamespace(
+        about={}, topics=TOPICS, latest=lambda: [(topic, sample(data))], take=list
+    )
+    assert Follower(vehicle).unusable == (
         1 if topic != "/fcu/timing" else 0
     )  # which it does not read
 
 
 def test_a_time_that_is_none_has_no_age():
-    form, latency = ticks.form(TIMING), Latency()
-    row = np.full((1, len(form.names)), np.nan)
-    latency.see(sample(Stack([(b"", form, list(range(len(form.names))))]).encode(row).tobytes()))
+    timing, latency = TOPICS[TIMING], Latency(TOPICS[TIMING])
+    latency.see(sample(*encode(timing.layout, np.full((1, len(timing.columns)), np.nan))))
     assert latency.percentile(50.0) is None
+
+
+def test_a_vehicle_describes_its_topics():
+    assert described(describe(TOPICS)) == TOPICS
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"[" * 100_000, b"\xff", b"[]", b'{"/x": 3}', b'{"/x": {"message": "M", "schema": 3}}',
+        b'{"/x": {"message": "M", "schema": "AA"}}', b'{"/x": {"message": "M", "own": 5}}',
+    ],
+)  # fmt: skip
+def test_what_describes_no_topic_is_refused(data):
+    with pytest.raises(SampleError):
+        described(data)
 
 
 @pytest.mark.parametrize("data", [b"[" * 100_000, b"\xff", b"[]", b"3", b'"x"', b"{"])

@@ -21,12 +21,12 @@ def test_every_topic_is_listed_with_its_message_and_rate(replay, tool, instance)
     replay("--speed", "1", "--wait")
     found = tool("topics", "--for", "2")
     assert found["vehicle"] == str(ports(instance).system_id)
-    assert set(found["topics"]) == {*(topic.name for topic in TOPICS), events.TOPIC}
+    assert set(found["topics"]) == {*TOPICS, events.TOPIC}
     within = f"m_mrac/{found['run']}/{found['vehicle']}"
-    for topic in TOPICS:
+    for topic in TOPICS.values():
         line = found["topics"][topic.name]
         assert line["key"] == within + topic.name
-        assert line["message"] == f"m_mrac.{topic.message}Ticks"
+        assert line["message"] == f"{topic.message}Ticks"
         assert (line["lost"], line["unreadable"]) == (0, 0)
         if topic.name != "/fcu/params":
             assert 400.0 < line["rate_hz"] < 600.0

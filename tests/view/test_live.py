@@ -10,15 +10,10 @@ import numpy as np
 import pytest
 
 from fcu.interface.ports import INSTANCES
-from fcu.kernel.buffers import columns
-from fcu.tick import Tick
-from gcs_tools.pictures.history import FlightHistory, carried
+from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view.app import App, free_port
-from gcs_tools.recording.schema import FCU, PLANT, WIND
-from sitl_plant.physics.types import PlantRecord
+from gcs_tools.recording.schema import TICK_TOPICS, TRUTH, WIND
 from tests.view.pictures import node, told
-
-AT = columns(PlantRecord).index
 
 
 @pytest.fixture
@@ -32,11 +27,10 @@ def app():
 
 def _receive(flight, recording, rows):
     """Append a part of a recording, a topic at a time, as a bus delivers it."""
-    flight.append(PLANT.name, recording.plant[rows])
-    for topic in FCU:
-        at = [columns(Tick).index(name) for name in carried(topic)]
-        flight.append(topic.name, recording.fcu[rows][:, at])
-    flight.append(WIND.name, recording.reports[WIND.name][rows])
+    flight.append(TRUTH, recording.plant.take(rows))
+    for topic in TICK_TOPICS:
+        flight.append(topic.name, recording.fcu.take(rows))
+    flight.append(WIND, recording.reports[WIND].take(rows))
 
 
 def test_the_page_waits_for_a_vehicle_and_then_follows_it(app, recording, look):
@@ -46,12 +40,12 @@ def test_the_page_waits_for_a_vehicle_and_then_follows_it(app, recording, look):
     for start in range(0, 2000, 25):  # 20 Hz
         _receive(app.flight, recording, slice(start, start + 25))
         app.step(0.05)
-    t = recording.plant[1999, 0]
+    t = recording.plant["t"][1999]
     page.wait_for_function(
         "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
         arg=round(t, 3),
     )
-    r_E = [recording.plant[1999, AT(f"state.r_E.{axis}")] for axis in "xyz"]
+    r_E = recording.plant["state.r_E"][1999]
     np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)
     assert told(page, "position")[:3] == np.round(r_E, 3).tolist()
     page.get_by_text("waiting for a vehicle").wait_for(state="detached")
@@ -72,9 +66,9 @@ def test_a_vehicle_that_begins_anew_is_shown_anew(app, recording, look):
         app.step(0.05)
     page.wait_for_function(
         "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
-        arg=round(recording.plant[99, 0], 3),
+        arg=round(recording.plant["t"][99], 3),
     )
-    assert app.flight.span == (recording.plant[0, 0], recording.plant[99, 0])
+    assert app.flight.span == (recording.plant["t"][0], recording.plant["t"][99])
 
 
 @pytest.fixture
@@ -99,10 +93,9 @@ def replayed(recording):
 def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs_view, look):
     page = look(gcs_view("--instance", replayed).url).page
     page.get_by_text("gone").wait_for()
-    last = recording.plant[-1]
     page.wait_for_function(
         "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
-        arg=round(last[0], 3),
+        arg=round(recording.plant["t"][-1], 3),
     )
-    r_E = [last[AT(f"state.r_E.{axis}")] for axis in "xyz"]
+    r_E = recording.plant["state.r_E"][-1]
     np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)

@@ -5,21 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools.pictures.history import DRAWN, FlightHistory, Limits, TopicHistory, carried
+from gcs_tools.pictures.history import DRAWN, FlightHistory, Limits, TopicHistory
 from gcs_tools.pictures.view.charts import places, seeded, stretches, thinned, value
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.schema import TOPICS
+from gcs_tools.recording.table import Table
 
 
-def _rows(t, *values):
-    return np.stack([t, *values], axis=1)
+def _table(**columns):
+    return Table(np.stack(list(columns.values()), axis=1), list(columns))
 
 
 def test_history_keeps_the_newest_seconds_of_all_that_was_appended():
-    history = TopicHistory(["t", "unused", "x"], ["x"], keep_s=2.0)
+    history = TopicHistory(["x"], keep_s=2.0)
     t = np.arange(0.0, 30.0, 0.001)
-    for batch in np.array_split(_rows(t, -t, 10.0 * t), 977):
-        history.append(batch)
+    for batch in np.array_split(t, 977):
+        history.append(_table(t=batch, unused=-batch, x=10.0 * batch))
     assert history["t"][0] == pytest.approx(t[-1] - 2.0, abs=1e-9)
     assert history["t"][-1] == t[-1]
     assert len(history) == 2001
@@ -27,35 +28,41 @@ def test_history_keeps_the_newest_seconds_of_all_that_was_appended():
 
 
 def test_history_grows_as_long_as_everything_is_kept():
-    history = TopicHistory(["t"], [])
+    history = TopicHistory([])
     t = np.arange(100_000) * 0.002
-    for batch in np.array_split(t[:, None], 71):
-        history.append(batch)
+    for batch in np.array_split(t, 71):
+        history.append(_table(t=batch))
     np.testing.assert_array_equal(history["t"], t)
 
 
 def test_time_that_goes_back_begins_a_new_flight():
-    history = TopicHistory(["t", "x"], ["x"])
-    history.append(_rows([1.0, 2.0], [1.0, 2.0]))
-    history.append(_rows([3.0, 0.0, 0.5], [3.0, 7.0, 8.0]))
+    history = TopicHistory(["x"])
+    history.append(_table(t=[1.0, 2.0], x=[1.0, 2.0]))
+    history.append(_table(t=[3.0, 0.0, 0.5], x=[3.0, 7.0, 8.0]))
     assert history["t"].tolist() == [0.0, 0.5]
     assert history["x"].tolist() == [7.0, 8.0]
 
 
 def test_what_is_drawn_is_what_topics_carry():
-    layouts = {topic.name: carried(topic) for topic in TOPICS}
     for topic, names in DRAWN.items():
-        assert set(names) <= set(layouts[topic])
+        assert set(names) <= set(TOPICS[topic].columns)
+
+
+def test_what_rows_do_not_have_is_not_a_number():
+    history = TopicHistory(["x", "new"])
+    history.append(_table(t=[1.0, 2.0], x=[3.0, 4.0]))
+    assert history["x"].tolist() == [3.0, 4.0]
+    assert np.isnan(history["new"]).all()
 
 
 def _append(flight, topic, **columns):
     """Rows of a topic of which only some columns matter; dots of names are underscores here."""
-    names = next(carried(t) for t in TOPICS if t.name == topic)
+    names = TOPICS[topic].columns
     known = {name.replace(".", "_"): i for i, name in enumerate(names)}
     rows = np.full((len(columns["t"]), len(names)), np.nan)
     for name, column in columns.items():
         rows[:, known[name]] = column
-    flight.append(topic, rows)
+    flight.append(topic, Table(rows, names))
 
 
 def test_a_moment_has_the_last_row_of_each_topic_by_then():
@@ -145,15 +152,15 @@ def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
     flight = recorded(recording.path)
     assert flight.limits == Limits.believed()  # paper_nominal changes none
     assert flight.ground_z == -10.0
-    assert flight.span == (recording.plant[0, 0], recording.plant[-1, 0])
+    assert flight.span == tuple(recording.plant["t"][[0, -1]])
 
 
 def test_a_recording_without_a_flight_is_refused(tmp_path):
     from gcs_tools.pictures.history import recorded
-    from gcs_tools.recording.recorder import Recorder
+    from gcs_tools.recording.writer import RecordingWriter
 
     path = tmp_path / "flight.mcap"
-    with Recorder(path, {"title": "nothing"}):
+    with RecordingWriter(path, {"title": "nothing"}):
         pass
     with pytest.raises(RecordingError, match="nothing was recorded"):
         recorded(path)

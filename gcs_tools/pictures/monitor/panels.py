@@ -35,15 +35,15 @@ _LEVEL = {"warning": WARN, "error": BAD, "fatal": BAD}
 
 def header(r: Readings) -> Panel:
     """What flies, and where in its time it is."""
-    watch = r.follower.watch
+    vehicle = r.follower.vehicle
     words = Text.assemble((r.flight.title, "bold"), "   ", number(r.t, 2, "s"))
     words.append(f"   × {plain(r.speed(), 2)}", style=DIM)
     words.append(f"   {r.flight.status(r.t)}", style=GOOD)
-    if watch.gone:
+    if vehicle.gone:
         words.append("   gone: it is on the bus no more", style=BAD)
-    elif "replay_of" in watch.about:
+    elif "replay_of" in vehicle.about:
         words.append("   a replay", style=WARN)
-    about = f"vehicle {watch.about.get('vehicle')}, run {watch.about.get('run')}"
+    about = f"vehicle {vehicle.about.get('vehicle')}, run {vehicle.about.get('run')}"
     return Panel(words, subtitle=about, subtitle_align="right", border_style=DIM, padding=(0, 2))
 
 
@@ -171,11 +171,11 @@ def wind(r: Readings, width: int) -> Panel:
 
 def bus(r: Readings, _width: int) -> Panel:
     """Does everything arrive, and in time?"""
-    watch, now = r.follower.watch, time.monotonic()
+    vehicle, now = r.follower.vehicle, time.monotonic()
     table = grid(4)
     for label, who in (("flight controller", "fcu"), ("plant", "plant")):
-        counted = watch.counted.get(f"/{who}/timing")
-        there, lost = who in watch.alive, r.lost(who)
+        counted = vehicle.counted.get(f"/{who}/timing")
+        there, lost = who in vehicle.alive, r.lost(who)
         table.add_row(
             label,
             Text("there" if there else "not there", style=GOOD if there else BAD),

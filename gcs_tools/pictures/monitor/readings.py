@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.live.follow import Follower
+from gcs_tools.pictures.follower import Follower
 from gcs_tools.pictures.history import DRAWN, XYZ, Series, parts
-from gcs_tools.recording.layout import Rows
+from gcs_tools.recording.table import Rows
 
 KEPT = {
     **DRAWN,
@@ -119,7 +119,7 @@ class Readings:
     @property
     def believed_drag(self) -> str:
         """The coefficients that the wind estimate believes in, N/(m/s)^2, as text."""
-        told = self.follower.watch.about.get("believed_drag")
+        told = self.follower.vehicle.about.get("believed_drag")
         try:
             drag: Any = json.loads(told) if isinstance(told, str) else told
             return ", ".join(f"{float(c):g}" for c in drag)
@@ -128,19 +128,19 @@ class Readings:
 
     def lost(self, who: str) -> int:
         """Ticks of "fcu" or "plant" that did not come."""
-        counted = self.follower.watch.counted
+        counted = self.follower.vehicle.counted
         return sum(c.lost for topic, c in counted.items() if topic.startswith(f"/{who}/"))
 
     @property
     def strange(self) -> int:
         """Samples that were not the vehicle's."""
-        watch = self.follower.watch
-        unreadable = sum(c.unreadable for c in watch.counted.values())
-        return self.follower.unusable + watch.unknown + unreadable
+        vehicle = self.follower.vehicle
+        unreadable = sum(c.unreadable for c in vehicle.counted.values())
+        return self.follower.unusable + vehicle.unknown + unreadable
 
     def snapshot(self) -> dict[str, Any]:
         """The numbers of one picture, for programs. None: not known."""
-        watch = self.follower.watch
+        vehicle = self.follower.vehicle
         known = {
             "time_s": self.t,
             "off_reference_m": self.now(self.off_reference()),
@@ -163,14 +163,14 @@ class Readings:
         }
         return {
             "schema": 1,
-            "run": watch.about.get("run"),
-            "vehicle": watch.about.get("vehicle"),
-            "alive": sorted(watch.alive),
+            "run": vehicle.about.get("run"),
+            "vehicle": vehicle.about.get("vehicle"),
+            "alive": sorted(vehicle.alive),
             "status": self.flight.status(self.t) or None,
             **{name: _known(value) for name, value in known.items()},
             **{name: [_known(v) for v in vector] for name, vector in vectors.items()},
-            "ticks": {topic: c.ticks for topic, c in watch.counted.items()},
-            "lost": {topic: c.lost for topic, c in watch.counted.items() if c.lost},
+            "ticks": {topic: c.ticks for topic, c in vehicle.counted.items()},
+            "lost": {topic: c.lost for topic, c in vehicle.counted.items() if c.lost},
         }
 
 

@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from gcs_tools.recording.layout import Rows
+from gcs_tools.recording.table import Rows
 
 SPARK_S = 30.0  # simulation time that a sparkline spans
 BARS = "▁▂▃▄▅▆▇█"

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
 from gcs_tools.pictures.plot.numbers import Numbers, finite, percent, rms, said
 from gcs_tools.pictures.plot.overview import drag_over_mass, inertia
 from gcs_tools.pictures.plot.style import DASHED, INK, MUTED, THREE, TIME, WIDE, legend, line, zoom
 from gcs_tools.pictures.plot.window import Window
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,9 +47,9 @@ def angular(window: Window) -> list[Estimate]:
     hats = window.fcu.axes("state.estimates.s_w_hat")
     if c_tau is None or len(c_tau) != 3:
         return [Estimate(name, hat, None) for name, hat in zip("pqr", hats, strict=True)]
-    a = window.plant.vectors("state.w_B") - window.plant.vectors("w_air_B")
-    tau = window.plant.vectors("tau_B") - _believed_torque(window) - c_tau * a * np.abs(a)
-    truth = tau / window.plant.vectors("J")
+    a = window.plant["state.w_B"] - window.plant["w_air_B"]
+    tau = window.plant["tau_B"] - _believed_torque(window) - c_tau * a * np.abs(a)
+    truth = tau / window.plant["J"]
     truth[window.plant["on_ground"] > 0.5] = np.nan
     return [Estimate(name, hats[i], truth[:, i]) for i, name in enumerate("pqr")]
 

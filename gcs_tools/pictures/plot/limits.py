@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
 from gcs_tools.pictures.plot.numbers import Numbers, finite, least, percent
 from gcs_tools.pictures.plot.style import (
     DASHED,
@@ -25,6 +24,7 @@ from gcs_tools.pictures.plot.style import (
     note,
 )
 from gcs_tools.pictures.plot.window import Window
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
+from gcs_tools.recording.table import Rows
 
 Numbers = dict[str, float | None]  # each key carries its unit; None: without a value
 

@@ -10,7 +10,7 @@ import numpy as np
 from fcu.kernel.buffers import columns
 from fcu.settings import Settings
 from fcu.tick import Tick
-from gcs_tools.judging.metrics import EngagedTicks, Rows
+from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.pictures.plot.numbers import Numbers, length, percent
 from gcs_tools.pictures.plot.style import (
     DASHED,
@@ -28,7 +28,8 @@ from gcs_tools.pictures.plot.style import (
     line,
     logarithmic,
 )
-from gcs_tools.pictures.plot.window import ENU, Columns, Window
+from gcs_tools.pictures.plot.window import ENU, Window
+from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 SIZE = (12.0, 11.0)  # inches
 
 
-def _position(axes: Axes, plant: Columns, fcu: Columns) -> None:
+def _position(axes: Axes, plant: Table, fcu: Table) -> None:
     axes.set_title("Position, m")
     t = fcu["t"]
     for colour, r_c in zip(THREE, fcu.axes("setpoint.r_c"), strict=True):
@@ -68,7 +69,7 @@ def distance(axes: Axes, flight: EngagedTicks) -> None:
         legend(axes)
 
 
-def _thrust(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:
+def _thrust(axes: Axes, fcu: Table, params: dict[str, float]) -> None:
     axes.set_title("Thrust, N")
     line(axes, fcu["t"], fcu["outputs.T_achieved"], color=MUTED, label="achieved", **WIDE)
     line(axes, fcu["t"], fcu["outputs.T_c"], color=X, label="commanded")
@@ -77,7 +78,7 @@ def _thrust(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:
     legend(axes)
 
 
-def _tilt(axes: Axes, fcu: Columns, params: dict[str, float]) -> None:
+def _tilt(axes: Axes, fcu: Table, params: dict[str, float]) -> None:
     axes.set_title("Commanded tilt, degrees")
     angles = fcu.axes("outputs.angles_c", "xy")
     for name, colour, angle in zip(("roll", "pitch"), THREE, angles, strict=False):
@@ -106,7 +107,7 @@ def learned(
 
 
 def drag_over_mass(
-    plant: Columns, fcu: Columns, told: dict[str, float]
+    plant: Table, fcu: Table, told: dict[str, float]
 ) -> list[tuple[str, Rows, Rows]]:
     """(axis, s_v_hat, its truth), m/s^2, E. As printed, s_v_hat has to find gravity too."""
     down = (0.0, 0.0, told["law.g"] if told["law.achieved"] < 0.5 else 0.0)
@@ -114,13 +115,13 @@ def drag_over_mass(
     return [(name, s_hat, f_D / plant["m"] - g) for name, s_hat, f_D, g in found]
 
 
-def inertia(plant: Columns, fcu: Columns) -> list[tuple[str, Rows, Rows]]:
+def inertia(plant: Table, fcu: Table) -> list[tuple[str, Rows, Rows]]:
     """(axis, J_hat, J), kg m^2, B."""
     return list(zip("xyz", fcu.axes("state.estimates.J_hat"), plant.axes("J"), strict=True))
 
 
 def _overview(figure: Figure, flight: EngagedTicks, told: dict[str, float], title: str) -> None:
-    true, fcu = Columns(flight.plant, columns(PlantRecord)), Columns(flight.fcu, columns(Tick))
+    true, fcu = flight.plant, flight.fcu
     grid = figure.subplot_mosaic(
         [["position", "error"], ["thrust", "tilt"], ["drag", "drag"], ["mass", "inertia"]],
         sharex=True,
@@ -176,7 +177,7 @@ def flight_figure(
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    flight = EngagedTicks.of(plant, fcu, settle_from_s)
+    flight = EngagedTicks.of(Table.of(PlantRecord, plant), Table.of(Tick, fcu), settle_from_s)
     told = dict(zip(columns(Settings), params.tolist(), strict=True))
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout=ConstrainedLayoutEngine(h_pad=0.09, w_pad=0.12))

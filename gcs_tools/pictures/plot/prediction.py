@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
 from gcs_tools.pictures.plot.numbers import Numbers, finite, greatest, percent, rms, said
 from gcs_tools.pictures.plot.style import (
     INK,
@@ -20,6 +19,7 @@ from gcs_tools.pictures.plot.style import (
     zoom,
 )
 from gcs_tools.pictures.plot.window import ENU, Window
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

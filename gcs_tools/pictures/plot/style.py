@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
 from gcs_tools.pictures.plot.numbers import Numbers
 from gcs_tools.pictures.plot.style import (
     DASHED,
@@ -21,8 +20,9 @@ from gcs_tools.pictures.plot.style import (
     logarithmic,
     note,
 )
-from gcs_tools.pictures.plot.window import Columns, Missing, Window
+from gcs_tools.pictures.plot.window import Missing, Window
 from gcs_tools.recording.schema import PLANT_TIMING, TIMING
+from gcs_tools.recording.table import Rows, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,18 +34,18 @@ MICRO = 1e6
 BINS = 60
 LEAST_US = 1.0  # shown
 COUNTED = {  # what is counted so far: name in the figure -> (topic, column)
-    "slips": ((PLANT_TIMING.name, "slips"),),
-    "resent": ((PLANT_TIMING.name, "resent"), (TIMING.name, "resent")),
-    "refused": ((TIMING.name, "refused"),),
+    "slips": ((PLANT_TIMING, "slips"),),
+    "resent": ((PLANT_TIMING, "resent"), (TIMING, "resent")),
+    "refused": ((TIMING, "refused"),),
     "rows_dropped": tuple(
         (topic, column)
-        for topic in (PLANT_TIMING.name, TIMING.name)
+        for topic in (PLANT_TIMING, TIMING)
         for column in ("unrecorded", "unpublished")
     ),
 }
 
 
-def _rows(window: Window, topic: str) -> Columns | None:
+def _rows(window: Window, topic: str) -> Table | None:
     rows = window.reports.get(topic)
     return rows if rows is not None and len(rows) else None
 
@@ -56,8 +56,8 @@ def _count(window: Window, topic: str, column: str) -> tuple[Rows, Rows] | None:
     if rows is None:
         return None
     before = window.before.get(topic)
-    base = before[column][0] if before is not None and len(before) else 0.0
-    return rows["t"], rows[column] - base
+    base = before[f"timing.{column}"][0] if before is not None and len(before) else 0.0
+    return rows["t"], rows[f"timing.{column}"] - base
 
 
 def _quantiles(values: Rows, name: str) -> Numbers:
@@ -74,16 +74,16 @@ def _quantiles(values: Rows, name: str) -> Numbers:
 
 def numbers(window: Window) -> Numbers:
     """Wall times in microseconds, and what was counted in the window. Raises Missing."""
-    fcu, plant = _rows(window, TIMING.name), _rows(window, PLANT_TIMING.name)
+    fcu, plant = _rows(window, TIMING), _rows(window, PLANT_TIMING)
     if fcu is None and plant is None:
         raise Missing(
-            f"neither {TIMING.name} nor {PLANT_TIMING.name} is in the recording"
+            f"neither {TIMING} nor {PLANT_TIMING} is in the recording"
             " (a flight in one process has no timing)"
         )
     none = np.empty(0)
     found = {
-        **_quantiles(none if fcu is None else fcu["cycle"], "cycle"),
-        **_quantiles(none if plant is None else plant["late"], "late"),
+        **_quantiles(none if fcu is None else fcu["timing.cycle"], "cycle"),
+        **_quantiles(none if plant is None else plant["timing.late"], "late"),
         "period_us": _period(window),
     }
     for name, parts in COUNTED.items():
@@ -94,9 +94,9 @@ def numbers(window: Window) -> Numbers:
 
 def _period(window: Window) -> float | None:
     """Wall time from one tick to the next, us: as paced, or of real time for a flight that is not."""
-    plant = _rows(window, PLANT_TIMING.name)
-    if plant is not None and np.isfinite(plant["late"]).sum() > 1:
-        return MICRO * float(np.median(np.diff(plant["published"])))
+    plant = _rows(window, PLANT_TIMING)
+    if plant is not None and np.isfinite(plant["timing.late"]).sum() > 1:
+        return MICRO * float(np.median(np.diff(plant["timing.published"])))
     return None if window.params is None else MICRO * window.told["law.h"]
 
 
@@ -122,11 +122,11 @@ def answer(found: Numbers) -> str:
 def notes(window: Window) -> list[str]:
     """What to know when reading it."""
     said = ["Wall times of the machine that flew: they differ from flight to flight."]
-    for topic in (TIMING.name, PLANT_TIMING.name):
+    for topic in (TIMING, PLANT_TIMING):
         if _rows(window, topic) is None:
             said.append(f"{topic} is not in the recording.")
-    plant = _rows(window, PLANT_TIMING.name)
-    if plant is not None and not np.isfinite(plant["late"]).any():
+    plant = _rows(window, PLANT_TIMING)
+    if plant is not None and not np.isfinite(plant["timing.late"]).any():
         said.append(
             "Flown at full speed: there are no deadlines to be late for; time from tick to tick is "
             "that of real time."
@@ -138,12 +138,12 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
     """Series and histogram of cycle and lateness, and what was counted."""
     measured = []
     for topic, column, title, colour in (
-        (TIMING.name, "cycle", "Flight controller: from state to answer, µs", X),
-        (PLANT_TIMING.name, "late", "Plant: start of a tick after its deadline, µs", Y),
+        (TIMING, "cycle", "Flight controller: from state to answer, µs", X),
+        (PLANT_TIMING, "late", "Plant: start of a tick after its deadline, µs", Y),
     ):
         rows = _rows(window, topic)
-        if rows is not None and np.isfinite(rows[column]).any():
-            measured.append((column, title, colour, rows["t"], MICRO * rows[column]))
+        if rows is not None and np.isfinite(values := rows[f"timing.{column}"]).any():
+            measured.append((column, title, colour, rows["t"], MICRO * values))
     layout: list[Any] = [[column, f"{column} spread"] for column, *_ in measured]
     grid = figure.subplot_mosaic(
         [*layout, ["counts", "counts"]],

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
 from gcs_tools.pictures.plot.numbers import Numbers, greatest, rms, said
 from gcs_tools.pictures.plot.style import INK, MUTED, THREE, TIME, WIDE, Y, legend, line, zoom
 from gcs_tools.pictures.plot.window import Missing, Window
 from gcs_tools.recording.schema import WIND
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,13 +38,13 @@ def error(t: Rows, estimate: Rows, truth: Rows, from_s: float) -> Numbers:
 
 def _both(window: Window) -> tuple[Rows, Rows, Rows]:
     """Times, estimates and truths (m/s, E) at the ticks that have both. Raises Missing."""
-    t, told = window.t, window.report(WIND.name)
+    t, told = window.t, window.report(WIND)
     _, ours, theirs = np.intersect1d(
         np.rint(t * 1e6), np.rint(told["t"] * 1e6), return_indices=True
     )
     if not len(ours):
-        raise Missing(f"{WIND.name} has no tick in common with the truth")
-    return t[ours], told.vectors("v_air_E")[theirs], window.plant.vectors("v_air_E")[ours]
+        raise Missing(f"{WIND} has no tick in common with the truth")
+    return t[ours], told["wind.v_air_E"][theirs], window.plant["v_air_E"][ours]
 
 
 def numbers(window: Window) -> Numbers:

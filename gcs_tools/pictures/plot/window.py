@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fcu.kernel.buffers import columns
-from fcu.settings import Settings
-from fcu.tick import Tick
-from gcs_tools.judging.metrics import EngagedTicks, Rows
-from gcs_tools.recording.reader import SEEN, Recording
-from sitl_plant.physics.types import PlantRecord
+from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.table import Rows, Table
 
 ENU = ("east", "north", "up")
 
@@ -23,26 +19,11 @@ class Missing(Exception):
     """What a figure needs and the recording does not have: says what, and why it may be so."""
 
 
-class Columns:
-    """Rows whose columns are asked for by name."""
+class _Told(dict[str, float]):
+    """A law's parameters."""
 
-    def __init__(self, rows: Rows, names: Sequence[str]) -> None:
-        self._rows = rows
-        self._at = {name: i for i, name in enumerate(names)}
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getitem__(self, name: str) -> Rows:
-        return self._rows[:, self._at[name]]
-
-    def axes(self, name: str, of: str = "xyz") -> list[Rows]:
-        """The components of a Vec3."""
-        return [self[f"{name}.{axis}"] for axis in of]
-
-    def vectors(self, name: str) -> Rows:
-        """A Vec3 as (n, 3)."""
-        return np.stack(self.axes(name), axis=1)
+    def __missing__(self, name: str) -> float:
+        raise Missing(f"the law has no parameter {name}")
 
 
 @dataclass(frozen=True)
@@ -52,12 +33,12 @@ class Window:
     flight: (
         EngagedTicks  # ticks at which the law was flying; what is settled is of the whole flight
     )
-    plant: Columns  # PlantRecord, at those ticks
-    fcu: Columns  # Tick, at those ticks
+    plant: Table  # the truth, at those ticks
+    fcu: Table  # what the controller told, at those ticks
     taken_over_s: float  # when the law first flew, also before the window; infinite: never
-    params: Rows | None
-    reports: dict[str, Columns]  # by topic, every tick
-    before: dict[str, Columns]  # the same, of the last tick before the window, if there is one
+    params: dict[str, float] | None  # the law's
+    reports: dict[str, Table]  # by topic, every tick
+    before: dict[str, Table]  # the same, of the last tick before the window, if there is one
     metadata: dict[str, str]
 
     @classmethod
@@ -67,18 +48,14 @@ class Window:
         flight = whole.window(t_from, t_to)
         low, high = -np.inf if t_from is None else t_from, np.inf if t_to is None else t_to
         reports, before = {}, {}
-        for topic in SEEN:
-            rows = recording.reports.get(topic.name)
-            if rows is None:
-                continue
-            names = ["t", *columns(topic.carries)]
-            inside = (rows[:, 0] >= low - 1e-6) & (rows[:, 0] <= high + 1e-6)
-            reports[topic.name] = Columns(rows[inside], names)
-            before[topic.name] = Columns(rows[rows[:, 0] < low - 1e-6][-1:], names)
+        for topic, rows in recording.reports.items():
+            t = rows["t"]
+            reports[topic] = rows.take((t >= low - 1e-6) & (t <= high + 1e-6))
+            before[topic] = rows.take(np.flatnonzero(t < low - 1e-6)[-1:])
         return cls(
             flight=flight,
-            plant=Columns(flight.plant, columns(PlantRecord)),
-            fcu=Columns(flight.fcu, columns(Tick)),
+            plant=flight.plant,
+            fcu=flight.fcu,
             taken_over_s=float(whole.t[0]) if len(whole.t) else np.inf,
             params=recording.params,
             reports=reports,
@@ -95,10 +72,10 @@ class Window:
 
     @property
     def told(self) -> dict[str, float]:
-        """What law and guard were told, by column of Settings. Raises Missing."""
+        """What the law was told, by name; of a name that it does not have too, raises Missing."""
         if self.params is None:
             raise Missing("the law's parameters (/fcu/params) were not recorded")
-        return dict(zip(columns(Settings), self.params.tolist(), strict=True))
+        return _Told(self.params)
 
     @property
     def settled(self) -> Any:
@@ -111,7 +88,7 @@ class Window:
         """The first time of `settled`. Raises Missing."""
         return float(self.t[self.settled][0])
 
-    def report(self, topic: str) -> Columns:
+    def report(self, topic: str) -> Table:
         """What is recorded of a topic. Raises Missing."""
         rows = self.reports.get(topic)
         if rows is None or not len(rows):

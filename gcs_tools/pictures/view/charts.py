@@ -12,7 +12,7 @@ import numpy as np
 from gcs_tools.pictures.history import HALF_US, FlightHistory, Series
 from gcs_tools.pictures.plot.style import INK, LIMIT
 from gcs_tools.pictures.quantities import LEAST_ERROR_M, Chart, Line
-from gcs_tools.recording.layout import Rows
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     import viser

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcu.interface.airframe import Airframe
-from gcs_tools.recording.layout import Rows
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     import viser

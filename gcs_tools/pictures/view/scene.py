@@ -13,7 +13,7 @@ import numpy as np
 from fcu.interface.airframe import believed
 from gcs_tools.pictures.history import ROTORS, FlightHistory
 from gcs_tools.pictures.view.octocopter import Colour, Octocopter
-from gcs_tools.recording.layout import Rows
+from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     import viser

@@ -138,14 +138,14 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
 
 def recorder(plant_rows: Any, fcu_rows: Any, settings: Any, repeats: int) -> Iterator[Figure]:
     """What recording costs a tick, fed in batches as a flight feeds it."""
-    from fcu.interface.tape import BATCH
-    from gcs_tools.recording.recorder import Recorder
+    from fcu.interface.recorder_pipe import BATCH
+    from gcs_tools.recording.writer import RecordingWriter
 
     taken = []
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as folder:
             began = time.perf_counter()
-            with Recorder(Path(folder) / "flight.mcap", {}) as recording:
+            with RecordingWriter(Path(folder) / "flight.mcap", {}) as recording:
                 recording.set_params(settings)
                 for i in range(0, len(plant_rows), BATCH):
                     recording.add_plant(plant_rows[i : i + BATCH])
@@ -180,11 +180,11 @@ def flown(scene: Scenario, speed: float | None = None, clients: bool = False) ->
     from fcu.kernel.buffers import to_buffer
     from gcs_tools.flight.processes import PORTS, claimed
     from gcs_tools.flight.wire_flight import WireFlight
-    from gcs_tools.recording.recorder import Recorder
+    from gcs_tools.recording.writer import RecordingWriter
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        recording = Recorder(folder / "flight.mcap", {})
+        recording = RecordingWriter(folder / "flight.mcap", {})
         with recording, claimed(None, *PORTS) as instance:
             recording.set_params(to_buffer(scene.settings))
             takers = (recording.add_plant, recording.add_fcu)

@@ -29,7 +29,7 @@ def figures() -> Iterator[Figure]:
 
 def costs() -> Iterator[Figure]:
     """What a report costs the control thread after its answer is on its way."""
-    from fcu.interface.feed import SUPPORTED
+    from fcu.interface.publisher_feed import SUPPORTED
     from gcs_tools.flight.processes import PORTS, claimed
 
     with claimed(None, *PORTS) as instance:
@@ -58,15 +58,15 @@ def _reports(instance: int) -> float:
     import numpy as np
 
     from fcu.configuration import read_drag, read_settings
-    from fcu.interface.feed import Feed
-    from fcu.interface.tape import Tape
+    from fcu.interface.publisher_feed import PublisherFeed
+    from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.parameters import Parameters
     from fcu.reporting import WIDTH, Reporter
     from fcu.vehicle.state_machine import StateMachine
 
     params = Parameters(read_settings(None, 500.0), instance + 1, None)
-    vehicle, feed = StateMachine(params), Feed(instance, "fcu")
-    reporter = Reporter(Tape(WIDTH), feed, read_drag())
+    vehicle, feed = StateMachine(params), PublisherFeed(instance, "fcu")
+    reporter = Reporter(RecorderPipe(WIDTH), feed, read_drag())
     row: Any = np.zeros(WIDTH)
     reporter.warm_up(row)
     reporter.idle(0.0, params.settings, time.monotonic())

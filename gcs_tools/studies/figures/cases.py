@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fcu.kernel.buffers import columns
 from fcu.laws.mmrac.types import Params
 from fcu.tick import Tick
 from gcs_tools.flight import rollout
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.judging.metrics import EngagedTicks, Rows
+from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.missions.mission import load
-from gcs_tools.pictures.plot.window import Columns
+from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
@@ -50,8 +49,8 @@ class Flown:
     case: Case
     law: Params
     flight: EngagedTicks
-    plant: Columns  # PlantRecord
-    fcu: Columns  # Tick
+    plant: Table  # the truth
+    fcu: Table  # what the controller told
     ended: str  # "", or why before its time: "diverged" or "crashed"
     duration_s: float  # that the mission has
 
@@ -72,9 +71,10 @@ def fly(case: Case) -> Flown:
     mission = load(case.mission, case.settings)
     scene = scenario(mission)
     plant, fcu = rollout.fly(scene)
-    ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(plant[-1, -1], "")
-    flight = EngagedTicks.of(plant, fcu)
+    ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(
+        Table.of(PlantRecord, plant)["ended"][-1], ""
+    )
+    flight = EngagedTicks.of(Table.of(PlantRecord, plant), Table.of(Tick, fcu))
     return Flown(
-        case, scene.law, flight, Columns(flight.plant, columns(PlantRecord)),
-        Columns(flight.fcu, columns(Tick)), ended, mission.flight.duration_s,
-    )  # fmt: skip
+        case, scene.law, flight, flight.plant, flight.fcu, ended, mission.flight.duration_s
+    )

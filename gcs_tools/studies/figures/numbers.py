@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
+from gcs_tools.recording.table import Rows
 from gcs_tools.studies.figures.cases import CASES, Flown
 
 Value = float | str | None  # None: without meaning for that flight

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import Rows
 from gcs_tools.pictures.plot.style import (
     DASHED,
     DOTTED,
@@ -26,6 +25,7 @@ from gcs_tools.pictures.plot.style import (
     note,
 )
 from gcs_tools.pictures.plot.window import ENU
+from gcs_tools.recording.table import Rows
 from gcs_tools.studies.figures.cases import Flown
 from gcs_tools.studies.figures.numbers import FIRST_S, MILLI, SETTLED_S, norm
 

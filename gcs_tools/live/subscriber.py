@@ -1,4 +1,4 @@
-"""A vehicle watched on the bus: who it is, what it publishes, and what of that got lost."""
+"""A vehicle on the bus as who listens sees it: who it is, what comes of it, what of that got lost."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ import zenoh
 
 from fcu.interface import topics as keys
 from fcu.interface.topics import Key
-from gcs_tools.live import bus, ticks
-from gcs_tools.live.ticks import Sample, SampleError
+from gcs_tools.live import bus, samples
+from gcs_tools.live.samples import Sample, SampleError
 from gcs_tools.recording import events
 from gcs_tools.recording.reader import SCHEMA_VERSION
-from gcs_tools.recording.schema import TOPICS
+from gcs_tools.recording.schema import Topic
 
-KNOWN = {*(topic.name for topic in TOPICS), events.TOPIC}
 ASK_S = 0.5  # wall: between two questions for who is there
 ANSWER_S = 2.0  # wall: how long a vehicle may take to say what it is
 FORWARD = 1_000_000  # ticks: who is farther ahead is somebody else
@@ -58,7 +57,7 @@ class Counted:
             self.seen.popleft()
 
 
-class Watch:
+class Subscriber:
     """One vehicle. Poll it; it keeps nothing but counts."""
 
     def __init__(self, session: zenoh.Session, vehicle: str = "*") -> None:
@@ -73,6 +72,7 @@ class Watch:
         self._early: list[tuple[str, Sample]] = []
         self.key: Key | None = None  # run and vehicle that are watched
         self.about: dict[str, Any] = {}
+        self.topics: dict[str, Topic] = {}  # those of numbers, as the vehicle describes them
         self.alive: set[str] = set()  # its processes
         self.counted: dict[str, Counted] = {}
         self.unknown = 0  # samples of topics that no vehicle has
@@ -98,11 +98,15 @@ class Watch:
         within = f"{keys.namespace(self.key.run)}/{self.key.vehicle}/**"
         self._subscriber = self._session.declare_subscriber(within, handler=bus.channel())
         self._ask(within)
-        version = self.about.get("schema_version")
-        if version != SCHEMA_VERSION:
+        if not self._speaks_our_version:
+            version = self.about.get("schema_version")
             raise bus.BusError(
                 f"the vehicle publishes version {version}; this program reads {SCHEMA_VERSION}"
             )
+
+    @property
+    def _speaks_our_version(self) -> bool:
+        return bool(self.about.get("schema_version") == SCHEMA_VERSION)
 
     def _ask_who_is_there(self) -> None:
         """Ask for the tokens that there are, whatever was heard of them."""
@@ -112,7 +116,7 @@ class Watch:
 
     def _ask(self, selector: str) -> None:
         until = time.monotonic() + ANSWER_S
-        while not self.about:
+        while not (self.about and (self.topics or not self._speaks_our_version)):
             if time.monotonic() > until:
                 raise bus.BusError(f"{selector}: there is a vehicle, but it does not answer")
             for reply in self._session.get(selector, timeout=ANSWER_S):
@@ -124,12 +128,14 @@ class Watch:
                     continue
                 if key.topic == keys.ABOUT:
                     self.about = _object(data)
+                elif key.topic == keys.SCHEMAS:
+                    self.topics = _topics(data)
                 else:
                     self._keep_early(key.topic, data)
 
     def _keep_early(self, topic: str, data: bytes) -> None:
         try:
-            self._early.append((f"/{topic}", ticks.unpack(data)))
+            self._early.append((f"/{topic}", samples.unpack(data)))
         except SampleError:
             pass  # it will be counted if it comes again
 
@@ -175,7 +181,7 @@ class Watch:
             if key.topic == keys.ENDED:
                 self._hear_the_end(sample.payload.to_bytes())
                 continue
-            if f"/{key.topic}" not in KNOWN:
+            if f"/{key.topic}" not in (*self.topics, events.TOPIC):
                 self.unknown += 1
                 continue
             counted = self.counted.setdefault(f"/{key.topic}", Counted())
@@ -184,7 +190,7 @@ class Watch:
             counted.bytes += len(data)
             counted.encoding = str(sample.encoding)
             try:
-                found = ticks.unpack(data)
+                found = samples.unpack(data)
             except SampleError:
                 counted.unreadable += 1
                 continue
@@ -258,6 +264,13 @@ def _printable(found: Any) -> Any:
     if isinstance(found, dict):
         return {printable(name): _printable(value) for name, value in found.items()}
     return [_printable(value) for value in found] if isinstance(found, list) else found
+
+
+def _topics(data: bytes) -> dict[str, Topic]:
+    try:
+        return samples.described(data)
+    except SampleError:
+        return {}
 
 
 def _object(data: bytes) -> dict[str, Any]:

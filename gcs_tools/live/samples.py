@@ -8,7 +8,9 @@ google.protobuf, since anybody can have sent it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from base64 import b64decode, b64encode
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -18,8 +20,9 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
-from gcs_tools.recording.layout import Bytes, Layout, Rows, Stack, layout, varint
-from gcs_tools.recording.schema import PACKAGE, TICKS, Topic, schema
+from gcs_tools.recording.layout import Bytes, Stack, varint
+from gcs_tools.recording.schema import PACKAGE, Topic
+from gcs_tools.recording.table import Rows
 
 Numbers = np.ndarray[Any, np.dtype[np.uint64]]
 
@@ -37,16 +40,6 @@ class Sample(NamedTuple):
 
 class SampleError(ValueError):
     """Bytes that are no sample of their topic: what is wrong."""
-
-
-def form(topic: Topic) -> Layout:
-    """The layout of one tick."""
-    return layout(schema(topic).SerializeToString(), f"{PACKAGE}.{topic.message}")
-
-
-def encoding(topic: Topic) -> str:
-    """What the samples of a topic say of themselves."""
-    return f"application/protobuf;{PACKAGE}.{topic.message}{TICKS}"
 
 
 def pack(sequence: Numbers, time_ns: Numbers, ticks: bytes) -> bytes:
@@ -71,14 +64,13 @@ class Packer:
     def __init__(self, topics: Sequence[Topic], names: Sequence[str]) -> None:
         """`names`: of the columns of a row, that hold all that the topics carry."""
         at = {name: i for i, name in enumerate(names)}
-        forms = [(topic, form(topic)) for topic in topics]
         self.topics = tuple(topics)
         self._stack = Stack([
             (
-                _TICK + varint(len(found.template)), found,
-                [at[topic.column(name)] for name in found.names],
+                _TICK + varint(len(topic.layout.template)), topic.layout,
+                [at[name] for name in topic.columns],
             )
-            for topic, found in forms
+            for topic in topics
         ])  # fmt: skip
 
     def pack(self, rows: Rows, sequence: Numbers, time_ns: Numbers) -> list[bytes]:
@@ -89,6 +81,29 @@ class Packer:
             pack(sequence, time_ns, stacked[:, start:end].tobytes())
             for start, end in zip(self._stack.starts, ends, strict=True)
         ]
+
+
+def describe(topics: Mapping[str, Topic]) -> bytes:
+    """What their messages are, as JSON, for who has nothing but what a vehicle says."""
+    return json.dumps({
+        topic.name: {
+            "message": topic.message, "schema": b64encode(topic.schema).decode(),
+            **topic.metadata,
+        }
+        for topic in topics.values()
+    }).encode()  # fmt: skip
+
+
+def described(data: bytes) -> dict[str, Topic]:
+    """The topics that `describe` told of, those of numbers. Raises SampleError."""
+    try:
+        found = {
+            name: Topic.described(name, told["message"], b64decode(told["schema"]), told)
+            for name, told in json.loads(data).items()
+        }
+        return {name: topic for name, topic in found.items() if topic.has_layout}
+    except (ValueError, AttributeError, KeyError, TypeError, RecursionError, DecodeError) as error:
+        raise SampleError("no schemas of a vehicle") from error
 
 
 def unpack(data: bytes) -> Sample:

@@ -1,4 +1,4 @@
-"""The recorder of a flight: every tick of the plant's truth and of the flight controller's work.
+"""The recording of a flight being written: every tick of the plant's truth and the controller's work.
 
 MCAP with Protobuf messages (`schema`), in chunks of about 256 KiB and at most half a second
 of wall time: a killed recorder loses no more than that. Rows are encoded a chunk at a time
@@ -7,46 +7,45 @@ of wall time: a killed recorder loses no more than that. Rows are encoded a chun
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from mcap.data_stream import RecordBuilder
-from mcap.records import Message
 
-from fcu.interface.diagnostics import Wind
+from fcu.interface.diagnostics import fcu_row, plant_row
 from fcu.kernel.buffers import columns, size
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.kernel.rows import column
 from gcs_tools.recording import events
-from gcs_tools.recording.container import Block
 from gcs_tools.recording.events import Event
-from gcs_tools.recording.file import CHUNK_BYTES, RecordingFile
-from gcs_tools.recording.layout import Encoder, Rows, layout
+from gcs_tools.recording.layout import Stack
+from gcs_tools.recording.mcap_file import (
+    CHUNK_BYTES,
+    Block,
+    RecordingFile,
+    Uint64,
+    block_of,
+    message_head,
+    number,
+)
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.schema import (
     FCU,
-    FCU_COLUMNS,
-    PACKAGE,
+    OURS,
     PARAMS,
-    PLANT,
-    PLANT_COLUMNS,
     PLANT_TIMING,
     STATUS,
     TIMING,
+    TRUTH,
     WIND,
+    Kinds,
     Topic,
-    schema,
 )
-from sitl_plant.physics.types import PlantRecord
-
-_PLANT, _TICK = size(PlantRecord), size(Tick)
-_WIND = _TICK + size(Wind)
+from gcs_tools.recording.table import Rows
 
 
-def _nanoseconds(t: Rows) -> np.ndarray[Any, np.dtype[np.uint64]]:
+def _nanoseconds(t: Rows) -> Uint64:
     """Simulation time in s as whole nanoseconds. Raises ValueError if it cannot be that."""
     usable = np.isfinite(t) & (t >= 0.0)
     if not usable.all():
@@ -54,32 +53,27 @@ def _nanoseconds(t: Rows) -> np.ndarray[Any, np.dtype[np.uint64]]:
     return np.rint(t * 1e9).astype(np.uint64)
 
 
-def _with_time(rows: Rows, first: int, last: int | None) -> Rows:
-    """Columns of `rows`, the time before them."""
-    return np.column_stack([rows[:, :1], rows[:, first:last]])
-
-
 class _Stream:
-    """Rows of one kind, on their way into the recording. Column 0 is the simulation time."""
+    """Topics that are written together, from rows of one kind. Column 0 is the simulation time."""
 
-    def __init__(self, file: RecordingFile, topics: tuple[Topic, ...], names: list[str]) -> None:
-        self.width = len(names)
+    def __init__(self, file: RecordingFile, topics: Sequence[Topic], names: Sequence[str]) -> None:
+        """`names`: of the columns of the rows, that hold all that the topics carry."""
+        at = {name: i for i, name in enumerate(names)}
+        self._channels = [file.add_channel(*topic[:3], topic.metadata) for topic in topics]
+        self._stack = Stack([
+            (
+                message_head(channel, len(topic.layout.template)), topic.layout,
+                [at[name] for name in topic.columns],
+            )
+            for channel, topic in zip(self._channels, topics, strict=True)
+        ])  # fmt: skip
         self._pending: list[Rows] = []
         self._written = 0
-        forms = []
-        for topic in topics:
-            data, message = schema(topic).SerializeToString(), f"{PACKAGE}.{topic.message}"
-            form = layout(data, message)
-            channel = file.add_channel(topic.name, message, data)
-            forms.append((channel, form, [names.index(topic.column(name)) for name in form.names]))
-        self._encoder = Encoder(forms)
         self.pending_bytes = 0
 
     def batches(self, rows: Rows) -> Iterator[Rows]:
-        """`rows` in parts of at most a chunk. Raises ValueError for rows of another width."""
-        if rows.ndim != 2 or rows.shape[1] != self.width or rows.dtype != np.float64:
-            raise ValueError(f"expected float64 (n, {self.width}), got {rows.dtype} {rows.shape}")
-        step = max(1, CHUNK_BYTES // self._encoder.row_bytes)
+        """`rows` in parts of at most a chunk."""
+        step = max(1, CHUNK_BYTES // self._stack.row_bytes)
         for i in range(0, len(rows), step):
             yield rows[i : i + step]
 
@@ -87,7 +81,7 @@ class _Stream:
         """Keep a copy of `rows` for the next chunk."""
         _nanoseconds(rows[:, 0])
         self._pending.append(rows.copy())
-        self.pending_bytes += len(rows) * self._encoder.row_bytes
+        self.pending_bytes += len(rows) * self._stack.row_bytes
 
     def block(self) -> Block | None:
         """The messages of all rows kept, which are then forgotten."""
@@ -97,38 +91,43 @@ class _Stream:
         self._pending.clear()
         self.pending_bytes = 0
         times = _nanoseconds(rows[:, 0])
-        records = self._encoder.encode(rows, times, self._written)
+        sequence = np.arange(self._written, self._written + len(rows))
         self._written += len(rows)
-        row_starts = np.arange(len(rows), dtype=np.uint64) * np.uint64(self._encoder.row_bytes)
-        index = [
-            (channel, times, row_starts + np.uint64(start))
-            for channel, start in zip(self._encoder.channels, self._encoder.starts, strict=True)
-        ]
+        records = self._stack.encode(rows)
+        row_starts = np.arange(len(rows), dtype=np.uint64) * np.uint64(self._stack.row_bytes)
+        index = []
+        for channel, start in zip(self._channels, self._stack.starts, strict=True):
+            number(records, start, sequence, times)
+            index.append((channel, times, row_starts + np.uint64(start)))
         return Block(records.data.cast("B"), index)
 
 
-class Recorder:
+class RecordingWriter:
     """Writes one recording; a context manager. For one thread.
 
     Every method raises RecordingError, naming file and reason, when the file cannot be written
     (a full disk); what was written before stays readable.
     """
 
-    def __init__(self, path: Path, metadata: dict[str, str]) -> None:
+    def __init__(self, path: Path, metadata: dict[str, str], kinds: Kinds = OURS) -> None:
         """Create the file at `path`, which must not exist, and write `metadata` to it."""
+        self._kinds = kinds
+        self._fcu_row, self._plant_row = fcu_row(kinds.tick), plant_row(kinds.record)
         self._closed = False
         self._events: list[Event] = []
         self._events_written = 0
         self._has_params = False
         self._streams: list[_Stream] = []
         self._file = RecordingFile(path, metadata)
+        topics, fcu, plant = kinds.topics, columns(self._fcu_row), columns(self._plant_row)
+        of_ticks = [topic for topic in topics.values() if topic.row == FCU]
         try:
-            self._plant = self._stream((PLANT,), PLANT_COLUMNS[:_PLANT])
-            self._plant_report = self._stream((PLANT_TIMING,), ["t", *PLANT_COLUMNS[_PLANT:]])
-            self._fcu = self._stream(FCU, FCU_COLUMNS[:_TICK])
-            self._wind = self._stream((WIND,), ["t", *FCU_COLUMNS[_TICK:_WIND]])
-            self._report = self._stream((STATUS, TIMING), ["t", *FCU_COLUMNS[_WIND:]])
-            self._params = self._stream((PARAMS,), ["t", *columns(Settings)])
+            self._plant = self._stream([topics[TRUTH]], plant)
+            self._plant_report = self._stream([topics[PLANT_TIMING]], plant)
+            self._fcu = self._stream(of_ticks, fcu)
+            self._wind = self._stream([topics[WIND]], topics[WIND].columns)
+            self._report = self._stream([topics[STATUS], topics[TIMING]], fcu)
+            self._params = self._stream([topics[PARAMS]], topics[PARAMS].columns)
             self._event_channel = self._file.add_channel(
                 events.TOPIC, events.MESSAGE, events.schema()
             )
@@ -136,7 +135,7 @@ class Recorder:
             self._file.close()
             raise
 
-    def _stream(self, topics: tuple[Topic, ...], names: list[str]) -> _Stream:
+    def _stream(self, topics: Sequence[Topic], names: Sequence[str]) -> _Stream:
         self._streams.append(_Stream(self._file, topics, names))
         return self._streams[-1]
 
@@ -149,22 +148,22 @@ class Recorder:
     def add_plant(self, rows: Rows) -> None:
         """Record control ticks of the truth.
 
-        float64 (n, size(PlantRecord)), or whole rows of the plant, with its PlantReport.
+        float64 (n, size(kinds.record)), or whole rows of the plant, with its PlantReport.
         """
-        if rows.shape[1:] == (len(PLANT_COLUMNS),):
-            self._add(self._plant_report, _with_time(rows, _PLANT, None))
-            rows = rows[:, :_PLANT]
+        if _is_whole(rows, self._kinds.record, self._plant_row):
+            self._add(self._plant_report, rows)
         self._add(self._plant, rows)
 
     def add_fcu(self, rows: Rows) -> None:
         """Record control ticks of the flight controller.
 
-        float64 (n, size(Tick)), or whole rows of the flight controller, with its Report.
+        float64 (n, size(kinds.tick)), or whole rows of the flight controller, with its Report.
         """
-        if rows.shape[1:] == (len(FCU_COLUMNS),):
-            self._add(self._wind, _with_time(rows, _TICK, _WIND))
-            self._add(self._report, _with_time(rows, _WIND, None))
-            rows = rows[:, :_TICK]
+        if _is_whole(rows, self._kinds.tick, self._fcu_row):
+            self._add(
+                self._wind, np.column_stack([rows[:, :1], column(self._fcu_row, rows, "wind")])
+            )
+            self._add(self._report, rows)
         self._add(self._fcu, rows)
 
     def add_wind(self, t: Rows, wind: Rows) -> None:
@@ -172,11 +171,11 @@ class Recorder:
         self._add(self._wind, np.column_stack([t, wind]))
 
     def set_params(self, row: Rows, t: float = 0.0) -> None:
-        """Record what law and guard were told: float64 (size(Settings),). Once a flight."""
+        """Record what the law was told: float64 (size(kinds.params),). Once a flight."""
         if self._has_params:
             raise ValueError("the law's parameters are recorded already")
-        if row.shape != (size(Settings),):
-            raise ValueError(f"expected ({size(Settings)},), got {row.shape}")
+        if row.shape != (size(self._kinds.params),):
+            raise ValueError(f"expected ({size(self._kinds.params)},), got {row.shape}")
         self._has_params = True
         self._add(self._params, np.concatenate([[t], row])[None, :])
 
@@ -189,22 +188,12 @@ class Recorder:
     def _event_block(self) -> Block | None:
         if not self._events:
             return None
-        self._events.sort(key=lambda event: event.t)
-        times = _nanoseconds(np.array([event.t for event in self._events]))
-        builder, offsets = RecordBuilder(), []
-        for event, time_ns in zip(self._events, times.tolist(), strict=True):
-            offsets.append(builder.count)
-            Message(
-                channel_id=self._event_channel,
-                sequence=self._events_written,
-                log_time=time_ns,
-                publish_time=time_ns,
-                data=events.encode(event),
-            ).write(builder)
-            self._events_written += 1
+        told = sorted(self._events, key=lambda event: event.t)
         self._events.clear()
-        index = [(self._event_channel, times, np.array(offsets, np.uint64))]
-        return Block(builder.end(), index)
+        times = _nanoseconds(np.array([event.t for event in told]))
+        first, self._events_written = self._events_written, self._events_written + len(told)
+        sequence = np.arange(first, self._events_written, dtype=np.uint64)
+        return block_of(self._event_channel, sequence, times, [*map(events.encode, told)])
 
     def flush(self) -> None:
         """Write everything recorded so far; whoever records nothing for a while calls this."""
@@ -236,3 +225,10 @@ class Recorder:
             self.close()
         else:
             self._file.close()
+
+
+def _is_whole(rows: Rows, part: Any, whole: Any) -> bool:
+    """Whether rows have their report behind them. Raises ValueError if they are no such rows."""
+    if rows.ndim == 2 and rows.dtype == np.float64 and rows.shape[1] in (size(part), size(whole)):
+        return bool(rows.shape[1] == size(whole))
+    raise ValueError(f"expected float64 (n, {size(part)}), got {rows.dtype} {rows.shape}")

@@ -10,35 +10,33 @@ from rich.table import Table
 from rich.text import Text
 
 from fcu.interface import topics as keys
-from gcs_tools.live import ticks
-from gcs_tools.live.watch import LOOK_S, Counted, Watch
+from gcs_tools.live.subscriber import LOOK_S, Counted, Subscriber
 from gcs_tools.recording import events
-from gcs_tools.recording.schema import TOPICS
 
 
-def heard(watch: Watch, seconds: float) -> dict[str, Any]:
+def listen(vehicle: Subscriber, seconds: float) -> dict[str, Any]:
     """What comes of each topic in so many seconds (wall); its rate is seen in that time."""
-    assert watch.key is not None
-    before = {topic: int(sample.sequence[-1]) for topic, sample in watch.latest()}
+    assert vehicle.key is not None
+    before = {topic: int(sample.sequence[-1]) for topic, sample in vehicle.latest()}
     began = time.monotonic()
     while (past := time.monotonic() - began) < seconds:
-        for _ in watch.take():
+        for _ in vehicle.take():
             pass
         time.sleep(LOOK_S)
-    encodings = {topic.name: ticks.encoding(topic) for topic in TOPICS}
-    encodings[events.TOPIC] = events.ENCODING
-    within = f"{keys.namespace(watch.key.run)}/{watch.key.vehicle}"
+    encodings = {name: topic.encoding for name, topic in vehicle.topics.items()}
+    encodings[events.TOPIC] = events.encoding()
+    within = f"{keys.namespace(vehicle.key.run)}/{vehicle.key.vehicle}"
     return {
         "schema": 1,
-        "run": watch.key.run,
-        "vehicle": watch.key.vehicle,
-        "alive": sorted(watch.alive),
-        "mission": watch.about.get("mission"),
+        "run": vehicle.key.run,
+        "vehicle": vehicle.key.vehicle,
+        "alive": sorted(vehicle.alive),
+        "mission": vehicle.about.get("mission"),
         "seconds": past,
         "topics": {
-            topic: _one(f"{within}{topic}", encodings.get(topic, ""), watch.counted.get(topic),
+            topic: _one(f"{within}{topic}", encodings.get(topic, ""), vehicle.counted.get(topic),
                         before.get(topic), past)
-            for topic in sorted({*encodings, *watch.counted})
+            for topic in sorted({*encodings, *vehicle.counted})
         },
     }  # fmt: skip
 
@@ -61,7 +59,7 @@ def _one(
     }
 
 
-def shown(found: dict[str, Any]) -> None:
+def print_table(found: dict[str, Any]) -> None:
     """Print it as a table."""
     console = Console(highlight=False)
     mission = f", {found['mission']}" if found["mission"] else ""

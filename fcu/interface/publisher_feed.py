@@ -69,7 +69,7 @@ def _credentials(connected: socket.socket) -> tuple[int, int, int]:
     return pid, uid, gid
 
 
-class Feed:
+class PublisherFeed:
     """A flying process's end."""
 
     def __init__(self, instance: int, who: str) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fcu.interface import feed, topics
+from fcu.interface import publisher_feed, topics
 from gcs_tools.flight.processes import Child, InfrastructureError
 
 READY_S = 20.0  # wall: after that the flight begins without it
@@ -22,7 +22,7 @@ class Zenoh:
     config: Path | None = None  # Zenoh's own; None: loopback, without a router
 
 
-class Publishing:
+class PublisherProcess:
     """One publisher. What becomes of it never ends a flight."""
 
     def __init__(
@@ -44,7 +44,7 @@ class Publishing:
 
     def wait_ready(self) -> str:
         """Until it publishes; why it does not, or ""."""
-        if not feed.SUPPORTED:
+        if not publisher_feed.SUPPORTED:
             return "diagnostics are published on Linux alone"
         until = time.monotonic() + READY_S
 

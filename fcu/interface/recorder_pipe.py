@@ -18,7 +18,7 @@ PIPE_BYTES = 1 << 20
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 
-class Tape:
+class RecorderPipe:
     """The writing end. Without a file descriptor rows are kept no longer than a batch."""
 
     def __init__(self, width: int, fd: int | None = None, wait: bool = True) -> None:

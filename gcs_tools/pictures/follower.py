@@ -1,0 +1,70 @@
+"""A live flight: what a Subscriber takes, decoded, into a FlightHistory that can be shown."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+from fcu.interface.options import LATEST_S
+from gcs_tools.live.samples import Sample
+from gcs_tools.live.subscriber import Subscriber, printable
+from gcs_tools.pictures.history import DRAWN, WINDOW_S, FlightHistory, Limits, ground_z
+from gcs_tools.recording import events
+from gcs_tools.recording.events import Event
+from gcs_tools.recording.layout import LayoutError, decode
+from gcs_tools.recording.schema import PARAMS
+from gcs_tools.recording.table import Table
+
+KEPT_EVENTS = 100
+
+
+class Follower:
+    """One vehicle on the bus, followed."""
+
+    def __init__(
+        self, vehicle: Subscriber, keep_s: float = WINDOW_S,
+        kept: Mapping[str, list[str]] = DRAWN,
+    ) -> None:  # fmt: skip
+        """`vehicle`: found already.  `keep_s`, `kept`: as for FlightHistory."""
+        self.vehicle = vehicle
+        about = vehicle.about
+        mission = about.get("title") or about.get("mission")
+        self.flight = FlightHistory(
+            str(mission or f"vehicle {about.get('vehicle')}"), keep_s, kept
+        )  # fmt: skip
+        self.flight.ground_z = ground_z(about.get("values"))
+        self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self.params: dict[str, float] | None = None  # the law's in force
+        self.unusable = 0  # samples that are not what their topic says
+        self._topics = {
+            name: topic for name, topic in vehicle.topics.items() if name in kept or name == PARAMS
+        }
+        for topic_name, sample in vehicle.latest():
+            self._see(topic_name, sample)
+
+    def take(self) -> bool:
+        """Whatever has come since the last call; whether anything has."""
+        came = False
+        for topic, sample in self.vehicle.take():
+            came = True
+            self._see(topic, sample)
+        return came
+
+    def _see(self, name: str, sample: Sample) -> None:
+        try:
+            if name == events.TOPIC:
+                found = events.decode(events.schema(), sample.ticks)
+                self.events.extend(e._replace(text=printable(e.text)) for e in found)
+            elif (topic := self._topics.get(name)) is not None:
+                self._append(name, Table(decode(topic.layout, sample.ticks), topic.columns))
+        except (ValueError, KeyError):
+            self.unusable += 1
+
+    def _append(self, topic: str, rows: Table) -> None:
+        if not ((rows["t"] >= 0.0) & (rows["t"] <= LATEST_S)).all():
+            raise LayoutError(f"{topic}: not a simulation time")
+        if topic == PARAMS:
+            self.params = dict(zip(rows.names, rows.rows[-1].tolist(), strict=True))
+            self.flight.limits = Limits.of(self.params)
+        else:
+            self.flight.append(topic, rows)
