@@ -74,7 +74,7 @@ def _thrust(axes: Axes, fcu: Table, params: dict[str, float]) -> None:
     line(axes, fcu["t"], fcu["outputs.T_achieved"], color=MUTED, label="achieved", **WIDE)
     line(axes, fcu["t"], fcu["outputs.T_c"], color=X, label="commanded")
     axes.plot([], [], label="limit", **DASHED)
-    limits(axes, params["T_min"], params["T_max"])
+    limits(axes, params["law.limits.T_min"], params["law.limits.T_max"])
     legend(axes)
 
 
@@ -84,7 +84,7 @@ def _tilt(axes: Axes, fcu: Table, params: dict[str, float]) -> None:
     for name, colour, angle in zip(("roll", "pitch"), THREE, angles, strict=False):
         line(axes, fcu["t"], np.degrees(angle), color=colour, label=name)
     axes.plot([], [], label="limit", **DASHED)
-    limit = float(np.degrees(params["phi_star"]))
+    limit = float(np.degrees(params["law.limits.phi_star"]))
     limits(axes, -limit, limit)
     axes.set_yticks([-limit, -limit / 2, 0.0, limit / 2, limit])
     legend(axes)
