@@ -10,7 +10,9 @@ import pytest
 from scipy.linalg import expm
 
 from fcu.guard import margin
+from fcu.interface.airframe import airframe
 from fcu.kernel.algebra import Vec3
+from fcu.settings import settings
 from fcu.theory.hover import (
     Air,
     K,
@@ -23,6 +25,7 @@ from fcu.theory.hover import (
     unit_step,
 )
 from fcu.theory.loop_bounds import stiffness
+from tests.theory.conftest import OCTO
 from tests.theory.exact_set import exact_set_distance
 
 MASS = 8.0
@@ -109,12 +112,14 @@ def test_each_condition_is_weaker_than_the_one_before(law, f_m, direction):
 
 
 def test_the_kernels_distance_is_this_one(law):
-    """Without the floor of the vertical force, which is the law's own."""
+    """Without the floor of the vertical force, which belongs to the law."""
     params, rng = law(T_dz_min=0.0), np.random.default_rng(5)
+    believed = airframe(OCTO["rotors"], "s1000.toml")
+    known = margin.known(settings(believed, OCTO, 500.0, {}).guard, params)
     inside = outside = 0
     for _ in range(3000):
         T = rng.uniform([-150.0, -150.0, -20.0], [150.0, 150.0, 220.0])
-        found = margin.distance(margin.known(params), Vec3(*T.tolist()))
+        found = margin.distance(known, Vec3(*T.tolist()))
         exact = exact_set_distance(
             T, params.limits.T_min, params.limits.T_max, params.limits.phi_star
         )
