@@ -16,14 +16,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.airframe import believed_body
 from fcu.laws.mmrac.parameters import rotor_lag
 from fcu.laws.mmrac.types import Params
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
-# The vehicle of the paper's Section VIII
-MASS = 8.0  # kg
-INERTIA = (0.3245, 0.3245, 0.4616)  # kg m^2
+_mass, _inertia = believed_body()
+MASS = 0.5 * sum(_mass)  # kg
+INERTIA = tuple(0.5 * sum(J) for J in _inertia)  # kg m^2
 LIFT, SINK = 1.3, 0.25  # of its weight: the least T_max, the greatest T_min
 LEARNT = 1.0  # gamma_LambdaJ under which an inertia is as good as not learnt
 FIRST = 2.0  # factor by which the first estimate of mass may be off

@@ -28,6 +28,9 @@ class Airframe(NamedTuple):
     J_m: float  # inertia of one rotor about its axis, kg m^2
 
 
+Interval = tuple[float, float]  # least, greatest
+
+
 class AirframeError(ValueError):
     """An airframe table that cannot be flown: says which key and what was expected."""
 
@@ -95,6 +98,22 @@ def believed_drag(path: Path = OCTO) -> Vec3:
     if not all(isinstance(c, int | float) and 0.0 < c < 100.0 for c in drag):
         raise AirframeError(f"{path}: [air] drag: expected numbers from 0 to 100, got {drag!r}")
     return Vec3(*[float(c) for c in drag])
+
+
+def believed_body(path: Path = OCTO) -> tuple[Interval, tuple[Interval, ...]]:
+    """Mass (kg) and inertia about the body axes (kg m^2): least and greatest value of each.
+
+    Raises AirframeError.
+    """
+    table = load(path).get("vehicle", {})
+    rows = [table.get("mass_kg"), *(table.get("inertia_kg_m2") or [None] * 3)]
+    for row in rows:
+        numbers = isinstance(row, list) and all(isinstance(v, int | float) for v in row)
+        if not numbers or len(row) != 2 or not 0.0 < row[0] <= row[1] < math.inf or len(rows) != 4:
+            expected = "mass_kg: [least, greatest]; inertia_kg_m2: three of these"
+            raise AirframeError(f"{path}: [vehicle] expected {expected}; got {row!r}")
+    mass, *inertia = ((float(low), float(high)) for low, high in rows)
+    return mass, tuple(inertia)
 
 
 def load(path: Path) -> dict[str, Any]:

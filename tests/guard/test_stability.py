@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from fcu.guard import stability
 from fcu.guard.stability import radius, rotor_lag, unstable
 from gcs_tools.missions.mission import load, override
 from gcs_tools.studies.stability_map import point
@@ -96,3 +97,7 @@ def test_rule_agrees_with_flights(settings, accepted, flies):
     flown = point(mission)
     assert (not flown.refused) is accepted
     assert (flown.still and flown.wind) is flies
+
+
+def test_the_vehicle_of_the_rule_is_the_middle_of_what_is_believed():
+    assert (stability.MASS, stability.INERTIA) == (8.0, (0.3245, 0.3245, 0.4616))
