@@ -19,6 +19,7 @@ from fcu.interface.ports import ports
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.judging import result
 from gcs_tools.recording import reader as recording
+from sitl_plant.physics.types import PlantRecord
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
 
@@ -70,7 +71,7 @@ def aborted(run, exit_code, *words):
     for word in words:
         assert word in left.error
     assert left.sim_time_s > 1.0
-    assert left.trajectory_sha256 == result.trajectory_sha256(flown(run).plant)
+    assert left.trajectory_sha256 == result.trajectory_sha256(flown(run).plant.rows_of(PlantRecord))
     return left
 
 
@@ -135,7 +136,7 @@ def test_a_killed_runner_leaves_nobody(in_flight, gone, run):
     )  # fmt: skip
     assert done.stdout
     assert flown(run).complete
-    assert flown(run).fcu.tobytes() == left.fcu.tobytes()
+    assert flown(run).fcu.rows.tobytes() == left.fcu.rows.tobytes()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

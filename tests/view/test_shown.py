@@ -71,7 +71,7 @@ def test_a_moment_has_the_last_row_of_each_topic_by_then():
     assert np.isnan(flight.value("m", 1.0))
     assert flight.status(1.0) == ""
     _append(flight, "/plant/truth", t=[0.0, 1.0, 2.0], m=[5.0, 6.0, 7.0])
-    _append(flight, "/fcu/law", t=[1.0, 2.0], state_m_hat=[60.0, 70.0])
+    _append(flight, "/fcu/law", t=[1.0, 2.0], state_estimates_m_hat=[60.0, 70.0])
     _append(flight, "/fcu/status", t=[2.0], status_armed=1.0, status_main_mode=4.0,
             status_sub_mode=6.0, status_failsafe=1.0)  # fmt: skip
     assert flight.span == (0.0, 2.0)
