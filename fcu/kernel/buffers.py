@@ -8,8 +8,9 @@ unpacking are derived from it, never written out. `rows` reads a buffer by name.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numba
@@ -30,17 +31,23 @@ def is_value(cls: Any) -> bool:
     return isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")
 
 
-def fields(cls: Any) -> dict[str, Any]:
+@cache
+def fields(cls: Any) -> Mapping[str, Any]:
     """Field name -> type (float, or a NamedTuple class), in the order of declaration."""
-    hints = get_type_hints(cls)
-    return {name: hints[name] for name in cls._fields}
+    hints = get_type_hints(cls)  # slow, and asked for with every batch of rows
+    return MappingProxyType({name: hints[name] for name in cls._fields})
 
 
-def leaves(cls: Any, path: tuple[str, ...] = ()) -> Iterator[Leaf]:
+@cache
+def leaves(cls: Any) -> tuple[Leaf, ...]:
     """Every float of `cls`, in buffer order."""
+    return tuple(_leaves(cls, ()))
+
+
+def _leaves(cls: Any, path: tuple[str, ...]) -> Iterator[Leaf]:
     for name, kind in fields(cls).items():
         if is_value(kind):
-            yield from leaves(kind, (*path, name))
+            yield from _leaves(kind, (*path, name))
         elif kind is float:
             yield Leaf(".".join((*path, name)), (*path, name))
         else:
@@ -49,7 +56,7 @@ def leaves(cls: Any, path: tuple[str, ...] = ()) -> Iterator[Leaf]:
 
 def size(cls: Any) -> int:
     """Number of float64 in a buffer of `cls`."""
-    return sum(1 for _ in leaves(cls))
+    return len(leaves(cls))
 
 
 @cache

@@ -89,7 +89,7 @@ class Law:
 
     def tells(self, name: str, kind: type) -> bool:
         """Whether the field `name` of a Tick (`state`, `guard`) is of this type."""
-        return _kinds(self.ticks.Tick).get(name) is kind
+        return buffers.fields(self.ticks.Tick).get(name) is kind
 
     def module(self, name: str) -> Any:
         """The module of ours called `name`, written for the law of the paper, around this law."""
@@ -178,11 +178,6 @@ def _bind(name: str, package: str, instead: Mapping[str, str]) -> str:
     file, own = Path(found.origin), f"{package}.around_{name.replace('.', '_')}"
     _packages[package][own] = _Source(file, file.read_bytes(), instead)
     return own
-
-
-@cache
-def _kinds(cls: Any) -> dict[str, Any]:
-    return buffers.fields(cls)
 
 
 # --- what a FILE consists of
