@@ -17,7 +17,7 @@ from gcs_tools.recording import reader as recording
 from sitl_plant.physics.types import PlantRecord
 from tests.patience import PATIENCE_S
 
-BATTERY = {name: i for i, name in enumerate(columns(PlantRecord)) if name.startswith("battery.")}
+BATTERY = [name for name in columns(PlantRecord) if name.startswith("battery.")]
 
 
 @pytest.fixture
@@ -81,8 +81,8 @@ def test_all_of_the_truth_is_the_same_over_the_wire_and_in_process(tmp_path):
         )
         assert flown.error is None
         rows.append(recording.read(tmp_path / name / "flight.mcap").plant)
-    assert rows[0].tobytes() == rows[1].tobytes()
-    voltage, current, drawn, remaining, energy = rows[0][:, list(BATTERY.values())].T
+    assert rows[0].rows.tobytes() == rows[1].rows.tobytes()
+    voltage, current, drawn, remaining, energy = (rows[0][name] for name in BATTERY)
     assert (drawn[0], remaining[0], energy[0]) == (0.0, 0.5, 0.0)
     assert remaining[-1] == pytest.approx(0.5 - drawn[-1] / 5.0, abs=1e-12)
     assert drawn[-1] == pytest.approx(np.sum(current[:-1]) / 500.0 / 3600.0, rel=1e-9)

@@ -35,7 +35,7 @@ def test_the_slider_moves_the_vehicle_to_where_it_was(page, recording):
         _go(page, t)
         i = round(t * 500)
         plant, tick = (rows.take([i]) for rows in (recording.plant, recording.fcu))
-        assert plant[0] == pytest.approx(t, abs=1e-9)
+        assert plant["t"][0] == pytest.approx(t, abs=1e-9)
         vehicle = node(page, "/world/vehicle")
         assert vehicle["visible"]
         np.testing.assert_allclose(vehicle["position"], plant["state.r_E"][0], atol=1e-5)
