@@ -42,7 +42,7 @@ def test_the_page_waits_for_a_vehicle_and_then_follows_it(app, recording, look):
         app.step(0.05)
     t = recording.plant["t"][1999]
     page.wait_for_function(
-        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        "t => Number(document.querySelector('[data-told=time] ~ code')?.innerText) === t",
         arg=round(t, 3),
     )
     r_E = recording.plant["state.r_E"][1999]
@@ -65,7 +65,7 @@ def test_a_vehicle_that_begins_anew_is_shown_anew(app, recording, look):
     for _ in range(4):  # charts are drawn every few frames
         app.step(0.05)
     page.wait_for_function(
-        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        "t => Number(document.querySelector('[data-told=time] ~ code')?.innerText) === t",
         arg=round(recording.plant["t"][99], 3),
     )
     assert app.flight.span == (recording.plant["t"][0], recording.plant["t"][99])
@@ -94,7 +94,7 @@ def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs
     page = look(gcs_view("--instance", replayed).url).page
     page.get_by_text("gone").wait_for()
     page.wait_for_function(
-        "t => Number(document.querySelector('[data-told=time] ~ code').innerText) === t",
+        "t => Number(document.querySelector('[data-told=time] ~ code')?.innerText) === t",
         arg=round(recording.plant["t"][-1], 3),
     )
     r_E = recording.plant["state.r_E"][-1]

@@ -121,7 +121,7 @@ def test_the_scene_is_drawn_and_changes_with_time(page):
     assert (np.abs(picture(page).astype(int) - early).max(axis=2) > 30).sum() > 500
 
 
-TIME = "Number(document.querySelector('[data-told=time] ~ code').innerText)"
+TIME = "Number(document.querySelector('[data-told=time] ~ code')?.innerText)"
 
 
 def test_play_goes_to_the_end_and_stands_still(page, recording):
