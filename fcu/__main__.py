@@ -40,6 +40,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     show_default=True,
     help="Control rate, Hz.",
 )
+@click.option("--law", "law_name", metavar="NAME|FILE.py", default="mmrac", show_default=True, help="Control law: a name, or a Python file of your own, which is then run.")  # fmt: skip
 @click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON, in place of s1000.toml and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="As what it presents itself; modes are encoded as PX4's in both.")  # fmt: skip
 @click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth.")  # fmt: skip
@@ -51,6 +52,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 def main(
     instance: int | None,
     rate_hz: float,
+    law_name: str,
     handover: Path | None,
     autopilot: str,
     origin: tuple[float, float, float],
@@ -60,7 +62,7 @@ def main(
     lifeline_fd: int | None,
     drop: bool,
 ) -> None:
-    """Fly the M-MRAC law: wait for a plant on UDP, answer each of its states with a command.
+    """Fly a control law: wait for a plant on UDP, answer each of its states with a command.
 
     The plant sets the pace; start it before or after (`sitl-plant`). Ground stations and
     scripts find the vehicle on PX4's ports.
@@ -75,22 +77,25 @@ def main(
     from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.interface.starter import announce, watched
     from fcu.kernel.compile import is_cached
+    from fcu.laws import loader
     from fcu.loop import INFRASTRUCTURE, Loop, say
     from fcu.mavlink.definitions import Autopilot
     from fcu.mavlink.geodesy import Origin
     from fcu.parameters import Parameters, ParamsFileError
-    from fcu.reporting import WIDTH, Reporter
+    from fcu.reporting import Reporter, row_width
     from fcu.services.streams import Identity
 
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
-        params = Parameters(read_settings(handover, rate_hz), ports(number).system_id, params_file)
+        law = loader.load(law_name)
+        settings = read_settings(law, handover, rate_hz)
+        params = Parameters(settings, ports(number).system_id, params_file, law)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
-        tape = RecorderPipe(WIDTH, record_fd, wait=not drop)
-        reporter = Reporter(tape, PublisherFeed(number, "fcu"), identity.drag)
+        tape = RecorderPipe(row_width(law), record_fd, wait=not drop)
+        reporter = Reporter(law, tape, PublisherFeed(number, "fcu"), identity.drag)
         with watched(lifeline_fd):
-            if not is_cached("tick"):
+            if not is_cached("tick", law.package):
                 say(-1, "info", "compiling the law, once for this version (about 15 s)")
             sim_only = link_clock == "sim"
             loop = Loop(
@@ -103,7 +108,7 @@ def main(
     except OSError as error:
         say(-1, "error", str(error))
         sys.exit(INFRASTRUCTURE)
-    except (ConfigurationError, ParamsFileError) as error:
+    except (ConfigurationError, loader.LawError, ParamsFileError) as error:
         raise click.UsageError(str(error)) from error
 
     def stop(_signal: int, _frame: object) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from fcu.interface.airframe import OCTO, AirframeError, believed, believed_drag
 from fcu.interface.handover import HandoverError, load
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
-from fcu.settings import Settings, check, settings
+from fcu.laws.loader import Law
 
 
 class ConfigurationError(ValueError):
@@ -23,13 +24,16 @@ def read_drag(path: Path = OCTO) -> Vec3:
         raise ConfigurationError(str(error)) from error
 
 
-def read_settings(path: Path | None, rate_hz: float) -> Settings:
-    """Settings from a file, or of s1000.toml at a control rate (Hz). Raises ConfigurationError."""
+def read_settings(law: Law, path: Path | None, rate_hz: float) -> Any:
+    """Settings of a law, from a file, or of s1000.toml at a control rate (Hz).
+
+    Raises ConfigurationError.
+    """
     try:
         if path is None:
-            return settings(*believed(), rate_hz)
-        handed = load(path, Settings)
-        check(handed)
+            return law.settings.settings(*believed(), rate_hz)
+        handed = load(path, law.settings.Settings)
+        law.settings.check(handed)
         return handed
     except (AirframeError, ParameterError, HandoverError) as error:
         raise ConfigurationError(str(error)) from error

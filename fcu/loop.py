@@ -13,6 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +22,16 @@ from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports, owner
 from fcu.interface.starter import log
 from fcu.interface.status_texts import Code, Told, words
-from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.buffers import fields, size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.face import Reference, SharedTick
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import PlantCodec, WireError
 from fcu.parameters import Parameters
-from fcu.reporting import WIDTH, Reporter
+from fcu.reporting import Reporter
 from fcu.services.station import Station
 from fcu.services.streams import Identity
-from fcu.tick import FLYING, IDLE, TAKE_OVER, Remembered, Tick, tick
+from fcu.tick import FLYING, IDLE, TAKE_OVER
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
 
@@ -38,7 +40,7 @@ JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 OK, INFRASTRUCTURE = 0, 3
 LOAD_SMOOTHED = 1.0 / 256.0
 
-_COMMAND, _REFERENCE = slice_of(Tick, "command"), slice_of(Remembered, "law.reference")
+_COMMAND = slice_of(SharedTick, "command")
 _R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
 
 
@@ -69,6 +71,8 @@ class Loop:
         are saved. Raises PortBusy.
         """
         self._params = params
+        self._law = params.flown
+        self._fly: Any = self._law.ticks.tick
         self._settings = params.settings
         self._settings_buffer = to_buffer(self._settings)
         self._reporter = reporter
@@ -90,8 +94,11 @@ class Loop:
         self._measured = self._filter.flown
         self._period_us = round(params.law.h * 1e6)
         self._jumps = 0
-        self._remembered = np.zeros(size(Remembered))
-        self.vehicle.reference_model = self._remembered[_REFERENCE]
+        remembers = self._law.ticks.Remembered
+        self._remembered = np.zeros(size(remembers))
+        if fields(fields(remembers)["law"]).get("reference") is Reference:
+            reference = self._remembered[slice_of(remembers, "law.reference")]
+            self.vehicle.reference_model = reference
         self._answer = b""
         self._time_us = -1
         self._heard = 0.0
@@ -100,14 +107,16 @@ class Loop:
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
-        row, remembered = np.zeros(WIDTH), np.zeros(size(Remembered))
+        row, remembered = np.zeros(self._reporter.width), np.zeros_like(self._remembered)
         measured = np.zeros(size(VehicleState))
         measured[column_of(VehicleState, "q_EB.w")] = 1.0
         PositionFilter().pass_on(measured, 0.002, 0)
-        for engaged in (IDLE, TAKE_OVER, FLYING):
-            tick(
-                0.0, engaged, remembered, self._settings_buffer, self._setpoint, 0.0, measured, row
-            )  # fmt: skip
+        with self._law.compiling():
+            for engaged in (IDLE, TAKE_OVER, FLYING):
+                self._fly(
+                    0.0, engaged, remembered, self._settings_buffer, self._setpoint, 0.0,
+                    measured, row,
+                )  # fmt: skip
         self._reporter.warm_up(row)
         self.vehicle.feasibility.warm_up()
         self.vehicle.state = measured
@@ -171,7 +180,8 @@ class Loop:
         if self._codec.is_hold(datagram):
             if self._time_us < 0:
                 self._filter.take(self._received)
-                self._remembered[_REFERENCE] = self._measured[_R_AND_V]  # it is where that is
+                if self.vehicle.reference_model is not None:  # it is where the vehicle is
+                    self.vehicle.reference_model[:] = self._measured[_R_AND_V]
                 self.vehicle.battery = self._codec.battery
                 self._say_all(self.vehicle.observe(self._measured, 0, self._heard))
             self._flush()  # time stands: what was flown so far is due
@@ -219,7 +229,7 @@ class Loop:
             self._setpoint[:] = to_buffer(setpoint)
         self._flown = setpoint
         age = (time_us - vehicle.since_us) * 1e-6
-        tick(
+        self._fly(
             t, self._engaged, self._remembered, self._settings_buffer, self._setpoint, age,
             self._measured, row,
         )  # fmt: skip

@@ -19,16 +19,18 @@ import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu import settings as flown
 from fcu.guard import stability
 from fcu.guard.types import GuardParams
 from fcu.interface.airframe import OCTO, load
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
+from fcu.kernel.buffers import fields
+from fcu.laws import loader
+from fcu.laws.face import Pace
+from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import Params
 from fcu.settings import Settings
 
@@ -208,18 +210,19 @@ class Parameters:
         settings: Settings,
         system_id: int,
         file: Path | None = None,
-        module: ModuleType = flown,
-        rule: ModuleType | None = stability,
+        flown: Law | None = None,
         airframe: Path = OCTO,
     ) -> None:
         """`file`: read now, if it is there; its folder must be. Raises ParamsFileError.
 
-        `module`: where the PARAMETERS of Settings are, and their check; `rule`: which values of the
-        law go together.
+        `flown`: the law that they are of; None: that of the paper.
         """
-        self._module, self._rule = module, rule
+        self.flown = flown = flown or loader.load("mmrac")
+        self._module = flown.settings
+        # which values go together is known of the law of the paper alone
+        self._rule = stability if fields(self._module.Settings)["law"] is Params else None
         tables = load(airframe)
-        self._of_law = entries(module.PARAMETERS, tables)  # in the order of `put`
+        self._of_law = entries(self._module.PARAMETERS, tables)  # in the order of `put`
         self._table = {**entries(VEHICLE, tables), **self._of_law}
         self._pairs = tuple(_pairs(self._table))
         self.names: tuple[str, ...] = tuple(sorted(self._table))
@@ -242,8 +245,14 @@ class Parameters:
         return self.settings.law
 
     @property
+    def pace(self) -> Pace:
+        """What modes that lead the vehicle have to know of the law."""
+        pace: Pace = self._module.pace(self.settings)
+        return pace
+
+    @property
     def guard(self) -> GuardParams:
-        """The guard's parameters in force."""
+        """The guard's parameters in force; without a guard, nothing."""
         return self.settings.guard
 
     def __len__(self) -> int:

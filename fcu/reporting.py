@@ -17,39 +17,45 @@ from fcu.interface.recorder_pipe import RecorderPipe
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.loader import Law
+from fcu.laws.mmrac.types import State
 from fcu.services.status import MODES, landed_state, system_status
-from fcu.settings import Settings
-from fcu.tick import Tick
 from fcu.vehicle.state_machine import StateMachine
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
-FcuRow = fcu_row(Tick)
-WIDTH = size(FcuRow)  # float64 in a row
-
-_REPORT = slice(size(Tick), WIDTH)
 _WIND, _STATUS, _TIMING = (slice_of(Report, name) for name in Report._fields)
 _OFF = column_of(Report, "status.position_off")
+
+
+def row_width(law: Law) -> int:
+    """Number of float64 in a row of a law: its Tick, and a Report."""
+    return size(fcu_row(law.ticks.Tick))
 
 
 class Reporter:
     """Completes rows, and hands them on to the recorder and to the publisher."""
 
-    def __init__(self, tape: RecorderPipe, feed: PublisherFeed, drag: Vec3) -> None:
+    def __init__(self, law: Law, tape: RecorderPipe, feed: PublisherFeed, drag: Vec3) -> None:
         """`drag`: believed, N/(m/s)^2, body axes."""
+        self.width = row_width(law)
+        self._of_report = slice(size(law.ticks.Tick), self.width)
+        self._tells_wind = law.tells("state", State)
         self.tape = tape
         self.feed = feed
         self._drag = to_buffer(drag)
         self._report = np.zeros(size(Report))
         self._wind = self._report[_WIND]
+        self._wind[:] = wind.NOT_KNOWN
         self._seen: tuple[Any, ...] = ()
-        self._told: Settings | None = None
+        self._told: Any = None
         self._sequence = 0.0
         self.cycle_max_s = 0.0
 
     def warm_up(self, row: Row) -> None:
         """Compile what a report needs."""
-        wind.read(row, self._drag, self._wind)
+        if self._tells_wind:
+            wind.read(row, self._drag, self._wind)
 
     def report(
         self, row: Row, vehicle: StateMachine, off: float, cycle_s: float, load: float,
@@ -60,7 +66,8 @@ class Reporter:
         Raises BrokenPipeError when the recorder is gone.
         """
         report = self._report
-        wind.read(row, self._drag, self._wind)
+        if self._tells_wind:
+            wind.read(row, self._drag, self._wind)
         seen = (
             vehicle.armed, vehicle.mode, landed_state(vehicle), vehicle.failsafe,
             vehicle.terminated,
@@ -75,12 +82,12 @@ class Reporter:
             cycle_max=self.cycle_max_s, load=load, resent=resent, refused=refused,
             unrecorded=self.tape.dropped, unpublished=self.feed.dropped,
         )  # fmt: skip
-        row[_REPORT] = report
+        row[self._of_report] = report
         self._sequence += 1.0
         self.feed.send(row)
         self.tape.done()
 
-    def idle(self, t: float, settings: Settings, now: float) -> None:
+    def idle(self, t: float, settings: Any, now: float) -> None:
         """Between ticks: look for a publisher, and tell it the settings in force.
 
         t : simulation time, s.  now : wall, s.

@@ -38,7 +38,6 @@ from fcu.services.streams import (
     View,
 )
 from fcu.services.wind import Wind
-from fcu.tick import Tick
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -91,7 +90,7 @@ class Station:
         self._offboard = OffboardProtocol(vehicle, params, identity.origin, self.tell)
         self._home_told = 0
         self._mode_told: Mode | None = None
-        self._row: Row = np.zeros(size(Tick))
+        self._row: Row = np.zeros(size(params.flown.ticks.Tick))
         self._flying = False
         self._counters = Counters()
 
@@ -136,7 +135,7 @@ class Station:
         self.streams.heartbeat(now)
         view = self.view()
         if view is not None:
-            if view.flying and now >= self._wind_due:
+            if view.adapts and view.flying and now >= self._wind_due:
                 self._wind_due = now + WIND_S
                 estimates = view.state.estimates
                 self._wind.see(view.t, view.measured, estimates.s_v_hat, estimates.m_hat)

@@ -21,11 +21,11 @@ import numpy as np
 from fcu.guard.types import GuardInternals
 from fcu.interface.messages import Battery, VehicleState
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import from_buffer
+from fcu.kernel.buffers import field_type, from_buffer
 from fcu.kernel.rotations import euler, from_euler, matrix, rotate_back
 from fcu.kernel.rows import column
-from fcu.laws.face import Outputs
-from fcu.laws.mmrac.types import Internals, Params, State
+from fcu.laws.face import Outputs, SharedTick
+from fcu.laws.mmrac.types import Internals, State
 from fcu.mavlink import replies, setpoints
 from fcu.mavlink import telemetry as tm
 from fcu.mavlink.definitions import (
@@ -45,7 +45,6 @@ from fcu.parameters import Parameters
 from fcu.services.ground_port import GroundPort, Link
 from fcu.services.status import MODES, custom_mode, landed_state, system_status
 from fcu.services.wind import Wind
-from fcu.tick import Tick
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -109,7 +108,7 @@ class View:
     counters: Counters = field(default_factory=Counters)
 
     @property
-    def law(self) -> Params:
+    def law(self) -> Any:
         """The law's parameters in force."""
         return self.params.law
 
@@ -118,25 +117,41 @@ class View:
         """As last reported; None if the plant has none."""
         return self.vehicle.battery
 
+    @property
+    def adapts(self) -> bool:
+        """Whether the law is that of the paper: what it estimates is told."""
+        flown = self.params.flown
+        kinds = {"state": State, "internals": Internals, "guard": GuardInternals}
+        return all(flown.tells(name, kind) for name, kind in kinds.items())
+
+    def _told(self, name: str) -> Any:
+        """A field of the Tick."""
+        tick = self.params.flown.ticks.Tick
+        return from_buffer(field_type(tick, name), column(tick, self.row, name))
+
     @cached_property
     def state(self) -> State:
-        """What the law remembers after this tick."""
-        return from_buffer(State, column(Tick, self.row, "state"))
+        """What the law remembers after this tick, if it `adapts`."""
+        state: State = self._told("state")
+        return state
 
     @cached_property
     def outputs(self) -> Outputs:
         """What the law told of this tick."""
-        return from_buffer(Outputs, column(Tick, self.row, "outputs"))
+        outputs: Outputs = self._told("outputs")
+        return outputs
 
     @cached_property
     def internals(self) -> Internals:
-        """What the law computed at this tick."""
-        return from_buffer(Internals, column(Tick, self.row, "internals"))
+        """What the law computed at this tick, if it `adapts`."""
+        internals: Internals = self._told("internals")
+        return internals
 
     @cached_property
     def guard(self) -> GuardInternals:
-        """What the guard did at this tick."""
-        return from_buffer(GuardInternals, column(Tick, self.row, "guard"))
+        """What the guard did at this tick, if the law `adapts`."""
+        guard: GuardInternals = self._told("guard")
+        return guard
 
     @cached_property
     def angles(self) -> Vec3:
@@ -152,7 +167,7 @@ class View:
     @property
     def commanded(self) -> list[float]:
         """Rotor speeds as commanded, over full speed, 0 to 1."""
-        commanded: list[float] = column(Tick, self.row, "command").tolist()
+        commanded: list[float] = column(SharedTick, self.row, "command").tolist()
         return commanded
 
     @property
@@ -169,8 +184,9 @@ class View:
     def throttle(self) -> float:
         """Achieved total thrust over full thrust, 0 to 1, by the believed coefficient."""
         Omega = self.measured.Omega
-        T = self.law.rotors.c_T * sum(float(w) * float(w) for w in Omega)
-        return T / self.law.limits.T_max
+        T: float = self.law.rotors.c_T * sum(float(w) * float(w) for w in Omega)
+        T_max: float = self.law.limits.T_max
+        return T / T_max
 
 
 # --- the messages
@@ -361,7 +377,7 @@ def _flown(v: View, as_global: bool) -> Sequence[Packed]:
 
 def _estimates(v: View) -> Sequence[Packed]:
     """What the law believes, by the names of the paper."""
-    if not v.flying:
+    if not (v.adapts and v.flying):
         return []
     estimates, off = v.state.estimates, v.internals.prediction.v_til
     s, margin = estimates.s_v_hat, v.guard.margin
@@ -377,7 +393,7 @@ def _estimates(v: View) -> Sequence[Packed]:
 
 def _estimates_array(v: View) -> Sequence[Packed]:
     """What the law believes, what saturates, and the margins (N, rad, N)."""
-    if not v.flying:
+    if not (v.adapts and v.flying):
         return []
     s, off = v.state.estimates, v.internals.prediction
     data = [

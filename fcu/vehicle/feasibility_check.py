@@ -39,19 +39,28 @@ class FeasibilityCheck:
 
     def __init__(self, params: Parameters) -> None:
         self._params = params
-        self._look, self._settings = Look(params.guard, params.law), params.settings
+        self._looks_ahead = params.flown.guard is not None
+        if self._looks_ahead:
+            self._look, self._settings = Look(params.guard, params.law), params.settings
         self._told: Setpoint | None = None
         self._told_short = 0.0
 
     def warm_up(self) -> None:
         """Compile what a look needs."""
+        if not self._looks_ahead:
+            return
         still = Setpoint(STILL, STILL, STILL, 0.0, 0.0)
         Look(self._params.guard, self._params.law).short(way_to(still), np.zeros(6))
 
     @property
+    def _policy(self) -> float:
+        """The guard's; without one nobody looks ahead, as where it governs."""
+        return self._params.guard.policy if self._looks_ahead else GOVERN
+
+    @property
     def refuses(self) -> bool:
         """Whether what misses the condition is not flown."""
-        return self._params.guard.policy == REFUSE
+        return self._policy == REFUSE
 
     @property
     def refused(self) -> bool:
@@ -63,7 +72,7 @@ class FeasibilityCheck:
 
         reference : float64[6], where the reference model is: r_m, v_m.
         """
-        if self._params.guard.policy == GOVERN or setpoint.level > 0.0:
+        if self._policy == GOVERN or setpoint.level > 0.0:
             return 0.0
         short = self._looks().short(way_to(setpoint), reference)
         if short == 0.0 and (self.refuses or setpoint.v_c == STILL):
@@ -120,7 +129,7 @@ class FeasibilityCheck:
         reference: Row,
     ) -> Shortfall | None:  # fmt: skip
         """way_of : of a part, from 0 to 1, of what was asked for.  would_do : the same, told."""
-        if self._params.guard.policy == GOVERN:
+        if self._policy == GOVERN:
             return None
         short = self._looks().short(way_of(1.0), reference)
         if short == 0.0:

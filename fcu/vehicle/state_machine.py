@@ -75,9 +75,7 @@ class StateMachine:
         self.feasibility = FeasibilityCheck(params)
         self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
         self.wake_us = 0  # nothing happens by itself before
-        self._landed = LandedDetector(
-            params.law.rotors.c_T, params.law.initial.m_hat_0 * params.law.g
-        )
+        self._landed = LandedDetector(params.law.rotors.c_T, params.pace.T_hover)
         self._approach = Approach.AS_ASKED  # how the script's setpoint is flown
         self._touchdown = TouchdownDetector()
         self._armed_us = 0
@@ -110,7 +108,7 @@ class StateMachine:
 
     @property
     def reference(self) -> Row:
-        """float64[6]: r_m and v_m of the reference model; the vehicle's own without a law."""
+        """float64[6]: r_m and v_m of the reference model; the vehicle's own if there is none."""
         if self.reference_model is not None:
             return self.reference_model
         here = self.pose()
@@ -414,7 +412,7 @@ class StateMachine:
             across=p["MPC_XY_VEL_MAX"],
             up=p["MPC_Z_VEL_MAX_UP"],
             down=p["MPC_Z_VEL_MAX_DN"],
-            yaw_rate=p.law.yaw_rate_max,
+            yaw_rate=p.pace.yaw_rate_max,
         )
 
     def fly_script(self, t_us: int) -> Told | None:
@@ -502,7 +500,7 @@ class StateMachine:
         here = self.pose()
         flown: Setpoint = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
         if not self._touchdown.see(
-            flown, here, self._landed.ground, t_us, meant, self._params.law.f_m
+            flown, here, self._landed.ground, t_us, meant, self._params.pace.f_m
         ):
             return False
         if self._touchdown.done:

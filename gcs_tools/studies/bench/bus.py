@@ -60,14 +60,16 @@ def _reports(instance: int) -> float:
     from fcu.configuration import read_drag, read_settings
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import RecorderPipe
+    from fcu.laws import loader
     from fcu.parameters import Parameters
-    from fcu.reporting import WIDTH, Reporter
+    from fcu.reporting import Reporter, row_width
     from fcu.vehicle.state_machine import StateMachine
 
-    params = Parameters(read_settings(None, 500.0), instance + 1, None)
+    law = loader.load("mmrac")
+    params = Parameters(read_settings(law, None, 500.0), instance + 1, None)
     vehicle, feed = StateMachine(params), PublisherFeed(instance, "fcu")
-    reporter = Reporter(RecorderPipe(WIDTH), feed, read_drag())
-    row: Any = np.zeros(WIDTH)
+    reporter = Reporter(law, RecorderPipe(row_width(law)), feed, read_drag())
+    row: Any = np.zeros(reporter.width)
     reporter.warm_up(row)
     reporter.idle(0.0, params.settings, time.monotonic())
     taken = []
