@@ -14,6 +14,7 @@ from fcu.interface.airframe import OCTO, believed, load
 from fcu.interface.parameter import Parameter, ParameterError, blank, default, filled, values
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns
+from fcu.laws import loader
 from fcu.parameters import VEHICLE, Parameters, Refused, entries
 from fcu.parameters_page import page
 from fcu.settings import PARAMETERS, Settings, check, settings
@@ -165,19 +166,20 @@ ROWS = (
 )
 
 
-def test_a_law_of_somebody_elses_gets_keys_of_missions_names_of_mavlink_and_a_page():
-    class Module:
-        PARAMETERS = ROWS
-        check = staticmethod(lambda params: None)
-
+def test_a_law_of_somebody_elses_gets_keys_of_missions_and_a_page():
     start = filled(blank(Plain, h=0.004), ROWS, values(ROWS, AIRFRAME, {"damping": [1, 2, 3]}))
     assert start == Plain(h=0.004, k_p=2.0, damping=Vec3(1.0, 2.0, 3.0))
     for chosen in ({"k_p": 11.0}, {"k_p": "fast"}, {"k_q": 1.0}, {"damping": [1.0, 2.0]}):
         with pytest.raises(ParameterError):
             values(ROWS, AIRFRAME, chosen)
     assert law_table(ROWS).model_validate({"k_p": 3.0}).k_p == 3.0
-    params = Parameters(start, 1, module=Module, rule=None)
-    assert params.set("PL_KP", 4.0, True)
-    assert params.settings == start._replace(k_p=4.0)
-    assert "MR_F_M" not in params.names
     assert "| k_p | PL_KP | 2 | 0.1 to 10 1/s | gain of the position |" in page(ROWS)
+
+
+def test_a_law_of_somebody_elses_gets_names_of_mavlink():
+    law = loader.load(ROOT / "tests" / "own_law" / "plain_cascade.py")
+    start = law.settings.settings(*believed(), 500.0)
+    params = Parameters(start, 1, flown=law)
+    assert params.set("PC_K_R", 4.0, True)
+    assert params.settings == start._replace(law=start.law._replace(k_r=4.0))
+    assert "MR_F_M" not in params.names
