@@ -93,7 +93,7 @@ def main(
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
         tape = RecorderPipe(row_width(law), record_fd, wait=not drop)
-        reporter = Reporter(law, tape, PublisherFeed(number, "fcu"), identity.drag)
+        reporter = Reporter(law, tape, PublisherFeed(number, "fcu", law.identity), identity.drag)
         with watched(lifeline_fd):
             if not is_cached("tick", law.package):
                 say(-1, "info", "compiling the law, once for this version (about 15 s)")

@@ -217,7 +217,7 @@ class Parameters:
 
         `flown`: the law that they are of; None: that of the paper.
         """
-        self.flown = flown = flown or loader.load("mmrac")
+        self.flown = flown = flown or loader.load()
         self._module = flown.settings
         # which values go together is known of the law of the paper alone
         self._rule = stability if fields(self._module.Settings)["law"] is Params else None

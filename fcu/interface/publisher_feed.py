@@ -72,10 +72,10 @@ def _credentials(connected: socket.socket) -> tuple[int, int, int]:
 class PublisherFeed:
     """A flying process's end."""
 
-    def __init__(self, instance: int, who: str) -> None:
-        """`who`: "fcu" or "plant"."""
+    def __init__(self, instance: int, who: str, law: str = "") -> None:
+        """`who`: "fcu" or "plant".  `law`: that the rows are of, if they are of one."""
         self._address = address(instance)
-        self._hello = {"hello": who, "pid": os.getpid()}
+        self._hello = {"hello": who, "pid": os.getpid(), "law": law}
         self._socket: socket.socket | None = None
         self._room = 0  # what was granted, as it is asked for
         self._due = 0.0

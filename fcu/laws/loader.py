@@ -38,7 +38,8 @@ from fcu.kernel import buffers, compile
 from fcu.laws.allocation import RotorParams
 from fcu.laws.face import Limits
 
-SHIPPED = {"mmrac": "fcu.laws.mmrac.law"}  # name -> the module that is the law's face
+DEFAULT = "mmrac"
+SHIPPED = {DEFAULT: "fcu.laws.mmrac.law"}  # name -> the module that is the law's face
 UNGUARDED = "fcu.laws.unguarded"
 # Written against the law of the paper and its guard, and bound to whichever law is flown.
 _LAW = ("fcu.laws.mmrac.law", "fcu.laws.mmrac.types")
@@ -77,6 +78,16 @@ class Law:
     guard: ModuleType | None = None
     _instead: dict[str, str] = field(default_factory=dict)  # our module -> the same for this law
 
+    @property
+    def source(self) -> str:
+        """By what it is loaded, from wherever: its name, or the whole path of its FILE.py."""
+        return str(self.file) if self.file else self.name
+
+    @property
+    def identity(self) -> str:
+        """Its name and the hash of its sources: equal for what computes the same."""
+        return f"{self.name} {self.digest}"
+
     @cached_property
     def ticks(self) -> Any:
         """fcu.tick around this law: `tick`, and the types Tick, Settings and Remembered."""
@@ -108,7 +119,7 @@ class Law:
             raise LawError(_told(error, self.file)) from error
 
 
-def load(name: str | Path, folder: Path | None = None) -> Law:
+def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
     """The law of a name, or of a FILE.py (if relative: to `folder`). Raises LawError."""
     if str(name) in SHIPPED:
         return _shipped(str(name))

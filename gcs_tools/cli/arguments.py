@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Decorator = Callable[[Any], Any]
 
 SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission; may be repeated.")  # fmt: skip
+LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or a Python file of your own, which is then run.")  # fmt: skip
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
     help="Zenoh's own configuration (docs/zenoh); default: loopback, without a router.",

@@ -23,6 +23,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
 @click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run's folder; default: a new one in runs/.")  # fmt: skip
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Write a JUnit report here too.")  # fmt: skip
+@arguments.LAW
 @arguments.SETTINGS
 @click.option("--in-process", is_flag=True, help="Fly the same law and plant without sockets.")
 @arguments.as_json("Print the results as JSON.")
@@ -31,7 +32,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
 @arguments.FREE_INSTANCE
 def fly(
     missions: tuple[str, ...], speed: float | None, seed: int | None, rate_hz: float | None,
-    out: Path | None, junit: Path | None, settings: tuple[str, ...], in_process: bool,
+    out: Path | None, junit: Path | None, law: str | None, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
 ) -> int:  # fmt: skip
     """Fly each MISSION and judge it.
@@ -46,8 +47,8 @@ def fly(
 
     try:
         results = fly_missions(
-            missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, settings=settings,
-            in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
+            missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law,
+            settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
             zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
         )  # fmt: skip
     except UsageError as error:

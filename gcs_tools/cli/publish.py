@@ -10,18 +10,21 @@ import click
 
 from fcu.interface.ports import INSTANCES
 from gcs_tools.cli import arguments
-from gcs_tools.exit_codes import INFRASTRUCTURE, OK
+from gcs_tools.cli.output import Failure
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 
 @click.command()
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True)
 @click.option("--run", metavar="NAME", help="Under which its keys are; default: the time.")
+@arguments.LAW
 @arguments.ZENOH
 @click.option("--about", type=click.Path(path_type=Path), hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 def publish(
-    instance: int, run: str | None, zenoh: Path | None, about: Path | None, lifeline_fd: int | None
-) -> int:
+    instance: int, run: str | None, law: str | None, zenoh: Path | None, about: Path | None,
+    lifeline_fd: int | None,
+) -> int:  # fmt: skip
     """Publish what fcu and sitl-plant fly, for a pair that was started by hand.
 
     `gcs up` and `gcs fly` do this themselves. May be started, stopped and killed at any time.
@@ -29,13 +32,17 @@ def publish(
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import occupy_standard_streams
     from fcu.interface.topics import run_name
+    from fcu.laws import loader
     from gcs_tools.live import bus, publisher
 
     occupy_standard_streams()
     name = run_name(run or time.strftime("%Y%m%d-%H%M%S"))
     try:
+        flown = loader.load(law or loader.DEFAULT)
         flies = json.loads(about.read_text()) if about else {}
-        publisher.publish(instance, name, flies, zenoh, lifeline_fd)
+        publisher.publish(instance, flown, name, flies, zenoh, lifeline_fd)
+    except loader.LawError as error:
+        raise Failure(error, USAGE) from error
     except PortBusy:
         publisher.say("error", f"instance {instance} has a publisher already")
         return INFRASTRUCTURE

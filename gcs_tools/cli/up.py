@@ -28,12 +28,13 @@ TELL_S = 2.0  # wall: a flight controller tells after one that its plant is sile
 @click.option("--origin", metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth; default: PX4's home.")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), help="By which clock a script's stream is lost; default both.")  # fmt: skip
 @click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Saved parameters: read if it exists, written when a ground station asks.")  # fmt: skip
+@arguments.LAW
 @click.option("--publish/--no-publish", default=True, show_default=True, help="Put every tick on Zenoh.")  # fmt: skip
 @arguments.ZENOH
 @arguments.FREE_INSTANCE
 def up(
     mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
-    link_clock: str | None, params: str | None, publish: bool, zenoh: Path | None,
+    link_clock: str | None, params: str | None, law: str | None, publish: bool, zenoh: Path | None,
     instance: int | None,
 ) -> None:  # fmt: skip
     """Run the pair until Ctrl-C, for a ground station or a script.
@@ -45,20 +46,22 @@ def up(
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
+    from fcu.laws import loader
     from gcs_tools.flight.pair import Pair
     from gcs_tools.flight.processes import InfrastructureError, Misused, claimed
     from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
 
     try:
-        chosen, scene = (None, None) if mission is None else prepared(mission)
+        chosen, scene = (None, None) if mission is None else prepared(mission, law=law)
+        flown = loader.load(law or loader.DEFAULT) if scene is None else scene.flown
         folder = new_folder(None, "up")
-    except UsageError as error:
+    except (UsageError, loader.LawError) as error:
         raise Failure(error, USAGE) from error
     click.echo("starting (the first time compiles for half a minute) ...", err=True)
     published = arguments.publication(publish, zenoh)
     try:
         with claimed(instance) as number, ExitStack() as stack:
-            pair = Pair(stack, folder, number, published, flies(chosen, scene))
+            pair = Pair(stack, folder, number, flown, published, flies(chosen, scene))
             _stand_by(pair, scene, folder, number, "max" if speed is None else str(speed), options,
                       zenoh is not None)  # fmt: skip
     except (InfrastructureError, OSError) as error:

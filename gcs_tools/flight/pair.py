@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fcu.interface import handover
+from fcu.laws.loader import Law
 from gcs_tools.flight.processes import Child, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
@@ -18,21 +19,23 @@ class Pair:
     """The processes of one vehicle, which end with whoever has started them."""
 
     def __init__(
-        self, stack: ExitStack, folder: Path, instance: int, zenoh: Zenoh | None,
+        self, stack: ExitStack, folder: Path, instance: int, law: Law, zenoh: Zenoh | None,
         flies: dict[str, Any],
     ) -> None:  # fmt: skip
-        """`stack`: stops them. `zenoh`: how they are published, None: not; `flies`: what is then
-        said of them.
+        """`stack`: stops them. `law`: that is flown. `zenoh`: how they are published, None: not;
+        `flies`: what is then said of them.
         """
         self.children: list[Child] = []  # flight controller, plant
         self.publisher: PublisherProcess | None = None
-        self._folder, self._instance = folder, instance
+        self._folder, self._instance, self._law = folder, instance, law.source
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
         for end in (self._life, held):
             stack.callback(os.close, end)
         stack.callback(self.stop)
         if zenoh is not None:
-            self.publisher = PublisherProcess(zenoh, folder, instance, flies, self.lifeline())
+            self.publisher = PublisherProcess(
+                zenoh, folder, instance, self._law, flies, self.lifeline()
+            )
 
     def lifeline(self) -> int:
         """A file descriptor for one more process that ends with us."""
@@ -44,13 +47,13 @@ class Pair:
     ) -> str:  # fmt: skip
         """Start both with these arguments; why nothing is published, or "".
 
-        `scene`: whose law and world to fly; None: s1000.toml's, standing on the ground.
+        `scene`: whose settings and world to fly; None: s1000.toml's, standing on the ground.
         Raises InfrastructureError when one of them ends, OSError.
         """
         own = ["--instance", str(self._instance)]
         settings, world = self._folder / "settings.json", self._folder / "world.json"
         life = self.lifeline()
-        fcu = [*own, *fcu, "--lifeline-fd", str(life)]
+        fcu = [*own, "--law", self._law, *fcu, "--lifeline-fd", str(life)]
         plant = [*own, *plant]
         if scene is not None:
             handover.save(settings, scene.settings)

@@ -26,17 +26,21 @@ class PublisherProcess:
     """One publisher. What becomes of it never ends a flight."""
 
     def __init__(
-        self, how: Zenoh, folder: Path, instance: int, flies: dict[str, Any], lifeline: int
-    ) -> None:
-        """`flies`: what a vehicle's `about` tells.  `lifeline`: inherited, and closed on our side."""
+        self, how: Zenoh, folder: Path, instance: int, law: str, flies: dict[str, Any],
+        lifeline: int,
+    ) -> None:  # fmt: skip
+        """`law`: its name or file.  `flies`: what a vehicle's `about` tells.
+
+        `lifeline`: inherited, and closed on our side.
+        """
         self.run = topics.run_name(folder.absolute().name)
         about = folder / "about.json"
         about.write_text(json.dumps(flies, indent=1))
         config = ["--zenoh", str(how.config)] if how.config else []
         self._child = Child(
             "publisher", "gcs_tools",
-            ["publish", "--instance", str(instance), "--run", self.run, "--about", str(about),
-             "--lifeline-fd", str(lifeline), *config],
+            ["publish", "--instance", str(instance), "--law", law, "--run", self.run,
+             "--about", str(about), "--lifeline-fd", str(lifeline), *config],
             folder / "publisher.log", (lifeline,),
         )  # fmt: skip
         self.pid = self._child.process.pid

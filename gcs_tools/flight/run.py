@@ -22,22 +22,26 @@ from fcu import wind
 from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import to_buffer
-from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
-from gcs_tools.flight import rollout
+from fcu.laws.loader import LawError
+from fcu.laws.mmrac.types import State
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight.display import Display
-from gcs_tools.flight.processes import PORTS, InfrastructureError, claimed
+from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, claimed
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, arrival, scenario
 from gcs_tools.flight.wire_flight import Flown, WireFlight
 from gcs_tools.judging import result
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
-from gcs_tools.missions.mission import Mission, MissionError, load, override
+from gcs_tools.missions.mission import Mission, MissionError, load, override, with_law
 from gcs_tools.recording.events import logged
-from gcs_tools.recording.reader import LAW, OUR_LAW, RecordingError
+from gcs_tools.recording.reader import LAW, LAW_SOURCES, RecordingError
+from gcs_tools.recording.schema import Kinds
+from gcs_tools.recording.table import Rows
 from gcs_tools.recording.writer import RecordingWriter
 
 RUNS = Path("runs")
+COMPILING = "compiling law and plant, once for this version (about 20 s)"
 
 
 class UsageError(ValueError):
@@ -49,10 +53,18 @@ def prepared(
     settings: Sequence[str] = (),
     seed: int | None = None,
     rate_hz: float | None = None,
+    law: str | None = None,
 ) -> tuple[Mission, Scenario]:
-    """A mission with its changes, and what it flies. Raises UsageError."""
+    """A mission with its changes, and what it flies. Raises UsageError.
+
+    `law`: a name or FILE.py, flown in place of the mission's own; `settings` are of that.
+    """
     try:
-        mission = load(name, settings)
+        mission = load(name)
+        if law is not None:
+            mission = with_law(mission, law)
+        for setting in settings:
+            mission = override(mission, setting)
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")
         if rate_hz is not None:
@@ -93,6 +105,7 @@ def fly_missions(
     seed: int | None = None,
     rate_hz: float | None = None,
     out: Path | None = None,
+    law: str | None = None,
     settings: Sequence[str] = (),
     in_process: bool = False,
     instance: int | None = None,
@@ -101,10 +114,11 @@ def fly_missions(
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
 
-    `zenoh`: how it is published; None: not.
+    `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
+    not.
     """
     display = display or Display()
-    ready = [prepared(name, settings, seed, rate_hz) for name in missions]
+    ready = [prepared(name, settings, seed, rate_hz, law) for name in missions]
     for mission, scene in ready:
         if why := refusal(scene):
             raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
@@ -138,6 +152,7 @@ class _Run:
     ) -> None:  # fmt: skip
         self._mission = mission
         self._scene = scene
+        self._law = scene.flown
         self._folder = folder
         self._speed = speed
         self._in_process = in_process
@@ -176,7 +191,9 @@ class _Run:
         """What was flown, on file too; an exit code and an error if it was cut short."""
         flown, exit_code, error = _nothing(), OK, None
         try:
-            with RecordingWriter(self._folder / "flight.mcap", self._metadata()) as recorder:
+            with RecordingWriter(
+                self._folder / "flight.mcap", self._metadata(), Kinds.of(self._law)
+            ) as recorder:
                 recorder.set_params(to_buffer(self._scene.settings))
                 try:
                     flown = self._flown(recorder)
@@ -200,10 +217,15 @@ class _Run:
     def _by_rollout(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
         from fcu.kernel.compile import is_cached
 
-        if not is_cached("rollout"):
-            self._display.note("compiling law and plant, once for this version (about 20 s)")
+        if not is_cached("rollout", self._law.package):
+            self._display.note(COMPILING)
         began = time.monotonic()
-        rollout.warm_up(self._scene)
+        rollout = self._law.module("gcs_tools.flight.rollout")
+        try:
+            with self._law.compiling():
+                rollout.warm_up(self._scene)
+        except LawError as error:
+            raise _Cut(_nothing(), USAGE, str(error)) from error
         first = time.monotonic()
         plant, fcu = rollout.fly(self._scene)
         wall = time.monotonic() - first
@@ -212,16 +234,23 @@ class _Run:
         try:
             recorder.add_plant(flown.plant)
             recorder.add_fcu(flown.fcu)
-            recorder.add_wind(flown.fcu[:, 0], wind.read_all(flown.fcu, to_buffer(believed_drag())))
+            recorder.add_wind(flown.fcu[:, 0], self._wind(flown.fcu))
         except RecordingError as failed:
             raise _cut(flown, f"recording: {failed}") from failed
         return flown
 
+    def _wind(self, fcu: Rows) -> Rows:
+        """What wind its estimates stand for; of a law without them it is not known."""
+        if not self._law.tells("state", State):
+            return np.full((len(fcu), 3), wind.NOT_KNOWN)
+        read: Rows = wind.read_all(fcu, to_buffer(believed_drag()))
+        return read
+
     def _over_the_wire(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
         from fcu.kernel.compile import is_cached
 
-        if not (is_cached("tick") and is_cached("advance")):
-            self._display.note("compiling law and plant, once for this version (about 20 s)")
+        if not (is_cached("tick", self._law.package) and is_cached("advance")):
+            self._display.note(COMPILING)
         try:
             with claimed(self._instance, *PORTS) as instance:
                 if self._instance is None and instance:
@@ -244,6 +273,8 @@ class _Run:
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
+        except Misused as error:
+            raise _Cut(flight.flown(), USAGE, str(error)) from error
         except InfrastructureError as error:
             raise _cut(flight.flown(), str(error)) from error
         except KeyboardInterrupt as error:
@@ -258,7 +289,8 @@ class _Run:
     def _metadata(self) -> dict[str, str]:
         mission = self._mission
         return {
-            LAW: OUR_LAW,
+            LAW: self._law.name,
+            LAW_SOURCES: self._law.digest,
             "mission": mission.name,
             "title": mission.title,
             "seed": str(mission.flight.seed),

@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from fcu.guard.types import GuardParams
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rows import column
-from fcu.laws.mmrac.types import Params
+from fcu.laws.face import SharedTick
+from fcu.laws.loader import Law
 from fcu.mavlink.setpoints import setpoint_through_the_wire
-from fcu.settings import Settings, settings
-from fcu.tick import Tick
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
@@ -32,7 +30,8 @@ Buffer = np.ndarray[Any, np.dtype[np.float64]]
 class Scenario:
     """One flight, ready to be flown."""
 
-    settings: Settings
+    flown: Law
+    settings: Any  # of the law, and of its guard
     world: World
     ticks: int
     period_us: int
@@ -41,13 +40,13 @@ class Scenario:
     arrive: tuple[float, int] | None  # within m of the setpoint, for ticks: the flight is over
 
     @property
-    def law(self) -> Params:
+    def law(self) -> Any:
         """The law's parameters."""
         return self.settings.law
 
     @property
-    def guard(self) -> GuardParams:
-        """The guard's parameters."""
+    def guard(self) -> Any:
+        """The guard's parameters; without a guard, nothing."""
         return self.settings.guard
 
     @property
@@ -71,12 +70,15 @@ class Scenario:
 def scenario(mission: Mission) -> Scenario:
     """What a mission flies. Raises ParameterError or AirframeError for what cannot be flown."""
     flight = mission.flight
-    chosen = mission.law.model_dump(exclude_none=True)
+    rows = mission.flown.settings.PARAMETERS
+    tops = {row.key.partition(".")[0] for row in rows if row.key}
+    chosen = mission.law.model_dump(include=tops, exclude_none=True)
     start = flight.start.model_dump(exclude_none=True)
     ticks = [int(k) for k in setpoint_times(flight)]
     arrive = flight.arrive
     return Scenario(
-        settings=settings(*believed(), flight.rate_hz, chosen),
+        flown=mission.flown,
+        settings=mission.flown.settings.settings(*believed(), flight.rate_hz, chosen),
         world=world(
             rate_hz=flight.rate_hz,
             seed=flight.seed,
@@ -101,7 +103,10 @@ def arrival(scene: Scenario, plant: Buffer, fcu: Buffer) -> int | None:
     within, held = scene.arrive
     n = min(len(plant), len(fcu))
     last = int(scene.sent_at[-1])
-    r_E, r_c = column(PlantRecord, plant[:n], "state.r_E"), column(Tick, fcu[:n], "setpoint.r_c")
+    r_E, r_c = (
+        column(PlantRecord, plant[:n], "state.r_E"),
+        column(SharedTick, fcu[:n], "setpoint.r_c"),
+    )
     near = np.linalg.norm(r_E - r_c, axis=1) <= within
     near[:last] = False
     run = 0

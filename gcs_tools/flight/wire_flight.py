@@ -22,13 +22,12 @@ from fcu.interface.link import PortBusy
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
-from fcu.tick import Tick
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.pair import Pair
 from gcs_tools.flight.processes import Collector, InfrastructureError, Rows, one_core
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, arrival
-from gcs_tools.recording.schema import FcuRow, PlantRow
+from gcs_tools.recording.schema import Kinds
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
@@ -82,6 +81,7 @@ class WireFlight:
         self._flies = flies or {}
         self._note = note
         self._scene = scene
+        self._kinds = Kinds.of(scene.flown)
         self._folder = folder
         self._instance = instance
         self._speed = speed
@@ -93,7 +93,7 @@ class WireFlight:
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
         plant = _joined(self._plant_rows, size(PlantRecord))
-        fcu = _joined(self._fcu_rows, size(Tick))
+        fcu = _joined(self._fcu_rows, size(self._kinds.tick))
         if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
             plant, fcu = in_step(plant, fcu)
         return Flown(plant, fcu)
@@ -130,14 +130,16 @@ class WireFlight:
         speed = "max" if self._speed is None else str(self._speed)
         self._collector = Collector(
             {
-                plant_out: (size(PlantRow), self._plant_rows, self._on_rows[0]),
-                fcu_out: (size(FcuRow), self._fcu_rows, self._on_rows[1]),
+                plant_out: (size(self._kinds.plant_row), self._plant_rows, self._on_rows[0]),
+                fcu_out: (size(self._kinds.fcu_row), self._fcu_rows, self._on_rows[1]),
             }
         )
         self._plant_fd = plant_out
         self._collector.start()
         stack.callback(self._collector.join, DRAIN_S)  # takes what they have still handed over
-        self._pair = Pair(stack, self._folder, self._instance, self._zenoh, self._flies)
+        self._pair = Pair(
+            stack, self._folder, self._instance, self._scene.flown, self._zenoh, self._flies
+        )
         why = self._pair.start(
             self._scene,
             ["--link-clock", "sim", keep, "--record-fd", str(fcu_in)],

@@ -18,6 +18,7 @@ import numpy as np
 from fcu.guard import foreseen, margin
 from fcu.guard.parameters import GOVERN
 from fcu.interface.messages import Setpoint
+from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.settings import Settings
@@ -278,7 +279,14 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
 
 
 def envelope(mission: Mission) -> Envelope:
-    """What the condition says of a mission. Raises ParameterError, AirframeError, as flying it does."""
+    """What the condition says of a mission.
+
+    Raises ParameterError and AirframeError as flying it does, and for a law without a condition.
+    """
+    if mission.flown.settings.Settings is not Settings:
+        raise ParameterError(
+            f"[law] module: {mission.flown.name}: expected mmrac, of which alone a condition is known"
+        )
     scene = scenario(mission)
     law, guard = settings = scene.settings
     rows = way(scene)

@@ -1,7 +1,8 @@
 """Numbers that say how a flight went, over all of it or over a window of time.
 
 Position errors are of the plant's true position against the reference model (34), command
-errors against the commanded position r_c; both are euclidean norms. A metric counts the control
+errors against the commanded position r_c; both are euclidean norms. A law without a reference model
+has no position errors. A metric counts the control
 ticks at which the law was flying. One that has no sample, or that a sample which is not finite
 would make meaningless, has no value: None, so that results stay finite and a limit on it fails.
 """
@@ -52,6 +53,7 @@ class EngagedTicks:
 
     t: Rows  # s
     position_error: Rows  # m, against the reference model; not finite where either is not
+    has_reference: bool
     command_error: Rows  # m, against the command
     plant: Table  # the truth, at the same ticks
     fcu: Table  # what the controller told
@@ -72,6 +74,7 @@ class EngagedTicks:
         return cls(
             t=fcu["t"],
             position_error=_distance(true_r, fcu["outputs.reference.r_m"]),
+            has_reference=not np.isnan(fcu["outputs.reference.r_m"]).all(),
             command_error=_distance(true_r, fcu["setpoint.r_c"]),
             plant=plant,
             fcu=fcu,
@@ -90,6 +93,7 @@ class EngagedTicks:
         return EngagedTicks(
             self.t[inside],
             self.position_error[inside],
+            self.has_reference,
             self.command_error[inside],
             self.plant.take(inside),
             self.fcu.take(inside),
@@ -164,6 +168,11 @@ def _fraction(name: str) -> Callable[[EngagedTicks], float]:
     return part
 
 
+def _nonfinite(flight: EngagedTicks) -> float:
+    error = flight.position_error if flight.has_reference else flight.command_error
+    return float(np.sum(~np.isfinite(error)))
+
+
 METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "position_rms_m": lambda f: _rms(f.position_error),
     "position_rms_settled_m": lambda f: _rms(_settled(f).position_error),
@@ -180,7 +189,7 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "margin_condition_min_n": lambda f: _least(f.told("guard.margin.condition")),
     "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
     "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
-    "nonfinite_samples": lambda f: float(np.sum(~np.isfinite(f.position_error))),
+    "nonfinite_samples": _nonfinite,
 }
 
 

@@ -20,7 +20,7 @@ from sitl_plant.physics import tick
 
 def refusal(scene: Scenario) -> str:
     """Which of its setpoints would be refused, and why; empty if none."""
-    if scene.guard.policy != REFUSE:
+    if scene.flown.guard is None or scene.guard.policy != REFUSE:
         return ""
     look, law = admission.Look(scene.guard, scene.law), to_buffer(scene.law)
     start = through_the_wire(tick.as_reported(scene.world.start))

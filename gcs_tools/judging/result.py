@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.rows import column
-from fcu.tick import Tick
 from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
@@ -86,7 +85,7 @@ def judge(
     measured: dict[str, float | None] = {}
     whole = exit_code == OK and len(plant) > 0 and len(fcu) > 0
     if len(plant) and len(fcu):
-        told = Table.of(PlantRecord, plant), Table.of(Tick, fcu)
+        told = Table.of(PlantRecord, plant), Table.of(mission.flown.ticks.Tick, fcu)
         flight = EngagedTicks.of(*told, last_change_s(mission.flight) + SETTLE_S)
         measured = flight.metrics()
         if whole:

@@ -32,12 +32,14 @@ from fcu.interface.ports import ports
 from fcu.interface.starter import announce, log
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
+from fcu.laws.loader import Law
 from gcs_tools.live import bus, samples
 from gcs_tools.live.samples import Numbers, Packer
+from gcs_tools.live.subscriber import printable
 from gcs_tools.recording import events
 from gcs_tools.recording.events import LEVELS, Event
-from gcs_tools.recording.reader import LAW, OUR_LAW, SCHEMA_VERSION
-from gcs_tools.recording.schema import PARAMS, TOPICS, FcuRow, ParamsRow, PlantRow, Topic
+from gcs_tools.recording.reader import LAW, LAW_SOURCES, SCHEMA_VERSION
+from gcs_tools.recording.schema import FCU, PARAMS, PLANT, Kinds, Topic
 from gcs_tools.recording.table import Rows
 
 AT_ONCE = 1024  # datagrams taken in one go
@@ -45,9 +47,7 @@ SOURCES = 8  # connected at once; two fly
 H_MIN = 1e-6  # s, of a control period
 HELLO_S = 1.0  # wall: who says nothing for so long is hung up on
 
-ROWS = {"fcu": FcuRow, "plant": PlantRow}  # by who flies
-WIDTHS = {who: size(kind) for who, kind in ROWS.items()}
-PARAMS_WIDTH = size(ParamsRow)
+WHO = (FCU, PLANT)  # flies
 
 _EXACT = 2.0**53  # numbers of ticks, and ns, below which a float64 is a whole number
 _T_MAX = _EXACT * 1e-9  # s
@@ -80,9 +80,11 @@ class Taken:
 class Source:
     """One flying process."""
 
-    def __init__(self, connected: socket.socket) -> None:
-        """`connected`: its end, non-blocking."""
+    def __init__(self, connected: socket.socket, law: Law) -> None:
+        """`connected`: its end, non-blocking.  `law`: that is flown, whose rows it is to send."""
         self._socket = connected
+        self._law = law
+        self._rows = _rows(law)
         self._since = time.monotonic()
         self.pid = publisher_feed.peer_pid(connected)
         self.who = ""  # fcu or plant, as it says
@@ -90,7 +92,9 @@ class Source:
         self.next = -1  # number of the row that comes next
         self.lost = 0  # rows that did not reach us since it said hello
         self._dropped = 0  # rows for which it had no room before that
-        self._buffer = np.zeros((AT_ONCE, max(WIDTHS.values())))
+        self._width = 0  # float64 in one of its rows
+        self._params_width = size(Kinds.of(law).params_row)
+        self._buffer = np.zeros((AT_ONCE, max(map(size, self._rows.values()))))
         self._bytes = bytearray(publisher_feed.GREATEST_BYTES)
 
     def take(self) -> Taken:
@@ -105,7 +109,7 @@ class Source:
                 break
             except OSError:
                 got = 0
-            width = WIDTHS.get(self.who, 0)
+            width = self._width
             if got == 0:
                 self.ended = True
                 break
@@ -114,13 +118,14 @@ class Source:
             elif got == 8 * width:
                 self._buffer[n, :width] = np.frombuffer(self._bytes, "<f8", width)
                 n += 1
-            elif got == 8 * PARAMS_WIDTH:
-                params = _checked(np.frombuffer(self._bytes, "<f8", PARAMS_WIDTH).copy())
+            elif got == 8 * self._params_width:
+                told = np.frombuffer(self._bytes, "<f8", self._params_width).copy()
+                params = _checked(self._law, told)
             else:
                 raise FeedError(f"rows of {got} bytes (of another version?)")
         if not self.who and time.monotonic() - self._since > HELLO_S:
             raise FeedError("no hello")
-        rows = self._buffer[:n, : WIDTHS.get(self.who, 0)].copy()
+        rows = self._buffer[:n, : self._width].copy()
         taken = Taken(rows, *self._numbers(rows), params, said)
         if said and "bye" in said[-1]:
             self._count_last(said[-1]["dropped"])
@@ -131,7 +136,8 @@ class Source:
         n = len(rows)
         if n == 0:
             return np.zeros(0, np.uint64), np.zeros(0, np.uint64)
-        sequence, t = (column(ROWS[self.who], rows, name) for name in ("timing.sequence", "t"))
+        kind = self._rows[self.who]
+        sequence, t = (column(kind, rows, name) for name in ("timing.sequence", "t"))
         if not ((sequence >= 0.0) & (sequence < _EXACT) & (t >= 0.0) & (t < _T_MAX)).all():
             raise FeedError("rows without a number or a time")
         first, last = int(sequence[0]), int(sequence[-1])
@@ -155,9 +161,15 @@ class Source:
         try:
             word: dict[str, Any] = json.loads(data)
             if "hello" in word:
-                if self.who or word["hello"] not in WIDTHS:
+                if self.who or word["hello"] not in WHO:
                     raise FeedError("a hello of nobody known")
+                if word["hello"] == FCU and word["law"] != self._law.identity:
+                    raise FeedError(
+                        f"ticks of the law {printable(str(word['law']))}, expected"
+                        f" {self._law.identity} (see gcs publish --law)"
+                    )
                 self.who, self._dropped = word["hello"], _count(word["dropped"])
+                self._width = size(self._rows[self.who])
             elif "bye" in word:
                 word["dropped"] = _count(word["dropped"])
             else:
@@ -175,9 +187,10 @@ class Source:
         self._socket.close()
 
 
-def _checked(params: Rows) -> Rows:
+def _checked(law: Law, params: Rows) -> Rows:
     """The parameters of a law. Raises FeedError."""
-    t, h = column(ParamsRow, params, "t"), column(ParamsRow, params, "law.h")
+    kind = Kinds.of(law).params_row
+    t, h = column(kind, params, "t"), column(kind, params, "law.h")
     if not (np.isfinite(params).all() and _T_MAX > t >= 0.0 and h > H_MIN):
         raise FeedError("parameters that are none of a law")
     return params
@@ -193,8 +206,9 @@ def _count(told: Any) -> int:
 class FeedListener:
     """All flying processes of one instance."""
 
-    def __init__(self, instance: int) -> None:
-        """Raises PortBusy when another publisher listens."""
+    def __init__(self, instance: int, law: Law) -> None:
+        """`law`: that is flown. Raises PortBusy when another publisher listens."""
+        self._law = law
         self._listener = publisher_feed.listen(instance)
         self.sources: list[Source] = []
 
@@ -209,7 +223,7 @@ class FeedListener:
                 connected.close()
                 continue
             connected.setblocking(False)
-            self.sources.append(Source(connected))
+            self.sources.append(Source(connected, self._law))
 
     def hang_up(self, source: Source) -> None:
         """One has ended, or is not to be heard any more."""
@@ -223,13 +237,20 @@ class FeedListener:
             source.close()
 
 
+def _rows(law: Law) -> dict[str, Any]:
+    """By who flies, the class of its rows."""
+    kinds = Kinds.of(law)
+    return {FCU: kinds.fcu_row, PLANT: kinds.plant_row}
+
+
 @cache
-def _packer(who: str) -> Packer:
+def _packer(law: Law, who: str) -> Packer:
     """Rows of "fcu" or "plant", or the law's "params", into samples."""
+    topics, params_row = Kinds.of(law).topics, Kinds.of(law).params_row
     if who == "params":
-        return Packer([TOPICS[PARAMS]], columns(ParamsRow))
-    of_them = [t for name, t in TOPICS.items() if name.startswith(f"/{who}/") and name != PARAMS]
-    return Packer(of_them, columns(ROWS[who]))
+        return Packer([topics[PARAMS]], columns(params_row))
+    of_them = [t for name, t in topics.items() if name.startswith(f"/{who}/") and name != PARAMS]
+    return Packer(of_them, columns(_rows(law)[who]))
 
 
 class PublishedVehicle:
@@ -241,13 +262,17 @@ class PublishedVehicle:
 
     def __init__(
         self, session: zenoh.Session, vehicle: str, topics: Mapping[str, Topic],
-        waits: bool = False,
+        law: Law | None = None,
     ) -> None:  # fmt: skip
-        """`topics`: those of numbers, by name. `waits`: for room, rather than drop; for no flight."""
+        """`topics`: those of numbers, by name. `law`: that is flown, whose rows are published.
+
+        Without a law it is no flight: it waits for room, rather than drop.
+        """
         self._topics = topics
+        self._law = law
         self._session = session
         control = zenoh.CongestionControl
-        self._congestion = control.BLOCK if waits else control.DROP
+        self._congestion = control.DROP if law else control.BLOCK
         self._vehicle = vehicle
         self._publishers: dict[str, Any] = {}
         self._tokens: dict[str, Any] = {}
@@ -266,7 +291,7 @@ class PublishedVehicle:
         """Ticks of "fcu" or "plant", or the law's "params": whole rows."""
         if not len(rows):
             return
-        packer = _packer(who)
+        packer = self._packer(who)
         for i in range(0, len(rows), TOGETHER):
             part = slice(i, i + TOGETHER)
             packed = packer.pack(rows[part], sequence[part], time_ns[part])
@@ -277,8 +302,12 @@ class PublishedVehicle:
 
     def flown(self, who: str, number: int) -> None:
         """There have been ticks up to this one, whether or not we have got them to publish."""
-        for topic in _packer(who).topics:
+        for topic in self._packer(who).topics:
             self._flown[topic.name] = number
+
+    def _packer(self, who: str) -> Packer:
+        assert self._law is not None
+        return _packer(self._law, who)
 
     def params(self, row: Rows) -> None:
         """The law's parameters in force from row[0] (s) on."""
@@ -398,19 +427,20 @@ class Publisher:
     """Between the feed of one instance and its vehicle on the bus."""
 
     def __init__(
-        self, feeds: FeedListener, vehicle: PublishedVehicle, lifeline: int | None
+        self, feeds: FeedListener, vehicle: PublishedVehicle, law: Law, lifeline: int | None
     ) -> None:
-        """`lifeline`: a file descriptor at whose end of file it ends."""
+        """`law`: that is flown.  `lifeline`: a file descriptor at whose end of file it ends."""
         self._feeds = feeds
+        self._params = columns(Kinds.of(law).params_row)
         self._vehicle = vehicle
         self._lifeline = select.poll()
         if lifeline is not None:
             self._lifeline.register(lifeline, 0)  # a hang-up is told without being asked for
         self.stopping = False
-        self.published = dict.fromkeys(WIDTHS, 0)
-        self.lost = dict.fromkeys(WIDTHS, 0)  # rows that did not reach us
-        self._before = dict.fromkeys(WIDTHS, 0)  # added to numbers, which begin anew with a process
-        self._next = dict.fromkeys(WIDTHS, 0)  # number that the next row has
+        self.published = dict.fromkeys(WHO, 0)
+        self.lost = dict.fromkeys(WHO, 0)  # rows that did not reach us
+        self._before = dict.fromkeys(WHO, 0)  # added to numbers, which begin anew with a process
+        self._next = dict.fromkeys(WHO, 0)  # number that the next row has
         self._refused: set[str] = set()  # why somebody was: said once
 
     def run(self) -> None:
@@ -496,21 +526,22 @@ class Publisher:
             self._vehicle.event(Event(float(said["t"]), known, f"{source.who}: {said['event']}"))
 
     def _told(self, row: np.ndarray[Any, np.dtype[np.float64]]) -> None:
-        named = dict(zip(columns(ParamsRow), row.tolist(), strict=True))
+        named = dict(zip(self._params, row.tolist(), strict=True))
         del named["t"]
         self._vehicle.about["params"] = named
         self._vehicle.about["rate_hz"] = 1.0 / named["law.h"]
         self._vehicle.params(row)
 
 
-def about(run: str, instance: int, flies: dict[str, Any]) -> dict[str, Any]:
+def about(run: str, instance: int, law: Law, flies: dict[str, Any]) -> dict[str, Any]:
     """What a vehicle says of itself. `flies`: mission, seed and what else its starter knows."""
     return {
         "run": run,
         "vehicle": str(ports(instance).system_id),
         "instance": instance,
         "schema_version": SCHEMA_VERSION,
-        LAW: OUR_LAW,
+        LAW: law.name,
+        LAW_SOURCES: law.digest,
         "version": version("m-mrac"),
         "started": time.time(),
         "believed_drag": list(believed_drag()),
@@ -521,19 +552,21 @@ def about(run: str, instance: int, flies: dict[str, Any]) -> dict[str, Any]:
 
 
 def publish(
-    instance: int, run: str, flies: dict[str, Any], zenoh: Path | None, lifeline: int | None
-) -> None:
+    instance: int, law: Law, run: str, flies: dict[str, Any], config: Path | None,
+    lifeline: int | None,
+) -> None:  # fmt: skip
     """Publish an instance until told to stop by a signal, or by the end of `lifeline`.
 
-    Raises BusError, and PortBusy when another publisher has the instance.
+    `config`: Zenoh's own. Raises BusError, and PortBusy when another publisher has the instance.
     """
-    feeds = FeedListener(instance)
+    feeds = FeedListener(instance, law)
     try:
-        with bus.session(bus.for_publisher(instance, run, zenoh)) as session:
-            vehicle = PublishedVehicle(session, str(ports(instance).system_id), TOPICS)
-            vehicle.about = about(run, instance, flies)
+        with bus.session(bus.for_publisher(instance, run, config)) as session:
+            topics = Kinds.of(law).topics
+            vehicle = PublishedVehicle(session, str(ports(instance).system_id), topics, law)
+            vehicle.about = about(run, instance, law, flies)
             vehicle.alive("publisher", True)
-            publisher = Publisher(feeds, vehicle, lifeline)
+            publisher = Publisher(feeds, vehicle, law, lifeline)
 
             def stop(_signal: int, _frame: object) -> None:
                 publisher.stopping = True

@@ -105,7 +105,7 @@ def replay(
     """
     made = Replay(path, t_from, t_to)
     with bus.session(bus.for_publisher(instance, run, zenoh)) as session:
-        published = PublishedVehicle(session, vehicle, made.topics, waits=True)
+        published = PublishedVehicle(session, vehicle, made.topics)
         published.about = about(path, made.metadata, run, vehicle)
         for process in ("publisher", "fcu", "plant"):
             published.alive(process, True)

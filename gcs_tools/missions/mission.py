@@ -20,15 +20,17 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from fcu.laws import loader
+from fcu.laws.loader import Law, LawError
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.tables import Document, Plant, Wind
+from gcs_tools.missions.tables import Document, Plant, Wind, document
 from gcs_tools.missions.toml_lines import KeyPath, lines, nearest
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [
     "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
-    "override", "setpoint_at", "setpoint_times",
+    "override", "setpoint_at", "setpoint_times", "with_law",
 ]  # fmt: skip
 
 
@@ -50,7 +52,9 @@ class Mission:
 
     name: str
     source: str  # the file, as messages name it
+    folder: Path  # where relative names in it begin
     title: str
+    flown: Law  # the law that it flies
     flight: Flight
     law: Any  # the table of the law's parameters
     wind: Wind
@@ -129,7 +133,7 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
         at = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)", str(error))
         line = (at and at[1]) or len(text.splitlines())
         raise MissionError(f"{source}:{line}: {str(error)[: at and at.start()]}") from error
-    mission = _checked(path.stem, source, given, {}, text)
+    mission = _checked(path.stem, source, path.parent, given, {}, text)
     for setting in settings:
         mission = override(mission, setting)
     return mission
@@ -137,7 +141,7 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
 
 def from_tables(name: str, given: Mapping[str, Any]) -> Mission:
     """A mission from tables that a program has made. Raises MissionError."""
-    return _checked(name, name, dict(given), {}, "")
+    return _checked(name, name, Path(), dict(given), {})
 
 
 def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
@@ -165,29 +169,51 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
             raise MissionError(f"{option} {setting}: {name} is not a table")
     table[last] = value
     changed = {**mission.changed, tuple(names): option}
-    made = _checked(mission.name, f"{option} {setting}", given, changed)
+    made = _checked(mission.name, f"{option} {setting}", mission.folder, given, changed)
     return replace(made, source=mission.source)
 
 
+def with_law(mission: Mission, law: str) -> Mission:
+    """`mission` flown by another law: a name, or a FILE.py from the working directory.
+
+    The [law] values of the mission are those of its own law, and left out. Raises MissionError.
+    """
+    given = {**mission.given, "law": {"module": str(Path(law).resolve()) if "." in law else law}}
+    changed = {path: option for path, option in mission.changed.items() if path[0] != "law"}
+    changed["law", "module"] = "--law"
+    made = _checked(mission.name, f"--law {law}", mission.folder, given, changed)
+    return mission if made.flown is mission.flown else replace(made, source=mission.source)
+
+
 def _checked(
-    name: str, source: str, given: dict[str, Any], changed: Mapping[KeyPath, str], text: str = ""
-) -> Mission:
+    name: str, source: str, folder: Path, given: dict[str, Any], changed: Mapping[KeyPath, str],
+    text: str = "",
+) -> Mission:  # fmt: skip
     found = lines(text)
+    module = given["law"].get("module") if isinstance(given.get("law"), dict) else None
     try:
-        tables = Document.model_validate(given)
+        flown = loader.load(module if isinstance(module, str) else loader.DEFAULT, folder)
+        kind = document(flown)
+        tables = kind.model_validate(given)
+    except LawError as error:
+        line = nearest(found, ("law", "module"))
+        where = source if line is None else f"{source}:{line}"
+        raise MissionError(f"{where}: [law] module: {error}") from error
     except ValidationError as error:
-        raise MissionError("\n".join(_problems(error, source, found))) from error
+        raise MissionError("\n".join(_problems(error, kind, source, found))) from error
     return Mission(
-        name,
-        source,
-        tables.title,
-        tables.flight,
-        tables.law,
-        tables.wind,
-        tables.plant,
-        tables.expect,
-        given,
-        changed,
+        name=name,
+        source=source,
+        folder=folder,
+        title=tables.title,
+        flown=flown,
+        flight=tables.flight,
+        law=tables.law,
+        wind=tables.wind,
+        plant=tables.plant,
+        expect=tables.expect,
+        given=given,
+        changed=changed,
     )
 
 
@@ -211,8 +237,10 @@ _EXPECTED = {
 _NOTHING = object()
 
 
-def _problems(error: ValidationError, source: str, found: dict[KeyPath, int]) -> Iterator[str]:
-    """One line for each problem, in the order of the file."""
+def _problems(
+    error: ValidationError, kind_of: type[Document], source: str, found: dict[KeyPath, int]
+) -> Iterator[str]:
+    """One line for each problem, in the order of the file. `kind_of`: what it should have been."""
     placed = []
     for problem in error.errors(include_url=False):
         path: KeyPath = problem["loc"]
@@ -222,7 +250,8 @@ def _problems(error: ValidationError, source: str, found: dict[KeyPath, int]) ->
             path, got = (*path, *context["key"]), context["got"]
             got = _NOTHING if got is None else got
         if kind == "extra_forbidden":
-            said = f"no such key{_elsewhere(path) or _meant(str(path[-1]), _known(path[:-1]))}"
+            meant = _elsewhere(path, kind_of) or _meant(str(path[-1]), _known(path[:-1], kind_of))
+            said = f"no such key{meant}"
         elif kind == "missing":
             said = "is missing" if isinstance(path[-1], str) else _numbers_missing(path)
         elif kind == "too_long":
@@ -251,19 +280,19 @@ def _key(path: KeyPath, got: Any) -> str:
     return f"[{path[0]}]" if is_table else str(path[0])
 
 
-def _elsewhere(path: KeyPath) -> str:
+def _elsewhere(path: KeyPath, kind: type[Document]) -> str:
     """Where a key is that was given without its table."""
     if len(path) == 1:
-        for name, field in Document.model_fields.items():
+        for name, field in kind.model_fields.items():
             for model in _models(field.annotation):
                 if path[0] in model.model_fields:
                     return f" (did you mean {field.alias or name}.{path[0]}?)"
     return ""
 
 
-def _known(path: KeyPath) -> list[str]:
+def _known(path: KeyPath, kind: type[Document]) -> list[str]:
     """The keys of the table at `path`."""
-    model: Any = Document
+    model: Any = kind
     for name in path:
         if isinstance(name, str):
             model = next(iter(_models(model.model_fields[name].annotation)))

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import cache
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
 from fcu.interface.parameter import Parameter
+from fcu.laws.loader import Law
 from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.fields import (
@@ -48,9 +50,15 @@ def _value(row: Parameter) -> Any:
     return Annotated[several, each] if row.axes else several
 
 
-def law_table(rows: Iterable[Parameter]) -> type[Table]:
-    """[law] for a law's table of parameters: a key a row, a table for keys with a dot."""
-    tables: dict[str, dict[str, Any]] = {"": {}}
+def law_table(rows: Iterable[Parameter], guarded: bool = True) -> type[Table]:
+    """[law] for a law's table of parameters: a key a row, a table for keys with a dot.
+
+    `guarded`: whether the law names a guard; without one, nothing but `guard = "warn"` is true.
+    """
+    module = "the law: a name, or a Python file of yours (relative to the mission), which is run"
+    tables: dict[str, dict[str, Any]] = {"": {"module": (str | None, optional(module))}}
+    if not guarded:
+        tables[""]["guard"] = Annotated[str, AfterValidator(_no_guard)] | None, optional("warn")
     for row in rows:
         if row.key:
             above, _, key = row.key.rpartition(".")
@@ -63,7 +71,13 @@ def law_table(rows: Iterable[Parameter]) -> type[Table]:
     return create_model("Law", __base__=Table, __doc__=doc, **tables[""])
 
 
-Law = law_table(PARAMETERS)
+def _no_guard(policy: str) -> str:
+    if policy != "warn":
+        raise wrong((), "'warn' (this law has no guard)", policy)
+    return policy
+
+
+LawTable = law_table(PARAMETERS)
 
 
 # --- [wind]
@@ -202,7 +216,17 @@ class Document(Table):
 
     title: Annotated[str, AfterValidator(_sentence)] = Field(description="a sentence")
     flight: Flight
-    law: Law = Law()  # type: ignore[valid-type]
+    law: LawTable = LawTable()  # type: ignore[valid-type]
     wind: Wind = Wind()
     plant: Plant = Plant()
     expect: Expect = Expect()
+
+
+@cache
+def document(law: Law) -> type[Document]:
+    """A mission of a law."""
+    if law.file is None:
+        return Document
+    table = law_table(law.settings.PARAMETERS, guarded=law.guard is not None)
+    made: type[Document] = create_model("Document", __base__=Document, law=(table, table()))
+    return made

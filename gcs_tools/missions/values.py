@@ -11,7 +11,6 @@ from pydantic import BaseModel
 
 from fcu.interface.airframe import OCTO, load
 from fcu.interface.parameter import default
-from fcu.settings import PARAMETERS, printed
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.missions.toml_lines import KeyPath
 
@@ -52,10 +51,10 @@ def _origin(mission: Mission, path: KeyPath) -> str:
 
 def _of_law(mission: Mission) -> dict[KeyPath, Value]:
     """The defaults of the law's parameters."""
-    found: dict[KeyPath, Value] = {}
-    tables = load(OCTO)
-    instead = printed(mission.given.get("law", {}))
-    for row in PARAMETERS:
+    found: dict[KeyPath, Value] = {("law", "module"): Value(mission.flown.name, "default")}
+    tables, settings = load(OCTO), mission.flown.settings
+    instead = settings.printed(mission.given.get("law", {}))
+    for row in settings.PARAMETERS:
         if row.key:
             origin = "default" if row.default is not None else OCTO.name
             value = instead.get(row.key, default(row, tables))

@@ -30,6 +30,7 @@ from google.protobuf.message import DecodeError
 from fcu.interface.diagnostics import PlantReport, Report, fcu_row, params_row, plant_row
 from fcu.kernel import algebra
 from fcu.kernel.buffers import fields, is_value
+from fcu.laws.loader import Law
 from fcu.settings import Settings
 from fcu.tick import Tick
 from gcs_tools.recording.layout import Layout, LayoutError, layout
@@ -162,9 +163,9 @@ def declared_for(tick: Any, params: Any, record: Any) -> Iterator[Declaration]:
     yield Declaration(TRUTH, "PlantTruth", record, PLANT, (), "")
     yield from _reports("plant", PlantReport)
     for name, kind in fields(tick).items():
-        if is_value(kind):  # `engaged` goes with what the law remembers
+        if is_value(kind) and fields(kind):  # a law without a guard has nothing to tell of one
             title = "law" if name == "state" else name
-            own = ("t", "engaged") if name == "state" else ("t",)
+            own = ("t", "engaged") if name == "state" else ("t",)  # by what it remembers
             message = "".join(part.capitalize() for part in ("fcu", *title.split("_")))
             yield Declaration(f"/fcu/{title}", message, kind, FCU, own, f"{name}.")
     yield from _reports("fcu", Report)
@@ -314,17 +315,37 @@ class Kinds(NamedTuple):
     params: Any
     record: Any
 
+    @classmethod
+    def of(cls, law: Law) -> Kinds:
+        """Those of a flight of our plant under a law."""
+        return cls(law.ticks.Tick, law.settings.Settings, PlantRecord)
+
     @property
     def topics(self) -> dict[str, Topic]:
         """By name."""
         return topics_for(*self)
+
+    @property
+    def fcu_row(self) -> Any:
+        """The class of a whole row of the flight controller."""
+        return fcu_row(self.tick)
+
+    @property
+    def plant_row(self) -> Any:
+        """The class of a whole row of the plant."""
+        return plant_row(self.record)
+
+    @property
+    def params_row(self) -> Any:
+        """The class of what is handed on of the law's parameters."""
+        return params_row(self.params)
 
 
 OURS = Kinds(Tick, Settings, PlantRecord)
 DECLARED = tuple(declared_for(*OURS))
 TOPICS = OURS.topics
 TICK_TOPICS = tuple(topic for topic in TOPICS.values() if topic.row == FCU)
-FcuRow, PlantRow, ParamsRow = fcu_row(Tick), plant_row(PlantRecord), params_row(Settings)
+FcuRow, PlantRow, ParamsRow = OURS.fcu_row, OURS.plant_row, OURS.params_row
 
 
 def proto_text(file: FileDescriptorProto) -> str:

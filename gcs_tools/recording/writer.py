@@ -14,7 +14,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from fcu.interface.diagnostics import fcu_row, plant_row
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
 from gcs_tools.recording import events
@@ -112,7 +111,7 @@ class RecordingWriter:
     def __init__(self, path: Path, metadata: dict[str, str], kinds: Kinds = OURS) -> None:
         """Create the file at `path`, which must not exist, and write `metadata` to it."""
         self._kinds = kinds
-        self._fcu_row, self._plant_row = fcu_row(kinds.tick), plant_row(kinds.record)
+        self._fcu_row, self._plant_row = kinds.fcu_row, kinds.plant_row
         self._closed = False
         self._events: list[Event] = []
         self._events_written = 0

@@ -18,6 +18,7 @@ import trustme
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
+from fcu.laws import loader
 from gcs_tools.recording.schema import FcuRow, PlantRow
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "zenoh"
@@ -126,7 +127,7 @@ class Vehicle(threading.Thread):
     def __init__(self, instance: int) -> None:
         super().__init__(daemon=True)
         self._feeds = [
-            (PublisherFeed(instance, who), np.zeros(size(kind)), kind)
+            (PublisherFeed(instance, who, loader.load().identity), np.zeros(size(kind)), kind)
             for who, kind in (("fcu", FcuRow), ("plant", PlantRow))
         ]
         self._landed = threading.Event()

@@ -19,7 +19,9 @@ from collections.abc import Iterator
 import zenoh
 
 from fcu.interface import publisher_feed
-from gcs_tools.live.publisher import PARAMS_WIDTH, WIDTHS
+from fcu.kernel.buffers import size
+from fcu.laws import loader
+from gcs_tools.recording.schema import FcuRow, ParamsRow, PlantRow
 
 RANDOM = random.Random(4)
 
@@ -63,9 +65,14 @@ def garbage(port: str) -> Iterator[int]:
         yield 1
 
 
+# what the flight controller says first
+HELLO = json.dumps({"hello": "fcu", "dropped": 0, "law": loader.load().identity})
+
+
 def words() -> Iterator[bytes]:
     for text in (
-        "{", "[" * 5000, "5", "[]", "null", '{"hello": "fcu"}', '{"hello": "fcu", "dropped": 0}',
+        "{", "[" * 5000, "5", "[]", "null", '{"hello": "fcu"}', HELLO,
+        '{"hello": "fcu", "dropped": 0}', '{"hello": "fcu", "dropped": 0, "law": "\\u001b[2J"}',
         '{"hello": ["fcu"], "dropped": 0}', '{"bye": "fcu", "dropped": "x"}', '{"event": "x"}',
         '{"event": "x", "t": NaN}', '{"event": "x", "t": 1e300}', '{"event": "\\ud800", "t": 1}',
         '{"event": "x", "t": ' + "9" * 5000 + "}", '{"event": 5, "t": 1, "level": []}',
@@ -78,7 +85,7 @@ def lies(instance: str) -> Iterator[int]:
     """Each on a connection of its own, some after a hello; and some that stay and say nothing."""
     said = list(words())
     kept = []
-    sizes = [8 * WIDTHS["fcu"], 8 * WIDTHS["plant"], 8 * PARAMS_WIDTH, 8, 65_528, 3]
+    sizes = [*(8 * size(kind) for kind in (FcuRow, PlantRow, ParamsRow)), 8, 65_528, 3]
     while True:
         one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:

@@ -11,39 +11,41 @@ import pytest
 
 from fcu.interface import publisher_feed
 from fcu.interface.ports import ports
+from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
+from fcu.laws import loader
 from gcs_tools.live import bus, samples
 from gcs_tools.live.publisher import (
     HELLO_S,
-    PARAMS_WIDTH,
     SOURCES,
-    WIDTHS,
     FeedListener,
     PublishedVehicle,
     Publisher,
     about,
 )
-from gcs_tools.recording.schema import TOPICS, FcuRow, ParamsRow
-from tests.bus.intruder import words
+from gcs_tools.recording.schema import TOPICS, FcuRow, ParamsRow, PlantRow
+from tests.bus import intruder
 from tests.patience import PATIENCE_S, until
 
 T, SEQUENCE = (column_of(FcuRow, name) for name in ("t", "timing.sequence"))
-HELLO = json.dumps({"hello": "fcu", "dropped": 3}).encode()  # no multiple of 8 long
+LAW = loader.load()
+HELLO = json.dumps({"hello": "fcu", "dropped": 3, "law": LAW.identity}).encode()
+assert len(HELLO) % 8
 
 
 def row(number, t=0.0):
-    found = np.zeros(WIDTHS["fcu"])
+    found = np.zeros(size(FcuRow))
     found[[T, SEQUENCE]] = t, number
     return found.tobytes()
 
 
 @pytest.fixture
 def publisher(instance):
-    feeds = FeedListener(instance)
+    feeds = FeedListener(instance, LAW)
     with bus.session(bus.for_publisher(instance, "feeding")) as session:
-        vehicle = PublishedVehicle(session, str(ports(instance).system_id), TOPICS)
-        vehicle.about = about("feeding", instance, {})
-        yield Publisher(feeds, vehicle, None)
+        vehicle = PublishedVehicle(session, str(ports(instance).system_id), TOPICS, LAW)
+        vehicle.about = about("feeding", instance, LAW, {})
+        yield Publisher(feeds, vehicle, LAW, None)
     feeds.close()
 
 
@@ -74,7 +76,7 @@ def is_hung_up_on(one):
 
 
 def params(t, h):
-    found = np.ones(PARAMS_WIDTH)
+    found = np.ones(size(ParamsRow))
     found[[column_of(ParamsRow, "t"), column_of(ParamsRow, "law.h")]] = t, h
     return found.tobytes()
 
@@ -96,15 +98,15 @@ LIES = {
     "parameters without a period": [HELLO, params(0.0, 0.0)],
     **{
         f"said {w[:30].decode()}": [w]
-        for w in words()
-        if w.strip() != b'{"hello": "fcu", "dropped": 0}'
+        for w in intruder.words()
+        if w.strip() != intruder.HELLO.encode()
     },
 }
 
 
 @pytest.mark.parametrize("datagrams", LIES.values(), ids=LIES.keys())
 def test_lies_are_refused(publisher, connected, capfd, datagrams):
-    honest = connected(HELLO.replace(b"fcu", b"plant") + b" ", bytes(8 * WIDTHS["plant"]))
+    honest = connected(HELLO.replace(b"fcu", b"plant") + b" ", bytes(8 * size(PlantRow)))
     publisher.pass_on()
     liar = connected(*datagrams)
     publisher.pass_on()
@@ -175,7 +177,8 @@ def test_numbers_go_on_when_a_process_is_started_anew(publisher, connected, inst
 
 
 def test_words_go_through_when_rows_do_not(instance):
-    feeds, fed = FeedListener(instance), publisher_feed.PublisherFeed(instance, "fcu")
+    feeds = FeedListener(instance, LAW)
+    fed = publisher_feed.PublisherFeed(instance, "fcu", LAW.identity)
     assert fed.find(0.0)
     n = 0
     while not fed.dropped:
@@ -192,6 +195,6 @@ def test_words_go_through_when_rows_do_not(instance):
         rows += len(taken.rows)
     assert (rows, source.lost) == (n - 1, 1)
     assert [*said[0], *said[1], *said[2]] == [
-        "hello", "pid", "dropped", "event", "t", "level", "bye", "dropped",
+        "hello", "pid", "law", "dropped", "event", "t", "level", "bye", "dropped",
     ]  # fmt: skip
     feeds.close()

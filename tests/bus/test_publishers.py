@@ -9,6 +9,7 @@ import signal
 import pytest
 
 from fcu.interface import publisher_feed, topics
+from fcu.laws import loader
 from gcs_tools.live.publisher import FeedListener
 from gcs_tools.live.recorder import GONE, OUT_OF_SIGHT
 from gcs_tools.recording import reader as recording
@@ -100,7 +101,8 @@ def test_an_intruder(recorded, start, quiet, instance, what):
 
 
 def test_nobody_feeds_or_listens_to_another_user(instance, monkeypatch):
-    feeds, fed = FeedListener(instance), publisher_feed.PublisherFeed(instance, "fcu")
+    feeds = FeedListener(instance, loader.load())
+    fed = publisher_feed.PublisherFeed(instance, "fcu")
     theirs = os.getuid() + 1
     with monkeypatch.context() as patched:
         patched.setattr(os, "getuid", lambda: theirs)

@@ -9,7 +9,7 @@ from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions import schema as mission_schema
 from gcs_tools.missions.mission import MissionError, Value, folder, load, override
-from gcs_tools.missions.tables import Expect, Law
+from gcs_tools.missions.tables import Expect, LawTable
 
 SHIPPED = sorted(path.stem for path in folder().glob("*.toml"))
 VALID = """title = "A hover."
@@ -214,8 +214,12 @@ def test_the_printed_law_has_its_own_bounds_in_force():
 
 def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():
     keys = {row.key for row in PARAMETERS if row.key}
-    of_bounds = Law.model_fields["bounds"].annotation.model_fields
-    assert {*Law.model_fields, *(f"bounds.{k}" for k in of_bounds)} == {*keys, "bounds"}
+    of_bounds = LawTable.model_fields["bounds"].annotation.model_fields
+    assert {*LawTable.model_fields, *(f"bounds.{k}" for k in of_bounds)} == {
+        *keys,
+        "bounds",
+        "module",
+    }
     assert set(Expect.model_fields) == {*METRICS, "ended"}
 
 

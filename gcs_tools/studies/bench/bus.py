@@ -65,9 +65,9 @@ def _reports(instance: int) -> float:
     from fcu.reporting import Reporter, row_width
     from fcu.vehicle.state_machine import StateMachine
 
-    law = loader.load("mmrac")
+    law = loader.load()
     params = Parameters(read_settings(law, None, 500.0), instance + 1, None)
-    vehicle, feed = StateMachine(params), PublisherFeed(instance, "fcu")
+    vehicle, feed = StateMachine(params), PublisherFeed(instance, "fcu", law.identity)
     reporter = Reporter(law, RecorderPipe(row_width(law)), feed, read_drag())
     row: Any = np.zeros(reporter.width)
     reporter.warm_up(row)
