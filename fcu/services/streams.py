@@ -318,11 +318,12 @@ def _odometry(v: View) -> Sequence[Packed]:
 
 def _wind_cov(v: View) -> Sequence[Packed]:
     w = v.wind
-    return [tm.wind_cov(v.t, w.v_air_E, w.variance, math.nan, v.place.alt_m)]
+    known = [tm.wind_cov(v.t, w.v_air_E, w.variance, math.nan, v.place.alt_m)]
+    return known if v.adapts else []
 
 
 def _wind(v: View) -> Sequence[Packed]:
-    return [tm.wind(v.wind.v_air_E)]
+    return [tm.wind(v.wind.v_air_E)] if v.adapts else []
 
 
 def _esc_status(v: View) -> Sequence[Packed]:

@@ -191,7 +191,7 @@ def limits(params: Parameters, cruise: float | None) -> PlanLimits:
 
 def settle_s(params: Parameters) -> float:
     """Time in which the vehicle catches up with a setpoint that has come to rest, s."""
-    return 4.0 / params["MR_F_M"]
+    return 4.0 / params.pace.f_m
 
 
 def take_off(here: Pose, height: float, led: PlanLimits, settle: float) -> list[Piece]:
