@@ -13,6 +13,10 @@ from typing import Any
 
 import pytest
 
+from tests.process.conftest import instance, start
+
+__all__ = ["instance", "start"]
+
 HERE = Path(__file__).parent
 ONE_TICK = """
 import json, sys

@@ -1,0 +1,142 @@
+"""A law of a user's own flies, is recorded, drawn and judged, and no line of ours knows it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs_tools.recording.reader import read
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+PAGE = ROOT / "docs" / "law-of-your-own.md"
+
+
+def _gcs(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gcs_tools", *map(str, arguments)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    """The mission flown over the wire and in process: result.json of each, and the folders."""
+    folder = tmp_path_factory.mktemp("flights")
+    mission = HERE / "step_in_still_air.toml"
+    for way, options in {"wire": (), "process": ("--in-process",)}.items():
+        done = _gcs("fly", mission, "--out", folder / way, *options, folder=folder)
+        assert done.returncode == 0, done.stderr
+    results = {
+        way: json.loads((folder / way / "result.json").read_text()) for way in ("wire", "process")
+    }
+    return folder, results
+
+
+def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
+    _, results = flights
+    wire, process = results["wire"], results["process"]
+    assert wire["passed"]
+    assert wire["trajectory_sha256"] == process["trajectory_sha256"]
+    assert wire["values"]["law.k_r"]["value"] == 1.2
+    assert wire["values"]["law.k_rate"]["value"] == 20.0
+    assert wire["metrics"]["margin_min_n"] is None
+
+
+def test_its_own_state_is_recorded_by_its_names(flights):
+    folder, _ = flights
+    wire, process = (read(folder / way / "flight.mcap") for way in ("wire", "process"))
+    assert wire.metadata["law"] == "plain_cascade"
+    assert len(wire.metadata["law_sha256"]) == 16
+    for name in ("state.v_E", "state.v_dot", "internals.tau_c", "outputs.T_c"):
+        assert np.array_equal(wire.fcu[name], process.fcu[name])
+    assert np.abs(wire.fcu["state.v_dot"]).max() > 0.5
+    assert "guard.margin" not in wire.fcu
+
+
+def test_it_is_drawn(flights):
+    folder, _ = flights
+    done = _gcs("plot", folder / "wire" / "flight.mcap", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "wire" / "flight.png").stat().st_size > 0
+
+
+def test_it_takes_off_for_a_ground_station_and_is_published(start, instance, tmp_path):
+    up = start("gcs_tools", "up", "--instance", instance, "--law", HERE / "plain_cascade.py")
+    up.says("ready")
+    record = start("gcs_tools", "record", tmp_path / "r.mcap", "--for", 3, "--instance", instance)
+    go = start("gcs_tools", "setpoint", 2, 0, 3, "--instance", instance, "--json")
+    assert go.wait() == 0, go.text()
+    assert json.loads(go.out.read_text())["error_m"] < 0.3
+    assert record.wait() == 0, record.text()
+    assert up.interrupted() == 0
+    heard = read(tmp_path / "r.mcap")
+    assert heard.metadata["law"] == "plain_cascade"
+    assert np.isfinite(heard.fcu["internals.tau_c"]).all()
+    assert np.isnan(heard.reports["/fcu/wind"]["wind.v_air_E"]).all()
+
+
+def test_ticks_of_another_law_are_not_published(start, instance):
+    fcu = start("fcu", "--instance", instance, "--law", HERE / "plain_cascade.py")
+    publisher = start("gcs_tools", "publish", "--instance", instance)
+    said = publisher.says("not published")
+    assert "plain_cascade" in said
+    assert "--law" in said
+    assert publisher.interrupted() == 0
+    assert fcu.process.poll() is None
+
+
+def test_no_line_of_ours_knows_it():
+    for package in ("fcu", "sitl_plant", "gcs_tools"):
+        for path in (ROOT / package).rglob("*.py"):
+            assert "plain_cascade" not in path.read_text(), path
+
+
+@pytest.mark.parametrize("policy", ["govern", "refuse"])
+def test_a_policy_of_the_guard_is_rejected_without_one(own_mission, policy):
+    done = _gcs("fly", own_mission, "--set", f"law.guard={policy}", folder=own_mission.parent)
+    assert done.returncode == 2
+    assert "no guard" in done.stderr
+    assert "law" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("k_r = 1.2", "k_r = 99.0", ["12", "k_r"]),
+        ("k_r = 1.2", "f_m = 1.2", ["12", "f_m"]),
+        ("plain_cascade.py", "nowhere.py", ["11", "nowhere.py"]),
+    ],
+)
+def test_its_keys_are_those_of_its_table(own_mission, old, new, said):
+    own_mission.write_text(own_mission.read_text().replace(old, new))
+    done = _gcs("fly", own_mission, folder=own_mission.parent)
+    assert done.returncode == 2
+    for part in said:
+        assert part in done.stderr
+
+
+def test_a_law_that_does_not_compile_ends_with_2_and_the_line(own_mission):
+    law = own_mission.with_name("plain_cascade.py")
+    text = law.read_text()
+    law.write_text(text.replace("params.J *", "params.JJ *"))
+    line = next(n for n, row in enumerate(text.splitlines(), 1) if "params.J *" in row)
+    command = [sys.executable, "-m", "fcu", "--law", str(law), "--instance", "9"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert f"plain_cascade.py:{line}:" in done.stderr
+    assert "JJ" in done.stderr
+
+
+def test_the_page_shows_the_whole_file_and_its_mission():
+    shown = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    text = (HERE / "plain_cascade.py").read_text()
+    left = [row for row in text.splitlines() if row]
+    assert left == [row for block in shown for row in block.splitlines() if row]
+    assert len(text.splitlines()) <= 80
+    (toml,) = re.findall(r"^```toml\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    assert toml in (HERE / "step_in_still_air.toml").read_text()
