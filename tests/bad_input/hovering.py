@@ -14,6 +14,7 @@ import pymavlink.dialects.v20.common as mavlink
 from fcu.interface.airframe import believed
 from fcu.interface.messages import VehicleState
 from fcu.interface.ports import ports
+from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
@@ -147,8 +148,9 @@ class Flight:
                 return self.heard(kind, within_s=0.05)
         raise AssertionError(f"no {kind}")
 
-    def says(self, text):
-        """A text for people that holds this one; chunks are put together."""
+    def says(self, what):
+        """A text for people that is this Told, or holds this text; chunks are put together."""
+        text = words(what) if isinstance(what, Told) else what
         whole, last = "", None
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
@@ -161,10 +163,14 @@ class Flight:
 
     def refuses(self, setpoint, why, **options):
         """A setpoint is not flown, and why is told."""
-        self.complains(setpoint, f"Setpoint refused: {why}", **options)
+        self.complains(setpoint, Told(Code.SETPOINT_REFUSED, (why,)), **options)
 
-    def complains(self, setpoint, text, **options):
-        """A setpoint has something wrong with it; the same is told at most once a second."""
+    def complains(self, setpoint, what, **options):
+        """A setpoint has something wrong with it; the same is told at most once a second.
+
+        what : a Told, or a part of its text.
+        """
+        text = words(what) if isinstance(what, Told) else what
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             self.send(setpoint, **options)

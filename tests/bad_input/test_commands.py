@@ -11,6 +11,7 @@ import os
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
+from fcu.interface.status_texts import Code, Told, words
 from tests.bad_input.hovering import HOLD, NAN, OFFBOARD
 
 
@@ -39,7 +40,7 @@ def test_a_bad_command_is_answered_and_changes_nothing(flying, command, params, 
 @pytest.mark.parametrize(
     ("ask", "said"),
     [
-        (lambda f: f.long(176, 1, 4, 4), "Mode Mission denied: this vehicle has none such"),
+        (lambda f: f.long(176, 1, 4, 4), Told(Code.MODE_UNKNOWN, ("Mission",))),
         (lambda f: f.long(176, 1, 7), "Mode Stabilized denied"),
         (lambda f: f.long(176, 1, 4, 99), "Mode 4, 99 denied"),
         (lambda f: f.long(262, 2), "Mode Orbit denied"),
@@ -72,7 +73,7 @@ def test_commands_for_others_are_not_answered_and_those_for_all_must_be_harmless
     """C1, C2."""
     flying.send(flying.long(400, 0, 21196, target=77))
     assert flying.ask(400, 0, 21196, target=0) == mavlink.MAV_RESULT_DENIED
-    assert "must name this system" in flying.says("must name")
+    flying.says(words(Told(Code.TO_NO_SYSTEM)))
     assert flying.ask(512, 148, target=0) == mavlink.MAV_RESULT_ACCEPTED
     flying.tick()
     assert flying.armed
@@ -93,7 +94,7 @@ def test_a_repetition_that_comes_too_late_does_not_undo_what_came_between(flight
     assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.ask(400, 0, 21196) == mavlink.MAV_RESULT_ACCEPTED
     assert flight.ask(400, 1, confirmation=1) == mavlink.MAV_RESULT_DENIED
-    flight.says("a late repetition, not done")
+    flight.says(words(Told(Code.LATE_REPETITION, ("",))))
     flight.tick()
     assert not flight.armed
 
@@ -170,7 +171,7 @@ def test_only_a_place_that_could_be_meant_is_flown_to(flying, x, y, z):
         assert result == mavlink.MAV_RESULT_ACCEPTED
     else:
         assert result == mavlink.MAV_RESULT_DENIED
-        flying.says("Reposition denied: no place within 20 km of here")
+        flying.says(Told(Code.DENIED, ("Reposition", Told(Code.NO_PLACE_NEAR))))
         assert flying.mode() == OFFBOARD
 
 
@@ -179,7 +180,7 @@ def test_another_command_of_the_kind_of_one_that_waits_is_rejected(flight):
     flight.stream(1)
     assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_IN_PROGRESS
     assert flight.ask(176, 1, 4, 3) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    flight.says("DO_SET_MODE rejected: one is still being done")
+    flight.says(Told(Code.BUSY, ("DO_SET_MODE",)))
     flight.send(flight.long(176, 1, 6), source=(111, 1))
     rejected = flight.heard("COMMAND_ACK", lambda m: m.target_system == 111)
     assert rejected.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED

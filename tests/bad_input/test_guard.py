@@ -7,6 +7,7 @@ import math
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
+from fcu.interface.status_texts import Code, Told, says
 from tests.bad_input.hovering import HOLD, OFFBOARD
 
 WARNING = mavlink.MAV_SEVERITY_WARNING
@@ -65,7 +66,8 @@ def told_of_a_stream(flight):
 def test_a_setpoint_is_refused_in_words_once_and_what_was_flown_goes_on(guarded):
     flight = guarded(2)
     text = told_of_a_stream(flight)
-    assert text.startswith("Setpoint refused: 40.0 m needs ") and text.endswith(" m of it would do")
+    assert says(text, Code.SETPOINT_REFUSED)
+    assert "40.0 m needs " in text and text.endswith(" m of it would do")
     assert flight.mode() == OFFBOARD  # 1.2 s of simulation time after the last that was flown
     assert flown_z(flight) == 20.0
     fits = float(text.split("; ")[1].split()[0])
@@ -79,14 +81,14 @@ def test_a_setpoint_is_refused_in_words_once_and_what_was_flown_goes_on(guarded)
 
 def test_another_setpoint_is_told_of_again(guarded):
     flight = guarded(2)
-    flight.complains(flight.setpoint(**HIGH), "Setpoint refused: 40.0 m needs ")
+    flight.complains(flight.setpoint(**HIGH), "40.0 m needs ")
     flight.drain()
-    flight.complains(flight.setpoint(r=(0.0, 0.0, -70.0)), "Setpoint refused: 50.0 m needs ")
+    flight.complains(flight.setpoint(r=(0.0, 0.0, -70.0)), "50.0 m needs ")
 
 
 def test_a_velocity_is_judged_where_it_leads(guarded):
     flight = guarded(2)
-    flight.complains(flight.setpoint(mask=0xDC7, v=(10.0, 0.0, 0.0)), "Setpoint refused: 10.0 m/s")
+    flight.complains(flight.setpoint(mask=0xDC7, v=(10.0, 0.0, 0.0)), "10.0 m/s needs ")
     flight.drain()
     flight.send(flight.setpoint(mask=0xDC7, v=(1.0, 0.0, 0.0)))
     assert flight.heard("POSITION_TARGET_LOCAL_NED").vx == 1.0
@@ -100,7 +102,7 @@ def test_no_stream_begins_with_what_is_refused(hover, tmp_path):
         flight.send(flight.setpoint(**HIGH))
         flight.sync()
     assert flight.ask(176, 1, 6) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    flight.says("Offboard denied: the guard refuses its setpoints")
+    flight.says(Told(Code.DENIED, ("Offboard", Told(Code.GUARD_REFUSES))))
     assert flight.ask(400, 1) == mavlink.MAV_RESULT_ACCEPTED  # it holds
     assert flight.mode() == HOLD
 
@@ -119,7 +121,7 @@ def test_an_attitude_is_never_refused(guarded):
 def test_a_warning_comes_once_and_the_setpoint_is_flown(guarded):
     flight = guarded(0)
     text = told_of_a_stream(flight)
-    assert text.startswith("Setpoint at 40.0 m: ") and text.endswith(" N short, may saturate")
+    assert says(text, Code.SETPOINT_SHORT) and " 40.0 m" in text
     assert flown_z(flight) == 60.0
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fcu.interface.status_texts import Code, Told
 from tests.bad_input.hovering import OFFBOARD
 
 GPS = 32  # MAV_SYS_STATUS_SENSOR_GPS
@@ -20,7 +21,7 @@ def test_a_position_that_jumps_a_kilometre_is_not_flown_on(flying):
     try:
         flying.stream(1)
         flying.tick(100)
-        flying.says("Position jumped 1000 m: flying by velocity")
+        flying.says(Told(Code.POSITION_JUMPED, (1000.0,)))
         assert np.ptp(flying.command) < 1e-6  # nothing is done about it: all rotors alike
         assert abs(flying.asked(32, "LOCAL_POSITION_NED").y) < 0.01
         assert flying.asked(1, "SYS_STATUS").onboard_control_sensors_health & GPS == 0
@@ -28,7 +29,7 @@ def test_a_position_that_jumps_a_kilometre_is_not_flown_on(flying):
     finally:
         flying.state[0] -= 1000.0
     flying.tick(1)
-    flying.says("Position is back")
+    flying.says(Told(Code.POSITION_BACK))
     assert flying.asked(1, "SYS_STATUS").onboard_control_sensors_health & GPS == GPS
     assert flying.mode() == OFFBOARD
 
@@ -38,5 +39,5 @@ def test_a_state_that_is_stuck_is_told(flying):
     for _ in range(6):
         flying.stream(1)
         flying.tick(100)
-    flying.says("The plant's state has not changed for 1 s")
+    flying.says(Told(Code.STATE_STUCK))
     assert flying.mode() == OFFBOARD

@@ -10,22 +10,23 @@ import math
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
+from fcu.interface.status_texts import Code, Told, words
 from tests.bad_input.hovering import MASK_POSITION, NAN, OFFBOARD, POSITION
 
 
 @pytest.mark.parametrize(
     ("bad", "why"),
     [
-        ({"r": (NAN, 0, 0)}, "its position is not finite"),  # S1
-        ({"r": (0, math.inf, 0)}, "its position is not finite"),
-        ({"mask": 0xDC7, "v": (NAN, 0, 0)}, "its velocity is not finite"),
-        ({"mask": 0xFFF}, "it commands nothing"),  # S3
-        ({"mask": 0xC3F | 512}, "a force is not supported"),
-        ({"mask": 0xDF9}, "part of its position is ignored"),
-        ({"frame": 4}, "frame 4 is not supported"),  # S4
-        ({"frame": 255}, "frame 255 is not supported"),
-        ({"r": (1e9, 0, 0)}, "its position is above 100000 m"),  # S6
-        ({"mask": 0xDC7, "v": (1e4, 0, 0)}, "its velocity is above 100 m/s"),
+        ({"r": (NAN, 0, 0)}, Told(Code.NOT_FINITE, ("position",))),  # S1
+        ({"r": (0, math.inf, 0)}, Told(Code.NOT_FINITE, ("position",))),
+        ({"mask": 0xDC7, "v": (NAN, 0, 0)}, Told(Code.NOT_FINITE, ("velocity",))),
+        ({"mask": 0xFFF}, Told(Code.COMMANDS_NOTHING)),  # S3
+        ({"mask": 0xC3F | 512}, Told(Code.FORCE)),
+        ({"mask": 0xDF9}, Told(Code.PARTLY_IGNORED, ("position",))),
+        ({"frame": 4}, Told(Code.FRAME_UNSUPPORTED, (4,))),  # S4
+        ({"frame": 255}, Told(Code.FRAME_UNSUPPORTED, (255,))),
+        ({"r": (1e9, 0, 0)}, Told(Code.ABOVE_LIMIT, ("position", 100000.0, "m"))),  # S6
+        ({"mask": 0xDC7, "v": (1e4, 0, 0)}, Told(Code.ABOVE_LIMIT, ("velocity", 100.0, "m/s"))),
     ],
 )
 def test_a_bad_setpoint_is_refused_in_words_and_does_not_keep_the_stream_alive(flying, bad, why):
@@ -41,7 +42,7 @@ def test_a_bad_setpoint_is_refused_in_words_and_does_not_keep_the_stream_alive(f
     flying.tick(last + 500 - flying.ticks + 1)  # 1 s after it: not lost
     assert flying.mode() == OFFBOARD
     flying.tick(1)
-    assert "Offboard lost: no setpoint for 1 s" in flying.says("Offboard lost")
+    flying.says(Told(Code.OFFBOARD_LOST_MODE, (1.0, "Position")))
     assert flying.mode() == POSITION
 
 
@@ -61,19 +62,14 @@ def test_a_bad_attitude_is_refused(flying, q, thrust):
     message = mavlink.MAVLink_set_attitude_target_message(
         0, flying.at.system_id, 1, 7, q, 0, 0, 0, thrust
     )
-    flying.refuses(
-        message,
-        "its attitude is not a unit quaternion"
-        if thrust == 0.4
-        else "its thrust is not between 0 and 1",
-    )
+    flying.refuses(message, Told(Code.NOT_UNIT if thrust == 0.4 else Code.THRUST_RANGE))
     assert flying.mode() == OFFBOARD
 
 
 def test_a_second_script_is_told_who_flies(flying):
     """S8."""
     other = flying.setpoint(r=(50, 0, -20))
-    flying.refuses(other, "245/190 is sending them", source=(111, 1))
+    flying.refuses(other, Told(Code.ANOTHER_SENDS, (245, 190)), source=(111, 1))
 
 
 def test_a_sender_s_clock_is_not_trusted(flying):
@@ -103,20 +99,20 @@ def test_half_a_hertz_is_no_stream(flying):
 
 
 @pytest.mark.parametrize(
-    ("setpoint", "told", "flown"),
+    ("setpoint", "speeds", "flown"),
     [
         (
             {"mask": 0xDC7, "v": (30.0, 40.0, 0.0)},
-            "at 50.0 m/s: flown at 12.0 m/s",
+            (50.0, 12.0),
             (7.2, 9.6, 0.0),
         ),
-        ({"mask": 0xDC7, "v": (0.0, 0.0, 12.0)}, "at 12.0 m/s: flown at 1.5 m/s", (0, 0, 1.5)),
-        ({"mask": 0xDC0, "v": (0.0, 0.0, -90.0)}, "at 90.0 m/s: flown at 3.0 m/s", (0, 0, -3.0)),
+        ({"mask": 0xDC7, "v": (0.0, 0.0, 12.0)}, (12.0, 1.5), (0, 0, 1.5)),
+        ({"mask": 0xDC0, "v": (0.0, 0.0, -90.0)}, (90.0, 3.0), (0, 0, -3.0)),
     ],
 )
-def test_what_is_too_fast_is_flown_at_the_limit_and_told(flying, setpoint, told, flown):
+def test_what_is_too_fast_is_flown_at_the_limit_and_told(flying, setpoint, speeds, flown):
     """S6: with a position too."""
-    flying.complains(flying.setpoint(**setpoint), told)
+    flying.complains(flying.setpoint(**setpoint), Told(Code.SETPOINT_FAST, speeds))
     flying.tick(3)
     assert flying.mode() == OFFBOARD
     flying.send(flying.long(176, 1, 4, 3))  # hold: from the velocity that was flown
@@ -132,7 +128,7 @@ def test_an_attitude_goes_with_a_yaw_rate_only(flying):
     message = mavlink.MAVLink_set_attitude_target_message(
         0, flying.at.system_id, 1, 0, (1, 0, 0, 0), 0.3, 0, 0, 0.4
     )
-    flying.refuses(message, "attitude allows a yaw rate only")
+    flying.refuses(message, Told(Code.YAW_RATE_ONLY))
 
 
 @pytest.mark.parametrize(
@@ -142,13 +138,13 @@ def test_an_attitude_goes_with_a_yaw_rate_only(flying):
             lambda system: mavlink.MAVLink_set_gps_global_origin_message(
                 system, 473_977_420, 85_455_940, 489_400
             ),
-            "SET_GPS_GLOBAL_ORIGIN is not taken (see --origin)",
+            Told(Code.NOT_TAKEN_ORIGIN, ("SET_GPS_GLOBAL_ORIGIN",)),
         ),
         (
             lambda system: mavlink.MAVLink_set_actuator_control_target_message(
                 0, 0, system, 1, [0.5] * 8
             ),
-            "SET_ACTUATOR_CONTROL_TARGET is not taken",
+            Told(Code.NOT_TAKEN, ("SET_ACTUATOR_CONTROL_TARGET",)),
         ),
     ],
 )
@@ -158,5 +154,5 @@ def test_what_is_not_taken_is_told_once_a_second_at_most(flying, message, told):
         flying.send(message(flying.at.system_id))
     flying.sync()
     said = [m.text for m in flying.inbox if m.get_type() == "STATUSTEXT"]
-    assert 1 <= said.count(told) <= 3
+    assert 1 <= said.count(words(told)) <= 3
     assert flying.mode() == OFFBOARD

@@ -47,11 +47,11 @@ def test_a_reason_is_worded_inside_what_it_is_a_reason_of():
 @pytest.mark.parametrize(
     ("lack", "text"),
     [
-        ((30.0, 0.0, 4.1, 0.5), "30.0 m needs 5 N more than there is; 15.0 m of it would do"),
-        ((30.0, 0.0, 4.1, 0.0), "30.0 m needs 5 N more than there is; no part of it would do"),
-        ((0.5, 8.0, 4.1, 0.507), "8.0 m/s needs 5 N more than there is; 50 % of it would do"),
-        ((2.0, 8.0, 4.1, 0.0), "8.0 m/s and 2.0 m needs 5 N more than there is; no part of it would do"),
-        ((30.0, 0.0, 2e6, 0.5), "30.0 m needs 2e+06 N more than there is; 15.0 m of it would do"),
+        ((30.0, 0.0, 4.1, 0.5), "30.0 m needs 5 N more than available; 15.0 m of it would do"),
+        ((30.0, 0.0, 4.1, 0.0), "30.0 m needs 5 N more than available; no part of it would do"),
+        ((0.5, 8.0, 4.1, 0.507), "8.0 m/s needs 5 N more than available; 50 % of it would do"),
+        ((2.0, 8.0, 4.1, 0.0), "8.0 m/s and 2.0 m needs 5 N more than available; no part of it would do"),
+        ((30.0, 0.0, 2e6, 0.5), "30.0 m needs 2e+06 N more than available; 15.0 m of it would do"),
     ],
 )  # fmt: skip
 def test_what_is_missing_is_never_rounded_to_nothing(lack, text):
