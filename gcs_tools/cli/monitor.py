@@ -45,7 +45,7 @@ def monitor(
     from rich.console import Console
 
     from gcs_tools.pictures.follower import Follower
-    from gcs_tools.pictures.monitor.readings import KEPT, Readings
+    from gcs_tools.pictures.monitor.readings import Readings
     from gcs_tools.pictures.monitor.screen import screen
 
     if svg is not None and not svg.absolute().parent.is_dir():
@@ -55,7 +55,7 @@ def monitor(
     try:
         while True:
             with watched(instance, zenoh) as vehicle:
-                follower = Follower(vehicle, kept=KEPT)
+                follower = Follower(vehicle)
                 readings = Readings(follower)
                 if single:
                     _listen(follower.take, seconds - min(SPEED_S, 0.5 * seconds))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 
 from fcu.interface.options import LATEST_S
 from gcs_tools.live.samples import Sample
 from gcs_tools.live.subscriber import Subscriber, printable
-from gcs_tools.pictures.history import DRAWN, WINDOW_S, FlightHistory, Limits, ground_z
+from gcs_tools.pictures.history import WINDOW_S, FlightHistory, ground_z
+from gcs_tools.pictures.quantities import SHOWN, Limits
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import LayoutError, decode
@@ -21,24 +21,19 @@ KEPT_EVENTS = 100
 class Follower:
     """One vehicle on the bus, followed."""
 
-    def __init__(
-        self, vehicle: Subscriber, keep_s: float = WINDOW_S,
-        kept: Mapping[str, list[str]] = DRAWN,
-    ) -> None:  # fmt: skip
-        """`vehicle`: found already.  `keep_s`, `kept`: as for FlightHistory."""
+    def __init__(self, vehicle: Subscriber, keep_s: float = WINDOW_S) -> None:
+        """`vehicle`: found already: it says what it tells.  `keep_s`: as for FlightHistory."""
         self.vehicle = vehicle
         about = vehicle.about
         mission = about.get("title") or about.get("mission")
-        self.flight = FlightHistory(
-            str(mission or f"vehicle {about.get('vehicle')}"), keep_s, kept
-        )  # fmt: skip
+        told = {name: topic.columns for name, topic in vehicle.topics.items() if name != PARAMS}
+        title = str(mission or f"vehicle {about.get('vehicle')}")
+        self.flight = FlightHistory(title, told, keep_s)
         self.flight.ground_z = ground_z(about.get("values"))
         self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self.params: dict[str, float] | None = None  # the law's in force
         self.unusable = 0  # samples that are not what their topic says
-        self._topics = {
-            name: topic for name, topic in vehicle.topics.items() if name in kept or name == PARAMS
-        }
+        self._shown = {PARAMS, *(name for name in told if SHOWN.intersection(told[name]))}
         for topic_name, sample in vehicle.latest():
             self._see(topic_name, sample)
 
@@ -55,7 +50,7 @@ class Follower:
             if name == events.TOPIC:
                 found = events.decode(events.schema(), sample.ticks)
                 self.events.extend(e._replace(text=printable(e.text)) for e in found)
-            elif (topic := self._topics.get(name)) is not None:
+            elif name in self._shown and (topic := self.vehicle.topics.get(name)) is not None:
                 self._append(name, Table(decode(topic.layout, sample.ticks), topic.columns))
         except (ValueError, KeyError):
             self.unusable += 1

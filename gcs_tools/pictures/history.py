@@ -7,16 +7,16 @@ in the thread that draws. Names, frames and units are those of PlantRecord, Tick
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from fcu.interface.airframe import believed
 from fcu.mavlink.px4_modes import AutoMode, MainMode
+from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
 from gcs_tools.recording.reader import RecordingError, read
-from gcs_tools.recording.schema import TICK_TOPICS, TRUTH
+from gcs_tools.recording.schema import FCU, PLANT_TIMING, STATUS, TIMING, TRUTH, WIND
 from gcs_tools.recording.table import Rows, Table
 
 WINDOW_S = 60.0  # of a live flight that is kept and drawn
@@ -25,37 +25,8 @@ GEAR_M = 0.3  # from the centre of mass to the ground it stands on
 
 Series = tuple[Rows, Rows]  # times, s, and values
 
-XYZ = ("x", "y", "z")
-ROTORS = tuple(f"r{i}" for i in range(1, 9))
-
-
-def parts(name: str, of: Sequence[str] = XYZ) -> list[str]:
-    """The columns of a Vec3, or of a Quat or Rotors."""
-    return [f"{name}.{part}" for part in of]
-
-
-# of each topic what is drawn: a minute of whole rows at 1000 Hz would be 100 MB
-DRAWN = {
-    "/plant/truth": [
-        *parts("state.r_E"), *parts("state.v_E"), *parts("state.q_EB", "wxyz"),
-        *parts("state.Omega", ROTORS), *parts("v_air_E"), *parts("f_D_E"), "m", *parts("J"),
-        "on_ground",
-    ],
-    "/fcu/setpoint": ["setpoint.level", *parts("setpoint.r_c")],
-    "/fcu/outputs": [
-        *parts("outputs.reference.r_m"), "outputs.T_c", "outputs.T_achieved",
-        *parts("outputs.angles_c"),
-    ],
-    "/fcu/law": [
-        "engaged", *parts("state.estimates.s_v_hat"), "state.estimates.m_hat",
-        *parts("state.estimates.J_hat"),
-    ],
-    "/fcu/internals": [
-        *parts("internals.prediction.v_til"), *parts("internals.prediction.w_til"),
-    ],
-    "/fcu/wind": parts("wind.v_air_E"),
-    "/fcu/status": ["status.armed", "status.main_mode", "status.sub_mode", "status.failsafe"],
-}  # fmt: skip
+# told by the shell: known also while the law does not fly
+SHELL = (TRUTH, WIND, STATUS, TIMING, PLANT_TIMING)
 
 
 class TopicHistory:
@@ -110,64 +81,46 @@ class TopicHistory:
         rows[:, : kept.shape[1]] = kept
         self._data, self._first, self._end = rows, 0, kept.shape[1]
 
-    def index(self, t: float) -> int:
-        """The last row at or before t (s); -1 without one."""
-        return int(np.searchsorted(self["t"], t + HALF_US, side="right")) - 1
+
+def row_at(t: Rows, at: float) -> int:
+    """The last of the times t at or before `at` (s); -1 without one."""
+    return int(np.searchsorted(t, at + HALF_US, side="right")) - 1
 
 
-class Limits(NamedTuple):
-    """What the controller keeps to, or believes it does. SI units, rad."""
-
-    T_min: float
-    T_max: float
-    phi_star: float  # of roll and of pitch
-    Omega_max: float
-    achieved: float  # 1: gravity is known to the prediction; 0, as printed: s_v_hat finds it
-    g: float
-
-    @classmethod
-    def of(cls, params: Mapping[str, float]) -> Limits:
-        """Those of a law's parameters, by name; of what it does not have, not a number."""
-
-        def told(name: str) -> float:
-            return params.get(f"law.{name}", math.nan)
-
-        return cls(
-            T_min=told("limits.T_min"), T_max=told("limits.T_max"),
-            phi_star=told("limits.phi_star"), Omega_max=told("rotors.Omega_max"),
-            achieved=told("achieved"), g=told("g"),
-        )  # fmt: skip
-
-    @classmethod
-    def believed(cls) -> Limits:
-        """Those of the airframe file, as long as a flight has not said others."""
-        rotors, tables = believed()
-        limits = tables["limits"]
-        return cls(
-            float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
-            math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max, 1.0, 9.81,
-        )  # fmt: skip
+def value(series: Series, at: float) -> float:
+    """The last value at or before `at` (s); not a number without one."""
+    i = row_at(series[0], at)
+    return float(series[1][i]) if i >= 0 else math.nan
 
 
 class FlightHistory:
     """A flight as far as it is known: a history for each topic, and what belongs to them."""
 
     def __init__(
-        self, title: str, keep_s: float = WINDOW_S, kept: Mapping[str, list[str]] | None = None
+        self, title: str, topics: Mapping[str, Iterable[str]], keep_s: float = WINDOW_S
     ) -> None:
-        """keep_s : the newest seconds that are kept; infinite for a flight that is over.
+        """topics : of each the columns, of which those that are shown are kept.
 
-        kept : by topic, the columns that are; None: DRAWN.
+        keep_s : the newest seconds that are kept; infinite for a flight that is over.
         """
-        kept = DRAWN if kept is None else kept
         self.title = title
         self.limits = Limits.believed()
         self.ground_z: float | None = None  # m; None until it is known
-        self._topics = {topic: TopicHistory(names, keep_s) for topic, names in kept.items()}
-        self._of = {name: self._topics[topic] for topic, names in kept.items() for name in names}
+        self._is_over = keep_s == math.inf
+        self._topics = {topic: TopicHistory(names, keep_s) for topic, names in kept(topics).items()}
+        self._topic_of = {name: topic for topic, names in kept(topics).items() for name in names}
+
+    @classmethod
+    def of(cls, title: str, tables: Mapping[str, Table], limits: Limits) -> FlightHistory:
+        """A flight that is over: the rows of each topic, or of what tells of several."""
+        flight = cls(title, {topic: rows.names for topic, rows in tables.items()}, math.inf)
+        flight.limits = limits
+        for topic, rows in tables.items():
+            flight.append(topic, rows)
+        return flight
 
     def append(self, topic: str, rows: Table) -> None:
-        """Append rows of a topic, if it is drawn."""
+        """Append rows of a topic, if it is shown."""
         if topic in self._topics:
             self._topics[topic].append(rows)
         if topic == TRUTH and self.ground_z is None:
@@ -175,26 +128,47 @@ class FlightHistory:
 
     def _find_ground(self) -> None:
         """Learn the height of the ground from a vehicle that stands on it."""
-        t, standing = self.series("on_ground")
-        if len(t) and standing[-1] > 0.5:
-            self.ground_z = float(self._of["state.r_E.z"]["state.r_E.z"][-1]) - GEAR_M
+        standing, height = (self.series(name)[1] for name in ("on_ground", "state.r_E.z"))
+        if len(standing) and len(height) and standing[-1] > 0.5:
+            self.ground_z = float(height[-1]) - GEAR_M
 
     @property
     def span(self) -> tuple[float, float] | None:
         """From the first to the last time (s) of which the vehicle's state is known."""
-        t = self._topics[TRUTH]["t"]
+        t, _ = self.series("state.r_E.x")
         return (float(t[0]), float(t[-1])) if len(t) else None
 
+    def tells(self, names: Iterable[str]) -> bool:
+        """Whether all these columns are told."""
+        return self._topic_of.keys() >= set(told(names))
+
+    def has_values(self, names: Iterable[str]) -> bool:
+        """Whether one of these columns ever has a value, as far as the law flies."""
+        return any(np.isfinite(self.flown(name)[1]).any() for name in names)
+
+    def shows(self, quantity: Quantity) -> bool:
+        """Whether its columns are told; of a flight that is over, whether one ever has a value."""
+        ever = self.tells(quantity.columns)
+        return ever and (not self._is_over or self.has_values(quantity.columns))
+
     def series(self, name: str) -> Series:
-        """A column and its times."""
-        history = self._of[name]
+        """A column, or one of DERIVED, and its times. Without any of what is not told."""
+        if name in DERIVED:
+            first, *others = DERIVED[name].columns
+            t, values = self.series(first)
+            beside = (self.along(t, other) for other in others)
+            return t, DERIVED[name].of(self.limits, values, *beside)
+        if name not in self._topic_of:
+            return np.empty(0), np.empty(0)
+        history = self._topics[self._topic_of[name]]
         return history["t"], history[name]
 
-    def drag_over_mass(self, axis: str) -> Series:
-        """The truth of s_v_hat, m/s^2: as printed, gravity is in it."""
-        t, force = self.series(f"f_D_E.{axis}")
-        down = self.limits.g if axis == "z" and self.limits.achieved < 0.5 else 0.0
-        return t, force / self.along(t, "m") - down
+    def flown(self, name: str) -> Series:
+        """The same; not a number while the law does not fly, if it is the law that tells it."""
+        t, values = self.series(name)
+        if all(self._topic_of.get(column) in SHELL for column in told([name])):
+            return t, values
+        return t, np.where(self.along(t, "engaged") > 0.5, values, np.nan)
 
     def along(self, t: Rows, name: str) -> Rows:
         """The values of a column at the times t (s, ascending); NaN where it has no row of that time.
@@ -212,14 +186,13 @@ class FlightHistory:
 
     def way(self, name: str, until: float = math.inf) -> Rows:
         """A Vec3 over time, (n, 3), up to `until` (s)."""
-        end = self._of[f"{name}.x"].index(until) + 1
-        return np.stack([self.series(part)[1][:end] for part in parts(name)], axis=1)
+        columns = [self.series(part) for part in parts(name)]
+        end = row_at(columns[0][0], until) + 1
+        return np.stack([values[:end] for _, values in columns], axis=1)
 
     def value(self, name: str, t: float) -> float:
         """A column in its last row at or before t (s); NaN without one."""
-        history = self._of[name]
-        i = history.index(t)
-        return float(history[name][i]) if i >= 0 else math.nan
+        return value(self.series(name), t)
 
     def vector(self, name: str, t: float, of: Sequence[str] = XYZ) -> Rows:
         """The parts of a Vec3, Quat or Rotors in its last row at or before t (s)."""
@@ -243,15 +216,11 @@ def recorded(path: Path) -> FlightHistory:
     recording = read(path)
     if not len(recording.plant):
         raise RecordingError(f"{path}: nothing was recorded of this flight")
-    flight = FlightHistory(recording.metadata.get("title") or path.name, keep_s=math.inf)
-    flight.ground_z = ground_z(recording.metadata)
-    if recording.params is not None:
-        flight.limits = Limits.of(recording.params)
-    flight.append(TRUTH, recording.plant)
-    for topic in TICK_TOPICS:
-        flight.append(topic.name, recording.fcu)
-    for name, rows in recording.reports.items():
-        flight.append(name, rows)
+    limits = Limits.believed() if recording.params is None else Limits.of(recording.params)
+    tables = {TRUTH: recording.plant, FCU: recording.fcu, **recording.reports}
+    flight = FlightHistory.of(recording.metadata.get("title") or path.name, tables, limits)
+    if (z := ground_z(recording.metadata)) is not None:
+        flight.ground_z = z
     return flight
 
 

@@ -1,116 +1,201 @@
-"""The charts of a flight: which quantities, held against which truth or limit."""
+"""The quantities of a flight: a row of QUANTITIES is all that one needs to be shown.
+
+A quantity with a `panel` is in that panel of `gcs monitor`, one with a `tab` is a chart in that tab
+of `gcs view`, one with `axes` has axes in the overview of `gcs plot`; its columns are kept of what
+arrives. One whose columns a law does not tell is left out. Columns are those of a recording, by
+name, and those of DERIVED.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from gcs_tools.pictures.history import XYZ, FlightHistory, Limits, Series
-from gcs_tools.pictures.plot.style import INK, THREE, X, Y
+from fcu.interface.airframe import believed
+from gcs_tools.pictures.plot.style import INK, THREE
+from gcs_tools.recording.schema import TIMING, TRUTH
+from gcs_tools.recording.table import Rows
 
-LEAST_ERROR_M = 1e-3  # the error axis is logarithmic: less is drawn as this
+XYZ = ("x", "y", "z")
+ENU = ("east", "north", "up")
+ANGLES = ("roll", "pitch", "yaw")
+ROTORS = tuple(f"r{i}" for i in range(1, 9))
+HALF, WHOLE = "half", "whole"  # of the width of the overview
+DEGREES = 180.0 / math.pi
+
+
+def parts(name: str, of: Sequence[str] = XYZ) -> tuple[str, ...]:
+    """The columns of a Vec3, or of a Quat or Rotors."""
+    return tuple(f"{name}.{part}" for part in of)
+
+
+class Limits(NamedTuple):
+    """What the controller keeps to, or believes it does. SI units, rad."""
+
+    T_min: float
+    T_max: float
+    phi_star: float  # of roll and of pitch
+    Omega_max: float
+    gravity: float  # that s_v_hat has to find: none, but for the prediction as printed
+
+    @classmethod
+    def of(cls, params: Mapping[str, float]) -> Limits:
+        """Those of a law's parameters, by name; of what it does not have, not a number."""
+
+        def told(name: str) -> float:
+            return params.get(f"law.{name}", math.nan)
+
+        return cls(
+            T_min=told("limits.T_min"), T_max=told("limits.T_max"),
+            phi_star=told("limits.phi_star"), Omega_max=told("rotors.Omega_max"),
+            gravity=told("g") if told("achieved") < 0.5 else 0.0,
+        )  # fmt: skip
+
+    @classmethod
+    def believed(cls) -> Limits:
+        """Those of the airframe file, as long as a flight has not said others."""
+        rotors, tables = believed()
+        limits = tables["limits"]
+        return cls(
+            float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
+            math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max, 0.0,
+        )  # fmt: skip
+
+
+Ends = tuple[()] | tuple[float, float]  # the least and the greatest, of what has limits
 
 
 class Line(NamedTuple):
-    """One line of a chart, and what stands behind it, wide and pale: what it is held against."""
+    """One line of a quantity, and the column that stands behind it, wide and pale."""
 
     label: str
     colour: str
-    of: Callable[[FlightHistory], Series]
-    behind: Callable[[FlightHistory], Series] | None = None
-    behind_is: str = "truth"
+    column: str
+    truth: str | None
 
 
-class Chart(NamedTuple):
-    """One chart over time."""
+class Quantity(NamedTuple):
+    """One number or a few of a kind, and where and how they are shown."""
 
     title: str
     unit: str
-    lines: tuple[Line, ...]
-    least: float  # of the quantity is shown, so that noise does not fill a chart
-    about_zero: bool = True  # live, `least` is shown around zero; False: lines are fitted closely
-    digits: int = 2  # behind the point, in the caption
-    limits: Callable[[Limits], tuple[float, ...]] = lambda limits: ()
-    logarithmic: bool = False
+    columns: tuple[str, ...]
+    labels: tuple[str, ...] = ("",)  # of the columns
+    truth: tuple[str, ...] = ()  # a column for each, against which it is held
+    truth_is: str = "truth"
+    asked: tuple[str, ...] = ()  # a column for each: the setpoint
+    digits: int = 2  # behind the point
+    limits: Callable[[Limits], Ends] = lambda limits: ()
+    panel: str = ""  # of the monitor; "": none
+    short: str = ""  # what the monitor calls it, before a label
+    size: bool = False  # the monitor shows its length, not its components
+    tab: str = ""  # of the page; "": none
+    axes: str = ""  # of the overview: HALF or WHOLE; "": none
+    colours: tuple[str, ...] = THREE
+    least: float = 1.0  # of it is drawn, so that noise does not fill a chart
+    about_zero: bool = True  # live, `least` is drawn around zero; False: lines are fitted closely
+    logarithmic: float | None = None  # the least that its logarithmic axis shows; None: linear
     fine: float | None = None  # below this (of the unit) linear, above it logarithmic
 
-
-def _law(name: str, scale: float = 1.0) -> Callable[[FlightHistory], Series]:
-    """A column of the law; not a number while it does not fly."""
-
-    def of(flight: FlightHistory) -> Series:
-        t, values = flight.series(name)
-        return t, np.where(flight.along(t, "engaged") > 0.5, scale * values, np.nan)
-
-    return of
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """One for each column."""
+        truth = self.truth or (None,) * len(self.columns)
+        found = zip(self.labels, self.colours, self.columns, truth, strict=False)
+        return tuple(Line(*each) for each in found)
 
 
-def _seen(name: str) -> Callable[[FlightHistory], Series]:
-    """A column of anybody else."""
-    return lambda flight: flight.series(name)
-
-
-def _drag_over_mass(axis: str) -> Callable[[FlightHistory], Series]:
-    """The truth of s_v_hat."""
-    return lambda flight: flight.drag_over_mass(axis)
-
-
-def _position_error(flight: FlightHistory) -> Series:
-    """Of the true position against the reference model, as in gcs_tools.judging.metrics."""
-    t = flight.series("outputs.reference.r_m.x")[0]
-    squares = [
-        (flight.along(t, f"state.r_E.{axis}") - flight.along(t, f"outputs.reference.r_m.{axis}"))
-        ** 2
-        for axis in XYZ
-    ]
-    flies = flight.along(t, "engaged") > 0.5
-    return t, np.where(flies, np.sqrt(squares[0] + squares[1] + squares[2]), np.nan)
-
-
-def _axes(
-    of: Callable[[str], Callable[[FlightHistory], Series]],
-    truth: Callable[[str], Callable[[FlightHistory], Series]] | None = None,
-    labels: tuple[str, str, str] = ("east", "north", "up"),
-) -> tuple[Line, ...]:
-    """Three lines, of the components of a vector."""
-    return tuple(
-        Line(label, colour, of(axis), None if truth is None else truth(axis))
-        for axis, label, colour in zip(XYZ, labels, THREE, strict=True)
-    )
-
-
-_DEGREES = 180.0 / np.pi
-
-
-def _tilt(limits: Limits) -> tuple[float, ...]:
-    return -_DEGREES * limits.phi_star, _DEGREES * limits.phi_star
-
-
-FLIGHT = (
-    Chart("Distance from the reference", "m", (Line("", INK, _position_error),),
-          least=1.0, digits=3, logarithmic=True),
-    Chart("Velocity prediction error", "m/s", _axes(lambda a: _law(f"internals.prediction.v_til.{a}")),
-          least=0.01, digits=4, fine=0.002),
-    Chart("Drag over mass", "m/s²", _axes(lambda a: _law(f"state.estimates.s_v_hat.{a}"), _drag_over_mass),
-          least=1.0),
-    Chart("Mass", "kg", (Line("estimate", X, _law("state.estimates.m_hat"), _seen("m")),), least=1.0,
-          about_zero=False),
-    Chart("Thrust", "N", (Line("commanded", X, _law("outputs.T_c"),
-                               _law("outputs.T_achieved"), "achieved"),),
-          least=1.0, digits=1, limits=lambda limits: (limits.T_min, limits.T_max)),
-    Chart("Commanded tilt", "°", (Line("roll", X, _law("outputs.angles_c.x", _DEGREES)),
-                                  Line("pitch", Y, _law("outputs.angles_c.y", _DEGREES))),
-          least=1.0, digits=1, limits=_tilt),
-    Chart("Wind", "m/s", _axes(lambda a: _seen(f"wind.v_air_E.{a}"), lambda a: _seen(f"v_air_E.{a}")),
-          least=1.0, digits=1),
+QUANTITIES = (
+    Quantity("Position", "m", parts("state.r_E"), ENU, parts("outputs.reference.r_m"), "reference",
+             parts("setpoint.r_c"), least=0.0, axes=HALF),
+    Quantity("Distance from the reference", "m", ("position_error",), colours=(INK,), digits=3,
+             logarithmic=1e-3, panel="Tracking", short="off the reference", tab="Flight", axes=HALF),
+    Quantity("Velocity prediction error", "m/s", parts("internals.prediction.v_til"), ENU, digits=4,
+             least=0.01, fine=0.002, panel="Tracking", short="velocity predicted off", size=True,
+             tab="Flight"),
+    Quantity("Rate prediction error", "rad/s", parts("internals.prediction.w_til"), ANGLES, digits=4,
+             least=0.01, fine=0.01, panel="Tracking", short="rate predicted off", size=True,
+             tab="Rates"),
+    Quantity("Thrust", "N", ("outputs.T_c",), ("commanded",), ("outputs.T_achieved",), "achieved",
+             digits=1, limits=lambda limits: (limits.T_min, limits.T_max), panel="Limits",
+             short="thrust", tab="Flight", axes=HALF),
+    Quantity("Commanded tilt", "°", ("roll_c", "pitch_c"), ANGLES[:2], digits=1,
+             limits=lambda limits: (-DEGREES * limits.phi_star, DEGREES * limits.phi_star),
+             panel="Limits", tab="Flight", axes=HALF),
+    Quantity("Control difference", "N", parts("internals.achieved.delta_u"), ENU, panel="Limits",
+             short="Δu", size=True),
+    Quantity("Drag over mass", "m/s²", parts("state.estimates.s_v_hat"), ENU, parts("drag_over_mass"),
+             panel="Estimates", short="drag/mass ", tab="Flight", axes=WHOLE),
+    Quantity("Mass", "kg", ("state.estimates.m_hat",), ("estimate",), ("m",), about_zero=False,
+             panel="Estimates", short="mass, kg", tab="Flight", axes=HALF),
+    Quantity("Inertia", "kg m²", parts("state.estimates.J_hat"), XYZ, parts("J"), digits=3, least=0.1,
+             about_zero=False, panel="Estimates", short="inertia ", tab="Rates", axes=HALF),
+    Quantity("Wind", "m/s", parts("wind.v_air_E"), ENU, parts("v_air_E"), panel="Wind",
+             short="wind ", tab="Flight"),
+    Quantity("Angular disturbance", "rad/s²", parts("state.estimates.s_w_hat"), ANGLES, digits=3,
+             panel="Wind", short="disturbance "),
 )  # fmt: skip
-RATES = (
-    Chart("Rate prediction error", "rad/s",
-          _axes(lambda a: _law(f"internals.prediction.w_til.{a}"), labels=("roll", "pitch", "yaw")),
-          least=0.01, digits=4, fine=0.01),
-    Chart("Inertia", "kg m²",
-          _axes(lambda a: _law(f"state.estimates.J_hat.{a}"), lambda a: _seen(f"J.{a}"), ("x", "y", "z")),
-          least=0.1, about_zero=False, digits=3),
+BY_TITLE = {quantity.title: quantity for quantity in QUANTITIES}
+
+
+class Derived(NamedTuple):
+    """A quantity that nobody tells, from columns that are told."""
+
+    columns: tuple[str, ...]
+    of: Callable[..., Rows]  # (limits, the columns, each (n,)) -> (n,)
+
+
+def _distance(_limits: Limits, *both: Rows) -> Rows:
+    """Between two points, of the components of the one and then of the other."""
+    half = len(both) // 2
+    distance: Rows = np.sqrt(sum(np.square(np.subtract(both[:half], both[half:]))))
+    return distance
+
+
+DERIVED = {
+    "position_error": Derived((*parts("outputs.reference.r_m"), *parts("state.r_E")), _distance),
+    "wind_error": Derived((*parts("v_air_E", "xy"), *parts("wind.v_air_E", "xy")), _distance),
+    "drag_over_mass.x": Derived(("f_D_E.x", "m"), lambda limits, f, m: f / m),
+    "drag_over_mass.y": Derived(("f_D_E.y", "m"), lambda limits, f, m: f / m),
+    # as printed, the estimate has to find gravity too
+    "drag_over_mass.z": Derived(("f_D_E.z", "m"), lambda limits, f, m: f / m - limits.gravity),
+    "roll_c": Derived(("outputs.angles_c.x",), lambda limits, angle: DEGREES * angle),
+    "pitch_c": Derived(("outputs.angles_c.y",), lambda limits, angle: DEGREES * angle),
+}
+# what scene and panels show beside the quantities
+BESIDE = (
+    *parts("state.r_E"), *parts("state.v_E"), *parts("state.q_EB", "wxyz"),
+    *parts("state.Omega", ROTORS), "on_ground", *parts("w_air_B"), "wind_error",
+    "setpoint.level", "engaged", *parts("command.u", ROTORS),
+    *parts("outputs.saturation", ("thrust", "tilt", "rotor")), "internals.flags.projected",
+    "guard.governed", *parts("guard.margin", ("force", "tilt", "condition")),
+    *parts("status", ("armed", "main_mode", "sub_mode", "failsafe")),
+    *parts("timing", ("cycle", "load", "late", "slips", "resent", "refused", "unrecorded",
+                      "unpublished")),
 )  # fmt: skip
+
+
+def told(names: Iterable[str]) -> Iterator[str]:
+    """The columns that somebody tells: of these, and of those that they are derived from."""
+    for name in names:
+        yield from DERIVED[name].columns if name in DERIVED else (name,)
+
+
+_OF_QUANTITIES = (name for q in QUANTITIES for name in (*q.columns, *q.truth, *q.asked))
+SHOWN = frozenset(told((*BESIDE, *_OF_QUANTITIES)))
+
+
+def kept(topics: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
+    """Of the columns of each topic those that are shown: whole rows would be 100 MB a minute.
+
+    What several tell under one name is taken of the truth, of the controller's times, or of the
+    first of the others.
+    """
+    left, found = set(SHOWN), dict[str, list[str]]()
+    for topic in sorted(topics, key=lambda topic: topic not in (TRUTH, TIMING)):
+        found[topic] = [name for name in topics[topic] if name in left]
+        left.difference_update(found[topic])
+    return found

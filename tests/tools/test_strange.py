@@ -31,14 +31,15 @@ def test_a_level_that_there_is_not_is_unknown():
 
 
 @pytest.mark.parametrize(
-    ("topic", "data"), [("/events", b"\xff\xff"), ("/fcu/timing", b"short"), ("/plant/truth", b"")]
+    ("topic", "data"),
+    [("/events", b"\xff\xff"), ("/fcu/measured", b"short"), ("/plant/truth", b"")],
 )
 def test_what_is_no_message_of_its_topic_is_counted(topic, data):
     vehicle = SimpleNamespace(
         about={}, topics=TOPICS, latest=lambda: [(topic, sample(data))], take=list
     )
     assert Follower(vehicle).unusable == (
-        1 if topic != "/fcu/timing" else 0
+        1 if topic != "/fcu/measured" else 0
     )  # which it does not read
 
 

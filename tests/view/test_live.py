@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ import pytest
 from fcu.interface.ports import INSTANCES
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view.app import App, free_port
-from gcs_tools.recording.schema import TICK_TOPICS, TRUTH, WIND
+from gcs_tools.recording.schema import TICK_TOPICS, TOPICS, TRUTH, WIND
+from gcs_tools.recording.table import Table
 from tests.view.pictures import node, told
 
 
 @pytest.fixture
 def app():
-    flight = FlightHistory("under test")
+    flight = FlightHistory("under test", {name: topic.columns for name, topic in TOPICS.items()})
     shown = App(flight, free_port(None, 8200), whole=False)
     shown.flight = flight
     yield shown
@@ -69,6 +71,24 @@ def test_a_vehicle_that_begins_anew_is_shown_anew(app, recording, look):
         arg=round(recording.plant["t"][99], 3),
     )
     assert app.flight.span == (recording.plant["t"][0], recording.plant["t"][99])
+
+
+def test_a_law_without_a_reference_model_has_no_chart_of_it(app, recording, look):
+    page = look(app.url).page
+    without = recording.fcu.rows.copy()
+    for i, name in enumerate(recording.fcu.names):
+        if name.startswith("outputs.reference."):
+            without[:, i] = np.nan
+    _receive(app.flight, replace(recording, fcu=Table(without, recording.fcu.names)), slice(0, 500))
+    for _ in range(4):  # charts are drawn every few frames
+        app.step(0.05)
+    page.locator('[data-chart="Thrust"]').wait_for()
+    page.locator('[data-chart="Distance from the reference"]').wait_for(state="hidden")
+    assert not node(page, "/world/model")["visible"]
+    _receive(app.flight, recording, slice(500, 525))
+    for _ in range(4):
+        app.step(0.05)
+    page.locator('[data-chart="Distance from the reference"]').wait_for()
 
 
 @pytest.fixture

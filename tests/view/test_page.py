@@ -74,8 +74,8 @@ def test_the_numbers_are_those_of_the_recording(page, recording):
     assert caption(page, "Commanded tilt") == {"roll": [f"{roll:.1f}"], "pitch": [f"{pitch:.1f}"]}
     wind = caption(page, "Wind")
     estimate = recording.reports["/fcu/wind"]["wind.v_air_E"][1250]
-    assert wind["east"] == [f"{estimate[0]:.1f}", f"{plant['v_air_E.x'][0]:.1f}"]
-    assert wind["up"] == ["–", f"{plant['v_air_E.z'][0]:.1f}"]
+    assert wind["east"] == [f"{estimate[0]:.2f}", f"{plant['v_air_E.x'][0]:.2f}"]
+    assert wind["up"] == ["–", f"{plant['v_air_E.z'][0]:.2f}"]
 
 
 def _chart(page, title):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_tools.pictures.history import DRAWN, FlightHistory, Limits, TopicHistory
-from gcs_tools.pictures.view.charts import places, seeded, stretches, thinned, value
+from gcs_tools.pictures.history import FlightHistory, TopicHistory, value
+from gcs_tools.pictures.quantities import SHOWN, Limits, kept
+from gcs_tools.pictures.view.charts import places, seeded, stretches, thinned
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.schema import TOPICS
 from gcs_tools.recording.table import Table
@@ -43,9 +44,18 @@ def test_time_that_goes_back_begins_a_new_flight():
     assert history["x"].tolist() == [7.0, 8.0]
 
 
-def test_what_is_drawn_is_what_topics_carry():
-    for topic, names in DRAWN.items():
-        assert set(names) <= set(TOPICS[topic].columns)
+TOLD = {name: topic.columns for name, topic in TOPICS.items()}
+
+
+def test_all_that_is_shown_of_the_papers_law_is_told_and_kept_once():
+    found = kept(TOLD)
+    assert sorted(name for names in found.values() for name in names) == sorted(SHOWN)
+    assert all(set(names) <= set(TOLD[topic]) for topic, names in found.items())
+
+
+def test_what_two_tell_under_one_name_is_the_truths():
+    told = {"/fcu/law": ["t", "state.v_E.x", "m", "engaged"], "/plant/truth": ["state.v_E.x", "m"]}
+    assert kept(told) == {"/plant/truth": ["state.v_E.x", "m"], "/fcu/law": ["engaged"]}
 
 
 def test_what_rows_do_not_have_is_not_a_number():
@@ -66,7 +76,7 @@ def _append(flight, topic, **columns):
 
 
 def test_a_moment_has_the_last_row_of_each_topic_by_then():
-    flight = FlightHistory("a flight")
+    flight = FlightHistory("a flight", TOLD)
     assert flight.span is None
     assert np.isnan(flight.value("m", 1.0))
     assert flight.status(1.0) == ""
@@ -85,7 +95,7 @@ def test_a_moment_has_the_last_row_of_each_topic_by_then():
 
 
 def test_the_ground_is_found_under_a_vehicle_that_stands_on_it():
-    flight = FlightHistory("a flight")
+    flight = FlightHistory("a flight", TOLD)
     _append(flight, "/plant/truth", t=[0.0], state_r_E_z=[4.0], on_ground=[0.0])
     assert flight.ground_z is None
     _append(flight, "/plant/truth", t=[0.5], state_r_E_z=[2.3], on_ground=[1.0])
@@ -143,7 +153,6 @@ def test_values_are_those_of_the_last_row_by_then():
     assert np.isnan(value(series, 0.9))
     assert value(series, 1.9) == 10.0
     assert value(series, 2.0) == 20.0
-    assert np.isnan(value(None, 2.0))
 
 
 def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterator
+from itertools import zip_longest
 
 import numpy as np
+from rich.console import RenderableType
 from rich.panel import Panel
+from rich.table import Table
 from rich.text import Text
 
-from gcs_tools.pictures.history import ROTORS, XYZ, Series
 from gcs_tools.pictures.monitor.readings import RECENT_S, Readings
 from gcs_tools.pictures.monitor.widgets import (
     BAD,
@@ -27,8 +30,8 @@ from gcs_tools.pictures.monitor.widgets import (
     spark,
     true,
 )
+from gcs_tools.pictures.quantities import ENU, QUANTITIES, ROTORS, Quantity, parts, told
 
-ENU = ("east", "north", "up")
 OF_LATE = f"over the last {RECENT_S:.0f} s"
 _LEVEL = {"warning": WARN, "error": BAD, "fatal": BAD}
 
@@ -47,6 +50,45 @@ def header(r: Readings) -> Panel:
     return Panel(words, subtitle=about, subtitle_align="right", border_style=DIM, padding=(0, 2))
 
 
+def _quantities(r: Readings, title: str, width: int) -> list[Table]:
+    """The quantities of a panel: those held against a truth, and those that are not."""
+    shown = [q for q in QUANTITIES if q.panel == title and r.flight.shows(q)]
+    room = width - max((len(label) for q in shown for label in _labels(q)), default=0)
+    held, others = grid(5), grid(3)
+    held.add_row(*heads("", "estimate", "truth", "error", ""))
+    for quantity in shown:
+        for row in _rows(r, quantity, room):
+            (held if len(row) == 5 else others).add_row(*row)
+    return [table for table, least in ((held, 2), (others, 1)) if table.row_count >= least]
+
+
+def _labels(q: Quantity) -> list[str]:
+    return [q.short] if q.size else [q.short + word * (len(q.labels) > 1) for word in q.labels]
+
+
+def _rows(r: Readings, q: Quantity, room: int) -> Iterator[tuple[RenderableType, ...]]:
+    """A quantity, or each of its components: label, numbers, and a gauge or a sparkline."""
+    columns = [q.columns] if q.size else [(name,) for name in q.columns]
+    ends, digits = q.limits(r.flight.limits), q.digits
+    for label, names, truth in zip_longest(_labels(q), columns, q.truth):
+        t, values = r.size(names)
+        of_two_sides = len([*told(names)]) > len(names)  # of which one may have come alone
+        known = values[np.isfinite(values)] if of_two_sides else values
+        now = float(known[-1]) if r.flies and len(known) else math.nan
+        if ends:
+            yield label, number(now, digits, q.unit), gauge(now, *ends, room - 18)
+        elif truth is not None:
+            is_true = r.now(r.flight.series(truth))
+            off = number(now - is_true, digits)
+            drawn = spark(t, values, room - 32)
+            yield label, number(now, digits), true(is_true, digits), off, drawn
+        else:
+            if q.logarithmic or q.fine:
+                values = np.log10(np.maximum(values, 10.0 ** -(digits + 1)))
+            low = 0.0 if q.size and not q.fine else None
+            yield label, number(now, digits, q.unit), spark(t, values, room - 18, low)
+
+
 def tracking(r: Readings, width: int) -> Panel:
     """Does it go where the reference goes, and does the predictor hold?"""
     places = grid(4)
@@ -55,53 +97,38 @@ def tracking(r: Readings, width: int) -> Panel:
         ("position", "state.r_E"), ("reference", "outputs.reference.r_m"), ("setpoint", "setpoint.r_c")
     ):  # fmt: skip
         places.add_row(label, *(number(value, 2) for value in r.vector(name)))
-    errors = grid(3)
-    for label, series, unit, digits in (
-        ("off the reference", r.off_reference(), "m", 3),
-        ("velocity predicted off", r.norm("internals.prediction.v_til"), "m/s", 4),
-        ("rate predicted off", r.norm("internals.prediction.w_til"), "rad/s", 4),
-    ):
-        t, values = series
-        now = r.now(series) if r.flies else math.nan
-        drawn = np.log10(np.maximum(values, 10.0 ** -(digits + 1)))
-        errors.add_row(label, number(now, digits, unit), spark(t, drawn, width - 40))
     rms = Text(f"off the reference, RMS {OF_LATE}: ", style=DIM)
-    return panel("Tracking", places, errors, rms + number(r.rms(r.off_reference()), 3, "m"))
+    rms += number(r.rms(r.flight.flown("position_error")), 3, "m")
+    return panel("Tracking", places, *_quantities(r, "Tracking", width), rms)
 
 
 def limits(r: Readings, width: int) -> Panel:
     """How far is it from what its actuators can do?"""
-    told, wide = r.flight.limits, width - 23
-    table = grid(3)
-    T_c = r.last("outputs.T_c") if r.flies else math.nan
-    table.add_row("thrust", number(T_c, 1, "N"), gauge(T_c, told.T_min, told.T_max, wide))
-    star = math.degrees(told.phi_star)
-    for label, axis in (("roll", "x"), ("pitch", "y")):
-        angle = math.degrees(r.last(f"outputs.angles_c.{axis}")) if r.flies else math.nan
-        table.add_row(label, number(angle, 1, "°"), gauge(angle, -star, star, wide))
-    u = [r.last(f"command.u.{rotor}") for rotor in ROTORS]
+    limits = r.flight.limits
+    u = [r.last(name) for name in parts("command.u", ROTORS)]
     greatest = max((x for x in u if math.isfinite(x)), default=math.nan)
     blocks = " ".join(bar(x) if math.isfinite(x) else "·" for x in u)
     style = BAD if greatest > 0.98 else GOOD
+    *held, table = _quantities(r, "Limits", width) or [grid(3)]
     table.add_row("rotors", number(greatest, 2, "of 1"), Text(blocks, style=style))
-    t, off = r.norm("internals.achieved.delta_u")
-    now = r.now((t, off)) if r.flies else math.nan
-    table.add_row("Δu", number(now, 2, "N"), spark(t, off, wide, low=0.0))
     words = Text(f"at a limit {OF_LATE}:", style=DIM)
     for label in ("thrust", "tilt", "rotor"):
-        held = r.recent(r.flown(f"outputs.saturation.{label}"))
-        part = float(held.mean()) if len(held) else math.nan
+        at = r.recent(r.flight.flown(f"outputs.saturation.{label}"))
+        part = float(at.mean()) if len(at) else math.nan
         style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD
         words.append(f" {label} {plain(100.0 * part, 0)} %", style=style)
-    between = f"thrust {told.T_min:g} to {told.T_max:g} N, tilt to {star:g}°"
-    return panel("Limits", table, _margin(r), _condition(r), words, Text(between, style=DIM))
+    between = (
+        f"thrust {limits.T_min:g} to {limits.T_max:g} N, tilt to {math.degrees(limits.phi_star):g}°"
+    )
+    guard = [_margin(r), _condition(r)] if r.flight.tells(["guard.margin.force"]) else []
+    return panel("Limits", *held, table, *guard, words, Text(between, style=DIM))
 
 
 def _margin(r: Readings) -> Text:
     """What is left before the nearest limit, and of tilt: now, and the least of late."""
     now, of_late = Text("margin: ", style=DIM), Text(f"   least {OF_LATE}: ", style=DIM)
     for name, scale, unit in (("force", 1.0, " N "), ("tilt", 180.0 / math.pi, "° ")):
-        found = scale * r.recent(r.flown(f"guard.margin.{name}"))
+        found = scale * r.recent(r.flight.flown(f"guard.margin.{name}"))
         left = scale * r.last(f"guard.margin.{name}") if r.flies else math.nan
         least = float(found.min()) if len(found) else math.nan
         for words, value in ((now, left), (of_late, least)):
@@ -123,50 +150,27 @@ def _condition(r: Readings) -> Text:
     return words
 
 
-def estimates(r: Readings, width: int) -> Panel:
+def estimates(r: Readings, width: int) -> Panel | None:
     """Does it learn what is true?"""
-    table = grid(5)
-    table.add_row(*heads("", "estimate", "truth", "error", ""))
-
-    def line(label: str, name: str, truth: Series, digits: int) -> None:
-        t, values = r.flight.series(name)
-        estimate = float(values[-1]) if r.flies and len(values) else math.nan
-        is_true = r.now(truth)
-        off = number(estimate - is_true, digits)
-        drawn = spark(t, values, width - 47)
-        table.add_row(label, number(estimate, digits), true(is_true, digits), off, drawn)
-
-    for axis, name in zip(XYZ, ENU, strict=True):
-        line(f"drag/mass {name}", f"state.estimates.s_v_hat.{axis}", r.drag_over_mass(axis), 2)
-    line("mass, kg", "state.estimates.m_hat", r.flight.series("m"), 2)
-    for axis in XYZ:
-        line(f"inertia {axis}", f"state.estimates.J_hat.{axis}", r.flight.series(f"J.{axis}"), 3)
+    tables = _quantities(r, "Estimates", width)
+    if not tables:
+        return None
     held = r.last("internals.flags.projected") > 0.5
     note = "projection holds one at its bound" if held else "all inside their bounds"
     note = note if r.flies else "the law does not fly"
-    return panel("Estimates", table, Text(note, style=WARN if held else DIM))
+    return panel("Estimates", *tables, Text(note, style=WARN if held else DIM))
 
 
 def wind(r: Readings, width: int) -> Panel:
     """What wind does it see, and what disturbs its turning?"""
-    table = grid(4)
-    table.add_row(*heads("m/s", "estimate", "truth", "error"))
-    estimate, truth = r.vector("wind.v_air_E"), r.vector("v_air_E")
-    for name, e, v in zip(ENU[:2], estimate, truth, strict=False):
-        table.add_row(name, number(e, 2), true(v, 2), number(e - v, 2))
-    table.add_row(ENU[2], Text("not known", style=DIM), true(truth[2], 2))
-    rms = Text(f"off, level, RMS {OF_LATE}: ", style=DIM) + number(r.rms(r.wind_error()), 2, "m/s")
+    rms = Text(f"wind off, level, RMS {OF_LATE}: ", style=DIM)
+    rms += number(r.rms(r.flight.flown("wind_error")), 2, "m/s")
     note = Text(f"if drag is {r.believed_drag} N/(m/s)² and mass known", style=DIM)
-    turning = grid(3)
-    turning.add_row(*heads("angular disturbance", "estimate", ""))
-    for axis, name in zip(XYZ, ("roll", "pitch", "yaw"), strict=True):
-        t, s = r.flight.series(f"state.estimates.s_w_hat.{axis}")
-        now = r.last(f"state.estimates.s_w_hat.{axis}") if r.flies else math.nan
-        turning.add_row(name, number(now, 3, "rad/s²"), spark(t, s, width - 39))
     air = Text("rotation of the air: ", style=DIM)
     for value in r.vector("w_air_B"):
         air += true(value, 2).append(" ")
-    return panel("Wind", table, rms, note, turning, air.append("rad/s", style=DIM))
+    air.append("rad/s", style=DIM)
+    return panel("Wind", *_quantities(r, "Wind", width), rms, note, air)
 
 
 def bus(r: Readings, _width: int) -> Panel:

@@ -5,34 +5,16 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from gcs_tools.pictures.follower import Follower
-from gcs_tools.pictures.history import DRAWN, XYZ, Series, parts
+from gcs_tools.pictures.history import Series
+from gcs_tools.pictures.quantities import parts
 from gcs_tools.recording.table import Rows
 
-KEPT = {
-    **DRAWN,
-    "/plant/truth": [*DRAWN["/plant/truth"], *parts("w_air_B")],
-    "/plant/timing": ["timing.late", "timing.slips"],
-    "/fcu/law": [*DRAWN["/fcu/law"], *parts("state.estimates.s_w_hat")],
-    "/fcu/outputs": [
-        *DRAWN["/fcu/outputs"], *parts("outputs.saturation", ("thrust", "tilt", "rotor")),
-    ],
-    "/fcu/internals": [
-        *DRAWN["/fcu/internals"], *parts("internals.achieved.delta_u"), "internals.flags.projected",
-    ],
-    "/fcu/guard": [
-        "guard.governed", *parts("guard.margin", ("force", "tilt", "condition")),
-    ],
-    "/fcu/command": [f"command.u.r{i}" for i in range(1, 9)],
-    "/fcu/timing": [
-        "timing.cycle", "timing.load", "timing.resent", "timing.refused", "timing.unrecorded",
-        "timing.unpublished",
-    ],
-}  # fmt: skip
 LOOK_S = 5.0  # wall: over which the speed of the flight is measured
 RECENT_S = 10.0  # simulation time: what "of late" means
 
@@ -83,33 +65,10 @@ class Readings:
         known = series[1][np.isfinite(series[1])]
         return float(known[-1]) if len(known) else math.nan
 
-    def flown(self, name: str) -> Series:
-        """A column of the law; NaN while it does not fly."""
-        t, values = self.flight.series(name)
-        return t, np.where(self.flight.along(t, "engaged") > 0.5, values, np.nan)
-
-    def norm(self, name: str) -> Series:
-        """The length of a Vec3 over time."""
-        columns = [self.flight.series(part) for part in parts(name)]
-        return columns[0][0], np.sqrt(sum(values * values for _, values in columns))
-
-    def off_reference(self) -> Series:
-        """Distance of the true position from the reference model (m), while the law flies."""
-        f = self.flight
-        t = f.series("outputs.reference.r_m.x")[0]
-        off = [f.along(t, f"state.r_E.{a}") - f.along(t, f"outputs.reference.r_m.{a}") for a in XYZ]
-        return t, np.where(f.along(t, "engaged") > 0.5, np.sqrt(sum(o * o for o in off)), np.nan)
-
-    def drag_over_mass(self, axis: str) -> Series:
-        """The truth of s_v_hat, m/s^2."""
-        return self.flight.drag_over_mass(axis)
-
-    def wind_error(self) -> Series:
-        """Length of the error of the level wind estimate (m/s)."""
-        f = self.flight
-        t = f.series("v_air_E.x")[0]
-        off = [f.along(t, f"wind.v_air_E.{a}") - f.along(t, f"v_air_E.{a}") for a in "xy"]
-        return t, np.hypot(off[0], off[1])
+    def size(self, names: Sequence[str]) -> Series:
+        """The length over time of what has these components, as far as the law flies."""
+        found = [self.flight.flown(name) for name in names]
+        return found[0] if len(found) == 1 else (found[0][0], np.sqrt(sum(v * v for _, v in found)))
 
     @property
     def flies(self) -> bool:
@@ -140,20 +99,20 @@ class Readings:
 
     def snapshot(self) -> dict[str, Any]:
         """The numbers of one picture, for programs. None: not known."""
-        vehicle = self.follower.vehicle
+        vehicle, flown = self.follower.vehicle, self.flight.flown
         known = {
             "time_s": self.t,
-            "off_reference_m": self.now(self.off_reference()),
-            "off_reference_rms_m": self.rms(self.off_reference()),
-            "thrust_N": self.now(self.flown("outputs.T_c")),
-            "roll_deg": math.degrees(self.now(self.flown("outputs.angles_c.x"))),
-            "pitch_deg": math.degrees(self.now(self.flown("outputs.angles_c.y"))),
-            "margin_N": self.now(self.flown("guard.margin.force")),
-            "margin_deg": math.degrees(self.now(self.flown("guard.margin.tilt"))),
-            "margin_condition_N": self.now(self.flown("guard.margin.condition")),
-            "governed": self.now(self.flown("guard.governed")),
+            "off_reference_m": self.now(flown("position_error")),
+            "off_reference_rms_m": self.rms(flown("position_error")),
+            "thrust_N": self.now(flown("outputs.T_c")),
+            "roll_deg": self.now(flown("roll_c")),
+            "pitch_deg": self.now(flown("pitch_c")),
+            "margin_N": self.now(flown("guard.margin.force")),
+            "margin_deg": math.degrees(self.now(flown("guard.margin.tilt"))),
+            "margin_condition_N": self.now(flown("guard.margin.condition")),
+            "governed": self.now(flown("guard.governed")),
             "mass_kg": self.last("state.estimates.m_hat") if self.flies else math.nan,
-            "wind_error_rms_m_s": self.rms(self.wind_error()),
+            "wind_error_rms_m_s": self.rms(flown("wind_error")),
         }
         vectors = {
             "position_m": self.vector("state.r_E"),

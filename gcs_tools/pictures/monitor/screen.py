@@ -34,7 +34,8 @@ def _screen(r: Readings, width: int, height: int) -> RenderableType:
         Layout(name="bottom"),
     )
     layout["top"].split_row(panels.tracking(r, inside), panels.limits(r, inside))
-    layout["middle"].split_row(panels.estimates(r, inside), panels.wind(r, inside))
+    middle = (panels.estimates(r, inside), panels.wind(r, inside))
+    layout["middle"].split_row(*(panel for panel in middle if panel is not None))
     left = height - sum(_HEIGHTS.values()) - 2
     layout["bottom"].split_row(panels.bus(r, inside), panels.events(r, left))
     return layout
@@ -49,8 +50,8 @@ def _narrow(r: Readings, width: int, height: int) -> RenderableType:
         (panels.tracking, 11), (panels.limits, 11), (panels.estimates, 11), (panels.wind, 14),
         (panels.bus, 10),
     ):  # fmt: skip
-        if room >= lines:
-            rows.append(make(r, inside))
+        if room >= lines and (made := make(r, inside)) is not None:
+            rows.append(made)
             room -= lines
     if room > 2:
         rows.append(panels.events(r, room - 2))

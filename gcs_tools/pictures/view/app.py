@@ -13,7 +13,7 @@ from typing import Any, Self
 import viser
 
 from gcs_tools.pictures.history import FlightHistory
-from gcs_tools.pictures.quantities import FLIGHT, RATES
+from gcs_tools.pictures.quantities import QUANTITIES
 from gcs_tools.pictures.view import page
 from gcs_tools.pictures.view.charts import Plot
 from gcs_tools.pictures.view.scene import Scene
@@ -125,9 +125,13 @@ class App:
         return f"{kind}: {status}" if status else kind.removesuffix(", last")
 
     def _charts(self) -> list[Plot]:
+        plots: list[Plot] = []
+        shown = [q for q in QUANTITIES if q.tab and self._flight.shows(q)]
+        if not shown:
+            return plots
         panel = self._server.gui.add_panel()
-        plots = []
-        for tab, charts in (("Flight", FLIGHT), ("Rates", RATES)):
+        for tab in dict.fromkeys(q.tab for q in shown):
+            charts = [q for q in shown if q.tab == tab]
             with panel.add_tab(tab):
                 for chart in charts:
                     last = chart is charts[-1]

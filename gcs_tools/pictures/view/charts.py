@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.pictures.history import HALF_US, FlightHistory, Series
+from gcs_tools.pictures.history import HALF_US, FlightHistory, Series, value
 from gcs_tools.pictures.plot.style import INK, LIMIT
-from gcs_tools.pictures.quantities import LEAST_ERROR_M, Chart, Line
+from gcs_tools.pictures.quantities import Line, Quantity
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -84,20 +84,12 @@ def seeded(lines: Sequence[Rows]) -> list[Rows]:
     return begun
 
 
-def value(series: Series | None, t: float) -> float:
-    """The last value at or before t (s); not a number without one."""
-    if series is None:
-        return math.nan
-    i = int(np.searchsorted(series[0], t + HALF_US, side="right")) - 1
-    return float(series[1][i]) if i >= 0 else math.nan
-
-
-def _bounds(chart: Chart, lines: Sequence[Rows], limits: Sequence[float]) -> tuple[float, float]:
+def _bounds(chart: Quantity, lines: Sequence[Rows], limits: Sequence[float]) -> tuple[float, float]:
     """What a chart shows of its quantity, with room around it."""
     known = np.concatenate([*lines, np.asarray(limits, float)])
     known = known[np.isfinite(known)]
     if chart.logarithmic:
-        return LEAST_ERROR_M, max(chart.least, 1.5 * float(known.max(initial=0.0)))
+        return chart.logarithmic, max(chart.least, 1.5 * float(known.max(initial=0.0)))
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     low, high = min(low, (low + high - chart.least) / 2), max(high, (low + high + chart.least) / 2)
     room = 0.08 * (high - low)
@@ -108,13 +100,12 @@ class Plot:
     """One chart in a panel of the page."""
 
     def __init__(
-        self, gui: viser.GuiApi, chart: Chart, flight: FlightHistory, *, whole: bool, last: bool
+        self, gui: viser.GuiApi, chart: Quantity, flight: FlightHistory, *, whole: bool, last: bool
     ) -> None:
         """whole : the flight is over, and a mark shows the time.  last : with numbers of time."""
         self._chart, self._flight, self._whole = chart, flight, whole
-        behind = [line.behind for line in chart.lines if line.behind is not None]
-        self._drawn = [*behind, *(line.of for line in chart.lines)]  # the later over the earlier
-        self._series: dict[Callable[[FlightHistory], Series] | None, Series] = {}
+        self._drawn = (*chart.truth, *chart.columns)  # the later over the earlier
+        self._series: dict[str | None, Series] = {}
         self._x, self._ys = np.zeros(2), [np.full(2, np.nan) for _ in self._drawn]
         self._limits = chart.limits(flight.limits)
         if whole:
@@ -134,11 +125,11 @@ class Plot:
         )
 
     def _styles(self) -> list[Any]:
-        quiet = {"points": {"show": False}}
+        quiet, truth_is = {"points": {"show": False}}, self._chart.truth_is
         lines: list[dict[str, Any]] = [
-            {"label": f"{line.label}, {line.behind_is}", "stroke": pale(line.colour), "width": 4}
+            {"label": f"{line.label}, {truth_is}", "stroke": pale(line.colour), "width": 4}
             for line in self._chart.lines
-            if line.behind is not None
+            if line.truth is not None
         ]
         lines += [
             {"label": line.label, "stroke": line.colour, "width": 1.4} for line in self._chart.lines
@@ -170,13 +161,13 @@ class Plot:
         return {"x": {"time": False}, "y": y}
 
     def _thin(self, span: tuple[float, float]) -> None:
-        self._series = {of: of(self._flight) for of in self._drawn}
+        self._series = {name: self._flight.flown(name) for name in self._drawn}
         fewest = min((len(t) for t, _ in self._series.values() if len(t)), default=0)
         ends = stretches(span, fewest)
         self._x = places(ends)
         self._ys = [thinned(t, y, ends) for t, y in self._series.values()]
         if self._chart.logarithmic:
-            self._ys = [np.maximum(y, LEAST_ERROR_M) for y in self._ys]
+            self._ys = [np.maximum(y, self._chart.logarithmic) for y in self._ys]
 
     def _data(self, now: float | None) -> tuple[Rows, ...]:
         """Times, lines, limits and, of a whole flight, the mark at `now`: two points on one time."""
@@ -196,8 +187,16 @@ class Plot:
         if not self._whole:
             assert self._flight.span is not None
             self._thin(self._flight.span)
+            self._hide_if_empty(now)
         self._plot.data = self._data(now)
         self._caption.content = self._words(now)
+
+    def _hide_if_empty(self, now: float) -> None:
+        """While a law flies that tells only what is not a number: that has no reference model."""
+        told = (self._series[name][1] for name in self._chart.columns)
+        seen = self._flight.value("engaged", now) < 0.5 or any(np.isfinite(y).any() for y in told)
+        if self._plot.visible != seen:
+            self._plot.visible = self._caption.visible = seen
 
     def _words(self, now: float) -> str:
         """Title, unit, and each line's value at `now` (s), with that of what stands behind it."""
@@ -209,18 +208,17 @@ class Plot:
         )
 
     def _told(self, line: Line, now: float) -> str:
-        series, behind = self._series.get(line.of), self._series.get(line.behind)
+        series, behind = self._series.get(line.column), self._series.get(line.truth)
+        truth_is = escape(self._chart.truth_is)
         words = f'<span style="--c:{line.colour}">{escape(line.label)} '
         if behind is not None and (series is None or not len(series[0])):
             words = f'<span style="--c:{pale(line.colour)}">{escape(line.label)} '
         else:
-            words += f"<code>{self._number(value(series, now))}</code>"
+            words += f"<code>{self._number(value(series, now) if series else math.nan)}</code>"
         if behind is not None:
             if len(self._chart.lines) == 1:
-                words += f" {escape(line.behind_is)}"
-            words += (
-                f' <em title="{escape(line.behind_is)}">{self._number(value(behind, now))}</em>'
-            )
+                words += f" {truth_is}"
+            words += f' <em title="{truth_is}">{self._number(value(behind, now))}</em>'
         return words + "</span>"
 
     def _number(self, x: float) -> str:

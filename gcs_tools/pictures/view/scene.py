@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fcu.interface.airframe import believed
-from gcs_tools.pictures.history import ROTORS, FlightHistory
+from gcs_tools.pictures.history import FlightHistory
+from gcs_tools.pictures.quantities import ROTORS
 from gcs_tools.pictures.view.octocopter import Colour, Octocopter
 from gcs_tools.recording.table import Rows
 
@@ -160,10 +161,11 @@ class Scene:
         """Where the vehicle is told to be, and where the reference model is on its way there."""
         flight = self._flight
         flies = flight.value("engaged", now) > 0.5
-        self._model.visible = flies
+        r_m = flight.vector("outputs.reference.r_m", now)
+        self._model.visible = flies and bool(np.isfinite(r_m).all())  # a law may have none
         self._setpoint.visible = flies and flight.value("setpoint.level", now) < 0.5
         if flies:
-            self._model.position = np.nan_to_num(flight.vector("outputs.reference.r_m", now))
+            self._model.position = np.nan_to_num(r_m)
             self._setpoint.position = np.nan_to_num(flight.vector("setpoint.r_c", now))
 
 
