@@ -21,7 +21,7 @@ import numpy as np
 from fcu import wind
 from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.interface.parameter import ParameterError
-from fcu.kernel.buffers import to_buffer
+from fcu.kernel.buffers import columns, to_buffer
 from fcu.laws.loader import LawError
 from fcu.laws.mmrac.types import State
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
@@ -37,7 +37,7 @@ from gcs_tools.missions.mission import Mission, MissionError, load, override, wi
 from gcs_tools.recording.events import logged
 from gcs_tools.recording.reader import LAW, LAW_SOURCES, RecordingError
 from gcs_tools.recording.schema import Kinds
-from gcs_tools.recording.table import Rows
+from gcs_tools.recording.table import Rows, Table
 from gcs_tools.recording.writer import RecordingWriter
 
 RUNS = Path("runs")
@@ -171,10 +171,12 @@ class _Run:
         )  # fmt: skip
         try:
             if len(flown.fcu) > 1:
-                from gcs_tools.pictures.plot import flight_figure
+                from gcs_tools.pictures.plot.overview import flight_figure
 
+                kinds, settings = Kinds.of(self._law), to_buffer(self._scene.settings).tolist()
                 flight_figure(
-                    flown.plant, flown.fcu, to_buffer(self._scene.settings),
+                    Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
+                    dict(zip(columns(kinds.params), settings, strict=True)),
                     self._mission.title, self._folder / "flight.png",
                 )  # fmt: skip
         except OSError as failed:

@@ -88,9 +88,9 @@ def test_estimates_are_held_against_their_truth(made: Any) -> None:
 
 def test_as_printed_the_estimate_holds_gravity(made: Any) -> None:
     made.set_fcu(**{"state.estimates.s_v_hat.z": -9.81})
-    achieved = estimates.translational(all_of(made))[2].truth
+    achieved = estimates.estimated(all_of(made), "Drag over mass")[2].truth
     made.told["law.achieved"] = 0.0
-    printed = estimates.translational(all_of(made))[2].truth
+    printed = estimates.estimated(all_of(made), "Drag over mass")[2].truth
     assert achieved is not None and printed is not None
     assert (achieved == 0.0).all() and (printed == -9.81).all()
 

@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fcu.kernel.buffers import size
+from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
 from fcu.settings import Settings
 from fcu.tick import Tick
-from gcs_tools.pictures.plot import POINTS, flight_figure, thin
+from gcs_tools.pictures.plot.overview import flight_figure
+from gcs_tools.pictures.plot.style import POINTS, thin
+from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
 
 
@@ -33,7 +35,8 @@ def test_any_flight_is_drawn(tmp_path: Path, n: int, bad: bool) -> None:
         plant[n // 2 :], fcu[n // 2 :] = np.nan, np.inf
     plant[:, 0] = fcu[:, 0] = np.arange(n) / 500.0
     column(Tick, fcu, "engaged")[:] = 2.0
-    params = random.random(size(Settings))
+    params = dict(zip(columns(Settings), random.random(size(Settings)), strict=True))
     path = tmp_path / "flight.png"
-    flight_figure(plant, fcu, params, "A flight of noise.", path)
+    truth, told = Table.of(PlantRecord, plant), Table.of(Tick, fcu)
+    flight_figure(truth, told, params, "A flight of noise.", path)
     assert path.read_bytes().startswith(b"\x89PNG")

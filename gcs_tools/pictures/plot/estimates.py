@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gcs_tools.pictures.plot.numbers import Numbers, finite, percent, rms, said
-from gcs_tools.pictures.plot.overview import drag_over_mass, inertia
 from gcs_tools.pictures.plot.style import DASHED, INK, MUTED, THREE, TIME, WIDE, legend, line, zoom
 from gcs_tools.pictures.plot.window import Window
+from gcs_tools.pictures.quantities import BY_TITLE, ROTORS, parts
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -30,9 +30,11 @@ class Estimate(NamedTuple):
     truth: Rows | None  # None: not recorded
 
 
-def translational(window: Window) -> list[Estimate]:
-    """s_v_hat, m/s^2, E, and its truth: drag over mass. As printed, it has to find gravity too."""
-    return [Estimate(*of) for of in drag_over_mass(window.plant, window.fcu, window.told)]
+def estimated(window: Window, title: str) -> list[Estimate]:
+    """Those of a quantity that is held against a truth."""
+    q, known = BY_TITLE[title], window.history.flown
+    columns = zip(q.labels, q.columns, q.truth, strict=True)
+    return [Estimate(label, known(hat)[1], known(truth)[1]) for label, hat, truth in columns]
 
 
 def angular(window: Window) -> list[Estimate]:
@@ -56,11 +58,10 @@ def angular(window: Window) -> list[Estimate]:
 
 def _believed_torque(window: Window) -> Rows:
     """Torque (N m, B), (n, 3), of the true rotor speeds with the coefficients the law was told."""
-    rotors = [f"r{i}" for i in range(1, 9)]
     x, y, spin = (
-        np.array([window.told[f"law.rotors.{of}.{r}"] for r in rotors]) for of in ("x", "y", "spin")
+        np.array([window.told[f"law.rotors.{of}.{r}"] for r in ROTORS]) for of in ("x", "y", "spin")
     )
-    Omega = np.stack([window.plant[f"state.Omega.{r}"] for r in rotors], axis=1)
+    Omega = np.stack([window.plant[name] for name in parts("state.Omega", ROTORS)], axis=1)
     effect = np.stack([y, -x, -window.told["law.rotors.k_Q"] * spin])
     torque: Rows = (window.told["law.rotors.c_T"] * Omega * Omega) @ effect.T
     return torque
@@ -92,10 +93,12 @@ def _norm_rms(window: Window, of: list[Estimate]) -> float | None:
 
 def numbers(window: Window) -> Numbers:
     """Errors at the end, or RMS once settled; how often projection holds one. Raises Missing."""
-    m, m_hat = window.plant["m"], window.fcu["state.estimates.m_hat"]
     window.t, window.told  # noqa: B018  what the figure needs
-    off = [float((J_hat[-1] - J[-1]) / J[-1]) for _, J_hat, J in inertia(window.plant, window.fcu)]
-    drag = translational(window)
+    window.need("Mass", "Inertia", "Drag over mass")
+    m, m_hat = window.plant["m"], window.fcu["state.estimates.m_hat"]
+    J = zip(window.fcu.axes("state.estimates.J_hat"), window.plant.axes("J"), strict=True)
+    off = [float((hat[-1] - true[-1]) / true[-1]) for hat, true in J]
+    drag = estimated(window, "Drag over mass")
     return {
         "mass_error_final_kg": finite(m_hat[-1] - m[-1]),
         "mass_error_final_fraction": finite((m_hat[-1] - m[-1]) / m[-1]),
@@ -146,18 +149,18 @@ def notes(window: Window) -> list[str]:
 def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     """Five groups of estimates, and how much of its set each uses."""
     (drag, mass), (disturbance, moments), (coefficients, used) = figure.subplots(3, 2, sharex=True)
-    told, plant, fcu = window.told, window.plant, window.fcu
+    told = window.told
     bound = {name: told[f"law.bounds.{name}"] for name in ("s_v_max", "s_w_max", "c_max")}
     m, J = ((told[f"law.bounds.{name}_min"], told[f"law.bounds.{name}_max"]) for name in "mJ")
 
-    s_v = translational(window)
+    s_v = estimated(window, "Drag over mass")
     _group(drag, window, "Drag force over mass ŝ_v, m/s²", s_v, symmetric(bound["s_v_max"]), 1.0)
-    m_hat = [Estimate("estimate", fcu["state.estimates.m_hat"], plant["m"])]
+    m_hat = estimated(window, "Mass")
     _group(mass, window, "Mass m̂, kg", m_hat, m)
     s_w = angular(window)
     title = "Angular disturbance ŝ_ω, rad/s²"
     _group(disturbance, window, title, s_w, symmetric(bound["s_w_max"]), 0.1)
-    J_hat = [Estimate(*of) for of in inertia(plant, fcu)]
+    J_hat = estimated(window, "Inertia")
     _group(moments, window, "Inertia Ĵ, kg m²", J_hat, J)
     c = couplings(window)
     title = "Coefficients ĉ"

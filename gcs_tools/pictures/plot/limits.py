@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs_tools.pictures.plot.numbers import Numbers, finite, least, percent
+from gcs_tools.pictures.plot.overview import chart
 from gcs_tools.pictures.plot.style import (
     DASHED,
     GOVERNED,
@@ -16,7 +17,6 @@ from gcs_tools.pictures.plot.style import (
     WIDE,
     X,
     Y,
-    empty,
     flagged,
     legend,
     limits,
@@ -24,6 +24,7 @@ from gcs_tools.pictures.plot.style import (
     note,
 )
 from gcs_tools.pictures.plot.window import Window
+from gcs_tools.pictures.quantities import BY_TITLE, ROTORS, parts
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -33,12 +34,11 @@ if TYPE_CHECKING:
 SIZE = (12.0, 11.5)  # inches
 QUESTION = "How close to saturation?"
 MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "governed_fraction")
-ROTORS = [f"outputs.thrusts.r{i}" for i in range(1, 9)]
 
 
 def _rotors(window: Window) -> Rows:
     """Allocated thrusts, N, (8, n)."""
-    return np.stack([window.fcu[name] for name in ROTORS])
+    return np.stack([window.fcu[name] for name in parts("outputs.thrusts", ROTORS)])
 
 
 def _room(values: Rows, low: float, high: float) -> float | None:
@@ -89,26 +89,17 @@ def answer(found: Numbers) -> str:
 
 def draw(figure: Figure, window: Window, found: Numbers) -> None:
     """Total thrust, tilt and rotors over time, each between its limits; what the demand leaves."""
-    thrust, tilt, rotors, margin = figure.subplots(4, 1, sharex=True)
+    has_margin = found["margin_min_n"] is not None
+    thrust, tilt, rotors, *margin = figure.subplots(3 + has_margin, 1, sharex=True)
     t, fcu, told = window.t, window.fcu, window.told
 
-    thrust.set_title("Total thrust, N")
-    line(thrust, t, fcu["outputs.T_achieved"], color=MUTED, label="achieved", **WIDE)
-    line(thrust, t, fcu["outputs.T_c"], color=X, label="commanded")
-    limits(thrust, told["law.limits.T_min"], told["law.limits.T_max"])
-    _finish(thrust, window, "thrust", "at the limit")
-
-    tilt.set_title("Roll and pitch, degrees")
-    angles, commands = (fcu.axes(f"outputs.{name}", "xy") for name in ("angles", "angles_c"))
-    for colour, angle in zip(THREE, angles, strict=False):
+    chart(thrust, BY_TITLE["Thrust"], window.history, window.flight.settle_from_s)
+    _flag(thrust, window, "thrust", "at the limit")
+    for colour, angle in zip(THREE, fcu.axes("outputs.angles", "xy"), strict=False):
         line(tilt, t, np.degrees(angle), color=colour, **WIDE)
-    for name, colour, angle in zip(("roll", "pitch"), THREE, commands, strict=False):
-        line(tilt, t, np.degrees(angle), color=colour, label=f"{name} commanded")
     tilt.plot([], [], color=MUTED, label="flown", **WIDE)
-    limit = float(np.degrees(told["law.limits.phi_star"]))
-    limits(tilt, -limit, limit)
-    tilt.set_yticks([-limit, -limit / 2, 0.0, limit / 2, limit])
-    _finish(tilt, window, "tilt", "at the limit")
+    chart(tilt, BY_TITLE["Commanded tilt"], window.history, window.flight.settle_from_s)
+    _flag(tilt, window, "tilt", "at the limit")
 
     rotors.set_title("Thrust of the eight rotors as allocated, N")
     each = _rotors(window)
@@ -116,17 +107,16 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
     line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
     line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
     limits(rotors, told["law.rotors.f_min"], told["law.rotors.f_max"])
-    _finish(rotors, window, "rotor", "gives up torque or thrust")
-    _margin(margin, window, found)
-    margin.set_xlabel(TIME)
+    rotors.plot([], [], label="limit", **DASHED)
+    _flag(rotors, window, "rotor", "gives up torque or thrust")
+    for axes in margin:
+        _margin(axes, window, found)
+    figure.axes[-1].set_xlabel(TIME)
 
 
 def _margin(axes: Axes, window: Window, found: Numbers) -> None:
     axes.set_title("From the demanded force to the nearest limit, N")
     demand, condition = (window.fcu[f"guard.margin.{name}"] for name in ("force", "condition"))
-    if not np.isfinite(demand).any():
-        empty(axes, "not recorded")
-        return
     line(axes, window.t, demand, color=X, label="demand")
     line(axes, window.t, condition, color=Y, label="whatever may come (condition)")
     axes.axhline(0.0, zorder=1, **DASHED)
@@ -141,7 +131,6 @@ def _margin(axes: Axes, window: Window, found: Numbers) -> None:
     )
 
 
-def _finish(axes: Axes, window: Window, which: str, flag: str) -> None:
-    axes.plot([], [], label="limit", **DASHED)
+def _flag(axes: Axes, window: Window, which: str, flag: str) -> None:
     flagged(axes, window.t, window.fcu[f"outputs.saturation.{which}"], flag)
     legend(axes)

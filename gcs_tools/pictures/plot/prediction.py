@@ -18,7 +18,8 @@ from gcs_tools.pictures.plot.style import (
     logarithmic,
     zoom,
 )
-from gcs_tools.pictures.plot.window import ENU, Window
+from gcs_tools.pictures.plot.window import Window
+from gcs_tools.pictures.quantities import ENU
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def numbers(window: Window) -> Numbers:
     """RMS of what is settled, and the worst. Raises Missing."""
     found: Numbers = {}
     window.t  # noqa: B018  what the figure needs
+    window.need("Velocity prediction error", "Rate prediction error")
     for name, key, unit in ((V, "velocity", "m_s"), (W, "rate", "rad_s")):
         size = _size(window, name)
         found[f"{key}_rms_settled_{unit}"] = rms(size[window.settled])

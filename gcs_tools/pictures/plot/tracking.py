@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gcs_tools.pictures.plot.numbers import Numbers, length
-from gcs_tools.pictures.plot.overview import distance
+from gcs_tools.pictures.plot.overview import chart
 from gcs_tools.pictures.plot.style import (
     DOTTED,
     INK,
@@ -20,7 +20,8 @@ from gcs_tools.pictures.plot.style import (
     legend,
     line,
 )
-from gcs_tools.pictures.plot.window import ENU, Window
+from gcs_tools.pictures.plot.window import Window
+from gcs_tools.pictures.quantities import BY_TITLE, ENU
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +36,8 @@ def numbers(window: Window) -> Numbers:
     t, error = window.t, window.flight.position_error
     finite = np.isfinite(error)
     worst_at = float(t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
-    names = ("position_rms_settled_m", "position_max_m", "position_final_m", "position_rms_m")
+    names = ("position_rms_settled_m", "position_max_m", "position_final_m", "position_rms_m",
+             "command_rms_settled_m")  # fmt: skip
     return {
         **{name: window.flight.metric(name) for name in names},
         "position_max_at_s": worst_at,
@@ -47,27 +49,31 @@ def answer(found: Numbers) -> str:
     """In one line."""
     settled, at = found["position_rms_settled_m"], found["position_max_at_s"]
     first = "never settled" if settled is None else f"settled RMS {length(settled)}"
+    if at is None and (off := found["command_rms_settled_m"]) is not None:
+        first = f"no reference model; off the setpoint, settled RMS {length(off)}"
     worst = "" if at is None else f", worst {length(found['position_max_m'])} at {at:.3g} s"
     return first + worst
 
 
 def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     """Position over time, from above, and the distance from the reference."""
-    grid = figure.subplot_mosaic(
-        [["east", "above"], ["north", "above"], ["up", "above"], ["error", "error"]],
-        width_ratios=[1.4, 1.0],
-        height_ratios=[1.0, 1.0, 1.0, 1.25],
-    )
+    error = BY_TITLE["Distance from the reference"]
+    has_reference = window.history.shows(error)
+    places: list[Any] = [[name, "above"] for name in ENU] + [["error", "error"]] * has_reference
+    heights = [1.0, 1.0, 1.0] + [1.25] * has_reference
+    grid = figure.subplot_mosaic(places, width_ratios=[1.4, 1.0], height_ratios=heights)
     t, fcu = window.t, window.fcu
     flown = window.plant.axes("state.r_E")
     reference, told = fcu.axes("outputs.reference.r_m"), fcu.axes("setpoint.r_c")
     for i, (name, colour) in enumerate(zip(ENU, THREE, strict=True)):
         axes = grid[name]
-        axes.sharex(grid["error"])
+        if axes is not grid["up"]:
+            axes.sharex(grid["up"])
         axes.tick_params(labelbottom=name == "up")
         axes.set_title(f"{name.capitalize()}, m")
         line(axes, t, told[i], color=INK, label="setpoint", **DOTTED)
-        line(axes, t, reference[i], color=colour, label="reference", **WIDE)
+        if has_reference:
+            line(axes, t, reference[i], color=colour, label="reference", **WIDE)
         line(axes, t, flown[i], color=colour, label="flown")
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 0.5 * (low + high) - 0.5), max(high, 0.5 * (low + high) + 0.5))
@@ -78,7 +84,8 @@ def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     above.set_xlabel("east")
     above.set_ylabel("north")
     (_, east), (_, north) = (broken(t, r) for r in reference[:2])
-    above.plot(east, north, color=MUTED, label="reference", **WIDE)
+    if has_reference:
+        above.plot(east, north, color=MUTED, label="reference", **WIDE)
     (_, east), (_, north) = (broken(t, r) for r in flown[:2])
     above.plot(east, north, color=INK, linewidth=0.9, label="flown")
     above.plot(flown[0][:1], flown[1][:1], color=INK, marker="o", linestyle="none", label="start")
@@ -88,5 +95,7 @@ def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     above.set_aspect("equal", adjustable="datalim")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, columnspacing=0.8,
                  handlelength=1.2)  # fmt: skip
-    distance(grid["error"], window.flight)
-    grid["error"].set_xlabel(TIME)
+    if has_reference:
+        grid["error"].sharex(grid["up"])
+        chart(grid["error"], error, window.history, window.flight.settle_from_s)
+    grid["error" if has_reference else "up"].set_xlabel(TIME)

@@ -39,6 +39,7 @@ def error(t: Rows, estimate: Rows, truth: Rows, from_s: float) -> Numbers:
 def _both(window: Window) -> tuple[Rows, Rows, Rows]:
     """Times, estimates and truths (m/s, E) at the ticks that have both. Raises Missing."""
     t, told = window.t, window.report(WIND)
+    window.need("Wind")
     _, ours, theirs = np.intersect1d(
         np.rint(t * 1e6), np.rint(told["t"] * 1e6), return_indices=True
     )

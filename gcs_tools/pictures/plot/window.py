@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.pictures.history import FlightHistory
+from gcs_tools.pictures.quantities import BY_TITLE, Limits
 from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Rows, Table
-
-ENU = ("east", "north", "up")
 
 
 class Missing(Exception):
@@ -33,6 +34,7 @@ class Window:
     flight: (
         EngagedTicks  # ticks at which the law was flying; what is settled is of the whole flight
     )
+    history: FlightHistory  # of the same: the quantities that are shown
     plant: Table  # the truth, at those ticks
     fcu: Table  # what the controller told, at those ticks
     taken_over_s: float  # when the law first flew, also before the window; infinite: never
@@ -52,8 +54,10 @@ class Window:
             t = rows["t"]
             reports[topic] = rows.take((t >= low - 1e-6) & (t <= high + 1e-6))
             before[topic] = rows.take(np.flatnonzero(t < low - 1e-6)[-1:])
+        tables = {TRUTH: flight.plant, FCU: flight.fcu, **reports}
         return cls(
             flight=flight,
+            history=FlightHistory.of("", tables, Limits.of(recording.params or {})),
             plant=flight.plant,
             fcu=flight.fcu,
             taken_over_s=float(whole.t[0]) if len(whole.t) else np.inf,
@@ -69,6 +73,11 @@ class Window:
         if not len(self.flight.t):
             raise Missing("the law was not flying at any tick that is recorded on both sides")
         return self.flight.t
+
+    def need(self, *titles: str) -> None:
+        """Raise Missing if none of these quantities is known."""
+        if not any(self.history.shows(BY_TITLE[title]) for title in titles):
+            raise Missing(f"the law that was flown tells no {' and no '.join(titles).lower()}")
 
     @property
     def told(self) -> dict[str, float]:

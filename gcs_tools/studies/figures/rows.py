@@ -24,7 +24,7 @@ from gcs_tools.pictures.plot.style import (
     line,
     note,
 )
-from gcs_tools.pictures.plot.window import ENU
+from gcs_tools.pictures.quantities import ENU
 from gcs_tools.recording.table import Rows
 from gcs_tools.studies.figures.cases import Flown
 from gcs_tools.studies.figures.numbers import FIRST_S, MILLI, SETTLED_S, norm
