@@ -18,7 +18,7 @@ from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import Code, Told, lacks, setpoint_asked
 from fcu.kernel.algebra import Vec3
 from fcu.parameters import Parameters
-from fcu.vehicle.plans import STILL, PlanLimits, Pose, brake, length, rest, through
+from fcu.vehicle.plans import STILL, PlanLimits, Pose, at, brake, length, rest, through
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -49,8 +49,7 @@ class FeasibilityCheck:
         """Compile what a look needs."""
         if not self._looks_ahead:
             return
-        still = Setpoint(STILL, STILL, STILL, 0.0, 0.0)
-        Look(self._params.guard, self._params.law).short(way_to(still), np.zeros(6))
+        Look(self._params.guard, self._params.law).short(way_to(at(STILL, 0.0)), np.zeros(6))
 
     @property
     def _policy(self) -> float:

@@ -57,9 +57,14 @@ def length(v: Vec3) -> float:
     return math.sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
 
 
+def at(r: Vec3, psi: float, v: Vec3 = STILL, a: Vec3 = STILL) -> Setpoint:
+    """The setpoint at r without a yaw rate; it stands still if neither v nor a is given."""
+    return Setpoint(r_c=r, v_c=v, a_c=a, psi_c=psi, psi_dot_c=0.0)
+
+
 def rest(r: Vec3, psi: float) -> Piece:
     """Stay at r."""
-    return Piece(Setpoint(r, STILL, STILL, psi, 0.0), math.inf)
+    return Piece(at(r, psi), math.inf)
 
 
 def brake(r: Vec3, v: Vec3, psi: float, limits: PlanLimits) -> tuple[list[Piece], Vec3]:
@@ -74,7 +79,7 @@ def brake(r: Vec3, v: Vec3, psi: float, limits: PlanLimits) -> tuple[list[Piece]
     )
     time = speed / least
     a = (-1.0 / time) * v
-    return [Piece(Setpoint(r, v, a, psi, 0.0), time)], r + (0.5 * time) * v
+    return [Piece(at(r, psi, v, a), time)], r + (0.5 * time) * v
 
 
 def line(start: Vec3, end: Vec3, psi: float, limits: PlanLimits) -> list[Piece]:
@@ -93,7 +98,7 @@ def line(start: Vec3, end: Vec3, psi: float, limits: PlanLimits) -> list[Piece]:
     pieces, r = [], start
     for v, accel, time in ((0.0, a, ramp), (speed, 0.0, flat), (speed, -a, ramp)):
         if time > 1e-9:
-            pieces.append(Piece(Setpoint(r, v * ahead, accel * ahead, psi, 0.0), time))
+            pieces.append(Piece(at(r, psi, v * ahead, accel * ahead), time))
             r = r + (v * time + 0.5 * accel * time * time) * ahead
     return pieces
 
@@ -119,16 +124,15 @@ def descent(
         low = Vec3(here.x, here.y, slow_below)
         pieces += line(here, low, psi, limits)
         here = low
-    sinking = Setpoint(here, Vec3(0.0, 0.0, -speed), STILL, psi, 0.0)
-    return [*pieces, Piece(sinking, math.inf)]
+    return [*pieces, Piece(at(here, psi, v=Vec3(0.0, 0.0, -speed)), math.inf)]
 
 
 def steps(r: Vec3, away: Vec3, period_s: float, psi: float) -> Iterator[Piece]:
     """There and back, each held for a period, as steps: the reference model is to shape them."""
     every = period_s if period_s > 0.0 else math.inf
     while True:
-        yield Piece(Setpoint(r + away, STILL, STILL, psi, 0.0), every)
-        yield Piece(Setpoint(r, STILL, STILL, psi, 0.0), every)
+        yield Piece(at(r + away, psi), every)
+        yield Piece(at(r, psi), every)
 
 
 def eight_acceleration(size: tuple[float, float], speed: float) -> float:
@@ -157,20 +161,17 @@ def figure_eight(r: Vec3, size: tuple[float, float], speed: float, psi: float) -
         else:
             p, p_dot, p_ddot = rate * (t - 0.5 * EIGHT_RAMP_S), rate, 0.0
         s, c, s2, c2 = math.sin(p), math.cos(p), math.sin(2.0 * p), math.cos(2.0 * p)
-        yield Piece(
-            Setpoint(
-                r + Vec3(0.5 * a * s, 0.5 * b * s2, 0.0),
-                Vec3(0.5 * a * c * p_dot, b * c2 * p_dot, 0.0),
-                Vec3(
-                    0.5 * a * (c * p_ddot - s * p_dot * p_dot),
-                    b * (c2 * p_ddot - 2.0 * s2 * p_dot * p_dot),
-                    0.0,
-                ),
-                psi,
+        here = at(
+            r + Vec3(0.5 * a * s, 0.5 * b * s2, 0.0),
+            psi,
+            v=Vec3(0.5 * a * c * p_dot, b * c2 * p_dot, 0.0),
+            a=Vec3(
+                0.5 * a * (c * p_ddot - s * p_dot * p_dot),
+                b * (c2 * p_ddot - 2.0 * s2 * p_dot * p_dot),
                 0.0,
             ),
-            1.0 / EIGHT_HZ,
         )
+        yield Piece(here, 1.0 / EIGHT_HZ)
         k += 1
 
 

@@ -15,7 +15,7 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.laws.mmrac import reference_model
-from fcu.vehicle.plans import STILL, Pose, length
+from fcu.vehicle.plans import STILL, Pose, at, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -153,7 +153,7 @@ def of_position(
     if push > limits.acceleration:
         a = (limits.acceleration / push) * a
         warning = Told(Code.SETPOINT_HARD, (push, limits.acceleration))
-    return Setpoint(r, v, a, psi, psi_dot), warning
+    return Setpoint(r_c=r, v_c=v, a_c=a, psi_c=psi, psi_dot_c=psi_dot), warning
 
 
 def _slowed(v: Vec3, limits: SetpointLimits) -> Vec3:
@@ -187,7 +187,7 @@ def of_attitude(
 
 def anchored(flown: Setpoint | None, age_s: float, pose: Pose, near: float) -> Setpoint:
     """The setpoint flown now, as one to go on from: where the vehicle is, if that is elsewhere."""
-    here = Setpoint(pose.r_E, pose.v_E, STILL, pose.psi, 0.0)
+    here = at(pose.r_E, pose.psi, v=pose.v_E)
     if flown is None:
         return here
     now: Setpoint = reference_model.carried(flown, age_s)

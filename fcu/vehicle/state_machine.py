@@ -33,7 +33,7 @@ from fcu.vehicle import landing, modes, plans
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import STILL, Leader, Piece, PlanLimits, Pose
+from fcu.vehicle.plans import Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import Script, SetpointLimits, anchored, of_attitude, of_position
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -366,12 +366,10 @@ class StateMachine:
                 return  # it is on the ground, and stays there
             self._end_approach()
         now = self.flown(t_us)
-        piece = Piece(
-            Setpoint(now.r_c, v, STILL, now.psi_c, psi_dot), self._params["COM_RC_LOSS_T"]
-        )
+        going = plans.at(now.r_c, now.psi_c, v)._replace(psi_dot_c=psi_dot)
+        piece = Piece(going, self._params["COM_RC_LOSS_T"])
         r, psi = now.r_c + piece.for_s * v, now.psi_c + piece.for_s * psi_dot
-        stop = Piece(Setpoint(r, STILL, STILL, psi, 0.0), math.inf)
-        self._follow([piece, stop], t_us)
+        self._follow([piece, plans.rest(r, psi)], t_us)
 
     def set_home(self, home: Vec3 | None) -> Answer:
         """Where a return flies to; None: here."""
