@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 from fcu.kernel.algebra import Rotors, Vec3
 
+ROTORS = len(Rotors._fields)  # of every airframe that can be flown
+
 
 class Airframe(NamedTuple):
     """Eight rotors and the limits of what they are asked for. SI units, angles in rad."""
@@ -54,7 +56,7 @@ def airframe(table: dict[str, Any], source: str = "airframe") -> Airframe:
             raise AirframeError(f"{source}: [rotors] {key} is missing")
     angles, spins, radius = table["angle_deg"], table["spin"], table["radius_m"]
     for key, row in (("angle_deg", angles), ("spin", spins)):
-        if not isinstance(row, list) or len(row) != 8:
+        if not isinstance(row, list) or len(row) != ROTORS:
             raise AirframeError(f"{source}: [rotors] {key}: expected eight numbers, got {row!r}")
     if any(s not in (1, -1) for s in spins):
         raise AirframeError(f"{source}: [rotors] spin: expected 1 (ccw) or -1 (cw), got {spins}")

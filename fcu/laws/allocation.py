@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.interface.airframe import Airframe
+from fcu.interface.airframe import ROTORS, Airframe
 from fcu.kernel.algebra import (
     Rotors,
     Vec3,
@@ -61,7 +61,7 @@ def believed_rotors(
 ) -> RotorParams:
     """RotorParams of an airframe. h : control period, s.  lag : of the rotors, s."""
     x, y, spin = (np.array(row) for row in (believed.x, believed.y, believed.spin))
-    effect = np.stack([np.ones(8), y, -x, -believed.k_Q * spin])
+    effect = np.stack([np.ones(ROTORS), y, -x, -believed.k_Q * spin])
     inverse = np.linalg.pinv(effect)  # so that torque does not change the total thrust
     B_x, B_y, B_z = (Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))
     return RotorParams(
@@ -112,7 +112,7 @@ def allocate(rotors, T, tau):
     tilting = k_tilt * tilting
 
     # thrust: moved as little as it takes for roll and pitch to fit
-    share = T / 8.0
+    share = T / ROTORS
     kept = clip(share, low - k_tilt * bottom, high - k_tilt * top)
     f = Rotors(kept, kept, kept, kept, kept, kept, kept, kept) + tilting
 

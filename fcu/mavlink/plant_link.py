@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.airframe import ROTORS
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import packer, size, unpacker
@@ -41,8 +42,7 @@ Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 _TIME = struct.Struct("<Q")
 _FLOATS = size(StateOnWire)
-_ROTORS = 8
-_FIRST_ROTOR = _FLOATS - _ROTORS
+_FIRST_ROTOR = _FLOATS - ROTORS
 _ODOMETRY_BYTES = 4 * _FIRST_ROTOR
 _FIRST_EIGHT = 0xFF  # ACTUATOR_OUTPUT_STATUS.active: outputs 1 to 8 are in use
 
@@ -89,7 +89,7 @@ def encode_state(buffer, spin, fields):
     """float64[21] VehicleState and float64[8] spin to the float32[21] fields of the wire."""
     on_wire = state_to_wire(_unpack_state(buffer))
     _pack_fields(fields, on_wire)
-    for i in range(_ROTORS):
+    for i in range(ROTORS):
         fields[_FIRST_ROTOR + i] *= spin[i]
 
 
@@ -120,12 +120,12 @@ def encode_command(buffer, fields):
 @kernel
 def decode_command(fields, buffer):
     """float32[8] controls to a float64[8] RotorCommand; returns 0 or a fault, as above."""
-    for i in range(_ROTORS):
+    for i in range(ROTORS):
         if not np.isfinite(fields[i]):
             return _NOT_FINITE
         if not 0.0 <= fields[i] <= 1.0:
             return _OUT_OF_RANGE
-    for i in range(_ROTORS):
+    for i in range(ROTORS):
         buffer[i] = fields[i]
     return 0
 
@@ -146,16 +146,16 @@ class PlantCodec:
         self._sent = np.zeros(_FLOATS, dtype="<f4")
         self._raw = bytearray(4 * _FLOATS)
         self._received = np.frombuffer(self._raw, dtype="<f4")
-        self._raw_controls = bytearray(4 * _ROTORS)
+        self._raw_controls = bytearray(4 * ROTORS)
         self._received_controls = np.frombuffer(self._raw_controls, dtype="<f4")
-        self._sent_controls = np.zeros(_ROTORS, dtype="<f4")
+        self._sent_controls = np.zeros(ROTORS, dtype="<f4")
         self._scratch = np.zeros(_FLOATS)
         self.battery: Battery | None = None  # as last received, with a state
         self._compile()
 
     def _compile(self) -> None:
-        state, command = np.zeros(_FLOATS), np.zeros(_ROTORS)
-        encode_state(state, np.ones(_ROTORS), self._sent)
+        state, command = np.zeros(_FLOATS), np.zeros(ROTORS)
+        encode_state(state, np.ones(ROTORS), self._sent)
         decode_state(self._received, self._scratch, state)
         encode_command(command, self._sent_controls)
         decode_command(self._received_controls, command)
@@ -202,7 +202,7 @@ class PlantCodec:
         if rotors[8:12] != _ACTIVE:
             raise WireError("ACTUATOR_OUTPUT_STATUS is not of eight rotors")
         self._raw[:_ODOMETRY_BYTES] = odometry[8 : 8 + _ODOMETRY_BYTES]
-        self._raw[_ODOMETRY_BYTES:] = rotors[12 : 12 + 4 * _ROTORS]
+        self._raw[_ODOMETRY_BYTES:] = rotors[12 : 12 + 4 * ROTORS]
         fault = decode_state(self._received, self._scratch, buffer)
         if fault:
             raise WireError(_FAULTS[fault])

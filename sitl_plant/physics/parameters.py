@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fcu.interface.airframe import airframe, load
+from fcu.interface.airframe import ROTORS, airframe, load
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.rotations import from_euler
 from sitl_plant.physics.battery import BatteryParams
@@ -79,7 +79,7 @@ def plant_params(
         rotors["lag_s"] = plant["rotor_lag_s"]
     true = airframe(rotors, str(truth))
 
-    loss_time, left = [NEVER] * 8, [1.0] * 8
+    loss_time, left = [NEVER] * ROTORS, [1.0] * ROTORS
     for loss in plant.get("rotor_loss") or ():
         loss_time[loss["rotor"] - 1] = float(loss["at_s"])
         left[loss["rotor"] - 1] = float(loss["effectiveness"])
@@ -133,7 +133,7 @@ def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> 
     start = start or {}
     x, y, z = (float(v) for v in start.get("position_m", (0.0, 0.0, 0.0)))
     weight = params.m * params.g
-    Omega = math.sqrt(weight / 8.0 / params.airframe.c_T)
+    Omega = math.sqrt(weight / ROTORS / params.airframe.c_T)
     ground = params.ground
     if start.get("on_ground"):
         z = ground.z + ground.gear - weight / ground.stiffness
@@ -144,5 +144,5 @@ def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> 
         v_E=_vec(start.get("velocity_m_s", (0.0, 0.0, 0.0))),
         q_EB=q,
         w_B=Vec3(0.0, 0.0, 0.0),
-        Omega=Rotors(*[Omega] * 8),
+        Omega=Rotors(*[Omega] * ROTORS),
     )
