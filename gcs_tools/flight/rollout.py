@@ -69,7 +69,7 @@ def rollout(
         if len(noise) > 0:
             measured = through_the_wire(tick.report(shown, noise[k]))
         else:
-            measured = through_the_wire(tick.as_reported(shown))
+            measured = through_the_wire(shown)
 
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= k:
             sent += 1

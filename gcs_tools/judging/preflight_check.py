@@ -15,7 +15,6 @@ from fcu.interface.status_texts import lacks, words
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.mavlink.frames import through_the_wire
 from gcs_tools.flight.scenario import Scenario
-from sitl_plant.physics import tick
 
 
 def refusal(scene: Scenario) -> str:
@@ -23,7 +22,7 @@ def refusal(scene: Scenario) -> str:
     if scene.flown.guard is None or scene.guard.policy != REFUSE:
         return ""
     look, law = admission.Look(scene.guard, scene.law), to_buffer(scene.law)
-    start = through_the_wire(tick.as_reported(scene.world.start))
+    start = through_the_wire(scene.world.start)
     reference = np.array([*start.r_E, *start.v_E])
     before = None
     for k, row in zip(scene.sent_at.tolist(), scene.setpoints, strict=True):

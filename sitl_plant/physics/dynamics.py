@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Vec3, cross, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, normalised, quaternion_rate, rotate, rotate_back
 from sitl_plant.physics import battery, drag, ground, rotors
-from sitl_plant.physics.types import PlantRecord, PlantState
+from sitl_plant.physics.types import PlantRecord
 from sitl_plant.physics.wind import field
 
 FLYING, DIVERGED, CRASHED = 0.0, 1.0, 2.0
@@ -117,7 +118,9 @@ def integrate(params, state, command, t):
     k4 = derivative(params, moved(body, k3, h), push_1)
     sixth, third = h / 6.0, h / 3.0
     end = moved(moved(moved(moved(body, k1, sixth), k2, third), k3, third), k4, sixth)
-    return PlantState(end.r_E, end.v_E, normalised(end.q_EB), end.w_B, Omega_1)
+    return VehicleState(
+        r_E=end.r_E, v_E=end.v_E, q_EB=normalised(end.q_EB), w_B=end.w_B, Omega=Omega_1
+    )
 
 
 @kernel

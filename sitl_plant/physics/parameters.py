@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from fcu.interface.airframe import ROTORS, airframe, load
+from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.rotations import from_euler
 from sitl_plant.physics.battery import BatteryParams
-from sitl_plant.physics.types import GroundParams, PlantParams, PlantState, WindParams
+from sitl_plant.physics.types import GroundParams, PlantParams, WindParams
 from sitl_plant.physics.wind.field import Phases, phases
 
 G = 9.81  # m/s^2
@@ -124,7 +125,7 @@ def plant_params(
     )
 
 
-def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> PlantState:
+def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> VehicleState:
     """The state at the start of a flight.
 
     In the air: at `position_m`, level, with the rotors at hover speed. On the ground
@@ -139,7 +140,7 @@ def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> 
         z = ground.z + ground.gear - weight / ground.stiffness
         Omega = 0.0
     q: Quat = from_euler(0.0, 0.0, math.radians(float(start.get("yaw_deg", 0.0))))
-    return PlantState(
+    return VehicleState(
         r_E=Vec3(x, y, z),
         v_E=_vec(start.get("velocity_m_s", (0.0, 0.0, 0.0))),
         q_EB=q,

@@ -1,8 +1,7 @@
 """One control tick of the simulator: record the true state, report it, integrate to the next tick.
 
 `report` works on values, for kernels. `observe`, `sense` and `advance` work on flat float64
-buffers, for the edge of a process. PlantState and VehicleState have the same layout, so a state
-buffer can be read as either.
+buffers, for the edge of a process.
 """
 
 from __future__ import annotations
@@ -14,38 +13,31 @@ from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import small_rotation
 from sitl_plant.physics import battery, dynamics, rotors
 from sitl_plant.physics.battery import BatteryState
-from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
+from sitl_plant.physics.types import PlantParams, PlantRecord
 
 NOISE = 12  # position, velocity, attitude (rotation vector), body rate: three each
 
 unpack_params = unpacker(PlantParams)
-unpack_state = unpacker(PlantState)
-pack_state = packer(PlantState)
+unpack_state = unpacker(VehicleState)
+_pack_state = packer(VehicleState)
 pack_record = packer(PlantRecord)
 _unpack_command = unpacker(RotorCommand)
-_pack_reported = packer(VehicleState)
 _unpack_drawn = unpacker(BatteryState)
 _pack_drawn = packer(BatteryState)
 
 
 @kernel
-def as_reported(state):
-    """A PlantState as the VehicleState to report, without noise."""
-    return VehicleState(state.r_E, state.v_E, state.q_EB, state.w_B, state.Omega)
-
-
-@kernel
 def report(state, noise):
-    """A PlantState as the VehicleState to report, with noise float64[12] added.
+    """A VehicleState as it is reported: with noise float64[12] added.
 
     Units of the noise: m and m/s along Earth axes, rad and rad/s about body axes.
     """
     return VehicleState(
-        state.r_E + Vec3(noise[0], noise[1], noise[2]),
-        state.v_E + Vec3(noise[3], noise[4], noise[5]),
-        state.q_EB * small_rotation(Vec3(noise[6], noise[7], noise[8])),
-        state.w_B + Vec3(noise[9], noise[10], noise[11]),
-        state.Omega,
+        r_E=state.r_E + Vec3(noise[0], noise[1], noise[2]),
+        v_E=state.v_E + Vec3(noise[3], noise[4], noise[5]),
+        q_EB=state.q_EB * small_rotation(Vec3(noise[6], noise[7], noise[8])),
+        w_B=state.w_B + Vec3(noise[9], noise[10], noise[11]),
+        Omega=state.Omega,
     )
 
 
@@ -66,7 +58,7 @@ def observe(params_buffer, state_buffer, drawn_buffer, t, start_buffer, row):
 @kernel
 def sense(state_buffer, noise, reported):
     """Write a state buffer with noise to `reported`, a VehicleState."""
-    _pack_reported(reported, report(unpack_state(state_buffer), noise))
+    _pack_state(reported, report(unpack_state(state_buffer), noise))
 
 
 @kernel
@@ -83,4 +75,4 @@ def advance(params_buffer, state_buffer, drawn_buffer, command_buffer, t, steps)
     _pack_drawn(drawn_buffer, battery.drained(drawn, now, steps * params.h))
     for j in range(steps):
         state = dynamics.integrate(params, state, command, t + j * params.h)
-    pack_state(state_buffer, state)
+    _pack_state(state_buffer, state)

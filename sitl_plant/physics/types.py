@@ -1,6 +1,6 @@
-"""Types of the simulator: constants (PlantParams), state (PlantState), recorded row (PlantRecord).
+"""Types of the simulator: constants (PlantParams), recorded row (PlantRecord).
 
-Frames: E is Earth East-North-Up, B is body Forward-Left-Up; SI units.
+The integrated state is a VehicleState, of which the noise is no part. Frames: E is Earth East-North-Up, B is body Forward-Left-Up; SI units.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fcu.interface.airframe import Airframe
-from fcu.interface.messages import Battery
-from fcu.kernel.algebra import Quat, Rotors, Vec3
+from fcu.interface.messages import Battery, VehicleState
+from fcu.kernel.algebra import Rotors, Vec3
 from sitl_plant.physics.battery import BatteryParams
 from sitl_plant.physics.wind.field import Phases
 
@@ -61,21 +61,11 @@ class PlantParams(NamedTuple):
     arena: float  # m; a flight that gets farther from its start has diverged
 
 
-class PlantState(NamedTuple):
-    """The integrated state."""
-
-    r_E: Vec3  # m
-    v_E: Vec3  # m/s
-    q_EB: Quat  # body to Earth
-    w_B: Vec3  # rad/s
-    Omega: Rotors  # rad/s, unsigned
-
-
 class PlantRecord(NamedTuple):
     """The true state at one control tick; trajectory hashes cover the first 22 columns."""
 
     t: float  # s
-    state: PlantState
+    state: VehicleState
     v_air_E: Vec3  # velocity of the air, m/s
     w_air_B: Vec3  # rotation of the air mass, rad/s
     f_D_E: Vec3  # drag force, N

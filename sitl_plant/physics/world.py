@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.interface.airframe import load
+from fcu.interface.messages import VehicleState
 from sitl_plant.physics.parameters import TRUTH, plant_params, start_state, steps_per_tick
-from sitl_plant.physics.types import PlantParams, PlantState
+from sitl_plant.physics.types import PlantParams
 
 BELIEVED = (
     TRUTH.parents[1] / "fcu" / "airframes" / "s1000.toml"
@@ -30,7 +31,7 @@ class World(NamedTuple):
     """All inputs of the simulator. All leaves are floats, so that JSON can hold them."""
 
     params: PlantParams
-    start: PlantState
+    start: VehicleState
     noise: Noise
     rate_hz: float
     seed: float  # of the noise, a whole number

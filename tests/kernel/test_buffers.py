@@ -14,11 +14,10 @@ from fcu.kernel.algebra import Vec3
 from fcu.laws.mmrac.types import Params, State
 from fcu.settings import Settings
 from fcu.tick import Tick
-from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
+from sitl_plant.physics.types import PlantParams, PlantRecord
 
 VALUES = [
-    Params, Settings, State, PlantParams, PlantRecord, PlantState, RotorCommand, Setpoint, Tick,
-    VehicleState,
+    Params, Settings, State, PlantParams, PlantRecord, RotorCommand, Setpoint, Tick, VehicleState,
 ]  # fmt: skip
 
 
@@ -59,10 +58,6 @@ def test_the_hashed_part_of_a_plant_record_is_its_time_and_state():
         "state.w_B.x", "state.w_B.y", "state.w_B.z",
         *[f"state.Omega.r{i}" for i in range(1, 9)],
     ]  # fmt: skip
-
-
-def test_a_plant_state_and_the_state_it_reports_have_one_layout():
-    assert buffers.columns(PlantState) == buffers.columns(VehicleState)
 
 
 def test_a_leaf_that_is_not_a_float_is_refused():

@@ -11,13 +11,13 @@ import pytest
 
 import fcu
 from fcu.interface.airframe import load
-from fcu.interface.messages import RotorCommand
+from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rows import view
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params
-from sitl_plant.physics.types import PlantParams, PlantRecord, PlantState
+from sitl_plant.physics.types import PlantParams, PlantRecord
 
 BELIEVED = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")["rotors"]
 
@@ -35,17 +35,17 @@ def plant() -> Callable[..., PlantParams]:
 
 
 @pytest.fixture(scope="session")
-def fly() -> Callable[..., PlantState]:
+def fly() -> Callable[..., VehicleState]:
     """The state after `seconds` under one command (rotor speeds over full speed)."""
 
     def run(
-        params: PlantParams, state: PlantState, u: Any, seconds: float, t: float = 0.0
-    ) -> PlantState:
+        params: PlantParams, state: VehicleState, u: Any, seconds: float, t: float = 0.0
+    ) -> VehicleState:
         buffer = to_buffer(state)
         tick.advance(
             to_buffer(params), buffer, np.zeros(2), command(u), t, round(seconds / params.h)
         )
-        return from_buffer(PlantState, buffer)
+        return from_buffer(VehicleState, buffer)
 
     return run
 
@@ -54,7 +54,7 @@ def fly() -> Callable[..., PlantState]:
 def truth() -> Callable[..., Any]:
     """The PlantRecord (as a NamedTuple) of a state at a time."""
 
-    def observe(params: PlantParams, state: PlantState, t: float = 0.0) -> PlantRecord:
+    def observe(params: PlantParams, state: VehicleState, t: float = 0.0) -> PlantRecord:
         row, buffer = np.zeros(size(PlantRecord)), to_buffer(state)
         tick.observe(to_buffer(params), buffer, np.zeros(2), t, buffer, row)
         assert view(PlantRecord, row).t == t

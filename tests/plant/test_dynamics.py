@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from sitl_plant.physics import dynamics, rotors
 from sitl_plant.physics.parameters import start_state, wind_params
-from sitl_plant.physics.types import PlantState
 
 STILL = Vec3(0.0, 0.0, 0.0)
 LEVEL = Quat(1.0, 0.0, 0.0, 0.0)
@@ -43,7 +43,7 @@ def angular_momentum_E(params, state):
 
 def test_tumbling_in_vacuum_conserves_energy_and_angular_momentum(plant, fly):
     params = plant(inertia_kg_m2=UNEVEN, **AIRLESS)
-    start = PlantState(STILL, Vec3(3.0, -2.0, 40.0), LEVEL, Vec3(0.05, 4.0, 0.1), STOPPED)
+    start = VehicleState(STILL, Vec3(3.0, -2.0, 40.0), LEVEL, Vec3(0.05, 4.0, 0.1), STOPPED)
     end = fly(params, start, 0.0, 10.0)
     assert energy(params, end) == pytest.approx(energy(params, start), rel=1e-9)
     np.testing.assert_allclose(
@@ -77,7 +77,7 @@ def test_spinning_rotors_conserve_energy_without_thrust(plant, fly):
     params = plant(inertia_kg_m2=UNEVEN, rotor_lag_s=0.0, **AIRLESS)
     params = params._replace(airframe=params.airframe._replace(c_T=0.0, J_m=0.001))
     u = np.where(np.array(params.airframe.spin) > 0.0, 0.8, 0.2)
-    start = PlantState(STILL, STILL, LEVEL, Vec3(1.0, 2.0, 0.5), STOPPED)
+    start = VehicleState(STILL, STILL, LEVEL, Vec3(1.0, 2.0, 0.5), STOPPED)
     end = fly(params, start, u, 10.0)
     w0, w1, J = np.array(start.w_B), np.array(end.w_B), np.array(params.J)
     assert w1 @ (J * w1) == pytest.approx(w0 @ (J * w0), rel=1e-9)
@@ -148,7 +148,7 @@ def test_at_hover_trim_the_vehicle_stays(plant, fly, truth):
 def test_drag_opposes_the_motion_through_the_air(plant, truth):
     params = plant(drag=[0.1, 0.2, 0.3])
     yawed = quat(Rotation.from_euler("Z", 90.0, degrees=True))  # body x is north
-    moving = PlantState(STILL, Vec3(2.0, 3.0, -4.0), yawed, STILL, STOPPED)
+    moving = VehicleState(STILL, Vec3(2.0, 3.0, -4.0), yawed, STILL, STOPPED)
     np.testing.assert_allclose(
         truth(params, moving).f_D_E, (-0.2 * 4.0, -0.1 * 9.0, 0.3 * 16.0), atol=1e-12
     )

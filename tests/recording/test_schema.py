@@ -38,7 +38,7 @@ def test_units_and_frames_stand_beside_the_fields() -> None:
         and "    double m_hat = 2;  // mass, kg" in text["m_mrac/fcu_law.proto"]
     )
     assert "double engaged = 2;  // 0 idle, 1 take-over" in text["m_mrac/fcu_law.proto"]
-    assert "    Vec3 r_E = 1;  // m\n" in text["m_mrac/plant_truth.proto"]
+    assert "    Vec3 r_E = 1;  // position, m, Earth\n" in text["m_mrac/plant_truth.proto"]
 
 
 def test_a_message_with_text_has_no_fixed_layout() -> None:
