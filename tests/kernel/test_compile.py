@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 LEVERS = """
 from typing import NamedTuple
 from fcu.kernel.algebra import select
@@ -41,6 +43,7 @@ def _files(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 def test_a_value_of_a_users_leaves_our_cache_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "levers.py").write_text(LEVERS)
     assert _run(tmp_path, OURS) == "2.0\n"

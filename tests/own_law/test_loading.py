@@ -17,6 +17,7 @@ def _files(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+@pytest.mark.slow
 def test_a_second_start_compiles_nothing_and_a_change_is_noticed(one_tick, own_law, cache):
     first = one_tick(own_law)
     assert first["compiled"] > 0
@@ -37,6 +38,7 @@ def test_a_second_start_compiles_nothing_and_a_change_is_noticed(one_tick, own_l
     assert third["digest"] != second["digest"]
 
 
+@pytest.mark.slow
 def test_a_law_leaves_what_is_compiled_of_ours_as_it_is(one_tick, own_law, cache):
     one_tick(own_law)
     ours = min((cache / "m-mrac").iterdir(), key=lambda folder: len(folder.name))
@@ -46,6 +48,7 @@ def test_a_law_leaves_what_is_compiled_of_ours_as_it_is(one_tick, own_law, cache
     assert _files(ours) == before
 
 
+@pytest.mark.slow
 def test_two_that_start_at_once_both_fly(one_tick, own_law):
     own_law.write_text(own_law.read_text() + "\n# new\n")
     with ThreadPoolExecutor(2) as pool:
@@ -54,6 +57,7 @@ def test_two_that_start_at_once_both_fly(one_tick, own_law):
     assert one_tick(own_law)["compiled"] == 0
 
 
+@pytest.mark.slow
 def test_without_a_cache_it_is_compiled_every_time(one_tick, own_law, tmp_path):
     in_the_way = tmp_path / "file"
     in_the_way.touch()

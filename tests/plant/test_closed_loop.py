@@ -69,6 +69,7 @@ def closed_loop(told, plant, state, rate_hz, ticks, buffer=np.array):
     return np.array(rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("prediction", "lag"), [("achieved", 0.05), ("demanded", 0.0)])
 def test_plain_python_flies_the_same_bits(tmp_path, prediction, lag):
     given = inputs(500.0, lag, prediction=prediction)
