@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -82,7 +83,8 @@ def test_laws_whose_helpers_have_one_name_do_not_meet(own_law, tmp_path):
     assert loader.load(other / "own.py").face.gentle == 0.5
 
 
-def test_a_package_beside_it_is_of_the_law(own_law, tmp_path):
+def test_a_package_beside_it_is_of_the_law(own_law, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)  # which would tell of the text before
     (tmp_path / "shaping").mkdir()
     (tmp_path / "shaping" / "__init__.py").write_text("from .gains import gentle\n")
     (tmp_path / "shaping" / "gains.py").write_text("gentle = 0.3\n")
