@@ -13,33 +13,12 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Quat, Vec3
 from fcu.kernel.rotations import from_euler
 from fcu.mavlink.definitions import IGNORE_ATTITUDE
-from fcu.mavlink.framing import Source
 from fcu.mavlink.ground_link import GroundCodec
 from fcu.mavlink.setpoints import attitude_setpoint, echo
+from tests.mavlink.script import FCU, SCRIPT, heard, read, sent
 
-FCU = Source(3, 1)
-SCRIPT = Source(245, 190)
 NO_RATES = (math.nan,) * 3
 NO_ATTITUDE = (math.nan,) * 4
-
-
-def read(datagram):
-    """The messages of a datagram, by pymavlink."""
-    return mavlink.MAVLink(None).parse_buffer(bytearray(datagram))
-
-
-def sent(message, source=SCRIPT):
-    """A pymavlink message as the bytes of a sender."""
-    return message.pack(mavlink.MAVLink(None, source.system, source.component))
-
-
-def heard(message):
-    """What the flight controller reads of a pymavlink message, or of our own."""
-    own = isinstance(message, tuple)
-    (read_,) = GroundCodec(*FCU).parse(
-        GroundCodec(*SCRIPT).framed(message) if own else sent(message)
-    )
-    return read_
 
 
 LEVEL_EAST = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # FRD in NED

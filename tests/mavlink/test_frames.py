@@ -11,28 +11,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fcu.interface.messages import RotorCommand, VehicleState
-from fcu.kernel.algebra import Quat, Rotors, Vec3
+from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.mavlink import frames
+from tests.mavlink.strategies import anything, commands, quaternions, speeds, states, vectors
 
 ENU_TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FLU_TO_FRD = np.diag([1.0, -1.0, -1.0])
 
 NORTH, EAST, WEST = 90.0, 0.0, 180.0  # yaw inside, degrees
 HUGE = 1e300  # far outside float32
-
-anything = st.floats(allow_nan=False)  # infinities, subnormals and all
-vectors = st.builds(Vec3, anything, anything, anything)
-component = st.floats(-1.0, 1.0)
-quaternions = (
-    st.tuples(component, component, component, component)
-    .filter(lambda q: math.hypot(*q) > 0.1)
-    .map(lambda q: Quat(*(c / math.hypot(*q) for c in q)))
-)
-speeds = st.builds(Rotors, *[st.floats(min_value=0.0, allow_nan=False)] * 8)
-states = st.builds(VehicleState, vectors, vectors, quaternions, vectors, speeds)
-commands = st.builds(RotorCommand, st.builds(Rotors, *[anything] * 8))
 
 
 def bits(value):

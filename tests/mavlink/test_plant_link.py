@@ -13,17 +13,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fcu.interface.link import UdpLink
-from fcu.interface.messages import Battery, RotorCommand, VehicleState
+from fcu.interface.messages import Battery, VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.mavlink import frames
 from fcu.mavlink import plant_link as wire
 from fcu.mavlink.plant_link import PlantCodec
+from tests.mavlink.plant_datagrams import (
+    SPIN,
+    SYSTEM,
+    TIME,
+    controls_by_pymavlink,
+    odometry_by_pymavlink,
+    pymavlink_at,
+    rotors_by_pymavlink,
+    state_by_pymavlink,
+    untouched,
+)
+from tests.mavlink.strategies import anything, commands, states
 
-SYSTEM = 3
-SPIN = Rotors(1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
 CODEC = PlantCodec(SYSTEM, SPIN)
-TIME = 1_234_567_890_123
 
 # nose north, level, 20 m north of the origin, 10 m east, 30 m up; moving east at 2 m/s
 HALF = math.sqrt(0.5)
@@ -37,51 +46,7 @@ FLYING = VehicleState(
 
 FLOWN_FOR = Battery(22.987, 51.23, 4.567, 0.7, 370_500.0)
 
-anything = st.floats(allow_nan=False)
-vectors = st.builds(Vec3, anything, anything, anything)
-component = st.floats(-1.0, 1.0)
-quaternions = (
-    st.tuples(component, component, component, component)
-    .filter(lambda q: math.hypot(*q) > 0.1)
-    .map(lambda q: Quat(*(c / math.hypot(*q) for c in q)))
-)
-speeds = st.builds(Rotors, *[st.floats(min_value=0.0, allow_nan=False)] * 8)
-states = st.builds(VehicleState, vectors, vectors, quaternions, vectors, speeds)
-commands = st.builds(RotorCommand, st.builds(Rotors, *[anything] * 8))
 times = st.integers(0, 2**64 - 1)
-
-
-def untouched(size):
-    return np.arange(size, dtype=np.float64) + 0.5
-
-
-def pymavlink_at(sequence, system=SYSTEM, component=1):
-    link = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
-    link.seq = sequence
-    return link
-
-
-def odometry_by_pymavlink(on_wire, time=TIME, frame=1, child=12):
-    unknown = [math.nan] + [0.0] * 20
-    return mavlink.MAVLink_odometry_message(
-        time, frame, child, *on_wire.r_N, on_wire.q_NF, *on_wire.v_F, *on_wire.w_F, unknown, unknown
-    )
-
-
-def rotors_by_pymavlink(on_wire, time=TIME, active=0xFF):
-    signed = [o * s for o, s in zip(on_wire.Omega, SPIN, strict=True)]
-    return mavlink.MAVLink_actuator_output_status_message(time, active, signed + [0.0] * 24)
-
-
-def state_by_pymavlink(link, odometry, rotors):
-    datagram = odometry.pack(link)
-    link.seq = (link.seq + 1) % 256
-    return datagram + rotors.pack(link)
-
-
-def controls_by_pymavlink(u, sequence=0, mode=129, flags=1, time=TIME):
-    message = mavlink.MAVLink_hil_actuator_controls_message(time, u + [0.0] * 8, mode, flags)
-    return message.pack(pymavlink_at(sequence))
 
 
 @given(states, times)

@@ -24,7 +24,6 @@ from fcu.mavlink.definitions import (
     IGNORE_YAW_RATE,
     Frame,
 )
-from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Geodetic
 from fcu.mavlink.ground_link import GroundCodec
 from fcu.mavlink.setpoints import (
@@ -37,9 +36,8 @@ from fcu.mavlink.setpoints import (
     setpoint_through_the_wire,
     target_of,
 )
+from tests.mavlink.script import FCU, SCRIPT, heard, read, sent
 
-FCU = Source(3, 1)
-SCRIPT = Source(245, 190)
 EAST = math.pi / 2  # clockwise from North
 NAMES = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
 NOWHERE = (math.nan,) * 3
@@ -48,25 +46,6 @@ STILL = (0.0, 0.0, 0.0)
 anything = st.floats(allow_nan=False)
 vectors = st.builds(Vec3, anything, anything, anything)
 setpoints = st.builds(Setpoint, vectors, vectors, vectors, st.floats(-20.0, 20.0), anything)
-
-
-def read(datagram):
-    """The messages of a datagram, by pymavlink."""
-    return mavlink.MAVLink(None).parse_buffer(bytearray(datagram))
-
-
-def sent(message, source=SCRIPT):
-    """A pymavlink message as the bytes of a sender."""
-    return message.pack(mavlink.MAVLink(None, source.system, source.component))
-
-
-def heard(message):
-    """What the flight controller reads of a pymavlink message, or of our own."""
-    own = isinstance(message, tuple)
-    (read_,) = GroundCodec(*FCU).parse(
-        GroundCodec(*SCRIPT).framed(message) if own else sent(message)
-    )
-    return read_
 
 
 def local(mask=0, frame=1, **fields):
