@@ -55,7 +55,7 @@ def closed_loop(told, plant, state, rate_hz, ticks, buffer=np.array):
     row, remembered, reported, no_noise, drawn = (
         buffer([0.0] * n) for n in (size(Tick), size(Remembered), 21, tick.NOISE, 2)
     )
-    rows, h, steps = [], 1.0 / rate_hz, steps_per_tick(rate_hz)
+    rows, h, steps = np.empty((ticks, size(Tick))), 1.0 / rate_hz, steps_per_tick(rate_hz)
     for k in range(ticks):
         t = k * h
         yaw, yaw_rate = 0.5 * math.sin(0.5 * t), 0.25 * math.cos(0.5 * t)
@@ -64,9 +64,9 @@ def closed_loop(told, plant, state, rate_hz, ticks, buffer=np.array):
         engaged = control.FLYING if k else control.TAKE_OVER
         sent = buffer(setpoint.tolist())
         control.tick(t, engaged, remembered, told, sent, 0.0, reported, row)
-        rows.append(list(row))
+        rows[k] = row
         tick.advance(plant, state, drawn, row[COMMAND], t, steps)
-    return np.array(rows)
+    return rows
 
 
 @pytest.mark.slow
