@@ -17,6 +17,7 @@ from gcs_tools.pictures.plot.window import Window
 STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_figure_is_written_in_each_format(made: Any, tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"tracking.{kind}"
