@@ -40,12 +40,12 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     show_default=True,
     help="Control rate, Hz.",
 )
-@click.option("--law", "law_name", metavar="NAME|FILE.py", default="mmrac", show_default=True, help="Control law: a name, or a Python file of your own, which is then run.")  # fmt: skip
-@click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON, in place of s1000.toml and --rate.")  # fmt: skip
-@click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="As what it presents itself; modes are encoded as PX4's in both.")  # fmt: skip
-@click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth.")  # fmt: skip
+@click.option("--law", "law_name", metavar="NAME|FILE.py", default="mmrac", show_default=True, help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
+@click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON; replaces s1000.toml and --rate.")  # fmt: skip
+@click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="Autopilot type to report. Both use PX4's mode numbers.")  # fmt: skip
+@click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
-@click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Saved parameters: read now if it exists, written when a ground station asks.")  # fmt: skip
+@click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
@@ -62,10 +62,10 @@ def main(
     lifeline_fd: int | None,
     drop: bool,
 ) -> None:
-    """Fly a control law: wait for a plant on UDP, answer each of its states with a command.
+    """Run a control law: reply to each state that the simulator sends by UDP with a command.
 
-    The plant sets the pace; start it before or after (`sitl-plant`). Ground stations and
-    scripts find the vehicle on PX4's ports.
+    The simulator (`sitl-plant`) sets the pace; start it before or after. Ground stations and
+    scripts connect on PX4's ports.
     """
     from fcu.configuration import ConfigurationError, read_drag, read_settings
 

@@ -16,28 +16,31 @@ if TYPE_CHECKING:
 
 Decorator = Callable[[Any], Any]
 
-SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Change a value of the mission; may be repeated.")  # fmt: skip
-LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or a Python file of your own, which is then run.")  # fmt: skip
+SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Override a value of the mission; may be repeated.")  # fmt: skip
+LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
-    help="Zenoh's own configuration (docs/zenoh); default: loopback, without a router.",
+    help="Zenoh configuration (docs/zenoh); default: loopback, no router.",
 )  # fmt: skip
 
 
 def instance(said: str, **more: Any) -> Decorator:
     """--instance; `said`: what holds without it."""
     return click.option(
-        "--instance", type=click.IntRange(0, INSTANCES - 1), help=f"Default: {said}.", **more
+        "--instance",
+        type=click.IntRange(0, INSTANCES - 1),
+        help=f"Instance number; default: {said}.",
+        **more,
     )
 
 
-FREE_INSTANCE = instance("the first free (named)")
+FREE_INSTANCE = instance("the first that is free")
 LIVE_INSTANCE = instance("the first that publishes")
 
 
 def speed(default: str) -> Decorator:
     """--speed: None for max."""
-    return click.option("--speed", default=default, show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds a second, or max.")  # fmt: skip
+    return click.option("--speed", default=default, show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds per second, or max.")  # fmt: skip
 
 
 def as_json(said: str) -> Decorator:

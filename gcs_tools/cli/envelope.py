@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 DOES_NOT_HOLD = 1  # exit code
 FORMATS = (".png", ".svg", ".pdf")
 NAMED = {
-    "acceleration": "what the way demands",
-    "speed": "drag of its own speed",
+    "acceleration": "acceleration demanded by the trajectory",
+    "speed": "drag of the vehicle's own speed",
     "wind": "drag of the wind",
-    "learning": "estimates that lag",
-    "tracking": "closing the error that they leave",
-    "doubt": "a jump, with a mass not known",
+    "learning": "lag of the estimates",
+    "tracking": "correcting the tracking error that this causes",
+    "doubt": "unknown mass during a step",
 }
 
 
@@ -39,23 +39,23 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
 
 @click.command(
     epilog="\b\n"
-    "Exact set   the actuators' own limits, along the way of the reference model; the guard uses it\n"
-    "Ball        the largest ball of forces about hover\n"
-    "(31)        the paper's condition, repaired, taken from the target\n\n"
-    "Each is sufficient: that one does not hold predicts nothing.\n\n"
-    "Exit codes: 0 the condition holds along the mission's way, or the guard will govern what does\n"
-    "not fit; 1 it does not hold; 2 the mission cannot be flown or the figure not written; 130\n"
-    "interrupted."
+    "Exact set   the actuators' own limits along the reference trajectory; used by the guard\n"
+    "Ball        the largest ball of forces around hover\n"
+    "(31)        the paper's condition, repaired, evaluated at the target\n\n"
+    "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
+    "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
+    "it fails; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
 )
 @click.argument("mission")
 @arguments.SETTINGS
-@click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw it, as FILE ends: .png, .svg, .pdf.")  # fmt: skip
-@arguments.as_json("Print it as JSON.")
+@click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
+@arguments.as_json("Print the result as JSON.")
 def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_json: bool) -> int:
-    """Say before flight whether MISSION keeps thrust and tilt inside their limits.
+    """Check before flight whether MISSION keeps thrust and tilt inside their limits.
 
-    The largest step, speed and wind for which it is certain, which term eats the margin, and what
-    to change. What is believed of mass, drag and wind is the mission's [law] guard_*.
+    Prints the largest step, speed and wind for which that is certain, which term uses up the
+    margin, and what to change. The mission's [law] guard_* keys say what is believed about mass,
+    drag and wind.
     """
     from fcu.interface.airframe import AirframeError
     from fcu.interface.parameter import ParameterError
@@ -97,17 +97,21 @@ def _show(found: Envelope, console: Console) -> None:
     console.print(Text(found.mission, style="bold"), Text(f"guard {found.guard}", style="dim"))
     console.print(Text(f"The condition {sign}:", style=f"bold {colour}"), _sentence(found))
     if found.governed:
-        console.print("That is as it is asked. The guard governs: flown more gently, it does hold.")
+        console.print(
+            "The condition fails for the setpoints as given. With the guard the vehicle flies them more gently, and it holds."
+        )
     for remark in found.remarks:
-        console.print(Text(f"Beyond what is said here: {remark}.", style="yellow"))
+        console.print(Text(f"Not covered: {remark}.", style="yellow"))
     console.print()
 
     spent = Table("At its tightest", "N", box=None, pad_edge=False, header_style="dim")
     spent.columns[1].justify = "right"
-    none = "" if found.terms.hover > 0.0 else "  <- the actuators do not carry what is believed"
-    spent.add_row(f"room in hover, to the nearest limit{none}", f"{found.terms.hover:.1f}")
+    none = "" if found.terms.hover > 0.0 else "  <- the actuators cannot carry the believed vehicle"
+    spent.add_row(f"margin in hover, to the nearest limit{none}", f"{found.terms.hover:.1f}")
     for name, words in NAMED.items():
-        eats = "  <- eats most" if name == found.terms.largest and found.terms.hover > 0.0 else ""
+        eats = (
+            "  <- uses up most" if name == found.terms.largest and found.terms.hover > 0.0 else ""
+        )
         spent.add_row(f"  {words}{eats}", f"{-getattr(found.terms, name):.1f}")
     spent.add_row("left", f"{found.terms.left:.1f}", style=f"bold {colour}")
     console.print(spent)
@@ -122,7 +126,7 @@ def _show(found: Envelope, console: Console) -> None:
 
     if not found.holds:
         console.print()
-        console.print(Text("What would do, alone:", style="dim"))
+        console.print(Text("Any one of these is enough:", style="dim"))
         for change in found.changes:
             would = (
                 "not enough"
@@ -131,10 +135,10 @@ def _show(found: Envelope, console: Console) -> None:
             )
             console.print(f"  {change.what} {change.now:.3g} -> {would}")
         if found.can_be_governed:
-            console.print('  law.guard="govern", which flies there more gently')
+            console.print('  law.guard="govern": the vehicle flies the setpoints more gently')
     after = "thrust and tilt are certain from"
     console.print()
-    console.print(Text(f"While adaptation begins nothing is certain: {after} {found.transient_s:.2f} s after take-over on.", style="dim"))  # fmt: skip
+    console.print(Text(f"During the first transient of adaptation nothing is certain: {after} {found.transient_s:.2f} s after take-over.", style="dim"))  # fmt: skip
 
 
 def _columns(row: Reach) -> list[str]:

@@ -13,21 +13,23 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 every expectation met, 1 one missed, 2 a bad command line or mission\n"
-    "file, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM); of\n"
-    "several missions the worst. A mission is a file, or the name of one that is shipped."
+    epilog="\b\nExit codes: 0 all expectations met, 1 at least one missed, 2 invalid command line or\n"
+    "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM). With\n"
+    "several missions: the highest. MISSION is a file or the name of a shipped mission."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")
-@click.option("--seed", type=click.IntRange(0), help="Of the noise; default: the mission's.")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the noise; default: the mission's.")
 @click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="The run's folder; default: a new one in runs/.")  # fmt: skip
-@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Write a JUnit report here too.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
+@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
 @arguments.LAW
 @arguments.SETTINGS
-@click.option("--in-process", is_flag=True, help="Fly the same law and plant without sockets.")
+@click.option(
+    "--in-process", is_flag=True, help="Fly law and simulator in one process, without MAVLink."
+)
 @arguments.as_json("Print the results as JSON.")
-@click.option("--publish/--no-publish", default=None, help="Put every tick on Zenoh; default: unless --speed is max.")  # fmt: skip
+@click.option("--publish/--no-publish", default=None, help="Publish every tick on Zenoh; default: only if --speed is not max.")  # fmt: skip
 @arguments.ZENOH
 @arguments.FREE_INSTANCE
 def fly(
@@ -35,10 +37,10 @@ def fly(
     out: Path | None, junit: Path | None, law: str | None, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
 ) -> int:  # fmt: skip
-    """Fly each MISSION and judge it.
+    """Fly each MISSION and compare it with its expectations.
 
-    Starts a flight controller and a plant, sends the mission over MAVLink as a ground script
-    would, holds what was flown against the mission's [expect], and stops both.
+    Starts a flight controller and a simulator, sends the mission over MAVLink as a ground script
+    would, compares the flight with the mission's [expect], and stops both.
     """
     from gcs_tools.cli.terminal import Terminal
     from gcs_tools.flight.display import Display

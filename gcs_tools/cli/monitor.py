@@ -27,10 +27,10 @@ LOOK_S = 0.02  # wall: between two looks for what has come
 
 
 @click.command()
-@click.option("--once", is_flag=True, help="One picture, and end; also off a terminal.")
-@click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="One picture as SVG, and end.")  # fmt: skip
-@arguments.as_json("The numbers of one picture as JSON, and end.")
-@click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Listen so long before a single picture, s.")  # fmt: skip
+@click.option("--once", is_flag=True, help="Print one picture and exit; needs no terminal.")
+@click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write one picture as SVG and exit.")  # fmt: skip
+@arguments.as_json("Print the numbers of one picture as JSON and exit.")
+@click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Seconds to listen before a single picture.")  # fmt: skip
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def monitor(
@@ -39,8 +39,8 @@ def monitor(
 ) -> int:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
-    Stays when the vehicle goes, and goes on with the next one. Ctrl-C ends it. Exits 0; 2
-    when FILE cannot be written, 3 without Zenoh, 130 when interrupted before a single picture.
+    When the vehicle ends, it waits for the next one, until Ctrl-C. Exit codes: 0; 2 FILE cannot be
+    written, 3 no connection to Zenoh, 130 interrupted before a single picture.
     """
     from rich.console import Console
 

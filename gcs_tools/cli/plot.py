@@ -47,17 +47,17 @@ def _names(
     "cannot be drawn of it, or a file cannot be written; 130 interrupted."
 )
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN.mcap")
-@click.option("--what", callback=_names, metavar="NAME,NAME...", help="Which; default: all that RUN can show.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN; of one figure also a file.")  # fmt: skip
-@click.option("--from", "t_from", type=float, metavar="S", help="Simulation time from which, s.")
-@click.option("--to", "t_to", type=float, metavar="S", help="Simulation time up to which, s.")
-@click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: as --out ends, or png.")  # fmt: skip
+@click.option("--what", callback=_names, metavar="NAME,NAME...", help="Figures to draw; default: all available.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN. A file name if only one figure is drawn.")  # fmt: skip
+@click.option("--from", "t_from", type=float, metavar="S", help="Start of the time window, s.")
+@click.option("--to", "t_to", type=float, metavar="S", help="End of the time window, s.")
+@click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: the suffix of --out, or png.")  # fmt: skip
 @arguments.as_json("Print paths and numbers as JSON.")
 def plot(
     run: Path, what: tuple[str, ...] | None, out: Path | None, t_from: float | None,
     t_to: float | None, kind: str | None, as_json: bool,
 ) -> int:  # fmt: skip
-    """Draw the standard figures of the recording RUN.mcap, each with the number that matters."""
+    """Draw the standard figures of the recording RUN.mcap, each with its key figure."""
     from gcs_tools.recording.reader import RecordingError, read
 
     names = what or NAMES

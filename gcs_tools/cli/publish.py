@@ -16,7 +16,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 @click.command()
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True)
-@click.option("--run", metavar="NAME", help="Under which its keys are; default: the time.")
+@click.option("--run", metavar="NAME", help="Run name in the Zenoh keys; default: the time.")
 @arguments.LAW
 @arguments.ZENOH
 @click.option("--about", type=click.Path(path_type=Path), hidden=True)
@@ -25,9 +25,9 @@ def publish(
     instance: int, run: str | None, law: str | None, zenoh: Path | None, about: Path | None,
     lifeline_fd: int | None,
 ) -> int:  # fmt: skip
-    """Publish what fcu and sitl-plant fly, for a pair that was started by hand.
+    """Publish the ticks of fcu and sitl-plant processes that you started by hand.
 
-    `gcs up` and `gcs fly` do this themselves. May be started, stopped and killed at any time.
+    `gcs up` and `gcs fly` publish by themselves. Can be started, stopped and killed at any time.
     """
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import occupy_standard_streams

@@ -14,8 +14,8 @@ from gcs_tools.exit_codes import USAGE
 
 @click.command()
 @click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
-@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="End after so many seconds of simulation time; default: with the vehicle, or Ctrl-C.")  # fmt: skip
-@arguments.as_json("Print what was recorded as JSON.")
+@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to record; default: until the vehicle ends, or Ctrl-C.")  # fmt: skip
+@arguments.as_json("Print a summary as JSON.")
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def record(
@@ -23,8 +23,8 @@ def record(
 ) -> None:
     """Record everything that a running vehicle publishes into OUT, an MCAP file.
 
-    Waits for a vehicle if there is none. Exits 0 when the vehicle is gone, the time is up or
-    Ctrl-C was pressed; 2 when OUT cannot be written or CONFIG read; 3 without Zenoh.
+    Waits for a vehicle if there is none. Exit codes: 0 the vehicle ended, the time is up or Ctrl-C
+    was pressed; 2 OUT cannot be written or CONFIG cannot be read; 3 no connection to Zenoh.
     """
     from gcs_tools.cli.terminal import status
     from gcs_tools.live.recorder import RecordingSummary, record_until

@@ -13,11 +13,11 @@ from gcs_tools.exit_codes import USAGE
 
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Write it there; default: in the place of RECORDING.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Where to write the repaired file; default: replace RECORDING.")  # fmt: skip
 def recover(recording: Path, out: Path | None) -> None:
-    """Make a RECORDING whole whose writer was killed: give it its index and its end.
+    """Repair a truncated RECORDING: write the index and footer that a killed recorder left out.
 
-    Exits 0 when it is whole, 2 when it cannot be read, is damaged, or cannot be written.
+    Exit codes: 0 the recording is complete, 2 it cannot be read, is damaged, or cannot be written.
     """
     from gcs_tools.recording.reader import RecordingError
     from gcs_tools.recording.repair import recover as repair

@@ -21,19 +21,20 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
 @arguments.speed("1")
-@click.option("--from", "t_from", type=float, default=0.0, callback=options.time_s, metavar="S", help="Simulation time to begin at, s.")  # fmt: skip
-@click.option("--to", "t_to", type=float, default=options.LATEST_S, callback=options.time_s, metavar="S", help="Simulation time to end at, s.")  # fmt: skip
-@click.option("--loop", is_flag=True, help="Again and again, until Ctrl-C.")
-@click.option("--wait", is_flag=True, help="Begin when somebody listens.")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="As which; default: the first that nobody publishes.")  # fmt: skip
+@click.option("--from", "t_from", type=float, default=0.0, callback=options.time_s, metavar="S", help="Simulation time of the first tick, s.")  # fmt: skip
+@click.option("--to", "t_to", type=float, default=options.LATEST_S, callback=options.time_s, metavar="S", help="Simulation time of the last tick, s.")  # fmt: skip
+@click.option("--loop", is_flag=True, help="Repeat until Ctrl-C.")
+@click.option("--wait", is_flag=True, help="Wait for a subscriber before the first tick.")
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Instance number to publish as; default: the first that nobody publishes.")  # fmt: skip
 @arguments.ZENOH
 def replay(
     recording: Path, speed: float | None, t_from: float, t_to: float, loop: bool, wait: bool,
     instance: int | None, zenoh: Path | None,
 ) -> None:  # fmt: skip
-    """Put a RECORDING back onto Zenoh, for the same tools: monitor, view, topics, record.
+    """Publish a RECORDING on Zenoh again, for the same tools: monitor, view, topics, record.
 
-    Exits 0 at its end or after Ctrl-C, 2 when it or CONFIG cannot be read, 3 without Zenoh.
+    Exit codes: 0 at its end or after Ctrl-C, 2 RECORDING or CONFIG cannot be read, 3 no connection
+    to Zenoh.
     """
     from fcu.interface.ports import ports
     from fcu.interface.topics import run_name

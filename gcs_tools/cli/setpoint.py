@@ -16,16 +16,18 @@ from gcs_tools.cli.output import Failure, print_json
 @click.argument("x", type=float)
 @click.argument("y", type=float)
 @click.argument("z", type=float)
-@click.option("--yaw-deg", type=float, help="From East, counter-clockwise; default: as it is.")
-@arguments.as_json("Print where it arrived as JSON.")
+@click.option(
+    "--yaw-deg", type=float, help="Yaw from East, counter-clockwise, deg; default: unchanged."
+)
+@arguments.as_json("Print the final position as JSON.")
 @arguments.instance("the first that runs")
 def setpoint(
     x: float, y: float, z: float, yaw_deg: float | None, as_json: bool, instance: int | None
 ) -> None:
-    """Arm, take off and fly to East X, North Y, Up Z (m) of a vehicle that is up.
+    """Arm a running vehicle, take off, and fly to East X, North Y, Up Z (m).
 
-    There it holds, and so it does when you interrupt this. Exits 0 when it is there, 3 when it
-    is not: refused, silent, landed, or a minute gone.
+    The vehicle holds there, and also when you interrupt the command. Exit codes: 0 arrived, 3 not
+    arrived: rejected, no reply, landed, or one minute is over.
     """
     from fcu.interface.link import PortBusy
     from fcu.kernel.algebra import Vec3

@@ -13,14 +13,14 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK
 
 
 @click.command()
-@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="How long to listen, s.")  # fmt: skip
-@arguments.as_json("Print it as JSON.")
+@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="Seconds to listen.")  # fmt: skip
+@arguments.as_json("Print the table as JSON.")
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def topics(seconds: float, as_json: bool, instance: int | None, zenoh: Path | None) -> int:
-    """What a vehicle has on the bus: key, message, rate seen, losses, sizes.
+    """List the topics that a vehicle publishes: key, message, measured rate, losses, sizes.
 
-    Exits 0 when it has heard something, 3 when not, 130 after Ctrl-C.
+    Exit codes: 0 samples arrived, 3 none arrived, 130 interrupted.
     """
     from gcs_tools.live.topics import listen, print_table
 

@@ -24,12 +24,12 @@ TELL_S = 2.0  # wall: a flight controller tells after one that its plant is sile
 @click.command()
 @click.argument("mission", required=False)
 @arguments.speed("1")
-@click.option("--autopilot", type=click.Choice(["px4", "generic"]), help="As what the vehicle presents itself; default px4.")  # fmt: skip
-@click.option("--origin", metavar="LAT,LON,ALT", help="Where local (0, 0, 0) is on Earth; default: PX4's home.")  # fmt: skip
-@click.option("--link-clock", type=click.Choice(["both", "sim"]), help="By which clock a script's stream is lost; default both.")  # fmt: skip
-@click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Saved parameters: read if it exists, written when a ground station asks.")  # fmt: skip
+@click.option("--autopilot", type=click.Choice(["px4", "generic"]), help="Autopilot type to report; default px4.")  # fmt: skip
+@click.option("--origin", metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0); default: PX4's home.")  # fmt: skip
+@click.option("--link-clock", type=click.Choice(["both", "sim"]), help="Clock used for the setpoint timeout; default both.")  # fmt: skip
+@click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
 @arguments.LAW
-@click.option("--publish/--no-publish", default=True, show_default=True, help="Put every tick on Zenoh.")  # fmt: skip
+@click.option("--publish/--no-publish", default=True, show_default=True, help="Publish every tick on Zenoh.")  # fmt: skip
 @arguments.ZENOH
 @arguments.FREE_INSTANCE
 def up(
@@ -37,10 +37,10 @@ def up(
     link_clock: str | None, params: str | None, law: str | None, publish: bool, zenoh: Path | None,
     instance: int | None,
 ) -> None:  # fmt: skip
-    """Run the pair until Ctrl-C, for a ground station or a script.
+    """Start flight controller and simulator, and keep them running until Ctrl-C.
 
-    With MISSION its law, world and starting point are flown; without, an S1000 stands on
-    the ground in still air.
+    For a ground station or a script. With MISSION they start with its law, world and start point;
+    without, an S1000 stands on the ground in still air.
     """
     given = {
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params

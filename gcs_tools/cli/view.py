@@ -22,7 +22,7 @@ FIRST_PORT = 8080
 
 @click.command()
 @click.argument("recording", required=False, type=click.Path(path_type=Path))
-@click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"To serve the page on; default: {FIRST_PORT}, or the next that is free.")  # fmt: skip
+@click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"TCP port of the page; default: {FIRST_PORT}, or the next free one.")  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
@@ -30,10 +30,10 @@ def view(
     recording: Path | None, port: int | None, no_open: bool, instance: int | None,
     zenoh: Path | None,
 ) -> None:  # fmt: skip
-    """Show a flight in a browser: in space, and its estimates against the truth.
+    """Show a flight in a browser: a 3-D scene, and estimates against the truth.
 
-    With RECORDING (a flight.mcap) that flight, to be played; without, the vehicle that is up, and
-    when it goes the next one. The page is served to this machine alone and needs no network.
+    With RECORDING (a flight.mcap) it plays that flight; without, it follows the running vehicle,
+    and when that ends the next one. The page is served on this machine only and needs no network.
 
     Ctrl-C ends it. Exits 0; 2 when RECORDING or CONFIG cannot be read; 3 when no port is free,
     without Zenoh, or when what the page needs is not installed.

@@ -236,13 +236,13 @@ def changes(scene: Scenario) -> tuple[Change, ...]:
     middle = 0.5 * (guard.m_min + guard.m_max)
     known = least(with_guard(settings, m_min=middle, m_max=middle))
     return (
-        Change("the setpoints nearer the start, times", 1.0,
+        Change("setpoint distances, factor", 1.0,
                largest(lambda k: least(settings, k), 1.0), ""),
         Change("f_m", law.f_m, largest(slower, law.f_m), "rad/s"),
         Change("guard_wind_m_s", guard.w_max,
                largest(lambda w: least(with_guard(settings, w_max=w)), guard.w_max), "m/s"),
-        Change("a mass that is known", guard.m_max - guard.m_min, 0.0 if known else None,
-               "kg of doubt"),
+        Change("width of guard_mass_kg", guard.m_max - guard.m_min, 0.0 if known else None,
+               "kg"),
     )  # fmt: skip
 
 
