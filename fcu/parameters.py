@@ -92,9 +92,9 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "COM_DL_LOSS_T", 10.0, 5.0, 300.0, "s", "no effect: see NAV_DLL_ACT", read_only=True),
         P("", "NAV_DLL_ACT", 0.0, 0.0, 6.0, "", "no action on the loss of a ground station", read_only=True),
         P("", "SYS_FAILURE_EN", 0.0, 0.0, 1.0, "", "failures cannot be injected by command", read_only=True),
-        P("", "SYS_AUTOSTART", 8001.0, 0.0, 9999999.0, "", "airframe: octocopter x", read_only=True),
+        P("", "SYS_AUTOSTART", None, 0.0, 9999999.0, "", "PX4's number of the airframe", read_only=True, airframe="mavlink.autostart"),
         P("", "MAV_SYS_ID", 1.0, 1.0, 250.0, "", "MAVLink system, set at the start", read_only=True),
-        P("", "MAV_TYPE", 14.0, 0.0, 45.0, "", "MAVLink type: octocopter", read_only=True),
+        P("", "MAV_TYPE", None, 0.0, 45.0, "", "MAVLink type of the vehicle", read_only=True, airframe="mavlink.type"),
     ),
 )  # fmt: skip
 

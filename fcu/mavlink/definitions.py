@@ -410,7 +410,6 @@ class ParameterError(IntEnum):
 
 
 GCS: int = mavlink.MAV_TYPE_GCS
-OCTOROTOR: int = mavlink.MAV_TYPE_OCTOROTOR
 NO_AUTOPILOT: int = mavlink.MAV_AUTOPILOT_INVALID
 AUTOPILOT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
 REAL32: int = mavlink.MAV_PARAM_TYPE_REAL32

@@ -16,7 +16,6 @@ from fcu.kernel.rotations import euler, matrix, normalised
 from fcu.mavlink.definitions import (
     GCS,
     NO_AUTOPILOT,
-    OCTOROTOR,
     Frame,
     ModeFlag,
     Packed,
@@ -49,11 +48,12 @@ def _known(x: float, unknown: float) -> float:
 
 
 def heartbeat(
-    autopilot: int, armed: bool, main_mode: int, sub_mode: int, status: int, flags: int = 0
-) -> Packed:
-    """HEARTBEAT of an octocopter; `flags` are MAV_MODE_FLAGs beside custom mode and armed."""
+    kind: int, autopilot: int, armed: bool, main_mode: int, sub_mode: int, status: int,
+    flags: int = 0,
+) -> Packed:  # fmt: skip
+    """HEARTBEAT of a vehicle of a MAV_TYPE; `flags`: MAV_MODE_FLAGs beside custom mode and armed."""
     return _message(
-        "HEARTBEAT", type=OCTOROTOR, autopilot=autopilot,
+        "HEARTBEAT", type=kind, autopilot=autopilot,
         base_mode=ModeFlag.CUSTOM | flags | (ModeFlag.ARMED if armed else 0),
         custom_mode=custom_mode(main_mode, sub_mode), system_status=status, mavlink_version=3,
     )  # fmt: skip

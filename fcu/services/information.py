@@ -124,7 +124,7 @@ class Information:
             return []
         if number == HEARTBEAT:
             v = view.vehicle
-            return [heartbeat(v, view.identity.autopilot)]
+            return [heartbeat(v, int(view.params["MAV_TYPE"]), view.identity.autopilot)]
         if number == AUTOPILOT_VERSION:
             git = hashlib.sha256(version("m-mrac").encode()).digest()[:8]
             system = view.identity.system_id

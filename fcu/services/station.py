@@ -78,7 +78,9 @@ class Station:
         self._params = params
         self._vehicle = vehicle
         self._say = say
-        self.streams = Streams(self.station, self.script, vehicle, identity.autopilot)
+        self.streams = Streams(
+            self.station, self.script, vehicle, int(params["MAV_TYPE"]), identity.autopilot
+        )
         self._commands = Commands(vehicle, identity.origin)
         self._parameters = ParameterProtocol(params, file, vehicle, self._commands)
         self._information = Information(self.streams, self._commands.table)

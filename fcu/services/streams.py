@@ -203,7 +203,7 @@ class Stream(NamedTuple):
     build: Build
 
 
-def heartbeat(vehicle: StateMachine, autopilot: int) -> Packed:
+def heartbeat(vehicle: StateMachine, kind: int, autopilot: int) -> Packed:
     """HEARTBEAT: needs no state, so it is sent before there is one."""
     row = MODES[vehicle.mode]
     flags = ModeFlag.STABILIZE | ModeFlag.HIL
@@ -212,7 +212,7 @@ def heartbeat(vehicle: StateMachine, autopilot: int) -> Packed:
     if row.main in (MainMode.AUTO, MainMode.OFFBOARD):
         flags |= ModeFlag.AUTO
     return tm.heartbeat(
-        autopilot, vehicle.armed, int(row.main), int(row.sub), system_status(vehicle), flags
+        kind, autopilot, vehicle.armed, int(row.main), int(row.sub), system_status(vehicle), flags
     )
 
 
@@ -467,12 +467,14 @@ class Streams:
     """The streams of every link."""
 
     def __init__(
-        self, station: GroundPort, script: GroundPort, vehicle: StateMachine, autopilot: int
-    ) -> None:
+        self, station: GroundPort, script: GroundPort, vehicle: StateMachine, kind: int,
+        autopilot: int,
+    ) -> None:  # fmt: skip
+        """kind, autopilot : MAV_TYPE and MAV_AUTOPILOT of the HEARTBEAT."""
         self._ports = (station, script)
         self._station = station
         self._vehicle = vehicle
-        self._autopilot = autopilot
+        self._kind, self._autopilot = kind, autopilot
         self._heartbeat_due = 0.0
         self._last: tuple[object, ...] | None = None
         self._next = 0.0
@@ -484,7 +486,7 @@ class Streams:
         if now < self._heartbeat_due and status == self._last:
             return
         self._heartbeat_due, self._last = now + HEARTBEAT_S, status
-        packed = heartbeat(v, self._autopilot)
+        packed = heartbeat(v, self._kind, self._autopilot)
         for port in self._ports:
             port.broadcast(packed)
 

@@ -221,7 +221,7 @@ def test_what_our_tools_ask_is_pymavlinks(ask, message):
 def test_telemetry_comes_back():
     r_E, v_E, w_B = Vec3(1.0, 2.0, 3.0), Vec3(4.0, 5.0, 6.0), Vec3(0.25, 0.5, 0.75)
     q_EB = from_euler(0.5, -0.25, 2.0)
-    assert told(tm.heartbeat(12, True, 4, 6, 4)) == tm.Heartbeat(FCU, 14, 12, True, 4, 6, 4)
+    assert told(tm.heartbeat(14, 12, True, 4, 6, 4)) == tm.Heartbeat(FCU, 14, 12, True, 4, 6, 4)
     assert told(tm.local_position(2.0, r_E, v_E)) == tm.LocalPosition(FCU, 2000, r_E, v_E)
     assert told(tm.extended_state(2)) == tm.ExtendedState(FCU, 2)
     attitude = told(tm.attitude_quaternion(1.5, q_EB, w_B))

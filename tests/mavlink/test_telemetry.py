@@ -46,7 +46,7 @@ def near(*values):
 
 @pytest.mark.parametrize(("armed", "base_mode"), [(False, 1 | 4 | 8), (True, 1 | 4 | 8 | 128)])
 def test_heartbeat_is_that_of_a_px4_octocopter(armed, base_mode):
-    m = read(tm.heartbeat(12, armed, MainMode.AUTO, AutoMode.LAND, SystemStatus.ACTIVE, 4 | 8))
+    m = read(tm.heartbeat(14, 12, armed, MainMode.AUTO, AutoMode.LAND, SystemStatus.ACTIVE, 4 | 8))
     assert fields(m, "type", "autopilot", "base_mode", "custom_mode", "system_status") == (
         14, 12, base_mode, 4 << 16 | 6 << 24, 4,
     )  # fmt: skip
@@ -54,7 +54,7 @@ def test_heartbeat_is_that_of_a_px4_octocopter(armed, base_mode):
 
 
 def test_offboard_mode_number_is_px4s():
-    assert read(tm.heartbeat(0, True, MainMode.OFFBOARD, 0, 4)).custom_mode == 6 << 16
+    assert read(tm.heartbeat(14, 0, True, MainMode.OFFBOARD, 0, 4)).custom_mode == 6 << 16
 
 
 def test_sys_status_counts_in_thousandths_hundredths_and_millivolts():
