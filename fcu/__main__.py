@@ -96,7 +96,7 @@ def main(
         reporter = Reporter(law, tape, PublisherFeed(number, "fcu", law.identity), identity.drag)
         with watched(lifeline_fd):
             if not is_cached("tick", law.package):
-                say(-1, "info", "compiling the law, once for this version (about 15 s)")
+                say(-1, "info", "compiling the law, once for this version (up to a minute)")
             sim_only = link_clock == "sim"
             loop = Loop(
                 ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file

@@ -57,7 +57,7 @@ def up(
         folder = new_folder(None, "up")
     except (UsageError, loader.LawError) as error:
         raise Failure(error, USAGE) from error
-    click.echo("starting (the first time compiles for half a minute) ...", err=True)
+    click.echo("starting (the first start compiles, for up to a minute) ...", err=True)
     published = arguments.publication(publish, zenoh)
     try:
         with claimed(instance) as number, ExitStack() as stack:

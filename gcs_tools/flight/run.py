@@ -41,7 +41,7 @@ from gcs_tools.recording.table import Rows, Table
 from gcs_tools.recording.writer import RecordingWriter
 
 RUNS = Path("runs")
-COMPILING = "compiling law and plant, once for this version (about 20 s)"
+COMPILING = "compiling law and plant, once for this version (up to a minute)"
 
 
 class UsageError(ValueError):
