@@ -75,8 +75,14 @@ def field_type(cls: Any, name: str) -> Any:
 
 def offset(cls: Any, name: str) -> int:
     """The column at which the field `name` (dotted) begins in a buffer of `cls`; of "" 0."""
-    path = tuple(name.split(".")) if name else ()
-    return next(i for i, leaf in enumerate(leaves(cls)) if leaf.path[: len(path)] == path)
+    field_type(cls, name)
+    kind, first = cls, 0
+    for part in name.split(".") if name else ():
+        inner = fields(kind)
+        before = kind._fields[: kind._fields.index(part)]
+        first += sum(size(inner[field]) if is_value(inner[field]) else 1 for field in before)
+        kind = inner[part]
+    return first
 
 
 def columns(cls: Any) -> list[str]:
@@ -151,4 +157,4 @@ def packer(cls: Any, field: str = "") -> Callable[..., Any]:
     kind, first = field_type(cls, field), offset(cls, field)
     parts = [f"v.{leaf.name}" for leaf in leaves(kind)] if is_value(kind) else ["v"]
     lines = [f"    b[{first + i}] = {part}" for i, part in enumerate(parts)]
-    return _compiled("def pack(b, v):\n" + "\n".join(lines) + "\n", "pack", {})
+    return _compiled("def pack(b, v):\n" + "\n".join(lines or ["    pass"]) + "\n", "pack", {})

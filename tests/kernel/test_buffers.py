@@ -76,3 +76,21 @@ def test_compiled_unpacking_and_packing_follow_the_same_layout():
     target = np.zeros(6)
     swapped(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), target)
     np.testing.assert_array_equal(target, [6.0, 2.0, 6.0, 8.0, 10.0, 1.0])
+
+
+class Nothing(NamedTuple):
+    """No field."""
+
+
+class Around(NamedTuple):
+    before: float
+    nothing: Nothing
+    after: float
+
+
+def test_a_value_without_fields_has_a_place_and_no_column():
+    assert buffers.columns(Around) == ["before", "after"]
+    assert [buffers.offset(Around, name) for name in Around._fields] == [0, 1, 1]
+    row = np.zeros(2)
+    buffers.packer(Around)(row, Around(1.0, Nothing(), 2.0))
+    assert buffers.unpacker(Around)(row) == Around(1.0, Nothing(), 2.0)
