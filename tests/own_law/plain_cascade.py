@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from fcu.interface.messages import RotorCommand
 from fcu.interface.parameter import Parameter
-from fcu.kernel.algebra import Vec3, clip, clip3, select, select3
+from fcu.kernel.algebra import Vec3, clip, clip3, maximum, select, select3
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.laws.allocation import RotorParams, achieved, allocate, speed_command
@@ -48,8 +48,7 @@ class Internals(NamedTuple):
 
 @kernel
 def take_over(params, setpoint, measured):
-    at_rest = State(v_E=measured.v_E, v_dot=Vec3(0.0, 0.0, 0.0))
-    return step(at_rest, params, setpoint, measured)
+    return step(State(v_E=measured.v_E, v_dot=Vec3(0.0, 0.0, 0.0)), params, setpoint, measured)
 
 
 @kernel
@@ -57,7 +56,8 @@ def step(state, params, setpoint, measured):
     limits, v, angles = params.limits, measured.v_E, euler(matrix(measured.q_EB))
     v_c = clip3(setpoint.v_c + params.k_r * (setpoint.r_c - measured.r_E), -5.0, 5.0)
     v_dot = state.v_dot + 20.0 * (v - state.v_E - params.h * state.v_dot)
-    f = setpoint.a_c + params.k_v * (v_c - v) - params.d_v * v_dot + Vec3(0.0, 0.0, 9.81)
+    a = setpoint.a_c + params.k_v * (v_c - v) - params.d_v * v_dot
+    f = Vec3(a.x, a.y, maximum(a.z + 9.81, 2.0))  # never downwards: it would turn over
     ahead = cos(angles.z) * f.x + sin(angles.z) * f.y
     left = cos(angles.z) * f.y - sin(angles.z) * f.x
     T_wanted = select(setpoint.level > 0.5, setpoint.T_c, params.m * hypot(hypot(ahead, left), f.z))
