@@ -46,6 +46,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 @click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
 @click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
+@click.option("--law-sha256", help="Refuse a law of other sources.", hidden=True)
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
@@ -58,6 +59,7 @@ def main(
     origin: tuple[float, float, float],
     link_clock: str,
     params_file: Path | None,
+    law_sha256: str | None,
     record_fd: int | None,
     lifeline_fd: int | None,
     drop: bool,
@@ -73,6 +75,7 @@ def main(
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
     from fcu.interface.link import PortBusy
+    from fcu.interface.parameter import ParameterError
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.interface.starter import announce, watched
@@ -88,6 +91,8 @@ def main(
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
         law = loader.load(law_name)
+        if law_sha256 not in (None, law.digest):
+            raise loader.LawError(f"{law_name}: has changed since it was loaded for this flight")
         settings = read_settings(law, handover, rate_hz)
         params = Parameters(settings, ports(number).system_id, params_file, law)
         shown_as = Autopilot[autopilot.upper()]
@@ -108,7 +113,7 @@ def main(
     except OSError as error:
         say(-1, "error", str(error))
         sys.exit(INFRASTRUCTURE)
-    except (ConfigurationError, loader.LawError, ParamsFileError) as error:
+    except (ConfigurationError, loader.LawError, ParameterError, ParamsFileError) as error:
         raise click.UsageError(str(error)) from error
 
     def stop(_signal: int, _frame: object) -> None:

@@ -215,7 +215,8 @@ class Parameters:
     ) -> None:
         """`file`: read now, if it is there; its folder must be. Raises ParamsFileError.
 
-        `flown`: the law that they are of; None: that of the paper.
+        `flown`: the law that they are of; None: that of the paper. Raises ParameterError if one of
+        its names is the vehicle's.
         """
         self.flown = flown = flown or loader.load()
         self._module = flown.settings
@@ -223,7 +224,12 @@ class Parameters:
         self._rule = stability if fields(self._module.Settings)["law"] is Params else None
         tables = load(airframe)
         self._of_law = entries(self._module.PARAMETERS, tables)  # in the order of `put`
-        self._table = {**entries(VEHICLE, tables), **self._of_law}
+        of_vehicle = entries(VEHICLE, tables)
+        if both := of_vehicle.keys() & self._of_law.keys():
+            raise ParameterError(
+                f"{flown.source}: PARAMETERS: {', '.join(sorted(both))}: a name of the vehicle's"
+            )
+        self._table = {**of_vehicle, **self._of_law}
         self._pairs = tuple(_pairs(self._table))
         self.names: tuple[str, ...] = tuple(sorted(self._table))
         self._indices = {name: i for i, name in enumerate(self.names)}

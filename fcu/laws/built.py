@@ -6,22 +6,63 @@ What the law does not say by itself comes from its table, the airframe and the c
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
-from fcu.interface.airframe import Airframe
+from fcu.interface import airframe as airframes
+from fcu.interface.airframe import Airframe, AirframeError
 from fcu.interface.parameter import Parameter, ParameterError, Value, blank, filled, flat, values
 from fcu.interface.parameter import check as check_rows
-from fcu.kernel.buffers import fields
+from fcu.kernel.buffers import field_type, fields
 from fcu.laws.allocation import believed_rotors
 from fcu.laws.face import Limits, Pace
 from fcu.laws.mmrac import law as face
 from fcu.laws.mmrac.types import Params
 
 RESPONSE = 0.01  # s, what the inverted rotor lag is made to look like
+G = 9.81  # m/s^2
+MOST = 16  # characters in a name of MAVLink
+TAKEN = ("module", "guard")  # keys of [law] that are not the law's
 FILLED = ("h", "limits", "rotors")  # fields of Params that are no rows of the table
 
 PARAMETERS: tuple[Parameter, ...] = tuple(getattr(face, "PARAMETERS", ()))
+
+
+def check_table() -> None:
+    """Raise ParameterError for a table that no mission, or no ground station, could use."""
+    names = [part.name for row in PARAMETERS for part in row.parts]
+    keys = [row.key for row in PARAMETERS]
+    for row in PARAMETERS:
+        where = f"PARAMETERS: {row.key or row.mavlink!r}"
+        bad = [
+            n for n in (part.name for part in row.parts) if not _is_name(n) or names.count(n) > 1
+        ]
+        if bad:
+            raise ParameterError(
+                f"{where}: {bad[0]!r}: expected a name of its own, of at most {MOST} characters"
+                " from A-Z, a-z, 0-9 and _"
+            )
+        if keys.count(row.key) > 1 or row.key in TAKEN:
+            raise ParameterError(f"{where}: expected a key of its own, none of {', '.join(TAKEN)}")
+        for path in row.fields:
+            if path.partition(".")[0] in FILLED:
+                raise ParameterError(f"{where}: {path} is filled in, from rate and airframe")
+            if field_type(Params, path) is not float:
+                raise ParameterError(f"{where}: expected Params.{path} to be a float")
+        if row.default is None and not row.airframe:
+            raise ParameterError(f"{where}: expected a default")
+        if not row.low <= row.high:
+            raise ParameterError(f"{where}: expected a range, got {row.low} to {row.high}")
+        if row.below and row.below not in keys:
+            raise ParameterError(f"{where}: below: there is no {row.below}")
+        if row.default is not None:
+            check_rows(filled(blank(Params), [row], {row.key: row.numbers(row.default)}), [row])
+
+
+def _is_name(name: Any) -> bool:
+    return isinstance(name, str) and name.isascii() and name.isidentifier() and len(name) <= MOST
 
 
 def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
@@ -42,7 +83,10 @@ def law_params(
     """
     given = dict(flat(chosen or {}))
     if hasattr(face, "params"):
-        law = face.params(believed, airframe, rate_hz, given)
+        with _blamed("params"):
+            law = face.params(believed, airframe, rate_hz, given)
+        if not isinstance(law, Params):
+            raise ParameterError(f"{face.__file__}: params: expected Params, got {law!r}")
     else:
         law = _from_the_table(believed, airframe, rate_hz, given)
     check(law)
@@ -56,7 +100,9 @@ def _from_the_table(
     told = {path.partition(".")[0] for row in PARAMETERS for path in row.fields}
     for name in fields(kind):
         if name not in (*FILLED, *told):
-            raise ParameterError(f"Params.{name}: expected a row for it in PARAMETERS")
+            raise ParameterError(
+                f"{face.__file__}: Params.{name}: expected a row for it in PARAMETERS"
+            )
     table, lag = airframe["limits"], believed.rotor_lag
     limits = Limits(
         T_min=float(table["thrust_min_n"]),
@@ -71,14 +117,37 @@ def _from_the_table(
 
 def pace(law: Any) -> Pace:
     """What modes that lead the vehicle have to know of the law: if it does not say, gentle."""
-    if hasattr(face, "pace"):
-        told: Pace = face.pace(law)
-        return told
-    return Pace(f_m=1.0, yaw_rate_max=1.0, T_hover=0.5 * law.limits.T_max)
+    if not hasattr(face, "pace"):
+        return Pace(f_m=1.0, yaw_rate_max=1.0, T_hover=_hover())
+    told: Pace = face.pace(law)
+    if not isinstance(told, Pace):
+        raise ParameterError(f"{face.__file__}: pace: expected a Pace, got {told!r}")
+    return told
+
+
+@cache
+def _hover() -> float:
+    """Weight of the vehicle as believed, N."""
+    _, tables = airframes.believed()
+    least, most = tables["vehicle"]["mass_kg"]
+    return G * 0.5 * float(least + most)
 
 
 def check(law: Any) -> None:
     """Raise ParameterError for values that the law cannot fly with."""
     check_rows(law, PARAMETERS)
-    if hasattr(face, "check"):
+    if not hasattr(face, "check"):
+        return
+    with _blamed("check"):
         face.check(law)
+
+
+@contextmanager
+def _blamed(what: str) -> Iterator[None]:
+    """Whatever a function of the user's raises is said of it."""
+    try:
+        yield
+    except (ParameterError, AirframeError):
+        raise
+    except Exception as error:
+        raise ParameterError(f"{face.__file__}: {what}: {error!r}") from error

@@ -44,6 +44,10 @@ UNGUARDED = "fcu.laws.unguarded"
 # Written against the law of the paper and its guard, and bound to whichever law is flown.
 _LAW = ("fcu.laws.mmrac.law", "fcu.laws.mmrac.types")
 _GUARD = ("fcu.guard.guard", "fcu.guard.parameters", "fcu.guard.types")
+_OF_GUARD = (
+    "GuardParams", "GuardState", "GuardInternals", "take_over", "before", "after", "idle",
+    "PARAMETERS", "printed", "guard_params", "followed", "check",
+)  # fmt: skip
 _PARAMETERS = "fcu.laws.mmrac.parameters"  # in the place of which stands fcu.laws.built
 _AROUND = ("fcu.settings", "fcu.tick", "fcu.laws.resting", "fcu.laws.built")
 
@@ -117,6 +121,10 @@ class Law:
             yield
         except NumbaError as error:
             raise LawError(_told(error, self.file)) from error
+        except TypeError as error:  # numba, of a NamedTuple built without one of its fields
+            if self.file is None:
+                raise
+            raise LawError(_incomplete(error, self.file)) from error
 
 
 def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
@@ -139,8 +147,14 @@ def _shipped(name: str) -> Law:
 
 
 def _own(path: Path) -> Law:
-    file = path.resolve()
-    found = _sources(file, path)
+    try:
+        file = path.resolve()
+        if file.exists() and not file.is_file():
+            raise LawError(f"{path}: expected a file")
+    except (RuntimeError, ValueError) as error:  # links in a circle, a null character
+        raise LawError(f"{path}: {error}") from error
+    stem = re.sub(r"\W", "_", file.stem)  # a file may be called as it likes
+    found = _sources(file, stem, path)
     digest = hashlib.sha256()
     for name, source in sorted(found.items()):
         digest.update(f"{name} {len(source)}\n".encode() + source)
@@ -150,7 +164,7 @@ def _own(path: Path) -> Law:
         root = ModuleType(package)
         root.__path__ = []  # a package, of which _Finder finds every part
         sys.modules[package] = root
-        names = {name: f"{package}.{name}" for name in found if name != file.stem}
+        names = {name: f"{package}.{name}" for name in found if name != stem}
         _packages[package] = {
             f"{package}.{name}": _Source(_beside(file.parent, name) or file, text, names)
             for name, text in found.items()
@@ -158,15 +172,28 @@ def _own(path: Path) -> Law:
         compile.keep_apart(package, hashed)
     if package in _laws:
         return _laws[package]
-    face = _imported(f"{package}.{file.stem}", file, path)
-    _check(face, path)
-    guard = _guard(face)
+    face = _imported(f"{package}.{stem}", file, path)
+    with _blamed(path):
+        _check(face, path)
+        guard = _guard(face)
+    if guard is not None and guard.__name__ not in _GUARD:
+        lacks = [name for name in _OF_GUARD if not hasattr(guard, name)]
+        if lacks:
+            raise LawError(f"{path}: GUARD: {guard.__name__} lacks {', '.join(lacks)}")
+    elif guard is not None:
+        needs = buffers.fields(importlib.import_module(_LAW[1]).Params)
+        if lacks := sorted(needs.keys() - buffers.fields(face.Params).keys()):
+            raise LawError(
+                f"{path}: GUARD: the guard of mmrac needs Params.{', Params.'.join(lacks)}"
+            )
     instead = dict.fromkeys(_LAW, face.__name__)
     if guard is None or guard.__name__ not in _GUARD:
         instead.update(dict.fromkeys(_GUARD, UNGUARDED if guard is None else guard.__name__))
     instead.update({name: _bind(name, package, instead) for name in _AROUND})
     instead[_PARAMETERS] = instead["fcu.laws.built"]
     law = Law(file.stem, hashed, package, face, file, guard, instead)
+    with _blamed(path):
+        importlib.import_module(instead[_PARAMETERS]).check_table()
     if not hasattr(face, "idle"):
         face.idle = law.module("fcu.laws.resting").idle  # type: ignore[attr-defined]
     _laws[package] = law
@@ -178,8 +205,12 @@ _laws: dict[str, Law] = {}  # those of users' own that are loaded, by package
 
 def _guard(face: ModuleType) -> ModuleType | None:
     """The guard that a law names, if it does: the module, or its name."""
-    guard: ModuleType | str | None = getattr(face, "GUARD", None)
-    return importlib.import_module(guard) if isinstance(guard, str) else guard
+    guard: Any = getattr(face, "GUARD", None)
+    if isinstance(guard, str):
+        guard = importlib.import_module(guard)
+    if guard is not None and not isinstance(guard, ModuleType):
+        raise LawError(f"GUARD: expected a module, or its name; got {guard!r}")
+    return guard
 
 
 def _bind(name: str, package: str, instead: Mapping[str, str]) -> str:
@@ -200,10 +231,10 @@ def _beside(folder: Path, name: str) -> Path | None:
     return next((p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()), None)
 
 
-def _sources(file: Path, shown: Path) -> dict[str, bytes]:
+def _sources(file: Path, stem: str, shown: Path) -> dict[str, bytes]:
     """Module name -> text, of FILE and of what it imports from beside it. Raises LawError."""
     found: dict[str, bytes] = {}
-    todo = {file.stem: file}
+    todo = {stem: file}
     while todo:
         name, path = todo.popitem()
         try:
@@ -214,8 +245,8 @@ def _sources(file: Path, shown: Path) -> dict[str, bytes]:
         except SyntaxError as error:
             where = shown if path == file else path
             raise LawError(f"{where}:{error.lineno or 1}: {error.msg}") from error
-        except ValueError as error:
-            raise LawError(f"{shown}: expected Python ({error})") from error
+        except (ValueError, RecursionError, MemoryError) as error:
+            raise LawError(f"{shown}: expected Python ({error or type(error).__name__})") from error
         for wanted, line in _imports(tree, name, path.name == "__init__.py"):
             parts = wanted.split(".")
             for n in range(1, len(parts) + 1):
@@ -348,7 +379,7 @@ def _imported(name: str, file: Path, shown: Path) -> ModuleType:
     """The module; what goes wrong while it is imported, with the line of the user's at fault."""
     try:
         return importlib.import_module(name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         ours = [
             frame
             for frame in traceback.extract_tb(error.__traceback__)
@@ -356,6 +387,18 @@ def _imported(name: str, file: Path, shown: Path) -> ModuleType:
         ]
         at = f"{ours[-1].filename}:{ours[-1].lineno}" if ours else f"{shown}"
         raise LawError(f"{at}: {type(error).__name__}: {error}") from error
+
+
+@contextmanager
+def _blamed(path: Path) -> Iterator[None]:
+    """Whatever goes wrong with a law while it is looked at is said of its file."""
+    try:
+        yield
+    except ValueError as error:  # ours say what was expected
+        said = str(error)
+        raise LawError(said if said.startswith(str(path)) else f"{path}: {said}") from error
+    except Exception as error:
+        raise LawError(f"{path}: {type(error).__name__}: {error}") from error
 
 
 # --- the face
@@ -401,10 +444,23 @@ def _line(what: Any) -> str:
         return ""
 
 
+def _incomplete(error: TypeError, file: Path) -> str:
+    """Which NamedTuple was built without which field, and where in FILE such are built."""
+    said = re.fullmatch(r"In '<class '[\w.]*?(\w+)'>':\s*(.*)", str(error), re.DOTALL)
+    if said is None:
+        return f"{file}: does not compile: {error}"
+    calls = [node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.Call)]
+    lines = sorted(call.lineno for call in calls if getattr(call.func, "id", "") == said[1])
+    at = f":{lines[0]}" if len(lines) == 1 else ""
+    return f"{file}{at}: does not compile: {said[1]}: {said[2]}"
+
+
 def _told(error: NumbaError, file: Path | None) -> str:
     """What numba says, without the pages around it: the user's line at fault, and the reason."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     reason = next(line for line in lines if not line.startswith("Failed in "))
+    if reason.startswith("('"):  # parts of a sentence, about a value that numba has named
+        reason = re.sub(r" for \$\S+: ", ": ", "".join(re.findall(r"'([^']*)'", reason)))
     reason = re.sub(r"\((float64|\w+\(float64).*", "", reason)[:LONGEST]
     at = [re.match(r'File "(.+)", line (\d+):', line) for line in lines]
     places = [(Path(found[1]).resolve(), found[2]) for found in at if found]

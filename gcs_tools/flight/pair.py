@@ -27,14 +27,14 @@ class Pair:
         """
         self.children: list[Child] = []  # flight controller, plant
         self.publisher: PublisherProcess | None = None
-        self._folder, self._instance, self._law = folder, instance, law.source
+        self._folder, self._instance, self._law = folder, instance, law
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
         for end in (self._life, held):
             stack.callback(os.close, end)
         stack.callback(self.stop)
         if zenoh is not None:
             self.publisher = PublisherProcess(
-                zenoh, folder, instance, self._law, flies, self.lifeline()
+                zenoh, folder, instance, law.source, flies, self.lifeline()
             )
 
     def lifeline(self) -> int:
@@ -53,7 +53,8 @@ class Pair:
         own = ["--instance", str(self._instance)]
         settings, world = self._folder / "settings.json", self._folder / "world.json"
         life = self.lifeline()
-        fcu = [*own, "--law", self._law, *fcu, "--lifeline-fd", str(life)]
+        fcu = [*own, "--law", self._law.source, "--law-sha256", self._law.digest, *fcu]
+        fcu += ["--lifeline-fd", str(life)]
         plant = [*own, *plant]
         if scene is not None:
             handover.save(settings, scene.settings)

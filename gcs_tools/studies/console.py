@@ -34,7 +34,7 @@ FLIGHT: tuple[tuple[str, str], ...] = (
     ("param set MR_GAMMA -1", r"MR_GAMMA -1 refused"),
     ("arm throttle", r"ARMED"),
     ("takeoff 5", r"Takeoff complete"),
-    ("guided 47.397830 8.545730 8", r"Going \d+ m"),
+    ("guided 47.397830 8.545730 8", r"Flying \d+ m"),
     ("long DO_SET_MODE 1 3", r"Mode POSCTL"),
     ("status LOCAL_POSITION_NED", r"LOCAL_POSITION_NED \{"),
     ("status WIND_COV", r"WIND_COV \{"),

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from fcu.interface.airframe import believed
+from fcu.interface.parameter import ParameterError
 from fcu.laws import loader
 from fcu.laws.loader import LawError
+from fcu.parameters import Parameters
 
 HERE = Path(__file__).parent
 
@@ -141,3 +146,72 @@ def test_a_module_beside_it_must_not_be_called_as_an_installed_one(own_law):
     own_law.with_name("json.py").write_text("gentle = 0.2\n")
     own_law.write_text(own_law.read_text().replace("from yawing", "from json"))
     _refused(own_law, "json.py", "import json")
+
+
+def _changed(own_law: Path, old: str, new: str) -> Path:
+    text = own_law.read_text()
+    assert old in text
+    own_law.write_text(text.replace(old, new))
+    return own_law
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"PC_K_R"', '"PC_GAIN_OF_POSITION"', "PC_GAIN_OF_POSITION"),
+        ('"PC_K_R"', '"PC K R"', "PC K R"),
+        ('"PC_K_R"', '"PC_K_V"', "PC_K_V"),
+        ('Parameter("k_r"', 'Parameter("guard"', "guard"),
+        ('Parameter("k_r"', 'Parameter("h"', "h is filled in"),
+        ('Parameter("k_r"', 'Parameter("k_x"', "k_x"),
+        ("1.0, 0.1, 5.0", "6.0, 0.1, 5.0", "k_r"),
+        ("1.0, 0.1, 5.0", "None, 0.1, 5.0", "expected a default"),
+        ("1.0, 0.1, 5.0", "1.0, 5.0, 0.1", "expected a range"),
+    ],
+)
+def test_a_table_that_nobody_could_use_is_refused(own_law, old, new, told):
+    with pytest.raises(LawError, match=told) as caught:
+        loader.load(_changed(own_law, old, new))
+    assert str(own_law) in str(caught.value)
+
+
+def test_a_name_that_the_vehicle_has_is_refused(own_law):
+    law = loader.load(_changed(own_law, '"PC_K_R"', '"COM_DISARM_LAND"'))
+    with pytest.raises(ParameterError, match="COM_DISARM_LAND"):
+        Parameters(law.settings.settings(*believed(), 500.0), 1, flown=law)
+
+
+def test_a_law_that_ends_the_program_is_refused(own_law):
+    own_law.write_text("import sys\n\nsys.exit(0)\n")
+    with pytest.raises(LawError, match="SystemExit"):
+        loader.load(own_law)
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.py")
+    (tmp_path / "loop.py").symlink_to("loop.py")
+    for name in ("pipe.py", "loop.py", "null\0.py"):
+        with pytest.raises(LawError):
+            loader.load(tmp_path / name)
+
+
+def test_hover_is_taken_for_that_of_the_airframe(own_law):
+    law = loader.load(own_law)
+    _, tables = believed()
+    pace = law.settings.pace(law.settings.settings(*believed(), 500.0))
+    assert pace.T_hover == pytest.approx(9.81 * np.mean(tables["vehicle"]["mass_kg"]))
+
+
+def test_a_guard_that_lacks_something_is_refused(own_law):
+    own_law.with_name("half.py").write_text("PARAMETERS = ()\n")
+    with pytest.raises(LawError, match="half lacks GuardParams"):
+        loader.load(
+            _changed(own_law, "class Params(", "import half\n\nGUARD = half\n\n\nclass Params(")
+        )
+
+
+def test_what_a_users_own_check_raises_is_a_refusal(own_law):
+    own_law.write_text(own_law.read_text() + "\n\ndef check(params):\n    return 1 / 0\n")
+    law = loader.load(own_law)
+    with pytest.raises(ParameterError, match="ZeroDivisionError"):
+        law.settings.settings(*believed(), 500.0)

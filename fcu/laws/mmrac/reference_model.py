@@ -10,7 +10,7 @@ from fcu.laws.face import Reference
 
 @kernel
 def at_take_over(params, measured):
-    """The Reference at take-over: the vehicle, at rest beside it if it is told to be."""
+    """The Reference at take-over: beside the vehicle if told to be, with its velocity."""
     return Reference(r_m=measured.r_E + params.initial.r_m_offset, v_m=measured.v_E)
 
 
@@ -42,7 +42,7 @@ def advance(params, setpoint, r_m, v_m):
 
     One classical Runge-Kutta step: over an 18 m step its error stays below 1e-9 m at f_m = 1
     rad/s, 1e-6 m at the highest f_m allowed, 10 rad/s (tests/laws/test_law.py).
-    The setpoint is carried along its own velocity within the tick.
+    The setpoint is carried along its own velocity and acceleration within the tick.
     """
     h = params.h
     k1_r, k1_v = v_m, a_ref(params, setpoint, r_m, v_m)
