@@ -107,9 +107,9 @@ def test_a_policy_of_the_guard_is_rejected_without_one(own_mission, policy):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("k_r = 1.2", "k_r = 99.0", ["12", "k_r"]),
-        ("k_r = 1.2", "f_m = 1.2", ["12", "f_m"]),
-        ("plain_cascade.py", "nowhere.py", ["11", "nowhere.py"]),
+        ("k_r = 1.2", "k_r = 99.0", ["13", "k_r"]),
+        ("k_r = 1.2", "f_m = 1.2", ["13", "f_m"]),
+        ("plain_cascade.py", "nowhere.py", ["12", "nowhere.py"]),
     ],
 )
 def test_its_keys_are_those_of_its_table(own_mission, old, new, said):
@@ -120,12 +120,12 @@ def test_its_keys_are_those_of_its_table(own_mission, old, new, said):
         assert part in done.stderr
 
 
-def test_a_law_that_does_not_compile_ends_with_2_and_the_line(own_mission):
+def test_a_law_that_does_not_compile_ends_with_2_and_the_line(own_mission, instance):
     law = own_mission.with_name("plain_cascade.py")
     text = law.read_text()
     law.write_text(text.replace("params.J *", "params.JJ *"))
     line = next(n for n, row in enumerate(text.splitlines(), 1) if "params.J *" in row)
-    command = [sys.executable, "-m", "fcu", "--law", str(law), "--instance", "9"]
+    command = [sys.executable, "-m", "fcu", "--law", str(law), "--instance", str(instance)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2
     assert f"plain_cascade.py:{line}:" in done.stderr
