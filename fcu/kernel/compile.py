@@ -18,10 +18,10 @@ import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -89,12 +89,27 @@ def is_cached(name: str, package: str = "fcu") -> bool:
     return folder is not None and any(folder.rglob(f"*.{name}-*.nbi"))
 
 
-class _OurCache(FunctionCache):  # type: ignore[misc]  # numba has no types
+class _Locator(UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types
+    """Places by the path in the project: checkouts of one version share what is compiled."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """A folder of the cache, for the kernels of one file."""
+        return Path(py_file).resolve().parent.relative_to(_ROOT).as_posix().replace("/", ".")
+
+
+class _OurImpl(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes: ClassVar = [_Locator]
+
+
+class _OurCache(FunctionCache):  # type: ignore[misc]
     """The cache of a kernel of ours: of values that a user has declared it keeps nothing.
 
     Who reads an index has to be able to import every class in it; the user's kernel that calls
     ours is cached whole, in its own folder.
     """
+
+    _impl_class = _OurImpl
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         return None if any(map(_is_strange, sig)) else super().load_overload(sig, target_context)
@@ -120,10 +135,11 @@ def kernel(function: F) -> F:
     cached = folder is not None and not function.__code__.co_filename.startswith("<")
     if cached:
         numba.config.CACHE_DIR = str(folder)  # which numba reads when it decorates
+    ours = cached and package in _PACKAGES
     # inlined, a kernel costs no copies of its NamedTuples: a rollout runs 1.6 times as fast
     flags = {"nogil": True, "error_model": "numpy", "forceinline": True}
-    compiled: Any = numba.njit(cache=cached, **flags)(function)
-    if cached and package in _PACKAGES:
+    compiled: Any = numba.njit(cache=cached and not ours, **flags)(function)
+    if ours:
         compiled._cache = _OurCache(function)
     made: F = compiled
     return made

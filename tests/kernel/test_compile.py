@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[2]
 LEVERS = """
 from typing import NamedTuple
 from fcu.kernel.algebra import select
@@ -56,3 +58,23 @@ def test_a_value_of_a_users_leaves_our_cache_as_it_is(tmp_path: Path) -> None:
     _, apart = sorted((tmp_path / "cache" / "m-mrac").iterdir())
     assert apart.name == f"{ours.name}-0123"
     assert any("longer" in name for name in _files(apart))
+
+
+@pytest.mark.slow
+def test_checkouts_of_one_version_share_what_is_compiled(tmp_path: Path) -> None:
+    for checkout in ("one", "other"):
+        shutil.copytree(ROOT / "fcu", tmp_path / checkout / "fcu")
+    script = "import fcu; print(fcu.__path__[0]); " + OURS
+    said, written = [], []
+    for checkout in ("one", "other"):
+        env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", f"import sys; sys.path.insert(0, '.'); {script}"],
+            cwd=tmp_path / checkout, env=env, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        said.append(done.stdout.split())
+        written.append(_files(tmp_path / "cache"))
+    assert [line[1] for line in said] == ["2.0", "2.0"]
+    assert "other" in said[1][0]
+    assert written[0]
+    assert written[1] == written[0]
