@@ -467,5 +467,8 @@ def _told(error: NumbaError, file: Path | None) -> str:
     own = [(path, line) for path, line in places if file and path.is_relative_to(file.parent)]
     if own:
         return f"{own[0][0]}:{own[0][1]}: does not compile: {reason}"
-    gives = f"expected step and take_over to return {_GIVES}, of its own types"
+    gives = (
+        f"expected step and take_over to return {_GIVES}, and idle (state, outputs, internals), of"
+        " its own types"
+    )
     return f"{file}: does not compile: {reason}: {gives}"

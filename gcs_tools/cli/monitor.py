@@ -39,8 +39,9 @@ def monitor(
 ) -> int:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
-    When the vehicle ends, it waits for the next one, until Ctrl-C. Exit codes: 0; 2 FILE cannot be
-    written, 3 no connection to Zenoh, 130 interrupted before a single picture.
+    Waits for a vehicle if there is none. When it ends, waits for the next one, until Ctrl-C.
+    Exit codes: 0; 2 FILE cannot be written, 3 no connection to Zenoh, 130 interrupted before a
+    single picture.
     """
     from rich.console import Console
 

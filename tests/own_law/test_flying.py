@@ -13,6 +13,8 @@ import pytest
 
 from gcs_tools.recording.reader import read
 
+pytestmark = pytest.mark.slow  # starts processes
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "law-of-your-own.md"
