@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE = (12.0, 11.0)  # inches
+TITLE = 96  # characters of the title that fit into a line
 LEAST = 0.1  # of what a log axis shows: what is less is drawn there, below it
 
 
@@ -83,7 +85,8 @@ def _settled(axes: Axes, q: Quantity, flight: FlightHistory, from_s: float) -> N
 
 
 def _overview(figure: Figure, flight: FlightHistory, settled_from_s: float, title: str) -> None:
-    figure.suptitle(title, x=0.012, ha="left", fontsize=13.0, fontweight="bold", color=INK)
+    words = textwrap.fill(title, TITLE)
+    figure.suptitle(words, x=0.012, ha="left", fontsize=13.0, fontweight="bold", color=INK)
     rows: list[list[Quantity | None]] = []
     for q in QUANTITIES:
         if not q.axes or not flight.shows(q):
