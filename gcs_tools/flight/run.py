@@ -167,7 +167,7 @@ class _Run:
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
             exit_code=exit_code, error=error, wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
-            versions=versions(),
+            versions={**versions(), "law": self._law.identity},
         )  # fmt: skip
         try:
             if len(flown.fcu) > 1:

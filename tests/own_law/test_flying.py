@@ -50,10 +50,12 @@ def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
 
 
 def test_its_own_state_is_recorded_by_its_names(flights):
-    folder, _ = flights
+    folder, results = flights
     wire, process = (read(folder / way / "flight.mcap") for way in ("wire", "process"))
     assert wire.metadata["law"] == "plain_cascade"
     assert len(wire.metadata["law_sha256"]) == 16
+    flown = f"plain_cascade {wire.metadata['law_sha256']}"
+    assert [results[way]["versions"]["law"] for way in results] == [flown, flown]
     for name in ("state.v_E", "state.v_dot", "internals.tau_c", "outputs.T_c"):
         assert np.array_equal(wire.fcu[name], process.fcu[name])
     assert np.abs(wire.fcu["state.v_dot"]).max() > 0.5
