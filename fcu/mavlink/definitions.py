@@ -44,6 +44,12 @@ class Definition(NamedTuple):
     crc_extra: bytes
     size: int  # bytes of its payload before trailing zeros are trimmed
 
+    def offset(self, name: str) -> int:
+        """The byte of the payload at which a field begins. Raises ValueError if it has none."""
+        before = [f.name for f in self.fields].index(name)
+        codes = "".join(f"{f.length}{f.code}" if f.length else f.code for f in self.fields[:before])
+        return struct.calcsize("<" + codes)
+
     def unpack(self, payload: bytes) -> dict[str, Any]:
         """Fields of a payload of full length; characters as bytes up to the first NUL."""
         numbers = self.layout.unpack(payload)

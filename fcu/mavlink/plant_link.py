@@ -13,38 +13,43 @@ sent as the field's "unknown", and refused at the other end.
 from __future__ import annotations
 
 import struct
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcu.interface.airframe import ROTORS
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
-from fcu.kernel.buffers import packer, size, unpacker
+from fcu.kernel.buffers import from_buffer, packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
+from fcu.mavlink import frame_kernels
 from fcu.mavlink.definitions import (
     AUTOPILOT,
     LOCKSTEP,
     NO_AUTOPILOT,
-    Definition,
     Frame,
     ModeFlag,
     SystemStatus,
     definition,
     message,
 )
+from fcu.mavlink.frame_kernels import HEADER, get, get_signed, put
 from fcu.mavlink.frames import StateOnWire, command_through_the_wire, state_from_wire, state_to_wire
 from fcu.mavlink.framing import WireError, expected, framed
 
 __all__ = ["PlantCodec", "WireError"]
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
+Bytes = np.ndarray[Any, np.dtype[np.uint8]]
 
-_TIME = struct.Struct("<Q")
+LONGEST = 4096  # bytes: several times the longest datagram here
+
+_TIME = 8  # bytes, at the start of every message but HEARTBEAT and BATTERY_STATUS
 _FLOATS = size(StateOnWire)
 _FIRST_ROTOR = _FLOATS - ROTORS
 _ODOMETRY_BYTES = 4 * _FIRST_ROTOR
-_FIRST_EIGHT = 0xFF  # ACTUATOR_OUTPUT_STATUS.active: outputs 1 to 8 are in use
+_STATE_BYTES = 4 * _FLOATS
+_ACTIVE = 0xFF  # ACTUATOR_OUTPUT_STATUS.active: outputs 1 to 8 are in use
 
 _ODOMETRY = definition("ODOMETRY")
 _ROTOR_STATUS = definition("ACTUATOR_OUTPUT_STATUS")
@@ -52,17 +57,24 @@ _CONTROLS = definition("HIL_ACTUATOR_CONTROLS")
 _HEARTBEAT = definition("HEARTBEAT")
 _BATTERY = definition("BATTERY_STATUS")
 
+# What compiled code knows of each: number, the byte behind the checksum, size.
+_ODOMETRY_ID, _ODOMETRY_CRC, _ODOMETRY_SIZE = _ODOMETRY.id, _ODOMETRY.crc_extra[0], _ODOMETRY.size
+_ROTORS_ID, _ROTORS_CRC, _ROTORS_SIZE = (
+    _ROTOR_STATUS.id, _ROTOR_STATUS.crc_extra[0], _ROTOR_STATUS.size,
+)  # fmt: skip
+_CONTROLS_ID, _CONTROLS_CRC, _CONTROLS_SIZE = _CONTROLS.id, _CONTROLS.crc_extra[0], _CONTROLS.size
+_HEARTBEAT_ID, _HEARTBEAT_CRC = _HEARTBEAT.id, _HEARTBEAT.crc_extra[0]
+_BATTERY_ID, _BATTERY_CRC, _BATTERY_SIZE = _BATTERY.id, _BATTERY.crc_extra[0], _BATTERY.size
+
 # What follows the numbers of ODOMETRY: two covariances, unknown (NaN first), the frames,
 # then reset counter, estimator and quality, all zero and so trimmed.
 _COVARIANCE = struct.pack("<21f", float("nan"), *[0.0] * 20)
-_FRAMES = bytes([Frame.LOCAL_NED, Frame.BODY_FRD])
-_ODOMETRY_TAIL = 2 * _COVARIANCE + _FRAMES
-_FRAMES_AT = _TIME.size + _ODOMETRY_BYTES + 2 * len(_COVARIANCE)
-_ACTIVE = struct.pack("<I", _FIRST_EIGHT)
-_FLAGS = (struct.pack("<Q", 0), struct.pack("<Q", LOCKSTEP))
-_UNUSED_CONTROLS = bytes(4 * 8)
-_ARMED = int(ModeFlag.ARMED)
-_MODES = (bytes([ModeFlag.CUSTOM]), bytes([ModeFlag.CUSTOM | ModeFlag.ARMED]))
+_NED, _FRD = int(Frame.LOCAL_NED), int(Frame.BODY_FRD)
+_TAIL = np.frombuffer(2 * _COVARIANCE + bytes([_NED, _FRD]), dtype=np.uint8)
+_TAIL_AT = _TIME + _ODOMETRY_BYTES
+_FRAMES_AT = _TAIL_AT + 2 * len(_COVARIANCE)
+_MODE_AT = _CONTROLS.offset("mode")
+_CUSTOM, _ARMED, _LOCKSTEP = int(ModeFlag.CUSTOM), int(ModeFlag.ARMED), int(LOCKSTEP)
 _HOLD = message(
     "HEARTBEAT", autopilot=NO_AUTOPILOT, system_status=SystemStatus.ACTIVE, mavlink_version=3
 ).payload
@@ -73,109 +85,331 @@ _unpack_fields = unpacker(StateOnWire)
 _pack_fields = packer(StateOnWire)
 _unpack_command = unpacker(RotorCommand)
 _pack_command = packer(RotorCommand)
+_unpack_battery = unpacker(Battery)
+_pack_battery = packer(Battery)
 
-_NOT_FINITE = 1
-_NOT_UNIT = 2
-_OUT_OF_RANGE = 3
+_NOT_A_FRAME, _NOT_FINITE, _NOT_UNIT, _OUT_OF_RANGE, _FRAMES, _TIMES, _NOT_EIGHT, _NO_BATTERY = (
+    1, 2, 3, 4, 5, 6, 7, 8,
+)  # fmt: skip
 _FAULTS = {
     _NOT_FINITE: "a field is not a finite number",
     _NOT_UNIT: "the attitude is not a unit quaternion",
     _OUT_OF_RANGE: "a rotor command is not between 0 and 1",
+    _FRAMES: "ODOMETRY is not in LOCAL_NED and BODY_FRD",
+    _TIMES: "ODOMETRY and ACTUATOR_OUTPUT_STATUS are of different times",
+    _NOT_EIGHT: "ACTUATOR_OUTPUT_STATUS is not of eight rotors",
+    _NO_BATTERY: "BATTERY_STATUS has a field unknown or out of range",
 }
 
 
+class Desk(NamedTuple):
+    """Where the kernels of one end lay out what they read and write."""
+
+    odometry: Bytes  # a payload of full size; the next three too
+    rotors: Bytes
+    controls: Bytes
+    battery: Bytes
+    heartbeat: Bytes
+    raw: Bytes  # the float32 fields of a state, or the first of them of a command
+    fields: np.ndarray[Any, np.dtype[np.float32]]  # the same
+    numbers: Buffer  # the same, as float64
+    sequence: np.ndarray[Any, np.dtype[np.int64]]  # of the next frame
+
+
+def desk() -> Desk:
+    """A new one."""
+    raw = np.zeros(_STATE_BYTES, dtype=np.uint8)
+    odometry, rotors, controls, battery, heartbeat = (
+        np.zeros(of.size, dtype=np.uint8)
+        for of in (_ODOMETRY, _ROTOR_STATUS, _CONTROLS, _BATTERY, _HEARTBEAT)
+    )
+    return Desk(
+        odometry=odometry, rotors=rotors, controls=controls, battery=battery,
+        heartbeat=heartbeat, raw=raw, fields=raw.view("<f4"), numbers=np.zeros(_FLOATS),
+        sequence=np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+
+
 @kernel
-def encode_state(buffer, spin, fields):
-    """float64[21] VehicleState and float64[8] spin to the float32[21] fields of the wire."""
-    on_wire = state_to_wire(_unpack_state(buffer))
-    _pack_fields(fields, on_wire)
+def _next(desk):
+    """The sequence number of a frame."""
+    number = desk.sequence[0]
+    desk.sequence[0] = (number + 1) & 0xFF
+    return number
+
+
+# --- states
+
+
+@kernel
+def pack_state(desk, system, time_us, state, spin, battery, with_battery, datagram):
+    """The datagram of one control tick, or of a keep-alive without its HEARTBEAT; its length.
+
+    state : float64[21], VehicleState.  spin : float64[8].  battery : float64[5], Battery.
+    datagram : uint8[LONGEST].  Numbers beyond float32 are saturated; NaN is sent as NaN.
+    """
+    fields, raw = desk.fields, desk.raw
+    _pack_fields(fields, state_to_wire(_unpack_state(state)))
     for i in range(ROTORS):
         fields[_FIRST_ROTOR + i] *= spin[i]
+    body = HEADER
+    put(datagram, body, time_us, _TIME)
+    for i in range(_ODOMETRY_BYTES):
+        datagram[body + _TIME + i] = raw[i]
+    for i in range(_TAIL.size):
+        datagram[body + _TAIL_AT + i] = _TAIL[i]
+    end = frame_kernels.frame(
+        datagram, 0, _TAIL_AT + _TAIL.size, _next(desk), system, AUTOPILOT, _ODOMETRY_ID,
+        _ODOMETRY_CRC,
+    )  # fmt: skip
+    body = end + HEADER
+    put(datagram, body, time_us, _TIME)
+    put(datagram, body + _TIME, _ACTIVE, 4)
+    for i in range(_ODOMETRY_BYTES, _STATE_BYTES):
+        datagram[body + _TIME + 4 + i - _ODOMETRY_BYTES] = raw[i]
+    end = frame_kernels.frame(
+        datagram, end, _TIME + 4 + _STATE_BYTES - _ODOMETRY_BYTES, _next(desk), system, AUTOPILOT,
+        _ROTORS_ID, _ROTORS_CRC,
+    )  # fmt: skip
+    if with_battery:
+        _put_battery(datagram, end + HEADER, _unpack_battery(battery))
+        end = frame_kernels.frame(
+            datagram, end, _BATTERY_SIZE, _next(desk), system, AUTOPILOT, _BATTERY_ID, _BATTERY_CRC
+        )
+    return end
 
 
 @kernel
-def decode_state(fields, numbers, buffer):
-    """float32[21] fields to a float64[21] VehicleState; `numbers` float64[21] is scratch.
+def parse_state(desk, system, datagram, length, state, battery, told):
+    """Read a state or a keep-alive; 0, or the fault for which nothing was written.
 
-    Returns 0, or the fault for which `buffer` was left as it was.
+    datagram : uint8[n], of which `length` bytes were received.  state : float64[21],
+    VehicleState.  battery : float64[5], Battery.  told : int64[3], its simulation time (us),
+    whether it is a keep-alive, whether it told the battery.
     """
+    at = 0
+    is_hold = length >= HEADER and get(datagram, 7, 3) == _HEARTBEAT_ID
+    if is_hold:
+        at = frame_kernels.payload(
+            datagram, 0, length, system, AUTOPILOT, _HEARTBEAT_ID, _HEARTBEAT_CRC, desk.heartbeat
+        )
+        if at == 0:
+            return _NOT_A_FRAME
+    odometry, rotors = desk.odometry, desk.rotors
+    at = frame_kernels.payload(
+        datagram, at, length, system, AUTOPILOT, _ODOMETRY_ID, _ODOMETRY_CRC, odometry
+    )
+    if at == 0:
+        return _NOT_A_FRAME
+    at = frame_kernels.payload(
+        datagram, at, length, system, AUTOPILOT, _ROTORS_ID, _ROTORS_CRC, rotors
+    )
+    if at == 0:
+        return _NOT_A_FRAME
+    with_battery = at != length
+    charge = Battery(0.0, 0.0, 0.0, 0.0, 0.0)
+    if with_battery:
+        at = frame_kernels.payload(
+            datagram, at, length, system, AUTOPILOT, _BATTERY_ID, _BATTERY_CRC, desk.battery
+        )
+        if at == 0:
+            return _NOT_A_FRAME
+        charge = _battery(desk.battery)
+        if charge.remaining < 0.0:
+            return _NO_BATTERY
+        if at != length:
+            return _NOT_A_FRAME
+    if odometry[_FRAMES_AT] != _NED or odometry[_FRAMES_AT + 1] != _FRD:
+        return _FRAMES
+    time_us = get(odometry, 0, _TIME)
+    if get(rotors, 0, _TIME) != time_us:
+        return _TIMES
+    if get(rotors, _TIME, 4) != _ACTIVE:
+        return _NOT_EIGHT
+    raw = desk.raw
+    for i in range(_ODOMETRY_BYTES):
+        raw[i] = odometry[_TIME + i]
+    for i in range(_ODOMETRY_BYTES, _STATE_BYTES):
+        raw[i] = rotors[_TIME + 4 + i - _ODOMETRY_BYTES]
+    numbers = desk.numbers
     for i in range(_FLOATS):
-        numbers[i] = fields[i]
+        numbers[i] = desk.fields[i]
         if not np.isfinite(numbers[i]):
             return _NOT_FINITE
     on_wire = _unpack_fields(numbers)
     q = on_wire.q_NF
     if abs(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z - 1.0) > 0.01:
         return _NOT_UNIT
-    _pack_state(buffer, state_from_wire(on_wire))
+    _pack_state(state, state_from_wire(on_wire))
+    if with_battery:
+        _pack_battery(battery, charge)
+    told[0], told[1], told[2] = time_us, is_hold, with_battery
     return 0
 
 
-@kernel
-def encode_command(buffer, fields):
-    """float64[8] RotorCommand to the float32[8] controls of the wire."""
-    _pack_command(fields, command_through_the_wire(_unpack_command(buffer)))
+# --- commands
 
 
 @kernel
-def decode_command(fields, buffer):
-    """float32[8] controls to a float64[8] RotorCommand; returns 0 or a fault, as above."""
+def pack_controls(desk, system, time_us, command, armed, lockstep, datagram):
+    """The answer to the state of `time_us`; its length.  command : float64[8], RotorCommand."""
+    _pack_command(desk.fields, command_through_the_wire(_unpack_command(command)))
+    put(datagram, HEADER, time_us, _TIME)
+    put(datagram, HEADER + 8, _LOCKSTEP if lockstep else 0, 8)
+    for i in range(4 * ROTORS):
+        datagram[HEADER + 16 + i] = desk.raw[i]
+    for i in range(HEADER + 16 + 4 * ROTORS, HEADER + _MODE_AT):
+        datagram[i] = 0
+    datagram[HEADER + _MODE_AT] = _CUSTOM | _ARMED if armed else _CUSTOM
+    return frame_kernels.frame(
+        datagram, 0, _CONTROLS_SIZE, _next(desk), system, AUTOPILOT, _CONTROLS_ID, _CONTROLS_CRC
+    )
+
+
+@kernel
+def parse_controls(desk, system, datagram, length, command, told):
+    """Read an answer; 0, or the fault for which nothing was written.
+
+    command : float64[8], RotorCommand.  told : int64[3], the simulation time (us) of its state,
+    whether the vehicle is armed, whether it flies in lockstep.
+    """
+    controls = desk.controls
+    at = frame_kernels.payload(
+        datagram, 0, length, system, AUTOPILOT, _CONTROLS_ID, _CONTROLS_CRC, controls
+    )
+    if at == 0 or at != length:
+        return _NOT_A_FRAME
+    for i in range(4 * ROTORS):
+        desk.raw[i] = controls[16 + i]
     for i in range(ROTORS):
-        if not np.isfinite(fields[i]):
+        if not np.isfinite(desk.fields[i]):
             return _NOT_FINITE
-        if not 0.0 <= fields[i] <= 1.0:
+        if not 0.0 <= desk.fields[i] <= 1.0:
             return _OUT_OF_RANGE
     for i in range(ROTORS):
-        buffer[i] = fields[i]
+        command[i] = desk.fields[i]
+    told[0] = get(controls, 0, _TIME)
+    told[1] = controls[_MODE_AT] & _ARMED != 0
+    told[2] = get(controls, 8, 8) & _LOCKSTEP != 0
     return 0
+
+
+# --- the battery
+
+_NO_CELL = 2**16 - 1
+_NO_TEMPERATURE = 2**15 - 1
+_ALL_FUNCTIONS, _LIPO = 1, 1  # MAV_BATTERY_FUNCTION_ALL, MAV_BATTERY_TYPE_LIPO
+_BYTES = {name: _BATTERY.offset(name) for name in (field.name for field in _BATTERY.fields)}
+_CHARGE_AT, _ENERGY_AT = _BYTES["current_consumed"], _BYTES["energy_consumed"]
+_TEMPERATURE_AT, _VOLTAGES_AT = _BYTES["temperature"], _BYTES["voltages"]
+_CURRENT_AT, _FUNCTION_AT = _BYTES["current_battery"], _BYTES["battery_function"]
+_TYPE_AT, _REMAINING_AT = _BYTES["type"], _BYTES["battery_remaining"]
+
+
+@kernel
+def _whole(x, low, high, unknown):
+    """The nearest integer from low to high; `unknown` of what is not a number."""
+    if x != x:
+        return np.int64(unknown)
+    return np.int64(np.rint(min(max(x, low), high)))
+
+
+@kernel
+def _put_battery(datagram, body, battery):
+    """Write the payload of BATTERY_STATUS from `body` on."""
+    for i in range(_BATTERY_SIZE):
+        datagram[body + i] = 0
+    put(datagram, body + _CHARGE_AT, _whole(1e3 * battery.drawn_Ah, -(2**31), 2**31 - 1, -1), 4)
+    put(datagram, body + _ENERGY_AT, _whole(1e-2 * battery.energy_J, -(2**31), 2**31 - 1, -1), 4)
+    put(datagram, body + _TEMPERATURE_AT, _NO_TEMPERATURE, 2)
+    put(datagram, body + _VOLTAGES_AT, _whole(1e3 * battery.voltage, 0, _NO_CELL - 1, _NO_CELL), 2)
+    for i in range(1, 10):
+        put(datagram, body + _VOLTAGES_AT + 2 * i, _NO_CELL, 2)
+    put(datagram, body + _CURRENT_AT, _whole(1e2 * battery.current, -(2**15), 2**15 - 1, -1), 2)
+    datagram[body + _FUNCTION_AT], datagram[body + _TYPE_AT] = _ALL_FUNCTIONS, _LIPO
+    put(datagram, body + _REMAINING_AT, _whole(1e2 * battery.remaining, -(2**7), 2**7 - 1, -1), 1)
+
+
+@kernel
+def _battery(payload):
+    """The Battery of a payload; with a negative remainder if a field is unknown or out of range."""
+    charge, energy = get_signed(payload, _CHARGE_AT, 4), get_signed(payload, _ENERGY_AT, 4)
+    current, percent = get_signed(payload, _CURRENT_AT, 2), get_signed(payload, _REMAINING_AT, 1)
+    pack_mV = get(payload, _VOLTAGES_AT, 2)
+    known = min(charge, energy, current) >= 0 and pack_mV != _NO_CELL and 0 <= percent <= 100
+    return Battery(
+        voltage=1e-3 * pack_mV,
+        current=1e-2 * current,
+        drawn_Ah=1e-3 * charge,
+        remaining=1e-2 * percent if known else -1.0,
+        energy_J=1e2 * energy,
+    )
+
+
+# --- from Python
+
+
+def _signed(time_us: int) -> int:
+    """The same eight bytes, as compiled code has them."""
+    return time_us - 2**64 if time_us >= 2**63 else time_us
 
 
 class PlantCodec:
-    """Both directions of the plant link of one vehicle. Construction compiles the kernels.
+    """Both directions of the plant link of one vehicle, for Python: the kernels above.
 
     Buffers are flat float64 in the order of VehicleState (21) and RotorCommand (8), in the
-    frames and units of `messages`. Out of float32's range a value is saturated; NaN is
-    sent as NaN, and refused at the other end.
+    frames and units of `messages`.
     """
 
     def __init__(self, system_id: int, spin: Rotors | None = None) -> None:
         """`spin` (+1 counter-clockwise, -1) signs rotor speeds; only the plant needs it."""
-        self._system = system_id
-        self._sequence = 0
-        self._spin = None if spin is None else np.array(spin, dtype=np.float64)
-        self._sent = np.zeros(_FLOATS, dtype="<f4")
-        self._raw = bytearray(4 * _FLOATS)
-        self._received = np.frombuffer(self._raw, dtype="<f4")
-        self._raw_controls = bytearray(4 * ROTORS)
-        self._received_controls = np.frombuffer(self._raw_controls, dtype="<f4")
-        self._sent_controls = np.zeros(ROTORS, dtype="<f4")
-        self._scratch = np.zeros(_FLOATS)
-        self.battery: Battery | None = None  # as last received, with a state
+        self.system = system_id
+        self.desk = desk()
+        self.spin = np.array([] if spin is None else spin, dtype=np.float64)
+        self.battery_buffer = np.zeros(size(Battery))
+        self.has_battery = np.zeros(1, dtype=np.int64)  # whether one was received, with a state
+        self._datagram = np.zeros(LONGEST, dtype=np.uint8)
+        self._told = np.zeros(3, dtype=np.int64)
         self._compile()
+
+    @property
+    def battery(self) -> Battery | None:
+        """As last received, with a state; None before."""
+        return from_buffer(Battery, self.battery_buffer) if self.has_battery[0] else None
+
+    @battery.setter
+    def battery(self, battery: Battery | None) -> None:
+        self.has_battery[0] = battery is not None
+        if battery is not None:
+            self.battery_buffer[:] = to_buffer(battery)
 
     def _compile(self) -> None:
         state, command = np.zeros(_FLOATS), np.zeros(ROTORS)
-        encode_state(state, np.ones(ROTORS), self._sent)
-        decode_state(self._received, self._scratch, state)
-        encode_command(command, self._sent_controls)
-        decode_command(self._received_controls, command)
+        if self.spin.size:
+            self.pack_state(0, state)
+            self._parse(parse_controls, b"", command)
+        else:
+            self.pack_controls(0, command, False, True)
+            self._parse(parse_state, b"", state, self.battery_buffer)
+        self.desk.sequence[0] = 0
 
     def pack_state(self, time_usec: int, buffer: Buffer, battery: Battery | None = None) -> bytes:
         """The datagram of one control tick. Raises ValueError if the codec has no spin."""
-        if self._spin is None:
+        if not self.spin.size:
             raise ValueError("a codec that packs states needs the rotors' spin")
-        encode_state(buffer, self._spin, self._sent)
-        time, numbers = _TIME.pack(time_usec), self._sent.tobytes()
-        odometry = time + numbers[:_ODOMETRY_BYTES] + _ODOMETRY_TAIL
-        rotors = time + _ACTIVE + numbers[_ODOMETRY_BYTES:]
-        state = self._framed(_ODOMETRY, odometry) + self._framed(_ROTOR_STATUS, rotors)
-        if battery is None:
-            return state
-        return state + self._framed(_BATTERY, _battery_payload(battery))
+        charge = self.battery_buffer if battery is None else to_buffer(battery)
+        length = pack_state(
+            self.desk, self.system, _signed(time_usec), buffer, self.spin, charge,
+            battery is not None, self._datagram,
+        )  # fmt: skip
+        return self._datagram[:length].tobytes()
 
     def pack_hold(self, time_usec: int, buffer: Buffer, battery: Battery | None = None) -> bytes:
         """A keep-alive while simulation time is held: the state, behind a HEARTBEAT."""
-        return self._framed(_HEARTBEAT, _HOLD) + self.pack_state(time_usec, buffer, battery)
+        sequence = int(self.desk.sequence[0])
+        self.desk.sequence[0] = (sequence + 1) & 0xFF
+        heartbeat = framed(_HEARTBEAT, _HOLD, sequence, self.system, AUTOPILOT)
+        return heartbeat + self.pack_state(time_usec, buffer, battery)
 
     @staticmethod
     def is_hold(datagram: bytes) -> bool:
@@ -187,105 +421,51 @@ class PlantCodec:
 
         Raises WireError, with `buffer` and `battery` untouched.
         """
-        at = 0
-        if self.is_hold(datagram):
-            _, at = self._payload(_HEARTBEAT, datagram, 0)
-        odometry, at = self._payload(_ODOMETRY, datagram, at)
-        rotors, at = self._payload(_ROTOR_STATUS, datagram, at)
-        battery = None
-        if at != len(datagram):
-            battery, at = self._battery(datagram, at)
-        if odometry[_FRAMES_AT : _FRAMES_AT + 2] != _FRAMES:
-            raise WireError("ODOMETRY is not in LOCAL_NED and BODY_FRD")
-        if rotors[:8] != odometry[:8]:
-            raise WireError("ODOMETRY and ACTUATOR_OUTPUT_STATUS are of different times")
-        if rotors[8:12] != _ACTIVE:
-            raise WireError("ACTUATOR_OUTPUT_STATUS is not of eight rotors")
-        self._raw[:_ODOMETRY_BYTES] = odometry[8 : 8 + _ODOMETRY_BYTES]
-        self._raw[_ODOMETRY_BYTES:] = rotors[12 : 12 + 4 * ROTORS]
-        fault = decode_state(self._received, self._scratch, buffer)
+        fault = self._parse(parse_state, datagram, buffer, self.battery_buffer)
         if fault:
-            raise WireError(_FAULTS[fault])
-        if battery is not None:
-            self.battery = battery
-        time: int = _TIME.unpack_from(odometry)[0]
-        return time
-
-    def _battery(self, datagram: bytes, start: int) -> tuple[Battery, int]:
-        payload, at = self._payload(_BATTERY, datagram, start)
-        battery = _battery_of(payload)
-        if battery is None:
-            raise WireError("BATTERY_STATUS has a field unknown or out of range")
-        if at != len(datagram):
-            raise WireError(f"{len(datagram) - at} bytes after the state")
-        return battery, at
+            raise WireError(_FAULTS.get(fault) or self._why_no_state(datagram))
+        self.has_battery[0] |= self._told[2]
+        return int(self._told[0]) & (2**64 - 1)
 
     def pack_controls(self, time_usec: int, buffer: Buffer, armed: bool, lockstep: bool) -> bytes:
         """The answer to the state of `time_usec`: a RotorCommand."""
-        encode_command(buffer, self._sent_controls)
-        return self._framed(
-            _CONTROLS,
-            _TIME.pack(time_usec) + _FLAGS[lockstep] + self._sent_controls.tobytes()
-            + _UNUSED_CONTROLS + _MODES[armed],
-        )  # fmt: skip
+        length = pack_controls(
+            self.desk, self.system, _signed(time_usec), buffer, armed, lockstep, self._datagram
+        )
+        return self._datagram[:length].tobytes()
 
     def parse_controls(self, datagram: bytes, buffer: Buffer) -> tuple[int, bool, bool]:
         """Read a RotorCommand into `buffer`; returns (time in us of its state, armed, lockstep).
 
         Raises WireError, with `buffer` untouched.
         """
-        payload, at = self._payload(_CONTROLS, datagram, 0)
-        if at != len(datagram):
-            raise WireError(f"{len(datagram) - at} bytes after the controls")
-        self._raw_controls[:] = payload[16:48]
-        fault = decode_command(self._received_controls, buffer)
+        fault = self._parse(parse_controls, datagram, buffer)
         if fault:
-            raise WireError(_FAULTS[fault])
-        time: int = _TIME.unpack_from(payload)[0]
-        return time, payload[80] & _ARMED != 0, payload[8] & LOCKSTEP != 0
+            raise WireError(_FAULTS.get(fault) or self._why_no_controls(datagram))
+        time_us, armed, lockstep = self._told.tolist()
+        return time_us & (2**64 - 1), bool(armed), bool(lockstep)
 
-    def _framed(self, of: Definition, payload: bytes) -> bytes:
-        sequence = self._sequence
-        self._sequence = sequence + 1 & 0xFF
-        return framed(of, payload, sequence, self._system, AUTOPILOT)
+    def _parse(self, parse: Any, datagram: bytes, *into: Buffer) -> int:
+        length = min(len(datagram), LONGEST)
+        self._datagram[:length] = np.frombuffer(datagram, dtype=np.uint8, count=length)
+        fault: int = parse(self.desk, self.system, self._datagram, length, *into, self._told)
+        return fault
 
-    def _payload(self, of: Definition, datagram: bytes, start: int) -> tuple[bytes, int]:
-        return expected(of, datagram, start, self._system, AUTOPILOT)
+    def _why_no_state(self, datagram: bytes) -> str:
+        """What is wrong with the frames of a datagram that was rejected."""
+        at = 0
+        try:
+            wanted = [_ODOMETRY, _ROTOR_STATUS]
+            for of in [_HEARTBEAT, *wanted] if self.is_hold(datagram) else wanted:
+                _, at = expected(of, datagram, at, self.system, AUTOPILOT)
+            _, at = expected(_BATTERY, datagram, at, self.system, AUTOPILOT)
+        except WireError as error:
+            return str(error)
+        return f"{len(datagram) - at} bytes after the state"
 
-
-# --- the battery
-
-_NO_CELL = 2**16 - 1
-_NO_TEMPERATURE = 2**15 - 1
-_ALL_FUNCTIONS, _LIPO = 1, 1  # MAV_BATTERY_FUNCTION_ALL, MAV_BATTERY_TYPE_LIPO
-
-
-def _known(x: float, unknown: int) -> float:
-    return unknown if x != x else x
-
-
-def _battery_payload(battery: Battery) -> bytes:
-    pack_mV = _known(min(1e3 * battery.voltage, _NO_CELL - 1), _NO_CELL)
-    return message(
-        "BATTERY_STATUS", battery_function=_ALL_FUNCTIONS, type=_LIPO, temperature=_NO_TEMPERATURE,
-        voltages=[pack_mV, *[_NO_CELL] * 9], current_battery=_known(1e2 * battery.current, -1),
-        current_consumed=_known(1e3 * battery.drawn_Ah, -1),
-        energy_consumed=_known(1e-2 * battery.energy_J, -1),
-        battery_remaining=_known(1e2 * battery.remaining, -1),
-    ).payload  # fmt: skip
-
-
-def _battery_of(payload: bytes) -> Battery | None:
-    """The battery of a payload; None if a field is unknown or out of range."""
-    f = _BATTERY.unpack(payload)
-    charge, energy, current = f["current_consumed"], f["energy_consumed"], f["current_battery"]
-    pack_mV, percent = f["voltages"][0], f["battery_remaining"]
-    if min(charge, energy, current) < 0 or pack_mV == _NO_CELL or not 0 <= percent <= 100:
-        return None
-    return Battery(
-        voltage=1e-3 * pack_mV,
-        current=1e-2 * current,
-        drawn_Ah=1e-3 * charge,
-        remaining=1e-2 * percent,
-        energy_J=1e2 * energy,
-    )
+    def _why_no_controls(self, datagram: bytes) -> str:
+        try:
+            _, at = expected(_CONTROLS, datagram, 0, self.system, AUTOPILOT)
+        except WireError as error:
+            return str(error)
+        return f"{len(datagram) - at} bytes after the controls"

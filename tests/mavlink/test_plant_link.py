@@ -208,13 +208,18 @@ def test_only_the_end_that_knows_the_spin_packs_states():
 
 
 def test_python_and_compiled_codecs_give_the_same_bits():
-    plain, compiled = np.zeros(21, "<f4"), np.zeros(21, "<f4")
-    for encode, fields in ((wire.encode_state.py_func, plain), (wire.encode_state, compiled)):
-        encode(to_buffer(FLYING), np.array(SPIN), fields)
-    assert plain.tobytes() == compiled.tobytes()
-    received = np.zeros((2, 21))
-    assert wire.decode_state.py_func(plain, np.zeros(21), received[0]) == 0
-    assert wire.decode_state(plain, np.zeros(21), received[1]) == 0
+    sent, received = np.zeros((2, wire.LONGEST), np.uint8), np.zeros((2, 21))
+    charge, told = np.zeros(5), np.zeros(3, np.int64)
+    for i, (pack, parse) in enumerate(
+        ((wire.pack_state.py_func, wire.parse_state.py_func), (wire.pack_state, wire.parse_state))
+    ):
+        desk = wire.desk()
+        length = pack(
+            desk, SYSTEM, TIME, to_buffer(FLYING), np.array(SPIN, float), charge, True, sent[i]
+        )
+        assert parse(desk, SYSTEM, sent[i], length, received[i], charge, told) == 0
+        assert told.tolist() == [TIME, False, True]
+    assert sent[0].tobytes() == sent[1].tobytes()
     assert (
         received[0].tobytes()
         == received[1].tobytes()

@@ -102,7 +102,7 @@ def test_a_bad_state_is_refused_and_changes_nothing(reason, datagram):
     with pytest.raises(WireError, match=reason):
         codec.parse_state(datagram, received)
     assert (received == untouched(21)).all()
-    assert codec.battery is FULL
+    assert codec.battery == FULL
 
 
 @pytest.mark.parametrize(
