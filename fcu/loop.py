@@ -118,7 +118,7 @@ class Loop:
                     measured, row,
                 )  # fmt: skip
         self._reporter.warm_up(row)
-        self.vehicle.feasibility.warm_up()
+        self.vehicle.warm_up()
         self.vehicle.state = measured
         self._ground.warm_up(row)
         self.vehicle.state = None

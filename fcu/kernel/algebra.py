@@ -207,6 +207,32 @@ def norm(a):
 
 
 @kernel
+def hypot(x, y):
+    """Length of the vector (x, y), correctly rounded: the bits of `math.hypot` in Python.
+
+    The C library's own, which compiled code would call, differs from it by a last bit now and then.
+    """
+    p, p_lost = _squared(x)
+    q, q_lost = _squared(y)
+    greater, less = maximum(p, q), minimum(p, q)
+    s = greater + less
+    lost = (less - (s - greater)) + (p_lost + q_lost)
+    h = math.sqrt(s)
+    t, t_lost = _squared(h)
+    return h + select(h > 0.0, ((s - t) + (lost - t_lost)) / (2.0 * h), 0.0)
+
+
+@kernel
+def _squared(x):
+    """`x * x`, and what it lost in rounding (Dekker, 1971)."""
+    c = 134217729.0 * x  # 2**27 + 1
+    high = c - (c - x)
+    low = x - high
+    p = x * x
+    return p, ((high * high - p) + 2.0 * high * low) + low * low
+
+
+@kernel
 def total(a):
     """Sum over the rotors, in pairs (one order, so one result)."""
     return ((a.r1 + a.r2) + (a.r3 + a.r4)) + ((a.r5 + a.r6) + (a.r7 + a.r8))

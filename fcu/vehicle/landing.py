@@ -14,15 +14,17 @@ leads up again. Pure. Frames: Earth ENU; SI; times are simulation time in micros
 from __future__ import annotations
 
 import math
-from enum import Enum
-from typing import Any
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcu.interface.messages import Setpoint, VehicleState
-from fcu.kernel.algebra import Vec3
-from fcu.kernel.rows import column_of, slice_of
-from fcu.vehicle.plans import STILL, PlanLimits, Pose, brake, length
+from fcu.kernel.algebra import Vec3, dot, hypot, maximum, norm, select
+from fcu.kernel.buffers import packer, size, to_buffer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.kernel.rows import column_of
+from fcu.vehicle.plans import STILL, Pose, stop
 from fcu.vehicle.setpoints import ATTITUDE, POSITION
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -34,9 +36,6 @@ STOOD_US = 100_000  # simulation time: what falls is at rest for a quarter of th
 LIGHT = 0.5  # of the thrust in flight
 LEARNT = 0.01  # of the thrust of one look: two seconds' worth
 AIRBORNE = 0.15  # m above where it stood: in the air whatever the rotors do
-
-_Z, _V = column_of(VehicleState, "r_E.z"), slice_of(VehicleState, "v_E")
-_OMEGA = slice_of(VehicleState, "Omega")
 
 # coming down
 CLEAR = 0.05  # m above where it stood: lower is in the ground
@@ -53,84 +52,190 @@ LOW = 1.0  # m: from here it may land
 THERE, SLOW = 0.5, 0.5  # m, m/s across: as near to a place, and as still, as it has to be to land
 
 
+class LandedState(NamedTuple):
+    """What the landed detector remembers from look to look. 0 and 1: no and yes; NaN: not known."""
+
+    T_flight: float  # N, thrust that it takes to fly
+    since_us: float  # since when it rests; NaN: it does not
+    stood_at: float  # m, E: height at which it was last seen standing
+    ground: float  # m, E: height at which it has stood for a while
+    landed: float
+    has_flown: float  # since it was last on the ground for certain
+
+
+class TouchdownState(NamedTuple):
+    """What the touch-down detector remembers from look to look."""
+
+    done: float  # 1: it has come down
+    since_us: float  # since when something is in its way; NaN: nothing is
+
+
+_unpack_measured = unpacker(VehicleState)
+_unpack_landed, _pack_landed = unpacker(LandedState), packer(LandedState)
+_unpack_touchdown, _pack_touchdown = unpacker(TouchdownState), packer(TouchdownState)
+
+
+@kernel
+def stands(was, c_T, measured, t_us):
+    """The LandedState after a look at a VehicleState, some 50 times a second.
+
+    c_T : believed thrust coefficient, N s^2.  t_us : simulation time, us, a float.
+    """
+    Omega, v, height = measured.Omega, measured.v_E, measured.r_E.z
+    squares = Omega * Omega
+    T = c_T * (
+        squares.r1 + squares.r2 + squares.r3 + squares.r4
+        + squares.r5 + squares.r6 + squares.r7 + squares.r8
+    )  # fmt: skip
+    still = dot(v, v) < STANDS * STANDS
+    carried = LIGHT * was.T_flight < T  # by its rotors
+    T_flight, since_us, stood_at = was.T_flight, was.since_us, was.stood_at
+    ground, landed, has_flown = was.ground, was.landed, was.has_flown
+    if landed != 0.0:
+        first = math.isnan(stood_at)
+        if first:
+            stood_at = height
+        if not still:
+            since_us = math.nan
+        elif math.isnan(since_us):
+            since_us = t_us
+        elif t_us - since_us >= STOOD_US:
+            ground = stood_at
+        if height > stood_at + AIRBORNE or (first and carried):
+            landed, has_flown, since_us = 0.0, 1.0, math.nan
+    elif carried or not still:
+        since_us = math.nan
+        if still:  # at rest in the air: what it takes to stay there
+            T_flight += LEARNT * (T - T_flight)
+    else:
+        if math.isnan(since_us):
+            since_us = t_us
+        if t_us - since_us >= HELD_FOR_US:
+            landed, stood_at = 1.0, height
+    return LandedState(
+        T_flight=T_flight,
+        since_us=since_us,
+        stood_at=stood_at,
+        ground=ground,
+        landed=landed,
+        has_flown=has_flown,
+    )
+
+
+@kernel
+def _see_landed(buffer, c_T, row, t_us):
+    """`stands` on flat buffers."""
+    _pack_landed(buffer, stands(_unpack_landed(buffer), c_T, _unpack_measured(row), t_us))
+
+
 class LandedDetector:
     """Whether it stands on the ground. Unknown (taken for landed) until the first state was seen."""
 
-    def __init__(self, c_T: float, T_first: float) -> None:
-        """`c_T`: believed thrust coefficient. `T_first`: thrust (N) expected in flight before one."""
-        self._c_T = c_T
-        self._T_flight = T_first
-        self._since_us: int | None = None
-        self._stood_at = math.nan  # height at which it was last seen standing
-        self.ground = math.nan  # height (m, E) at which it has stood for a while
-        self.landed = True
-        self.has_flown = False  # since it was last on the ground for certain
+    def __init__(self, c_T: float, T_first: float, buffer: Row | None = None) -> None:
+        """`c_T`: believed thrust coefficient. `T_first`: thrust (N) expected in flight before one.
+
+        `buffer`: float64[size(LandedState)], to remember in.
+        """
+        self.c_T = c_T
+        self.buffer = np.empty(size(LandedState)) if buffer is None else buffer
+        self.buffer[:] = to_buffer(
+            LandedState(
+                T_flight=T_first, since_us=math.nan, stood_at=math.nan, ground=math.nan,
+                landed=1.0, has_flown=0.0,
+            )
+        )  # fmt: skip
+
+    def see(self, state: Row, time_us: int) -> bool:
+        """One look, some 50 times a second; whether it is on the ground."""
+        _see_landed(self.buffer, self.c_T, state, float(time_us))
+        return self.landed
 
     @property
     def light(self) -> float:
         """Thrust (N) of rotors that do not carry the vehicle, by far."""
-        return 0.5 * LIGHT * self._T_flight
+        return 0.5 * LIGHT * float(self.buffer[_T_FLIGHT])
 
-    def see(self, state: Row, time_us: int) -> bool:
-        """One look, some 50 times a second; whether it is on the ground."""
-        Omega, v = state[_OMEGA], state[_V]
-        T = self._c_T * float(Omega @ Omega)
-        still = float(v @ v) < STANDS * STANDS
-        height = float(state[_Z])
-        carried = LIGHT * self._T_flight < T  # by its rotors
-        if self.landed:
-            first = math.isnan(self._stood_at)
-            if first:
-                self._stood_at = height
-            if not still:
-                self._since_us = None
-            elif self._since_us is None:
-                self._since_us = time_us
-            elif time_us - self._since_us >= STOOD_US:
-                self.ground = self._stood_at
-            if height > self._stood_at + AIRBORNE or (first and carried):
-                self.landed, self.has_flown, self._since_us = False, True, None
-        elif carried or not still:
-            self._since_us = None
-            if still:  # at rest in the air: what it takes to stay there
-                self._T_flight += LEARNT * (T - self._T_flight)
-        else:
-            self._since_us = time_us if self._since_us is None else self._since_us
-            if time_us - self._since_us >= HELD_FOR_US:
-                self.landed, self._stood_at = True, height
-        return self.landed
+    @property
+    def landed(self) -> bool:
+        """Whether it was on the ground at the last look."""
+        return bool(self.buffer[_LANDED])
+
+    @property
+    def ground(self) -> float:
+        """Height (m, E) at which it has stood for a while; NaN if it has not."""
+        return float(self.buffer[_GROUND])
+
+    @ground.setter
+    def ground(self, z: float) -> None:
+        self.buffer[_GROUND] = z
+
+    @property
+    def has_flown(self) -> bool:
+        """Whether it has, since it was last on the ground for certain."""
+        return bool(self.buffer[_HAS_FLOWN])
+
+    @has_flown.setter
+    def has_flown(self, yes: bool) -> None:
+        self.buffer[_HAS_FLOWN] = yes
 
 
-class Approach(Enum):
+_T_FLIGHT, _LANDED = column_of(LandedState, "T_flight"), column_of(LandedState, "landed")
+_GROUND, _HAS_FLOWN = column_of(LandedState, "ground"), column_of(LandedState, "has_flown")
+
+
+class Approach(IntEnum):
     """How a script's setpoint is flown."""
 
-    AS_ASKED = "as asked"
-    RAISED = "raised to above the ground"
-    DOWN = "as a landing"
+    AS_ASKED = 0
+    RAISED = 1  # to above the ground
+    DOWN = 2  # as a landing
 
 
-def approach(
-    was: Approach, asked: Setpoint, pose: Pose, ground: float, limits: PlanLimits
-) -> Approach:
-    """How `asked`, carried to this moment, is to be flown.
+@kernel
+def approach(was, asked, pose, ground, limits):
+    """How `asked`, carried to this moment, is to be flown: an Approach, as `was` is (or its int).
 
-    `ground`: height at which the vehicle stood, m; NaN if that is not known.
+    ground : height at which the vehicle stood, m; NaN if that is not known.
     """
     if asked.level > POSITION or math.isnan(ground) or pose.r_E.z < ground - VALLEY:
         return Approach.AS_ASKED
+    place = _is_still(asked.v_c)
     if not _into(asked, ground, limits):
-        sinking = was is Approach.DOWN and asked.v_c.z < 0.0
+        sinking = was == Approach.DOWN and asked.v_c.z < 0.0
         if sinking and asked.r_c.z <= pose.r_E.z + CLEAR:
             return Approach.DOWN  # a velocity goes on from where the landing has led it
         near = asked.r_c.z < ground + CLEAR + _falls(pose)
-        return Approach.RAISED if near and asked.v_c == STILL else Approach.AS_ASKED
-    if was is Approach.DOWN or pose.r_E.z < ground + TOUCHING:
+        return Approach.RAISED if near and place else Approach.AS_ASKED
+    if was == Approach.DOWN or pose.r_E.z < ground + TOUCHING:
         return Approach.DOWN
-    low = brake(pose.r_E, pose.v_E, pose.psi, limits)[1].z < ground + LOW
-    if asked.v_c != STILL:
+    low = stop(pose.r_E, pose.v_E, limits).r_E.z < ground + LOW
+    if not place:
         return Approach.DOWN if low else Approach.AS_ASKED
-    slow = math.hypot(pose.v_E.x, pose.v_E.y) < SLOW
+    slow = hypot(pose.v_E.x, pose.v_E.y) < SLOW
     return Approach.DOWN if low and slow and _over(asked, pose) else Approach.RAISED
+
+
+@kernel
+def _is_still(v):
+    return v.x == 0.0 and v.y == 0.0 and v.z == 0.0
+
+
+@kernel
+def _over(asked, pose):
+    return hypot(asked.r_c.x - pose.r_E.x, asked.r_c.y - pose.r_E.y) < THERE
+
+
+@kernel
+def _into(asked, ground, limits):
+    """Whether it lies in the ground, or could not be stopped before it."""
+    up = asked.v_c.z + asked.a_c.z > 0.0  # a second on
+    late = LATE_S * maximum(-asked.v_c.z, 0.0)
+    return not up and stop(asked.r_c, asked.v_c, limits).r_E.z - late < ground + CLEAR
+
+
+@kernel
+def _falls(pose):
+    return AHEAD_S * maximum(-pose.v_E.z, 0.0)
 
 
 def landing_from(asked: Setpoint, pose: Pose, ground: float) -> Pose:
@@ -141,17 +246,6 @@ def landing_from(asked: Setpoint, pose: Pose, ground: float) -> Pose:
     return Pose(place, Vec3(0.0, 0.0, pose.v_E.z), asked.psi_c)
 
 
-def _over(asked: Setpoint, pose: Pose) -> bool:
-    return math.hypot(asked.r_c.x - pose.r_E.x, asked.r_c.y - pose.r_E.y) < THERE
-
-
-def _into(asked: Setpoint, ground: float, limits: PlanLimits) -> bool:
-    """Whether it lies in the ground, or could not be stopped before it."""
-    up = asked.v_c.z + asked.a_c.z > 0.0  # a second on
-    late = LATE_S * max(0.0, -asked.v_c.z)
-    return not up and brake(asked.r_c, asked.v_c, asked.psi_c, limits)[1].z - late < ground + CLEAR
-
-
 def raised(asked: Setpoint, pose: Pose, ground: float) -> Setpoint:
     """The place above one in the ground, or so near to it that a fast vehicle would touch it."""
     r = asked.r_c
@@ -159,16 +253,62 @@ def raised(asked: Setpoint, pose: Pose, ground: float) -> Setpoint:
     return asked._replace(r_c=Vec3(r.x, r.y, max(r.z, low + _falls(pose))))
 
 
-def _falls(pose: Pose) -> float:
-    return AHEAD_S * max(0.0, -pose.v_E.z)
+@kernel
+def touches(was, flown, pose, ground, t_us, meant, anywhere_us):
+    """The TouchdownState after a look. `flown` : the Setpoint, carried to this moment.
+
+    meant : whether it is landing; else only a ground that is known can be what is in its way.
+    anywhere_us : how long something has to be in its way where the ground is not.
+    """
+    v, since_us = pose.v_E, was.since_us
+    if was.done != 0.0:
+        gust = not v.z > -FALLING
+        return TouchdownState(done=select(gust, 0.0, 1.0), since_us=since_us)
+    if flown.v_c.z > -AT_REST or v.z < HINDERED * flown.v_c.z:
+        return TouchdownState(done=0.0, since_us=math.nan)
+    if math.isnan(since_us):
+        since_us = t_us
+    height = pose.r_E.z - ground
+    here = -VALLEY < height < TOUCHING
+    for_us = select(here, HINDERED_US, anywhere_us)
+    there = here or (meant and norm(v) < AT_REST)
+    done = there and t_us - since_us >= for_us
+    return TouchdownState(done=select(done, 1.0, 0.0), since_us=since_us)
+
+
+@kernel
+def _see_touchdown(buffer, flown, pose, ground, t_us, meant, anywhere_us):
+    """`touches` on a flat buffer; whether something has changed."""
+    was = _unpack_touchdown(buffer)
+    now = touches(was, flown, pose, ground, t_us, meant, anywhere_us)
+    _pack_touchdown(buffer, now)
+    return now.done != was.done
+
+
+def anywhere_us(f_m: float) -> float:
+    """For how long (us) something has to be in the way where the ground is not.
+
+    f_m : rad/s, of the reference model: a lazy one lags behind the speed that is asked for.
+    """
+    return float(ANYWHERE_US) if f_m >= LAZY else float(round(2e6 / f_m))
 
 
 class TouchdownDetector:
     """Whether a vehicle that is led down has come down."""
 
-    def __init__(self) -> None:
-        self.done = False
-        self._since_us: int | None = None
+    def __init__(self, buffer: Row | None = None) -> None:
+        """`buffer`: float64[size(TouchdownState)], to remember in."""
+        self.buffer = np.empty(size(TouchdownState)) if buffer is None else buffer
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing has been in the way so far."""
+        self.buffer[:] = to_buffer(TouchdownState(done=0.0, since_us=math.nan))
+
+    @property
+    def done(self) -> bool:
+        """Whether it has come down."""
+        return bool(self.buffer[_DONE])
 
     def see(
         self, flown: Setpoint, pose: Pose, ground: float, t_us: int, meant: bool = True,
@@ -176,23 +316,15 @@ class TouchdownDetector:
     ) -> bool:  # fmt: skip
         """One look; whether something has changed. `flown`: carried to this moment.
 
-        `meant`: it is landing; else only a ground that is known can be what is in its way.
-        f_m : rad/s, of the reference model: a lazy one lags behind the speed that is asked for.
+        `meant`, `f_m`: as in `touches` and `anywhere_us`.
         """
-        v = pose.v_E
-        if self.done:
-            self.done = v.z > -FALLING  # it was a gust
-            return not self.done
-        if flown.v_c.z > -AT_REST or v.z < HINDERED * flown.v_c.z:
-            self._since_us = None
-            return False
-        self._since_us = t_us if self._since_us is None else self._since_us
-        here = -VALLEY < pose.r_E.z - ground < TOUCHING
-        anywhere_us = ANYWHERE_US if f_m >= LAZY else round(2e6 / f_m)
-        for_us = HINDERED_US if here else anywhere_us
-        there = here or (meant and length(v) < AT_REST)
-        self.done = there and t_us - self._since_us >= for_us
-        return self.done
+        changed: bool = _see_touchdown(
+            self.buffer, flown, pose, ground, float(t_us), meant, anywhere_us(f_m)
+        )
+        return changed
+
+
+_DONE = column_of(TouchdownState, "done")
 
 
 def resting(flown: Setpoint, thrust: float) -> Setpoint:

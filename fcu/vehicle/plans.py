@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import Code, Told
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Vec3, hypot, maximum, minimum, norm, select, select3
+from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import euler, matrix
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
 
@@ -67,19 +69,38 @@ def rest(r: Vec3, psi: float) -> Piece:
     return Piece(at(r, psi), math.inf)
 
 
+class Stop(NamedTuple):
+    """Where a vehicle that brakes comes to rest, and in what time (s); 0: it all but rests."""
+
+    r_E: Vec3
+    after_s: float
+
+
+@kernel
+def pose_of(measured):
+    """The Pose of a VehicleState."""
+    return Pose(r_E=measured.r_E, v_E=measured.v_E, psi=euler(matrix(measured.q_EB)).z)
+
+
+@kernel
+def stop(r, v, limits):
+    """The Stop from r at velocity v, within the PlanLimits."""
+    speed = norm(v)
+    least = minimum(
+        limits.acceleration * speed / maximum(hypot(v.x, v.y), 1e-9),
+        limits.acceleration_up * speed / maximum(abs(v.z), 1e-9),
+    )
+    rests = speed < SLOW
+    time = select(rests, 0.0, speed / least)
+    return Stop(r_E=select3(rests, r, r + (0.5 * time) * v), after_s=time)
+
+
 def brake(r: Vec3, v: Vec3, psi: float, limits: PlanLimits) -> tuple[list[Piece], Vec3]:
     """From r at velocity v to a stop; returns the pieces and where it stops."""
-    speed = length(v)
-    if speed < SLOW:
+    place, time = stop(r, v, limits)
+    if time == 0.0:
         return [], r
-    across = math.hypot(v.x, v.y)
-    least = min(
-        limits.acceleration * speed / max(across, 1e-9),
-        limits.acceleration_up * speed / max(abs(v.z), 1e-9),
-    )
-    time = speed / least
-    a = (-1.0 / time) * v
-    return [Piece(at(r, psi, v, a), time)], r + (0.5 * time) * v
+    return [Piece(at(r, psi, v, (-1.0 / time) * v), time)], place
 
 
 def line(start: Vec3, end: Vec3, psi: float, limits: PlanLimits) -> list[Piece]:

@@ -9,77 +9,152 @@ as a wind is not told from one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcu.interface.messages import VehicleState
 from fcu.interface.status_texts import Code, Told
-from fcu.kernel.algebra import norm
+from fcu.kernel.algebra import norm, select
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.rows import column_of, slice_of
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 JUMP = 1.0  # m in one tick, beside v h; no impact moves a vehicle so far
 STUCK_US, LOOK_US = 1_000_000, 20_000  # simulation time
 
+
+class Faults(NamedTuple):
+    """What is wrong with the states of a plant, and since when. Times: simulation time, us."""
+
+    off: float  # m: how far the position is off; 0: it is believed
+    moved_us: float  # when a look last found another state than the look before
+    look_us: float  # when the next look is due
+    stuck: float  # 1: that was too long ago
+
+
+class Filtered(NamedTuple):
+    """What is remembered from tick to tick."""
+
+    flown: VehicleState  # the last state let through
+    seen: VehicleState  # the state at the last look
+    faults: Faults
+
+
 _unpack = unpacker(VehicleState)
-_put_r_E = packer(VehicleState, "r_E")
+_put_r_E = packer(Filtered, "flown.r_E")
+_unpack_faults = unpacker(Filtered, "faults")
+_pack_faults = packer(Filtered, "faults")
+_FLOWN, _SEEN = slice_of(Filtered, "flown"), slice_of(Filtered, "seen")
+_FLOWN_AT, _SEEN_AT = _FLOWN.start, _SEEN.start
+_OFF, _STUCK = column_of(Filtered, "faults.off"), column_of(Filtered, "faults.stuck")
+_unpack_flown = unpacker(Filtered, "flown")
 
 
 @kernel
-def admit(received, flown, h):
-    """Bring `flown` (float64[21] VehicleState) to `received`, h seconds later.
+def _expected(buffer, h):
+    """Where the vehicle is h seconds after the last state let through, m."""
+    before = _unpack_flown(buffer)
+    return before.r_E + h * before.v_E
 
-    Returns by how much (m) the position is off v h; above JUMP, v h is what `flown` moves by.
-    """
-    before, now = _unpack(flown), _unpack(received)
-    expected = before.r_E + h * before.v_E
-    off = norm(now.r_E - expected)
+
+@kernel
+def _differs(buffer, received):
+    """Whether a state is not, to the bit, that of the last look."""
+    new, old = received.view(np.int64), buffer.view(np.int64)
+    differs = False
+    for i in range(new.size):
+        differs |= new[i] != old[_SEEN_AT + i]
+    return differs
+
+
+@kernel
+def _faults(buffer, received, off, t_us):
+    """The Faults after a state whose position is so far (m) off what was expected."""
+    was = _unpack_faults(buffer)
+    looks = t_us >= was.look_us
+    moved = looks and _differs(buffer, received)
+    late = looks and not moved and t_us - was.moved_us >= STUCK_US
+    return Faults(
+        off=select(off > JUMP, off, 0.0),
+        moved_us=select(moved, t_us, was.moved_us),
+        look_us=select(looks, t_us + LOOK_US, was.look_us),
+        stuck=select(moved, 0.0, select(late, 1.0, was.stuck)),
+    )
+
+
+@kernel
+def _remember(buffer, received, faults, t_us):
+    """`buffer` at the next tick."""
+    looks = t_us >= _unpack_faults(buffer).look_us
     for i in range(received.size):
-        flown[i] = received[i]
+        buffer[_FLOWN_AT + i] = received[i]
+    if looks:
+        for i in range(received.size):
+            buffer[_SEEN_AT + i] = received[i]
+    _pack_faults(buffer, faults)
+
+
+@kernel
+def admit(buffer, received, h, t_us):
+    """Bring `buffer` (float64[size(Filtered)]) to the state `received`, h seconds later.
+
+    t_us : simulation time, us, a float.
+    """
+    expected = _expected(buffer, h)
+    off = norm(_unpack(received).r_E - expected)
+    _remember(buffer, received, _faults(buffer, received, off, t_us), t_us)
     if off > JUMP:
-        _put_r_E(flown, expected)
-    return off
+        _put_r_E(buffer, expected)
+
+
+@kernel
+def quiet(buffer, received, h, t_us):
+    """`admit`, if there is nothing to be told of it; else False, and `buffer` is as it was."""
+    was = _unpack_faults(buffer)
+    off = norm(_unpack(received).r_E - _expected(buffer, h))
+    faults = _faults(buffer, received, off, t_us)
+    if was.off != 0.0 or faults.off != 0.0 or faults.stuck > was.stuck:
+        return False
+    _remember(buffer, received, faults, t_us)
+    return True
 
 
 class PositionFilter:
-    """What the law is given of what the plant says. `flown`: the last state let through."""
+    """What the law is given of what the plant says. `flown`: the last state let through.
+
+    `buffer`: float64[size(Filtered)], of which `flown` is a view.
+    """
 
     def __init__(self) -> None:
-        self.flown = np.zeros(size(VehicleState))
-        self.off = 0.0  # m: how far the position is off; 0: it is believed
-        self._seen = b""
-        self._moved_us = self._look_us = 0
-        self._stuck = False
+        self.buffer = np.zeros(size(Filtered))
+        self.buffer[_SEEN] = np.nan
+        self.flown = self.buffer[_FLOWN]
+
+    @property
+    def off(self) -> float:
+        """How far (m) the position is off; 0: it is believed."""
+        return float(self.buffer[_OFF])
 
     def take(self, received: Row) -> None:
         """A state that nothing is checked against: the first, or one of a vehicle that rests."""
         self.flown[:] = received
-        self.off = 0.0
+        self.buffer[_OFF] = 0.0
 
     def pass_on(self, received: Row, h: float, t_us: int) -> Sequence[Told]:
         """The state of the next tick of a vehicle in flight: what is wrong with it."""
-        off = admit(received, self.flown, h)
-        if off <= JUMP and not self.off and t_us < self._look_us:
+        was_off, was_stuck = self.buffer[_OFF], self.buffer[_STUCK]
+        admit(self.buffer, received, h, float(t_us))
+        off, stuck = self.buffer[_OFF], self.buffer[_STUCK]
+        if off == was_off and stuck == was_stuck:
             return ()
         told: list[Told] = []
-        if off > JUMP:
-            if not self.off:
-                told.append(Told(Code.POSITION_JUMPED, (off,)))
-            self.off = off
-        elif self.off:
-            self.off = 0.0
+        if off and not was_off:
+            told.append(Told(Code.POSITION_JUMPED, (float(off),)))
+        elif was_off and not off:
             told.append(Told(Code.POSITION_BACK))
-        if t_us >= self._look_us:
-            self._look_us = t_us + LOOK_US
-            self._look(received.tobytes(), t_us, told)
-        return told
-
-    def _look(self, seen: bytes, t_us: int, told: list[Told]) -> None:
-        if seen != self._seen:
-            self._seen, self._moved_us, self._stuck = seen, t_us, False
-        elif t_us - self._moved_us >= STUCK_US and not self._stuck:
-            self._stuck = True
+        if stuck > was_stuck:
             told.append(Told(Code.STATE_STUCK))
+        return told

@@ -25,22 +25,29 @@ from fcu.interface.messages import (
 )
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import from_buffer, to_buffer
-from fcu.kernel.rotations import euler, matrix
+from fcu.kernel.buffers import from_buffer, size, to_buffer
+from fcu.kernel.rotations import matrix
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.mmrac.reference_model import carried
 from fcu.parameters import Parameters
 from fcu.vehicle import landing, modes, plans
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import Leader, Piece, PlanLimits, Pose
+from fcu.vehicle.plans import NEVER_US, Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import Script, SetpointLimits, anchored, of_attitude, of_position
+from fcu.vehicle.watch import LOOK_US, Given, Watch, warm_up
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
-LOOK_US = 20_000  # between looks at whether it has landed, and at the timers of arming
 NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 TILT_TO_ARM = math.radians(25.0)
+
+_LOOK_AT, _WAKE_AT = column_of(Watch, "look_us"), column_of(Watch, "wake_us")
+_LANDED, _TOUCHDOWN = slice_of(Watch, "landed"), slice_of(Watch, "touchdown")
+_GIVEN = slice_of(Watch, "given")
+
+_NOTHING = plans.at(plans.STILL, 0.0)
 
 
 class Answer(NamedTuple):
@@ -74,14 +81,20 @@ class StateMachine:
         self.script = Script(sim_only)
         self.feasibility = FeasibilityCheck(params)
         self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
-        self.wake_us = 0  # nothing happens by itself before
-        self._landed = LandedDetector(params.law.rotors.c_T, params.pace.T_hover)
+        self.watch = np.zeros(size(Watch))  # shared with compiled code: see `arm_watch`
+        self._landed = LandedDetector(
+            params.law.rotors.c_T, params.pace.T_hover, self.watch[_LANDED]
+        )
         self._approach = Approach.AS_ASKED  # how the script's setpoint is flown
-        self._touchdown = TouchdownDetector()
+        self._touchdown = TouchdownDetector(self.watch[_TOUCHDOWN])
         self._armed_us = 0
         self._landed_us = 0
-        self._look_us = 0
         self._untold: Told | None = None  # of the script's setpoint, as it was entered
+
+    def warm_up(self) -> None:
+        """Compile what is asked at ticks and looks."""
+        self.feasibility.warm_up()
+        warm_up(self._limits())
 
     # --- where it is, and what it flies
 
@@ -104,7 +117,8 @@ class StateMachine:
         """Where the vehicle is."""
         m = self.measured
         assert m is not None
-        return Pose(m.r_E, m.v_E, euler(matrix(m.q_EB)).z)
+        pose: Pose = plans.pose_of(m)
+        return pose
 
     @property
     def reference(self) -> Row:
@@ -148,11 +162,11 @@ class StateMachine:
         Called at every tick; does nothing before `wake_us`.
         """
         self.state = state
-        if t_us < self.wake_us:
+        if t_us < self.watch[_WAKE_AT]:
             return []
         told: list[Told] = []
-        if t_us >= self._look_us:
-            self._look_us = t_us + LOOK_US
+        if t_us >= self.watch[_LOOK_AT]:
+            self.watch[_LOOK_AT] = t_us + LOOK_US
             self._look(state, t_us, told)
         if self.armed and self.mode is Mode.OFFBOARD:
             self._watch_script(t_us, wall_s, told)
@@ -160,9 +174,51 @@ class StateMachine:
         return told
 
     def _set_wake(self) -> None:
-        self.wake_us = min(self._look_us, self.leader.until_us)
-        if self.armed and self.mode is Mode.OFFBOARD:
-            self.wake_us = min(self.wake_us, self.script.deadline_us(self.lost_us))
+        self.watch[_WAKE_AT] = min(self.watch[_LOOK_AT], self.leader.until_us, self._deadline_us)
+
+    @property
+    def wake_us(self) -> int:
+        """Nothing happens by itself before."""
+        return int(self.watch[_WAKE_AT])
+
+    @property
+    def _deadline_us(self) -> int:
+        """The first microsecond at which the script may be lost."""
+        scripted = self.armed and self.mode is Mode.OFFBOARD
+        return self.script.deadline_us(self.lost_us) if scripted else NEVER_US
+
+    def arm_watch(self) -> None:
+        """Before compiled code flies on by itself: what `watch.quiet_look` has to know.
+
+        To be called again after whatever else this object was asked for, or has observed.
+        """
+        scripted = self.armed and self.mode is Mode.OFFBOARD
+        asked = self.script.setpoint
+        self.watch[_GIVEN] = to_buffer(
+            Given(
+                until_us=self.leader.until_us,
+                deadline_us=self._deadline_us,
+                armed=self.armed,
+                scripted=scripted,
+                lands=self.is_landing,
+                python=self.home is None
+                or self._untold is not None
+                or (scripted and not self._flies_on(asked)),
+                approach=self._approach,
+                asked=_NOTHING if asked is None else asked,
+                asked_us=self.script.since_us,
+                limits=self._limits(),
+                c_T=self._landed.c_T,
+                anywhere_us=landing.anywhere_us(self._params.pace.f_m),
+            )
+        )
+
+    def _flies_on(self, asked: Setpoint | None) -> bool:
+        """Whether a look that finds the approach as it was would leave what is flown alone."""
+        if self._approach is Approach.AS_ASKED:
+            as_asked = self.setpoint is asked and self.since_us == self.script.since_us
+            return as_asked and self.leader.until_us == NEVER_US and asked is not None
+        return self._approach is Approach.DOWN and asked is not None
 
     def _look(self, state: Row, t_us: int, told: list[Told]) -> None:
         if self.home is None:
@@ -472,7 +528,8 @@ class StateMachine:
 
     def _end_approach(self) -> None:
         """Another mode: what was begun near the ground is over."""
-        self._approach, self._touchdown = Approach.AS_ASKED, TouchdownDetector()
+        self._approach = Approach.AS_ASKED
+        self._touchdown.reset()
 
     def _steer(self, t_us: int) -> bool:
         """Fly the script's setpoint, or land if it leads into the ground; whether that begins."""
@@ -486,7 +543,7 @@ class StateMachine:
             raised = self._approach is Approach.RAISED
             self.leader.take(landing.raised(asked, here, ground) if raised else asked, since_us)
             if was is Approach.DOWN:
-                self._touchdown = TouchdownDetector()
+                self._touchdown.reset()
         elif was is not Approach.DOWN:
             self._land_from(landing.landing_from(now, here, ground), t_us)
             return True
