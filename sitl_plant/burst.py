@@ -1,0 +1,266 @@
+"""Ticks of the simulator in compiled code, from the state sent to the answer received.
+
+`begin` and `finish` are the two halves of a tick. They make no system calls, so that a simulator
+and a controller can also be joined in memory. `serve` runs whole ticks over a socket, and returns
+to Python as soon as something else than the expected answer happens.
+
+Everything a tick reads and writes is in the arrays of `Plant`, shared with Python.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.interface.diagnostics import PlantTiming, plant_row
+from fcu.interface.messages import Battery, RotorCommand, VehicleState
+from fcu.kernel import system
+from fcu.kernel.buffers import packer, size, to_buffer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.kernel.rows import column_of
+from fcu.mavlink.plant_link import LONGEST, Desk, desk, pack_state, parse_controls
+from sitl_plant.physics import dynamics, tick
+from sitl_plant.physics.battery import BatteryState
+from sitl_plant.physics.types import PlantRecord
+from sitl_plant.physics.world import World
+
+Buffer = np.ndarray[Any, np.dtype[np.float64]]
+Bytes = np.ndarray[Any, np.dtype[np.uint8]]
+Integers = np.ndarray[Any, np.dtype[np.int64]]
+
+PlantRow = plant_row(PlantRecord)
+WIDTH = size(PlantRow)  # float64 in a row
+
+BATTERY_HZ = 10.0  # of simulation time
+NOISE_BLOCK = 4096  # rows drawn at once
+QUICK_S = 0.0005  # wall-clock time: a controller slower than this is waited for in Python
+
+# Of `begin`: dynamics.FLYING, DIVERGED or CRASHED, or
+NO_NOISE = -1  # the noise has been used up: draw more, and call again
+
+# Of `finish`: a fault of the plant link (positive), or
+FLOWN, STALE = 0, -1
+
+# Why `serve` returned, before a tick:
+TICKS, FULL, GRANTED, NOISE, OTHERS, SLOW, ENDED = 0, 1, 2, 3, 4, 5, 6
+# or waiting for the answer to a state that has been prepared:
+NOT_SENT, UNPUBLISHED, SILENT, UNEXPECTED = 7, 8, 9, 10
+
+
+class Progress(NamedTuple):
+    """The scalars of a flight, each a float64."""
+
+    timing: PlantTiming  # of the tick that comes next
+    noise_at: float  # the row of the noise that comes next
+    granted: float  # ticks that may be flown in all
+
+
+class Plant(NamedTuple):
+    """One simulator: constants, and the arrays that its ticks work on."""
+
+    params: Buffer  # PlantParams
+    start: Buffer  # VehicleState
+    spin: Buffer  # float64[8], of the rotors
+    system: int  # MAVLink's
+    period_us: int
+    steps: int  # integration steps per tick
+    battery_ticks: int  # ticks from one battery report to the next
+    state: Buffer  # VehicleState
+    drawn: Buffer  # BatteryState
+    past: Buffer  # float64[delay + 1, n], VehicleState: a ring of the last states
+    noise: Buffer  # float64[NOISE_BLOCK, tick.NOISE]
+    progress: Buffer  # Progress
+    reported: Buffer  # VehicleState
+    battery: Buffer  # Battery, the last report
+    command: Buffer  # RotorCommand, of the last answer that could be read
+    told: Integers  # int64[3], what else that answer said
+    desk: Desk
+
+
+class Wire(NamedTuple):
+    """What `serve` sends to, listens to and keeps an eye on."""
+
+    link: int  # descriptor: the flight controller
+    feed: int  # descriptor: the publisher; -1 without one
+    others: Integers  # descriptors that Python reads: see system.polled
+    outbox: Bytes  # the last state sent
+    inbox: Bytes  # the last answer received
+    clock: Integers  # int64[2]
+
+
+class Burst(NamedTuple):
+    """What `serve` did."""
+
+    why: int  # it returned
+    rows: int  # written; the last may be of a tick that is not finished
+    status: int  # of the flight, at the last of them
+    length: int  # of the last state, in bytes
+    received: int  # bytes of the answer that was not as expected
+    asked: float  # wall-clock time at which the last state was sent, s
+    unpublished: bool  # the publisher had no room for the last row
+
+
+SEQUENCE, PUBLISHED, NOISE_AT, GRANT = (
+    column_of(Progress, name)
+    for name in ("timing.sequence", "timing.published", "noise_at", "granted")
+)
+
+_progress = unpacker(Progress)
+_pack_tick = packer(Progress, "timing.sequence")
+_pack_published = packer(Progress, "timing.published")
+_pack_noise_at = packer(Progress, "noise_at")
+_pack_timing = packer(PlantRow, "timing")
+_battery_of = unpacker(PlantRow, "battery")
+_pack_battery = packer(Battery)
+
+
+def plant(world: World, system_id: int, shared: Desk | None = None) -> Plant:
+    """A simulator at the start of its flight, without noise: see `draw_noise`.
+
+    `shared`: the desk of a codec whose sequence numbers it is to continue.
+    """
+    start = to_buffer(world.start)
+    progress = np.zeros(size(Progress))
+    progress[NOISE_AT], progress[GRANT] = NOISE_BLOCK, np.inf
+    return Plant(
+        params=to_buffer(world.params),
+        start=start,
+        spin=np.array(world.params.airframe.spin, dtype=np.float64),
+        system=system_id,
+        period_us=round(1e6 / world.rate_hz),
+        steps=world.steps,
+        battery_ticks=max(1, round(world.rate_hz / BATTERY_HZ)),
+        state=start.copy(),
+        drawn=np.zeros(size(BatteryState)),
+        past=np.zeros((int(world.delay_ticks) + 1, size(VehicleState))),
+        noise=np.zeros((NOISE_BLOCK, tick.NOISE)),
+        progress=progress,
+        reported=np.zeros(size(VehicleState)),
+        battery=np.zeros(size(Battery)),
+        command=np.zeros(size(RotorCommand)),
+        told=np.zeros(3, dtype=np.int64),
+        desk=desk() if shared is None else shared,
+    )
+
+
+def wire(link: int, feed: int, others: tuple[int, ...]) -> Wire:
+    """The descriptors, and buffers of their own."""
+    return Wire(
+        link=link,
+        feed=feed,
+        others=system.polled(*others),
+        outbox=np.zeros(LONGEST, dtype=np.uint8),
+        inbox=np.zeros(LONGEST, dtype=np.uint8),
+        clock=np.zeros(2, dtype=np.int64),
+    )
+
+
+def draw_noise(plant: Plant, random: np.random.Generator, scale: Buffer) -> None:
+    """Draw the next block of noise.  scale : float64[tick.NOISE], standard deviations."""
+    if scale.any():
+        plant.noise[:] = random.standard_normal(plant.noise.shape) * scale
+    plant.progress[NOISE_AT] = 0.0
+
+
+@kernel
+def begin(plant, row, datagram):
+    """The first half of a tick: the row of the true state, and the state as it is sent.
+
+    row : float64[WIDTH].  datagram : uint8[LONGEST].
+    Returns (length of the datagram, status of the flight); without a datagram length 0.
+    """
+    progress = _progress(plant.progress)
+    if progress.noise_at >= plant.noise.shape[0]:
+        return 0, NO_NOISE
+    now = np.int64(progress.timing.sequence)
+    t = now * plant.period_us * 1e-6
+    ended = tick.observe(plant.params, plant.state, plant.drawn, t, plant.start, row)
+    _pack_timing(row, progress.timing)
+    with_battery = now % plant.battery_ticks == 0
+    if with_battery:
+        _pack_battery(plant.battery, _battery_of(row))
+    if ended != dynamics.FLYING:
+        return 0, np.int64(ended)
+    past = plant.past
+    newest, oldest = now % past.shape[0], max(now - past.shape[0] + 1, 0) % past.shape[0]
+    for i in range(past.shape[1]):
+        past[newest, i] = plant.state[i]
+    at = np.int64(progress.noise_at)
+    tick.sense(past[oldest], plant.noise[at], plant.reported)
+    _pack_noise_at(plant.progress, at + 1.0)
+    length = pack_state(
+        plant.desk, plant.system, now * plant.period_us, plant.reported, plant.spin,
+        plant.battery, with_battery, datagram,
+    )  # fmt: skip
+    return length, np.int64(dynamics.FLYING)
+
+
+@kernel
+def finish(plant, datagram, length):
+    """The second half of a tick: the answer of `length` bytes, and the flight to the next tick.
+
+    FLOWN; or, with nothing flown, STALE (an answer to another tick) or a fault of the plant link.
+    """
+    command, told = plant.command, plant.told
+    fault = parse_controls(plant.desk, plant.system, datagram, length, command, told)
+    if fault != 0:
+        return fault
+    now = np.int64(_progress(plant.progress).timing.sequence)
+    if told[0] != now * plant.period_us:
+        return STALE
+    t = now * plant.period_us * 1e-6
+    tick.advance(plant.params, plant.state, plant.drawn, command, t, plant.steps)
+    _pack_tick(plant.progress, now + 1.0)
+    return FLOWN
+
+
+@kernel
+def serve(plant, wire, rows, ticks):
+    """Fly `ticks` ticks, or fewer.  rows : float64[n, WIDTH].  Returns a Burst.
+
+    Waits for an answer as long as the time-out of the link's socket.
+    """
+    why, used, status, length, received, asked = TICKS, 0, 0, 0, 0, 0.0
+    unpublished = False
+    for _ in range(ticks):
+        progress = _progress(plant.progress)
+        if used == rows.shape[0]:
+            why = FULL
+            break
+        if progress.timing.sequence >= progress.granted:
+            why = GRANTED
+            break
+        if wire.others.size != 0 and system.ready(wire.others, 0) != 0:
+            why = OTHERS
+            break
+        _pack_published(plant.progress, system.since_1970(wire.clock))
+        row = rows[used]
+        length, status = begin(plant, row, wire.outbox)
+        if status == NO_NOISE:
+            why = NOISE
+            break
+        used += 1
+        unpublished = wire.feed >= 0 and system.send_row(wire.feed, row) < 0
+        if status != dynamics.FLYING:
+            why = ENDED
+            break
+        asked = system.monotonic(wire.clock)
+        if system.send(wire.link, wire.outbox, length) < 0:
+            why = NOT_SENT
+            break
+        if unpublished:
+            why = UNPUBLISHED
+            break
+        received = system.receive(wire.link, wire.inbox, True)
+        if received < 0:
+            why = SILENT
+            break
+        took = system.monotonic(wire.clock) - asked
+        if finish(plant, wire.inbox, received) != FLOWN:
+            why = UNEXPECTED
+            break
+        if took > QUICK_S:
+            why = SLOW
+            break
+    return Burst(why, used, status, length, received, asked, unpublished)
