@@ -44,8 +44,8 @@ FLOWN, STALE = 0, -1
 
 # Why `serve` returned, before a tick:
 TICKS, FULL, GRANTED, NOISE, OTHERS, SLOW, ENDED = 0, 1, 2, 3, 4, 5, 6
-# or waiting for the answer to a state that has been prepared:
-NOT_SENT, UNPUBLISHED, SILENT, UNEXPECTED = 7, 8, 9, 10
+# or with a state prepared that has not been answered:
+BEGUN, NOT_SENT, UNPUBLISHED, SILENT, UNEXPECTED = WAITING = 7, 8, 9, 10, 11
 
 
 class Progress(NamedTuple):

@@ -4,6 +4,10 @@ The loop sends a state, waits for the command computed from that state, and then
 no answer comes, the loop sends the state again, then ends the run and logs the cause; it never
 substitutes zeros. The process that started the simulator may hold time: it writes run-until
 grants to a pipe.
+
+At full speed compiled code flies bursts of ticks (`burst`), and returns here for everything else.
+Here a tick is flown with the same kernels: in real time, while the controller is slow, where
+there is no libc to call, and whenever a burst has stopped between a state and its answer.
 """
 
 from __future__ import annotations
@@ -13,40 +17,34 @@ import os
 import select
 import sys
 import time
-from collections import deque
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from fcu.interface.diagnostics import PlantTiming, plant_row
+from fcu.interface.diagnostics import PlantTiming
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
-from fcu.interface.messages import Battery, RotorCommand, VehicleState
+from fcu.interface.messages import Battery
 from fcu.interface.ports import Ports, owner
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import RecorderPipe
 from fcu.interface.starter import log
-from fcu.kernel.buffers import from_buffer, size, to_buffer
-from fcu.kernel.rows import column, slice_of
+from fcu.kernel import system
+from fcu.kernel.buffers import from_buffer
+from fcu.kernel.rows import column
 from fcu.mavlink.plant_link import PlantCodec, WireError
+from sitl_plant import burst
+from sitl_plant.burst import WIDTH, Progress
 from sitl_plant.pacing import Pacer
-from sitl_plant.physics import dynamics, tick
-from sitl_plant.physics.battery import BatteryState
-from sitl_plant.physics.types import PlantRecord
+from sitl_plant.physics import dynamics
 from sitl_plant.physics.world import World
 
+__all__ = ["INFRASTRUCTURE", "WIDTH", "Figures", "Server", "say"]
+
 RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall-clock timeouts for an answer from the controller
+WAIT_S = 0.02  # of these, what compiled code waits before it returns here
 OK, INFRASTRUCTURE = 0, 3
 ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
-BATTERY_HZ = 10.0  # of simulation time
-_NOISE_BLOCK = 4096  # rows drawn at once
-
-PlantRow = plant_row(PlantRecord)
-WIDTH = size(PlantRow)  # float64 in a row
-_TIMING = slice_of(PlantRow, "timing")
-
-Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @dataclass
@@ -75,10 +73,12 @@ class Server:
         pacer: Pacer,
         control: int | None = None,
         lifeline: int | None = None,
+        burst_ticks: int = sys.maxsize,
     ) -> None:
         """`control`: file descriptor of the grants, or None to let time run freely.
 
-        `lifeline`: a file descriptor; its end of file ends the flight. Raises PortBusy.
+        `lifeline`: a file descriptor; its end of file ends the flight. `burst_ticks`: ticks that
+        compiled code flies at once, at most what is left of the recorder's batch. Raises PortBusy.
         """
         self._lifeline = lifeline
         self._world = world
@@ -88,35 +88,29 @@ class Server:
         self._control = control
         self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
         self._codec = PlantCodec(ports.system_id, world.params.airframe.spin)
-        self._params = to_buffer(world.params)
-        self._start = to_buffer(world.start)
-        self._state = self._start.copy()
-        self._drawn = np.zeros(size(BatteryState))
-        self._command = np.zeros(size(RotorCommand))
-        self._reported = np.zeros(size(VehicleState))
-        self._past: deque[Buffer] = deque(maxlen=int(world.delay_ticks) + 1)
+        self._plant = burst.plant(world, ports.system_id, self._codec.desk)
+        self._timing = column(Progress, self._plant.progress, "timing")
+        others = tuple(fd for fd in (control, lifeline) if fd is not None)
+        self._wire = burst.wire(self._link.fileno(), -1, others)
         self._random = np.random.default_rng(int(world.seed))
-        self._noise = np.zeros((0, tick.NOISE))
-        self._noise_at = 0
-        self._period_us = round(1e6 / world.rate_hz)
-        self._battery: Battery | None = None  # the last battery report
-        self._battery_ticks = max(1, round(world.rate_hz / BATTERY_HZ))
         self._granted = 0 if control is not None else sys.maxsize
-        self._tick = 0
+        self._burst_ticks = burst_ticks
+        self._bursts = system.HAS_LIBC and not pacer.paced
+        self._quick = self._bursts  # whether compiled code is to fly the next tick
         self._unusable = ""  # why the last answer to this tick's state was rejected
         self.figures = Figures()
         self.stopping = False
 
     def warm_up(self) -> None:
         """Compile the functions that a tick calls."""
-        state, row = self._start.copy(), np.zeros(WIDTH)
-        drawn = self._drawn.copy()
-        tick.observe(self._params, state, drawn, 0.0, self._start, row)
-        self._battery = from_buffer(
-            Battery, column(PlantRecord, row, "battery")
-        )  # for the first keep-alive
-        tick.sense(state, np.zeros(tick.NOISE), self._reported)
-        tick.advance(self._params, state, drawn, self._command, 0.0, self._world.steps)
+        tried = burst.plant(self._world, self._codec.system)
+        burst.draw_noise(tried, np.random.default_rng(0), self._world.noise_scale)
+        rows = np.zeros((1, WIDTH))
+        burst.begin(tried, rows[0], self._wire.outbox)
+        burst.finish(tried, self._wire.inbox, 0)
+        if self._bursts:
+            burst.serve(tried, self._wire, rows, 0)
+        self._plant.battery[:] = tried.battery  # for the first keep-alive
 
     def run(self) -> int:
         """Run until the flight ends or a stop is requested; returns the exit code."""
@@ -131,6 +125,8 @@ class Server:
         gc.freeze()
         gc.disable()
         code = OK
+        if self._bursts:
+            self._link.let_wait(WAIT_S)
         try:
             while not self.stopping:
                 if self._tick >= self._granted:
@@ -138,17 +134,20 @@ class Server:
                     continue
                 self._feed.find(time.monotonic())
                 self.pacer.wait()
-                if not self._observe():
+                if self._plant.progress[burst.NOISE_AT] == burst.NOISE_BLOCK:
+                    burst.draw_noise(self._plant, self._random, self._world.noise_scale)
+                flown = self._serve() if self._quick else self._begin()
+                self.figures.ticks = self._tick
+                if flown.why == burst.ENDED:
+                    self._end(flown.status)
                     break
-                if not self._exchange(poll):
+                if flown.why == burst.OTHERS:
+                    self._look(poll)
+                elif flown.why == burst.SLOW:
+                    self._quick = False
+                elif flown.why in burst.WAITING and not self._exchange(poll, flown):
                     code = OK if self.stopping else INFRASTRUCTURE
                     break
-                t = self._tick * self._period_us * 1e-6
-                tick.advance(
-                    self._params, self._state, self._drawn, self._command, t, self._world.steps
-                )  # fmt: skip
-                self._tick += 1
-                self.figures.ticks += 1
             self._tape.flush()
         except BrokenPipeError:
             self._say("error", "the recorder has closed its pipe")
@@ -166,62 +165,79 @@ class Server:
         self._feed.event(self._time_s, level, text)
 
     @property
+    def _tick(self) -> int:
+        """The number of the tick that comes next."""
+        return int(self._plant.progress[burst.SEQUENCE])
+
+    @property
+    def _time_us(self) -> int:
+        return self._tick * self._plant.period_us
+
+    @property
     def _time_s(self) -> float:
-        return self._tick * self._period_us * 1e-6
+        return self._time_us * 1e-6
 
-    def _observe(self) -> bool:
-        """Record the true state and prepare the report; False if the flight has ended."""
-        row = self._tape.row()
-        ended = tick.observe(
-            self._params, self._state, self._drawn, self._time_s, self._start, row
-        )  # fmt: skip
-        if self._reports_battery:
-            self._battery = from_buffer(Battery, column(PlantRecord, row, "battery"))
-        self._hand_on(row)
-        if ended != dynamics.FLYING:
-            what = ENDINGS[ended]
-            self.figures.flight_ended = what
-            self._say("warning", f"the flight ended: the vehicle {what}")
-            return False
-        self._past.append(self._state.copy())
-        tick.sense(self._past[0], self._next_noise(), self._reported)
-        return True
-
-    def _hand_on(self, row: Buffer) -> None:
-        """Complete the row of this tick and pass it to the recorder and the publisher."""
-        row[_TIMING] = PlantTiming(
+    def _tell_time(self) -> None:
+        """Set what the rows of the next ticks tell of time and of losses."""
+        self._timing[:] = PlantTiming(
             sequence=self._tick, published=time.time(), late=self.pacer.late_s,
             slips=self.pacer.slips, resent=self.figures.resent,
             unrecorded=self._tape.dropped, unpublished=self._feed.dropped,
         )  # fmt: skip
+
+    def _serve(self) -> burst.Burst:
+        """Fly a burst of ticks in compiled code."""
+        self._tell_time()
+        self._plant.progress[burst.GRANT] = self._granted
+        if self._feed.fileno() != self._wire.feed:
+            self._wire = self._wire._replace(feed=self._feed.fileno())
+        rows = self._tape.free()
+        flown: burst.Burst = burst.serve(self._plant, self._wire, rows, self._burst_ticks)
+        if flown.unpublished:
+            self._feed.send(rows[flown.rows - 1])
+        if flown.rows:
+            self._tape.done(flown.rows)
+        return flown
+
+    def _begin(self) -> burst.Burst:
+        """Begin one tick here: record the true state, and send what is reported of it."""
+        self._tell_time()
+        row = self._tape.row()
+        length, status = burst.begin(self._plant, row, self._wire.outbox)
         self._feed.send(row)
         self._tape.done()
-
-    @property
-    def _reports_battery(self) -> bool:
-        return self._tick % self._battery_ticks == 0
-
-    def _next_noise(self) -> Buffer:
-        if self._noise_at == len(self._noise):
-            shape = (_NOISE_BLOCK, tick.NOISE)
-            scale = self._world.noise_scale
-            self._noise = (
-                self._random.standard_normal(shape) * scale if scale.any() else np.zeros(shape)
-            )
-            self._noise_at = 0
-        self._noise_at += 1
-        row: Buffer = self._noise[self._noise_at - 1]
-        return row
-
-    def _exchange(self, poll: select.poll) -> bool:
-        """Send the state and wait for the command computed from it; False if none will come."""
-        time_us = self._tick * self._period_us
-        battery = self._battery if self._reports_battery else None
-        datagram = self._codec.pack_state(time_us, self._reported, battery)
-        self._link.send(datagram)
         asked = time.monotonic()
-        waiting, warned, first = asked, False, self.figures.ticks == 0
+        ended = status != dynamics.FLYING
+        if not ended:
+            self._link.send(self._wire.outbox[:length].tobytes())
+        return burst.Burst(
+            why=burst.ENDED if ended else burst.BEGUN, rows=1, status=status, length=length,
+            received=0, asked=asked, unpublished=False,
+        )  # fmt: skip
+
+    def _end(self, status: int) -> None:
+        what = ENDINGS[status]
+        self.figures.flight_ended = what
+        self._say("warning", f"the flight ended: the vehicle {what}")
+
+    def _look(self, poll: select.poll) -> None:
+        """Read what has come for others than the link."""
+        for fd, _ in poll.poll(0):
+            if fd == self._lifeline:
+                self.stopping = True
+            elif fd == self._control:
+                self._read_grants()
+
+    def _exchange(self, poll: select.poll, begun: burst.Burst) -> bool:
+        """Finish a tick with the answer to its state; False if none will come."""
+        datagram = self._wire.outbox[: begun.length].tobytes()
         self._unusable = ""
+        if begun.why == burst.NOT_SENT:
+            self._link.send(datagram)
+        elif begun.why == burst.UNEXPECTED:
+            self._is_answer(self._wire.inbox[: begun.received].tobytes())
+        waiting = asked = begun.asked
+        warned, first = False, self._tick == 0
         while not self.stopping:
             for fd, _ in poll.poll(RESEND_S * 1000):
                 if fd == self._lifeline:
@@ -230,7 +246,9 @@ class Server:
                     self._read_grants()
                     continue
                 while (answer := self._link.receive()) is not None:
-                    if self._is_answer(answer, time_us):
+                    if self._is_answer(answer):
+                        took = time.monotonic() - waiting
+                        self._quick = self._bursts and took < burst.QUICK_S
                         return True
             now = time.monotonic()
             if now - asked >= RESEND_S:
@@ -254,30 +272,39 @@ class Server:
             return f"no valid answer for {seconds:.0f} s; rejected the last one: {self._unusable}"
         return f"the flight controller has been silent for {seconds:.0f} s"
 
-    def _is_answer(self, datagram: bytes, time_us: int) -> bool:
+    def _is_answer(self, datagram: bytes) -> bool:
+        """Fly to the next tick if this is the answer to the state of this one; else count it."""
+        inbox = self._wire.inbox
+        inbox[: len(datagram)] = np.frombuffer(datagram, dtype=np.uint8)
+        verdict = burst.finish(self._plant, inbox, len(datagram))
+        if verdict == burst.STALE:
+            self.figures.stale += 1
+        elif verdict != burst.FLOWN:
+            self._refuse(datagram)
+        self.figures.ticks = self._tick
+        return bool(verdict == burst.FLOWN)
+
+    def _refuse(self, datagram: bytes) -> None:
+        """Count a datagram that is no answer, and remember why."""
         try:
-            answered, _, _ = self._codec.parse_controls(datagram, self._command)
+            self._codec.parse_controls(datagram, self._plant.command)
         except WireError as error:
             self.figures.refused += 1
             if self.figures.refused == 1:
                 self._say("warning", f"plant link: {error}")
             self._unusable = str(error)
-            return False
-        if answered != time_us:
-            self.figures.stale += 1
-            return False
-        return True
 
     def _hold(self, poll: select.poll) -> None:
         """Hold time: flush the recorder, send keep-alives to the controller, wait for a grant."""
         self._tape.flush()
         self.pacer.restart()
+        plant = self._plant
         if self._tick == 0:
-            self._reported[:] = self._state
-        time_us = self._tick * self._period_us
+            plant.reported[:] = plant.state
+        battery = from_buffer(Battery, plant.battery)
         while not self.stopping and self._tick >= self._granted:
             self._feed.find(time.monotonic())
-            self._link.send(self._codec.pack_hold(time_us, self._reported, self._battery))
+            self._link.send(self._codec.pack_hold(self._time_us, plant.reported, battery))
             self._link.count_strangers()
             until = time.monotonic() + RESEND_S
             while self._tick >= self._granted and not self.stopping:

@@ -23,6 +23,11 @@ class Pacer:
         self.late_s = math.nan  # lateness of the last tick, s; NaN without deadlines
         self._late_us: list[float] = []
 
+    @property
+    def paced(self) -> bool:
+        """Whether ticks have deadlines."""
+        return self._period is not None
+
     def restart(self) -> None:
         """Reset the deadline to now, after simulation time was held."""
         self._due = 0.0

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import select
 import socket
+import struct
 import sys
 from collections import deque
 from typing import Protocol
@@ -17,6 +19,7 @@ from typing import Protocol
 HOST = "127.0.0.1"
 _RECEIVE_BYTES = 4096  # several times the longest datagram here
 _STRANGERS_AT_ONCE = 1000
+_DO_NOT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)  # Windows has none: there nothing here blocks
 
 
 class PortBusy(OSError):
@@ -134,16 +137,16 @@ class UdpLink:
 
     def _send(self, datagram: bytes) -> None:
         if self._connected:
-            self._socket.send(datagram)
+            self._socket.send(datagram, _DO_NOT_WAIT)
         elif self._peer is not None:
-            self._socket.sendto(datagram, self._peer)
+            self._socket.sendto(datagram, _DO_NOT_WAIT, self._peer)
 
     def receive(self) -> bytes | None:
         """The next datagram, or None if there is none now."""
         try:
             if self._connected:
-                return self._socket.recv(_RECEIVE_BYTES)
-            datagram, self._peer = self._socket.recvfrom(_RECEIVE_BYTES)
+                return self._socket.recv(_RECEIVE_BYTES, _DO_NOT_WAIT)
+            datagram, self._peer = self._socket.recvfrom(_RECEIVE_BYTES, _DO_NOT_WAIT)
             return datagram
         except BlockingIOError:
             return None
@@ -153,6 +156,16 @@ class UdpLink:
     def wait(self, timeout_s: float) -> bool:
         """Block until there may be something to receive, at most `timeout_s`."""
         return bool(select.select((self._socket,), (), (), timeout_s)[0])
+
+    def let_wait(self, timeout_s: float) -> None:
+        """Let compiled code block on the descriptor for a datagram, at most `timeout_s`; POSIX only.
+
+        What is called here still does not block.
+        """
+        seconds, left = divmod(timeout_s, 1.0)
+        timeout = struct.pack("ll", int(seconds), int(1e6 * left))  # struct timeval
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, timeout)
+        os.set_blocking(self._socket.fileno(), True)
 
     def fileno(self) -> int:
         """The socket's file descriptor; -1 once closed."""

@@ -101,6 +101,13 @@ class PublisherFeed:
         self.say(self._hello | {"dropped": self.dropped})
         return True
 
+    def fileno(self) -> int:
+        """The descriptor of the publisher, to which compiled code may send rows; -1 without one.
+
+        A row that it could not send is given to `send`.
+        """
+        return -1 if self._socket is None else self._socket.fileno()
+
     def send(self, row: np.ndarray[Any, Any]) -> None:
         """Hand on one row."""
         if self._socket is None:

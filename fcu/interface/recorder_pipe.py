@@ -1,6 +1,6 @@
 """Rows of float64 handed to whoever records the flight, a batch at a time, through a pipe.
 
-A row is copied, not converted: the law's tick writes straight into the batch. In lockstep
+A row is copied, not converted: ticks are written straight into the batch. In lockstep
 the flight waits for its recorder, so a recording is complete. In real time it must not:
 the pipe is then non-blocking, and a batch that does not fit is dropped and counted.
 """
@@ -21,10 +21,15 @@ Row = np.ndarray[Any, np.dtype[np.float64]]
 class RecorderPipe:
     """The writing end. Without a file descriptor rows are kept no longer than a batch."""
 
-    def __init__(self, width: int, fd: int | None = None, wait: bool = True) -> None:
-        """`width`: float64 in a row. `wait`: block while the pipe is full (lockstep)."""
-        self._batch = np.zeros((BATCH, width))
-        self._rows = [self._batch[i] for i in range(BATCH)]
+    def __init__(
+        self, width: int, fd: int | None = None, wait: bool = True, batch: int = BATCH
+    ) -> None:
+        """`width`: float64 in a row. `wait`: block while the pipe is full (lockstep).
+
+        `batch`: rows that are handed over at once.
+        """
+        self._batch = np.zeros((batch, width))
+        self._rows = [self._batch[i] for i in range(batch)]
         self._next = 0
         self._fd = fd
         self._left = b""
@@ -38,10 +43,14 @@ class RecorderPipe:
         row: Row = self._rows[self._next]
         return row
 
-    def done(self) -> None:
-        """The row has been written."""
-        self._next += 1
-        if self._next == BATCH:
+    def free(self) -> Row:
+        """The rows to write next, (n, width): those of this batch that are left, one at least."""
+        return self._batch[self._next :]
+
+    def done(self, rows: int = 1) -> None:
+        """So many rows have been written."""
+        self._next += rows
+        if self._next == len(self._batch):
             self.flush()
 
     def flush(self) -> None:
@@ -50,7 +59,7 @@ class RecorderPipe:
             self._write(self._batch[: self._next].tobytes(), self._next)
         # the last row stays readable: the next tick starts from it
         if self._next:
-            self._batch[BATCH - 1] = self._batch[self._next - 1]
+            self._batch[-1] = self._batch[self._next - 1]
         self._next = 0
 
     def _write(self, data: bytes, rows: int) -> None:
