@@ -47,7 +47,7 @@ def main(
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
     from fcu.interface.publisher_feed import PublisherFeed
-    from fcu.interface.recorder_pipe import RecorderPipe
+    from fcu.interface.recorder_pipe import BATCH, FULL_SPEED_BATCH, RecorderPipe
     from fcu.interface.starter import announce, watched
     from fcu.kernel.compile import is_cached
     from sitl_plant.loop import INFRASTRUCTURE, WIDTH, Server, say
@@ -61,8 +61,9 @@ def main(
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance
-        tape = RecorderPipe(WIDTH, record_fd, wait=not drop)
         pacer = Pacer(1.0 / world.rate_hz, speed)
+        batch = BATCH if pacer.paced else FULL_SPEED_BATCH
+        tape = RecorderPipe(WIDTH, record_fd, wait=not drop, batch=batch)
         with watched(control_fd, lifeline_fd):
             if not is_cached("advance"):
                 say(0.0, "info", "compiling the simulator, once per version (about 10 s)")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 BATCH = 64  # rows; at 500 Hz an eighth of a second
+FULL_SPEED_BATCH = 256  # rows, where nobody waits for the latest
 PIPE_BYTES = 1 << 20
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
