@@ -77,7 +77,7 @@ def main(
     from fcu.interface.link import PortBusy
     from fcu.interface.parameter import ParameterError
     from fcu.interface.publisher_feed import PublisherFeed
-    from fcu.interface.recorder_pipe import RecorderPipe
+    from fcu.interface.recorder_pipe import BATCH, FULL_SPEED_BATCH, RecorderPipe
     from fcu.interface.starter import announce, watched
     from fcu.kernel.compile import is_cached
     from fcu.laws import loader
@@ -97,10 +97,11 @@ def main(
         params = Parameters(settings, ports(number).system_id, params_file, law)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
-        tape = RecorderPipe(row_width(law), record_fd, wait=not drop)
+        batch = BATCH if drop else FULL_SPEED_BATCH
+        tape = RecorderPipe(row_width(law), record_fd, wait=not drop, batch=batch)
         reporter = Reporter(law, tape, PublisherFeed(number, "fcu", law.identity), identity.drag)
         with watched(lifeline_fd):
-            if not is_cached("tick", law.package):
+            if not is_cached("tick_at", law.package):
                 say(-1, "info", "compiling the law, once for this version (up to a minute)")
             sim_only = link_clock == "sim"
             loop = Loop(

@@ -1,6 +1,6 @@
-"""What the loop adds to each Tick for whoever records or publishes it: a Report.
+"""What is added to each Tick for whoever records or publishes it: a Report.
 
-Worked out after the answer is on its way, so it costs the flight no latency.
+Worked out after the answers of a burst are on their way, so it costs the flight no latency.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fcu import wind
-from fcu.interface.diagnostics import Report, Status, Timing, fcu_row
+from fcu.interface.diagnostics import Report, Status, fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import RecorderPipe
 from fcu.kernel.algebra import Vec3
@@ -24,8 +24,13 @@ from fcu.vehicle.state_machine import StateMachine
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
-_WIND, _STATUS, _TIMING = (slice_of(Report, name) for name in Report._fields)
+_WIND, _STATUS = (slice_of(Report, name) for name in ("wind", "status"))
 _OFF = column_of(Report, "status.position_off")
+_SEQUENCE, _PUBLISHED, _CYCLE, _CYCLE_MAX, _LOAD = (
+    column_of(Report, f"timing.{name}")
+    for name in ("sequence", "published", "cycle", "cycle_max", "load")
+)
+_COUNTED = slice(_LOAD + 1, size(Report))  # resent, refused, unrecorded, unpublished
 
 
 def row_width(law: Law) -> int:
@@ -44,9 +49,9 @@ class Reporter:
         self.tape = tape
         self.feed = feed
         self._drag = to_buffer(drag)
-        self._report = np.zeros(size(Report))
-        self._wind = self._report[_WIND]
-        self._wind[:] = wind.NOT_KNOWN
+        self._report = np.zeros(size(Report))  # what the next tick has of it already
+        self._report[_WIND] = wind.NOT_KNOWN
+        self._wind_at = size(law.ticks.Tick) + _WIND.start
         self._seen: tuple[Any, ...] = ()
         self._told: Any = None
         self._sequence = 0.0
@@ -55,37 +60,42 @@ class Reporter:
     def warm_up(self, row: Row) -> None:
         """Compile what a report needs."""
         if self._tells_wind:
-            wind.read(row, self._drag, self._wind)
+            wind.tell(row[None], self._drag, self._wind_at)
 
     def report(
-        self, row: Row, vehicle: StateMachine, off: float, cycle_s: float, load: float,
-        resent: int, refused: int,
-    ) -> None:  # fmt: skip
-        """Complete the row of the Tick just flown, and hand it on; see Report for the numbers.
+        self, rows: Row, times: Row, vehicle: StateMachine, off: float, resent: int, refused: int
+    ) -> None:
+        """Complete the rows of the Ticks just flown, and hand them on; see Report for the numbers.
 
-        Raises BrokenPipeError when the recorder is gone.
+        rows : float64[n, width].  times : float64[n, 3], of each: when it was answered (wall,
+        monotonic, s), how long that took (s), and the load. Raises BrokenPipeError when the
+        recorder is gone.
         """
-        report = self._report
-        if self._tells_wind:
-            wind.read(row, self._drag, self._wind)
+        n = len(rows)
         seen = (
             vehicle.armed, vehicle.mode, landed_state(vehicle), vehicle.failsafe,
             vehicle.terminated,
         )  # fmt: skip
         if seen != self._seen:
             self._seen = seen
-            report[_STATUS] = to_buffer(_status(vehicle))
-        report[_OFF] = off
-        self.cycle_max_s = max(self.cycle_max_s, cycle_s)
-        report[_TIMING] = Timing(
-            sequence=self._sequence, published=time.time(), cycle=cycle_s,
-            cycle_max=self.cycle_max_s, load=load, resent=resent, refused=refused,
-            unrecorded=self.tape.dropped, unpublished=self.feed.dropped,
-        )  # fmt: skip
-        row[self._of_report] = report
-        self._sequence += 1.0
-        self.feed.send(row)
-        self.tape.done()
+            self._report[_STATUS] = to_buffer(_status(vehicle))
+        self._report[_OFF] = off
+        self._report[_COUNTED] = resent, refused, self.tape.dropped, self.feed.dropped
+        report = rows[:, self._of_report]
+        report[:] = self._report
+        answered, cycle = times[:, 0], times[:, 1]
+        report[:, _SEQUENCE] = np.arange(self._sequence, self._sequence + n)
+        report[:, _PUBLISHED] = answered + (time.time() - time.monotonic())
+        report[:, _CYCLE], report[:, _LOAD] = cycle, times[:, 2]
+        longest = report[:, _CYCLE_MAX]
+        np.maximum.accumulate(cycle, out=longest)
+        np.maximum(longest, self.cycle_max_s, out=longest)
+        self.cycle_max_s = float(longest[-1])
+        if self._tells_wind:
+            wind.tell(rows, self._drag, self._wind_at)
+        self._sequence += n
+        self.feed.send_rows(rows)
+        self.tape.done(n)
 
     def idle(self, t: float, settings: Any, now: float) -> None:
         """Between ticks: look for a publisher, and tell it the settings in force.

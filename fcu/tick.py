@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from fcu.guard import guard
 from fcu.guard.types import GuardInternals, GuardState
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors
-from fcu.kernel.buffers import packer, unpacker
+from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.pointers import LAW_CALL, Pointer, array_at
+from fcu.laws.face import FLYING as FLYING
+from fcu.laws.face import IDLE as IDLE
+from fcu.laws.face import TAKE_OVER as TAKE_OVER
 from fcu.laws.face import Outputs
 from fcu.laws.mmrac import law
 from fcu.laws.mmrac.reference_model import carried
 from fcu.laws.mmrac.types import Internals, State
 from fcu.settings import Settings
 
-IDLE, TAKE_OVER, FLYING = 0.0, 1.0, 2.0
+Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class Remembered(NamedTuple):
@@ -99,19 +106,40 @@ _pack_tick = packer(Tick)
 _pack_remembered = packer(Remembered)
 
 
+_SIZES = tuple(size(kind) for kind in (Remembered, Settings, Setpoint, VehicleState, Tick))
+_REMEMBERED, _SETTINGS, _SETPOINT, _MEASURED, _TICK = _SIZES
+
+
 @kernel
-def tick(t, engaged, remembered, settings, setpoint, age, measured, row):
+def tick_at(t, engaged, age, remembered_at, settings_at, setpoint_at, measured_at, row_at):
+    """`tick`, of the addresses of its buffers: the kernel that a burst calls (`kernel.pointers`)."""
+    remembered, row = array_at(remembered_at, _REMEMBERED), array_at(row_at, _TICK)
+    seen = _unpack_measured(array_at(measured_at, _MEASURED))
+    asked = carried(_unpack_setpoint(array_at(setpoint_at, _SETPOINT)), age)
+    if engaged == IDLE:
+        flown = idle_tick(t, asked, seen)
+    else:
+        before, settings = unpack_remembered(remembered), array_at(settings_at, _SETTINGS)
+        flown = engaged_tick(t, engaged, before, unpack_settings(settings), asked, seen)
+    _pack_tick(row, flown)
+    _pack_remembered(remembered, Remembered(law=flown.state, guard=flown.guard_state))
+
+
+@cache
+def compiled() -> Pointer:
+    """`tick_at`, compiled or loaded, for whoever flies bursts of this law."""
+    return Pointer(tick_at, LAW_CALL)
+
+
+def tick(
+    t: float, engaged: float, remembered: Buffer, settings: Buffer, setpoint: Buffer, age: float,
+    measured: Buffer, row: Buffer,
+) -> None:  # fmt: skip
     """One control tick on flat float64 buffers; writes `row`, a Tick, and `remembered`.
 
     t : simulation time, s.  engaged : IDLE, TAKE_OVER or FLYING.  age : s since the setpoint
     was received.  remembered : float64[size(Remembered)], of the last tick, then of this one.
     """
-    seen = _unpack_measured(measured)
-    asked = carried(_unpack_setpoint(setpoint), age)
-    if engaged == IDLE:
-        flown = idle_tick(t, asked, seen)
-    else:
-        before = unpack_remembered(remembered)
-        flown = engaged_tick(t, engaged, before, unpack_settings(settings), asked, seen)
-    _pack_tick(row, flown)
-    _pack_remembered(remembered, Remembered(law=flown.state, guard=flown.guard_state))
+    buffers = (remembered, settings, setpoint, measured, row)
+    assert all(b.flags.c_contiguous and len(b) >= n for b, n in zip(buffers, _SIZES, strict=True))
+    tick_at(t, engaged, age, *(buffer.ctypes.data for buffer in buffers))

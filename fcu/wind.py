@@ -79,6 +79,13 @@ def read(tick, drag, out):
 
 
 @kernel
+def tell(rows, drag, at):
+    """Write the wind of many ticks, float64[n, width] rows, into their own columns from `at` on."""
+    for i in range(len(rows)):
+        read(rows[i], drag, rows[i, at : at + 3])
+
+
+@kernel
 def read_all(ticks, drag):
     """The winds of many Ticks, float64[n, size(Tick)], as float64[n, 3]."""
     out = np.empty((len(ticks), 3))

@@ -119,6 +119,12 @@ class PublisherFeed:
         except OSError:
             self._lose()
 
+    def send_rows(self, rows: np.ndarray[Any, Any]) -> None:
+        """Hand on many, (n, width)."""
+        if self._socket is not None:
+            for row in rows:
+                self.send(row)
+
     def tell(self, data: bytes) -> None:
         """Hand on what is rare and matters, if need be through the room that rows are kept off."""
         if self._socket is None:

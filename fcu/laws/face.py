@@ -57,6 +57,9 @@ class Outputs(NamedTuple):
     saturation: Saturation
 
 
+IDLE, TAKE_OVER, FLYING = 0.0, 1.0, 2.0  # whether a law flies: not, from this tick on, as before
+
+
 class SharedTick(NamedTuple):
     """What the Tick of every law begins with: for whoever reads ticks and knows no law."""
 

@@ -318,6 +318,11 @@ class CommandProtocol:
         self._pending: dict[int, Pending] = {}  # by command
         self._reasons = Bucket(REASONS_S, REASONS_AT_ONCE)
 
+    @property
+    def is_pending(self) -> bool:
+        """Whether there is a command that is answered later."""
+        return bool(self._pending)
+
     def take(
         self, port: GroundPort, link: Link, command: Command, t_us: int, now: float
     ) -> None:  # fmt: skip

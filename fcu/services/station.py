@@ -130,8 +130,18 @@ class Station:
         self.streams.text(severity, text)
         self._say("info" if severity >= Severity.NOTICE else "warning", text)
 
-    def idle(self, t_us: int, now: float) -> None:
-        """What is due by the wall clock; called between ticks and at each of them."""
+    @property
+    def is_pending(self) -> bool:
+        """Whether a command waits for its outcome: to be settled between any two ticks."""
+        return self._protocol.is_pending
+
+    def idle(self, t_us: int, now: float, decides: float) -> None:
+        """What is due by the wall clock; called between ticks, and often.
+
+        now : wall, s.  decides : the clock that decides about commands, s.
+        """
+        if self.is_pending:
+            self._protocol.settle(t_us, decides)
         if not self.streams.is_due(now):
             return
         self.streams.heartbeat(now)
@@ -150,7 +160,6 @@ class Station:
                 self.streams.broadcast(*STREAMS[CURRENT_MODE].build(view))
         for port in self.ports:
             self._parameters.pace(port, now)
-        self._protocol.settle(t_us, now)
 
     # --- what ground stations and scripts say
 

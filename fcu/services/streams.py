@@ -490,6 +490,11 @@ class Streams:
         for port in self._ports:
             port.broadcast(packed)
 
+    @property
+    def due_s(self) -> float:
+        """Wall, monotonic, s: when it is time to look at the streams."""
+        return self._next
+
     def is_due(self, now: float) -> bool:
         """Whether it is time to look at the streams."""
         return now >= self._next

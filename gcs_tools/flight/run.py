@@ -251,7 +251,7 @@ class _Run:
     def _over_the_wire(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
         from fcu.kernel.compile import is_cached
 
-        if not (is_cached("tick", self._law.package) and is_cached("advance")):
+        if not (is_cached("tick_at", self._law.package) and is_cached("advance")):
             self._display.note(COMPILING)
         try:
             with claimed(self._instance, *PORTS) as instance:

@@ -1,0 +1,341 @@
+"""The flight controller between its sockets: a state comes in, its answer goes out.
+
+Ticks at which nothing happens but flying are compiled (`burst`); at the others Python decides
+first: what the vehicle does by itself, what was asked of it, a setting that has changed. Knows
+ground stations and recorder, no plant link: a flight in one process hands it datagrams.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fcu.burst import NOT_QUIET_FILTERED, Course, Flight, tick
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.ports import Ports
+from fcu.interface.starter import log
+from fcu.interface.status_texts import Told
+from fcu.kernel.buffers import fields, size, to_buffer
+from fcu.kernel.pointers import Pointer
+from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference
+from fcu.mavlink.plant_link import LONGEST, PlantCodec, WireError
+from fcu.parameters import Parameters
+from fcu.reporting import Reporter
+from fcu.services.ground_port import GroundPort
+from fcu.services.station import Station
+from fcu.services.streams import Identity
+from fcu.vehicle.position_filter import PositionFilter
+from fcu.vehicle.state_machine import StateMachine
+
+JUMPS = 10  # states in a row of a wrong time, after which there is no going on
+
+_TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
+    column_of(Course, name)
+    for name in ("time_us", "h", "armed", "airborne", "engaged", "since_us", "load", "answer_bytes")
+)
+_R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
+_LOAD_SMOOTHED = 1.0 / 256.0
+TIMES, LOAD = 3, 2  # columns of the times of a tick: answered, cycle, load
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
+
+
+class Lost(Exception):
+    """There is no going on: why."""
+
+
+@dataclass
+class Figures:
+    """What the loop counted, for whoever asks at the end."""
+
+    ticks: int = 0
+    resent: int = 0
+    refused: int = 0  # datagrams of the plant link that were not states, or of a wrong time
+    strangers: int = 0  # datagrams on the plant link that were not the plant's
+    cycle_max_us: float = 0.0
+    dropped: int = 0  # rows that the recorder had no room for
+    unpublished: int = 0  # rows that the publisher had no room for
+    ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
+
+
+class Autopilot:
+    """One flight controller, between its plant link and its ground stations."""
+
+    def __init__(
+        self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
+        sim_only: bool = False, file: Path | None = None,
+    ) -> None:  # fmt: skip
+        """`sim_only`: simulation time alone decides. `file`: where parameters are saved.
+
+        Raises PortBusy.
+        """
+        self._params = params
+        self._law = params.flown
+        self.reporter = reporter
+        self.codec = PlantCodec(ports.system_id)
+        self.vehicle = StateMachine(params, sim_only)
+        self._sim_only = sim_only
+        self.ground = Station(ports, identity, params, self.vehicle, file, self.say)
+        self.figures = Figures()
+        self._settings = params.settings
+        self._flown: Setpoint | None = None
+        self._filter = PositionFilter()
+        self._measured = self._filter.flown
+        self.law_tick: Pointer | None = None  # of the law, once it is compiled
+        self._jumps = 0
+        self.heard_s = 0.0  # wall: when the plant was heard last; 0: never
+        remembers = self._law.ticks.Remembered
+        remembered = np.zeros(size(remembers))
+        if fields(fields(remembers)["law"]).get("reference") is Reference:
+            self.vehicle.reference_model = remembered[slice_of(remembers, "law.reference")]
+        h = params.law.h
+        self.period_us = round(h * 1e6)
+        self.flight = Flight(
+            course=to_buffer(
+                Course(
+                    system=ports.system_id,
+                    period_us=self.period_us,
+                    h=h,
+                    time_us=-1.0,
+                    armed=0.0,
+                    airborne=0.0,
+                    engaged=IDLE,
+                    since_us=0.0,
+                    load=0.0,
+                    answer_bytes=0.0,
+                )
+            ),
+            desk=self.codec.desk,
+            received=np.zeros(size(VehicleState)),
+            measured=self._measured,
+            filtered=self._filter.buffer,
+            watch=self.vehicle.watch,
+            settings=to_buffer(self._settings),
+            setpoint=np.zeros(size(Setpoint)),
+            remembered=remembered,
+            battery=self.codec.battery_buffer,
+            has_battery=self.codec.has_battery,
+            told=np.zeros(3, dtype=np.int64),
+            answer=np.zeros(LONGEST, dtype=np.uint8),
+        )
+        self._course = self.flight.course
+        self._datagram = np.zeros(LONGEST, dtype=np.uint8)
+        self._times = np.zeros((1, TIMES))
+        self._unreported: Row | None = None  # the row of a tick whose answer is to be sent first
+
+    def fly_decided(self, time_us: int, row: Row) -> None:
+        """Fly a tick for which Python has decided.
+
+        Who flies bursts puts their own kernel in the place of this, which holds the law already.
+        """
+        tick(self.flight, self.law_tick, self._datagram, 0, row, time_us)
+
+    def warm_up(self) -> None:
+        """Compile what a tick needs, by flying one that goes nowhere."""
+        flight, measured = self.flight, self._measured
+        row = np.zeros(self.reporter.width)
+        measured[column_of(VehicleState, "q_EB.w")] = 1.0
+        before = [array.copy() for array in (self._course, flight.remembered, measured)]
+        with self._law.compiling():
+            self.law_tick = self._law.ticks.compiled()
+            for engaged in (IDLE, TAKE_OVER, FLYING):
+                self._course[_ENGAGED] = engaged
+                self.fly_decided(0, row)
+        for array, was in zip((self._course, flight.remembered, measured), before, strict=True):
+            array[:] = was
+        self.codec.desk.sequence[0] = 0
+        self.reporter.warm_up(row)
+        self.vehicle.warm_up()
+        self.vehicle.state = measured
+        self.ground.warm_up(row)
+        self.vehicle.state = None
+
+    # --- time
+
+    @property
+    def time_us(self) -> int:
+        """Simulation time of the last tick; negative before the first."""
+        return int(self._course[_TIME])
+
+    @property
+    def time_s(self) -> float:
+        """The same in seconds, and 0 before the first."""
+        return max(self.time_us, 0) * 1e-6
+
+    @property
+    def next_us(self) -> int:
+        """When what arrives now takes effect: at the next tick. While time stands, the one to come."""
+        return 0 if self.time_us < 0 else self.time_us + self.period_us
+
+    def clock(self, wall_s: float) -> float:
+        """The time (s) that decides about ground stations: simulation time, if that alone does."""
+        return self.next_us * 1e-6 if self._sim_only else wall_s
+
+    # --- ticks
+
+    def prepare(self) -> None:
+        """Lay down for the next tick, or burst of them, what Python has decided since the last."""
+        vehicle, course = self.vehicle, self._course
+        if self._params.settings is not self._settings:  # somebody has set a parameter
+            self._settings = self._params.settings
+            self.flight.settings[:] = to_buffer(self._settings)
+            course[_H] = self._settings.law.h
+        setpoint = vehicle.setpoint
+        if setpoint is None:
+            course[_ENGAGED] = IDLE
+        elif course[_ENGAGED] == IDLE:
+            course[_ENGAGED] = TAKE_OVER
+        if setpoint is not self._flown and setpoint is not None:
+            self.flight.setpoint[:] = to_buffer(setpoint)
+        self._flown = setpoint
+        course[_SINCE] = vehicle.since_us
+        course[_ARMED] = vehicle.armed
+        course[_AIRBORNE] = vehicle.armed and not vehicle.on_ground
+        vehicle.arm_watch()
+
+    def completed(self, rows: Row, times: Row) -> None:
+        """Some ticks were flown: their rows, and their times as `burst.serve` writes them.
+
+        Raises BrokenPipeError when the recorder is gone.
+        """
+        self.heard_s = float(times[-1, 0])
+        self.figures.ticks += len(rows)
+        self.vehicle.state = self._measured
+        self.vehicle.battery = self.codec.battery
+        self.ground.see(rows[-1], self._flown is not None, times[-1, LOAD], self._filter.off)
+        self.reporter.report(
+            rows, times, self.vehicle, self._filter.off, self.figures.resent, self.figures.refused
+        )
+
+    def take(self, datagram: bytes, wall_s: float) -> bytes | None:
+        """A datagram of the plant: what is sent back; then it is to `report`. Raises Lost, BrokenPipeError."""
+        started, length = time.monotonic(), min(len(datagram), LONGEST)
+        self._datagram[:length] = np.frombuffer(datagram, dtype=np.uint8, count=length)
+        self.prepare()
+        row = self.reporter.tape.row()
+        answered = tick(self.flight, self.law_tick, self._datagram, length, row, -1)
+        if answered > 0:
+            return self._answered(row, started)
+        return self.decide(datagram, answered == NOT_QUIET_FILTERED, wall_s)
+
+    def decide(self, datagram: bytes, filtered: bool, wall_s: float) -> bytes | None:
+        """A datagram that has ended a burst; `filtered`: its state was let through already.
+
+        Returns what is sent back; then it is to `report`. Raises Lost, BrokenPipeError.
+        """
+        started, course, received = time.monotonic(), self._course, self.flight.received
+        try:
+            time_us = self.codec.parse_state(datagram, received)
+        except WireError as error:
+            self.figures.refused += 1
+            if self.figures.refused == 1:
+                self.say("warning", f"plant link: {error}")
+            return None
+        if not self.heard_s:
+            self.say("info", "the plant is there")
+        self.heard_s = wall_s
+        last_us = self.time_us
+        if self.codec.is_hold(datagram):
+            if last_us < 0:
+                self._filter.take(received)
+                if self.vehicle.reference_model is not None:  # it is where the vehicle is
+                    self.vehicle.reference_model[:] = self._measured[_R_AND_V]
+                self.vehicle.battery = self.codec.battery
+                self._tell(self.vehicle.observe(self._measured, 0, self.clock(wall_s)))
+            self.reporter.tape.flush()  # time stands: what was flown so far is due
+            return None
+        if time_us == last_us:  # our answer was lost
+            self.figures.resent += 1
+            return self.answer
+        if time_us < last_us:
+            raise Lost(f"time ran back from {last_us * 1e-6:.6f} s")
+        if last_us >= 0 and time_us - last_us != self.period_us:
+            self.figures.refused += 1
+            self._jumps += 1
+            if self._jumps == JUMPS:
+                raise Lost(f"time jumped from {last_us * 1e-6:.6f} s")
+            return None
+        self._jumps = 0
+        course[_TIME] = time_us
+        if not filtered:
+            if course[_AIRBORNE]:
+                self._tell(self._filter.pass_on(received, self._settings.law.h, time_us))
+            else:
+                self._filter.take(received)
+        self.vehicle.battery = self.codec.battery
+        self._tell(self.vehicle.observe(self._measured, time_us, self.clock(wall_s)))
+        self.prepare()
+        row = self.reporter.tape.row()
+        self.fly_decided(time_us, row)
+        return self._answered(row, started)
+
+    def _answered(self, row: Row, started: float) -> bytes:
+        now = time.monotonic()
+        load = self._course[_LOAD] + _LOAD_SMOOTHED * (
+            (now - started) / self._course[_H] - self._course[_LOAD]
+        )
+        self._course[_LOAD] = load
+        self._times[0] = now, now - started, load
+        self._unreported = row[None]
+        return self.answer
+
+    @property
+    def answer(self) -> bytes:
+        """The last one."""
+        sent: bytes = self.flight.answer[: int(self._course[_ANSWER_BYTES])].tobytes()
+        return sent
+
+    def report(self) -> None:
+        """The tick whose answer `take` or `decide` has returned, now that it is on its way.
+
+        Raises BrokenPipeError when the recorder is gone.
+        """
+        if self._unreported is not None:
+            rows, self._unreported = self._unreported, None
+            self.completed(rows, self._times)
+
+    # --- the ground
+
+    def serve(self, port: GroundPort, wall_s: float) -> None:
+        """What waits on a port of ground stations."""
+        self.ground.serve(port, self.next_us, self.clock(wall_s))
+
+    def idle(self, wall_s: float) -> None:
+        """Between ticks: what is due by the wall clock."""
+        self.ground.idle(self.next_us, wall_s, self.clock(wall_s))
+        self.reporter.idle(self.time_s, self._settings, wall_s)
+
+    @property
+    def due_s(self) -> float:
+        """When `idle` has something to do: wall, monotonic, s."""
+        return self.ground.streams.due_s
+
+    def _tell(self, happened: Sequence[Told]) -> None:
+        for told in happened:
+            self.ground.tell(told)
+
+    def say(self, level: str, text: str) -> None:
+        """A line of log, and an event for whoever listens to the publisher."""
+        say(self.time_us, level, text)
+        self.reporter.feed.event(self.time_s, level, text)
+
+    def close(self) -> None:
+        """Hand over what was flown. Raises BrokenPipeError when the recorder is gone."""
+        self.figures.cycle_max_us = self.reporter.cycle_max_s * 1e6
+        self.figures.dropped = self.reporter.tape.dropped
+        self.figures.unpublished = self.reporter.feed.dropped
+        self.figures.ground_dropped = self.ground.dropped()
+        self.ground.close()
+        self.reporter.feed.close()
+
+
+def say(time_us: int, level: str, text: str) -> None:
+    """One line of log an event: simulation time, level, process."""
+    stamp = f"{time_us * 1e-6:10.3f}" if time_us >= 0 else f"{'-':>10}"
+    log(f"{stamp} {level:<7} fcu  {text}")

@@ -1,0 +1,178 @@
+"""Ticks from the datagram that arrives to the one that leaves, in compiled code: a burst.
+
+A tick at which nothing happens but flying is done here, whole; at any other one a burst ends
+before anything of it is done, and Python does it with the same kernels. What a burst changes
+(what law and guard remember, filter, detectors, rows) are arrays that Python shares, so they are
+current when it ends. `tick` knows no socket: a flight in one process calls it as it is.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.kernel import system
+from fcu.kernel.buffers import packer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.kernel.pointers import address_of
+from fcu.kernel.rows import slice_of
+from fcu.laws.face import FLYING, IDLE, SharedTick
+from fcu.mavlink.plant_link import Desk, pack_controls, parse_state
+from fcu.vehicle.position_filter import quiet, take
+from fcu.vehicle.watch import quiet_look
+
+Buffer = np.ndarray[Any, np.dtype[np.float64]]
+Integers = np.ndarray[Any, np.dtype[np.int64]]
+Bytes = np.ndarray[Any, np.dtype[np.uint8]]
+
+NOT_QUIET, NOT_QUIET_FILTERED = 0, -1  # what `tick` says in place of a length
+SLOW_S = 0.5e-3  # wall: who waits longer for a state waits in Python, for ground stations too
+LOAD_SMOOTHED = 1.0 / 256.0
+
+_command = slice_of(SharedTick, "command")
+_FIRST_COMMAND, _END_COMMAND = _command.start, _command.stop
+
+
+class Course(NamedTuple):
+    """What is flown, as Python has decided it; and how far a burst has come."""
+
+    system: float  # MAVLink's system id
+    period_us: float
+    h: float  # the same, s
+    time_us: float  # simulation time of the last tick; negative before the first
+    armed: float  # 1 while the rotors may turn
+    airborne: float  # 1 while positions are checked: armed, and not on the ground
+    engaged: float  # IDLE, TAKE_OVER or FLYING
+    since_us: float  # when the setpoint took effect
+    load: float  # smoothed: cycle over the control period
+    answer_bytes: float  # length of the last answer
+
+
+class Flight(NamedTuple):
+    """The arrays that bursts and Python share; what each is, `Autopilot` says."""
+
+    course: Buffer  # Course
+    desk: Desk
+    received: Buffer  # VehicleState, as it was parsed
+    measured: Buffer  # VehicleState, as it is flown on
+    filtered: Buffer  # vehicle.position_filter.Filtered, of which `measured` is a part
+    watch: Buffer  # vehicle.watch.Watch
+    settings: Buffer
+    setpoint: Buffer
+    remembered: Buffer
+    battery: Buffer  # Battery
+    has_battery: Integers  # [1]
+    told: Integers  # [3], of a datagram
+    answer: Bytes  # the last one
+
+
+_unpack_course = unpacker(Course)
+_put_time = packer(Course, "time_us")
+_put_engaged = packer(Course, "engaged")
+_put_load = packer(Course, "load")
+_put_answer_bytes = packer(Course, "answer_bytes")
+
+
+@kernel
+def tick(flight, law, datagram, length, row, decided_us):
+    """One whole tick, if it is a quiet one: the length of its answer, which is in `flight`.
+
+    law : `fcu.tick.compiled()` of the law that is flown.  datagram : uint8[n], of which `length` bytes
+    were received.  row : float64[size(Tick) or more].
+    NOT_QUIET: nothing was done.  NOT_QUIET_FILTERED: the state was read and let through; Python
+    goes on with a look at it.  decided_us : the time of a tick for which Python has done all that,
+    and for which `measured` is flown on as it is; negative: there is none.
+    """
+    course, told = _unpack_course(flight.course), flight.told
+    time_us = np.int64(decided_us)
+    if decided_us < 0:
+        number = np.int64(course.system)
+        fault = parse_state(
+            flight.desk, number, datagram, length, flight.received, flight.battery, told
+        )
+        if fault != 0 or told[1] != 0:
+            return NOT_QUIET
+        time_us = told[0]
+        if time_us != course.time_us + course.period_us:
+            return NOT_QUIET
+        if course.airborne == 0.0:
+            take(flight.filtered, flight.received)
+        elif not quiet(flight.filtered, flight.received, course.h, np.float64(time_us)):
+            return NOT_QUIET
+        if told[2] != 0:
+            flight.has_battery[0] = 1
+        age = (time_us - course.since_us) * 1e-6
+        if not quiet_look(flight.watch, flight.measured, flight.setpoint, age, np.float64(time_us)):
+            return NOT_QUIET_FILTERED
+    law(
+        time_us * 1e-6, course.engaged, (time_us - course.since_us) * 1e-6,
+        address_of(flight.remembered), address_of(flight.settings), address_of(flight.setpoint),
+        address_of(flight.measured), address_of(row),
+    )  # fmt: skip
+    _put_time(flight.course, np.float64(time_us))
+    _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
+    length = pack_controls(
+        flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
+        course.armed != 0.0, True, flight.answer,
+    )  # fmt: skip
+    _put_answer_bytes(flight.course, np.float64(length))
+    return length
+
+
+# --- over the wire
+
+# why a burst ended
+READY, SILENT, UNREAD, FILTERED, BUSY, SLOW, DUE, FULL, DECIDED = 0, 1, 2, 3, 4, 5, 6, 7, 8
+
+
+class Wire(NamedTuple):
+    """What a burst over UDP has of its own."""
+
+    link: Integers  # [1], the descriptor of the plant link
+    others: Integers  # `system.polled`: what Python serves
+    datagram: Bytes  # as received last
+    due: Buffer  # [1], wall: when telemetry is due, s, monotonic
+    scratch: Integers  # [2]
+
+
+@kernel
+def serve(flight, law, wire, rows, times, decided_us):
+    """Fly quiet ticks until something else is due, at most one a row.
+
+    rows : float64[n, width].  times : float64[n, 3], of each tick: when its answer was sent (wall,
+    monotonic, s), how long that took since its state was read (s), and the load, smoothed.
+    Returns how many were flown, why no more, and the length of a datagram that was received and
+    has had no answer: UNREAD, or FILTERED, as `tick` said of it.
+    decided_us : as for `tick`; then one tick is flown, and its answer is not sent.
+    """
+    fd, course = wire.link[0], _unpack_course(flight.course)
+    load = course.load
+    done = system.monotonic(wire.scratch)
+    for k in range(len(rows)):
+        length = 0
+        if decided_us < 0:
+            if k > 0 and system.ready(wire.others, 0) != 0:  # one tick there is, whoever else calls
+                return k, READY, 0
+            length = system.receive(fd, wire.datagram, True)
+            if length < 0:
+                return k, SILENT, 0
+        began = system.monotonic(wire.scratch)
+        slow = began - done > SLOW_S
+        said = tick(flight, law, wire.datagram, length, rows[k], decided_us)
+        if said <= 0:
+            return k, (UNREAD if said == NOT_QUIET else FILTERED), length
+        if decided_us >= 0:
+            return 1, DECIDED, 0
+        sent = system.send(fd, flight.answer, said)
+        done = system.monotonic(wire.scratch)
+        load += LOAD_SMOOTHED * ((done - began) / course.h - load)
+        times[k, 0], times[k, 1], times[k, 2] = done, done - began, load
+        _put_load(flight.course, load)
+        if sent < 0:
+            return k + 1, BUSY, 0
+        if slow:
+            return k + 1, SLOW, 0
+        if done >= wire.due[0]:
+            return k + 1, DUE, 0
+    return len(rows), FULL, 0
