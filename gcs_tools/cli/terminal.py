@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -16,6 +16,8 @@ from gcs_tools.flight.display import Display
 
 if TYPE_CHECKING:
     from gcs_tools.judging.result import Result
+
+DRAW_S = 0.1  # wall: between two looks of a bar
 
 
 class PipedConsole(Console):
@@ -40,7 +42,12 @@ class Terminal(Display):
 
     @contextmanager
     def flight(self, mission: str, duration_s: float) -> Iterator[Callable[[float], None]]:
-        """A bar in simulation time."""
+        """A bar in simulation time, drawn when it is told: no thread may run where a flight forks."""
+        if not self._log.is_terminal:
+            yield lambda time_s: None
+            return
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
         bar = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=40),
@@ -48,11 +55,19 @@ class Terminal(Display):
             TextColumn("{task.completed:5.1f} / {task.total:.1f} s"),
             console=self._log,
             transient=True,
-            disable=not self._log.is_terminal,
+            auto_refresh=False,
         )
         with bar:
             task = bar.add_task(mission, total=duration_s)
-            yield lambda time_s: bar.update(task, completed=time_s)
+            drawn = 0.0
+
+            def tell(time_s: float) -> None:
+                nonlocal drawn
+                due = (now := time.monotonic()) - drawn >= DRAW_S
+                drawn = now if due else drawn
+                bar.update(task, completed=time_s, refresh=due)
+
+            yield tell
 
     def verdict(self, result: Result, folder: str) -> None:
         """The title, a table of the expectations, and where the run is."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import ast
 import inspect
-import io
+import linecache
 import sys
 import textwrap
-import tokenize
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -182,21 +181,34 @@ def _reports(who: str, report: Any) -> Iterator[Declaration]:
 @cache
 def comments(cls: Any) -> dict[str, str]:
     """Field name -> the comment that stands on its line in the source of `cls`."""
-    source = textwrap.dedent(inspect.getsource(cls))
-    on_line = {
-        token.start[0]: token.string.lstrip("# ").strip()
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type == tokenize.COMMENT
-    }
-    body = ast.parse(source).body[0]
-    assert isinstance(body, ast.ClassDef)
-    return {
-        item.target.id: on_line[item.lineno]
-        for item in body.body
-        if isinstance(item, ast.AnnAssign)
-        and isinstance(item.target, ast.Name)
-        and item.lineno in on_line
-    }
+    file = inspect.getsourcefile(cls) or ""
+    linecache.checkcache(file)
+    source = "".join(linecache.getlines(file, sys.modules[cls.__module__].__dict__))
+    classes, lines = _declared(source)
+    if cls.__qualname__ not in classes:
+        raise OSError(f"{file}: the source of {cls.__qualname__} is not there")
+    found = {}
+    for item in classes[cls.__qualname__].body:
+        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
+            behind = lines[item.lineno - 1][item.end_col_offset :].decode().strip()
+            if item.lineno == item.end_lineno and behind.startswith("#"):
+                found[item.target.id] = behind.lstrip("# ")
+    return found
+
+
+@cache
+def _declared(source: str) -> tuple[dict[str, ast.ClassDef], list[bytes]]:
+    """The classes of a module by their qualified names, and its lines; parsed once for all of them."""
+
+    def inside(node: ast.AST, scope: str) -> Iterator[tuple[str, ast.ClassDef]]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.ClassDef):
+                yield scope + child.name, child
+                yield from inside(child, f"{scope}{child.name}.")
+            elif isinstance(child, ast.FunctionDef):
+                yield from inside(child, f"{scope}{child.name}.<locals>.")
+
+    return dict(inside(ast.parse(source), "")), source.encode().splitlines()
 
 
 def file_name(topic: Declaration) -> str:
