@@ -6,12 +6,16 @@ import math
 import signal
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from fcu.interface import options
-from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
+from fcu.interface.ports import ANY_PORTS, INSTANCES, first_free_instance, ports, table
 from fcu.interface.starter import occupy_standard_streams
+
+if TYPE_CHECKING:
+    from fcu.laws.loader import Law
 
 FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
 ORIGIN = "47.397742,8.545594,489.4"  # PX4's default home
@@ -128,6 +132,30 @@ def main(
     code = loop.run()
     announce({"ended": "fcu", "exit_code": code, **vars(loop.figures)})
     sys.exit(code)
+
+
+def load(law: Law) -> None:
+    """Import and load here what a flight controller of this law runs: for processes forked later.
+
+    A loop is made, on ports of its own, and stopped before it has begun.
+    """
+    from fcu.configuration import read_drag, read_settings
+    from fcu.interface.publisher_feed import PublisherFeed
+    from fcu.interface.recorder_pipe import RecorderPipe
+    from fcu.loop import Loop
+    from fcu.mavlink.definitions import Autopilot
+    from fcu.mavlink.geodesy import Origin
+    from fcu.parameters import Parameters
+    from fcu.reporting import Reporter, row_width
+    from fcu.services.streams import Identity
+
+    identity = Identity(1, Autopilot.PX4, Origin(0.0, 0.0, 0.0), read_drag())
+    params = Parameters(read_settings(law, None, 500.0), 1, None, law)
+    tape, feed = RecorderPipe(row_width(law)), PublisherFeed(0, "fcu", law.identity)
+    loop = Loop(ANY_PORTS, identity, params, Reporter(law, tape, feed, identity.drag), None)
+    loop.warm_up()
+    loop.stopping = True
+    loop.run()
 
 
 if __name__ == "__main__":

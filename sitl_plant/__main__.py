@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from fcu.interface import options
-from fcu.interface.ports import INSTANCES, first_free_instance, ports, table
+from fcu.interface.ports import ANY_PORTS, INSTANCES, first_free_instance, ports, table
 from fcu.interface.starter import occupy_standard_streams
 
 
@@ -94,6 +94,24 @@ def main(
     }
     announce({"ended": "plant", "exit_code": code, **figures})
     sys.exit(code)
+
+
+def load() -> None:
+    """Import and load here what a plant runs: for processes forked later.
+
+    A server is made, on a port of its own, and stopped before it has begun.
+    """
+    from fcu.interface.publisher_feed import PublisherFeed
+    from fcu.interface.recorder_pipe import RecorderPipe
+    from sitl_plant.loop import WIDTH, Server
+    from sitl_plant.pacing import Pacer
+    from sitl_plant.physics.world import world
+
+    feed, pacer = PublisherFeed(0, "plant"), Pacer(0.002, None)
+    server = Server(ANY_PORTS, world(500.0), RecorderPipe(WIDTH), feed, pacer)
+    server.warm_up()
+    server.stopping = True
+    server.run()
 
 
 if __name__ == "__main__":

@@ -26,6 +26,9 @@ class Ports(NamedTuple):
     system_id: int  # MAVLink; the component is 1
 
 
+ANY_PORTS = Ports(*(0,) * 6, system_id=1)  # whichever are free: of what nobody is to meet
+
+
 class _Row(NamedTuple):
     first: int  # for instance 0
     step: int  # from one instance to the next

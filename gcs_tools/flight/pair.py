@@ -10,6 +10,7 @@ from typing import Any
 
 from fcu.interface import handover
 from fcu.laws.loader import Law
+from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import Child, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
@@ -28,6 +29,7 @@ class Pair:
         self.children: list[Child] = []  # flight controller, plant
         self.publisher: PublisherProcess | None = None
         self._folder, self._instance, self._law = folder, instance, law
+        self._forks = can_fork() and load(law)
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
         for end in (self._life, held):
             stack.callback(os.close, end)
@@ -65,7 +67,9 @@ class Pair:
             ("flight controller", "fcu", fcu, "fcu.log", (*fcu_fds, life)),
             ("plant", "sitl_plant", plant, "plant.log", plant_fds),
         ):
-            self.children.append(Child(name, module, arguments, self._folder / log, fds))
+            self.children.append(
+                Child(name, module, arguments, self._folder / log, fds, self._forks)
+            )
         for child in self.children:
             child.wait_ready(self.check)
         return self.publisher.wait_ready() if self.publisher is not None else ""

@@ -22,6 +22,7 @@ import numpy as np
 from fcu.interface.link import HOST, PortBusy
 from fcu.interface.ports import INSTANCES, NoFreeInstance, busy, ports
 from gcs_tools.exit_codes import USAGE
+from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
@@ -58,32 +59,38 @@ class Child:
     """One process: its log in a file, its JSON lines on standard output."""
 
     def __init__(
-        self, name: str, module: str, arguments: Sequence[str], log: Path, fds: Sequence[int]
-    ) -> None:
-        """`fds`: file descriptors it inherits; they are closed on our side."""
+        self, name: str, module: str, arguments: Sequence[str], log: Path, fds: Sequence[int],
+        forks: bool = False,
+    ) -> None:  # fmt: skip
+        """`fds`: file descriptors it inherits; they are closed on our side.
+
+        `forks`: it begins from what is loaded here, if this process can be forked.
+        """
         self.name = name
         self._log_path = log
         self._log: IO[bytes] = log.open("wb")
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
         self._said: dict[str, Any] = {}  # last of itself
+        out, said = os.pipe()
+        self._out = os.fdopen(out, "rb")
         try:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=self._log,
-                pass_fds=fds,
-                start_new_session=True,  # a Ctrl-C at our terminal is ours to handle
+            self.process: Forked | subprocess.Popen[bytes] = (
+                fork_program(module, arguments, said, self._log.fileno(), fds)
+                if forks and can_fork()
+                else _started(module, arguments, said, self._log, fds)
             )
         finally:
-            for fd in fds:
+            for fd in (said, *fds):
                 os.close(fd)
         self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+
+    def listen(self) -> None:
+        """Hear what it says; from then on a thread runs here, and nothing can be forked."""
+        if self._reader.ident is None:
+            self._reader.start()
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
+        for line in self._out:
             try:
                 self._lines.put(json.loads(line))
             except ValueError:
@@ -94,6 +101,7 @@ class Child:
 
         What it compiles may take long on a busy machine: who works is waited for.
         """
+        self.listen()
         began = idle_since = time.monotonic()
         worked = 0.0
         while time.monotonic() - idle_since < READY_S and time.monotonic() - began < COMPILED_S:
@@ -150,17 +158,31 @@ class Child:
                 self.process.wait()
         said = self._last_said()
         self._log.close()
-        if self.process.stdout is not None and not self._reader.is_alive():
-            self.process.stdout.close()
+        if not self._reader.is_alive():
+            self._out.close()
         return said
 
     def _last_said(self) -> dict[str, Any]:
         """What a process that has ended said last of itself."""
+        self.listen()
         self._reader.join(STOP_S)
         while not self._lines.empty():
             line = self._lines.get_nowait()
             self._said = line if "ended" in line else self._said
         return self._said
+
+
+def _started(
+    module: str, arguments: Sequence[str], out: int, log: IO[bytes], fds: Sequence[int]
+) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=out,
+        stderr=log,
+        pass_fds=fds,
+        start_new_session=True,  # a Ctrl-C at our terminal is ours to handle
+    )
 
 
 def stop_all(children: Sequence[Child]) -> dict[str, dict[str, Any]]:
@@ -223,6 +245,12 @@ class Collector(threading.Thread):
                 else:
                     self._take(fd, data)
             self._tell()
+
+    def finish(self, timeout_s: float) -> None:
+        """Take what processes that have ended have still handed over."""
+        if self.ident is None:
+            self.start()
+        self.join(timeout_s)
 
     def _tell(self) -> None:
         """Wake whoever waits, but only for what is waited for."""

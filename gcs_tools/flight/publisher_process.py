@@ -41,7 +41,7 @@ class PublisherProcess:
             "publisher", "gcs_tools",
             ["publish", "--instance", str(instance), "--law", law, "--run", self.run,
              "--about", str(about), "--lifeline-fd", str(lifeline), *config],
-            folder / "publisher.log", (lifeline,),
+            folder / "publisher.log", (lifeline,), forks=True,
         )  # fmt: skip
         self.pid = self._child.process.pid
         self._publishes = False

@@ -135,8 +135,7 @@ class WireFlight:
             }
         )
         self._plant_fd = plant_out
-        self._collector.start()
-        stack.callback(self._collector.join, DRAIN_S)  # takes what they have still handed over
+        stack.callback(self._collector.finish, DRAIN_S)  # takes what they have still handed over
         self._pair = Pair(
             stack, self._folder, self._instance, self._scene.flown, self._zenoh, self._flies
         )
@@ -146,6 +145,7 @@ class WireFlight:
             ["--speed", speed, keep, "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
             (fcu_in,), (plant_in, grants_out),
         )  # fmt: skip
+        self._collector.start()  # after those who are forked: a copy has no threads
         if why:
             self._note(f"flown without diagnostics: {why}")
         if self._speed is None:

@@ -46,17 +46,27 @@ class Program:
         return self.process.pid
 
     def children(self) -> dict[str, int]:
-        """Pid by module of the processes that it has started."""
+        """Pid by module of the processes that it has started, as copies of itself or anew."""
         found = {}
         for entry in Path("/proc").iterdir():
             try:
                 parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+                name = (entry / "comm").read_text().strip()
                 words = (entry / "cmdline").read_bytes().split(b"\0")
             except (OSError, IndexError, ValueError):
                 continue
-            if parent == self.pid and b"-m" in words:
+            if parent != self.pid:
+                continue
+            if name in ("fcu", "sitl_plant", "gcs_tools"):
+                found[name] = int(entry.name)
+            elif words != self._words and b"-m" in words:
                 found[words[words.index(b"-m") + 1].decode()] = int(entry.name)
         return found
+
+    @property
+    def _words(self) -> list[bytes]:
+        """Its own command line: that of a copy too, which is yet to be given its name."""
+        return Path(f"/proc/{self.pid}/cmdline").read_bytes().split(b"\0")
 
     def started(self) -> dict[str, int]:
         """Pids of both processes, once it has started them."""

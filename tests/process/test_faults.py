@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import signal
 import socket
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -198,12 +198,15 @@ def test_a_busy_port_is_named(fly, run, instance, name):
     assert str(number) in result.read(run / "result.json").error
 
 
-def test_two_flights_that_start_at_once_take_two_instances(start):
+def test_two_flights_that_start_at_once_take_two_instances(start, until):
     first = start("gcs_tools", "fly", *LONG)
     second = start("gcs_tools", "fly", *LONG)
-    pids = [first.started(), second.started()]
-    commands = [Path(f"/proc/{p['fcu']}/cmdline").read_text().split("\0") for p in pids]
-    numbers = [words[words.index("--instance") + 1] for words in commands]
+
+    def number(program):
+        logs = [log.read_text() for log in program.folder.glob("runs/*/fcu.log")]
+        return next((found[1] for log in logs if (found := re.search(r"instance (\d)", log))), "")
+
+    numbers = [until(lambda p=p: number(p), "an instance") for p in (first, second)]
     assert numbers[0] != numbers[1]
     later = first if numbers[0] > numbers[1] else second
     assert f"instance {max(numbers)}" in later.text()
