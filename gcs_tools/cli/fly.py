@@ -9,7 +9,7 @@ import click
 
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json
-from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 
 
 @click.command(
@@ -32,10 +32,13 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
 @click.option("--publish/--no-publish", default=None, help="Publish every tick on Zenoh; default: only if --speed is not max.")  # fmt: skip
 @arguments.ZENOH
 @arguments.FREE_INSTANCE
+@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Missions to fly at a time; default: as many as cores, or 1 with --speed, --instance or publishing.")  # fmt: skip
+@click.option("--figure", type=click.Choice(["always", "failed", "never"]), help="Flights to draw flight.png of; default: always for one mission, failed for several.")  # fmt: skip
 def fly(
     missions: tuple[str, ...], speed: float | None, seed: int | None, rate_hz: float | None,
     out: Path | None, junit: Path | None, law: str | None, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
+    jobs: int | None, figure: str | None,
 ) -> int:  # fmt: skip
     """Fly each MISSION and compare it with its expectations.
 
@@ -52,10 +55,11 @@ def fly(
             missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law,
             settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
             zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
+            jobs=jobs, figure=figure,
         )  # fmt: skip
     except UsageError as error:
         raise Failure(error, USAGE) from error
-    code = max(r.exit_code for r in results)
+    code = max((r.exit_code for r in results), default=INTERRUPTED)
     if junit is not None:
         try:
             result.junit(results, junit)

@@ -15,6 +15,8 @@ from gcs_tools.cli.output import silence
 from gcs_tools.flight.display import Display
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from gcs_tools.judging.result import Result
 
 DRAW_S = 0.1  # wall: between two looks of a bar
@@ -35,6 +37,16 @@ class Terminal(Display):
     def __init__(self) -> None:
         self._log = PipedConsole(stderr=True, highlight=False)
         self._out = PipedConsole(highlight=False)
+        self._bar: Progress | None = None
+
+    @contextmanager
+    def _without_bar(self) -> Iterator[None]:
+        """For what is said on standard output while a bar is shown."""
+        if self._bar is not None:
+            self._bar.stop()
+        yield
+        if self._bar is not None:
+            self._bar.start()
 
     def note(self, text: str) -> None:
         """One line."""
@@ -56,7 +68,10 @@ class Terminal(Display):
             console=self._log,
             transient=True,
             auto_refresh=False,
+            redirect_stdout=False,
+            redirect_stderr=False,
         )
+        self._bar = bar
         with bar:
             task = bar.add_task(mission, total=duration_s)
             drawn = 0.0
@@ -67,10 +82,23 @@ class Terminal(Display):
                 drawn = now if due else drawn
                 bar.update(task, completed=time_s, refresh=due)
 
-            yield tell
+            try:
+                yield tell
+            finally:
+                self._bar = None
 
     def verdict(self, result: Result, folder: str) -> None:
         """The title, a table of the expectations, and where the run is."""
+        with self._without_bar():
+            self._verdict(result, folder)
+
+    def closing(self, passed: int, of: int, wall_s: float) -> None:
+        """How many passed, in one line."""
+        style = "green" if passed == of else "red"
+        said = f"{passed} of {of} passed in {wall_s:.0f} s"
+        self._out.print(Text(said, style=style), soft_wrap=True)
+
+    def _verdict(self, result: Result, folder: str) -> None:
         self._out.print(Text(result.title, style="bold"))
         if result.error:
             self._out.print(Text(result.error, style="red"), soft_wrap=True)

@@ -23,3 +23,6 @@ class Display:
 
     def verdict(self, result: Result, folder: str) -> None:
         """A flight has been judged."""
+
+    def closing(self, passed: int, of: int, wall_s: float) -> None:
+        """Several flights are over."""

@@ -11,6 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -26,14 +27,17 @@ from fcu.laws.loader import LawError
 from fcu.laws.mmrac.types import State
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight.display import Display
+from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, claimed
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, arrival, scenario
+from gcs_tools.flight.side_by_side import cores, fly_side_by_side
 from gcs_tools.flight.wire_flight import Flown, WireFlight
 from gcs_tools.judging import result
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
-from gcs_tools.missions.mission import Mission, MissionError, load, override, with_law
+from gcs_tools.missions import mission as mission_file
+from gcs_tools.missions.mission import Mission, MissionError, override, with_law
 from gcs_tools.recording.events import logged
 from gcs_tools.recording.reader import LAW, LAW_SOURCES, RecordingError
 from gcs_tools.recording.schema import Kinds
@@ -41,6 +45,7 @@ from gcs_tools.recording.table import Rows, Table
 from gcs_tools.recording.writer import RecordingWriter
 
 RUNS = Path("runs")
+ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
 COMPILING = "compiling law and plant, once for this version (up to a minute)"
 
 
@@ -60,7 +65,7 @@ def prepared(
     `law`: a name or FILE.py, flown in place of the mission's own; `settings` are of that.
     """
     try:
-        mission = load(name)
+        mission = mission_file.load(name)
         if law is not None:
             mission = with_law(mission, law)
         for setting in settings:
@@ -111,29 +116,65 @@ def fly_missions(
     instance: int | None = None,
     display: Display | None = None,
     zenoh: Zenoh | None = None,
+    jobs: int | None = None,
+    figure: str | None = None,
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
 
     `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
-    not.
+    not.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
+    or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
+    flight always, of several of those that failed.
     """
     display = display or Display()
+    began = time.monotonic()
     ready = [prepared(name, settings, seed, rate_hz, law) for name in missions]
     for mission, scene in ready:
         if why := refusal(scene):
             raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
     many = len(ready) > 1
+    if jobs is None:
+        in_turn = speed is not None or zenoh is not None or instance is not None
+        jobs = 1 if in_turn else cores()
+    elif instance is not None and jobs > 1:
+        raise UsageError("an instance is one vehicle: it flies one mission at a time")
     if out is not None and many:
         new_folder(out, "")
-    results: list[Result] = []
+    names: list[str] = []
+    runs = []
     for mission, scene in ready:
-        nth = sum(flown.mission == mission.name for flown in results)
+        nth = names.count(mission.name)
+        names.append(mission.name)
         own = out and out / (f"{mission.name}-{nth}" if nth else mission.name)
-        folder = new_folder(own if many else out, mission.name)
-        flown = _Run(mission, scene, folder, speed, in_process, instance, display, zenoh).fly()
-        display.verdict(flown, str(folder))
-        results.append(flown)
-        if flown.exit_code == INTERRUPTED:
+        runs.append(
+            _Run(
+                mission, scene, own if many else out, speed, in_process, instance, zenoh,
+                figure or (FAILED if many else ALWAYS), jobs > 1,
+            )
+        )  # fmt: skip
+    if many and can_fork():
+        results = fly_side_by_side(runs, jobs, display)
+    else:
+        results = _fly_in_turn(runs, display)
+    if many:
+        passed = sum(each.passed for each in results)
+        display.closing(passed, len(runs), time.monotonic() - began)
+    return results
+
+
+def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:
+    """Fly, tell the verdict, draw; and the next."""
+    results: list[Result] = []
+    for run in runs:
+        run.make_folder()
+        with display.flight(run.name, run.duration_s) as progress:
+            flown = run.fly(display.note, progress)
+        display.verdict(flown, str(run.folder))
+        drawn = run.draw(flown)
+        if drawn.error != flown.error:
+            display.note(f"{run.name}: {drawn.error}")
+        results.append(drawn)
+        if drawn.exit_code == INTERRUPTED:
             break
     return results
 
@@ -147,46 +188,102 @@ class _Run:
     """One mission, one folder."""
 
     def __init__(
-        self, mission: Mission, scene: Scenario, folder: Path, speed: float | None,
-        in_process: bool, instance: int | None, display: Display, zenoh: Zenoh | None,
+        self, mission: Mission, scene: Scenario, out: Path | None, speed: float | None,
+        in_process: bool, instance: int | None, zenoh: Zenoh | None, figure: str, beside: bool,
     ) -> None:  # fmt: skip
+        """`out`: its folder; None: a new one in runs/.  `beside`: other flights of ours go on."""
+        self.name = mission.name
+        self.duration_s = scene.ticks / scene.rate_hz
+        self.folder = out or RUNS
         self._mission = mission
         self._scene = scene
         self._law = scene.flown
-        self._folder = folder
+        self._out = out
         self._speed = speed
         self._in_process = in_process
         self._instance = instance
-        self._display = display
         self._zenoh = zenoh
+        self._figure = figure
+        self._beside = beside
+        self._left = _nothing()
+        self._note: Callable[[str], None] = lambda text: None
+        self._progress: Callable[[float], None] = lambda time_s: None
 
-    def fly(self) -> Result:
-        """Fly, judge, and write everything down; never raises for what a flight can do."""
-        flown, exit_code, error = self._recorded()
-        judged = judge(
+    def make_folder(self) -> None:
+        """Make its folder, before it flies. Raises UsageError."""
+        self.folder = new_folder(self._out, self.name)
+
+    @property
+    def is_cold(self) -> bool:
+        """Whether it compiles before it flies."""
+        from fcu.kernel.compile import is_cached
+
+        if self._in_process:
+            return not is_cached("rollout", self._law.package)
+        return not (is_cached("tick", self._law.package) and is_cached("advance"))
+
+    def load(self) -> None:
+        """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
+        if self._figure == ALWAYS:
+            import gcs_tools.pictures.plot.overview  # noqa: F401
+        if not self._in_process:
+            load(self._law)
+        elif not self.is_cold:
+            with suppress(LawError):  # as it says when it flies
+                self._law.module("gcs_tools.flight.rollout").warm_up(self._scene)
+
+    def fly(
+        self, note: Callable[[str], None], progress: Callable[[float], None]
+    ) -> Result:  # fmt: skip
+        """Fly, judge, and write everything down; never raises for what a flight can do.
+
+        `note` is told what a person waits for, `progress` the simulation time flown, s.
+        """
+        self._note, self._progress = note, progress
+        self._left, exit_code, error = self._recorded()
+        return self._written(self._judged(exit_code, error))
+
+    def draw(self, judged: Result) -> Result:
+        """Draw what was flown, if it is to be; the result, spoilt if that could not be done."""
+        failed = not judged.passed and judged.exit_code != INTERRUPTED
+        wanted = self._figure == ALWAYS or (self._figure == FAILED and failed)
+        flown = self._left
+        if not wanted or len(flown.fcu) <= 1:
+            return judged
+        try:
+            from gcs_tools.pictures.plot.overview import flight_figure
+
+            kinds, settings = Kinds.of(self._law), to_buffer(self._scene.settings).tolist()
+            flight_figure(
+                Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
+                dict(zip(columns(kinds.params), settings, strict=True)),
+                self._mission.title, self.folder / "flight.png",
+            )  # fmt: skip
+        except OSError as failed:
+            why = f"flight.png: {failed.strerror or failed}"
+            return self._written(_spoilt(judged, INFRASTRUCTURE, why))
+        except KeyboardInterrupt:
+            return self._written(_spoilt(judged, INTERRUPTED, "interrupted"))
+        return judged
+
+    def lost(self, why: str, exit_code: int = INFRASTRUCTURE) -> Result:
+        """The result of a flight whose runner is gone."""
+        return self._written(self._judged(exit_code, why))
+
+    def _judged(self, exit_code: int, error: str | None) -> Result:
+        flown = self._left
+        return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
             exit_code=exit_code, error=error, wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions={**versions(), "law": self._law.identity},
         )  # fmt: skip
-        try:
-            if len(flown.fcu) > 1:
-                from gcs_tools.pictures.plot.overview import flight_figure
 
-                kinds, settings = Kinds.of(self._law), to_buffer(self._scene.settings).tolist()
-                flight_figure(
-                    Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
-                    dict(zip(columns(kinds.params), settings, strict=True)),
-                    self._mission.title, self._folder / "flight.png",
-                )  # fmt: skip
-        except OSError as failed:
-            judged = _spoilt(judged, INFRASTRUCTURE, f"flight.png: {failed.strerror or failed}")
-        except KeyboardInterrupt:
-            judged = _spoilt(judged, INTERRUPTED, "interrupted")
+    def _written(self, judged: Result) -> Result:
         try:
-            judged.write(self._folder / "result.json")
+            judged.write(self.folder / "result.json")
         except (OSError, result.ResultError) as failed:
-            judged = _spoilt(judged, INFRASTRUCTURE, str(failed))
+            return _spoilt(judged, INFRASTRUCTURE, str(failed))
         return judged
 
     def _recorded(self) -> tuple[Flown, int, str | None]:
@@ -194,14 +291,14 @@ class _Run:
         flown, exit_code, error = _nothing(), OK, None
         try:
             with RecordingWriter(
-                self._folder / "flight.mcap", self._metadata(), Kinds.of(self._law)
+                self.folder / "flight.mcap", self._metadata(), Kinds.of(self._law)
             ) as recorder:
                 recorder.set_params(to_buffer(self._scene.settings))
                 try:
                     flown = self._flown(recorder)
                 except _Cut as cut:
                     flown, exit_code, error = cut.flown, cut.exit_code, cut.error
-                for event in logged(self._folder):
+                for event in logged(self.folder):
                     recorder.event(event.t, event.text, event.level)
         except RecordingError as failed:
             exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"
@@ -210,17 +307,13 @@ class _Run:
         return flown, exit_code, error
 
     def _flown(self, recorder: RecordingWriter) -> Flown:
-        duration = self._scene.ticks / self._scene.rate_hz
-        with self._display.flight(self._mission.name, duration) as progress:
-            if self._in_process:
-                return self._by_rollout(recorder, progress)
-            return self._over_the_wire(recorder, progress)
+        if self._in_process:
+            return self._by_rollout(recorder, self._progress)
+        return self._over_the_wire(recorder)
 
     def _by_rollout(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
-        from fcu.kernel.compile import is_cached
-
-        if not is_cached("rollout", self._law.package):
-            self._display.note(COMPILING)
+        if self.is_cold:
+            self._note(COMPILING)
         began = time.monotonic()
         rollout = self._law.module("gcs_tools.flight.rollout")
         try:
@@ -248,30 +341,24 @@ class _Run:
         read: Rows = wind.read_all(fcu, to_buffer(believed_drag()))
         return read
 
-    def _over_the_wire(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
-        from fcu.kernel.compile import is_cached
-
-        if not (is_cached("tick_at", self._law.package) and is_cached("advance")):
-            self._display.note(COMPILING)
+    def _over_the_wire(self, recorder: RecordingWriter) -> Flown:
+        if self.is_cold:
+            self._note(COMPILING)
         try:
             with claimed(self._instance, *PORTS) as instance:
-                if self._instance is None and instance:
-                    self._display.note(f"instance {instance}: those before it are in use")
-                return self._fly_pair(instance, recorder, progress)
+                if self._instance is None and instance and not self._beside:
+                    self._note(f"instance {instance}: those before it are in use")
+                return self._fly_pair(instance, recorder)
         except OSError as error:
             raise _cut(_nothing(), str(error.strerror or error)) from error
 
-    def _fly_pair(
-        self, instance: int, recorder: RecordingWriter, progress: Callable[[float], None]
-    ) -> Flown:
+    def _fly_pair(self, instance: int, recorder: RecordingWriter) -> Flown:
         if self._zenoh is not None:
-            self._display.note(
-                f"published as instance {instance} (gcs monitor --instance {instance})"
-            )
+            self._note(f"published as instance {instance} (gcs monitor --instance {instance})")
         flight = WireFlight(
-            self._scene, self._folder, instance, self._speed,
-            (recorder.add_plant, recorder.add_fcu), progress,
-            self._zenoh, flies(self._mission, self._scene), self._display.note,
+            self._scene, self.folder, instance, self._speed,
+            (recorder.add_plant, recorder.add_fcu), self._progress,
+            self._zenoh, flies(self._mission, self._scene), self._note,
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
