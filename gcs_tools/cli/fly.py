@@ -34,11 +34,12 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 @arguments.FREE_INSTANCE
 @click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Missions to fly at a time; default: as many as cores, or 1 with --speed, --instance or publishing.")  # fmt: skip
 @click.option("--figure", type=click.Choice(["always", "failed", "never"]), help="Flights to draw flight.png of; default: always for one mission, failed for several.")  # fmt: skip
+@click.option("--record", type=click.Choice(["full", "light", "none"]), default="full", show_default=True, help="Ticks in flight.mcap: all, 100 a second, or no file. The verdict is always of all.")  # fmt: skip
 def fly(
     missions: tuple[str, ...], speed: float | None, seed: int | None, rate_hz: float | None,
     out: Path | None, junit: Path | None, law: str | None, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
-    jobs: int | None, figure: str | None,
+    jobs: int | None, figure: str | None, record: str,
 ) -> int:  # fmt: skip
     """Fly each MISSION and compare it with its expectations.
 
@@ -55,7 +56,7 @@ def fly(
             missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law,
             settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
             zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
-            jobs=jobs, figure=figure,
+            jobs=jobs, figure=figure, record=record,
         )  # fmt: skip
     except UsageError as error:
         raise Failure(error, USAGE) from error

@@ -142,6 +142,8 @@ def _draw(
 
 def _remarks(recording: Recording) -> tuple[str, ...]:
     """What is not whole about a recording."""
+    from gcs_tools.recording.light import EVERY
+
     remarks = []
     if not recording.complete:
         rows = recording.fcu if len(recording.fcu) else recording.plant
@@ -149,6 +151,8 @@ def _remarks(recording: Recording) -> tuple[str, ...]:
         remarks.append(
             f"The recording was cut short{last}: what came later is missing (gcs recover)."
         )
+    if (every := recording.metadata.get(EVERY, "1")) != "1":
+        remarks.append(f"Light recording: one tick in {every}.")
     if recording.lost:
         lost = ", ".join(f"{n} of {topic}" for topic, n in recording.lost.items())
         remarks.append(f"Messages lost: {lost}.")

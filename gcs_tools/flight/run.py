@@ -38,11 +38,12 @@ from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import Mission, MissionError, override, with_law
+from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
+from gcs_tools.recording.light import Recorder
 from gcs_tools.recording.reader import LAW, LAW_SOURCES, RecordingError
 from gcs_tools.recording.schema import Kinds
 from gcs_tools.recording.table import Rows, Table
-from gcs_tools.recording.writer import RecordingWriter
 
 RUNS = Path("runs")
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
@@ -118,14 +119,19 @@ def fly_missions(
     zenoh: Zenoh | None = None,
     jobs: int | None = None,
     figure: str | None = None,
+    record: str = light.FULL,
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
 
     `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
     not.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
-    flight always, of several of those that failed.
+    flight always, of several of those that failed.  `record`: full, light (100 ticks a second) or
+    none; hash and verdict are of all ticks in any case.
     """
+    for name, given, allowed in (("figure", figure, FIGURES), ("record", record, light.MODES)):
+        if given is not None and given not in allowed:
+            raise UsageError(f"{name} {given!r}: expected one of {', '.join(allowed)}")
     display = display or Display()
     began = time.monotonic()
     ready = [prepared(name, settings, seed, rate_hz, law) for name in missions]
@@ -149,7 +155,7 @@ def fly_missions(
         runs.append(
             _Run(
                 mission, scene, own if many else out, speed, in_process, instance, zenoh,
-                figure or (FAILED if many else ALWAYS), jobs > 1,
+                figure or (FAILED if many else ALWAYS), jobs > 1, record,
             )
         )  # fmt: skip
     if many and can_fork():
@@ -190,6 +196,7 @@ class _Run:
     def __init__(
         self, mission: Mission, scene: Scenario, out: Path | None, speed: float | None,
         in_process: bool, instance: int | None, zenoh: Zenoh | None, figure: str, beside: bool,
+        record: str,
     ) -> None:  # fmt: skip
         """`out`: its folder; None: a new one in runs/.  `beside`: other flights of ours go on."""
         self.name = mission.name
@@ -205,6 +212,7 @@ class _Run:
         self._zenoh = zenoh
         self._figure = figure
         self._beside = beside
+        self._record = record
         self._left = _nothing()
         self._note: Callable[[str], None] = lambda text: None
         self._progress: Callable[[float], None] = lambda time_s: None
@@ -290,9 +298,10 @@ class _Run:
         """What was flown, on file too; an exit code and an error if it was cut short."""
         flown, exit_code, error = _nothing(), OK, None
         try:
-            with RecordingWriter(
-                self.folder / "flight.mcap", self._metadata(), Kinds.of(self._law)
-            ) as recorder:
+            with light.recorder(
+                self._record, self.folder / "flight.mcap", self._metadata(), Kinds.of(self._law),
+                self._scene.rate_hz,
+            ) as recorder:  # fmt: skip
                 recorder.set_params(to_buffer(self._scene.settings))
                 try:
                     flown = self._flown(recorder)
@@ -306,12 +315,12 @@ class _Run:
             exit_code, error = INTERRUPTED, "interrupted"
         return flown, exit_code, error
 
-    def _flown(self, recorder: RecordingWriter) -> Flown:
+    def _flown(self, recorder: Recorder) -> Flown:
         if self._in_process:
             return self._by_rollout(recorder, self._progress)
         return self._over_the_wire(recorder)
 
-    def _by_rollout(self, recorder: RecordingWriter, progress: Callable[[float], None]) -> Flown:
+    def _by_rollout(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
         if self.is_cold:
             self._note(COMPILING)
         began = time.monotonic()
@@ -341,7 +350,7 @@ class _Run:
         read: Rows = wind.read_all(fcu, to_buffer(believed_drag()))
         return read
 
-    def _over_the_wire(self, recorder: RecordingWriter) -> Flown:
+    def _over_the_wire(self, recorder: Recorder) -> Flown:
         if self.is_cold:
             self._note(COMPILING)
         try:
@@ -352,7 +361,7 @@ class _Run:
         except OSError as error:
             raise _cut(_nothing(), str(error.strerror or error)) from error
 
-    def _fly_pair(self, instance: int, recorder: RecordingWriter) -> Flown:
+    def _fly_pair(self, instance: int, recorder: Recorder) -> Flown:
         if self._zenoh is not None:
             self._note(f"published as instance {instance} (gcs monitor --instance {instance})")
         flight = WireFlight(

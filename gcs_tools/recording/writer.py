@@ -210,6 +210,11 @@ class RecordingWriter:
         finally:
             self._file.close()
 
+    @property
+    def has_failed(self) -> bool:
+        """Whether the file could not be written."""
+        return self._file.failed is not None
+
     def __enter__(self) -> Self:
         return self
 
@@ -220,10 +225,10 @@ class RecordingWriter:
         trace: TracebackType | None,
     ) -> None:
         """Close; of a recording that failed already, only the file."""
-        if self._file.failed is None:
-            self.close()
-        else:
+        if self.has_failed:
             self._file.close()
+        else:
+            self.close()
 
 
 def _is_whole(rows: Rows, part: Any, whole: Any) -> bool:

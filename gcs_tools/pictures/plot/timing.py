@@ -96,7 +96,10 @@ def _period(window: Window) -> float | None:
     """Wall time from one tick to the next, us: as paced, or of real time for a flight that is not."""
     plant = _rows(window, PLANT_TIMING)
     if plant is not None and np.isfinite(plant["timing.late"]).sum() > 1:
-        return MICRO * float(np.median(np.diff(plant["timing.published"])))
+        between, ticks = (
+            np.median(np.diff(plant[f"timing.{name}"])) for name in ("published", "sequence")
+        )
+        return MICRO * float(between / max(1.0, ticks))  # a light recording leaves ticks out
     return None if window.params is None else MICRO * window.told["law.h"]
 
 

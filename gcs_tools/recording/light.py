@@ -1,0 +1,124 @@
+"""How much of a flight is kept: every tick, some of them, or none.
+
+A light recording holds a hundred ticks a second and the last one, each with all that a full one has
+of it. Figures, replay and views need no more; the bytes of a trajectory do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from gcs_tools.recording.schema import Kinds
+from gcs_tools.recording.table import Rows
+from gcs_tools.recording.writer import RecordingWriter
+
+FULL, LIGHT, NONE = MODES = ("full", "light", "none")
+LIGHT_HZ = 100.0  # ticks kept a second of simulation time
+EVERY = "every"  # of metadata: one tick in so many is recorded
+
+Add = Callable[[Rows], None]
+
+
+class LightRecording:
+    """Writes a recording of some ticks; as RecordingWriter, for whole rows of a flight."""
+
+    def __init__(
+        self, path: Path, metadata: dict[str, str], kinds: Kinds, rate_hz: float
+    ) -> None:  # fmt: skip
+        """`rate_hz`: control ticks a second. Raises RecordingError."""
+        self._rate_hz = rate_hz
+        self._every = max(1, round(rate_hz / LIGHT_HZ))
+        self._writer = RecordingWriter(path, metadata | {EVERY: str(self._every)}, kinds)
+        self._last: dict[Add, Rows] = {}  # what was not kept so far, and how it would be
+        self.set_params, self.event = self._writer.set_params, self._writer.event
+
+    def add_plant(self, rows: Rows) -> None:
+        """As RecordingWriter's."""
+        self._add(self._writer.add_plant, rows)
+
+    def add_fcu(self, rows: Rows) -> None:
+        """As RecordingWriter's."""
+        self._add(self._writer.add_fcu, rows)
+
+    def add_wind(self, t: Rows, wind: Rows) -> None:
+        """As RecordingWriter's."""
+        self._add(self._add_wind, np.column_stack([t, wind]))
+
+    def _add_wind(self, rows: Rows) -> None:
+        self._writer.add_wind(rows[:, 0], rows[:, 1:])
+
+    def _add(self, add: Add, rows: Rows) -> None:
+        """Hand on the rows of the ticks that are kept, whoever's they are."""
+        if not len(rows):
+            return
+        kept = np.rint(rows[:, 0] * self._rate_hz).astype(np.int64) % self._every == 0
+        add(rows[kept])
+        self._last.pop(add, None)
+        if not kept[-1]:
+            self._last[add] = rows[-1:].copy()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Write the last tick, and close."""
+        with self._writer:
+            if not self._writer.has_failed:
+                for add, rows in self._last.items():
+                    add(rows)
+
+
+class NoRecording:
+    """Writes nothing; as RecordingWriter."""
+
+    def add_plant(self, rows: Rows) -> None:
+        """Forget them."""
+
+    def add_fcu(self, rows: Rows) -> None:
+        """Forget them."""
+
+    def add_wind(self, t: Rows, wind: Rows) -> None:
+        """Forget it."""
+
+    def set_params(self, row: Rows, t: float = 0.0) -> None:
+        """Forget them."""
+
+    def event(self, t: float, text: str, level: str = "info") -> None:
+        """Forget it."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Nothing to close."""
+
+
+Recorder = RecordingWriter | LightRecording | NoRecording
+
+
+def recorder(
+    mode: str, path: Path, metadata: dict[str, str], kinds: Kinds, rate_hz: float
+) -> Recorder:
+    """What records a flight in a mode, one of MODES. Raises RecordingError, ValueError."""
+    if mode == LIGHT:
+        return LightRecording(path, metadata, kinds, rate_hz)
+    if mode == NONE:
+        return NoRecording()
+    if mode != FULL:
+        raise ValueError(f"record {mode!r}: expected one of {', '.join(MODES)}")
+    return RecordingWriter(path, metadata, kinds)
