@@ -164,11 +164,17 @@ class Stack:
         """Bytes that one row becomes."""
         return len(self._template)
 
-    def encode(self, rows: Rows) -> Bytes:
-        """uint8 (n, row_bytes)."""
-        n = len(rows)
+    def blank(self, n: int) -> Bytes:
+        """Messages of `n` rows that are yet to be encoded, uint8 (n, row_bytes)."""
         out = np.empty((n, self.row_bytes), np.uint8)
         out[:] = self._template
+        return out
+
+    def encode(self, rows: Rows, out: Bytes | None = None) -> Bytes:
+        """uint8 (n, row_bytes).  `out`: the `blank` that is filled; None: a new one."""
+        n = len(rows)
+        if out is None:
+            out = self.blank(n)
         if not n:  # numpy has no views into nothing
             return out
         for run in self._runs:

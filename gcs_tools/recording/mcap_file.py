@@ -8,7 +8,9 @@ for everything that is written once a chunk or once a file, and takes the messag
 from __future__ import annotations
 
 import fcntl
+import queue
 import struct
+import threading
 import time
 import zlib
 from collections import Counter
@@ -24,7 +26,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -45,10 +46,14 @@ from gcs_tools.recording.schema import PACKAGE
 Uint64 = np.ndarray[Any, np.dtype[np.uint64]]
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
 
-CHUNK_BYTES = 256 * 1024
+CHUNK_BYTES = 1 << 20
+WAITING = 2  # chunks that are yet to be compressed and written, at most
 CHUNK_SECONDS = 0.5  # of wall time: with what is on its way, a killed recorder loses less than 1 s
 
 _INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length of record, channel, length of entries
+_CHUNK_HEAD = struct.Struct(
+    "<BQQQQII3sQ"
+)  # up to its records: those of a Chunk, lz4 in three letters
 _FOOTER_HEAD = struct.Struct("<BQQQ")  # opcode, length, summary start, summary offset start
 _MESSAGE_HEAD = np.dtype(  # of a message record, up to its data
     [
@@ -92,6 +97,45 @@ def block_of(channel: int, sequence: Uint64, time_ns: Uint64, messages: Sequence
         offsets.append(builder.count)
         Message(channel, t, data, t, of & 0xFFFFFFFF).write(builder)
     return Block(builder.end(), [(channel, time_ns, np.array(offsets, np.uint64))])
+
+
+class _Made(NamedTuple):
+    """A chunk, yet to be compressed, and the MessageIndex records behind it."""
+
+    data: bytes
+    first_ns: int
+    last_ns: int
+    indexes: bytes
+    index_at: dict[int, int]  # channel -> where its index begins among them
+    counts: dict[int, int]  # channel -> messages
+
+
+def _made(blocks: Sequence[Block]) -> _Made:
+    """The chunk of some blocks."""
+    parts: dict[int, list[bytes]] = {}
+    counts: Counter[int] = Counter()
+    first, last, start = [], [], 0
+    for block in blocks:
+        for channel, times, offsets in block.entries:
+            both = np.empty((len(times), 2), "<u8")
+            both[:, 0] = times
+            np.add(offsets, np.uint64(start), out=both[:, 1])
+            parts.setdefault(channel, []).append(both.tobytes())
+            counts[channel] += len(times)
+            first.append(int(times[0]))
+            last.append(int(times[-1]))
+        start += len(block.records)
+    records, at, length = [], {}, 0
+    for channel, pairs in parts.items():
+        at[channel] = length
+        size = sum(map(len, pairs))
+        head = _INDEX_HEAD.pack(
+            Opcode.MESSAGE_INDEX, _INDEX_HEAD.size - 9 + size, channel, size
+        )  # fmt: skip
+        records += [head, *pairs]
+        length += len(head) + size
+    data = b"".join(block.records for block in blocks)
+    return _Made(data, min(first), max(last), b"".join(records), at, dict(counts))
 
 
 def _bytes(record: McapRecord) -> bytes:
@@ -140,52 +184,35 @@ class _Chunks:
         self._metadata.append(MetadataIndex(offset=self._offset, length=len(data), name=name))
         self._write(data)
 
-    def add_chunk(self, blocks: list[Block]) -> None:
-        """Write `blocks` as one chunk, compressed and with a checksum, and its index."""
-        data = b"".join(block.records for block in blocks)
-        indexes, offsets, start = self._message_indexes(blocks)
-        times = [times for block in blocks for _, times, _ in block.entries]
-        chunk = Chunk(
-            compression="lz4",
-            data=lz4.frame.compress(data),
-            message_start_time=min(int(t[0]) for t in times),
-            message_end_time=max(int(t[-1]) for t in times),
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
-        )
-        written = _bytes(chunk)
-        after = self._offset + len(written)
+    def add_chunk(self, made: _Made) -> None:
+        """Write a chunk, compressed and with a checksum, and its index.
+
+        Nearly all of its time is spent in zlib, lz4 and the system, which hold no lock.
+        """
+        compressed = lz4.frame.compress(made.data)
+        length = _CHUNK_HEAD.size - 9 + len(compressed)
+        head = _CHUNK_HEAD.pack(
+            Opcode.CHUNK, length, made.first_ns, made.last_ns, len(made.data),
+            zlib.crc32(made.data), 3, b"lz4", len(compressed),
+        )  # fmt: skip
+        written = len(head) + len(compressed)
+        after = self._offset + written
         self._chunks.append(
             ChunkIndex(
-                message_start_time=chunk.message_start_time,
-                message_end_time=chunk.message_end_time,
+                message_start_time=made.first_ns,
+                message_end_time=made.last_ns,
                 chunk_start_offset=self._offset,
-                chunk_length=len(written),
-                message_index_offsets={c: after + offset for c, offset in offsets.items()},
-                message_index_length=start,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                uncompressed_size=chunk.uncompressed_size,
+                chunk_length=written,
+                message_index_offsets={c: after + offset for c, offset in made.index_at.items()},
+                message_index_length=len(made.indexes),
+                compression="lz4",
+                compressed_size=len(compressed),
+                uncompressed_size=len(made.data),
             )
         )
-        self._write(written + indexes)
-
-    def _message_indexes(self, blocks: list[Block]) -> tuple[bytes, dict[int, int], int]:
-        """The MessageIndex records, the offset of each among them, and their length."""
-        pairs: dict[int, bytes] = {}
-        start = 0
-        for block in blocks:
-            for channel, times, offsets in block.entries:
-                both = np.stack([times, offsets + np.uint64(start)], axis=1).astype("<u8")
-                pairs[channel] = pairs.get(channel, b"") + both.tobytes()
-                self._counts[channel] += len(times)
-            start += len(block.records)
-        out, at = b"", {}
-        for channel, data in pairs.items():
-            at[channel] = len(out)
-            length = _INDEX_HEAD.size - 9 + len(data)
-            out += _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, length, channel, len(data)) + data
-        return out, at, len(out)
+        self._counts.update(made.counts)
+        for part in (head, compressed, made.indexes):
+            self._write(part)
 
     def finish(self) -> None:
         """Write the summary; nothing may follow."""
@@ -242,6 +269,8 @@ class RecordingFile:
         self._path = path
         self.failed: str | None = None
         self._last_chunk = time.monotonic()
+        self._queue: queue.Queue[_Made | None] = queue.Queue(WAITING)
+        self._thread: threading.Thread | None = None
         with self._reporting():
             self._file = FileIO(path, "xb")
             with suppress(OSError):  # whoever would mend it sees that it is written
@@ -274,21 +303,56 @@ class RecordingFile:
 
     def is_due(self, pending_bytes: int) -> bool:
         """Whether it is time for a chunk of what is pending."""
-        late = time.monotonic() - self._last_chunk >= CHUNK_SECONDS
-        return late or pending_bytes >= CHUNK_BYTES
+        return pending_bytes >= CHUNK_BYTES or self.is_late
 
-    def write(self, blocks: list[Block]) -> None:
-        """One chunk, of what there is."""
-        with self._reporting():
-            if blocks:
-                self._chunks.add_chunk(blocks)
+    @property
+    def is_late(self) -> bool:
+        """Whether the last chunk was written so long ago that what there is should be on file."""
+        return time.monotonic() - self._last_chunk >= CHUNK_SECONDS
+
+    def write(self, blocks: list[Block], wait: bool = True) -> None:
+        """One chunk, of what there is.
+
+        `wait`: until it is on file; else it is compressed and written while the next is filled.
+        """
         self._last_chunk = time.monotonic()
+        made = _made(blocks) if blocks else None
+        if made is not None and not wait:
+            with self._reporting():
+                self._hand_over(made)
+            return
+        self._wait()
+        with self._reporting():
+            if made is not None:
+                self._chunks.add_chunk(made)
+
+    def _hand_over(self, made: _Made) -> None:
+        if self._thread is None:  # not before: who makes a file may fork yet
+            self._thread = threading.Thread(target=self._take, daemon=True, name="recording")
+            self._thread.start()
+        self._queue.put(made)
+
+    def _take(self) -> None:
+        """In a thread: write the chunks that are handed over, or forget them after a failure."""
+        while (made := self._queue.get()) is not None:
+            with suppress(RecordingError), self._reporting():
+                self._chunks.add_chunk(made)
+            del made
+
+    def _wait(self) -> None:
+        """Until all that was handed over is on file, or has failed."""
+        if self._thread is not None:
+            self._queue.put(None)
+            self._thread.join()
+            self._thread = None
 
     def finish(self) -> None:
         """Write the index."""
+        self._wait()
         with self._reporting():
             self._chunks.finish()
 
     def close(self) -> None:
         """Close the file, as it is."""
+        self._wait()
         self._file.close()

@@ -1,13 +1,13 @@
 """The recording of a flight being written: every tick of the plant's truth and the controller's work.
 
-MCAP with Protobuf messages (`schema`), in chunks of about 256 KiB and at most half a second
-of wall time: a killed recorder loses no more than that. Rows are encoded a chunk at a time
-(`layout`), which costs a few microseconds a tick for all topics together.
+MCAP with Protobuf messages (`schema`), in chunks of about 1 MiB and at most half a second of wall
+time: a killed recorder loses little more than that. Rows are encoded a chunk at a time (`layout`);
+a full chunk is compressed and written by a thread while the next one is filled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -15,13 +15,13 @@ from typing import Any, Self
 import numpy as np
 
 from fcu.kernel.buffers import columns, size
-from fcu.kernel.rows import column
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import Stack
 from gcs_tools.recording.mcap_file import (
     CHUNK_BYTES,
     Block,
+    Bytes,
     RecordingFile,
     Uint64,
     block_of,
@@ -55,48 +55,66 @@ def _nanoseconds(t: Rows) -> Uint64:
 class _Stream:
     """Topics that are written together, from rows of one kind. Column 0 is the simulation time."""
 
-    def __init__(self, file: RecordingFile, topics: Sequence[Topic], names: Sequence[str]) -> None:
-        """`names`: of the columns of the rows, that hold all that the topics carry."""
+    def __init__(
+        self, channels: Sequence[int], counts: dict[int, int], topics: Sequence[Topic],
+        names: Sequence[str],
+    ) -> None:  # fmt: skip
+        """`counts`: messages of each channel so far.
+
+        `names`: of the columns of the rows, that hold all that the topics carry.
+        """
         at = {name: i for i, name in enumerate(names)}
-        self._channels = [file.add_channel(*topic[:3], topic.metadata) for topic in topics]
+        self._channels = channels
+        self._counts = counts
         self._stack = Stack([
             (
                 message_head(channel, len(topic.layout.template)), topic.layout,
                 [at[name] for name in topic.columns],
             )
-            for channel, topic in zip(self._channels, topics, strict=True)
+            for channel, topic in zip(channels, topics, strict=True)
         ])  # fmt: skip
-        self._pending: list[Rows] = []
-        self._written = 0
-        self.pending_bytes = 0
+        self.row_bytes = self._stack.row_bytes
+        self._room = max(1, CHUNK_BYTES // self.row_bytes)
+        self._width = len(names)
+        self._kept = 0  # rows
+        self._rows: Rows | None = None  # (room, width): those kept
+        self._out: Bytes | None = None  # what they are encoded into
 
-    def batches(self, rows: Rows) -> Iterator[Rows]:
-        """`rows` in parts of at most a chunk."""
-        step = max(1, CHUNK_BYTES // self._stack.row_bytes)
-        for i in range(0, len(rows), step):
-            yield rows[i : i + step]
+    @property
+    def pending_bytes(self) -> int:
+        """Of what is kept."""
+        return self._kept * self.row_bytes
 
-    def add(self, rows: Rows) -> None:
-        """Keep a copy of `rows` for the next chunk."""
-        _nanoseconds(rows[:, 0])
-        self._pending.append(rows.copy())
-        self.pending_bytes += len(rows) * self._stack.row_bytes
+    def add(self, rows: Rows) -> Rows:
+        """Keep a copy of as many of `rows` as there is room for; the rest of them."""
+        if self._rows is None or self._out is None:
+            self._rows, self._out = (
+                np.empty((self._room, self._width)),
+                self._stack.blank(self._room),
+            )
+        n = min(len(rows), self._room - self._kept)
+        self._rows[self._kept : self._kept + n] = rows[:n]
+        self._kept += n
+        return rows[n:]
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there is no room for another row."""
+        return self._kept == self._room
 
     def block(self) -> Block | None:
-        """The messages of all rows kept, which are then forgotten."""
-        if not self._pending:
+        """The messages of all rows kept, which are then forgotten; valid until the next."""
+        n, self._kept = self._kept, 0
+        if not n or self._rows is None or self._out is None:
             return None
-        rows = np.concatenate(self._pending)
-        self._pending.clear()
-        self.pending_bytes = 0
-        times = _nanoseconds(rows[:, 0])
-        sequence = np.arange(self._written, self._written + len(rows))
-        self._written += len(rows)
-        records = self._stack.encode(rows)
-        row_starts = np.arange(len(rows), dtype=np.uint64) * np.uint64(self._stack.row_bytes)
+        times = _nanoseconds(self._rows[:n, 0])
+        records = self._stack.encode(self._rows[:n], self._out[:n])
+        row_starts = np.arange(n, dtype=np.uint64) * np.uint64(self.row_bytes)
         index = []
         for channel, start in zip(self._channels, self._stack.starts, strict=True):
-            number(records, start, sequence, times)
+            first = self._counts[channel]
+            self._counts[channel] += n
+            number(records, start, np.arange(first, first + n), times)
             index.append((channel, times, row_starts + np.uint64(start)))
         return Block(records.data.cast("B"), index)
 
@@ -120,50 +138,61 @@ class RecordingWriter:
         self._file = RecordingFile(path, metadata)
         topics, fcu, plant = kinds.topics, columns(self._fcu_row), columns(self._plant_row)
         of_ticks = [topic for topic in topics.values() if topic.row == FCU]
+        wind, params = topics[WIND], topics[PARAMS]
         try:
-            self._plant = self._stream([topics[TRUTH]], plant)
-            self._plant_report = self._stream([topics[PLANT_TIMING]], plant)
-            self._fcu = self._stream(of_ticks, fcu)
-            self._wind = self._stream([topics[WIND]], topics[WIND].columns)
-            self._report = self._stream([topics[STATUS], topics[TIMING]], fcu)
-            self._params = self._stream([topics[PARAMS]], topics[PARAMS].columns)
+            self._channels = {
+                name: self._file.add_channel(*topic[:3], topic.metadata)
+                for name, topic in topics.items()
+            }
             self._event_channel = self._file.add_channel(
                 events.TOPIC, events.MESSAGE, events.schema()
             )
         except RecordingError:
             self._file.close()
             raise
+        self._counts = dict.fromkeys(self._channels.values(), 0)
+        self._plant = self._stream([topics[TRUTH]], plant[: size(kinds.record)])
+        self._whole_plant = self._stream([topics[TRUTH], topics[PLANT_TIMING]], plant)
+        self._fcu = self._stream(of_ticks, fcu[: size(kinds.tick)])
+        reports = [wind, topics[STATUS], topics[TIMING]]
+        self._whole_fcu = self._stream([*of_ticks, *reports], fcu)
+        self._wind = self._stream([wind], wind.columns)
+        self._params = self._stream([params], params.columns)
 
     def _stream(self, topics: Sequence[Topic], names: Sequence[str]) -> _Stream:
-        self._streams.append(_Stream(self._file, topics, names))
+        channels = [self._channels[topic.name] for topic in topics]
+        self._streams.append(_Stream(channels, self._counts, topics, names))
         return self._streams[-1]
 
     def _add(self, stream: _Stream, rows: Rows) -> None:
-        for batch in stream.batches(rows):
-            stream.add(batch)
-            if self._file.is_due(sum(each.pending_bytes for each in self._streams)):
-                self.flush()
+        if len(rows):
+            _nanoseconds(rows[:, 0])
+        while len(rows):
+            rows = stream.add(rows)
+            if stream.is_full or self._pending_bytes >= CHUNK_BYTES:
+                self._write(wait=False)
+        if self._file.is_late:
+            self.flush()
+
+    @property
+    def _pending_bytes(self) -> int:
+        return sum(stream.pending_bytes for stream in self._streams)
 
     def add_plant(self, rows: Rows) -> None:
         """Record control ticks of the truth.
 
         float64 (n, size(kinds.record)), or whole rows of the plant, with its PlantReport.
         """
-        if _is_whole(rows, self._kinds.record, self._plant_row):
-            self._add(self._plant_report, rows)
-        self._add(self._plant, rows)
+        whole = _is_whole(rows, self._kinds.record, self._plant_row)
+        self._add(self._whole_plant if whole else self._plant, rows)
 
     def add_fcu(self, rows: Rows) -> None:
         """Record control ticks of the flight controller.
 
         float64 (n, size(kinds.tick)), or whole rows of the flight controller, with its Report.
         """
-        if _is_whole(rows, self._kinds.tick, self._fcu_row):
-            self._add(
-                self._wind, np.column_stack([rows[:, :1], column(self._fcu_row, rows, "wind")])
-            )
-            self._add(self._report, rows)
-        self._add(self._fcu, rows)
+        whole = _is_whole(rows, self._kinds.tick, self._fcu_row)
+        self._add(self._whole_fcu if whole else self._fcu, rows)
 
     def add_wind(self, t: Rows, wind: Rows) -> None:
         """Record what wind was read from the estimates: s float64 (n,), m/s float64 (n, 3)."""
@@ -196,8 +225,11 @@ class RecordingWriter:
 
     def flush(self) -> None:
         """Write everything recorded so far; whoever records nothing for a while calls this."""
+        self._write(wait=True)
+
+    def _write(self, wait: bool) -> None:
         made = [*(stream.block() for stream in self._streams), self._event_block()]
-        self._file.write([block for block in made if block is not None])
+        self._file.write([block for block in made if block is not None], wait)
 
     def close(self) -> None:
         """Write what is left and the index, and close the file. A second call does nothing."""
