@@ -43,7 +43,7 @@ def load(law: Law) -> bool:
     """
     if law in _loaded:
         return True
-    if not (is_cached("tick", law.package) and is_cached("advance")):
+    if not (is_cached("tick_at", law.package) and is_cached("begin")):
         return False
     collects = gc.isenabled()
     gc.freeze()  # what they do before they fly takes no time here

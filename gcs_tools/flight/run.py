@@ -228,7 +228,7 @@ class _Run:
 
         if self._in_process:
             return not is_cached("rollout", self._law.package)
-        return not (is_cached("tick", self._law.package) and is_cached("advance"))
+        return not (is_cached("tick_at", self._law.package) and is_cached("begin"))
 
     def load(self) -> None:
         """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
