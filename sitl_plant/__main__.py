@@ -65,7 +65,7 @@ def main(
         batch = BATCH if pacer.paced else FULL_SPEED_BATCH
         tape = RecorderPipe(WIDTH, record_fd, wait=not drop, batch=batch)
         with watched(control_fd, lifeline_fd):
-            if not is_cached("advance"):
+            if not is_cached("physics.tick.advance"):
                 say(0.0, "info", "compiling the simulator, once per version (about 10 s)")
             feed = PublisherFeed(number, "plant")
             server = Server(ports(number), world, tape, feed, pacer, control_fd, lifeline_fd)
