@@ -57,7 +57,8 @@ LOOK_S = 0.01  # wall: between two looks for somebody who listens
 TOGETHER = 64  # ticks in a sample, at most: it stays below Zenoh's 64 KiB
 
 PERIOD_S = 0.01  # wall: between two looks at what has come
-LEAVE_S = 0.3  # wall: for what is still on its way when a flight has ended
+LEAVE_S = 0.6  # wall: for what is still on its way when a flight has ended
+SAY_AGAIN_S = 0.05  # wall: between two words that it has ended, which a busy machine may drop
 IDLE_S = 0.05  # the same, while nobody flies
 LAST = 4  # looks at what has still come when it ends: more than a feed can hold
 
@@ -378,8 +379,12 @@ class PublishedVehicle:
         self.ended()
         for process in list(self._tokens):
             self.alive(process, False)
-        until = time.monotonic() + bound_s
-        while self.is_heard() and time.monotonic() < until:
+        now = time.monotonic()
+        until, due = now + bound_s, now + SAY_AGAIN_S
+        while self.is_heard() and (now := time.monotonic()) < until:
+            if now > due:
+                self.ended()
+                due = now + SAY_AGAIN_S
             self.serve()
             time.sleep(LOOK_S)
 
