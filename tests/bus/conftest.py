@@ -105,8 +105,8 @@ def fly(start, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def quiet(tmp_path_factory):
-    """The hash of MISSION when nobody listens, nor could."""
+def unheard(tmp_path_factory):
+    """MISSION, flown when nobody listens, nor could."""
     folder = tmp_path_factory.mktemp("quiet")
     with claimed_instance() as number:
         program = Program(
@@ -114,9 +114,16 @@ def quiet(tmp_path_factory):
             "--out", str(folder / "run"),
         )  # fmt: skip
         try:
-            return Flight(program, number, folder / "run").trajectory()
+            program.wait()
+            return Flight(program, number, folder / "run")
         finally:
             program.kill()
+
+
+@pytest.fixture
+def quiet(unheard):
+    """The hash of that flight."""
+    return unheard.trajectory()
 
 
 class Recorder:
