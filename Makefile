@@ -58,7 +58,7 @@ fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
 test: clients readers browser  ## all tests
-	@.venv/bin/pytest -q -n 2 --dist loadfile
+	@.venv/bin/pytest -q -n 2 --dist worksteal
 
 test-quick: setup  ## those that start no processes and need no browser, Node.js or clients
 	@.venv/bin/pytest -q --quick -n 2 --dist worksteal

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -30,6 +33,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--quick", action="store_true", help="leave out what is slow")
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile first what all workers would otherwise compile at once."""
+    workers = getattr(session.config.option, "numprocesses", None)  # not of a worker
+    if not workers:
+        return
+    from fcu.kernel.compile import is_cached
+
+    if not all(map(is_cached, ("rollout", "tick", "physics.tick.advance"))):
+        fly = [sys.executable, "-m", "gcs_tools", "fly", "paper_nominal"]
+        with tempfile.TemporaryDirectory() as folder:
+            for n, how in enumerate((["--in-process"], [])):
+                short = ["--set", "flight.duration_s=0.1", "--out", f"{folder}/{n}", *how]
+                subprocess.run([*fly, *short], stdout=subprocess.DEVNULL, check=False)
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     here = Path(__file__).parent
     slow = collection_path.parent == here and collection_path.name in SLOW_FOLDERS
@@ -41,3 +59,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         slow = [item for item in items if item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=slow)
         items[:] = [item for item in items if not item.get_closest_marker("slow")]
+    items[:] = _dealt(items, getattr(config, "workerinput", {}).get("workercount", 1))
+
+
+def _dealt(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
+    """Deal the files to the workers in turn: each has some slow ones first, then some others.
+
+    What is left at the end, when one worker takes tests over from another, is short.
+    """
+
+    def is_slow(path: Path) -> bool:
+        return path.relative_to(Path(__file__).parent).parts[0] in SLOW_FOLDERS
+
+    files = {item.path: None for item in items}
+    slow, quick = ([p for p in files if is_slow(p) is wanted] for wanted in (True, False))
+    turn = [p for n in range(workers) for p in (*slow[n::workers], *quick[n::workers])]
+    return sorted(items, key=lambda item: turn.index(item.path))  # stable: in a file as it was
