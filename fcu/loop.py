@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fcu.autopilot import TIMES, Autopilot, Lost, Row, say
-from fcu.burst import BUSY, FILTERED, Wire, serve
+from fcu.burst import BUSY, FILTERED, UNREAD, Wire, serve
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
@@ -121,7 +121,7 @@ class Loop:
                     self._decide(datagram, None)
                 return
             why, length = self._serve(self._wire)
-            if length:
+            if why in (UNREAD, FILTERED):
                 self._decide(self._datagram[:length].tobytes(), why == FILTERED)
         except BrokenPipeError:
             self._end("nobody records this flight any more")

@@ -66,7 +66,7 @@ def main(
         tape = RecorderPipe(WIDTH, record_fd, wait=not drop, batch=batch)
         with watched(control_fd, lifeline_fd):
             if not is_cached("physics.tick.advance"):
-                say(0.0, "info", "compiling the simulator, once per version (about 10 s)")
+                say(0.0, "info", "compiling the simulator, once per version (about half a minute)")
             feed = PublisherFeed(number, "plant")
             server = Server(ports(number), world, tape, feed, pacer, control_fd, lifeline_fd)
             server.warm_up()

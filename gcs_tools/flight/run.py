@@ -155,7 +155,7 @@ def fly_missions(
         runs.append(
             _Run(
                 mission, scene, own if many else out, speed, in_process, instance, zenoh,
-                figure or (FAILED if many else ALWAYS), jobs > 1, record,
+                figure or (FAILED if many else ALWAYS), many and jobs > 1, record,
             )
         )  # fmt: skip
     if many and can_fork():
