@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fcu.autopilot import TIMES, Autopilot, Lost, Row, say
-from fcu.burst import BUSY, FILTERED, UNREAD, Wire, serve
+from fcu.burst import BUSY, FILTERED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
@@ -58,6 +58,8 @@ class Loop:
         self.stopping = False
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
         self._wire: Wire | None = None
+        self._quick = True  # whether bursts are to be of more than one tick
+        self._answered_s = 0.0  # wall: when the last answer was sent; 0: time was held since
         self._times = np.zeros((len(reporter.tape.free()), TIMES))
         self._exit = OK
 
@@ -132,15 +134,28 @@ class Loop:
         """Fly a burst; why it ended, and the length of a datagram that it left to Python."""
         autopilot = self._autopilot
         autopilot.prepare()
-        rows = self._reporter.tape.free()[: 1 if autopilot.ground.is_pending else self._most]
+        one = autopilot.ground.is_pending or not self._quick
+        rows = self._reporter.tape.free()[: 1 if one else self._most]
         times = self._times[: len(rows)]
         wire.due[0] = autopilot.due_s
         flown, why, length = serve(autopilot.flight, autopilot.law_tick, wire, rows, times, -1)
         if why == BUSY:  # the last answer has not gone out
             self._plant.send(autopilot.answer)
         if flown:
+            self._quick = self._is_quick(times[:flown], why)
             autopilot.completed(rows[:flown], times[:flown])
         return why, length
+
+    def _is_quick(self, times: Row, why: int) -> bool:
+        """Whether the plant asks so soon again that it is worth while to wait in compiled code.
+
+        Else Python's poll waits: for ground stations too, and with what was flown handed on.
+        """
+        (answered, cycle), last = times[0, :2].tolist(), self._answered_s
+        self._answered_s = float(times[-1, 0])
+        if len(times) > 1 or why == SLOW:
+            return why not in (SLOW, SILENT)
+        return self._quick if last == 0.0 else answered - cycle - last < SLOW_S
 
     def _fly_decided(self, time_us: int, row: Row) -> None:
         autopilot = self._autopilot
@@ -153,6 +168,7 @@ class Loop:
             answer = autopilot.take(datagram, now)
         else:
             answer = autopilot.decide(datagram, filtered, now)
+        self._answered_s = 0.0
         if answer is not None:
             self._plant.send(answer)
             autopilot.report()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from fcu.guard import guard
 from fcu.guard.types import GuardInternals, GuardState
@@ -22,8 +20,6 @@ from fcu.laws.mmrac import law
 from fcu.laws.mmrac.reference_model import carried
 from fcu.laws.mmrac.types import Internals, State
 from fcu.settings import Settings
-
-Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class Remembered(NamedTuple):
@@ -106,40 +102,39 @@ _pack_tick = packer(Tick)
 _pack_remembered = packer(Remembered)
 
 
-_SIZES = tuple(size(kind) for kind in (Remembered, Settings, Setpoint, VehicleState, Tick))
-_REMEMBERED, _SETTINGS, _SETPOINT, _MEASURED, _TICK = _SIZES
-
-
 @kernel
-def tick_at(t, engaged, age, remembered_at, settings_at, setpoint_at, measured_at, row_at):
-    """`tick`, of the addresses of its buffers: the kernel that a burst calls (`kernel.pointers`)."""
-    remembered, row = array_at(remembered_at, _REMEMBERED), array_at(row_at, _TICK)
-    seen = _unpack_measured(array_at(measured_at, _MEASURED))
-    asked = carried(_unpack_setpoint(array_at(setpoint_at, _SETPOINT)), age)
+def tick(t, engaged, remembered, settings, setpoint, age, measured, row):
+    """One control tick on flat float64 buffers; writes `row`, a Tick, and `remembered`.
+
+    t : simulation time, s.  engaged : IDLE, TAKE_OVER or FLYING.  age : s since the setpoint
+    was received.  remembered : float64[size(Remembered)], of the last tick, then of this one.
+    """
+    seen = _unpack_measured(measured)
+    asked = carried(_unpack_setpoint(setpoint), age)
     if engaged == IDLE:
         flown = idle_tick(t, asked, seen)
     else:
-        before, settings = unpack_remembered(remembered), array_at(settings_at, _SETTINGS)
+        before = unpack_remembered(remembered)
         flown = engaged_tick(t, engaged, before, unpack_settings(settings), asked, seen)
     _pack_tick(row, flown)
     _pack_remembered(remembered, Remembered(law=flown.state, guard=flown.guard_state))
+
+
+_REMEMBERED, _SETTINGS, _SETPOINT, _MEASURED, _TICK = (
+    size(kind) for kind in (Remembered, Settings, Setpoint, VehicleState, Tick)
+)
+
+
+@kernel
+def tick_at(t, engaged, age, remembered, settings, setpoint, measured, row):
+    """`tick`, of the addresses of its buffers: what a burst calls (`kernel.pointers`)."""
+    tick(
+        t, engaged, array_at(remembered, _REMEMBERED), array_at(settings, _SETTINGS),
+        array_at(setpoint, _SETPOINT), age, array_at(measured, _MEASURED), array_at(row, _TICK),
+    )  # fmt: skip
 
 
 @cache
 def compiled() -> Pointer:
     """`tick_at`, compiled or loaded, for whoever flies bursts of this law."""
     return Pointer(tick_at, LAW_CALL)
-
-
-def tick(
-    t: float, engaged: float, remembered: Buffer, settings: Buffer, setpoint: Buffer, age: float,
-    measured: Buffer, row: Buffer,
-) -> None:  # fmt: skip
-    """One control tick on flat float64 buffers; writes `row`, a Tick, and `remembered`.
-
-    t : simulation time, s.  engaged : IDLE, TAKE_OVER or FLYING.  age : s since the setpoint
-    was received.  remembered : float64[size(Remembered)], of the last tick, then of this one.
-    """
-    buffers = (remembered, settings, setpoint, measured, row)
-    assert all(b.flags.c_contiguous and len(b) >= n for b, n in zip(buffers, _SIZES, strict=True))
-    tick_at(t, engaged, age, *(buffer.ctypes.data for buffer in buffers))
