@@ -33,6 +33,7 @@ from fcu.services.streams import Identity
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
 
+MOMENT_S = 0.5  # wall: a script that flies a mission holds time for milliseconds
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 
 _TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
@@ -89,6 +90,11 @@ class Autopilot:
         self._measured = self._filter.flown
         self.law_tick: Pointer | None = None  # of the law, once it is compiled
         self._jumps = 0
+        self._stood_at_us, self._stands_since_s = (
+            -2,
+            0.0,
+        )  # where time stands, and since when (wall)
+        self._stood_s = self._stands_s = 0.0  # for how long it stood, before and now
         self.heard_s = 0.0  # wall: when the plant was heard last; 0: never
         remembers = self._law.ticks.Remembered
         remembered = np.zeros(size(remembers))
@@ -174,8 +180,16 @@ class Autopilot:
         return 0 if self.time_us < 0 else self.time_us + self.period_us
 
     def clock(self, wall_s: float) -> float:
-        """The time (s) that decides about ground stations: simulation time, if that alone does."""
-        return self.next_us * 1e-6 if self._sim_only else wall_s
+        """The time (s) that decides about ground stations: the wall's, or, if simulation time alone
+        decides, that; and what time has stood beyond the moment for which a script holds it.
+        """
+        if not self._sim_only:
+            return wall_s
+        if self.time_us != self._stood_at_us:
+            self._stood_at_us, self._stands_since_s = self.time_us, wall_s
+            self._stood_s += self._stands_s
+        self._stands_s = max(0.0, wall_s - self._stands_since_s - MOMENT_S)
+        return self.next_us * 1e-6 + self._stood_s + self._stands_s
 
     # --- ticks
 
@@ -204,7 +218,7 @@ class Autopilot:
 
         Raises BrokenPipeError when the recorder is gone.
         """
-        self.heard_s = float(times[-1, 0])
+        self.heard_s, self._jumps = float(times[-1, 0]), 0
         self.figures.ticks += len(rows)
         self.vehicle.state = self._measured
         self.vehicle.battery = self.codec.battery
