@@ -7,9 +7,8 @@ of it. Figures, replay and views need no more; the bytes of a trajectory do.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -24,8 +23,8 @@ EVERY = "every"  # of metadata: one tick in so many is recorded
 Add = Callable[[Rows], None]
 
 
-class LightRecording:
-    """Writes a recording of some ticks; as RecordingWriter, for whole rows of a flight."""
+class LightRecording(RecordingWriter):
+    """Writes some of the ticks that it is given."""
 
     def __init__(
         self, path: Path, metadata: dict[str, str], kinds: Kinds, rate_hz: float
@@ -33,26 +32,25 @@ class LightRecording:
         """`rate_hz`: control ticks a second. Raises RecordingError."""
         self._rate_hz = rate_hz
         self._every = max(1, round(rate_hz / LIGHT_HZ))
-        self._writer = RecordingWriter(path, metadata | {EVERY: str(self._every)}, kinds)
         self._last: dict[Add, Rows] = {}  # what was not kept so far, and how it would be
-        self.set_params, self.event = self._writer.set_params, self._writer.event
+        super().__init__(path, metadata | {EVERY: str(self._every)}, kinds)
 
     def add_plant(self, rows: Rows) -> None:
-        """As RecordingWriter's."""
-        self._add(self._writer.add_plant, rows)
+        """Some of them."""
+        self._thin(super().add_plant, rows)
 
     def add_fcu(self, rows: Rows) -> None:
-        """As RecordingWriter's."""
-        self._add(self._writer.add_fcu, rows)
+        """Some of them."""
+        self._thin(super().add_fcu, rows)
 
     def add_wind(self, t: Rows, wind: Rows) -> None:
-        """As RecordingWriter's."""
-        self._add(self._add_wind, np.column_stack([t, wind]))
+        """Some of them."""
+        self._thin(self._add_wind, np.column_stack([t, wind]))
 
     def _add_wind(self, rows: Rows) -> None:
-        self._writer.add_wind(rows[:, 0], rows[:, 1:])
+        super().add_wind(rows[:, 0], rows[:, 1:])
 
-    def _add(self, add: Add, rows: Rows) -> None:
+    def _thin(self, add: Add, rows: Rows) -> None:
         """Hand on the rows of the ticks that are kept, whoever's they are."""
         if not len(rows):
             return
@@ -62,23 +60,15 @@ class LightRecording:
         if not kept[-1]:
             self._last[add] = rows[-1:].copy()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Write the last tick, and close."""
-        with self._writer:
-            if not self._writer.has_failed:
-                for add, rows in self._last.items():
-                    add(rows)
+    def close(self) -> None:
+        """Write the last tick, and close as any recording."""
+        last, self._last = self._last, {}
+        for add, rows in last.items():
+            add(rows)
+        super().close()
 
 
-class NoRecording:
+class NoRecording(AbstractContextManager["NoRecording"]):
     """Writes nothing; as RecordingWriter."""
 
     def add_plant(self, rows: Rows) -> None:
@@ -96,19 +86,11 @@ class NoRecording:
     def event(self, t: float, text: str, level: str = "info") -> None:
         """Forget it."""
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Nothing to close."""
 
 
-Recorder = RecordingWriter | LightRecording | NoRecording
+Recorder = RecordingWriter | NoRecording
 
 
 def recorder(
