@@ -40,7 +40,7 @@ class RecorderPipe:
             _widen(fd)
 
     def row(self) -> Row:
-        """The row to write next. It stays valid until the row after next."""
+        """The row to write next. It stays readable until rows are written over it."""
         row: Row = self._rows[self._next]
         return row
 
@@ -58,9 +58,6 @@ class RecorderPipe:
         """Hand over what there is. Raises BrokenPipeError when nobody reads any more."""
         if self._next and self._fd is not None:
             self._write(self._batch[: self._next].tobytes(), self._next)
-        # the last row stays readable: the next tick starts from it
-        if self._next:
-            self._batch[-1] = self._batch[self._next - 1]
         self._next = 0
 
     def _write(self, data: bytes, rows: int) -> None:
