@@ -8,7 +8,7 @@ ground stations and recorder, no plant link: a flight in one process hands it da
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fcu.burst import NOT_QUIET_FILTERED, Course, Flight, tick
+from fcu.interface.link import exclusive_socket
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports
 from fcu.interface.starter import log
@@ -28,7 +29,7 @@ from fcu.mavlink.plant_link import LONGEST, PlantCodec, WireError
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter
 from fcu.services.ground_port import GroundPort
-from fcu.services.station import Station
+from fcu.services.station import Bind, Station
 from fcu.services.streams import Identity
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
@@ -70,19 +71,21 @@ class Autopilot:
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
-        sim_only: bool = False, file: Path | None = None,
+        sim_only: bool = False, file: Path | None = None, bind: Bind = exclusive_socket,
+        write: Callable[[str], None] = log,
     ) -> None:  # fmt: skip
         """`sim_only`: simulation time alone decides. `file`: where parameters are saved.
 
-        Raises PortBusy.
+        `bind`: opens the ports of ground stations. `write`: takes a line of log. Raises PortBusy.
         """
         self._params = params
+        self._write = write
         self._law = params.flown
         self.reporter = reporter
         self.codec = PlantCodec(ports.system_id)
         self.vehicle = StateMachine(params, sim_only)
         self._sim_only = sim_only
-        self.ground = Station(ports, identity, params, self.vehicle, file, self.say)
+        self.ground = Station(ports, identity, params, self.vehicle, file, self.say, bind)
         self.figures = Figures()
         self._settings = params.settings
         self._flown: Setpoint | None = None
@@ -336,7 +339,7 @@ class Autopilot:
 
     def say(self, level: str, text: str) -> None:
         """A line of log, and an event for whoever listens to the publisher."""
-        say(self.time_us, level, text)
+        say(self.time_us, level, text, self._write)
         self.reporter.feed.event(self.time_s, level, text)
 
     def close(self) -> None:
@@ -349,7 +352,7 @@ class Autopilot:
         self.reporter.feed.close()
 
 
-def say(time_us: int, level: str, text: str) -> None:
+def say(time_us: int, level: str, text: str, write: Callable[[str], None] = log) -> None:
     """One line of log an event: simulation time, level, process."""
     stamp = f"{time_us * 1e-6:10.3f}" if time_us >= 0 else f"{'-':>10}"
-    log(f"{stamp} {level:<7} fcu  {text}")
+    write(f"{stamp} {level:<7} fcu  {text}")

@@ -13,7 +13,7 @@ import numpy as np
 from fcu import wind
 from fcu.interface.diagnostics import Report, Status, fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
-from fcu.interface.recorder_pipe import RecorderPipe
+from fcu.interface.recorder_pipe import Tape
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
@@ -41,7 +41,7 @@ def row_width(law: Law) -> int:
 class Reporter:
     """Completes rows, and hands them on to the recorder and to the publisher."""
 
-    def __init__(self, law: Law, tape: RecorderPipe, feed: PublisherFeed, drag: Vec3) -> None:
+    def __init__(self, law: Law, tape: Tape, feed: PublisherFeed, drag: Vec3) -> None:
         """`drag`: believed, N/(m/s)^2, body axes."""
         self.width = row_width(law)
         self._of_report = slice(size(law.ticks.Tick), self.width)

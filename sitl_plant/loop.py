@@ -24,27 +24,24 @@ import numpy as np
 from fcu.interface.diagnostics import PlantTiming
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
-from fcu.interface.messages import Battery
 from fcu.interface.ports import Ports, owner
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import RecorderPipe
-from fcu.interface.starter import log
 from fcu.kernel import system
-from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rows import column
-from fcu.mavlink.plant_link import PlantCodec, WireError
+from fcu.mavlink.plant_link import WireError
 from sitl_plant import burst
 from sitl_plant.burst import WIDTH, Progress
 from sitl_plant.pacing import Pacer
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.world import World
+from sitl_plant.simulator import Simulator, say
 
 __all__ = ["INFRASTRUCTURE", "WIDTH", "Figures", "Server", "say"]
 
 RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall-clock timeouts for an answer from the controller
 WAIT_S = 0.02  # of these, what compiled code waits before it returns here
 OK, INFRASTRUCTURE = 0, 3
-ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
 
 
 @dataclass
@@ -81,18 +78,16 @@ class Server:
         compiled code flies at once, at most what is left of the recorder's batch. Raises PortBusy.
         """
         self._lifeline = lifeline
-        self._world = world
+        self._simulator = Simulator(world, ports.system_id)
+        self._plant = self._simulator.plant
         self._tape = tape
         self._feed = feed
         self.pacer = pacer
         self._control = control
         self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
-        self._codec = PlantCodec(ports.system_id, world.params.airframe.spin)
-        self._plant = burst.plant(world, ports.system_id, self._codec.desk)
         self._timing = column(Progress, self._plant.progress, "timing")
         others = tuple(fd for fd in (control, lifeline) if fd is not None)
         self._wire = burst.wire(self._link.fileno(), -1, others)
-        self._random = np.random.default_rng(int(world.seed))
         self._granted = 0 if control is not None else sys.maxsize
         self._burst_ticks = burst_ticks
         self._bursts = system.HAS_LIBC and not pacer.paced
@@ -103,14 +98,9 @@ class Server:
 
     def warm_up(self) -> None:
         """Compile the functions that a tick calls."""
-        tried = burst.plant(self._world, self._codec.system)
-        burst.draw_noise(tried, np.random.default_rng(0), self._world.noise_scale)
-        rows = np.zeros((1, WIDTH))
-        burst.begin(tried, rows[0], self._wire.outbox)
-        burst.finish(tried, self._wire.inbox, 0)
+        self._simulator.warm_up()
         if self._bursts:
-            burst.serve(tried, self._wire, rows, 0)
-        self._plant.battery[:] = tried.battery  # for the first keep-alive
+            burst.serve(self._plant, self._wire, np.zeros((1, WIDTH)), 0)
 
     def run(self) -> int:
         """Run until the flight ends or a stop is requested; returns the exit code."""
@@ -129,15 +119,14 @@ class Server:
             self._link.let_wait(WAIT_S)
         try:
             while not self.stopping:
-                if self._tick >= self._granted:
+                if self._simulator.tick >= self._granted:
                     self._hold(poll)
                     continue
                 self._feed.find(time.monotonic())
                 self.pacer.wait()
-                if self._plant.progress[burst.NOISE_AT] == burst.NOISE_BLOCK:
-                    burst.draw_noise(self._plant, self._random, self._world.noise_scale)
+                self._simulator.draw_noise()
                 flown = self._serve() if self._quick else self._begin()
-                self.figures.ticks = self._tick
+                self.figures.ticks = self._simulator.tick
                 if flown.why == burst.ENDED:
                     self._end(flown.status)
                     break
@@ -152,7 +141,7 @@ class Server:
         except BrokenPipeError:
             self._say("error", "the recorder has closed its pipe")
             code = INFRASTRUCTURE
-        self.figures.time_s = self._time_s
+        self.figures.time_s = self._simulator.time_s
         self.figures.strangers = self._link.count_strangers()
         self._link.close()
         self.figures.unpublished = self._feed.dropped
@@ -161,26 +150,13 @@ class Server:
 
     def _say(self, level: str, text: str) -> None:
         """Write a log line, and send it as an event to the publisher."""
-        say(self._time_s, level, text)
-        self._feed.event(self._time_s, level, text)
-
-    @property
-    def _tick(self) -> int:
-        """The number of the tick that comes next."""
-        return int(self._plant.progress[burst.SEQUENCE])
-
-    @property
-    def _time_us(self) -> int:
-        return self._tick * self._plant.period_us
-
-    @property
-    def _time_s(self) -> float:
-        return self._time_us * 1e-6
+        self._simulator.say(level, text)
+        self._feed.event(self._simulator.time_s, level, text)
 
     def _tell_time(self) -> None:
         """Set what the rows of the next ticks tell of time and of losses."""
         self._timing[:] = PlantTiming(
-            sequence=self._tick, published=time.time(), late=self.pacer.late_s,
+            sequence=self._simulator.tick, published=time.time(), late=self.pacer.late_s,
             slips=self.pacer.slips, resent=self.figures.resent,
             unrecorded=self._tape.dropped, unpublished=self._feed.dropped,
         )  # fmt: skip
@@ -216,9 +192,8 @@ class Server:
         )  # fmt: skip
 
     def _end(self, status: int) -> None:
-        what = ENDINGS[status]
-        self.figures.flight_ended = what
-        self._say("warning", f"the flight ended: the vehicle {what}")
+        self._say("warning", self._simulator.end(status))
+        self.figures.flight_ended = self._simulator.flight_ended
 
     def _look(self, poll: select.poll) -> None:
         """Read what has come for others than the link."""
@@ -237,7 +212,7 @@ class Server:
         elif begun.why == burst.UNEXPECTED:
             self._is_answer(self._wire.inbox[: begun.received].tobytes())
         waiting = asked = begun.asked
-        warned, first = False, self._tick == 0
+        warned, first = False, self._simulator.tick == 0
         while not self.stopping:
             for fd, _ in poll.poll(RESEND_S * 1000):
                 if fd == self._lifeline:
@@ -281,13 +256,13 @@ class Server:
             self.figures.stale += 1
         elif verdict != burst.FLOWN:
             self._refuse(datagram)
-        self.figures.ticks = self._tick
+        self.figures.ticks = self._simulator.tick
         return bool(verdict == burst.FLOWN)
 
     def _refuse(self, datagram: bytes) -> None:
         """Count a datagram that is no answer, and remember why."""
         try:
-            self._codec.parse_controls(datagram, self._plant.command)
+            self._simulator.codec.parse_controls(datagram, self._plant.command)
         except WireError as error:
             self.figures.refused += 1
             if self.figures.refused == 1:
@@ -298,16 +273,12 @@ class Server:
         """Hold time: flush the recorder, send keep-alives to the controller, wait for a grant."""
         self._tape.flush()
         self.pacer.restart()
-        plant = self._plant
-        if self._tick == 0:
-            plant.reported[:] = plant.state
-        battery = from_buffer(Battery, plant.battery)
-        while not self.stopping and self._tick >= self._granted:
+        while not self.stopping and self._simulator.tick >= self._granted:
             self._feed.find(time.monotonic())
-            self._link.send(self._codec.pack_hold(self._time_us, plant.reported, battery))
+            self._link.send(self._simulator.hold())
             self._link.count_strangers()
             until = time.monotonic() + RESEND_S
-            while self._tick >= self._granted and not self.stopping:
+            while self._simulator.tick >= self._granted and not self.stopping:
                 left = until - time.monotonic()
                 if left <= 0.0:
                     break
@@ -330,8 +301,3 @@ class Server:
             return
         for (granted,) in GRANT.iter_unpack(data[: len(data) // GRANT.size * GRANT.size]):
             self._granted = granted
-
-
-def say(time_s: float, level: str, text: str) -> None:
-    """Log one line: simulation time, level, process, text."""
-    log(f"{time_s:10.3f} {level:<7} plant {text}")

@@ -1,6 +1,6 @@
-"""Datagrams between processes on this machine: UDP on loopback, and a pair in memory.
+"""Datagrams between processes on this machine: UDP on loopback, and ports in memory.
 
-Both ends have one face, `Link`. Neither blocks but in `wait`; a datagram that cannot be
+Both kinds have one face, `Link`. Neither blocks but in `wait`; a datagram that cannot be
 delivered is lost, as on any network: whoever needs an answer asks again.
 """
 
@@ -13,12 +13,17 @@ import select
 import socket
 import struct
 import sys
+import time
 from collections import deque
 from typing import Protocol
+
+Address = tuple[str, int]
 
 HOST = "127.0.0.1"
 _RECEIVE_BYTES = 4096  # several times the longest datagram here
 _STRANGERS_AT_ONCE = 1000
+_MEMORY_ROOM = 1024  # datagrams that wait at a port in memory: about what a socket holds
+_MEMORY_MOMENT_S = 1e-4  # wall: who waits in memory looks so often
 _DO_NOT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)  # Windows has none: there nothing here blocks
 
 
@@ -178,36 +183,114 @@ class UdpLink:
             self._elsewhere.close()
 
 
-class MemoryLink:
-    """One end of a pair in memory, for tests in one process: never loses, never waits."""
+class Datagrams(Protocol):
+    """A bound socket, as far as it is used here: a UDP socket, or one in memory."""
 
-    def __init__(self, inbox: deque[bytes], outbox: deque[bytes]) -> None:
-        self._inbox = inbox
-        self._outbox = outbox
+    def recvfrom(self, size: int, /) -> tuple[bytes, Address]:
+        """The next datagram, and who sent it. Raises BlockingIOError when there is none."""
 
-    def send(self, datagram: bytes) -> None:
-        """Put one datagram in the other end's inbox."""
-        self._outbox.append(datagram)
+    def sendto(self, datagram: bytes, address: Address, /) -> int:
+        """Send one datagram."""
 
-    def receive(self) -> bytes | None:
-        """The next datagram, or None if there is none."""
-        return self._inbox.popleft() if self._inbox else None
+    def setblocking(self, flag: bool, /) -> None:
+        """Whether `recvfrom` waits."""
 
-    def wait(self, timeout_s: float) -> bool:
-        """Whether there is something to receive. Does not wait: nobody else could send."""
-        return bool(self._inbox)
+    def fileno(self) -> int:
+        """The file descriptor to select on; -1 where there is none."""
+
+    def close(self) -> None:
+        """Give the port back."""
+
+
+class MemoryNetwork:
+    """Ports that only this process can reach: for a vehicle and its ground script in one process."""
+
+    def __init__(self) -> None:
+        self._sockets: dict[int, MemorySocket] = {}
+
+    def socket(self, port: int, link: str) -> MemorySocket:
+        """What `exclusive_socket` gives, in memory. Raises PortBusy."""
+        if port in self._sockets:
+            raise PortBusy(port, link)
+        made = self._sockets[port] = MemorySocket(self, port)
+        return made
+
+    def link(self, port: int, peer_port: int, link: str) -> MemoryLink:
+        """What `UdpLink` is, in memory. Raises PortBusy."""
+        return MemoryLink(self.socket(port, link), (HOST, peer_port))
+
+    def deliver(self, datagram: bytes, sender: int, port: int) -> None:
+        """Lost when nobody has the port, or has room."""
+        receiver = self._sockets.get(port)
+        if receiver is not None and len(receiver.inbox) < _MEMORY_ROOM:
+            receiver.inbox.append((datagram, (HOST, sender)))
+
+    def release(self, port: int) -> None:
+        """Give a port back."""
+        self._sockets.pop(port, None)
+
+
+class MemorySocket:
+    """A port of a MemoryNetwork; it never waits."""
+
+    def __init__(self, network: MemoryNetwork, port: int) -> None:
+        self._network = network
+        self._port = port
+        self.inbox: deque[tuple[bytes, Address]] = deque()
+
+    def recvfrom(self, _size: int, /) -> tuple[bytes, Address]:
+        """The next datagram, and who sent it. Raises BlockingIOError when there is none."""
+        if not self.inbox:
+            raise BlockingIOError
+        return self.inbox.popleft()
+
+    def sendto(self, datagram: bytes, address: Address, /) -> int:
+        """Send one datagram."""
+        self._network.deliver(datagram, self._port, address[1])
+        return len(datagram)
+
+    def setblocking(self, _flag: bool, /) -> None:
+        """Nothing here waits."""
 
     def fileno(self) -> int:
         """-1: there is none."""
         return -1
 
     def close(self) -> None:
-        """Forget what was not received."""
-        self._inbox.clear()
+        """Give the port back."""
+        self.inbox.clear()
+        self._network.release(self._port)
 
 
-def memory_pair() -> tuple[MemoryLink, MemoryLink]:
-    """Two ends, each receiving what the other sends."""
-    here: deque[bytes] = deque()
-    there: deque[bytes] = deque()
-    return MemoryLink(here, there), MemoryLink(there, here)
+class MemoryLink:
+    """A MemorySocket and one peer: a `Link`."""
+
+    def __init__(self, own: MemorySocket, peer: Address) -> None:
+        self._socket = own
+        self._peer = peer
+
+    def send(self, datagram: bytes) -> None:
+        """Send one datagram to the peer; lost if there is no peer, or no room."""
+        self._socket.sendto(datagram, self._peer)
+
+    def receive(self) -> bytes | None:
+        """The next datagram of the peer, or None if there is none now."""
+        while self._socket.inbox:
+            datagram, sender = self._socket.inbox.popleft()
+            if sender == self._peer:
+                return datagram
+        return None
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether there is something to receive; if not, a moment has passed."""
+        if not self._socket.inbox:
+            time.sleep(min(timeout_s, _MEMORY_MOMENT_S))
+        return bool(self._socket.inbox)
+
+    def fileno(self) -> int:
+        """-1: there is none."""
+        return -1
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()

@@ -72,9 +72,12 @@ def _credentials(connected: socket.socket) -> tuple[int, int, int]:
 class PublisherFeed:
     """A flying process's end."""
 
-    def __init__(self, instance: int, who: str, law: str = "") -> None:
-        """`who`: "fcu" or "plant".  `law`: that the rows are of, if they are of one."""
-        self._address = address(instance)
+    def __init__(self, instance: int | None, who: str, law: str = "") -> None:
+        """`who`: "fcu" or "plant".  `law`: that the rows are of, if they are of one.
+
+        `instance`: whose publisher is looked for; None: nothing is published.
+        """
+        self._address = None if instance is None else address(instance)
         self._hello = {"hello": who, "pid": os.getpid(), "law": law}
         self._socket: socket.socket | None = None
         self._room = 0  # what was granted, as it is asked for
@@ -83,7 +86,7 @@ class PublisherFeed:
 
     def find(self, now: float) -> bool:
         """Look for a publisher if it is time to (`now`: wall, s); whether one has just been found."""
-        if self._socket is not None or now < self._due or not SUPPORTED:
+        if self._address is None or self._socket is not None or now < self._due or not SUPPORTED:
             return False
         self._due = now + LOOK_S
         found = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -8,6 +8,7 @@ the pipe is then non-blocking, and a batch that does not fit is dropped and coun
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,25 +20,16 @@ PIPE_BYTES = 1 << 20
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 
-class RecorderPipe:
-    """The writing end. Without a file descriptor rows are kept no longer than a batch."""
+class Tape:
+    """Rows, written in place and handed over a batch at a time."""
 
-    def __init__(
-        self, width: int, fd: int | None = None, wait: bool = True, batch: int = BATCH
-    ) -> None:
-        """`width`: float64 in a row. `wait`: block while the pipe is full (lockstep).
-
-        `batch`: rows that are handed over at once.
-        """
+    def __init__(self, width: int, batch: int, take: Callable[[Row], None]) -> None:
+        """`width`: float64 in a row. `take`: is handed a batch, (n, width), to be copied or used up."""
         self._batch = np.zeros((batch, width))
         self._rows = [self._batch[i] for i in range(batch)]
         self._next = 0
-        self._fd = fd
-        self._left = b""
+        self._take = take
         self.dropped = 0
-        if fd is not None:
-            os.set_blocking(fd, wait)
-            _widen(fd)
 
     def row(self) -> Row:
         """The row to write next. It stays readable until rows are written over it."""
@@ -55,13 +47,36 @@ class RecorderPipe:
             self.flush()
 
     def flush(self) -> None:
-        """Hand over what there is. Raises BrokenPipeError when nobody reads any more."""
-        if self._next and self._fd is not None:
-            self._write(self._batch[: self._next].tobytes(), self._next)
+        """Hand over what there is. Raises what `take` raises."""
+        if self._next:
+            self._take(self._batch[: self._next])
         self._next = 0
 
-    def _write(self, data: bytes, rows: int) -> None:
-        assert self._fd is not None
+
+class RecorderPipe(Tape):
+    """The writing end. Without a file descriptor rows are kept no longer than a batch.
+
+    Handing over raises BrokenPipeError when nobody reads any more.
+    """
+
+    def __init__(
+        self, width: int, fd: int | None = None, wait: bool = True, batch: int = BATCH
+    ) -> None:
+        """`width`: float64 in a row. `wait`: block while the pipe is full (lockstep).
+
+        `batch`: rows that are handed over at once.
+        """
+        super().__init__(width, batch, self._write)
+        self._fd = fd
+        self._left = b""
+        if fd is not None:
+            os.set_blocking(fd, wait)
+            _widen(fd)
+
+    def _write(self, batch: Row) -> None:
+        if self._fd is None:
+            return
+        data, rows = batch.tobytes(), len(batch)
         if self._left:  # the tail of a batch that half fitted: rows must stay whole
             try:
                 self._left = self._left[os.write(self._fd, self._left) :]

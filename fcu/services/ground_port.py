@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from fcu.interface.link import HOST, exclusive_socket
+from fcu.interface.link import HOST, Address, Datagrams
 from fcu.mavlink.definitions import Packed, Result
 from fcu.mavlink.ground_link import GroundCodec, GroundMessage
 from fcu.mavlink.telemetry import Heartbeat
-
-Address = tuple[str, int]
 
 PEERS = 8  # beside the configured listener
 GONE_S = 10.0  # wall: one who has not been heard for so long may be replaced
@@ -70,9 +68,9 @@ class Link:
 class GroundPort:
     """One bound port, its configured listener and its peers."""
 
-    def __init__(self, bind_port: int, listener_port: int, system_id: int, name: str) -> None:
-        """Raises PortBusy, naming the port and `name`."""
-        self._socket = exclusive_socket(bind_port, name)
+    def __init__(self, bound: Datagrams, listener_port: int, system_id: int) -> None:
+        """`bound`: the socket, which is closed with this."""
+        self._socket = bound
         self._socket.setblocking(False)
         self._system = system_id
         self._parser = GroundCodec(system_id)

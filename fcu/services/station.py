@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fcu.interface.link import Datagrams
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.buffers import size
@@ -41,6 +42,8 @@ from fcu.services.wind import Wind
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
+Bind = Callable[[int, str], Datagrams]
+
 WIND_S = 0.05  # wall: between two looks at the wind
 
 SEVERITIES = {  # of what happens by itself; else INFO
@@ -61,18 +64,21 @@ class Station:
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, vehicle: StateMachine,
-        file: Path | None, say: Callable[[str, str], None],
+        file: Path | None, say: Callable[[str, str], None], bind: Bind,
     ) -> None:  # fmt: skip
-        """`file`: where parameters are saved. `say`: a line of log (level, text). Raises PortBusy."""
+        """`file`: where parameters are saved. `say`: a line of log (level, text).
+
+        `bind`: opens a port, given its number and name. Raises PortBusy.
+        """
         system = ports.system_id
-        self.script = GroundPort(ports.fcu_script, ports.script, system, owner("fcu_script"))
+        script = bind(ports.fcu_script, owner("fcu_script"))
         try:
-            self.station = GroundPort(
-                ports.fcu_station, ports.station, system, owner("fcu_station")
-            )
+            station = bind(ports.fcu_station, owner("fcu_station"))
         except OSError:
-            self.script.close()
+            script.close()
             raise
+        self.script = GroundPort(script, ports.script, system)
+        self.station = GroundPort(station, ports.station, system)
         self.ports = (self.script, self.station)
         self._identity = identity
         self._params = params

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from fcu.interface.link import Link, PortBusy, UdpLink, memory_pair
+from fcu.interface.link import HOST, Link, MemoryNetwork, PortBusy, UdpLink
 from tests.patience import PATIENCE_S
 
 
@@ -143,8 +143,9 @@ def test_only_loopback_is_bound(opened):
     assert opened()._socket.getsockname()[0] == "127.0.0.1"
 
 
-def test_the_pair_in_memory_has_the_same_face():
-    a, b = memory_pair()
+def test_ports_in_memory_have_the_same_face():
+    network = MemoryNetwork()
+    a, b = network.link(1, 2, "a"), network.link(2, 1, "b")
     links: tuple[Link, Link] = (a, b)
     a.send(b"1")
     a.send(b"2")
@@ -156,4 +157,30 @@ def test_the_pair_in_memory_has_the_same_face():
     b.send(b"4")
     assert a.receive() == b"3"
     a.close()
+    b.send(b"5")
+    assert network.link(1, 2, "a").receive() is None
+
+
+def test_a_port_in_memory_belongs_to_one_and_hears_its_peer_alone():
+    network = MemoryNetwork()
+    a, stranger = network.link(1, 2, "a"), network.socket(3, "stranger")
+    with pytest.raises(PortBusy, match="port 3"):
+        network.socket(3, "another")
+    with pytest.raises(BlockingIOError):
+        stranger.recvfrom(4096)
+    stranger.sendto(b"who?", (HOST, 1))
     assert a.receive() is None
+    a.send(b"nobody is there")
+    network.socket(2, "b").sendto(b"me", (HOST, 1))
+    assert a.receive() == b"me"
+
+
+def test_a_port_in_memory_holds_no_more_than_a_socket():
+    network = MemoryNetwork()
+    a, b = network.link(1, 2, "a"), network.link(2, 1, "b")
+    for k in range(5000):
+        a.send(b"%d" % k)
+    heard = 0
+    while b.receive() is not None:
+        heard += 1
+    assert 100 < heard < 5000

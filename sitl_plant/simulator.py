@@ -1,0 +1,86 @@
+"""The simulator between its sockets: the flight, its time, its noise, and how it ends.
+
+Knows no link and no recorder: a flight in one process joins it to a flight controller in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fcu.interface.messages import Battery
+from fcu.interface.starter import log
+from fcu.kernel.buffers import from_buffer
+from fcu.mavlink.plant_link import LONGEST, PlantCodec
+from sitl_plant import burst
+from sitl_plant.burst import WIDTH
+from sitl_plant.physics import dynamics
+from sitl_plant.physics.world import World
+
+ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
+
+
+class Simulator:
+    """One flight of one vehicle, from its first state."""
+
+    def __init__(self, world: World, system_id: int, write: Callable[[str], None] = log) -> None:
+        """`system_id`: MAVLink's. `write`: takes a line of log."""
+        self._write = write
+        self._world = world
+        self.codec = PlantCodec(system_id, world.params.airframe.spin)
+        self.plant = burst.plant(world, system_id, self.codec.desk)
+        self._random = np.random.default_rng(int(world.seed))
+        self.flight_ended = ""  # how, if the vehicle crashed or diverged
+
+    def warm_up(self) -> None:
+        """Compile the functions that a tick calls."""
+        tried = burst.plant(self._world, self.codec.system)
+        burst.draw_noise(tried, np.random.default_rng(0), self._world.noise_scale)
+        datagram = np.zeros(LONGEST, dtype=np.uint8)
+        burst.begin(tried, np.zeros(WIDTH), datagram)
+        burst.finish(tried, datagram, 0)
+        self.plant.battery[:] = tried.battery  # for the first keep-alive
+
+    @property
+    def tick(self) -> int:
+        """The number of the tick that comes next."""
+        return int(self.plant.progress[burst.SEQUENCE])
+
+    @property
+    def time_us(self) -> int:
+        """Simulation time of the tick that comes next."""
+        return self.tick * self.plant.period_us
+
+    @property
+    def time_s(self) -> float:
+        """The same in seconds."""
+        return self.time_us * 1e-6
+
+    def draw_noise(self) -> None:
+        """Draw noise for the next ticks, if there is none left."""
+        if self.plant.progress[burst.NOISE_AT] == len(self.plant.noise):
+            burst.draw_noise(self.plant, self._random, self._world.noise_scale)
+
+    def hold(self) -> bytes:
+        """What is sent while time stands: the last report."""
+        plant = self.plant
+        if self.tick == 0:
+            plant.reported[:] = plant.state
+        return self.codec.pack_hold(
+            self.time_us, plant.reported, from_buffer(Battery, plant.battery)
+        )
+
+    def end(self, status: int) -> str:
+        """The flight has ended; what is to be said of it."""
+        self.flight_ended = ENDINGS[status]
+        return f"the flight ended: the vehicle {self.flight_ended}"
+
+    def say(self, level: str, text: str) -> None:
+        """A line of log."""
+        say(self.time_s, level, text, self._write)
+
+
+def say(time_s: float, level: str, text: str, write: Callable[[str], None] = log) -> None:
+    """Log one line: simulation time, level, process, text."""
+    write(f"{time_s:10.3f} {level:<7} plant {text}")
