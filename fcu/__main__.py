@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from fcu.laws.loader import Law
 
 FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
-ORIGIN = "47.397742,8.545594,489.4"  # PX4's default home
 
 
 def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tuple[float, ...]:
@@ -47,7 +46,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 @click.option("--law", "law_name", metavar="NAME|FILE.py", default="mmrac", show_default=True, help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
 @click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON; replaces s1000.toml and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="Autopilot type to report. Both use PX4's mode numbers.")  # fmt: skip
-@click.option("--origin", callback=_origin, default=ORIGIN, show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
+@click.option("--origin", callback=_origin, default=",".join(map(str, options.ORIGIN)), show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
 @click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
 @click.option("--law-sha256", help="Refuse a law of other sources.", hidden=True)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fcu.burst import NOT_QUIET_FILTERED, Course, Flight, tick
+from fcu.burst import NOT_QUIET_FILTERED, Course, flight, tick
 from fcu.interface.link import exclusive_socket
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports
@@ -90,7 +90,6 @@ class Autopilot:
         self._settings = params.settings
         self._flown: Setpoint | None = None
         self._filter = PositionFilter()
-        self._measured = self._filter.flown
         self.law_tick: Pointer | None = None  # of the law, once it is compiled
         self._jumps = 0
         self._stood_at_us, self._stands_since_s = (
@@ -99,40 +98,16 @@ class Autopilot:
         )  # where time stands, and since when (wall)
         self._stood_s = self._stands_s = 0.0  # for how long it stood, before and now
         self.heard_s = 0.0  # wall: when the plant was heard last; 0: never
-        remembers = self._law.ticks.Remembered
-        remembered = np.zeros(size(remembers))
+        remembers, h = self._law.ticks.Remembered, params.law.h
+        self.flight = flight(
+            self.codec, to_buffer(self._settings), h, size(remembers), self._filter.buffer,
+            self.vehicle.watch,
+        )  # fmt: skip
+        self._measured = self.flight.measured
         if fields(fields(remembers)["law"]).get("reference") is Reference:
-            self.vehicle.reference_model = remembered[slice_of(remembers, "law.reference")]
-        h = params.law.h
+            at = slice_of(remembers, "law.reference")
+            self.vehicle.reference_model = self.flight.remembered[at]
         self.period_us = round(h * 1e6)
-        self.flight = Flight(
-            course=to_buffer(
-                Course(
-                    system=ports.system_id,
-                    period_us=self.period_us,
-                    h=h,
-                    time_us=-1.0,
-                    armed=0.0,
-                    airborne=0.0,
-                    engaged=IDLE,
-                    since_us=0.0,
-                    load=0.0,
-                    answer_bytes=0.0,
-                )
-            ),
-            desk=self.codec.desk,
-            received=np.zeros(size(VehicleState)),
-            measured=self._measured,
-            filtered=self._filter.buffer,
-            watch=self.vehicle.watch,
-            settings=to_buffer(self._settings),
-            setpoint=np.zeros(size(Setpoint)),
-            remembered=remembered,
-            battery=self.codec.battery_buffer,
-            has_battery=self.codec.has_battery,
-            told=np.zeros(3, dtype=np.int64),
-            answer=np.zeros(LONGEST, dtype=np.uint8),
-        )
         self._course = self.flight.course
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
         self._times = np.zeros((1, TIMES))
@@ -147,16 +122,16 @@ class Autopilot:
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
-        flight, measured = self.flight, self._measured
+        flown, measured = self.flight, self._measured
         row = np.zeros(self.reporter.width)
         measured[column_of(VehicleState, "q_EB.w")] = 1.0
-        before = [array.copy() for array in (self._course, flight.remembered, measured)]
+        before = [array.copy() for array in (self._course, flown.remembered, measured)]
         with self._law.compiling():
             self.law_tick = self._law.ticks.compiled()
             for engaged in (IDLE, TAKE_OVER, FLYING):
                 self._course[_ENGAGED] = engaged
                 self.fly_decided(0, row)
-        for array, was in zip((self._course, flight.remembered, measured), before, strict=True):
+        for array, was in zip((self._course, flown.remembered, measured), before, strict=True):
             array[:] = was
         self.codec.desk.sequence[0] = 0
         self.reporter.warm_up(row)

@@ -12,14 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel import system
-from fcu.kernel.buffers import packer, unpacker
+from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.pointers import address_of
 from fcu.kernel.rows import slice_of
 from fcu.laws.face import FLYING, IDLE, SharedTick
-from fcu.mavlink.plant_link import Desk, pack_controls, parse_state
-from fcu.vehicle.position_filter import quiet, take
+from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
+from fcu.vehicle.position_filter import Filtered, quiet, take
 from fcu.vehicle.watch import quiet_look
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -65,6 +66,35 @@ class Flight(NamedTuple):
     has_battery: Integers  # [1]
     told: Integers  # [3], of a datagram
     answer: Bytes  # the last one
+
+
+def flight(
+    codec: PlantCodec, settings: Buffer, h: float, remembered: int, filtered: Buffer, watch: Buffer
+) -> Flight:
+    """What flies by `settings`, on the ground and disarmed, before its first tick.
+
+    h : control period, s.  remembered : size of the law's Remembered.  filtered : float64[n] of a
+    PositionFilter.  watch : float64[size(Watch)], see `quiet_look`.
+    """
+    course = Course(
+        system=codec.system, period_us=round(h * 1e6), h=h, time_us=-1.0, armed=0.0, airborne=0.0,
+        engaged=IDLE, since_us=0.0, load=0.0, answer_bytes=0.0,
+    )  # fmt: skip
+    return Flight(
+        course=to_buffer(course),
+        desk=codec.desk,
+        received=np.zeros(size(VehicleState)),
+        measured=filtered[slice_of(Filtered, "flown")],
+        filtered=filtered,
+        watch=watch,
+        settings=settings,
+        setpoint=np.zeros(size(Setpoint)),
+        remembered=np.zeros(remembered),
+        battery=codec.battery_buffer,
+        has_battery=codec.has_battery,
+        told=np.zeros(3, dtype=np.int64),
+        answer=np.zeros(LONGEST, dtype=np.uint8),
+    )
 
 
 _unpack_course = unpacker(Course)

@@ -85,10 +85,14 @@ def tell(rows, drag, at):
         read(rows[i], drag, rows[i, at : at + 3])
 
 
-@kernel
 def read_all(ticks, drag):
     """The winds of many Ticks, float64[n, size(Tick)], as float64[n, 3]."""
-    out = np.empty((len(ticks), 3))
+    found = np.empty((len(ticks), 3))
+    _read_all(ticks, drag, found)
+    return found
+
+
+@kernel
+def _read_all(ticks, drag, out):
     for i in range(len(ticks)):
         read(ticks[i], drag, out[i])
-    return out

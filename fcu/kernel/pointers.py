@@ -8,6 +8,7 @@ arrays as the address of their first element.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def _float64_at(_typing: Any, address: Any) -> Any:
     return types.CPointer(types.float64)(types.intp), generate
 
 
-@kernel
+@partial(kernel, makes_arrays=True)
 def array_at(address, size):
     """The float64[size] that begins at an address."""
     return carray(_float64_at(address), size)

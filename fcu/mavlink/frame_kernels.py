@@ -41,23 +41,26 @@ def checksum(buffer, first, end, extra):
     """CRC-16/MCRF4XX of buffer[first:end] and the byte `extra`."""
     crc, i = np.int64(0xFFFF), first
     while i + _AT_ONCE <= end:
-        ahead = np.int64(_CRC[_AT_ONCE - 1, (crc ^ buffer[i]) & 0xFF])
-        ahead ^= np.int64(_CRC[_AT_ONCE - 2, (crc >> 8) ^ buffer[i + 1]])
+        ahead = np.int64(_CRC[_AT_ONCE - 1, (crc ^ buffer[np.uintp(i)]) & 0xFF])
+        ahead ^= np.int64(_CRC[_AT_ONCE - 2, (crc >> 8) ^ buffer[np.uintp(i + 1)]])
         for k in range(2, _AT_ONCE):
-            ahead ^= np.int64(_CRC[_AT_ONCE - 1 - k, buffer[i + k]])
+            ahead ^= np.int64(_CRC[_AT_ONCE - 1 - k, buffer[np.uintp(i + k)]])
         crc = ahead
         i += _AT_ONCE
     while i < end:
-        crc = _next(crc, buffer[i])
+        crc = _next(crc, buffer[np.uintp(i)])
         i += 1
     return _next(crc, extra)
+
+
+# An index without a sign is not counted from the end: what is copied by one can be vectorized.
 
 
 @kernel
 def put(buffer, at, value, size):
     """Write an integer as `size` bytes."""
     for i in range(size):
-        buffer[at + i] = (value >> (8 * i)) & 0xFF
+        buffer[np.uintp(at + i)] = (value >> (8 * i)) & 0xFF
 
 
 @kernel
@@ -65,8 +68,15 @@ def get(buffer, at, size):
     """Read an integer of `size` bytes, below 2^63, without a sign."""
     value = np.int64(0)
     for i in range(size):
-        value |= np.int64(buffer[at + i]) << (8 * i)
+        value |= np.int64(buffer[np.uintp(at + i)]) << (8 * i)
     return value
+
+
+@kernel
+def copy(source, at, out, first, size):
+    """Copy source[at : at + size] to out[first : first + size]."""
+    for i in range(size):
+        out[np.uintp(first + i)] = source[np.uintp(at + i)]
 
 
 @kernel
@@ -111,6 +121,8 @@ def payload(datagram, at, length, system, component, number, extra, out):
         return 0
     if checksum(datagram, at + 1, end, extra) != get(datagram, end, 2):
         return 0
-    for i in range(out.size):
-        out[i] = datagram[body + i] if body + i < end else 0
+    there = min(end - body, out.size)
+    copy(datagram, body, out, 0, there)
+    for i in range(there, out.size):
+        out[np.uintp(i)] = 0
     return end + 2

@@ -33,7 +33,7 @@ from fcu.mavlink.definitions import (
     definition,
     message,
 )
-from fcu.mavlink.frame_kernels import HEADER, get, get_signed, put
+from fcu.mavlink.frame_kernels import HEADER, copy, get, get_signed, put
 from fcu.mavlink.frames import StateOnWire, command_through_the_wire, state_from_wire, state_to_wire
 from fcu.mavlink.framing import WireError, expected, framed
 
@@ -154,10 +154,8 @@ def pack_state(desk, system, time_us, state, spin, battery, with_battery, datagr
         fields[_FIRST_ROTOR + i] *= spin[i]
     body = HEADER
     put(datagram, body, time_us, _TIME)
-    for i in range(_ODOMETRY_BYTES):
-        datagram[body + _TIME + i] = raw[i]
-    for i in range(_TAIL.size):
-        datagram[body + _TAIL_AT + i] = _TAIL[i]
+    copy(raw, 0, datagram, body + _TIME, _ODOMETRY_BYTES)
+    copy(_TAIL, 0, datagram, body + _TAIL_AT, _TAIL.size)
     end = frame_kernels.frame(
         datagram, 0, _TAIL_AT + _TAIL.size, _next(desk), system, AUTOPILOT, _ODOMETRY_ID,
         _ODOMETRY_CRC,
@@ -165,8 +163,7 @@ def pack_state(desk, system, time_us, state, spin, battery, with_battery, datagr
     body = end + HEADER
     put(datagram, body, time_us, _TIME)
     put(datagram, body + _TIME, _ACTIVE, 4)
-    for i in range(_ODOMETRY_BYTES, _STATE_BYTES):
-        datagram[body + _TIME + 4 + i - _ODOMETRY_BYTES] = raw[i]
+    copy(raw, _ODOMETRY_BYTES, datagram, body + _TIME + 4, _STATE_BYTES - _ODOMETRY_BYTES)
     end = frame_kernels.frame(
         datagram, end, _TIME + 4 + _STATE_BYTES - _ODOMETRY_BYTES, _next(desk), system, AUTOPILOT,
         _ROTORS_ID, _ROTORS_CRC,
@@ -227,10 +224,8 @@ def parse_state(desk, system, datagram, length, state, battery, told):
     if get(rotors, _TIME, 4) != _ACTIVE:
         return _NOT_EIGHT
     raw = desk.raw
-    for i in range(_ODOMETRY_BYTES):
-        raw[i] = odometry[_TIME + i]
-    for i in range(_ODOMETRY_BYTES, _STATE_BYTES):
-        raw[i] = rotors[_TIME + 4 + i - _ODOMETRY_BYTES]
+    copy(odometry, _TIME, raw, 0, _ODOMETRY_BYTES)
+    copy(rotors, _TIME + 4, raw, _ODOMETRY_BYTES, _STATE_BYTES - _ODOMETRY_BYTES)
     numbers = desk.numbers
     for i in range(_FLOATS):
         numbers[i] = desk.fields[i]
@@ -256,8 +251,7 @@ def pack_controls(desk, system, time_us, command, armed, lockstep, datagram):
     _pack_command(desk.fields, command_through_the_wire(_unpack_command(command)))
     put(datagram, HEADER, time_us, _TIME)
     put(datagram, HEADER + 8, _LOCKSTEP if lockstep else 0, 8)
-    for i in range(4 * ROTORS):
-        datagram[HEADER + 16 + i] = desk.raw[i]
+    copy(desk.raw, 0, datagram, HEADER + 16, 4 * ROTORS)
     for i in range(HEADER + 16 + 4 * ROTORS, HEADER + _MODE_AT):
         datagram[i] = 0
     datagram[HEADER + _MODE_AT] = _CUSTOM | _ARMED if armed else _CUSTOM
@@ -279,8 +273,7 @@ def parse_controls(desk, system, datagram, length, command, told):
     )
     if at == 0 or at != length:
         return _NOT_A_FRAME
-    for i in range(4 * ROTORS):
-        desk.raw[i] = controls[16 + i]
+    copy(controls, 16, desk.raw, 0, 4 * ROTORS)
     for i in range(ROTORS):
         if not np.isfinite(desk.fields[i]):
             return _NOT_FINITE

@@ -41,7 +41,7 @@ _recorded_state = unpacker(PlantRecord, "state")
 @kernel
 def rollout(
     plant_buffer, settings_buffer, start_buffer, sent_at, setpoints, noise, delay, steps, period_us,
-    n, plant_rows, fcu_rows,
+    n, plant_rows, fcu_rows, zeros,
 ):  # fmt: skip
     """Fly at most n control ticks; returns how many plant rows were written.
 
@@ -54,7 +54,7 @@ def rollout(
     plant = tick.unpack_params(plant_buffer)
     settings = unpack_settings(settings_buffer)
     start = tick.unpack_state(start_buffer)
-    state, remembered = start, unpack_remembered(np.zeros(REMEMBERED))
+    state, remembered = start, unpack_remembered(zeros)
     drawn = battery.BatteryState(0.0, 0.0)
     sent = 0
     for k in range(n):
@@ -95,7 +95,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     rows = rollout(
         to_buffer(scene.world.params), to_buffer(scene.settings), to_buffer(scene.world.start),
         scene.sent_at, scene.setpoints, scene.noise(n), int(scene.world.delay_ticks),
-        scene.world.steps, scene.period_us, n, plant_rows, fcu_rows,
+        scene.world.steps, scene.period_us, n, plant_rows, fcu_rows, np.zeros(REMEMBERED),
     )  # fmt: skip
     ended = plant_rows[rows - 1, column_of(PlantRecord, "ended")] != dynamics.FLYING
     return plant_rows[:rows], fcu_rows[: rows - 1 if ended else rows]
