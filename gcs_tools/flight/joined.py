@@ -1,0 +1,43 @@
+"""Ticks of a simulator and of a flight controller in one process, one call for many of them.
+
+Both halves of `sitl_plant.burst`, and between them `fcu.burst.tick`: the datagrams that two
+processes would send each other are written and read, with their checksums, and go nowhere.
+"""
+
+from __future__ import annotations
+
+from fcu.burst import NOT_QUIET, tick
+from fcu.kernel.compile import kernel
+from sitl_plant.burst import FLOWN, NO_NOISE, begin, finish
+from sitl_plant.physics import dynamics
+
+# why no more ticks were flown; the last four with a row of the plant that has no answer
+TICKS, NOISE, ENDED, LEFT, FILTERED, REFUSED = 0, 1, 2, 3, 4, 5
+BEGUN = (ENDED, LEFT, FILTERED, REFUSED)
+
+
+@kernel
+def together(flight, law, plant, datagram, plant_rows, fcu_rows):
+    """Fly quiet ticks, one for each pair of rows at most.
+
+    flight, law : as for `fcu.burst.tick`.  plant : `sitl_plant.burst.Plant`.
+    datagram : uint8[LONGEST], for the state.  plant_rows : float64[n, WIDTH].
+    fcu_rows : float64[n, size(Tick) or more].
+    Returns how many were flown, why no more, and what that leaves: for ENDED the status of the
+    flight; for LEFT and FILTERED, as `tick` said of it, the bytes of the state; for REFUSED what
+    `finish` said of the answer.
+    """
+    n = min(len(plant_rows), len(fcu_rows))
+    for k in range(n):
+        length, status = begin(plant, plant_rows[k], datagram)
+        if status == NO_NOISE:
+            return k, NOISE, 0
+        if status != dynamics.FLYING:
+            return k, ENDED, status
+        said = tick(flight, law, datagram, length, fcu_rows[k], -1)
+        if said <= 0:
+            return k, (LEFT if said == NOT_QUIET else FILTERED), length
+        fault = finish(plant, flight.answer, said)
+        if fault != FLOWN:
+            return k, REFUSED, fault
+    return n, TICKS, 0

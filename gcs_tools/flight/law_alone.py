@@ -1,0 +1,78 @@
+"""A law flown alone: for studies of laws, in which no ground station says anything.
+
+The ticks are those of a whole vehicle (`joined`), without its autopilot: always armed, every
+setpoint flown as it is, nothing refused, limited or landed, no position doubted. As long as a
+vehicle's autopilot only passes setpoints on, its flight is the same to the bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fcu import burst
+from fcu.burst import Course
+from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.rows import column_of
+from fcu.laws.face import TAKE_OVER
+from fcu.mavlink.plant_link import LONGEST, PlantCodec
+from fcu.vehicle.position_filter import Filtered
+from fcu.vehicle.watch import Watch
+from gcs_tools.flight.joined import ENDED, NOISE, TICKS, together
+from gcs_tools.flight.scenario import Scenario
+from sitl_plant.burst import WIDTH
+from sitl_plant.physics.types import PlantRecord
+from sitl_plant.simulator import Simulator
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+SYSTEM = 1  # MAVLink's
+_TIME, _ARMED, _ENGAGED, _SINCE = (
+    column_of(Course, name) for name in ("time_us", "armed", "engaged", "since_us")
+)
+_WAKE = column_of(Watch, "wake_us")
+_TRUTH = size(PlantRecord)
+
+
+def fly(scene: Scenario) -> tuple[Rows, Rows]:
+    """Plant rows (n, size(PlantRecord)) and rows of the law's Tick of a whole flight.
+
+    One that ends early has one of these fewer. Raises LawError.
+    """
+    ticks, law = scene.flown.ticks, scene.flown
+    with law.compiling():
+        pointer = ticks.compiled()
+    simulator = Simulator(scene.world, SYSTEM)
+    watch = np.zeros(size(Watch))
+    watch[_WAKE] = np.inf  # nothing is looked for
+    flight = burst.flight(
+        PlantCodec(SYSTEM), to_buffer(scene.settings), scene.law.h, size(ticks.Remembered),
+        np.zeros(size(Filtered)), watch,
+    )  # fmt: skip
+    flight.course[_ARMED], flight.course[_ENGAGED] = 1.0, TAKE_OVER
+    flight.course[_TIME] = -scene.period_us  # the tick that comes next is that at 0
+    plant_rows = np.zeros((scene.ticks, WIDTH))
+    fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
+    datagram = np.zeros(LONGEST, dtype=np.uint8)
+    begins = [*scene.sent_at.tolist(), scene.ticks]
+    for setpoint, (k, until) in zip(scene.setpoints, pairwise(begins), strict=True):
+        flight.setpoint[:], flight.course[_SINCE] = setpoint, k * scene.period_us
+        while k < until:
+            simulator.draw_noise()
+            flown, why, _ = together(
+                flight, pointer, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until]
+            )
+            k += flown
+            if why == ENDED:
+                return plant_rows[: k + 1, :_TRUTH], fcu_rows[:k]
+            if why not in (TICKS, NOISE):
+                raise AssertionError(f"tick {k} was not flown: {why}")
+    return plant_rows[:, :_TRUTH], fcu_rows
+
+
+def warm_up(scene: Scenario) -> None:
+    """Compile, by flying one tick. Raises LawError."""
+    fly(replace(scene, ticks=1, sent_at=scene.sent_at[:1], sent=scene.sent[:1]))
