@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
@@ -83,16 +81,3 @@ def tell(rows, drag, at):
     """Write the wind of many ticks, float64[n, width] rows, into their own columns from `at` on."""
     for i in range(len(rows)):
         read(rows[i], drag, rows[i, at : at + 3])
-
-
-def read_all(ticks, drag):
-    """The winds of many Ticks, float64[n, size(Tick)], as float64[n, 3]."""
-    found = np.empty((len(ticks), 3))
-    _read_all(ticks, drag, found)
-    return found
-
-
-@kernel
-def _read_all(ticks, drag, out):
-    for i in range(len(ticks)):
-        read(ticks[i], drag, out[i])

@@ -40,7 +40,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         return
     from fcu.kernel.compile import is_cached
 
-    if not all(map(is_cached, ("rollout", "tick_at", "burst.serve"))):
+    if not all(map(is_cached, ("together", "tick_at", "burst.serve"))):
         fly = [sys.executable, "-m", "gcs_tools", "fly", "paper_nominal"]
         with tempfile.TemporaryDirectory() as folder:
             for n, how in enumerate((["--in-process"], [])):

@@ -48,9 +48,9 @@ class Tape:
 
     def flush(self) -> None:
         """Hand over what there is. Raises what `take` raises."""
-        if self._next:
-            self._take(self._batch[: self._next])
-        self._next = 0
+        rows, self._next = self._next, 0
+        if rows:
+            self._take(self._batch[:rows])
 
 
 class RecorderPipe(Tape):

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from fcu.interface.link import UdpLink
+from fcu.interface.link import Link, UdpLink
 from fcu.interface.messages import Setpoint
 from fcu.interface.ports import owner, ports
 from fcu.interface.status_texts import Code, says
@@ -54,10 +54,10 @@ class VehicleError(RuntimeError):
 class Vehicle:
     """One vehicle, met on its script link."""
 
-    def __init__(self, instance: int) -> None:
-        """Raises PortBusy when another script has the link."""
+    def __init__(self, instance: int, link: Link | None = None) -> None:
+        """`link`: to it; None: the script's, by UDP. Raises PortBusy when another script has that."""
         at = ports(instance)
-        self._link = UdpLink(at.script, at.fcu_script, owner("script"))
+        self._link = link or UdpLink(at.script, at.fcu_script, owner("script"))
         self._codec = GroundCodec(*ME, at_once=TOGETHER)
         self._target = Source(at.system_id, 1)
         self._texts: list[str] = []

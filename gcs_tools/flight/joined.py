@@ -6,18 +6,20 @@ processes would send each other are written and read, with their checksums, and 
 
 from __future__ import annotations
 
+import numpy as np
+
 from fcu.burst import NOT_QUIET, tick
 from fcu.kernel.compile import kernel
 from sitl_plant.burst import FLOWN, NO_NOISE, begin, finish
 from sitl_plant.physics import dynamics
 
 # why no more ticks were flown; the last four with a row of the plant that has no answer
-TICKS, NOISE, ENDED, LEFT, FILTERED, REFUSED = 0, 1, 2, 3, 4, 5
+TICKS, NOISE, DECIDED, ENDED, LEFT, FILTERED, REFUSED = 0, 1, 2, 3, 4, 5, 6
 BEGUN = (ENDED, LEFT, FILTERED, REFUSED)
 
 
 @kernel
-def together(flight, law, plant, datagram, plant_rows, fcu_rows):
+def together(flight, law, plant, datagram, plant_rows, fcu_rows, decided_us):
     """Fly quiet ticks, one for each pair of rows at most.
 
     flight, law : as for `fcu.burst.tick`.  plant : `sitl_plant.burst.Plant`.
@@ -26,17 +28,22 @@ def together(flight, law, plant, datagram, plant_rows, fcu_rows):
     Returns how many were flown, why no more, and what that leaves: for ENDED the status of the
     flight; for LEFT and FILTERED, as `tick` said of it, the bytes of the state; for REFUSED what
     `finish` said of the answer.
+    decided_us : as for `tick`; then one tick of the controller is flown, and none of the plant.
     """
     n = min(len(plant_rows), len(fcu_rows))
     for k in range(n):
-        length, status = begin(plant, plant_rows[k], datagram)
+        length, status = 0, np.int64(dynamics.FLYING)
+        if decided_us < 0:
+            length, status = begin(plant, plant_rows[k], datagram)
         if status == NO_NOISE:
             return k, NOISE, 0
         if status != dynamics.FLYING:
             return k, ENDED, status
-        said = tick(flight, law, datagram, length, fcu_rows[k], -1)
+        said = tick(flight, law, datagram, length, fcu_rows[k], decided_us)
         if said <= 0:
             return k, (LEFT if said == NOT_QUIET else FILTERED), length
+        if decided_us >= 0:
+            return 1, DECIDED, 0
         fault = finish(plant, flight.answer, said)
         if fault != FLOWN:
             return k, REFUSED, fault

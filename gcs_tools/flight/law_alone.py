@@ -63,8 +63,9 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
         while k < until:
             simulator.draw_noise()
             flown, why, _ = together(
-                flight, pointer, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until]
-            )
+                flight, pointer, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
+                -1,
+            )  # fmt: skip
             k += flown
             if why == ENDED:
                 return plant_rows[: k + 1, :_TRUTH], fcu_rows[:k]

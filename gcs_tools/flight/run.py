@@ -11,7 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -19,20 +19,20 @@ from typing import Any
 
 import numpy as np
 
-from fcu import wind
 from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import columns, to_buffer
 from fcu.laws.loader import LawError
-from fcu.laws.mmrac.types import State
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.forking import can_fork, load
+from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, claimed
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, arrival, scenario
+from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
-from gcs_tools.flight.wire_flight import Flown, WireFlight
+from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.judging import result
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
@@ -226,9 +226,8 @@ class _Run:
         """Whether it compiles before it flies."""
         from fcu.kernel.compile import is_cached
 
-        if self._in_process:
-            return not is_cached("rollout", self._law.package)
-        return not (is_cached("tick_at", self._law.package) and is_cached("begin"))
+        burst = "together" if self._in_process else "begin"
+        return not (is_cached("tick_at", self._law.package) and is_cached(burst))
 
     def load(self) -> None:
         """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
@@ -237,8 +236,8 @@ class _Run:
         if not self._in_process:
             load(self._law)
         elif not self.is_cold:
-            with suppress(LawError):  # as it says when it flies
-                self._law.module("gcs_tools.flight.rollout").warm_up(self._scene)
+            with suppress(LawError), ExitStack() as stack:  # as it says when it flies
+                MemoryFlight(self._scene, None, (_drop, _drop)).begin(stack)
 
     def fly(
         self, note: Callable[[str], None], progress: Callable[[float], None]
@@ -316,43 +315,25 @@ class _Run:
         return flown, exit_code, error
 
     def _flown(self, recorder: Recorder) -> Flown:
+        if self.is_cold:
+            self._note(COMPILING)
         if self._in_process:
-            return self._by_rollout(recorder, self._progress)
+            return self._in_memory(recorder)
         return self._over_the_wire(recorder)
 
-    def _by_rollout(self, recorder: Recorder, progress: Callable[[float], None]) -> Flown:
-        if self.is_cold:
-            self._note(COMPILING)
-        began = time.monotonic()
-        rollout = self._law.module("gcs_tools.flight.rollout")
+    def _in_memory(self, recorder: Recorder) -> Flown:
+        rows = (recorder.add_plant, recorder.add_fcu)
+        flight = MemoryFlight(self._scene, self.folder, rows, self._progress)
         try:
-            with self._law.compiling():
-                rollout.warm_up(self._scene)
+            return self._cut_at_arrival(flight.fly())
         except LawError as error:
-            raise _Cut(_nothing(), USAGE, str(error)) from error
-        first = time.monotonic()
-        plant, fcu = rollout.fly(self._scene)
-        wall = time.monotonic() - first
-        progress(len(plant) / self._scene.rate_hz)
-        flown = self._cut_at_arrival(Flown(plant, fcu, False, first - began, wall))
-        try:
-            recorder.add_plant(flown.plant)
-            recorder.add_fcu(flown.fcu)
-            recorder.add_wind(flown.fcu[:, 0], self._wind(flown.fcu))
-        except RecordingError as failed:
-            raise _cut(flown, f"recording: {failed}") from failed
-        return flown
-
-    def _wind(self, fcu: Rows) -> Rows:
-        """What wind its estimates stand for; of a law without them it is not known."""
-        if not self._law.tells("state", State):
-            return np.full((len(fcu), 3), wind.NOT_KNOWN)
-        read: Rows = wind.read_all(fcu, to_buffer(believed_drag()))
-        return read
+            raise _Cut(flight.flown(), USAGE, str(error)) from error
+        except InfrastructureError as error:
+            raise _cut(flight.flown(), str(error)) from error
+        except KeyboardInterrupt as error:
+            raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
 
     def _over_the_wire(self, recorder: Recorder) -> Flown:
-        if self.is_cold:
-            self._note(COMPILING)
         try:
             with claimed(self._instance, *PORTS) as instance:
                 if self._instance is None and instance and not self._beside:
@@ -411,6 +392,10 @@ def flies(mission: Mission | None, scene: Scenario | None) -> dict[str, Any]:
         "values": {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
         "versions": versions(),
     }
+
+
+def _drop(_rows: Rows) -> None:
+    """Of a flight that nobody wants."""
 
 
 class _Cut(Exception):

@@ -1,7 +1,7 @@
 """What a mission tells the vehicle at a time: the setpoint, and when one is sent.
 
-Plain arithmetic, so that whoever flies a mission, over the wire or by `rollout`, flies the
-same one to the bit. Frame: Earth East-North-Up, SI.
+Plain arithmetic, so that whoever flies a mission, over the wire or in one process, flies
+the same one to the bit. Frame: Earth East-North-Up, SI.
 """
 
 from __future__ import annotations

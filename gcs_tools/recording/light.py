@@ -43,13 +43,6 @@ class LightRecording(RecordingWriter):
         """Some of them."""
         self._thin(super().add_fcu, rows)
 
-    def add_wind(self, t: Rows, wind: Rows) -> None:
-        """Some of them."""
-        self._thin(self._add_wind, np.column_stack([t, wind]))
-
-    def _add_wind(self, rows: Rows) -> None:
-        super().add_wind(rows[:, 0], rows[:, 1:])
-
     def _thin(self, add: Add, rows: Rows) -> None:
         """Hand on the rows of the ticks that are kept, whoever's they are."""
         if not len(rows):
@@ -76,9 +69,6 @@ class NoRecording(AbstractContextManager["NoRecording"]):
 
     def add_fcu(self, rows: Rows) -> None:
         """Forget them."""
-
-    def add_wind(self, t: Rows, wind: Rows) -> None:
-        """Forget it."""
 
     def set_params(self, row: Rows, t: float = 0.0) -> None:
         """Forget them."""

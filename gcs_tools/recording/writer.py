@@ -138,7 +138,7 @@ class RecordingWriter:
         self._file = RecordingFile(path, metadata)
         topics, fcu, plant = kinds.topics, columns(self._fcu_row), columns(self._plant_row)
         of_ticks = [topic for topic in topics.values() if topic.row == FCU]
-        wind, params = topics[WIND], topics[PARAMS]
+        params = topics[PARAMS]
         try:
             self._channels = {
                 name: self._file.add_channel(*topic[:3], topic.metadata)
@@ -154,9 +154,8 @@ class RecordingWriter:
         self._plant = self._stream([topics[TRUTH]], plant[: size(kinds.record)])
         self._whole_plant = self._stream([topics[TRUTH], topics[PLANT_TIMING]], plant)
         self._fcu = self._stream(of_ticks, fcu[: size(kinds.tick)])
-        reports = [wind, topics[STATUS], topics[TIMING]]
+        reports = [topics[WIND], topics[STATUS], topics[TIMING]]
         self._whole_fcu = self._stream([*of_ticks, *reports], fcu)
-        self._wind = self._stream([wind], wind.columns)
         self._params = self._stream([params], params.columns)
 
     def _stream(self, topics: Sequence[Topic], names: Sequence[str]) -> _Stream:
@@ -193,10 +192,6 @@ class RecordingWriter:
         """
         whole = _is_whole(rows, self._kinds.tick, self._fcu_row)
         self._add(self._whole_fcu if whole else self._fcu, rows)
-
-    def add_wind(self, t: Rows, wind: Rows) -> None:
-        """Record what wind was read from the estimates: s float64 (n,), m/s float64 (n, 3)."""
-        self._add(self._wind, np.column_stack([t, wind]))
 
     def set_params(self, row: Rows, t: float = 0.0) -> None:
         """Record what the law was told: float64 (size(kinds.params),). Once a flight."""

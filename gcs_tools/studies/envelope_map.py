@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.settings import Settings
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard
 from gcs_tools.many.flights import each
@@ -75,7 +75,7 @@ def flown(world: World, f_m: float, way: Sequence[float], far: float) -> Scenari
 def saturates(world: World, f_m: float, way: Sequence[float], far: float) -> bool:
     """Whether thrust or tilt meets a limit from the step on."""
     scene = flown(world, f_m, way, far)
-    _, rows = rollout.fly(scene)
+    _, rows = law_alone.fly(scene)
     begun = round(world.at_s * scene.rate_hz)
     return len(rows) < scene.ticks or bool(saturated(rows[begun:]).any())
 

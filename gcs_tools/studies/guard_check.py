@@ -27,7 +27,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
 from fcu.settings import Settings
 from fcu.tick import Tick
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.many.flights import Random, drawn, each
 from gcs_tools.missions.mission import Mission, from_tables
@@ -131,7 +131,7 @@ def foreseen_n(settings: Settings, sent: Sequence[Setpoint]) -> list[float]:
 def fly(mission: Mission) -> Flown:
     """Fly a mission of two setpoints and look."""
     scene = scenario(mission)
-    _, rows = rollout.fly(scene)
+    _, rows = law_alone.fly(scene)
     rate = scene.rate_hz
     transient = max(float(foreseen.transient_s(scene.guard, scene.law)), 0.3)
     settled, second = round(transient * rate), round(SECOND_S * rate)

@@ -21,7 +21,7 @@ from rich.console import Console
 from fcu.guard.stability import unstable
 from fcu.kernel.rows import column
 from fcu.tick import Tick
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.many.flights import Random, drawn, each
 from gcs_tools.missions.fields import RATES
@@ -129,7 +129,7 @@ def gentle(mission: Mission) -> Mission:
 
 def flies(scene: Scenario, wind: bool) -> bool:
     """Whether a flight ends at its reference and at rest, as far as the wind lets it."""
-    _, rows = rollout.fly(scene)
+    _, rows = law_alone.fly(scene)
     if len(rows) < scene.ticks:
         return False
     last = rows[-round(LAST_S * scene.rate_hz) :]

@@ -21,7 +21,7 @@ from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.types import Params, State
 from fcu.settings import Settings, settings
 from fcu.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.run import prepared
 from gcs_tools.flight.scenario import Scenario
 from tests.laws.values import dtype, with_fields
@@ -149,7 +149,7 @@ def flight(told: Callable[..., Told]) -> Callable[..., Any]:
     """Rows of a flight as `told`, by name: structured, of dtype(Tick)."""
 
     def fly(*args: Any, **kwargs: Any) -> Any:
-        _, rows = rollout.fly(told(*args, **kwargs))
+        _, rows = law_alone.fly(told(*args, **kwargs))
         return rows.view(dtype(Tick))[:, 0]
 
     return fly

@@ -11,7 +11,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column, view
 from fcu.tick import Remembered, Tick, tick
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 
 W = 8.0 * 9.81
 HERE = (0.0, 0.0, 10.0)
@@ -118,7 +118,7 @@ def test_the_way_back_to_positions_is_without_a_jump(flight, fixed, rate_hz, pre
         assert e_r[-1] < 0.03
 
 
-def test_rollout_and_ticks_on_buffers_give_the_same_bits_at_every_level(told, fixed):
+def test_flights_and_ticks_on_buffers_give_the_same_bits_at_every_level(told, fixed):
     """What a process does with what was measured, against the compiled flight; wind and all."""
     here = fixed(HERE)
     sent = [
@@ -127,7 +127,7 @@ def test_rollout_and_ticks_on_buffers_give_the_same_bits_at_every_level(told, fi
         (1.7, turning(here, 3.0, 3.0, 3.0, -5.0)), (1.9, fixed((1.0, 2.0, 12.0), 1.0)),
     ]  # fmt: skip
     scene = told(sent, 2.5, wind=True)
-    _, flown = rollout.fly(scene)
+    _, flown = law_alone.fly(scene)
     assert set(column(Tick, flown, "setpoint.level")) == {0.0, 1.0, 2.0}
 
     settings, again = to_buffer(scene.settings), np.zeros_like(flown)

@@ -9,7 +9,7 @@ import numpy as np
 from fcu.kernel.buffers import columns, to_buffer
 from fcu.settings import Settings
 from fcu.tick import Tick
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
 from gcs_tools.pictures.plot import estimates
@@ -24,7 +24,7 @@ def test_the_angular_truth_explains_the_motion() -> None:
     mission = override(load("weak_rotor"), "flight.duration_s=3.0")
     mission = override(mission, "plant.rotor_loss=[{rotor=1, at_s=2.0, effectiveness=0.6}]")
     scene = scenario(mission)
-    plant, fcu = rollout.fly(scene)
+    plant, fcu = law_alone.fly(scene)
     metadata = {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()}
     recording = Recording(
         path=Path("weak.mcap"), metadata=metadata, plant=Table.of(PlantRecord, plant),

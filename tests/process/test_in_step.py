@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_tools.flight.wire_flight import in_step
+from gcs_tools.flight.scripted_flight import in_step
 
 
 def rows(*times):

@@ -27,7 +27,7 @@ from gcs_tools.studies.bench.figure import Figure
 
 if TYPE_CHECKING:
     from gcs_tools.flight.scenario import Scenario
-    from gcs_tools.flight.wire_flight import Flown
+    from gcs_tools.flight.scripted_flight import Flown
 
 SCHEMA = 1  # of --json: raised when a key changes its meaning or goes
 MISSION = "paper_nominal"
@@ -65,7 +65,7 @@ def constant(scene: Scenario) -> Scenario:
 
 
 def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
-    """Steps inside compiled code, a tick called from Python, whole flights by rollout."""
+    """Steps inside compiled code, a tick called from Python, whole flights of the law alone."""
     import numpy as np
 
     from fcu.guard.admission import Look, way_to
@@ -76,26 +76,17 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     from fcu.kernel.buffers import size, to_buffer
     from fcu.kernel.rows import column, slice_of
     from fcu.tick import FLYING, Remembered, Tick, tick
-    from gcs_tools.flight import rollout
+    from gcs_tools.flight import law_alone
     from gcs_tools.judging.envelope import with_guard
     from gcs_tools.studies.bench.loops import law_steps, margin_steps, plant_steps
-    from sitl_plant.physics.types import PlantRecord
 
     n, settings, world = scene.ticks, to_buffer(scene.settings), scene.world
     plant, start = to_buffer(world.params), to_buffer(world.start)
-    plant_rows, fcu_rows = np.zeros((n, size(PlantRecord))), np.zeros((n, size(Tick)))
-
-    setpoints, noise = scene.setpoints, scene.noise(n)
-
-    def fly() -> None:
-        rollout.rollout(
-            plant, settings, start, scene.sent_at, setpoints, noise,
-            int(world.delay_ticks), world.steps, scene.period_us, n, plant_rows, fcu_rows,
-        )  # fmt: skip
-
-    flight = per_call_s(fly, n, 3 * repeats)
+    law_alone.warm_up(scene)
+    flight = per_call_s(lambda: law_alone.fly(scene), n, 3 * repeats)
+    plant_rows, fcu_rows = law_alone.fly(scene)
     row = fcu_rows[n // 2]
-    setpoint, out, remembered = setpoints[0], row.copy(), np.zeros(size(Remembered))
+    setpoint, out, remembered = scene.setpoints[0], row.copy(), np.zeros(size(Remembered))
     remembered[slice_of(Remembered, "law")] = column(Tick, row, "state")
     remembered[slice_of(Remembered, "guard")] = column(Tick, row, "guard_state")
     command = column(Tick, row, "command").copy()
@@ -131,8 +122,8 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     yield Figure("look_us", "a look along the way to a setpoint (us)", step * 1e6)
     step = per_call_s(lambda: unstable(scene.law), 1, 20 * repeats)
     yield Figure("stability_rule_ms", "the rule on gains, asked once (ms)", step * 1e3)
-    label = f"rollout, one core, {world.steps} plant steps a tick (million ticks/s)"
-    yield Figure("rollout_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
+    label = f"the law alone, one core, {world.steps} plant steps a tick (million ticks/s)"
+    yield Figure("law_alone_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
     yield from recorder(plant_rows, fcu_rows, settings, repeats)
 
 

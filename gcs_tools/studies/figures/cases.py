@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fcu.laws.mmrac.types import Params
 from fcu.tick import Tick
-from gcs_tools.flight import rollout
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.missions.mission import load
@@ -70,7 +70,7 @@ def fly(case: Case) -> Flown:
     """Fly one. Raises MissionError."""
     mission = load(case.mission, case.settings)
     scene = scenario(mission)
-    plant, fcu = rollout.fly(scene)
+    plant, fcu = law_alone.fly(scene)
     ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(
         Table.of(PlantRecord, plant)["ended"][-1], ""
     )

@@ -1,0 +1,222 @@
+"""A flight in this process: the same flight controller and the same simulator, joined in memory.
+
+Nothing of them is left out: the ground script's datagrams, the autopilot and what it says, the plant
+link's datagrams and their checksums. What two processes have beside it is sockets, pipes and the
+wall clock.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fcu.autopilot import TIMES, Autopilot
+from fcu.configuration import read_drag
+from fcu.interface import options
+from fcu.interface.diagnostics import PlantTiming
+from fcu.interface.link import MemoryNetwork
+from fcu.interface.ports import owner, ports
+from fcu.interface.publisher_feed import PublisherFeed
+from fcu.interface.recorder_pipe import Tape
+from fcu.kernel.rows import column
+from fcu.mavlink.definitions import Autopilot as ShownAs
+from fcu.mavlink.geodesy import Origin
+from fcu.mavlink.plant_link import LONGEST
+from fcu.parameters import Parameters
+from fcu.reporting import Reporter, row_width
+from fcu.services.streams import Identity
+from gcs_tools.flight.ground_script import Vehicle
+from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, together
+from gcs_tools.flight.processes import InfrastructureError, Rows
+from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight, Take
+from sitl_plant import burst
+from sitl_plant.burst import WIDTH, Progress
+from sitl_plant.simulator import Simulator
+
+BATCH = 512  # rows that are handed over at once, and the most ticks between two looks
+INSTANCE = 0  # whose port numbers and MAVLink identity it has; no port of the system is opened
+
+
+class MemoryFlight(ScriptedFlight):
+    """Flight controller and simulator of one flight, and what they have flown so far."""
+
+    def __init__(
+        self, scene: Scenario, folder: Path | None, on_rows: tuple[Take, Take],
+        progress: Callable[[float], None] = lambda time_s: None,
+    ) -> None:  # fmt: skip
+        """`folder`: where fcu.log and plant.log are written; None: what is said is dropped.
+
+        `on_rows`: takes plant rows, takes fcu rows. `progress` is told the time flown, s.
+        """
+        super().__init__(scene, on_rows, progress)
+        self._folder = folder
+        self._network = MemoryNetwork()
+        self._at = ports(INSTANCE)
+        self._datagram = np.zeros(LONGEST, dtype=np.uint8)
+        self._times = np.zeros((BATCH, TIMES))
+        self._no_row = np.zeros((1, WIDTH))
+        self._failed = False  # whoever takes rows
+        self._has_ended = False
+
+    def fly(self) -> Flown:
+        """The whole flight. Raises LawError; InfrastructureError: what was flown is in `flown`."""
+        began = time.monotonic()
+        with ExitStack() as stack:
+            vehicle = self.begin(stack)
+            first = time.monotonic()
+            arrived = self._send_setpoints(vehicle)
+            wall = time.monotonic() - first
+        flown = self.flown()
+        return Flown(flown.plant, flown.fcu, arrived, first - began, wall)
+
+    def begin(self, stack: ExitStack) -> Vehicle:
+        """Make both, and have the vehicle armed and flying the first setpoint: its ground script.
+
+        `stack`: ends them. Raises LawError, InfrastructureError.
+        """
+        self._make(stack)
+        vehicle = self.meet()
+        stack.callback(vehicle.close)
+        self._arm(vehicle)
+        return vehicle
+
+    def meet(self, port: int | None = None) -> Vehicle:
+        """A ground script; `port`: its own, of the ground station's link; None: the script's."""
+        at = self._at
+        if port is None:
+            link = self._network.link(at.script, at.fcu_script, owner("script"))
+        else:
+            link = self._network.link(port, at.fcu_station, "a second script")
+        vehicle = Vehicle(INSTANCE, link)
+        vehicle.on_wait = self._serve
+        return vehicle
+
+    def _make(self, stack: ExitStack) -> None:
+        scene, law, at = self._scene, self._scene.flown, self._at
+        identity = Identity(at.system_id, ShownAs.PX4, Origin(*options.ORIGIN), read_drag())
+        self._fcu_tape = Tape(row_width(law), BATCH, partial(self._keep, 1))
+        self._plant_tape = Tape(WIDTH, BATCH, partial(self._keep, 0))
+        stack.callback(self._flush)
+        reporter = Reporter(
+            law, self._fcu_tape, PublisherFeed(None, "fcu", law.identity), identity.drag
+        )
+        self._autopilot = Autopilot(
+            at, identity, Parameters(scene.settings, at.system_id, None, law), reporter,
+            sim_only=True, bind=self._network.socket, write=self._log(stack, "fcu.log"),
+        )  # fmt: skip
+        stack.callback(self._autopilot.close)
+        self._simulator = Simulator(scene.world, at.system_id, self._log(stack, "plant.log"))
+        self._plant_timing = column(Progress, self._simulator.plant.progress, "timing")
+        self._autopilot.fly_decided = self._fly_decided  # type: ignore[method-assign]
+        self._simulator.warm_up()
+        self._autopilot.warm_up()
+        self._hold()
+
+    def _log(self, stack: ExitStack, name: str) -> Callable[[str], None]:
+        """Writes lines to a file. A log that cannot be written does not end a flight."""
+        if self._folder is None:
+            return lambda line: None
+        try:
+            file = stack.enter_context((self._folder / name).open("w", buffering=1))
+        except OSError as error:
+            raise InfrastructureError(f"{self._folder / name}: {error.strerror}") from error
+
+        def write(line: str) -> None:
+            with suppress(OSError):
+                file.write(f"{line}\n")
+
+        return write
+
+    # --- time
+
+    def _serve(self) -> None:
+        """While time stands: what the ground script has sent."""
+        now = time.monotonic()
+        for port in self._autopilot.ground.ports:
+            self._autopilot.serve(port, now)
+        self._autopilot.idle(now)
+
+    def _fly_to(self, tick: int) -> bool:
+        while self._simulator.tick < tick and not self._has_ended:
+            self._fly_on(tick)
+        self._hold()
+        self._progress(self._simulator.time_s)
+        return not self._has_ended
+
+    def _fly_on(self, tick: int) -> None:
+        """Some ticks, to this one at most, and what they have ended with."""
+        autopilot, simulator = self._autopilot, self._simulator
+        simulator.draw_noise()
+        autopilot.prepare()
+        left = 1 if autopilot.ground.is_pending else tick - simulator.tick
+        plant_rows, fcu_rows = self._plant_tape.free()[:left], self._fcu_tape.free()[:left]
+        self._plant_timing[:] = PlantTiming(
+            sequence=simulator.tick, published=time.time(), late=0.0, slips=0, resent=0,
+            unrecorded=0, unpublished=0,
+        )  # fmt: skip
+        began = time.monotonic()
+        flown, why, left_over = self._call(plant_rows, fcu_rows)
+        now = time.monotonic()
+        if flown:
+            times = self._times[:flown]
+            cycle = (now - began) / flown  # of a tick of both
+            times[:] = now, cycle, cycle * self._scene.rate_hz
+            autopilot.completed(fcu_rows[:flown], times)
+        self._plant_tape.done(flown + (why in BEGUN))
+        if why == ENDED:
+            self._has_ended = True
+            simulator.say("warning", simulator.end(left_over))
+        elif why in (LEFT, FILTERED):
+            self._decide(left_over, why == FILTERED, now)
+        elif why in BEGUN:
+            raise InfrastructureError(f"the simulator could not read an answer: fault {left_over}")
+        autopilot.idle(now)
+
+    def _call(self, plant_rows: Rows, fcu_rows: Rows, decided_us: int = -1) -> tuple[int, int, int]:
+        flown: tuple[int, int, int] = together(
+            self._autopilot.flight, self._autopilot.law_tick, self._simulator.plant,
+            self._datagram, plant_rows, fcu_rows, decided_us,
+        )  # fmt: skip
+        return flown
+
+    def _fly_decided(self, time_us: int, row: Rows) -> None:
+        self._call(self._no_row, row[None], time_us)
+
+    def _decide(self, length: int, filtered: bool, now: float) -> None:
+        """A tick at which something happens: Python decides."""
+        answer = self._autopilot.decide(self._datagram[:length].tobytes(), filtered, now)
+        assert answer is not None, "no state is lost, repeated or torn in memory"
+        received = np.frombuffer(answer, dtype=np.uint8)
+        self._datagram[: len(received)] = received
+        fault = burst.finish(self._simulator.plant, self._datagram, len(received))
+        assert fault == burst.FLOWN, fault
+        self._autopilot.report()
+
+    def _hold(self) -> None:
+        """Time stands: what was flown is handed over, and the controller told."""
+        self._plant_tape.flush()
+        self._autopilot.decide(self._simulator.hold(), False, time.monotonic())
+
+    # --- rows
+
+    def _keep(self, which: int, rows: Rows) -> None:
+        kept = (self._plant_rows, self._fcu_rows)[which]
+        kept.append(rows.copy())
+        if self._failed:
+            return
+        try:
+            self._on_rows[which](kept[-1])
+        except Exception as error:
+            self._failed = True
+            raise InfrastructureError(str(error)) from error
+
+    def _flush(self) -> None:
+        """Hand over what is left of a flight that was cut short."""
+        for tape in (self._plant_tape, self._fcu_tape):
+            tape.flush()

@@ -1,0 +1,158 @@
+"""A mission on its way, whatever carries it: its setpoints sent as a ground script would send them.
+
+Simulation time stands whenever the script has something to say. It stops at that tick, the
+setpoint is sent, its echo awaited, and time goes on: the wall time a script takes cannot leak into
+the flight.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.messages import Setpoint
+from fcu.kernel.buffers import size
+from fcu.kernel.rows import column_of
+from gcs_tools.flight.ground_script import Vehicle, VehicleError
+from gcs_tools.flight.processes import InfrastructureError, Rows
+from gcs_tools.flight.scenario import Scenario, arrival
+from gcs_tools.recording.schema import Kinds
+from sitl_plant.physics import dynamics
+from sitl_plant.physics.types import PlantRecord
+
+SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
+
+_ENDED = column_of(PlantRecord, "ended")
+
+Take = Callable[[Rows], None]
+
+
+@dataclass
+class Flown:
+    """What a flight left behind."""
+
+    plant: Rows
+    fcu: Rows
+    arrived: bool = False
+    startup_s: float = 0.0
+    wall_time_s: float = 0.0
+    said: dict[str, dict[str, Any]] = field(default_factory=dict)  # each process's last words
+
+    @property
+    def ended(self) -> str:
+        """How the flight ended, if it was not cut short: time, arrived, diverged, crashed."""
+        how = self.plant[-1, _ENDED] if len(self.plant) else dynamics.FLYING
+        words = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}
+        return "arrived" if self.arrived else words.get(how, "time")
+
+
+class ScriptedFlight(ABC):
+    """One flight of a mission, and what it has flown so far."""
+
+    def __init__(
+        self, scene: Scenario, on_rows: tuple[Take, Take], progress: Callable[[float], None]
+    ) -> None:
+        """`on_rows`: takes plant rows, takes fcu rows, as they come.
+
+        `progress` is told the simulation time flown, s.
+        """
+        self._scene = scene
+        self._progress = progress
+        self._kinds = Kinds.of(scene.flown)
+        self._on_rows = on_rows
+        self._plant_rows: list[Rows] = []
+        self._fcu_rows: list[Rows] = []
+
+    @abstractmethod
+    def fly(self) -> Flown:
+        """The whole flight. Raises InfrastructureError; what was flown is then in `flown`."""
+
+    @abstractmethod
+    def _fly_to(self, tick: int) -> bool:
+        """Let time run to `tick`; False if the flight has ended before."""
+
+    def flown(self) -> Flown:
+        """Everything that has arrived so far."""
+        plant = _joined(self._plant_rows, size(PlantRecord))
+        fcu = _joined(self._fcu_rows, size(self._kinds.tick))
+        if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
+            plant, fcu = in_step(plant, fcu)
+        return Flown(plant, fcu)
+
+    def _arm(self, vehicle: Vehicle) -> None:
+        """Armed, and flying the first setpoint. Raises InfrastructureError."""
+        try:
+            vehicle.wait_ready()
+            for _ in range(2):  # one setpoint is not a stream yet
+                vehicle.set_setpoint(self._scene.sent[0])
+            vehicle.offboard()
+            vehicle.arm()
+        except VehicleError as error:
+            raise InfrastructureError(str(error)) from error
+
+    def _send_setpoints(self, vehicle: Vehicle) -> bool:
+        """Let time run up to each setpoint, send it, and on; whether the vehicle arrived."""
+        scene = self._scene
+        for k, setpoint, last in schedule(scene):
+            if not self._fly_to(k):
+                return False
+            if last and scene.arrive is not None:
+                flown = self.flown()
+                if arrival(scene, flown.plant, flown.fcu) is not None:
+                    return True
+            if k >= scene.ticks:
+                break
+            try:
+                vehicle.set_setpoint(setpoint, k / scene.rate_hz)
+            except VehicleError as error:
+                raise InfrastructureError(str(error)) from error
+        return False
+
+    def _ticks(self, rows: Rows) -> int:
+        """The tick after the last of `rows`: their number, if none was dropped."""
+        return round(rows[-1, 0] * 1e6 / self._scene.period_us) + 1 if len(rows) else 0
+
+    def _flown_ticks(self) -> int:
+        """Ticks that the plant has flown, each with the controller's answer."""
+        return self._ticks(self._plant_rows[-1]) if self._plant_rows else 0
+
+    def _is_over(self) -> bool:
+        """Whether the plant's last row says that the flight has ended."""
+        return bool(self._plant_rows) and self._plant_rows[-1][-1, _ENDED] != dynamics.FLYING
+
+
+def _joined(batches: list[Rows], width: int) -> Rows:
+    """The first `width` columns of all rows: what was flown, without what was reported of it."""
+    return np.concatenate([np.zeros((0, width)), *(rows[:, :width] for rows in batches)])
+
+
+def schedule(scene: Scenario) -> Iterator[tuple[int, Setpoint, bool]]:
+    """(tick, setpoint to send then, whether it is the last one of the mission), to the end.
+
+    Every setpoint of the mission after the first; between them, and after the last, the same one
+    again: a vehicle flies a script's setpoints only while they come. One that is sent again
+    stands still (those that move are sent more often than that), so it changes nothing.
+    """
+    again = max(1, round(SEND_AGAIN_S * scene.rate_hz))
+    begins = [*scene.sent_at.tolist(), scene.ticks]
+    for i, setpoint in enumerate(scene.sent):
+        last = i + 1 == len(scene.sent)
+        for k in range(begins[i], min(begins[i + 1], scene.ticks), again):
+            if k > 0:
+                yield k, setpoint, last
+    yield scene.ticks, scene.sent[-1], True
+
+
+def in_step(plant: Rows, fcu: Rows) -> tuple[Rows, Rows]:
+    """The ticks that both recorded: real time drops rows rather than wait.
+
+    The plant's last row stays: it says how the flight ended, and may have no answer.
+    """
+    kept = np.isin(plant[:, 0], fcu[:, 0])
+    kept[-1:] = True
+    plant = plant[kept]
+    return plant, fcu[np.isin(fcu[:, 0], plant[:, 0])]
