@@ -12,7 +12,7 @@ import pytest
 from gcs_tools.judging import result
 
 SLOW_FIRST = ("paper_nominal", "gust_step", "noisy_state")
-LONG = ("--set", "flight.duration_s=600")
+LONG = ("--set", "flight.duration_s=3000")
 HOVER = """title = "A hover."
 [flight]
 duration_s = {duration_s}
@@ -70,7 +70,7 @@ def two_in_flight(fly, tmp_path, until):
         files = [tmp_path / "run" / name / "flight.mcap" for name in ("paper_nominal", "gust_step")]
         until(lambda: all(f.exists() and f.stat().st_size > 1 << 19 for f in files), "recordings")
         pids = descendants(program.pid)
-        assert len(named(pids, "fcu")) == len(named(pids, "sitl_plant")) == 2
+        assert len(named(pids, "fcu")) == len(named(pids, "sitl_plant")) == 2, program.text()
         return program, pids
 
     return started

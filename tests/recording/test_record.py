@@ -222,7 +222,7 @@ def test_a_full_disk_is_named_and_leaves_whole_chunks(tmp_path: Path) -> None:
     process = subprocess.run(
         [sys.executable, "-c", FULL, str(path)], cwd=ROOT, capture_output=True, text=True
     )
-    assert process.stdout == f"{path}: File too large\n"
+    assert process.stdout == f"{path}: File too large\n", process.stderr
     assert process.stderr.endswith(f"RecordingError: {path}: File too large\n")  # of close()
     assert path.stat().st_size == 1_000_000
     recording = read(path)
