@@ -30,7 +30,7 @@ from fcu.mavlink.definitions import (
 from fcu.mavlink.framing import Source
 from fcu.mavlink.ground_link import GroundCodec, GroundMessage
 from fcu.mavlink.px4_modes import AutoMode, MainMode
-from fcu.mavlink.replies import CommandAck, StatusText
+from fcu.mavlink.replies import CommandAck, ParamValue, StatusText
 from fcu.mavlink.setpoints import PositionTarget
 from fcu.mavlink.telemetry import ExtendedState, Heartbeat, LocalPosition, ground_heartbeat
 
@@ -54,11 +54,14 @@ class VehicleError(RuntimeError):
 class Vehicle:
     """One vehicle, met on its script link."""
 
-    def __init__(self, instance: int, link: Link | None = None) -> None:
-        """`link`: to it; None: the script's, by UDP. Raises PortBusy when another script has that."""
+    def __init__(self, instance: int, link: Link | None = None, me: Source = ME) -> None:
+        """`link`: to it; None: the script's, by UDP. `me`: who we are.
+
+        Raises PortBusy when another script has that link.
+        """
         at = ports(instance)
         self._link = link or UdpLink(at.script, at.fcu_script, owner("script"))
-        self._codec = GroundCodec(*ME, at_once=TOGETHER)
+        self._codec = GroundCodec(*me, at_once=TOGETHER)
         self._target = Source(at.system_id, 1)
         self._texts: list[str] = []
         self.on_text: Callable[[str], None] = lambda _text: None  # what the vehicle says
@@ -96,6 +99,11 @@ class Vehicle:
                 self.on_text(message.text)
         return heard
 
+    def _forget(self) -> None:
+        """What was said so far is no answer to what is asked next."""
+        self.messages(0.0)
+        self._texts.clear()
+
     def _ask(
         self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str,
         tries: int = TRIES,
@@ -121,7 +129,7 @@ class Vehicle:
 
     def command(self, command: CommandId, *params: float, tries: int = TRIES) -> None:
         """Send a command and await its acknowledgement. Raises VehicleError with the reason."""
-        self._texts.clear()
+        self._forget()
 
         def answer(message: GroundMessage) -> int | None:
             mine = isinstance(message, CommandAck) and message.command == command
@@ -154,7 +162,7 @@ class Vehicle:
             return True if mine else None
 
         packed = self._codec.framed(sent)
-        self._texts.clear()
+        self._forget()
         try:
             accepted = self._ask(packed, answer, "the echo of a setpoint")
         except VehicleError as error:
@@ -163,6 +171,18 @@ class Vehicle:
         if not accepted:
             self.messages(0.1)  # the rest of the reason
             raise VehicleError("; ".join(self._texts))
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter and await that it is told. Raises VehicleError, also if it is another."""
+
+        def answer(message: GroundMessage) -> float | None:
+            mine = isinstance(message, ParamValue) and message.name == name
+            return message.value if mine else None  # type: ignore[union-attr]
+
+        packed = self._codec.framed(requests.param_set(self._target, name, value))
+        told = self._ask(packed, answer, f"parameter {name}")
+        if not math.isclose(told, value, rel_tol=1e-6):  # it is told as a float32
+            raise VehicleError(f"parameter {name} is {told:g}, asked for {value:g}")
 
     def arm(self) -> None:
         """Arm. Raises VehicleError."""

@@ -25,12 +25,13 @@ from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import Tape
 from fcu.kernel.rows import column
 from fcu.mavlink.definitions import Autopilot as ShownAs
+from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin
 from fcu.mavlink.plant_link import LONGEST
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter, row_width
 from fcu.services.streams import Identity
-from gcs_tools.flight.ground_script import Vehicle
+from gcs_tools.flight.ground_script import ME, Vehicle
 from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, together
 from gcs_tools.flight.processes import InfrastructureError, Rows
 from gcs_tools.flight.scenario import Scenario
@@ -86,14 +87,14 @@ class MemoryFlight(ScriptedFlight):
         self._arm(vehicle)
         return vehicle
 
-    def meet(self, port: int | None = None) -> Vehicle:
+    def meet(self, port: int | None = None, me: Source = ME) -> Vehicle:
         """A ground script; `port`: its own, of the ground station's link; None: the script's."""
         at = self._at
         if port is None:
             link = self._network.link(at.script, at.fcu_script, owner("script"))
         else:
-            link = self._network.link(port, at.fcu_station, "a second script")
-        vehicle = Vehicle(INSTANCE, link)
+            link = self._network.link(port, at.fcu_station, "another script")
+        vehicle = Vehicle(INSTANCE, link, me)
         vehicle.on_wait = self._serve
         return vehicle
 
