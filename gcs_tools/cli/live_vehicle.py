@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ALONE_S = 3.0  # wall: after that who waits with a file of their own is told what for
 UNSEEN = "connected, but no vehicle answers, or not to us"
 
-LOOK_S = 0.2  # wall: between two looks for a publisher
+LOOK_S = 0.05  # wall: between two looks for a publisher
 
 
 @contextlib.contextmanager

@@ -64,7 +64,10 @@ _PLAIN: dict[str, Any] = {
     "mode": "peer",
     "listen/endpoints": [],
     "connect/timeout_ms": -1,  # whoever is not there yet is tried again, in the background
-}
+    "connect/retry": {  # a refusal on this machine costs nothing; `publisher.KNOCK_S` counts on it
+        "period_init_ms": 50, "period_max_ms": 50, "period_increase_factor": 1.0,
+    },
+}  # fmt: skip
 
 # Files that a configuration names.
 _FILES = (

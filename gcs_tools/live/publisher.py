@@ -60,6 +60,8 @@ PERIOD_S = 0.01  # wall: between two looks at what has come
 LEAVE_S = 0.6  # wall: for what is still on its way when a flight has ended
 SAY_AGAIN_S = 0.05  # wall: between two words that it has ended, which a busy machine may drop
 IDLE_S = 0.05  # the same, while nobody flies
+KNOCK_S = 0.25  # wall: within it who was there before a publisher has found it
+LISTEN_S = 1.0  # wall: and within it who has found it listens
 LAST = 4  # looks at what has still come when it ends: more than a feed can hold
 
 
@@ -363,6 +365,10 @@ class PublishedVehicle:
 
     # --- who is there
 
+    def is_met(self) -> bool:
+        """Whether anybody is connected who does not listen yet."""
+        return bus.connected(self._session) and not self.is_heard()
+
     def alive(self, process: str, there: bool) -> None:
         """Show or take back the token of a process."""
         if there and process not in self._tokens:
@@ -448,10 +454,27 @@ class Publisher:
         self._next = dict.fromkeys(WHO, 0)  # number that the next row has
         self._refused: set[str] = set()  # why somebody was: said once
 
+    def welcome(self) -> None:
+        """Wait, a bounded time, until those listen who have waited for a publisher.
+
+        A flight begins when its publisher is ready: they are to have its first tick.
+        """
+        began = time.monotonic()
+        while not self._is_over():
+            waited = time.monotonic() - began
+            if waited > LISTEN_S or (waited > KNOCK_S and not self._vehicle.is_met()):
+                return
+            self.pass_on()
+            self._vehicle.serve()
+            time.sleep(LOOK_S)
+
+    def _is_over(self) -> bool:
+        return self.stopping or bool(self._lifeline.poll(0))
+
     def run(self) -> None:
         """Until told to stop, or whoever started us is gone."""
         due = time.monotonic()
-        while not (self.stopping or self._lifeline.poll(0)):
+        while not self._is_over():
             self.pass_on()
             self._vehicle.serve()
             due += PERIOD_S if self._feeds.sources else IDLE_S
@@ -578,6 +601,7 @@ def publish(
 
             signal.signal(signal.SIGTERM, stop)
             signal.signal(signal.SIGINT, stop)
+            publisher.welcome()
             announce({"ready": "publisher", "instance": instance, "run": run})
             publisher.run()
             vehicle.leave(LEAVE_S)

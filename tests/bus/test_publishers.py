@@ -6,13 +6,17 @@ import json
 import os
 import signal
 
+import numpy as np
 import pytest
 
 from fcu.interface import publisher_feed, topics
+from fcu.kernel.buffers import size
+from fcu.kernel.rows import column_of
 from fcu.laws import loader
 from gcs_tools.live.publisher import FeedListener
 from gcs_tools.live.recorder import GONE, OUT_OF_SIGHT
 from gcs_tools.recording import reader as recording
+from gcs_tools.recording.schema import FcuRow
 from tests.bus.conftest import BOTH, LOCKSTEP, MEGABYTE, PACED, TICKS
 from tests.patience import until
 
@@ -58,6 +62,23 @@ def test_a_publisher_that_is_suspended_for_a_while(recorded, quiet):
     own = recording.read(flight.recording)
     assert own.complete
     assert len(own.fcu) == len(own.plant) == TICKS
+
+
+def test_who_has_waited_for_a_publisher_has_the_first_tick(start, record, instance):
+    recorder = record(instance)
+    recorder.waits()
+    publisher = start("gcs_tools", "publish", "--instance", instance)
+    publisher.says('"ready"')  # that is when a flight begins
+    feed = publisher_feed.PublisherFeed(instance, "fcu", loader.load().identity)
+    assert feed.find(0.0)
+    row = np.zeros(size(FcuRow))
+    for number in range(20):
+        row[column_of(FcuRow, "timing.sequence")] = number
+        feed.send(row)
+    feed.close()
+    assert publisher.interrupted() == 0
+    said = recorder.ended()
+    assert (said["ticks"], said["lost"], said["end_seen"]) == (20, {}, True)
 
 
 def test_a_publisher_that_is_started_anew(recorded, start, record, quiet, instance):
