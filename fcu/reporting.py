@@ -14,8 +14,9 @@ from fcu import wind
 from fcu.interface.diagnostics import Report, Status, fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import Tape
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Vec3, maximum
 from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import State
@@ -31,11 +32,34 @@ _SEQUENCE, _PUBLISHED, _CYCLE, _CYCLE_MAX, _LOAD = (
     for name in ("sequence", "published", "cycle", "cycle_max", "load")
 )
 _COUNTED = slice(_LOAD + 1, size(Report))  # resent, refused, unrecorded, unpublished
+_WIND_FIRST = _WIND.start
 
 
 def row_width(law: Law) -> int:
     """Number of float64 in a row of a law: its Tick, and a Report."""
     return size(fcu_row(law.ticks.Tick))
+
+
+@kernel
+def complete(rows, times, report, drag, at, tells_wind):
+    """Write the Reports of Ticks into their rows, from column `at` on; `report` goes on with them.
+
+    rows : float64[n, width].  times : float64[n, 3], of each tick: when it was answered (wall,
+    monotonic, s), how long that took (s), and the load.  report : Report (its buffer), of the next
+    tick: `published` is what is added to a time, `cycle_max` is of those before.
+    drag : believed, float64[3], N/(m/s)^2, body axes.  tells_wind : whether the Ticks are fcu.tick's.
+    """
+    for i in range(len(rows)):
+        row = rows[i]
+        for j in range(len(report)):
+            row[at + j] = report[j]
+        report[_SEQUENCE] += 1.0
+        report[_CYCLE_MAX] = maximum(report[_CYCLE_MAX], times[i, 1])
+        row[at + _PUBLISHED] += times[i, 0]
+        row[at + _CYCLE], row[at + _LOAD] = times[i, 1], times[i, 2]
+        row[at + _CYCLE_MAX] = report[_CYCLE_MAX]
+        if tells_wind:
+            wind.read(row, drag, row[at + _WIND_FIRST : at + _WIND_FIRST + 3])
 
 
 class Reporter:
@@ -44,58 +68,53 @@ class Reporter:
     def __init__(self, law: Law, tape: Tape, feed: PublisherFeed, drag: Vec3) -> None:
         """`drag`: believed, N/(m/s)^2, body axes."""
         self.width = row_width(law)
-        self._of_report = slice(size(law.ticks.Tick), self.width)
+        self._at = size(law.ticks.Tick)
         self._tells_wind = law.tells("state", State)
         self.tape = tape
         self.feed = feed
         self._drag = to_buffer(drag)
         self._report = np.zeros(size(Report))  # what the next tick has of it already
         self._report[_WIND] = wind.NOT_KNOWN
-        self._wind_at = size(law.ticks.Tick) + _WIND.start
         self._seen: tuple[Any, ...] = ()
+        self._counted: tuple[int, ...] = ()
         self._told: Any = None
-        self._sequence = 0.0
-        self.cycle_max_s = 0.0
+
+    @property
+    def cycle_max_s(self) -> float:
+        """The longest cycle so far (wall), s."""
+        return float(self._report[_CYCLE_MAX])
 
     def warm_up(self, row: Row) -> None:
         """Compile what a report needs."""
-        if self._tells_wind:
-            wind.tell(row[None], self._drag, self._wind_at)
+        self._complete(row[None], np.zeros((1, 3)), self._report.copy())
+
+    def _complete(self, rows: Row, times: Row, report: Row) -> None:
+        complete(rows, times, report, self._drag, self._at, self._tells_wind)
 
     def report(
         self, rows: Row, times: Row, vehicle: StateMachine, off: float, resent: int, refused: int
     ) -> None:
         """Complete the rows of the Ticks just flown, and hand them on; see Report for the numbers.
 
-        rows : float64[n, width].  times : float64[n, 3], of each: when it was answered (wall,
-        monotonic, s), how long that took (s), and the load. Raises BrokenPipeError when the
-        recorder is gone.
+        rows, times : as for `complete`. Raises BrokenPipeError when the recorder is gone.
         """
-        n = len(rows)
+        report = self._report
         seen = (
             vehicle.armed, vehicle.mode, landed_state(vehicle), vehicle.failsafe,
             vehicle.terminated,
         )  # fmt: skip
         if seen != self._seen:
             self._seen = seen
-            self._report[_STATUS] = to_buffer(_status(vehicle))
-        self._report[_OFF] = off
-        self._report[_COUNTED] = resent, refused, self.tape.dropped, self.feed.dropped
-        report = rows[:, self._of_report]
-        report[:] = self._report
-        answered, cycle = times[:, 0], times[:, 1]
-        report[:, _SEQUENCE] = np.arange(self._sequence, self._sequence + n)
-        report[:, _PUBLISHED] = answered + (time.time() - time.monotonic())
-        report[:, _CYCLE], report[:, _LOAD] = cycle, times[:, 2]
-        longest = report[:, _CYCLE_MAX]
-        np.maximum.accumulate(cycle, out=longest)
-        np.maximum(longest, self.cycle_max_s, out=longest)
-        self.cycle_max_s = float(longest[-1])
-        if self._tells_wind:
-            wind.tell(rows, self._drag, self._wind_at)
-        self._sequence += n
+            report[_STATUS] = to_buffer(_status(vehicle))
+        counted = resent, refused, self.tape.dropped, self.feed.dropped
+        if counted != self._counted:
+            self._counted = counted
+            report[_COUNTED] = counted
+        report[_OFF] = off
+        report[_PUBLISHED] = time.time() - time.monotonic()
+        self._complete(rows, times, report)
         self.feed.send_rows(rows)
-        self.tape.done(n)
+        self.tape.done(len(rows))
 
     def idle(self, t: float, settings: Any, now: float) -> None:
         """Between ticks: look for a publisher, and tell it the settings in force.

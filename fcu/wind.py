@@ -74,10 +74,3 @@ def read(tick, drag, out):
     out[0] = v_air.x if flying else NOT_KNOWN
     out[1] = v_air.y if flying else NOT_KNOWN
     out[2] = NOT_KNOWN
-
-
-@kernel
-def tell(rows, drag, at):
-    """Write the wind of many ticks, float64[n, width] rows, into their own columns from `at` on."""
-    for i in range(len(rows)):
-        read(rows[i], drag, rows[i, at : at + 3])
