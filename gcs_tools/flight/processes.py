@@ -27,7 +27,9 @@ from gcs_tools.flight.forking import Forked, can_fork, fork_program
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
 COMPILED_S = 600.0  # wall: for one that works all the time
-STOP_S = 1.0  # wall: between asking a process to end and ending it
+STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
+STOPPED_S = 10.0  # wall: and one that works all the time
+LOOK_S = 0.05  # wall: between two looks whether it works
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]
@@ -148,12 +150,23 @@ class Child:
             self.process.send_signal(signal.SIGCONT)
 
     def stop(self) -> dict[str, Any]:
-        """End it, kindly and then not; returns what it said last of itself."""
+        """End it, kindly and then not; returns what it said last of itself.
+
+        On a busy machine its last words may take long: who works is waited for.
+        """
         self.ask_to_stop()
-        if self.process.poll() is None:
+        began = idle_since = time.monotonic()
+        worked = _worked_s(self.process.pid)
+        while self.process.poll() is None:
             try:
-                self.process.wait(STOP_S)
+                self.process.wait(LOOK_S)
+                break
             except subprocess.TimeoutExpired:
+                pass
+            now = time.monotonic()
+            if (so_far := _worked_s(self.process.pid)) > worked:
+                worked, idle_since = so_far, now
+            if now - idle_since > STOP_S or now - began > STOPPED_S:
                 self.process.kill()
                 self.process.wait()
         said = self._last_said()
