@@ -170,7 +170,7 @@ class Server:
         rows = self._tape.free()
         flown: burst.Burst = burst.serve(self._plant, self._wire, rows, self._burst_ticks)
         if flown.unpublished:
-            self._feed.send(rows[flown.rows - 1])
+            self._feed.missed(flown.unpublished, rows[flown.rows - 1] if flown.unsent else None)
         if flown.rows:
             self._tape.done(flown.rows)
         return flown
@@ -188,7 +188,7 @@ class Server:
             self._link.send(self._wire.outbox[:length].tobytes())
         return burst.Burst(
             why=burst.ENDED if ended else burst.BEGUN, rows=1, status=status, length=length,
-            received=0, asked=asked, unpublished=False,
+            received=0, asked=asked, unpublished=0, unsent=False,
         )  # fmt: skip
 
     def _end(self, status: int) -> None:

@@ -107,7 +107,7 @@ class PublisherFeed:
     def fileno(self) -> int:
         """The descriptor of the publisher, to which compiled code may send rows; -1 without one.
 
-        A row that it could not send is given to `send`.
+        Of rows that it could not send it tells by `missed`.
         """
         return -1 if self._socket is None else self._socket.fileno()
 
@@ -127,6 +127,17 @@ class PublisherFeed:
         if self._socket is not None:
             for row in rows:
                 self.send(row)
+
+    def missed(self, rows: int, last: np.ndarray[Any, Any] | None) -> None:
+        """So many rows did not go out from compiled code, which does not ask why.
+
+        last : the last of them, if no row has gone out after it; it is tried once more. Only who
+        is still there had no room.
+        """
+        if last is not None:
+            self.send(last)
+        if self._socket is not None:
+            self.dropped += rows - (last is not None)
 
     def tell(self, data: bytes) -> None:
         """Hand on what is rare and matters, if need be through the room that rows are kept off."""

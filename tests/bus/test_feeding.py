@@ -198,3 +198,18 @@ def test_words_go_through_when_rows_do_not(instance):
         "hello", "pid", "law", "dropped", "event", "t", "level", "bye", "dropped",
     ]  # fmt: skip
     feeds.close()
+
+
+def test_rows_that_compiled_code_could_not_send_are_counted_while_somebody_is_there(instance):
+    feeds = FeedListener(instance, LAW)
+    fed = publisher_feed.PublisherFeed(instance, "fcu", LAW.identity)
+    assert fed.find(0.0)
+    fed.missed(3, None)
+    assert fed.dropped == 3
+    fed.missed(2, np.frombuffer(row(4)))  # there is room for the last
+    assert fed.dropped == 4
+    feeds.accept()
+    feeds.hang_up(feeds.sources[0])
+    fed.missed(2, np.frombuffer(row(6)))
+    assert (fed.dropped, fed.fileno()) == (4, -1)
+    feeds.close()

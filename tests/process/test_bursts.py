@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 
+from fcu.interface import publisher_feed
 from fcu.interface.handover import GRANT
 from fcu.interface.link import UdpLink
 from fcu.interface.messages import RotorCommand, VehicleState
@@ -155,3 +156,27 @@ def test_what_is_no_answer_is_counted_and_changes_no_bit(flown, monkeypatch, lib
         told[:] = 0.0
         assert rows.tobytes() == quiet[0].tobytes()
         assert heard == quiet[1]
+
+
+def test_rows_that_nobody_publishes_are_counted_and_keep_no_tick_from_a_burst(
+    flown, instance, monkeypatch
+):
+    quiet = flown(4096)
+    monkeypatch.setattr(publisher_feed, "ROOM_BYTES", 1 << 14)
+    serve, bursts = burst.serve, []
+    monkeypatch.setattr(burst, "serve", lambda *a: bursts.append(serve(*a)) or bursts[-1])
+    counted = set()
+    for ticks in (1, 64, 4096):
+        listener = publisher_feed.listen(instance)  # and never reads
+        rows, heard, figures = flown(ticks)
+        listener.close()
+        counted.add(figures.unpublished)
+        told = column(PlantRow, rows, "timing.unpublished")
+        lost = np.maximum(np.arange(TICKS) - (TICKS - figures.unpublished), 0)
+        assert told.tolist() == lost.tolist()
+        told[:] = 0.0
+        assert rows.tobytes() == quiet[0].tobytes()
+        assert heard == quiet[1]
+    [unpublished] = counted
+    assert 0 < unpublished < TICKS
+    assert max(one.unpublished for one in bursts) > 1
