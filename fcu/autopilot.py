@@ -135,6 +135,7 @@ class Autopilot:
             array[:] = was
         self.codec.desk.sequence[0] = 0
         self.reporter.warm_up(row)
+        self._filter.warm_up()
         self.vehicle.warm_up()
         self.vehicle.state = measured
         self.ground.warm_up(row)

@@ -109,6 +109,8 @@ class Station:
         if view is not None:
             for stream in STREAMS.values():
                 stream.build(view)
+            if view.adapts:
+                self._see_wind(view)
         self._wind = Wind(self._identity.drag)
 
     # --- what the loop tells
@@ -155,8 +157,7 @@ class Station:
         if view is not None:
             if view.adapts and view.flying and now >= self._wind_due:
                 self._wind_due = now + WIND_S
-                estimates = view.state.estimates
-                self._wind.see(view.t, view.measured, estimates.s_v_hat, estimates.m_hat)
+                self._see_wind(view)
             self.streams.send(view, now)
             if self._home_told != self._vehicle.home_changed:
                 self._home_told = self._vehicle.home_changed
@@ -166,6 +167,10 @@ class Station:
                 self.streams.broadcast(*STREAMS[CURRENT_MODE].build(view))
         for port in self.ports:
             self._parameters.pace(port, now)
+
+    def _see_wind(self, view: View) -> None:
+        estimates = view.state.estimates
+        self._wind.see(view.t, view.measured, estimates.s_v_hat, estimates.m_hat)
 
     # --- what ground stations and scripts say
 

@@ -49,7 +49,8 @@ class FeasibilityCheck:
         """Compile what a look needs."""
         if not self._looks_ahead:
             return
-        Look(self._params.guard, self._params.law).short(way_to(at(STILL, 0.0)), np.zeros(6))
+        look = Look(self._params.guard, self._params.law)
+        lack_of(look, at(STILL, 0.0), 0.0, np.zeros(6))
 
     @property
     def _policy(self) -> float:

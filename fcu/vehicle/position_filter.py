@@ -142,6 +142,10 @@ class PositionFilter:
         self.buffer[_SEEN] = np.nan
         self.flown = self.buffer[_FLOWN]
 
+    def warm_up(self) -> None:
+        """Load what checks a state."""
+        admit(self.buffer.copy(), self.flown.copy(), 1.0, 0.0)
+
     @property
     def off(self) -> float:
         """How far (m) the position is off; 0: it is believed."""
