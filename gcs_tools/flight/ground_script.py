@@ -172,7 +172,7 @@ class Vehicle:
             self.messages(0.1)  # the rest of the reason
             raise VehicleError("; ".join(self._texts))
 
-    def set_parameter(self, name: str, value: float) -> None:
+    def set_parameter(self, name: str, value: float, tries: int = TRIES) -> None:
         """Set a parameter and await that it is told. Raises VehicleError, also if it is another."""
 
         def answer(message: GroundMessage) -> float | None:
@@ -180,7 +180,7 @@ class Vehicle:
             return message.value if mine else None  # type: ignore[union-attr]
 
         packed = self._codec.framed(requests.param_set(self._target, name, value))
-        told = self._ask(packed, answer, f"parameter {name}")
+        told = self._ask(packed, answer, f"parameter {name}", tries)
         if not math.isclose(told, value, rel_tol=1e-6):  # it is told as a float32
             raise VehicleError(f"parameter {name} is {told:g}, asked for {value:g}")
 

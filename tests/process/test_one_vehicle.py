@@ -69,7 +69,7 @@ def mode(main, sub=AutoMode.NONE):
 
 
 def parameter(name, value):
-    return lambda v: v.set_parameter(name, value)
+    return lambda v: v.set_parameter(name, value, tries=1)
 
 
 def streamed(first, last, *asked, every=100, who="script"):
@@ -80,7 +80,8 @@ def streamed(first, last, *asked, every=100, who="script"):
 LAND, DISARM, TAKEOFF = CommandId.LAND, CommandId.ARM_DISARM, CommandId.TAKEOFF
 OFFBOARD, LOITER = mode(MainMode.OFFBOARD), mode(MainMode.AUTO, AutoMode.LOITER)
 NAN = math.nan
-DEEP = (40, "script", parameter("MR_SP_BELOW", 100.0))  # home is where it was first seen: 3 m up
+DEEP = (40, "script", parameter("MR_SP_BELOW", 100.0))
+HIGH = streamed(50, 1000, fly_to(0.0, 0.0, 3.0))
 
 # name: (the tick at which it ends, [(tick, who, what)])
 SCRIPTS = {
@@ -104,12 +105,14 @@ SCRIPTS = {
         1000, [(100, "script", do(DISARM, 0.0)), (203, "script", do(DISARM, 0.0, FORCED))],
     ),
     "is terminated": (1000, [(150, "script", do(CommandId.FLIGHT_TERMINATION, 1.0))]),
-    "is led into the ground": (3000, [DEEP, *streamed(50, 3000, fly_to(0.5, 0.0, -2.0))]),
+    "is led into the ground": (
+        4000, [DEEP, *HIGH, *streamed(1000, 4000, fly_to(0.5, 0.0, -2.0))]
+    ),
     "is raised again before it lands": (
-        2500,
+        3000,
         [
-            DEEP, *streamed(50, 500, fly_to(0.5, 0.0, -2.0)),
-            *streamed(500, 2500, fly_to(0.0, 0.0, 3.0)),
+            DEEP, *HIGH, *streamed(1000, 1600, fly_to(0.5, 0.0, -9.0)),
+            *streamed(1600, 3000, fly_to(0.0, 0.0, 3.0)),
         ],
     ),
     "changes mode": (
@@ -141,8 +144,11 @@ SCRIPTS = {
         ],
     ),
     "flies by velocity": (
-        2500,
-        [*streamed(20, 600, fly_at(1.0, 0.5, 0.2), every=50), *streamed(600, 2300, fly_at(0.0, 0.0, -3.0))],
+        4000,
+        [
+            DEEP, *HIGH, *streamed(1000, 1600, fly_at(1.0, 0.5, 0.2), every=50),
+            *streamed(1600, 3800, fly_at(0.0, 0.0, -3.0)),
+        ],
     ),
     "lands, and takes off again": (
         5200,
@@ -159,8 +165,10 @@ SCRIPTS = {
 PACED = ("is refused", "has two who command", "is disarmed in the air")
 
 
-def scene(last):
-    """A hover in wind and noise, so long."""
+def scene(name):
+    """A hover in wind and noise, as long as a script; who goes HIGH knows the ground by standing on it."""
+    last, script = SCRIPTS[name]
+    air = {"position_m": [0.0, 0.0, 3.0]}
     return scenario(
         from_tables(
             "hover",
@@ -168,7 +176,7 @@ def scene(last):
                 "title": "A hover.",
                 "flight": {
                     "duration_s": last / RATE_HZ, "rate_hz": RATE_HZ, "ground_z_m": 0.0, "seed": 3,
-                    "start": {"position_m": [0.0, 0.0, 3.0]},
+                    "start": {"on_ground": True} if HIGH[0] in script else air,
                     "setpoints": [{"at_s": 0.0, "position_m": [0.0, 0.0, 3.0]}],
                 },
                 "plant": {"noise": {"position_m": 0.002, "rate_rad_s": 0.01}, "delay_s": 0.008},
@@ -235,15 +243,14 @@ def flown(tmp_path, instance):
     """`flown("lands", speed)`: rows, lines and answers; in memory without a speed."""
 
     def fly(name, *speed):
-        last, script = SCRIPTS[name]
         folder = tmp_path / f"{name} {speed}"
         folder.mkdir()
         ignored = (lambda rows: None,) * 2
         if speed:
-            flight = OverTheWire(scene(last), folder, instance, *speed, ignored, lambda t: None)
+            flight = OverTheWire(scene(name), folder, instance, *speed, ignored, lambda t: None)
         else:
-            flight = InMemory(scene(last), folder, ignored)
-        flight.script = script
+            flight = InMemory(scene(name), folder, ignored)
+        flight.script = SCRIPTS[name][1]
         found = flight.fly()
         return found.plant.tobytes(), found.fcu.tobytes(), said(folder), flight.answers
 
