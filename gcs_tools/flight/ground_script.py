@@ -108,10 +108,12 @@ class Vehicle:
         self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str,
         tries: int = TRIES,
     ) -> T:  # fmt: skip
-        for _ in range(tries):
+        for sent in range(tries):
             self._link.send(datagram)
             found = self._await(answer, ANSWER_S)
             if found is not None:
+                for _ in range(sent):  # what was asked twice must not take effect again, later
+                    self._await(answer, ANSWER_S)
                 return found
         silent = ANSWER_S * tries
         raise VehicleError(

@@ -37,7 +37,7 @@ class Program:
         self.out, self.err = folder / f"{module}.out", folder / f"{module}.err"
         with self.out.open("wb") as out, self.err.open("wb") as err:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", module, *map(str, arguments)],
+                [sys.executable, "-X", "faulthandler", "-m", module, *map(str, arguments)],
                 cwd=folder, stdin=subprocess.DEVNULL, **{"stdout": out, "stderr": err, **options},
             )  # fmt: skip
 
@@ -96,8 +96,13 @@ class Program:
         self.process.send_signal(number)
 
     def wait(self) -> int:
-        """Its exit code, when it has ended."""
-        return self.process.wait(PATIENCE_S)
+        """Its exit code, when it has ended; of one that hangs, what it said and where it is."""
+        try:
+            return self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.signal(signal.SIGABRT)  # its threads tell where they are, see faulthandler
+            self.process.wait()
+            raise AssertionError(f"{self.process.args} hangs:\n{self.text()}") from None
 
     def interrupted(self) -> int:
         """Its exit code after a Ctrl-C."""

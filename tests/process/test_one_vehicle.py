@@ -10,6 +10,7 @@ import math
 import os
 import subprocess
 import sys
+from collections import deque
 from contextlib import ExitStack
 from enum import IntEnum
 
@@ -19,11 +20,13 @@ from fcu.interface.link import UdpLink
 from fcu.interface.messages import Setpoint
 from fcu.interface.ports import ports
 from fcu.kernel.algebra import Vec3
-from fcu.mavlink import setpoints
-from fcu.mavlink.definitions import IGNORE_POSITION, CommandId
+from fcu.mavlink import replies, setpoints
+from fcu.mavlink.definitions import IGNORE_POSITION, CommandId, Result
 from fcu.mavlink.framing import Source
+from fcu.mavlink.ground_link import GroundCodec
 from fcu.mavlink.px4_modes import AutoMode, MainMode
-from gcs_tools.flight.ground_script import Vehicle, VehicleError
+from gcs_tools.flight import ground_script
+from gcs_tools.flight.ground_script import ME, Vehicle, VehicleError
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.wire_flight import WireFlight
@@ -111,8 +114,8 @@ SCRIPTS = {
     "is raised again before it lands": (
         3000,
         [
-            DEEP, *HIGH, *streamed(1000, 1600, fly_to(0.5, 0.0, -9.0)),
-            *streamed(1600, 3000, fly_to(0.0, 0.0, 3.0)),
+            DEEP, *HIGH, *streamed(1000, 1850, fly_to(0.5, 0.0, -9.0)),
+            *streamed(1850, 3000, fly_to(0.0, 0.0, 3.0)),
         ],
     ),
     "changes mode": (
@@ -315,3 +318,30 @@ def busy_neighbours():
 def test_and_on_a_busy_machine(flown, busy_neighbours):
     name = "has two who command"
     assert flown(name, None) == flown(name)
+
+
+class SlowLink:
+    """A vehicle that acknowledges nothing before it was asked twice, and then both."""
+
+    def __init__(self):
+        self.codec, self.asked, self.inbox = GroundCodec(1, 1), 0, deque()
+
+    def send(self, datagram):
+        self.asked += 1
+        ack = replies.command_ack(CommandId.LAND, Result.ACCEPTED, ME)
+        self.inbox.append(self.codec.framed(ack))
+
+    def wait(self, timeout_s):
+        return self.asked > 1
+
+    def receive(self):
+        return self.inbox.popleft() if self.asked > 1 and self.inbox else None
+
+
+def test_who_has_asked_twice_awaits_both_answers(monkeypatch):
+    """Or the second would take effect when time has gone on."""
+    monkeypatch.setattr(ground_script, "ANSWER_S", 0.01)
+    link = SlowLink()
+    Vehicle(0, link).command(CommandId.LAND)
+    assert link.asked == 2
+    assert not link.inbox
