@@ -283,7 +283,7 @@ class MemoryLink:
 
     def wait(self, timeout_s: float) -> bool:
         """Whether there is something to receive; if not, a moment has passed."""
-        if not self._socket.inbox:
+        if not self._socket.inbox and timeout_s > 0.0:
             time.sleep(min(timeout_s, _MEMORY_MOMENT_S))
         return bool(self._socket.inbox)
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from fcu import burst
-from fcu.burst import Course
+from fcu.burst import Course, Flight
 from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of
 from fcu.laws.face import TAKE_OVER
 from fcu.mavlink.plant_link import LONGEST, PlantCodec
@@ -37,33 +38,41 @@ _WAKE = column_of(Watch, "wake_us")
 _TRUTH = size(PlantRecord)
 
 
+def flight(scene: Scenario) -> tuple[Flight, Pointer]:
+    """The law, armed and about to take over at time 0, with the first setpoint. Raises LawError."""
+    ticks = scene.flown.ticks
+    with scene.flown.compiling():
+        pointer = ticks.compiled()
+    watch = np.zeros(size(Watch))
+    watch[_WAKE] = np.inf  # nothing is looked for
+    alone = burst.flight(
+        PlantCodec(SYSTEM), to_buffer(scene.settings), scene.law.h, size(ticks.Remembered),
+        np.zeros(size(Filtered)), watch,
+    )  # fmt: skip
+    alone.course[_ARMED], alone.course[_ENGAGED] = 1.0, TAKE_OVER
+    alone.course[_TIME] = -scene.period_us  # the tick that comes next is that at 0
+    alone.setpoint[:] = scene.setpoints[0]
+    return alone, pointer
+
+
 def fly(scene: Scenario) -> tuple[Rows, Rows]:
     """Plant rows (n, size(PlantRecord)) and rows of the law's Tick of a whole flight.
 
     One that ends early has one of these fewer. Raises LawError.
     """
-    ticks, law = scene.flown.ticks, scene.flown
-    with law.compiling():
-        pointer = ticks.compiled()
+    ticks = scene.flown.ticks
+    alone, pointer = flight(scene)
     simulator = Simulator(scene.world, SYSTEM)
-    watch = np.zeros(size(Watch))
-    watch[_WAKE] = np.inf  # nothing is looked for
-    flight = burst.flight(
-        PlantCodec(SYSTEM), to_buffer(scene.settings), scene.law.h, size(ticks.Remembered),
-        np.zeros(size(Filtered)), watch,
-    )  # fmt: skip
-    flight.course[_ARMED], flight.course[_ENGAGED] = 1.0, TAKE_OVER
-    flight.course[_TIME] = -scene.period_us  # the tick that comes next is that at 0
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
     datagram = np.zeros(LONGEST, dtype=np.uint8)
     begins = [*scene.sent_at.tolist(), scene.ticks]
     for setpoint, (k, until) in zip(scene.setpoints, pairwise(begins), strict=True):
-        flight.setpoint[:], flight.course[_SINCE] = setpoint, k * scene.period_us
+        alone.setpoint[:], alone.course[_SINCE] = setpoint, k * scene.period_us
         while k < until:
             simulator.draw_noise()
             flown, why, _ = together(
-                flight, pointer, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
+                alone, pointer, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
                 -1,
             )  # fmt: skip
             k += flown

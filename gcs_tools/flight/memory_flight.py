@@ -45,7 +45,10 @@ INSTANCE = 0  # whose port numbers and MAVLink identity it has; no port of the s
 
 
 class MemoryFlight(ScriptedFlight):
-    """Flight controller and simulator of one flight, and what they have flown so far."""
+    """Flight controller and simulator of one flight, and what they have flown so far.
+
+    Telemetry is sent while a script waits for it: under way there is nobody to read it.
+    """
 
     def __init__(
         self, scene: Scenario, folder: Path | None, on_rows: tuple[Take, Take],
@@ -177,7 +180,8 @@ class MemoryFlight(ScriptedFlight):
             self._decide(left_over, why == FILTERED, now)
         elif why in BEGUN:
             raise InfrastructureError(f"the simulator could not read an answer: fault {left_over}")
-        autopilot.idle(now)
+        if autopilot.ground.is_pending:
+            autopilot.idle(now)
 
     def _call(self, plant_rows: Rows, fcu_rows: Rows, decided_us: int = -1) -> tuple[int, int, int]:
         flown: tuple[int, int, int] = together(
