@@ -90,7 +90,8 @@ class Autopilot:
         self._settings = params.settings
         self._flown: Setpoint | None = None
         self._filter = PositionFilter()
-        self.law_tick: Pointer | None = None  # of the law, once it is compiled
+        self._compiled: Pointer | None = None  # the law, once it is
+        self.law_at = 0  # its address
         self._jumps = 0
         self._stood_at_us, self._stands_since_s = (
             -2,
@@ -118,7 +119,7 @@ class Autopilot:
 
         Who flies bursts puts their own kernel in the place of this, which holds the law already.
         """
-        tick(self.flight, self.law_tick, self._datagram, 0, row, time_us)
+        tick(self.flight, self.law_at, self._datagram, 0, row, time_us)
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
@@ -127,7 +128,8 @@ class Autopilot:
         measured[column_of(VehicleState, "q_EB.w")] = 1.0
         before = [array.copy() for array in (self._course, flown.remembered, measured)]
         with self._law.compiling():
-            self.law_tick = self._law.ticks.compiled()
+            self._compiled = self._law.ticks.compiled()
+            self.law_at = self._compiled.address
             for engaged in (IDLE, TAKE_OVER, FLYING):
                 self._course[_ENGAGED] = engaged
                 self.fly_decided(0, row)
@@ -212,7 +214,7 @@ class Autopilot:
         self._datagram[:length] = np.frombuffer(datagram, dtype=np.uint8, count=length)
         self.prepare()
         row = self.reporter.tape.row()
-        answered = tick(self.flight, self.law_tick, self._datagram, length, row, -1)
+        answered = tick(self.flight, self.law_at, self._datagram, length, row, -1)
         if answered > 0:
             return self._answered(row, started)
         return self.decide(datagram, answered == NOT_QUIET_FILTERED, wall_s)

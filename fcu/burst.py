@@ -16,7 +16,7 @@ from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel import system
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.kernel.pointers import address_of
+from fcu.kernel.pointers import address_of, call_law
 from fcu.kernel.rows import slice_of
 from fcu.laws.face import FLYING, IDLE, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
@@ -108,7 +108,7 @@ _put_answer_bytes = packer(Course, "answer_bytes")
 def tick(flight, law, datagram, length, row, decided_us):
     """One whole tick, if it is a quiet one: the length of its answer, which is in `flight`.
 
-    law : `fcu.tick.compiled()` of the law that is flown.  datagram : uint8[n], of which `length` bytes
+    law : address of `fcu.tick.compiled()` of the law that is flown.  datagram : uint8[n], of which `length` bytes
     were received.  row : float64[size(Tick) or more].
     NOT_QUIET: nothing was done.  NOT_QUIET_FILTERED: the state was read and let through; Python
     goes on with a look at it.  decided_us : the time of a tick for which Python has done all that,
@@ -135,10 +135,13 @@ def tick(flight, law, datagram, length, row, decided_us):
         age = (time_us - course.since_us) * 1e-6
         if not quiet_look(flight.watch, flight.measured, flight.setpoint, age, np.float64(time_us)):
             return NOT_QUIET_FILTERED
-    law(
-        time_us * 1e-6, course.engaged, (time_us - course.since_us) * 1e-6,
-        address_of(flight.remembered), address_of(flight.settings), address_of(flight.setpoint),
-        address_of(flight.measured), address_of(row),
+    call_law(
+        law,
+        (
+            time_us * 1e-6, course.engaged, (time_us - course.since_us) * 1e-6,
+            address_of(flight.remembered), address_of(flight.settings),
+            address_of(flight.setpoint), address_of(flight.measured), address_of(row),
+        ),
     )  # fmt: skip
     _put_time(flight.course, np.float64(time_us))
     _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)

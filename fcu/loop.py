@@ -138,7 +138,7 @@ class Loop:
         rows = self._reporter.tape.free()[: 1 if one else self._most]
         times = self._times[: len(rows)]
         wire.due[0] = autopilot.due_s
-        flown, why, length = serve(autopilot.flight, autopilot.law_tick, wire, rows, times, -1)
+        flown, why, length = serve(autopilot.flight, autopilot.law_at, wire, rows, times, -1)
         if why == BUSY:  # the last answer has not gone out
             self._plant.send(autopilot.answer)
         if flown:
@@ -159,7 +159,7 @@ class Loop:
 
     def _fly_decided(self, time_us: int, row: Row) -> None:
         autopilot = self._autopilot
-        serve(autopilot.flight, autopilot.law_tick, self._wire, row[None], self._times[:1], time_us)
+        serve(autopilot.flight, autopilot.law_at, self._wire, row[None], self._times[:1], time_us)
 
     def _decide(self, datagram: bytes, filtered: bool | None) -> None:
         """One datagram; `filtered`: as a burst has left it; None: no burst has seen it."""

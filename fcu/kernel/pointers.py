@@ -12,16 +12,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import carray, types
-from numba.core.types import WrapperAddressProtocol
-from numba.experimental import function_type as _registered  # noqa: F401  # by which numba knows it
 from numba.extending import intrinsic
 
 from fcu.kernel.compile import kernel
 
 
-class Pointer(WrapperAddressProtocol):
-    """The address of a compiled kernel, and how it is called."""
+class Pointer:
+    """Where a compiled kernel is in memory: `address`, valid as long as this is kept."""
 
     def __init__(self, function: Any, signature: Any) -> None:
         """Compiles `function`, or loads it. `signature`: of numba, `None` and numbers."""
@@ -29,15 +28,7 @@ class Pointer(WrapperAddressProtocol):
         compiled = function.overloads[signature.args]
         name = compiled.fndesc.llvm_cfunc_wrapper_name
         self._kept = compiled  # with its machine code
-        self._signature = signature
-        self._address: int = compiled.library.get_pointer_to_function(name)
-
-    def __wrapper_address__(self) -> int:
-        return self._address
-
-    def signature(self) -> Any:
-        """As numba asks for it."""
-        return self._signature
+        self.address: int = compiled.library.get_pointer_to_function(name)
 
 
 @intrinsic
@@ -64,3 +55,22 @@ LAW_CALL = types.none(*[types.float64] * 3, *[types.intp] * 5)
 def address_of(array):
     """The address of the first element of an array."""
     return np.intp(array.ctypes.data)
+
+
+@intrinsic
+def call_law(_typing: Any, address: Any, arguments: Any) -> Any:
+    """Call what is at an address with a tuple of LAW_CALL's arguments.
+
+    An address is an integer to numba: a function as an argument would cost each call as much as
+    fifty ticks.
+    """
+
+    def generate(context: Any, builder: Any, _signature: Any, given: Any) -> Any:
+        kinds = [context.get_value_type(kind) for kind in LAW_CALL.args]
+        kind = ir.FunctionType(context.get_value_type(types.none), kinds)
+        function = builder.inttoptr(given[0], kind.as_pointer())
+        taken = [builder.extract_value(given[1], i) for i in range(len(kinds))]
+        builder.call(function, taken)
+        return context.get_dummy_value()
+
+    return types.none(types.intp, types.Tuple(LAW_CALL.args)), generate

@@ -24,7 +24,8 @@ from fcu.kernel.algebra import Vec3, dot, hypot, maximum, norm, select
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of
-from fcu.vehicle.plans import STILL, Pose, stop
+from fcu.laws.mmrac.reference_model import carried
+from fcu.vehicle.plans import STILL, PlanLimits, Pose, pose_of, stop
 from fcu.vehicle.setpoints import ATTITUDE, POSITION
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -213,6 +214,22 @@ def approach(was, asked, pose, ground, limits):
         return Approach.DOWN if low else Approach.AS_ASKED
     slow = hypot(pose.v_E.x, pose.v_E.y) < SLOW
     return Approach.DOWN if low and slow and _over(asked, pose) else Approach.RAISED
+
+
+_unpack_asked, _unpack_state = unpacker(Setpoint), unpacker(VehicleState)
+_unpack_limits = unpacker(PlanLimits)
+
+
+@kernel
+def approach_at(was, asked, age, state, ground, limits):
+    """`approach`, for Python: of a setpoint, `age` seconds after it took effect, from its buffer.
+
+    asked : float64[size(Setpoint)].  state : float64[size(VehicleState)].
+    limits : float64[size(PlanLimits)].
+    """
+    now = carried(_unpack_asked(asked), age)
+    pose = pose_of(_unpack_state(state))
+    return approach(was, now, pose, ground, _unpack_limits(limits))
 
 
 @kernel

@@ -10,15 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fcu.interface.messages import Setpoint
+import numpy as np
+
+from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3, hypot, maximum, minimum, norm, select, select3
+from fcu.kernel.buffers import from_buffer, packer, size, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
 
 STILL = Vec3(0.0, 0.0, 0.0)
 SLOW = 0.05  # m/s under which there is nothing to brake
@@ -80,6 +85,21 @@ class Stop(NamedTuple):
 def pose_of(measured):
     """The Pose of a VehicleState."""
     return Pose(r_E=measured.r_E, v_E=measured.v_E, psi=euler(matrix(measured.q_EB)).z)
+
+
+_unpack_state, _pack_pose = unpacker(VehicleState), packer(Pose)
+
+
+@kernel
+def _pose_at(state, pose):
+    _pack_pose(pose, pose_of(_unpack_state(state)))
+
+
+def pose_at(state: Row) -> Pose:
+    """The Pose of a VehicleState's buffer: for Python, as a value handed to a kernel costs far more."""
+    pose = np.empty(size(Pose))
+    _pose_at(state, pose)
+    return from_buffer(Pose, pose)
 
 
 @kernel

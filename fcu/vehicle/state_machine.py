@@ -115,10 +115,8 @@ class StateMachine:
 
     def pose(self) -> Pose:
         """Where the vehicle is."""
-        m = self.measured
-        assert m is not None
-        pose: Pose = plans.pose_of(m)
-        return pose
+        assert self.state is not None
+        return plans.pose_at(self.state)
 
     @property
     def reference(self) -> Row:
@@ -536,16 +534,18 @@ class StateMachine:
         asked, since_us, was = self.script.setpoint, self.script.since_us, self._approach
         if asked is None:
             return False
-        here, ground = self.pose(), self._landed.ground
-        now: Setpoint = carried(asked, (t_us - since_us) * 1e-6)
-        self._approach = landing.approach(was, now, here, ground, self._limits())
+        age, ground = (t_us - since_us) * 1e-6, self._landed.ground
+        self._approach = landing.approach_at(
+            int(was), to_buffer(asked), age, self.state, ground, to_buffer(self._limits())
+        )
         if self._approach is not Approach.DOWN:
             raised = self._approach is Approach.RAISED
-            self.leader.take(landing.raised(asked, here, ground) if raised else asked, since_us)
+            flown = landing.raised(asked, self.pose(), ground) if raised else asked
+            self.leader.take(flown, since_us)
             if was is Approach.DOWN:
                 self._touchdown.reset()
         elif was is not Approach.DOWN:
-            self._land_from(landing.landing_from(now, here, ground), t_us)
+            self._land_from(landing.landing_from(carried(asked, age), self.pose(), ground), t_us)
             return True
         return False
 

@@ -13,18 +13,17 @@ import numpy as np
 
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import minimum
-from fcu.kernel.buffers import from_buffer, packer, size, unpacker
+from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import carried
 from fcu.vehicle import landing
 from fcu.vehicle.landing import (
-    Approach,
     LandedDetector,
     LandedState,
     TouchdownDetector,
     TouchdownState,
 )
-from fcu.vehicle.plans import STILL, PlanLimits, at, pose_of, stop
+from fcu.vehicle.plans import STILL, PlanLimits, at, pose_at, pose_of, stop
 
 LOOK_US = 20_000  # between looks at whether it has landed, and at the timers of arming
 
@@ -108,10 +107,10 @@ def quiet_look(watch_buffer, state, setpoint, age, t_us):
 def warm_up(limits: PlanLimits) -> None:
     """Compile what looks call one by one; what flies in bursts compiles `quiet_look` in itself."""
     measured, asked = np.zeros(size(VehicleState)), at(STILL, 0.0)
-    pose = pose_of(from_buffer(VehicleState, measured))
+    pose = pose_at(measured)
     LandedDetector(1.0, 1.0).see(measured, 0)
     TouchdownDetector().see(asked, pose, 0.0, 0)
-    landing.approach(Approach.AS_ASKED, asked, pose, 0.0, limits)
+    landing.approach_at(0, to_buffer(asked), 0.0, measured, 0.0, to_buffer(limits))
     landing.raised(asked, pose, 0.0)
     landing.landing_from(asked, pose, 0.0)
     stop(STILL, STILL, limits)

@@ -61,7 +61,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     One that ends early has one of these fewer. Raises LawError.
     """
     ticks = scene.flown.ticks
-    alone, pointer = flight(scene)
+    alone, law = flight(scene)
     simulator = Simulator(scene.world, SYSTEM)
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
@@ -72,7 +72,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
         while k < until:
             simulator.draw_noise()
             flown, why, _ = together(
-                alone, pointer, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
+                alone, law.address, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
                 -1,
             )  # fmt: skip
             k += flown

@@ -185,7 +185,7 @@ class MemoryFlight(ScriptedFlight):
 
     def _call(self, plant_rows: Rows, fcu_rows: Rows, decided_us: int = -1) -> tuple[int, int, int]:
         flown: tuple[int, int, int] = together(
-            self._autopilot.flight, self._autopilot.law_tick, self._simulator.plant,
+            self._autopilot.flight, self._autopilot.law_at, self._simulator.plant,
             self._datagram, plant_rows, fcu_rows, decided_us,
         )  # fmt: skip
         return flown

@@ -27,6 +27,7 @@ from gcs_tools.flight.forking import Forked, can_fork, fork_program
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
 COMPILED_S = 600.0  # wall: for one that works all the time
+HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
 STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
 STOPPED_S = 10.0  # wall: and one that works all the time
 LOOK_S = 0.05  # wall: between two looks whether it works
@@ -246,6 +247,8 @@ class Collector(threading.Thread):
         self.error: Exception | None = None
         self._changed = threading.Condition()
         self._done: Callable[[], bool] = lambda: False
+        self._unhurried = threading.Event()  # nobody holds time: there is time to record
+        self._unhurried.set()
 
     def run(self) -> None:
         """Until every pipe is closed at its other end."""
@@ -261,6 +264,7 @@ class Collector(threading.Thread):
 
     def finish(self, timeout_s: float) -> None:
         """Take what processes that have ended have still handed over."""
+        self.go_on()
         if self.ident is None:
             self.start()
         self.join(timeout_s)
@@ -269,6 +273,7 @@ class Collector(threading.Thread):
         """Wake whoever waits, but only for what is waited for."""
         with self._changed:
             if self._done():
+                self._unhurried.clear()
                 self._changed.notify_all()
 
     def _take(self, fd: int, data: bytes) -> None:
@@ -280,16 +285,28 @@ class Collector(threading.Thread):
         if n and self.error is None:
             kept.append(rows)
             self._tell()
+            self._unhurried.wait(HURRY_S)
             try:
                 record(rows)
             except Exception as error:  # reported by whoever waits for rows
                 self.error = error
 
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Until `done()`, at most the time; it is asked again whenever rows have come."""
+        """Until `done()`, at most the time; it is asked again whenever rows have come.
+
+        Simulation time may stand until the caller waits again: so long nothing is recorded, which
+        would keep it from its work.
+        """
+        self._unhurried.set()
         with self._changed:
             self._done = lambda: done() or self.error is not None
-            return self._changed.wait_for(self._done, timeout_s)
+            came = self._changed.wait_for(self._done, timeout_s)
+            self._done = lambda: False
+        return came
+
+    def go_on(self) -> None:
+        """Nobody waits for rows any more, and time does not stand."""
+        self._unhurried.set()
 
 
 @contextmanager

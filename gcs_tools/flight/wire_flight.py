@@ -62,6 +62,7 @@ class WireFlight(ScriptedFlight):
                 first = time.monotonic()
                 arrived = self._send_setpoints(vehicle)
                 wall = time.monotonic() - first
+                self._collector.go_on()
                 said = self._pair.stop()
                 if problem := said.get("publisher", {}).get("problem"):
                     self._note(f"diagnostics: {problem}")

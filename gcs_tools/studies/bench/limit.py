@@ -101,7 +101,7 @@ def _loop(scene: Scenario) -> tuple[Half, Half]:
                 return flown
 
     def answer(fd: int, ticks: int) -> int:
-        done: int = law_side(flight, law, fd, state, controller_row, ticks)
+        done: int = law_side(flight, law.address, fd, state, controller_row, ticks)
         return done
 
     return plant, answer
