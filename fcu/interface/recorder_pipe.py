@@ -76,7 +76,7 @@ class RecorderPipe(Tape):
     def _write(self, batch: Row) -> None:
         if self._fd is None:
             return
-        data, rows = batch.tobytes(), len(batch)
+        data, rows = memoryview(batch).cast("B"), len(batch)
         if self._left:  # the tail of a batch that half fitted: rows must stay whole
             try:
                 self._left = self._left[os.write(self._fd, self._left) :]
@@ -85,15 +85,15 @@ class RecorderPipe(Tape):
             if self._left:
                 self.dropped += rows
                 return
-        view = memoryview(data)
-        while view:
+        left = data
+        while left:
             try:
-                view = view[os.write(self._fd, view) :]
+                left = left[os.write(self._fd, left) :]
             except BlockingIOError:
-                if len(view) == len(data):
+                if len(left) == len(data):
                     self.dropped += rows
                 else:
-                    self._left = bytes(view)
+                    self._left = bytes(left)
                 return
 
 

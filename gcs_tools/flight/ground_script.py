@@ -86,6 +86,9 @@ class Vehicle:
         """What arrives within the time: as soon as there is anything, all that is there."""
         self.on_wait()
         self._link.wait(timeout_s)
+        return self._hear()
+
+    def _hear(self) -> list[GroundMessage]:
         heard: list[GroundMessage] = []
         while (datagram := self._link.receive()) is not None:
             heard += self._codec.parse(datagram)
@@ -101,7 +104,7 @@ class Vehicle:
 
     def _forget(self) -> None:
         """What was said so far is no answer to what is asked next."""
-        self.messages(0.0)
+        self._hear()
         self._texts.clear()
 
     def _ask(

@@ -28,6 +28,9 @@ PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a 
 READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
 COMPILED_S = 600.0  # wall: for one that works all the time
 HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
+BEHIND = 32  # batches that may wait to be recorded
+AT_A_TIME = 64  # rows that are recorded without looking whether somebody is in a hurry
+TURN_S = 1e-4  # wall: how long a thread of the runner keeps another from running
 STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
 STOPPED_S = 10.0  # wall: and one that works all the time
 LOOK_S = 0.05  # wall: between two looks whether it works
@@ -207,8 +210,8 @@ def stop_all(children: Sequence[Child]) -> dict[str, dict[str, Any]]:
 
 
 @contextmanager
-def one_core(core: int, children: Sequence[Child], recorder: threading.Thread) -> Iterator[None]:
-    """The children and the calling thread on one core, the recorder on the others; where it can be.
+def one_core(core: int, children: Sequence[Child], collector: Collector) -> Iterator[None]:
+    """The children and the calling thread on one core, the collector on the others; where it can be.
 
     Those who take turns wake one another without crossing cores, which costs far more than a
     turn. Children stay where they are put.
@@ -218,21 +221,23 @@ def one_core(core: int, children: Sequence[Child], recorder: threading.Thread) -
         return
     allowed = os.sched_getaffinity(0)
     with suppress(OSError):
+        collector.keep_off(core)
         for task in (0, *[child.process.pid for child in children]):
             os.sched_setaffinity(task, {core})
-        if recorder.native_id is not None and allowed - {core}:
-            os.sched_setaffinity(recorder.native_id, allowed - {core})
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(TURN_S)  # whoever was waited for must not wait for who records
     try:
         yield
     finally:
+        sys.setswitchinterval(interval)
         os.sched_setaffinity(0, allowed)
 
 
 class Collector(threading.Thread):
     """Takes the rows of both processes from their pipes and hands them on as arrays.
 
-    It reads no faster than it hands on, and the pipes make the processes wait for it: in
-    lockstep nothing is lost.
+    A second thread records them. It may fall behind by so many batches; then none are taken, and the
+    pipes make the processes wait: in lockstep nothing is lost.
     """
 
     def __init__(self, sources: dict[int, tuple[int, list[Rows], Take]]) -> None:
@@ -249,9 +254,11 @@ class Collector(threading.Thread):
         self._done: Callable[[], bool] = lambda: False
         self._unhurried = threading.Event()  # nobody holds time: there is time to record
         self._unhurried.set()
+        self._to_record: queue.Queue[tuple[Take, Rows] | None] = queue.Queue(BEHIND)
+        self._recorder = threading.Thread(target=self._record, daemon=True, name="recorder")
 
     def run(self) -> None:
-        """Until every pipe is closed at its other end."""
+        """Until every pipe is closed at its other end, and all is recorded."""
         while open_fds := self._sources.keys() - self.ended:
             for fd in select.select(open_fds, (), ())[0]:
                 data = os.read(fd, 1 << 20)
@@ -261,6 +268,13 @@ class Collector(threading.Thread):
                 else:
                     self._take(fd, data)
             self._tell()
+        self._to_record.put(None)
+        self._recorder.join()
+
+    def start(self) -> None:
+        """Begin, with a thread that records."""
+        self._recorder.start()
+        super().start()
 
     def finish(self, timeout_s: float) -> None:
         """Take what processes that have ended have still handed over."""
@@ -268,6 +282,13 @@ class Collector(threading.Thread):
         if self.ident is None:
             self.start()
         self.join(timeout_s)
+
+    def keep_off(self, core: int) -> None:
+        """Leave a core to others, where there is another."""
+        others = os.sched_getaffinity(0) - {core}
+        for thread in (self, self._recorder):
+            if thread.native_id is not None and others:
+                os.sched_setaffinity(thread.native_id, others)
 
     def _tell(self) -> None:
         """Wake whoever waits, but only for what is waited for."""
@@ -285,11 +306,20 @@ class Collector(threading.Thread):
         if n and self.error is None:
             kept.append(rows)
             self._tell()
-            self._unhurried.wait(HURRY_S)
-            try:
-                record(rows)
-            except Exception as error:  # reported by whoever waits for rows
-                self.error = error
+            self._to_record.put((record, rows))
+
+    def _record(self) -> None:
+        while (job := self._to_record.get()) is not None:
+            record, rows = job
+            for i in range(0, len(rows), AT_A_TIME):
+                self._unhurried.wait(HURRY_S)
+                if self.error is not None:
+                    break
+                try:
+                    record(rows[i : i + AT_A_TIME])
+                except Exception as error:  # reported by whoever waits for rows
+                    self.error = error
+                    self._tell()
 
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
         """Until `done()`, at most the time; it is asked again whenever rows have come.
