@@ -76,7 +76,7 @@ class RecorderPipe(Tape):
     def _write(self, batch: Row) -> None:
         if self._fd is None:
             return
-        data, rows = memoryview(batch).cast("B"), len(batch)
+        data, rows = batch.data.cast("B"), len(batch)
         if self._left:  # the tail of a batch that half fitted: rows must stay whole
             try:
                 self._left = self._left[os.write(self._fd, self._left) :]

@@ -30,6 +30,7 @@ COMPILED_S = 600.0  # wall: for one that works all the time
 HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
 BEHIND = 32  # batches that may wait to be recorded
 AT_A_TIME = 64  # rows that are recorded without looking whether somebody is in a hurry
+AFTER_OTHERS = 5  # nice value of who records
 TURN_S = 1e-4  # wall: how long a thread of the runner keeps another from running
 STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
 STOPPED_S = 10.0  # wall: and one that works all the time
@@ -284,11 +285,10 @@ class Collector(threading.Thread):
         self.join(timeout_s)
 
     def keep_off(self, core: int) -> None:
-        """Leave a core to others, where there is another."""
+        """Record on other cores, where there are any; rows are taken wherever there is room."""
         others = os.sched_getaffinity(0) - {core}
-        for thread in (self, self._recorder):
-            if thread.native_id is not None and others:
-                os.sched_setaffinity(thread.native_id, others)
+        if self._recorder.native_id is not None and others:
+            os.sched_setaffinity(self._recorder.native_id, others)
 
     def _tell(self) -> None:
         """Wake whoever waits, but only for what is waited for."""
@@ -309,6 +309,10 @@ class Collector(threading.Thread):
             self._to_record.put((record, rows))
 
     def _record(self) -> None:
+        if (
+            sys.platform == "linux"
+        ):  # where a thread has a priority of its own: the flight goes before
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), AFTER_OTHERS)
         while (job := self._to_record.get()) is not None:
             record, rows = job
             for i in range(0, len(rows), AT_A_TIME):
