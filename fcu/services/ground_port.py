@@ -56,6 +56,7 @@ class Link:
         self.address = address
         self.codec = codec
         self.hears_telemetry = False
+        self.is_greeted = False
         self.has_rates = False
         self.streams: dict[int, list[float]] = {}  # message id: interval, next due (s)
         self.list_at: int | None = None  # the next parameter of a list that is being sent

@@ -21,6 +21,7 @@ from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
 from fcu.mavlink.requests import Command, ManualControl, NotTaken, SetMode
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
+from fcu.mavlink.telemetry import Heartbeat
 from fcu.parameters import Parameters
 from fcu.services import status
 from fcu.services.command_protocol import CommandProtocol, Commands, Request, Verdict
@@ -191,6 +192,9 @@ class Station:
                 self._protocol.explain(verdict, now)
             elif isinstance(message, ManualControl):
                 self._offboard.sticks(message, t_us)
+            elif isinstance(message, Heartbeat) and not link.is_greeted:
+                link.is_greeted = True
+                self.streams.greet(port, link)
             elif isinstance(message, NotTaken):
                 self._offboard.complain(Told(NOT_TAKEN[message.name], (message.name,)), now)
             else:

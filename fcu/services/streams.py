@@ -490,6 +490,10 @@ class Streams:
         for port in self._ports:
             port.broadcast(packed)
 
+    def greet(self, port: GroundPort, link: Link) -> None:
+        """A heartbeat to one who has just shown up, and would wait for the next one else."""
+        port.send(link, heartbeat(self._vehicle, self._kind, self._autopilot))
+
     @property
     def due_s(self) -> float:
         """Wall, monotonic, s: when it is time to look at the streams."""
