@@ -26,7 +26,9 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 @arguments.LAW
 @arguments.SETTINGS
 @click.option(
-    "--in-process", is_flag=True, help="Fly law and simulator in one process, without MAVLink."
+    "--in-process",
+    is_flag=True,
+    help="Fly flight controller and simulator in one process, without sockets: the same flight.",
 )
 @arguments.as_json("Print the results as JSON.")
 @click.option("--publish/--no-publish", default=None, help="Publish every tick on Zenoh; default: only if --speed is not max.")  # fmt: skip
