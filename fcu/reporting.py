@@ -32,6 +32,7 @@ _SEQUENCE, _PUBLISHED, _CYCLE, _CYCLE_MAX, _LOAD = (
     for name in ("sequence", "published", "cycle", "cycle_max", "load")
 )
 _COUNTED = slice(_LOAD + 1, size(Report))  # resent, refused, unrecorded, unpublished
+_UNPUBLISHED = _COUNTED.stop - 1
 _WIND_FIRST = _WIND.start
 
 
@@ -113,7 +114,7 @@ class Reporter:
         report[_OFF] = off
         report[_PUBLISHED] = time.time() - time.monotonic()
         self._complete(rows, times, report)
-        self.feed.send_rows(rows)
+        self.feed.send_rows(rows, self._at + _UNPUBLISHED)
         self.tape.done(len(rows))
 
     def idle(self, t: float, settings: Any, now: float) -> None:

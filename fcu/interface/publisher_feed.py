@@ -26,7 +26,9 @@ import numpy as np
 
 from fcu.interface.link import PortBusy
 
-LOOK_S = 0.5  # wall: between two looks for a publisher
+LOOK_S = (
+    0.1  # wall: between two looks for a publisher, who waits so long for us: `publisher.KNOCK_S`
+)
 ROOM_BYTES = 1 << 20  # asked of the system for datagrams on their way; it grants twice that
 FOR_WORDS = 8  # one part of so many is kept for what is said: it goes through when rows do not
 GREATEST_BYTES = 1 << 16  # of one datagram
@@ -122,10 +124,11 @@ class PublisherFeed:
         except OSError:
             self._lose()
 
-    def send_rows(self, rows: np.ndarray[Any, Any]) -> None:
-        """Hand on many, (n, width)."""
+    def send_rows(self, rows: np.ndarray[Any, Any], dropped_at: int) -> None:
+        """Hand on many, (n, width); each tells in a column how many were dropped before it."""
         if self._socket is not None:
             for row in rows:
+                row[dropped_at] = self.dropped
                 self.send(row)
 
     def missed(self, rows: int, last: np.ndarray[Any, Any] | None) -> None:

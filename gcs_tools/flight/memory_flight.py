@@ -7,9 +7,11 @@ wall clock.
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -66,6 +68,7 @@ class MemoryFlight(ScriptedFlight):
         self._times = np.zeros((BATCH, TIMES))
         self._no_row = np.zeros((1, WIDTH))
         self._failed = False  # whoever takes rows
+        self._look: Callable[[], None] = lambda: None  # raises what has interrupted us
         self._has_ended = False
 
     def fly(self) -> Flown:
@@ -73,6 +76,7 @@ class MemoryFlight(ScriptedFlight):
         began = time.monotonic()
         with ExitStack() as stack:
             vehicle = self.begin(stack)
+            self._look = stack.enter_context(interrupts_wait())
             first = time.monotonic()
             arrived = self._send_setpoints(vehicle)
             wall = time.monotonic() - first
@@ -148,6 +152,7 @@ class MemoryFlight(ScriptedFlight):
 
     def _fly_to(self, tick: int) -> bool:
         while self._simulator.tick < tick and not self._has_ended:
+            self._look()
             self._fly_on(tick)
         self._hold()
         self._progress(self._simulator.time_s)
@@ -225,3 +230,28 @@ class MemoryFlight(ScriptedFlight):
         """Hand over what is left of a flight that was cut short."""
         for tape in (self._plant_tape, self._fcu_tape):
             tape.flush()
+
+
+@contextmanager
+def interrupts_wait() -> Iterator[Callable[[], None]]:
+    """Signals interrupt only where what is yielded is called: between bursts, not while rows are kept.
+
+    In another than the main thread, which hears none, nothing is changed.
+    """
+    heard: list[int] = []
+
+    def look() -> None:
+        if heard:
+            raise KeyboardInterrupt
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if callable(signal.getsignal(number)):
+                before[number] = signal.signal(number, lambda number, _frame: heard.append(number))
+    try:
+        yield look
+        look()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

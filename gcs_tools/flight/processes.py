@@ -255,6 +255,7 @@ class Collector(threading.Thread):
         self._done: Callable[[], bool] = lambda: False
         self._unhurried = threading.Event()  # nobody holds time: there is time to record
         self._unhurried.set()
+        self._recorded = 0  # batches
         self._to_record: queue.Queue[tuple[Take, Rows] | None] = queue.Queue(BEHIND)
         self._recorder = threading.Thread(target=self._record, daemon=True, name="recorder")
 
@@ -278,11 +279,19 @@ class Collector(threading.Thread):
         super().start()
 
     def finish(self, timeout_s: float) -> None:
-        """Take what processes that have ended have still handed over."""
+        """Take what processes that have ended have still handed over, and record it.
+
+        `timeout_s`: how long nothing may be recorded; then `error` says so.
+        """
         self.go_on()
         if self.ident is None:
             self.start()
-        self.join(timeout_s)
+        recorded = -1
+        while self.is_alive() and recorded != self._recorded:
+            recorded = self._recorded
+            self.join(timeout_s)
+        if self.is_alive() and self.error is None:
+            self.error = RuntimeError(f"nothing could be recorded for {timeout_s:.0f} s")
 
     def keep_off(self, core: int) -> None:
         """Record on other cores, where there are any; rows are taken wherever there is room."""
@@ -324,6 +333,7 @@ class Collector(threading.Thread):
                 except Exception as error:  # reported by whoever waits for rows
                     self.error = error
                     self._tell()
+            self._recorded += 1
 
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
         """Until `done()`, at most the time; it is asked again whenever rows have come.

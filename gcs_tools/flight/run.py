@@ -132,6 +132,12 @@ def fly_missions(
     for name, given, allowed in (("figure", figure, FIGURES), ("record", record, light.MODES)):
         if given is not None and given not in allowed:
             raise UsageError(f"{name} {given!r}: expected one of {', '.join(allowed)}")
+    if in_process:
+        for option, chosen in (("speed", speed), ("instance", instance), ("publish", zenoh)):
+            if chosen is not None:
+                raise UsageError(
+                    f"{option}: a flight in process has none; leave out one of the two"
+                )
     display = display or Display()
     began = time.monotonic()
     ready = [prepared(name, settings, seed, rate_hz, law) for name in missions]

@@ -69,6 +69,8 @@ class WireFlight(ScriptedFlight):
         except OSError as error:
             where = error.filename or self._folder
             raise InfrastructureError(f"{where}: {error.strerror or error}") from error
+        if self._collector.error is not None:
+            raise InfrastructureError(str(self._collector.error))
         flown = self.flown()
         return Flown(flown.plant, flown.fcu, arrived, startup, wall, said)
 

@@ -62,7 +62,7 @@ SAY_AGAIN_S = 0.05  # wall: between two words that it has ended, which a busy ma
 IDLE_S = 0.05  # the same, while nobody flies
 KNOCK_S = 0.25  # wall: within it who was there before a publisher has found it
 LISTEN_S = 1.0  # wall: and within it who has found it listens
-LAST = 4  # looks at what has still come when it ends: more than a feed can hold
+LAST_S = 2.0  # wall: for what has still come when it ends, should more come all the time
 
 
 class FeedError(ValueError):
@@ -483,8 +483,9 @@ class Publisher:
                 time.sleep(due - now)
             else:
                 due = now  # behind: what came meanwhile waits in the feed, or is dropped there
-        for _ in range(LAST):  # the last words of a flight that has ended
-            self.pass_on()
+        until = time.monotonic() + LAST_S  # the last words of a flight that has ended
+        while self.pass_on() and time.monotonic() < until:
+            self._vehicle.serve()
         for who, lost in self.lost.items():
             if lost:
                 flown = self.published[who] + lost
@@ -492,16 +493,18 @@ class Publisher:
                     "warning", f"{lost} of {flown} ticks of the {who} came too fast to be published"
                 )
 
-    def pass_on(self) -> None:
-        """Publish what has come."""
+    def pass_on(self) -> bool:
+        """Publish what has come; whether anything has."""
         self._feeds.accept()
+        came = False
         for source in list(self._feeds.sources):
             try:
-                self._pass_on(source)
+                came |= self._pass_on(source)
             except FeedError as error:
                 self._refuse(source, str(error))
+        return came
 
-    def _pass_on(self, source: Source) -> None:
+    def _pass_on(self, source: Source) -> bool:
         before, was = source.lost, source.who
         taken = source.take()
         if source.who != was:
@@ -514,6 +517,7 @@ class Publisher:
             self._publish(source, taken, source.lost - before)
         if source.ended:
             self._end(source)
+        return bool(len(taken.rows) or taken.said)
 
     def _publish(self, source: Source, taken: Taken, lost: int) -> None:
         who = source.who

@@ -251,11 +251,16 @@ class RecordingWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close; of a recording that failed already, only the file."""
-        if self.has_failed:
-            self._file.close()
-        else:
+        """Close; of a recording that failed already, only the file.
+
+        Raises RecordingError, also if it failed after all was handed over and nobody was told.
+        """
+        if not self.has_failed:
             self.close()
+            return
+        self._file.close()
+        if kind is None:
+            raise RecordingError(self._file.failed or "the recording failed")
 
 
 def _is_whole(rows: Rows, part: Any, whole: Any) -> bool:

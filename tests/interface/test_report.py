@@ -31,11 +31,25 @@ def flown():
     return rows, times
 
 
-def reported(flown, together: int):
+class Full(PublisherFeed):
+    """One of two rows has no room."""
+
+    def __init__(self):
+        super().__init__(None, "fcu")
+        self._socket, self.asked = object(), 0
+
+    def send(self, row):
+        self.asked += 1
+        self.dropped += self.asked % 2
+
+
+def reported(flown, together: int, feed=None):
     """Them with their Reports, so many at a time."""
     rows, times = (each.copy() for each in flown)
     params = Parameters(read_settings(LAW, None, 500.0), 1, None)
-    reporter = Reporter(LAW, RecorderPipe(row_width(LAW)), PublisherFeed(0, "fcu"), read_drag())
+    reporter = Reporter(
+        LAW, RecorderPipe(row_width(LAW)), feed or PublisherFeed(None, "fcu"), read_drag()
+    )
     for k in range(0, TICKS, together):
         part = slice(k, k + together)
         reporter.report(rows[part], times[part], StateMachine(params), 0.25, 3, 4)
@@ -66,3 +80,10 @@ def test_what_is_told_of_ticks(flown):
     air = column(ROW, rows, "wind.v_air_E.x")
     assert np.isnan(air).tolist() == [True, True] + [False] * (TICKS - 2)
     assert (np.diff(air[2:]) > 0.0).all()  # who is pushed east feels a wind to the east
+
+
+@pytest.mark.parametrize("together", [1, 4])
+def test_each_tick_tells_what_was_dropped_before_it(flown, together):
+    rows = reported(flown, together, Full())
+    dropped = [(k + 1) // 2 for k in range(TICKS)]
+    assert column(ROW, rows, "timing.unpublished").tolist() == dropped

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import subprocess
 import sys
 from collections import deque
@@ -29,6 +30,7 @@ from fcu.mavlink.telemetry import Heartbeat, ground_heartbeat
 from gcs_tools.flight import ground_script
 from gcs_tools.flight.ground_script import ME, Vehicle, VehicleError
 from gcs_tools.flight.memory_flight import MemoryFlight
+from gcs_tools.flight.run import UsageError, fly
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.missions.mission import from_tables
@@ -362,3 +364,27 @@ def test_who_shows_up_need_not_wait_for_the_next_heartbeat(tmp_path):
             while (datagram := link.receive()) is not None:
                 heard += [m for m in codec.parse(datagram) if isinstance(m, Heartbeat)]
         assert len(heard) == 1  # and is not greeted again
+
+
+@pytest.mark.parametrize("option", [{"speed": 1.0}, {"instance": 3}], ids=str)
+def test_a_flight_in_memory_has_neither_speed_nor_instance(tmp_path, option):
+    with pytest.raises(UsageError, match="in process"):
+        fly("gust_step", in_process=True, out=tmp_path / "run", **option)
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_interrupt_waits_for_the_end_of_a_burst(tmp_path):
+    """What was flown by then is recorded and judged: nothing of it is lost or torn."""
+    kept = [], []
+
+    def interrupt(rows):
+        kept[0].append(rows)
+        if len(kept[0]) == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    flight = MemoryFlight(scene("changes mode"), tmp_path, (interrupt, kept[1].append))
+    with pytest.raises(KeyboardInterrupt):
+        flight.fly()
+    flown = flight.flown()
+    assert len(flown.plant) == len(flown.fcu) == sum(map(len, kept[0])) > 0
+    assert sum(map(len, kept[0])) == sum(map(len, kept[1]))
