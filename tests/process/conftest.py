@@ -193,3 +193,17 @@ def _until():
 @pytest.fixture(name="alive")
 def _alive():
     return alive
+
+
+SPIN = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"
+
+
+@pytest.fixture
+def busy_neighbours():
+    """A process on each core that never rests."""
+    cores = os.sched_getaffinity(0)
+    spinning = [subprocess.Popen([sys.executable, "-c", SPIN, str(core)]) for core in cores]
+    yield
+    for process in spinning:
+        process.kill()
+        process.wait()

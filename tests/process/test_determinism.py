@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 
 import pytest
 
 import gcs_tools
 
 RUNS, BUSY = 4, 2  # flights over the wire: alone, and with busy neighbours
-SPIN = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"
 
 NOMINAL = ("paper_nominal", "flight.duration_s=4")
 NOISY = ("noisy_state", "flight.duration_s=4")
@@ -37,17 +34,6 @@ def sha256(tmp_path):
         return flown.trajectory_sha256
 
     return fly
-
-
-@pytest.fixture
-def busy_neighbours():
-    """A process on each core that never rests."""
-    cores = os.sched_getaffinity(0)
-    spinning = [subprocess.Popen([sys.executable, "-c", SPIN, str(core)]) for core in cores]
-    yield
-    for process in spinning:
-        process.kill()
-        process.wait()
 
 
 def test_runs_over_the_wire_and_in_process_are_one(sha256):

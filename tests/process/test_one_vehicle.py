@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 import os
 import signal
-import subprocess
-import sys
 from collections import deque
 from contextlib import ExitStack
 from enum import IntEnum
@@ -302,20 +300,6 @@ def test_a_script_has_one_flight_and_one_log(flown, name):
 @pytest.mark.parametrize("name", PACED)
 def test_and_in_real_time(flown, name):
     assert flown(name, 1.0) == flown(name)
-
-
-SPIN = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"
-
-
-@pytest.fixture
-def busy_neighbours():
-    """A process on each core that never rests."""
-    cores = os.sched_getaffinity(0)
-    spinning = [subprocess.Popen([sys.executable, "-c", SPIN, str(core)]) for core in cores]
-    yield
-    for process in spinning:
-        process.kill()
-        process.wait()
 
 
 def test_and_on_a_busy_machine(flown, busy_neighbours):

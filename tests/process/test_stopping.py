@@ -27,7 +27,7 @@ BEGINS, GOES_ON = (
     """
 print(json.dumps({"ready": "a test"}), flush=True)
 while True:
-    time.sleep(1000.0)
+    signal.pause()
 """,
 )
 
