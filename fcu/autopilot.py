@@ -11,11 +11,18 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
-from fcu.burst import NOT_QUIET_FILTERED, Course, flight, tick
+from fcu.burst import (
+    LAW_RAISED,
+    NOT_QUIET_FILTERED,
+    Course,
+    flight,
+    tick,
+    what_was_raised,
+)
 from fcu.interface.link import exclusive_socket
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports
@@ -114,12 +121,18 @@ class Autopilot:
         self._times = np.zeros((1, TIMES))
         self._unreported: Row | None = None  # the row of a tick whose answer is to be sent first
 
-    def fly_decided(self, time_us: int, row: Row) -> None:
-        """Fly a tick for which Python has decided.
+    def fly_decided(self, time_us: int, row: Row) -> bool:
+        """Fly a tick for which Python has decided; False if the law raised an error.
 
         Who flies bursts puts their own kernel in the place of this, which holds the law already.
         """
-        tick(self.flight, self.law_at, self._datagram, 0, row, time_us)
+        said: int = tick(self.flight, self.law_at, self._datagram, 0, row, time_us)
+        return said != LAW_RAISED
+
+    def raise_for_law(self, row: Row) -> NoReturn:
+        """Raise Lost: the law has raised an error at the last tick, whose row this is."""
+        assert self._compiled is not None
+        raise Lost(what_was_raised(self._compiled, self.flight, row))
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
@@ -217,6 +230,8 @@ class Autopilot:
         answered = tick(self.flight, self.law_at, self._datagram, length, row, -1)
         if answered > 0:
             return self._answered(row, started)
+        if answered == LAW_RAISED:
+            self.raise_for_law(row)
         return self.decide(datagram, answered == NOT_QUIET_FILTERED, wall_s)
 
     def decide(self, datagram: bytes, filtered: bool, wall_s: float) -> bytes | None:
@@ -267,7 +282,8 @@ class Autopilot:
         self._tell(self.vehicle.observe(self._measured, time_us, self.clock(wall_s)))
         self.prepare()
         row = self.reporter.tape.row()
-        self.fly_decided(time_us, row)
+        if not self.fly_decided(time_us, row):
+            self.raise_for_law(row)
         return self._answered(row, started)
 
     def _answered(self, row: Row, started: float) -> bytes:

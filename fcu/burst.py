@@ -8,6 +8,8 @@ current when it ends. `tick` knows no socket: a flight in one process calls it a
 
 from __future__ import annotations
 
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +18,7 @@ from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel import system
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.kernel.pointers import address_of, call_law
+from fcu.kernel.pointers import Pointer, address_of, call_law
 from fcu.kernel.rows import slice_of
 from fcu.laws.face import FLYING, IDLE, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
@@ -27,7 +29,8 @@ Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Integers = np.ndarray[Any, np.dtype[np.int64]]
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
 
-NOT_QUIET, NOT_QUIET_FILTERED = 0, -1  # what `tick` says in place of a length
+# what `tick` says in place of a length
+NOT_QUIET, NOT_QUIET_FILTERED, LAW_RAISED = 0, -1, -2
 SLOW_S = 0.5e-3  # wall: who waits longer for a state waits in Python, for ground stations too
 LOAD_SMOOTHED = 1.0 / 256.0
 
@@ -111,7 +114,8 @@ def tick(flight, law, datagram, length, row, decided_us):
     law : address of `fcu.tick.compiled()` of the law that is flown.  datagram : uint8[n], of which `length` bytes
     were received.  row : float64[size(Tick) or more].
     NOT_QUIET: nothing was done.  NOT_QUIET_FILTERED: the state was read and let through; Python
-    goes on with a look at it.  decided_us : the time of a tick for which Python has done all that,
+    goes on with a look at it.  LAW_RAISED: there is no answer; `what_was_raised` says what.
+    decided_us : the time of a tick for which Python has done all that,
     and for which `measured` is flown on as it is; negative: there is none.
     """
     course, told = _unpack_course(flight.course), flight.told
@@ -135,7 +139,7 @@ def tick(flight, law, datagram, length, row, decided_us):
         age = (time_us - course.since_us) * 1e-6
         if not quiet_look(flight.watch, flight.measured, flight.setpoint, age, np.float64(time_us)):
             return NOT_QUIET_FILTERED
-    call_law(
+    raised = call_law(
         law,
         (
             time_us * 1e-6, course.engaged, (time_us - course.since_us) * 1e-6,
@@ -144,6 +148,8 @@ def tick(flight, law, datagram, length, row, decided_us):
         ),
     )  # fmt: skip
     _put_time(flight.course, np.float64(time_us))
+    if raised:
+        return LAW_RAISED
     _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
     length = pack_controls(
         flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
@@ -153,10 +159,27 @@ def tick(flight, law, datagram, length, row, decided_us):
     return length
 
 
+def what_was_raised(law: Pointer, flight: Flight, row: Buffer) -> str:
+    """What a law has raised at the last tick, in words: it is called again, for the same row."""
+    course = _unpack_course(flight.course)
+    arrays = flight.remembered, flight.settings, flight.setpoint, flight.measured, row
+    try:
+        law.function(
+            course.time_us * 1e-6, course.engaged, (course.time_us - course.since_us) * 1e-6,
+            *[array.ctypes.data for array in arrays],
+        )  # fmt: skip
+    except Exception as error:
+        frames = extract_tb(error.__traceback__)[1:]
+        at = "".join(f", {Path(frame.filename).name}:{frame.lineno}" for frame in frames[-1:])
+        return f"the law raised {type(error).__name__}: {error}{at}"
+    return "the law raised an error once, and not again"
+
+
 # --- over the wire
 
 # why a burst ended
-READY, SILENT, UNREAD, FILTERED, BUSY, SLOW, DUE, FULL, DECIDED = 0, 1, 2, 3, 4, 5, 6, 7, 8
+READY, SILENT, UNREAD, FILTERED, BUSY, SLOW, DUE, FULL, DECIDED, RAISED = range(10)
+_LEFT = UNREAD, FILTERED, RAISED
 
 
 class Wire(NamedTuple):
@@ -176,7 +199,7 @@ def serve(flight, law, wire, rows, times, decided_us):
     rows : float64[n, width].  times : float64[n, 3], of each tick: when its answer was sent (wall,
     monotonic, s), how long that took since its state was read (s), and the load, smoothed.
     Returns how many were flown, why no more, and the length of a datagram that was received and
-    has had no answer: UNREAD, or FILTERED, as `tick` said of it.
+    has had no answer: UNREAD, FILTERED or RAISED, as `tick` said of it.
     decided_us : as for `tick`; then one tick is flown, and its answer is not sent.
     """
     fd, course = wire.link[0], _unpack_course(flight.course)
@@ -194,7 +217,7 @@ def serve(flight, law, wire, rows, times, decided_us):
         slow = began - done > SLOW_S
         said = tick(flight, law, wire.datagram, length, rows[k], decided_us)
         if said <= 0:
-            return k, (UNREAD if said == NOT_QUIET else FILTERED), length
+            return k, _LEFT[-said], length
         if decided_us >= 0:
             return 1, DECIDED, 0
         sent = system.send(fd, flight.answer, said)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fcu.autopilot import TIMES, Autopilot, Lost, Row, say
-from fcu.burst import BUSY, FILTERED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
+from fcu.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
@@ -144,6 +144,8 @@ class Loop:
         if flown:
             self._quick = self._is_quick(times[:flown], why)
             autopilot.completed(rows[:flown], times[:flown])
+        if why == RAISED:
+            autopilot.raise_for_law(autopilot.reporter.tape.row())
         return why, length
 
     def _is_quick(self, times: Row, why: int) -> bool:
@@ -157,9 +159,12 @@ class Loop:
             return why not in (SLOW, SILENT)
         return self._quick if last == 0.0 else answered - cycle - last < SLOW_S
 
-    def _fly_decided(self, time_us: int, row: Row) -> None:
+    def _fly_decided(self, time_us: int, row: Row) -> bool:
         autopilot = self._autopilot
-        serve(autopilot.flight, autopilot.law_at, self._wire, row[None], self._times[:1], time_us)
+        _, why, _ = serve(
+            autopilot.flight, autopilot.law_at, self._wire, row[None], self._times[:1], time_us
+        )
+        return bool(why != RAISED)
 
     def _decide(self, datagram: bytes, filtered: bool | None) -> None:
         """One datagram; `filtered`: as a burst has left it; None: no burst has seen it."""

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import carray, types
 from numba.extending import intrinsic
 
@@ -25,8 +24,9 @@ class Pointer:
     def __init__(self, function: Any, signature: Any) -> None:
         """Compiles `function`, or loads it. `signature`: of numba, `None` and numbers."""
         function.compile(signature.args)
+        self.function = function
         compiled = function.overloads[signature.args]
-        name = compiled.fndesc.llvm_cfunc_wrapper_name
+        name = compiled.fndesc.llvm_func_name
         self._kept = compiled  # with its machine code
         self.address: int = compiled.library.get_pointer_to_function(name)
 
@@ -59,18 +59,20 @@ def address_of(array):
 
 @intrinsic
 def call_law(_typing: Any, address: Any, arguments: Any) -> Any:
-    """Call what is at an address with a tuple of LAW_CALL's arguments.
+    """Call what is at an address with a tuple of LAW_CALL's arguments; whether it has raised.
 
     An address is an integer to numba: a function as an argument would cost each call as much as
-    fifty ticks.
+    fifty ticks. What was raised is not told: call the same from Python.
     """
 
     def generate(context: Any, builder: Any, _signature: Any, given: Any) -> Any:
-        kinds = [context.get_value_type(kind) for kind in LAW_CALL.args]
-        kind = ir.FunctionType(context.get_value_type(types.none), kinds)
+        convention = context.call_conv
+        kind = convention.get_function_type(LAW_CALL.return_type, LAW_CALL.args)
         function = builder.inttoptr(given[0], kind.as_pointer())
-        taken = [builder.extract_value(given[1], i) for i in range(len(kinds))]
-        builder.call(function, taken)
-        return context.get_dummy_value()
+        taken = [builder.extract_value(given[1], i) for i in range(len(LAW_CALL.args))]
+        status, _ = convention.call_function(
+            builder, function, LAW_CALL.return_type, LAW_CALL.args, taken
+        )
+        return status.is_error
 
-    return types.none(types.intp, types.Tuple(LAW_CALL.args)), generate
+    return types.boolean(types.intp, types.Tuple(LAW_CALL.args)), generate

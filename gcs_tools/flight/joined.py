@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcu.burst import NOT_QUIET, tick
+from fcu.burst import tick
 from fcu.kernel.compile import kernel
 from sitl_plant.burst import FLOWN, NO_NOISE, begin, finish
 from sitl_plant.physics import dynamics
 
-# why no more ticks were flown; the last four with a row of the plant that has no answer
-TICKS, NOISE, DECIDED, ENDED, LEFT, FILTERED, REFUSED = 0, 1, 2, 3, 4, 5, 6
-BEGUN = (ENDED, LEFT, FILTERED, REFUSED)
+# why no more ticks were flown; the last five with a row of the plant that has no answer
+TICKS, NOISE, DECIDED, ENDED, LEFT, FILTERED, RAISED, REFUSED = range(8)
+BEGUN = (ENDED, LEFT, FILTERED, RAISED, REFUSED)
+_LEFT = LEFT, FILTERED, RAISED
 
 
 @kernel
@@ -26,7 +27,7 @@ def together(flight, law, plant, datagram, plant_rows, fcu_rows, decided_us):
     datagram : uint8[LONGEST], for the state.  plant_rows : float64[n, WIDTH].
     fcu_rows : float64[n, size(Tick) or more].
     Returns how many were flown, why no more, and what that leaves: for ENDED the status of the
-    flight; for LEFT and FILTERED, as `tick` said of it, the bytes of the state; for REFUSED what
+    flight; for LEFT, FILTERED and RAISED, as `tick` said of it, the bytes of the state; for REFUSED what
     `finish` said of the answer.
     decided_us : as for `tick`; then one tick of the controller is flown, and none of the plant.
     """
@@ -41,7 +42,7 @@ def together(flight, law, plant, datagram, plant_rows, fcu_rows, decided_us):
             return k, ENDED, status
         said = tick(flight, law, datagram, length, fcu_rows[k], decided_us)
         if said <= 0:
-            return k, (LEFT if said == NOT_QUIET else FILTERED), length
+            return k, _LEFT[-said], length
         if decided_us >= 0:
             return 1, DECIDED, 0
         fault = finish(plant, flight.answer, said)

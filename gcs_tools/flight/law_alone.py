@@ -19,10 +19,11 @@ from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of
 from fcu.laws.face import TAKE_OVER
+from fcu.laws.loader import LawError
 from fcu.mavlink.plant_link import LONGEST, PlantCodec
 from fcu.vehicle.position_filter import Filtered
 from fcu.vehicle.watch import Watch
-from gcs_tools.flight.joined import ENDED, NOISE, TICKS, together
+from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS, together
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics.types import PlantRecord
@@ -78,6 +79,8 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
             k += flown
             if why == ENDED:
                 return plant_rows[: k + 1, :_TRUTH], fcu_rows[:k]
+            if why == RAISED:
+                raise LawError(burst.what_was_raised(law, alone, fcu_rows[k]))
             if why not in (TICKS, NOISE):
                 raise AssertionError(f"tick {k} was not flown: {why}")
     return plant_rows[:, :_TRUTH], fcu_rows

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu.autopilot import TIMES, Autopilot
+from fcu.autopilot import TIMES, Autopilot, Lost
 from fcu.configuration import read_drag
 from fcu.interface import options
 from fcu.interface.diagnostics import PlantTiming
@@ -34,7 +34,7 @@ from fcu.parameters import Parameters
 from fcu.reporting import Reporter, row_width
 from fcu.services.streams import Identity
 from gcs_tools.flight.ground_script import ME, Vehicle
-from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, together
+from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, RAISED, together
 from gcs_tools.flight.processes import InfrastructureError, Rows
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight, Take
@@ -153,7 +153,11 @@ class MemoryFlight(ScriptedFlight):
     def _fly_to(self, tick: int) -> bool:
         while self._simulator.tick < tick and not self._has_ended:
             self._look()
-            self._fly_on(tick)
+            try:
+                self._fly_on(tick)
+            except Lost as error:
+                self._autopilot.say("error", str(error))
+                raise InfrastructureError(f"the flight controller ended: {error}") from error
         self._hold()
         self._progress(self._simulator.time_s)
         return not self._has_ended
@@ -183,6 +187,8 @@ class MemoryFlight(ScriptedFlight):
             simulator.say("warning", simulator.end(left_over))
         elif why in (LEFT, FILTERED):
             self._decide(left_over, why == FILTERED, now)
+        elif why == RAISED:
+            autopilot.raise_for_law(autopilot.reporter.tape.row())
         elif why in BEGUN:
             raise InfrastructureError(f"the simulator could not read an answer: fault {left_over}")
         if autopilot.ground.is_pending:
@@ -195,8 +201,8 @@ class MemoryFlight(ScriptedFlight):
         )  # fmt: skip
         return flown
 
-    def _fly_decided(self, time_us: int, row: Rows) -> None:
-        self._call(self._no_row, row[None], time_us)
+    def _fly_decided(self, time_us: int, row: Rows) -> bool:
+        return self._call(self._no_row, row[None], time_us)[1] != RAISED
 
     def _decide(self, length: int, filtered: bool, now: float) -> None:
         """A tick at which something happens: Python decides."""

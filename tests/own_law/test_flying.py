@@ -11,6 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcu.laws.loader import LawError
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.missions.mission import load
 from gcs_tools.recording.reader import read
 
 pytestmark = pytest.mark.slow  # starts processes
@@ -60,6 +64,47 @@ def test_its_own_state_is_recorded_by_its_names(flights):
         assert np.array_equal(wire.fcu[name], process.fcu[name])
     assert np.abs(wire.fcu["state.v_dot"]).max() > 0.5
     assert "guard.margin" not in wire.fcu
+
+
+IN_DOUBT = """
+@kernel
+def step(state, params, setpoint, measured):
+    if measured.r_E.x > 0.3:
+        raise ValueError("east of all reason")
+"""
+
+
+def _raising(own_mission):
+    """The mission of a law that raises an error under way, and the line at which."""
+    law = own_mission.parent / "plain_cascade.py"
+    start = "\n@kernel\ndef step(state, params, setpoint, measured):\n"
+    text = law.read_text().replace(start, IN_DOUBT)
+    law.write_text(text)
+    return own_mission, text[: text.index("raise ValueError")].count("\n") + 1
+
+
+def test_a_law_that_raises_ends_the_flight_and_says_where(own_mission):
+    mission, line = _raising(own_mission)
+    folder, said, flown = mission.parent, {}, {}
+    for way, options in {"wire": (), "process": ("--in-process",)}.items():
+        done = _gcs("fly", mission, "--out", folder / way, *options, folder=folder)
+        assert done.returncode == 3, done.stdout
+        log = (folder / way / "fcu.log").read_text()
+        said[way] = [text for text in log.splitlines() if " error " in text]
+        flown[way] = read(folder / way / "flight.mcap").fcu["measured.r_E"]
+        assert flown[way][:, 0].max() <= 0.3
+        assert flown[way][-1, 0] > 0.28, "up to the tick before"
+    raised = f"the law raised ValueError: east of all reason, plain_cascade.py:{line}"
+    assert len(said["wire"]) == 1
+    assert said["wire"][0].endswith(raised)
+    assert said["wire"] == said["process"]
+    assert np.array_equal(flown["wire"], flown["process"])
+
+
+def test_a_law_that_raises_ends_a_study(own_mission):
+    mission, line = _raising(own_mission)
+    with pytest.raises(LawError, match=f"east of all reason, plain_cascade.py:{line}"):
+        law_alone.fly(scenario(load(mission)))
 
 
 def test_it_is_drawn(flights):
