@@ -43,7 +43,7 @@ def test_what_is_said_to_do_is_flown_and_saturates_nothing(tmp_path: Path) -> No
     rotors = "expect.rotor_saturated_fraction={limit=0.0, from=0.5}"
     found = gcs_tools.fly(
         "paper_fast", settings=[REFUSE, less, "law.J_hat_0=0.3", rotors], in_process=True,
-        out=tmp_path / "run",
+        out=tmp_path / "run", figure="never",
     )  # fmt: skip
     assert found.passed, found.expectations
     for which in ("thrust", "tilt"):

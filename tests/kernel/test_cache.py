@@ -304,7 +304,7 @@ def test_a_flight_from_damaged_code_is_the_same(tmp_path: Path) -> None:
         env = {**os.environ, **({"XDG_CACHE_HOME": cache_home} if cache_home else {})}
         done = subprocess.run(
             [sys.executable, "-m", "gcs_tools", "fly", "paper_nominal", "--in-process", "--json",
-             "--set", "flight.duration_s=1", "--out", str(tmp_path / out)],
+             "--set", "flight.duration_s=1", "--figure", "never", "--out", str(tmp_path / out)],
             env=env, capture_output=True, text=True,
         )  # fmt: skip
         (result,) = json.loads(done.stdout)

@@ -33,10 +33,11 @@ KEYS = {
 def flown(tmp_path):
     """`flown("paper_nominal", "law.f_m=2")`: the result of a flight without sockets."""
 
-    def fly(mission, *settings, **options):
+    def fly(mission, *settings, figure="never", **options):
         return gcs_tools.fly(
-            str(mission), settings=settings, in_process=True, out=tmp_path / "run", **options
-        )
+            str(mission), settings=settings, in_process=True, out=tmp_path / "run", figure=figure,
+            **options,
+        )  # fmt: skip
 
     return fly
 
@@ -49,7 +50,7 @@ def met(flight):
 
 @pytest.mark.parametrize("mission", MISSIONS, ids=lambda path: path.stem)
 def test_a_mission_meets_its_expectations(flown, mission):
-    met(flown(mission))
+    met(flown(mission, figure="always"))
 
 
 @pytest.mark.parametrize("rate_hz", [250.0, 1000.0])

@@ -93,7 +93,9 @@ def test_every_figure_is_drawn_of_a_light_recording(flown, tmp_path):
 
 def test_a_flight_over_the_wire_is_recorded_light_and_ends_with_its_last_tick(tmp_path):
     settings = ("flight.duration_s=2.003",)
-    flown = gcs_tools.fly("paper_nominal", settings=settings, out=tmp_path / "run", record="light")
+    flown = gcs_tools.fly(
+        "paper_nominal", settings=settings, out=tmp_path / "run", record="light", figure="never"
+    )
     recorded = reader.read(tmp_path / "run" / "flight.mcap")
     assert recorded.plant["t"][-1] == recorded.fcu["t"][-1] == flown.sim_time_s
     assert set(recorded.reports) >= {"/plant/timing", "/fcu/timing", "/fcu/wind"}

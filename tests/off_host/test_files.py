@@ -119,7 +119,7 @@ def test_a_flight_does_without(text, told, gcs, tmp_path):
     with claimed_instance() as number:
         program = gcs(
             "fly", "paper_nominal", "--set", "flight.duration_s=1", "--out", tmp_path / "run",
-            "--instance", number, "--zenoh", path,
+            "--figure", "never", "--instance", number, "--zenoh", path,
         )  # fmt: skip
         program.wait()
     said = "".join(program.text().split())  # its lines are as wide as a terminal

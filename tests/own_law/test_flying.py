@@ -34,7 +34,8 @@ def flights(tmp_path_factory):
     """The mission flown over the wire and in process: result.json of each, and the folders."""
     folder = tmp_path_factory.mktemp("flights")
     mission = HERE / "step_in_still_air.toml"
-    for way, options in {"wire": (), "process": ("--in-process",)}.items():
+    undrawn = ("--in-process", "--figure", "never")
+    for way, options in {"wire": (), "process": undrawn}.items():
         done = _gcs("fly", mission, "--out", folder / way, *options, folder=folder)
         assert done.returncode == 0, done.stderr
     results = {
@@ -87,7 +88,8 @@ def test_a_law_that_raises_ends_the_flight_and_says_where(own_mission):
     mission, line = _raising(own_mission)
     folder, said, flown = mission.parent, {}, {}
     for way, options in {"wire": (), "process": ("--in-process",)}.items():
-        done = _gcs("fly", mission, "--out", folder / way, *options, folder=folder)
+        how = ("--out", folder / way, "--figure", "never", *options)
+        done = _gcs("fly", mission, *how, folder=folder)
         assert done.returncode == 3, done.stdout
         log = (folder / way / "fcu.log").read_text()
         said[way] = [text for text in log.splitlines() if " error " in text]

@@ -13,7 +13,7 @@ import pytest
 
 from tests.patience import PATIENCE_S
 
-QUICK = ("--in-process", "--set", "flight.duration_s=0.5")
+QUICK = ("--in-process", "--set", "flight.duration_s=0.5", "--figure", "never")
 MISSION = """title = "A hover of half a second."
 [flight]
 duration_s = 0.5

@@ -29,7 +29,7 @@ def sha256(tmp_path):
     def fly(flight, **options):
         mission, *settings = flight
         out = tmp_path / f"{next(flights)}"
-        flown = gcs_tools.fly(mission, settings=settings, out=out, **options)
+        flown = gcs_tools.fly(mission, settings=settings, out=out, figure="never", **options)
         assert flown.error is None
         return flown.trajectory_sha256
 

@@ -23,8 +23,9 @@ from sitl_plant.physics.types import PlantRecord
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
 
-LONG = ("paper_nominal", "--set", "flight.duration_s=600")  # its yaw command is streamed
-UNTOLD = ("gust_step", "--set", "flight.duration_s=600")  # one setpoint, and then none
+DRAWN = ("paper_nominal", "--set", "flight.duration_s=600")  # its yaw command is streamed
+LONG = (*DRAWN, "--figure", "never")
+UNTOLD = ("gust_step", *LONG[1:])  # one setpoint, and then none
 MEGABYTE = 1 << 20
 
 
@@ -141,7 +142,7 @@ def test_a_killed_runner_leaves_nobody(in_flight, gone, run):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_flight_is_kept(in_flight, gone, run, number):
-    program = in_flight()
+    program = in_flight(DRAWN)
     program.signal(number)
     assert program.wait() == 130
     gone(program)
@@ -173,7 +174,8 @@ def test_processes_that_compile_notice_that_their_runner_is_gone(fly, gone, run,
 
 
 def test_real_time_does_not_wait_for_a_runner_that_was_suspended(fly, run, until):
-    program = fly("paper_nominal", "--speed", "1", "--set", "flight.duration_s=4", "--json")
+    short = ("paper_nominal", "--set", "flight.duration_s=4", "--figure", "never")
+    program = fly(*short, "--speed", "1", "--json")
     program.started()
     file = run / "flight.mcap"
     until(lambda: file.exists() and file.stat().st_size > MEGABYTE // 4, "a recording")
@@ -214,7 +216,7 @@ def test_two_flights_that_start_at_once_take_two_instances(start, until):
 
 
 def test_two_runs_at_once_do_not_disturb_each_other(start):
-    short = ("paper_nominal", "--set", "flight.duration_s=2", "--json")
+    short = ("paper_nominal", "--set", "flight.duration_s=2", "--figure", "never", "--json")
     both = [start("gcs_tools", "fly", *short) for _ in range(2)]
     assert {program.wait() for program in both} == {1}  # too short to have settled
     hashes = {json.loads(p.out.read_text())[0]["trajectory_sha256"] for p in both}
@@ -257,7 +259,7 @@ def test_a_reader_who_has_seen_enough_does_not_change_the_exit_code(fly, argumen
 
 def test_garbage_on_the_ground_ports_changes_nothing(fly, run, instance, until):
     at = ports(instance)
-    short = ("paper_nominal", "--set", "flight.duration_s=10", "--json")
+    short = ("paper_nominal", "--set", "flight.duration_s=10", "--figure", "never", "--json")
     program = fly(*short, "--instance", instance)
     random = np.random.default_rng(1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
@@ -278,6 +280,7 @@ def test_garbage_on_the_ground_ports_changes_nothing(fly, run, instance, until):
         "paper_nominal",
         settings=["flight.duration_s=10"],
         in_process=True,
+        figure="never",
         out=run.parent / "quiet",
     )
     assert over_the_wire["trajectory_sha256"] == alone.trajectory_sha256

@@ -90,14 +90,12 @@ def test_verdicts_come_in_the_order_of_the_missions(fly, hover, tmp_path, how):
 
 
 def test_json_is_in_the_order_of_the_missions_and_the_flights_are_the_same(fly, start, tmp_path):
-    program = fly(*SLOW_FIRST, "-j", 3, "--json", "--set", "flight.duration_s=3")
+    short = ("--json", "--set", "flight.duration_s=3", "--figure", "never")
+    program = fly(*SLOW_FIRST, "-j", 3, *short)
     program.wait()
     found = json.loads(program.out.read_text())
     assert [each["mission"] for each in found] == list(SLOW_FIRST)
-    alone = start(
-        "gcs_tools", "fly", *SLOW_FIRST, "-j", 1, "--json", "--in-process", "--set",
-        "flight.duration_s=3",
-    )  # fmt: skip
+    alone = start("gcs_tools", "fly", *SLOW_FIRST, "-j", 1, "--in-process", *short)
     alone.wait()
     one_by_one = json.loads(alone.out.read_text())
     key = "trajectory_sha256"

@@ -21,7 +21,8 @@ def load(self, *arguments):
 Cache.load_overload = load
 for n in range(2):  # the first may have to compile
     out = Path(sys.argv[1]) / str(n)
-    flown = fly("paper_nominal", settings=["flight.duration_s=2.5"], out=out)
+    settings = ["flight.duration_s=2.5"]
+    flown = fly("paper_nominal", settings=settings, out=out, figure="never")
     assert flown.error is None
 """
 

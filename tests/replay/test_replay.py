@@ -18,7 +18,9 @@ from gcs_tools.recording import reader as recording
 )
 def test_recorded_inputs_give_the_recorded_outputs(tmp_path, mission, speed):
     settings = ["flight.duration_s=2.5"]
-    flown = gcs_tools.fly(mission, speed=speed, settings=settings, out=tmp_path / "run")
+    flown = gcs_tools.fly(
+        mission, speed=speed, settings=settings, out=tmp_path / "run", figure="never"
+    )
     assert flown.error is None
     recorded = recording.read(tmp_path / "run" / "flight.mcap")
     assert recorded.complete

@@ -19,7 +19,10 @@ def recording(tmp_path_factory) -> Recording:
     """Six seconds of the paper's flight, flown by both processes."""
     folder = tmp_path_factory.mktemp("flight") / "run"
     with claimed_instance() as number:
-        flown = fly("paper_nominal", settings=["flight.duration_s=6"], out=folder, instance=number)
+        flown = fly(
+            "paper_nominal", settings=["flight.duration_s=6"], out=folder, instance=number,
+            figure="never",
+        )  # fmt: skip
     assert flown.error is None
     return read(folder / "flight.mcap")
 

@@ -30,7 +30,10 @@ COMMAND = "from gcs_tools.__main__ import main; main(prog_name='gcs')"
 def recording(tmp_path_factory):
     """The first seconds of the paper's flight, and where they are."""
     folder = tmp_path_factory.mktemp("flight")
-    fly("paper_nominal", in_process=True, out=folder / "run", settings=["flight.duration_s=8"])
+    fly(
+        "paper_nominal", in_process=True, out=folder / "run", settings=["flight.duration_s=8"],
+        figure="never",
+    )  # fmt: skip
     return read(folder / "run" / "flight.mcap")
 
 
