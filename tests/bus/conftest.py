@@ -26,7 +26,13 @@ PACED = ("--speed", "5")  # six seconds of wall time
 BOTH = pytest.mark.parametrize("speed", [LOCKSTEP, PACED], ids=["lockstep", "paced"])
 SAID = (topics.EVENTS, topics.ABOUT, topics.ENDED)
 TICKS = 15_000
-MISSION = ("paper_nominal", "--set", "flight.duration_s=30", "--figure", "never")  # its yaw command is streamed
+MISSION = (
+    "paper_nominal",
+    "--set",
+    "flight.duration_s=30",
+    "--figure",
+    "never",
+)  # its yaw command is streamed
 
 
 class Flight:

@@ -16,6 +16,7 @@ from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load
 from gcs_tools.recording.reader import read
+from tests.command_line import gcs
 
 pytestmark = pytest.mark.slow  # starts processes
 
@@ -117,7 +118,8 @@ def test_it_is_drawn(flights):
 
 
 def test_it_takes_off_for_a_ground_station_and_is_published(start, instance, tmp_path):
-    up = start("gcs_tools", "up", "--instance", instance, "--law", HERE / "plain_cascade.py")
+    law = ("--law", HERE / "plain_cascade.py")
+    up = start("gcs_tools", "up", "--instance", instance, *law, "--speed", 3)
     up.says("ready")
     record = start("gcs_tools", "record", tmp_path / "r.mcap", "--for", 3, "--instance", instance)
     go = start("gcs_tools", "setpoint", 2, 0, 3, "--instance", instance, "--json")
@@ -148,9 +150,10 @@ def test_no_line_of_ours_knows_it():
 
 
 @pytest.mark.parametrize("policy", ["govern", "refuse"])
-def test_a_policy_of_the_guard_is_rejected_without_one(own_mission, policy):
-    done = _gcs("fly", own_mission, "--set", f"law.guard={policy}", folder=own_mission.parent)
-    assert done.returncode == 2
+def test_a_policy_of_the_guard_is_rejected_without_one(own_mission, policy, monkeypatch):
+    monkeypatch.chdir(own_mission.parent)
+    done = gcs("fly", own_mission, "--set", f"law.guard={policy}")
+    assert done.exit_code == 2
     assert "no guard" in done.stderr
     assert "law" in done.stderr
 
@@ -163,10 +166,11 @@ def test_a_policy_of_the_guard_is_rejected_without_one(own_mission, policy):
         ("plain_cascade.py", "nowhere.py", ["12", "nowhere.py"]),
     ],
 )
-def test_its_keys_are_those_of_its_table(own_mission, old, new, said):
+def test_its_keys_are_those_of_its_table(own_mission, old, new, said, monkeypatch):
+    monkeypatch.chdir(own_mission.parent)
     own_mission.write_text(own_mission.read_text().replace(old, new))
-    done = _gcs("fly", own_mission, folder=own_mission.parent)
-    assert done.returncode == 2
+    done = gcs("fly", own_mission)
+    assert done.exit_code == 2
     for part in said:
         assert part in done.stderr
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import command_line
 from tests.patience import PATIENCE_S
 
 QUICK = ("--in-process", "--set", "flight.duration_s=0.5", "--figure", "never")
@@ -36,6 +37,19 @@ def gcs(tmp_path):
     return run
 
 
+@pytest.fixture
+def refused(tmp_path, monkeypatch):
+    """`refused("fly", ...)`: what it says on standard error, and does nothing; without a process."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        done = command_line.gcs(*arguments)
+        assert (done.exit_code, done.stdout) == (2, "")
+        return done.stderr
+
+    return run
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -47,11 +61,9 @@ def gcs(tmp_path):
     ],
     ids=["no TOML", "unknown key", "out of range", "not a number", "no metric"],
 )
-def test_a_bad_mission_is_refused_with_its_line(gcs, tmp_path, text, expected):
+def test_a_bad_mission_is_refused_with_its_line(refused, tmp_path, text, expected):
     (tmp_path / "bad.toml").write_text(text)
-    code, out, err = gcs("fly", "bad.toml")
-    assert (code, out) == (2, "")
-    assert f"bad.toml{expected}" in err
+    assert f"bad.toml{expected}" in refused("fly", "bad.toml")
     assert not (tmp_path / "runs").exists()
 
 
@@ -68,19 +80,15 @@ def test_a_bad_mission_is_refused_with_its_line(gcs, tmp_path, text, expected):
         ((), "MISSION"),
     ],
 )
-def test_a_bad_command_line_is_refused(gcs, arguments, expected):
-    code, out, err = gcs("fly", *arguments)
-    assert (code, out) == (2, "")
-    assert expected in err
+def test_a_bad_command_line_is_refused(refused, arguments, expected):
+    assert expected in refused("fly", *arguments)
 
 
-def test_a_folder_with_something_in_it_is_refused(gcs, tmp_path):
+def test_a_folder_with_something_in_it_is_refused(refused, tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine").touch()
     for missions in (["paper_nominal"], ["paper_nominal", "noisy_state"]):
-        code, _, err = gcs("fly", *missions, "--out", "run", *QUICK)
-        assert code == 2
-        assert "run: " in err
+        assert "run: " in refused("fly", *missions, "--out", "run", *QUICK)
     assert [p.name for p in (tmp_path / "run").iterdir()] == ["mine"]
 
 
@@ -108,9 +116,8 @@ def test_a_report_that_cannot_be_written_is_not_passed_over(gcs):
     assert "nowhere/junit.xml: " in err
 
 
-def test_a_setpoint_needs_a_vehicle(gcs, instance):
-    code, _, err = gcs("setpoint", 1, 2, 3, "--instance", instance, "--yaw-deg", "nan")
-    assert code == 2, err
+def test_a_setpoint_needs_a_vehicle(refused, instance):
+    assert refused("setpoint", 1, 2, 3, "--instance", instance, "--yaw-deg", "nan")
 
 
 def test_make_help_lists_every_target():

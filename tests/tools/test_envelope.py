@@ -16,19 +16,21 @@ from gcs_tools.judging.envelope import envelope, largest, terms
 from gcs_tools.missions.mission import load, override
 from gcs_tools.studies.envelope_map import PAPER, WAYS, saturates
 from gcs_tools.studies.guard_check import check, holds
+from tests import command_line
 from tests.patience import PATIENCE_S
 
 
 def gcs(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "gcs_tools", "envelope", *map(str, arguments)],
-        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
-    )  # fmt: skip
+    return command_line.gcs("envelope", *arguments)
 
 
 def test_a_mission_that_is_certain_says_so(tmp_path):
+    """As a program, with its figure."""
     picture = tmp_path / "room.png"
-    done = gcs("gust_step", "--figure", picture)
+    done = subprocess.run(
+        [sys.executable, "-m", "gcs_tools", "envelope", "gust_step", "--figure", picture],
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "The condition holds" in done.stdout
     assert "step to the side" in done.stdout
@@ -38,7 +40,7 @@ def test_a_mission_that_is_certain_says_so(tmp_path):
 
 def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_said():
     done = gcs("paper_fast_governed")
-    assert done.returncode == 0
+    assert done.exit_code == 0
     assert "With the guard" in done.stdout
     beyond = gcs("gust_step", "--set", "wind.steady_m_s=[30, 0, 0]", "--set", "plant.mass_kg=12")
     assert "is beyond guard_wind_m_s 12" in beyond.stdout
@@ -47,7 +49,7 @@ def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_sa
 
 def test_one_that_is_not_says_what_uses_the_margin_up_and_what_would_do():
     done = gcs("paper_fast", "--json")
-    assert done.returncode == 1, done.stderr
+    assert done.exit_code == 1, done.stderr
     said = json.loads(done.stdout)
     assert not said["holds"]
     assert said["margin_n"] < -100.0
@@ -71,7 +73,7 @@ def test_one_that_is_not_says_what_uses_the_margin_up_and_what_would_do():
 )
 def test_what_cannot_be_looked_at_is_said(arguments, said):
     done = gcs(*arguments)
-    assert done.returncode == 2
+    assert done.exit_code == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcs_tools.recording.reader import read
+from tests.command_line import gcs
 
 
 def same(a, b):
@@ -48,13 +49,13 @@ def test_it_keeps_time(replay, tool, recorded):
     ("content", "why"),
     [(None, "No such file"), (b"", "not a recording"), (b"\x89MCAP0\r\n", "not a recording")],
 )
-def test_what_cannot_be_read_is_named(start, tmp_path, content, why):
+def test_what_cannot_be_read_is_named(tmp_path, content, why):
     path = tmp_path / "bad.mcap"
     if content is not None:
         path.write_bytes(content)
-    program = start("gcs_tools", "replay", path)
-    assert program.wait() == 2
-    assert f"{path}: " in program.text() and why in program.text()
+    done = gcs("replay", path)
+    assert done.exit_code == 2
+    assert f"{path}: " in done.stderr and why in done.stderr
 
 
 def test_a_time_that_it_does_not_have_is_named(replay):
