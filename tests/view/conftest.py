@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
@@ -52,8 +53,8 @@ def browser():
         started.close()
 
 
-@pytest.fixture
-def look(browser):
+@contextmanager
+def looking(browser):
     """`look(url)`: the page, once it shows a vehicle; it must have no errors and ask nobody else."""
     contexts = []
 
@@ -83,7 +84,14 @@ def look(browser):
 
 
 @pytest.fixture
-def gcs_view():
+def look(browser):
+    """As of `looking`."""
+    with looking(browser) as look:
+        yield look
+
+
+@contextmanager
+def serving():
     """`gcs_view(*arguments)`: the command; its `url` once it serves, else None."""
     started = []
 
@@ -102,3 +110,10 @@ def gcs_view():
         if process.poll() is None:
             process.send_signal(signal.SIGTERM)
         process.communicate()
+
+
+@pytest.fixture
+def gcs_view():
+    """As of `serving`."""
+    with serving() as gcs_view:
+        yield gcs_view

@@ -7,12 +7,22 @@ import re
 import numpy as np
 import pytest
 
+from tests.bus.configured import free_port
+from tests.view.conftest import looking, serving
 from tests.view.pictures import caption, node, picture, told
 
 
+@pytest.fixture(scope="module")
+def page(recording, browser):
+    """For tests that set nothing but the time, each its own."""
+    with serving() as gcs_view, looking(browser) as look:
+        yield look(gcs_view(recording.path, "--port", free_port()).url).page
+
+
 @pytest.fixture
-def page(recording, gcs_view, look):
-    return look(gcs_view(recording.path).url).page
+def own_page(recording, gcs_view, look):
+    """For a test that sets more."""
+    return look(gcs_view(recording.path, "--port", free_port()).url).page
 
 
 def _go(page, t):
@@ -111,7 +121,8 @@ def test_lines_have_the_extremes_of_the_recording_and_a_mark_at_the_time(page, r
     assert tilt["rows"][-2][0] == pytest.approx(45.0)
 
 
-def test_the_scene_is_drawn_and_changes_with_time(page):
+def test_the_scene_is_drawn_and_changes_with_time(own_page):
+    page = own_page
     _go(page, 0.5)
     page.get_by_text("Follow").locator("xpath=following::input[1]").uncheck()
     early = picture(page)
@@ -124,7 +135,8 @@ def test_the_scene_is_drawn_and_changes_with_time(page):
 TIME = "Number(document.querySelector('[data-told=time] ~ code')?.innerText)"
 
 
-def test_play_goes_to_the_end_and_stands_still(page, recording):
+def test_play_goes_to_the_end_and_stands_still(own_page, recording):
+    page = own_page
     play = page.get_by_role("button", name=re.compile("^Play$"))
     pause = page.get_by_role("button", name=re.compile("^Pause$"))
     end = round(recording.plant["t"][-1], 3)
