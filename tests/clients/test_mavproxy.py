@@ -8,7 +8,7 @@ from gcs_tools.studies import console
 
 
 def test_a_whole_flight(vehicle):
-    up = vehicle()
+    up = vehicle("--speed", "3")
     # by the vehicle's own port: 14550 is shared with every other vehicle on this machine
     master = f"udpout:127.0.0.1:{up.ports.fcu_station}"
     said = console.session(master, up.folder, console.whole_flight)

@@ -12,6 +12,6 @@ STEPS = ["took off", "there", "2 m/s east", "at the place", "landed at home"]
 @pytest.mark.parametrize("script", ["fly_mavsdk.py", "fly_mavsdk_grpc.py"])
 @pytest.mark.parametrize("autopilot", ["px4", "generic"])
 def test_a_whole_flight(vehicle, run, script, autopilot):
-    up = vehicle("--speed", "2", "--autopilot", autopilot)
+    up = vehicle("--speed", "4", "--autopilot", autopilot)
     said = run(Path(__file__).parent / script, up.ports.script)
     assert [line for line in said.splitlines() if line in STEPS] == STEPS
