@@ -176,10 +176,11 @@ class App:
         """Follow the slider, and move it while the flight is played."""
         assert self._flight.span is not None
         first, last = self._flight.span
-        if self._slider.value in self._sent:  # an echo of a slow browser
+        at = self._slider.value  # read once: an echo may come at any time
+        if at in self._sent:  # an echo of a slow browser
             self._slider.value = self._set
-        elif self._slider.value != self._set:  # moved by hand
-            self._set = self._now = min(max(self._slider.value, first), last)
+        elif at != self._set:  # moved by hand
+            self._set = self._now = min(max(at, first), last)
         if self._playing:
             self._now = min(last, self._now + elapsed * float(self._speed.value))
             if self._set not in (first, self._now):
