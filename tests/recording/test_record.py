@@ -209,6 +209,7 @@ with RecordingWriter(Path(sys.argv[1]), {}) as recorder:
         for i in range(0, 2000, 50):
             recorder.add_plant(plant[i : i + 50])
             recorder.add_fcu(fcu[i : i + 50])
+        recorder.flush()  # a thread writes: it may be told here alone
     except RecordingError as error:
         print(error)
     recorder.close()
