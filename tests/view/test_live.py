@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fcu.interface.ports import INSTANCES
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view.app import App, free_port
 from gcs_tools.recording.schema import TICK_TOPICS, TOPICS, TRUTH, WIND
 from gcs_tools.recording.table import Table
+from tests.process.conftest import claimed_instance
 from tests.view.pictures import node, told
 
 
@@ -94,20 +94,16 @@ def test_a_law_without_a_reference_model_has_no_chart_of_it(app, recording, look
 @pytest.fixture
 def replayed(recording):
     """The instance as which a recording is put onto Zenoh as soon as somebody listens."""
-    for instance in reversed(range(1, INSTANCES)):
+    with claimed_instance() as instance:
         process = subprocess.Popen(
             [sys.executable, "-m", "gcs_tools", "replay", str(recording.path), "--wait",
              "--instance", str(instance)],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
-        if process.stderr.readline().startswith("replaying"):
-            break
-        process.communicate()  # somebody else is this instance
-    else:
-        pytest.fail("no instance is free")
-    yield instance
-    process.send_signal(signal.SIGTERM)
-    process.communicate()
+        assert process.stderr.readline().startswith("replaying")
+        yield instance
+        process.send_signal(signal.SIGTERM)
+        process.communicate()
 
 
 def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs_view, look):
