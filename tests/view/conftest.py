@@ -55,11 +55,16 @@ def browser():
 
 @contextmanager
 def looking(browser):
-    """`look(url)`: the page, once it shows a vehicle; it must have no errors and ask nobody else."""
+    """`look(url)`: the page, once it shows a vehicle; it must have no errors and ask nobody else.
+
+    It is drawn in software: of a page whose pixels nobody looks at, a quarter of them are enough.
+    """
     contexts = []
 
-    def at(url):
-        context = browser.new_context(viewport={"width": 1280, "height": 640})
+    def at(url, scale=0.5):
+        context = browser.new_context(
+            viewport={"width": 1280, "height": 640}, device_scale_factor=scale
+        )
         context.set_default_timeout(1000.0 * PATIENCE_S)
         page = context.new_page()
         seen = SimpleNamespace(page=page, url=url, requests=[], errors=[])

@@ -22,7 +22,7 @@ def page(recording, browser):
 @pytest.fixture
 def own_page(recording, gcs_view, look):
     """For a test that sets more."""
-    return look(gcs_view(recording.path, "--port", free_port()).url).page
+    return look(gcs_view(recording.path, "--port", free_port()).url, scale=1.0).page
 
 
 def _go(page, t):
