@@ -74,4 +74,5 @@ def _dealt(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
     files = {item.path: None for item in items}
     slow, quick = ([p for p in files if is_slow(p) is wanted] for wanted in (True, False))
     turn = [p for n in range(workers) for p in (*slow[n::workers], *quick[n::workers])]
-    return sorted(items, key=lambda item: turn.index(item.path))  # stable: in a file as it was
+    place = {path: n for n, path in enumerate(turn)}
+    return sorted(items, key=lambda item: place[item.path])  # stable: in a file as it was
