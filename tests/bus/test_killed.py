@@ -7,7 +7,6 @@ import random
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 
 from gcs_tools.recording import reader as recording
+from tests.command_line import gcs
 from tests.patience import until
 
 READERS = Path(__file__).parents[1] / "readers"
@@ -42,10 +42,8 @@ def read_elsewhere():
 
 def is_whole(path, read_elsewhere):
     """The recording at `path`, read by us and by others."""
-    done = subprocess.run(
-        [sys.executable, "-m", "gcs_tools", "recover", path],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = gcs("recover", path)
+    assert done.exit_code == 0
     assert "whole again" in done.stdout
     ours, theirs = recording.read(path), read_elsewhere(path)
     assert ours.complete

@@ -94,7 +94,7 @@ def gone(until, alive):
 
 
 def test_setpoint_brings_a_vehicle_that_is_up_somewhere(start, instance, gone):
-    up = start("gcs_tools", "up", "--instance", instance)
+    up = start("gcs_tools", "up", "--instance", instance, "--speed", 4)
     said = up.says("ready")
     at = ports(instance)
     for number in (at.script, at.fcu_script, at.station, at.fcu_station):
