@@ -57,8 +57,9 @@ browser:  ## Chromium from the system's packages, for the tests, where that can 
 fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
+# three workers on two cores: many tests wait for a flight or for somebody's patience to end
 test: clients readers browser  ## all tests
-	@.venv/bin/pytest -q -n 2 --dist worksteal
+	@.venv/bin/pytest -q -n 3 --dist worksteal
 
 test-quick: setup  ## those that start no processes and need no browser, Node.js or clients
 	@.venv/bin/pytest -q --quick -n 2 --dist worksteal
