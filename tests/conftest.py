@@ -63,16 +63,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _dealt(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
-    """Deal the files to the workers in turn: each has some slow ones first, then some others.
+    """Deal the slow files to the workers in turn, and fill each one's share with the others.
 
-    What is left at the end, when one worker takes tests over from another, is short.
+    A worker begins with an equal part of all tests: if what is slow comes first in it, what is left
+    at the end, when one takes tests over from another, is short.
     """
 
     def is_slow(path: Path) -> bool:
         return path.relative_to(Path(__file__).parent).parts[0] in SLOW_FOLDERS
 
-    files = {item.path: None for item in items}
-    slow, quick = ([p for p in files if is_slow(p) is wanted] for wanted in (True, False))
-    turn = [p for n in range(workers) for p in (*slow[n::workers], *quick[n::workers])]
-    place = {path: n for n, path in enumerate(turn)}
-    return sorted(items, key=lambda item: place[item.path])  # stable: in a file as it was
+    slow = [path for path in dict.fromkeys(item.path for item in items) if is_slow(path)]
+    among = set(slow)
+    quick = [item for item in items if item.path not in among]
+    dealt: list[pytest.Item] = []
+    for n in range(workers):
+        own = set(slow[n::workers])
+        dealt += [item for item in items if item.path in own]
+        room = max((n + 1) * len(items) // workers - len(dealt), 0)
+        dealt, quick = dealt + quick[:room], quick[room:]
+    return dealt + quick
