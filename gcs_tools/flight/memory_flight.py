@@ -35,9 +35,9 @@ from fcu.reporting import Reporter, row_width
 from fcu.services.streams import Identity
 from gcs_tools.flight.ground_script import ME, Vehicle
 from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, RAISED, together
-from gcs_tools.flight.processes import InfrastructureError, Rows
+from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight, Take
+from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
 from sitl_plant import burst
 from sitl_plant.burst import WIDTH, Progress
 from sitl_plant.simulator import Simulator
@@ -161,6 +161,9 @@ class MemoryFlight(ScriptedFlight):
         self._hold()
         self._progress(self._simulator.time_s)
         return not self._has_ended
+
+    def _wait_for_rows(self, tick: int) -> None:
+        """They are here: `_hold` has handed them over."""
 
     def _fly_on(self, tick: int) -> None:
         """Some ticks, to this one at most, and what they have ended with."""

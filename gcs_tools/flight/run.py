@@ -24,12 +24,13 @@ from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import columns, to_buffer
 from fcu.laws.loader import LawError
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
+from gcs_tools.flight.arrival import UntilArrival, arrival
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.memory_flight import MemoryFlight
-from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, claimed
+from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, Take, claimed
 from gcs_tools.flight.publisher_process import Zenoh
-from gcs_tools.flight.scenario import Scenario, arrival, scenario
+from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
 from gcs_tools.flight.wire_flight import WireFlight
@@ -40,7 +41,6 @@ from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import Mission, MissionError, override, with_law
 from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
-from gcs_tools.recording.light import Recorder
 from gcs_tools.recording.reader import LAW, LAW_SOURCES, RecordingError
 from gcs_tools.recording.schema import Kinds
 from gcs_tools.recording.table import Rows, Table
@@ -308,10 +308,12 @@ class _Run:
                 self._scene.rate_hz,
             ) as recorder:  # fmt: skip
                 recorder.set_params(to_buffer(self._scene.settings))
+                until = UntilArrival(self._scene, (recorder.add_plant, recorder.add_fcu))
                 try:
-                    flown = self._flown(recorder)
+                    flown = self._flown((until.add_plant, until.add_fcu))
                 except _Cut as cut:
                     flown, exit_code, error = cut.flown, cut.exit_code, cut.error
+                until.finish()
                 for event in logged(self.folder):
                     recorder.event(event.t, event.text, event.level)
         except RecordingError as failed:
@@ -320,16 +322,15 @@ class _Run:
             exit_code, error = INTERRUPTED, "interrupted"
         return flown, exit_code, error
 
-    def _flown(self, recorder: Recorder) -> Flown:
+    def _flown(self, on_rows: tuple[Take, Take]) -> Flown:
         if self.is_cold:
             self._note(COMPILING)
         if self._in_process:
-            return self._in_memory(recorder)
-        return self._over_the_wire(recorder)
+            return self._in_memory(on_rows)
+        return self._over_the_wire(on_rows)
 
-    def _in_memory(self, recorder: Recorder) -> Flown:
-        rows = (recorder.add_plant, recorder.add_fcu)
-        flight = MemoryFlight(self._scene, self.folder, rows, self._progress)
+    def _in_memory(self, on_rows: tuple[Take, Take]) -> Flown:
+        flight = MemoryFlight(self._scene, self.folder, on_rows, self._progress)
         try:
             return self._cut_at_arrival(flight.fly())
         except LawError as error:
@@ -339,22 +340,21 @@ class _Run:
         except KeyboardInterrupt as error:
             raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
 
-    def _over_the_wire(self, recorder: Recorder) -> Flown:
+    def _over_the_wire(self, on_rows: tuple[Take, Take]) -> Flown:
         try:
             with claimed(self._instance, *PORTS) as instance:
                 if self._instance is None and instance and not self._beside:
                     self._note(f"instance {instance}: those before it are in use")
-                return self._fly_pair(instance, recorder)
+                return self._fly_pair(instance, on_rows)
         except OSError as error:
             raise _cut(_nothing(), str(error.strerror or error)) from error
 
-    def _fly_pair(self, instance: int, recorder: Recorder) -> Flown:
+    def _fly_pair(self, instance: int, on_rows: tuple[Take, Take]) -> Flown:
         if self._zenoh is not None:
             self._note(f"published as instance {instance} (gcs monitor --instance {instance})")
         flight = WireFlight(
-            self._scene, self.folder, instance, self._speed,
-            (recorder.add_plant, recorder.add_fcu), self._progress,
-            self._zenoh, flies(self._mission, self._scene), self._note,
+            self._scene, self.folder, instance, self._speed, on_rows, self._progress, self._zenoh,
+            flies(self._mission, self._scene), self._note,
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
@@ -366,10 +366,11 @@ class _Run:
             raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
 
     def _cut_at_arrival(self, flown: Flown) -> Flown:
-        n = arrival(self._scene, flown.plant, flown.fcu)
-        if n is None:
+        arrived_s = arrival(self._scene, flown.plant, flown.fcu)
+        if arrived_s is None:
             return flown
-        return replace(flown, plant=flown.plant[:n], fcu=flown.fcu[:n], arrived=True)
+        plant, fcu = (rows[rows[:, 0] <= arrived_s] for rows in (flown.plant, flown.fcu))
+        return replace(flown, plant=plant, fcu=fcu, arrived=True)
 
     def _metadata(self) -> dict[str, str]:
         mission = self._mission

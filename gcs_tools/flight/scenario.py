@@ -13,17 +13,12 @@ import numpy as np
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import to_buffer
-from fcu.kernel.rows import column
-from fcu.laws.face import SharedTick
 from fcu.laws.loader import Law
 from fcu.mavlink.setpoints import setpoint_through_the_wire
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
-from sitl_plant.physics.types import PlantRecord
 from sitl_plant.physics.world import World, world
-
-Buffer = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -94,24 +89,3 @@ def scenario(mission: Mission) -> Scenario:
         sent=tuple(setpoint_at(flight, k / flight.rate_hz) for k in ticks),
         arrive=None if arrive is None else (arrive.within_m, round(arrive.for_s * flight.rate_hz)),
     )
-
-
-def arrival(scene: Scenario, plant: Buffer, fcu: Buffer) -> int | None:
-    """The number of ticks flown, in the rows so far, when the vehicle has arrived; None: not yet."""
-    if scene.arrive is None:
-        return None
-    within, held = scene.arrive
-    n = min(len(plant), len(fcu))
-    last = int(scene.sent_at[-1])
-    r_E, r_c = (
-        column(PlantRecord, plant[:n], "state.r_E"),
-        column(SharedTick, fcu[:n], "setpoint.r_c"),
-    )
-    near = np.linalg.norm(r_E - r_c, axis=1) <= within
-    near[:last] = False
-    run = 0
-    for k in range(last, n):
-        run = run + 1 if near[k] else 0
-        if run >= max(held, 1):
-            return k + 1
-    return None

@@ -17,9 +17,10 @@ import numpy as np
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
+from gcs_tools.flight.arrival import arrival
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
-from gcs_tools.flight.processes import InfrastructureError, Rows
-from gcs_tools.flight.scenario import Scenario, arrival
+from gcs_tools.flight.processes import InfrastructureError, Rows, Take
+from gcs_tools.flight.scenario import Scenario
 from gcs_tools.recording.schema import Kinds
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
@@ -27,8 +28,6 @@ from sitl_plant.physics.types import PlantRecord
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
 _ENDED = column_of(PlantRecord, "ended")
-
-Take = Callable[[Rows], None]
 
 
 @dataclass
@@ -75,6 +74,10 @@ class ScriptedFlight(ABC):
     def _fly_to(self, tick: int) -> bool:
         """Let time run to `tick`; False if the flight has ended before."""
 
+    @abstractmethod
+    def _wait_for_rows(self, tick: int) -> None:
+        """Until the rows of both are here up to `tick`, which was flown."""
+
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
         plant = _joined(self._plant_rows, size(PlantRecord))
@@ -101,6 +104,7 @@ class ScriptedFlight(ABC):
             if not self._fly_to(k):
                 return False
             if last and scene.arrive is not None:
+                self._wait_for_rows(k)
                 flown = self.flown()
                 if arrival(scene, flown.plant, flown.fcu) is not None:
                     return True

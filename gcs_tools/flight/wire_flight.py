@@ -14,10 +14,10 @@ from fcu.interface.link import PortBusy
 from fcu.kernel.buffers import size
 from gcs_tools.flight.ground_script import Vehicle
 from gcs_tools.flight.pair import Pair
-from gcs_tools.flight.processes import Collector, InfrastructureError, one_core
+from gcs_tools.flight.processes import Collector, InfrastructureError, Take, one_core
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight, Take
+from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
 
 STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
@@ -142,6 +142,15 @@ class WireFlight(ScriptedFlight):
                 seen, since = flown, time.monotonic()
             elif time.monotonic() - since > STALL_S:
                 raise InfrastructureError(f"no tick was flown for {STALL_S:.0f} s")
+
+    def _wait_for_rows(self, tick: int) -> None:
+        def are_here() -> bool:
+            return bool(self._fcu_rows) and self._ticks(self._fcu_rows[-1]) >= tick
+
+        # in real time they may have been dropped
+        until = time.monotonic() + (STALL_S if self._speed is None else DRAIN_S)
+        while not self._collector.wait_for(are_here, 0.1) and time.monotonic() < until:
+            self._pair.check()
 
     def _has_ended(self) -> bool:
         """Whether the plant has, because the flight is over: its last rows may be on their way."""
