@@ -27,11 +27,12 @@ from fcu.interface.link import exclusive_socket
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports
 from fcu.interface.starter import log
-from fcu.interface.status_texts import Told
-from fcu.kernel.buffers import fields, size, to_buffer
+from fcu.interface.status_texts import Code, Told, words
+from fcu.kernel.buffers import columns, fields, size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference
+from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference, SharedTick
+from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import LONGEST, PlantCodec, WireError
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter
@@ -49,6 +50,8 @@ _TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
     for name in ("time_us", "h", "armed", "airborne", "engaged", "since_us", "load", "answer_bytes")
 )
 _R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
+_COMMAND, _THRUSTS = slice_of(SharedTick, "command"), slice_of(SharedTick, "outputs.thrusts")
+_TOLD_FROM = column_of(SharedTick, "outputs.T_c")
 _LOAD_SMOOTHED = 1.0 / 256.0
 TIMES, LOAD = 3, 2  # columns of the times of a tick: answered, cycle, load
 
@@ -119,6 +122,7 @@ class Autopilot:
         self._course = self.flight.course
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
         self._times = np.zeros((1, TIMES))
+        self._was_finite = True  # the law, since it took over
         self._unreported: Row | None = None  # the row of a tick whose answer is to be sent first
 
     def fly_decided(self, time_us: int, row: Row) -> bool:
@@ -198,7 +202,7 @@ class Autopilot:
         if setpoint is None:
             course[_ENGAGED] = IDLE
         elif course[_ENGAGED] == IDLE:
-            course[_ENGAGED] = TAKE_OVER
+            course[_ENGAGED], self._was_finite = TAKE_OVER, True
         if setpoint is not self._flown and setpoint is not None:
             self.flight.setpoint[:] = to_buffer(setpoint)
         self._flown = setpoint
@@ -217,9 +221,18 @@ class Autopilot:
         self.vehicle.state = self._measured
         self.vehicle.battery = self.codec.battery
         self.ground.see(rows[-1], self._flown is not None, times[-1, LOAD], self._filter.off)
-        self.reporter.report(
+        not_finite = self.reporter.report(
             rows, times, self.vehicle, self._filter.off, self.figures.resent, self.figures.refused
         )
+        if not_finite is not None and self._was_finite:
+            self._was_finite = False
+            self._tell_not_finite(not_finite)
+
+    def _tell_not_finite(self, row: Row) -> None:
+        """Say of the first tick of its kind, whose row this is, that its law is not finite."""
+        told = Told(Code.LAW_NOT_FINITE, (_not_finite(row),))
+        self.ground.streams.text(Severity.CRITICAL, words(told))
+        self.say("error", words(told), round(row[0] * 1e6))
 
     def take(self, datagram: bytes, wall_s: float) -> bytes | None:
         """A datagram of the plant: what is sent back; then it is to `report`. Raises Lost, BrokenPipeError."""
@@ -331,10 +344,14 @@ class Autopilot:
         for told in happened:
             self.ground.tell(told)
 
-    def say(self, level: str, text: str) -> None:
-        """A line of log, and an event for whoever listens to the publisher."""
-        say(self.time_us, level, text, self._write)
-        self.reporter.feed.event(self.time_s, level, text)
+    def say(self, level: str, text: str, time_us: int | None = None) -> None:
+        """A line of log, and an event for whoever listens to the publisher.
+
+        `time_us`: of what is said; None: of the last tick.
+        """
+        time_us = self.time_us if time_us is None else time_us
+        say(time_us, level, text, self._write)
+        self.reporter.feed.event(max(time_us, 0) * 1e-6, level, text)
 
     def close(self) -> None:
         """Hand over what was flown. Raises BrokenPipeError when the recorder is gone."""
@@ -344,6 +361,17 @@ class Autopilot:
         self.figures.ground_dropped = self.ground.dropped()
         self.ground.close()
         self.reporter.feed.close()
+
+
+def _not_finite(row: Row) -> str:
+    """What becomes of a law that is not finite: of the rotors, or else which numbers it is."""
+    command, thrusts = row[_COMMAND], row[_THRUSTS]
+    stopped = np.isnan(command) | (~np.isfinite(thrusts) & (command == 0.0))
+    if stopped.any():
+        return "rotors stopped" if stopped.all() else "some rotors stopped"
+    names = columns(SharedTick)
+    told = [*range(_COMMAND.start, _COMMAND.stop), *range(_TOLD_FROM, size(SharedTick))]
+    return ", ".join(names[i].removeprefix("outputs.") for i in told if not np.isfinite(row[i]))
 
 
 def say(time_us: int, level: str, text: str, write: Callable[[str], None] = log) -> None:

@@ -18,6 +18,7 @@ from fcu.kernel.algebra import Vec3, maximum
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.face import IDLE, SharedTick
 from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import State
 from fcu.services.status import MODES, landed_state, system_status
@@ -34,11 +35,27 @@ _SEQUENCE, _PUBLISHED, _CYCLE, _CYCLE_MAX, _LOAD = (
 _COUNTED = slice(_LOAD + 1, size(Report))  # resent, refused, unrecorded, unpublished
 _UNPUBLISHED = _COUNTED.stop - 1
 _WIND_FIRST = _WIND.start
+_ENGAGED = column_of(SharedTick, "engaged")
+_COMMAND = slice_of(SharedTick, "command")
+_FIRST_COMMAND, _END_COMMAND = _COMMAND.start, _COMMAND.stop
+# what every law tells of itself: all but its reference model, which it may not have
+_FIRST_TOLD, _END_TOLD = column_of(SharedTick, "outputs.T_c"), size(SharedTick)
 
 
 def row_width(law: Law) -> int:
     """Number of float64 in a row of a law: its Tick, and a Report."""
     return size(fcu_row(law.ticks.Tick))
+
+
+@kernel
+def is_finite(row):
+    """Whether all is finite that a law commands and tells in a Tick; what it tells of a reference apart."""
+    zero = 0.0
+    for i in range(_FIRST_COMMAND, _END_COMMAND):
+        zero += 0.0 * row[i]
+    for i in range(_FIRST_TOLD, _END_TOLD):
+        zero += 0.0 * row[i]
+    return zero == 0.0
 
 
 @kernel
@@ -49,7 +66,9 @@ def complete(rows, times, report, drag, at, tells_wind):
     monotonic, s), how long that took (s), and the load.  report : Report (its buffer), of the next
     tick: `published` is what is added to a time, `cycle_max` is of those before.
     drag : believed, float64[3], N/(m/s)^2, body axes.  tells_wind : whether the Ticks are fcu.tick's.
+    Returns the first Tick of a law that flies at which it is not finite, -1 without one.
     """
+    not_finite = -1
     for i in range(len(rows)):
         row = rows[i]
         for j in range(len(report)):
@@ -61,6 +80,9 @@ def complete(rows, times, report, drag, at, tells_wind):
         row[at + _CYCLE_MAX] = report[_CYCLE_MAX]
         if tells_wind:
             wind.read(row, drag, row[at + _WIND_FIRST : at + _WIND_FIRST + 3])
+        if not_finite < 0 and row[_ENGAGED] != IDLE and not is_finite(row):
+            not_finite = i
+    return not_finite
 
 
 class Reporter:
@@ -89,15 +111,17 @@ class Reporter:
         """Compile what a report needs."""
         self._complete(row[None], np.zeros((1, 3)), self._report.copy())
 
-    def _complete(self, rows: Row, times: Row, report: Row) -> None:
-        complete(rows, times, report, self._drag, self._at, self._tells_wind)
+    def _complete(self, rows: Row, times: Row, report: Row) -> int:
+        first: int = complete(rows, times, report, self._drag, self._at, self._tells_wind)
+        return first
 
     def report(
         self, rows: Row, times: Row, vehicle: StateMachine, off: float, resent: int, refused: int
-    ) -> None:
+    ) -> Row | None:
         """Complete the rows of the Ticks just flown, and hand them on; see Report for the numbers.
 
-        rows, times : as for `complete`. Raises BrokenPipeError when the recorder is gone.
+        rows, times : as for `complete`. Returns the first of them at which the law that flies is
+        not finite. Raises BrokenPipeError when the recorder is gone.
         """
         report = self._report
         seen = (
@@ -113,9 +137,11 @@ class Reporter:
             report[_COUNTED] = counted
         report[_OFF] = off
         report[_PUBLISHED] = time.time() - time.monotonic()
-        self._complete(rows, times, report)
+        first = self._complete(rows, times, report)
+        not_finite = rows[first].copy() if first >= 0 else None
         self.feed.send_rows(rows, self._at + _UNPUBLISHED)
         self.tape.done(len(rows))
+        return not_finite
 
     def idle(self, t: float, settings: Any, now: float) -> None:
         """Between ticks: look for a publisher, and tell it the settings in force.

@@ -31,6 +31,7 @@ class Code(Enum):
     PLAN_COMPLETE = "{} complete, mode {}"
     POSITION_JUMPED = "Position jumped {:.0f} m: flying by velocity"
     POSITION_BACK = "Position valid again"
+    LAW_NOT_FINITE = "The law computed numbers that are not finite: {}"
     STATE_STUCK = "The plant's state has not changed for 1 s"
     PLANT_SILENT = "No state from the plant for {:.0f} s"
     PLANT_SILENT_STOPS = "No state from the plant for {:.0f} s, controller stops"

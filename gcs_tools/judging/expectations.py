@@ -20,6 +20,7 @@ from gcs_tools.judging.metrics import METRICS
 MetricFunction = Callable[[str, float | None, float | None], float | None]
 
 GOOD_ENDINGS = ("time", "arrived")
+NOT_FINITE = "nonfinite_samples"
 _KEYS = ("limit", "at_least", "from", "to")
 
 
@@ -91,7 +92,8 @@ def judge_each(expect: Mapping[str, Any], metric: MetricFunction, ended: str) ->
     """Each entry of `expect` judged, how the flight ended first.
 
     metric : value of a metric from and to a time (s); None where there is none.
-    ended : how the flight ended. Where nothing else is expected: in time or by arriving.
+    ended : how the flight ended. Where nothing else is expected: in time or by arriving. One that
+    ended like that, with samples that are not finite, misses an expectation that nobody has to name.
     Raises ExpectError for an entry that is none of the forms above.
     """
     wanted = expect.get("ended")
@@ -101,4 +103,7 @@ def judge_each(expect: Mapping[str, Any], metric: MetricFunction, ended: str) ->
     limit = " or ".join(endings)
     first = Expectation("ended", limit, ended, ended in endings, f"ended = {limit}")
     rest = [_judge_metric(n, entry, metric) for n, entry in expect.items() if n != "ended"]
+    if NOT_FINITE not in expect and ended in GOOD_ENDINGS:  # nothing follows from such a flight
+        finite = _judge_metric(NOT_FINITE, 0.0, metric)
+        rest += [] if finite.passed or finite.value is None else [finite]
     return [first, *rest]

@@ -19,6 +19,7 @@ from gcs_tools.recording.table import Rows, Table
 
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
 FINAL_S = 1.0  # length of the last part of a flight that position_final_m looks at
+_OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
 
@@ -169,8 +170,16 @@ def _fraction(name: str) -> Callable[[EngagedTicks], float]:
 
 
 def _nonfinite(flight: EngagedTicks) -> float:
+    """Ticks at which the error is not finite, or what the law commands and tells of itself."""
     error = flight.position_error if flight.has_reference else flight.command_error
-    return float(np.sum(~np.isfinite(error)))
+    told = [i for i, name in enumerate(flight.fcu.names) if _is_always_a_number(name)]
+    finite = np.isfinite(error) & np.isfinite(flight.fcu.rows[:, told]).all(axis=1)
+    return float(np.sum(~finite))
+
+
+def _is_always_a_number(name: str) -> bool:
+    """Whether it is a column of what a law commands or tells; of a reference it may tell nothing."""
+    return name.startswith(("command.", "outputs.")) and not name.startswith(_OF_A_REFERENCE)
 
 
 METRICS: dict[str, Callable[[EngagedTicks], float]] = {

@@ -32,6 +32,22 @@ def test_limits(entry: object, passed: bool, text: str) -> None:
     assert (judged.passed, str(judged)) == (passed, text)
 
 
+@pytest.mark.parametrize(
+    ("ended", "samples", "named", "passed"),
+    [
+        ("time", 0.0, {}, [True]),
+        ("time", None, {}, [True]),
+        ("arrived", 3.0, {}, [True, False]),
+        ("time", 3.0, {"nonfinite_samples": 3}, [True, True]),
+        ("diverged", 3.0, {}, [True]),
+    ],
+)
+def test_a_flight_that_ends_well_has_finite_samples(ended, samples, named, passed):
+    expect = {"ended": ended, **named}
+    judged = judge_each(expect, lambda name, t_from, t_to: samples, ended)
+    assert [e.passed for e in judged] == passed
+
+
 @pytest.mark.parametrize("name", ["command_rms_m", "thrust_max_n", "no_such_metric"])
 def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
     for entry in (1e9, {"at_least": -1e9}):

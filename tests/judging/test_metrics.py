@@ -160,6 +160,14 @@ def test_a_diverged_flight_has_finite_metrics() -> None:
     )
 
 
+def test_ticks_of_a_law_that_is_not_finite_are_counted() -> None:
+    plant, fcu = flight(20.0)
+    put(fcu, Tick, "command.u.r3", np.nan, 100)
+    put(fcu, Tick, "outputs.thrusts.r8", np.inf, slice(100, 104))
+    put(fcu, Tick, "outputs.e_r", np.nan)  # of a reference model, which a law may not have
+    assert metrics(*told(plant, fcu))["nonfinite_samples"] == 4.0
+
+
 def test_a_huge_error_does_not_overflow() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [3e200, 4e200, 0.0])

@@ -110,6 +110,33 @@ def test_a_law_that_raises_ends_a_study(own_mission):
         law_alone.fly(scenario(load(mission)))
 
 
+def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission):
+    """NaN stops the rotors and ends no flight; the mission expects nothing that would see it."""
+    law = own_mission.with_name("plain_cascade.py")
+    thrusts = "    thrusts, gave_up = allocate(params.rotors, T_c, tau_c)\n"
+    above = "    thrusts = select(measured.r_E.z > 1.0, nan, 1.0) * thrusts\n"
+    law.write_text(law.read_text().replace(thrusts, thrusts + above))
+    text = own_mission.read_text()
+    own_mission.write_text(text[: text.index("[expect]")] + '[expect]\nended = "time"\n')
+    folder, said = own_mission.parent, {}
+    for way, options in {"wire": (), "process": ("--in-process",)}.items():
+        done = _gcs("fly", own_mission, "--out", folder / way, *options, folder=folder)
+        assert done.returncode == 1, done.stdout + done.stderr
+        assert "nonfinite_samples" in done.stdout
+        result = json.loads((folder / way / "result.json").read_text())
+        recording = read(folder / way / "flight.mcap")
+        fcu = recording.fcu
+        bad = np.isnan(fcu["outputs.thrusts"]).any(axis=1) & (fcu["engaged"] > 0.5)
+        assert not result["passed"]
+        assert result["metrics"]["nonfinite_samples"] == bad.sum() > 10
+        (event,) = (e for e in recording.events if "not finite" in e.text)
+        assert event.level == "error" and event.text.endswith("rotors stopped")
+        assert event.t == pytest.approx(fcu["t"][bad][0])
+        log = (folder / way / "fcu.log").read_text().splitlines()
+        said[way] = [line for line in log if "not finite" in line]
+    assert said["wire"] == said["process"]
+
+
 def test_it_is_drawn(flights):
     folder, _ = flights
     done = _gcs("plot", folder / "wire" / "flight.mcap", folder=folder)
