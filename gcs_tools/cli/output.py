@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import sys
+from io import TextIOWrapper
 from typing import IO, Any
 
 import click
 
 from gcs_tools.exit_codes import INFRASTRUCTURE
+
+# for who cannot show them; any other character is a question mark there
+PLAIN = {"≤": "<=", "≥": ">=", "×": "x", "·": ".", "°": " deg", "²": "^2", "µ": "u"}
 
 
 class Failure(click.ClickException):
@@ -31,6 +36,20 @@ def print_line(text: str) -> None:
         print(text, flush=True)
     except BrokenPipeError:
         silence(sys.stdout)
+
+
+def write_anywhere() -> None:
+    """From here on what a terminal or a file cannot encode is written in plainer characters."""
+    codecs.register_error("m-mrac-plain", _plain)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="m-mrac-plain")
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeEncodeError)
+    text = error.object[error.start : error.end]
+    return "".join(PLAIN.get(character, "?") for character in text), error.end
 
 
 def silence(stream: IO[str]) -> None:

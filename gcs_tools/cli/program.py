@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from fcu.interface.ports import table
+from gcs_tools.cli.output import write_anywhere
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
 
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
@@ -48,6 +49,7 @@ class Program(click.Group):
 
     def main(self, *args: Any, **options: Any) -> Any:
         """Run the command line, and exit."""
+        write_anywhere()
         try:
             code = super().main(*args, **{**options, "standalone_mode": False})
         except click.ClickException as error:

@@ -50,6 +50,19 @@ def refused(tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_terminal_that_cannot_show_a_character_gets_a_plainer_one(
+    gcs, tmp_path, monkeypatch, encoding
+):
+    monkeypatch.setenv("PYTHONIOENCODING", encoding)
+    mission = MISSION.replace("hover of", "日 hover ≤") + "[expect]\nposition_max_m = 1.0\n"
+    (tmp_path / "hover.toml").write_text(mission, encoding="utf-8")
+    code, out, _ = gcs("fly", "hover.toml", *QUICK, "--figure", "never")
+    assert code == 0
+    assert "A ? hover <= half a second." in out
+    assert "position_max_m <= 1" in out
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
