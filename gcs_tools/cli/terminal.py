@@ -109,13 +109,12 @@ class Terminal(Display):
             table.add_column("measured", justify="right")
             for line in result.expectations:
                 style = "green" if line.passed else "red"
-                value = line.value
-                shown = (
-                    "-" if value is None else value if isinstance(value, str) else f"{value:.4g}"
-                )
                 mark = Text("met" if line.passed else "MISSED", style=style)
-                table.add_row(mark, line.text, Text(shown, style=style))
+                table.add_row(mark, line.text, Text(line.shown, style=style))
             self._out.print(table)
+        for line in result.expectations:
+            if line.why is not None:
+                self._out.print(Text(f"{line.name} has no value: {line.why}"), soft_wrap=True)
         speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
         self._out.print(
             Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from gcs_tools.judging.metrics import METRICS
 
 MetricFunction = Callable[[str, float | None, float | None], float | None]
+Reason = Callable[[str, float | None, float | None], str]
 
 GOOD_ENDINGS = ("time", "arrived")
 NOT_FINITE = "nonfinite_samples"
@@ -37,10 +38,17 @@ class Expectation:
     value: float | str | None  # measured; None: the metric has no value, which fails
     passed: bool
     text: str  # the expectation as a person reads it, without the value
+    why: str | None = None  # why the metric has no value
 
     def __str__(self) -> str:
         """The expectation and what was measured, in one line."""
-        return f"{self.text}: {'no value' if self.value is None else _number(self.value)}"
+        why = "" if self.why is None else f": {self.why}"
+        return f"{self.text}: {self.shown}{why}"
+
+    @property
+    def shown(self) -> str:
+        """What was measured, as a person reads it."""
+        return "no value" if self.value is None else _number(self.value)
 
 
 class _Bound(NamedTuple):
@@ -72,7 +80,9 @@ def _bound(name: str, entry: Any) -> _Bound:
     return _Bound(limit, at_least, table.get("from"), table.get("to"))
 
 
-def _judge_metric(name: str, entry: Any, metric: MetricFunction) -> Expectation:
+def _judge_metric(
+    name: str, entry: Any, metric: MetricFunction, reason: Reason | None = None
+) -> Expectation:
     bound = _bound(name, entry)
     value = metric(name, bound.t_from, bound.t_to) if name in METRICS else None
     if value is not None and not math.isfinite(value):
@@ -85,15 +95,19 @@ def _judge_metric(name: str, entry: Any, metric: MetricFunction) -> Expectation:
         text += f" from {bound.t_from:g} s"
     if bound.t_to is not None:
         text += f" to {bound.t_to:g} s"
-    return Expectation(name, bound.limit, value, passed, text)
+    why = None if value is not None or reason is None else reason(name, bound.t_from, bound.t_to)
+    return Expectation(name, bound.limit, value, passed, text, why)
 
 
-def judge_each(expect: Mapping[str, Any], metric: MetricFunction, ended: str) -> list[Expectation]:
+def judge_each(
+    expect: Mapping[str, Any], metric: MetricFunction, ended: str, reason: Reason | None = None
+) -> list[Expectation]:
     """Each entry of `expect` judged, how the flight ended first.
 
     metric : value of a metric from and to a time (s); None where there is none.
     ended : how the flight ended. Where nothing else is expected: in time or by arriving. One that
     ended like that, with samples that are not finite, misses an expectation that nobody has to name.
+    reason : why a metric has no value, from and to a time, in words.
     Raises ExpectError for an entry that is none of the forms above.
     """
     wanted = expect.get("ended")
@@ -102,7 +116,7 @@ def judge_each(expect: Mapping[str, Any], metric: MetricFunction, ended: str) ->
     endings = GOOD_ENDINGS if wanted is None else (wanted,)
     limit = " or ".join(endings)
     first = Expectation("ended", limit, ended, ended in endings, f"ended = {limit}")
-    rest = [_judge_metric(n, entry, metric) for n, entry in expect.items() if n != "ended"]
+    rest = [_judge_metric(n, entry, metric, reason) for n, entry in expect.items() if n != "ended"]
     if NOT_FINITE not in expect and ended in GOOD_ENDINGS:  # nothing follows from such a flight
         finite = _judge_metric(NOT_FINITE, 0.0, metric)
         rest += [] if finite.passed or finite.value is None else [finite]

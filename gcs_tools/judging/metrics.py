@@ -20,6 +20,7 @@ from gcs_tools.recording.table import Rows, Table
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
 FINAL_S = 1.0  # length of the last part of a flight that position_final_m looks at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
+_OF_A_GUARD = "governed_", "margin_"
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
 
@@ -107,6 +108,26 @@ class EngagedTicks:
         """One metric over a window. Raises KeyError for a name that is not one of METRICS."""
         value = METRICS[name](self.window(t_from, t_to))
         return value if math.isfinite(value) else None
+
+    def why_no_value(
+        self, name: str, t_from: float | None = None, t_to: float | None = None
+    ) -> str:
+        """Why a metric has no value over a window, in words."""
+        if name not in METRICS:
+            return "there is no such metric"
+        if not len(self.t):
+            return "the law never flew"
+        ticks = self.window(t_from, t_to)
+        if not len(ticks.t):
+            after = "" if t_from is None else f" after {t_from:g} s"
+            return f"no tick{after}" + ("" if t_to is None else f" before {t_to:g} s")
+        if name.startswith("position_") and not self.has_reference:
+            return "this law has no reference model"
+        if "_settled_" in name and not len(_settled(ticks).t):
+            return f"the flight counts as settled from {self.settle_from_s:g} s"
+        if name.startswith(_OF_A_GUARD) and "guard.governed" not in self.fcu:
+            return "this law has no guard"
+        return "of numbers that are not finite"
 
     def metrics(self) -> dict[str, float | None]:
         """Every metric over the whole flight."""

@@ -89,7 +89,7 @@ def judge(
         flight = EngagedTicks.of(*told, last_change_s(mission.flight) + SETTLE_S)
         measured = flight.metrics()
         if whole:
-            judged = judge_each(mission.expectations(), flight.metric, ended)
+            judged = judge_each(mission.expectations(), flight.metric, ended, flight.why_no_value)
     passed = exit_code == OK and all(e.passed for e in judged)
     sim_time = float(plant[-1, 0]) if len(plant) else 0.0
     wall_time = about["wall_time_s"]

@@ -54,6 +54,9 @@ def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
         _, judged = judge_each({name: entry}, measured, "time")
         assert not judged.passed and judged.value is None
         assert str(judged).endswith(": no value")
+        _, judged = judge_each({name: entry}, measured, "time", lambda *_: "nothing flew")
+        assert judged.why == "nothing flew"
+        assert str(judged).endswith(": no value: nothing flew")
 
 
 @pytest.mark.parametrize(

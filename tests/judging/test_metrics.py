@@ -168,6 +168,22 @@ def test_ticks_of_a_law_that_is_not_finite_are_counted() -> None:
     assert metrics(*told(plant, fcu))["nonfinite_samples"] == 4.0
 
 
+def test_a_metric_without_a_value_says_why() -> None:
+    plant, fcu = flight(20.0)
+    found = EngagedTicks.of(*told(plant, fcu))
+    assert found.why_no_value("position_max_m", 30.0) == "no tick after 30 s"
+    assert found.why_no_value("position_max_m", 21.0, 22.0) == "no tick after 21 s before 22 s"
+    put(plant, PlantRecord, "state.r_E", [0.0, np.inf, np.nan])
+    found = EngagedTicks.of(*told(plant, fcu), settle_from_s=25.0)
+    assert found.why_no_value("position_rms_m") == "of numbers that are not finite"
+    assert found.why_no_value("command_rms_settled_m") == "the flight counts as settled from 25 s"
+    put(fcu, Tick, "outputs.reference.r_m", np.nan)
+    found = EngagedTicks.of(*told(plant, fcu))
+    assert found.why_no_value("position_rms_m") == "this law has no reference model"
+    put(fcu, Tick, "engaged", 0.0)
+    assert EngagedTicks.of(*told(plant, fcu)).why_no_value("position_rms_m") == "the law never flew"
+
+
 def test_a_huge_error_does_not_overflow() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [3e200, 4e200, 0.0])

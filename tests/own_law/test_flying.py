@@ -137,6 +137,20 @@ def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission):
     assert said["wire"] == said["process"]
 
 
+def test_what_a_mission_expects_of_another_law_is_missed_with_the_reason(own_mission):
+    text = own_mission.read_text() + "position_max_m = 0.2\nmargin_min_n = { at_least = 1.0 }\n"
+    own_mission.write_text(text)
+    folder, run = own_mission.parent, own_mission.parent / "run"
+    done = _gcs(
+        "fly", own_mission, "--in-process", "--figure", "never", "--out", run, folder=folder
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    judged = {e["name"]: e for e in json.loads((run / "result.json").read_text())["expectations"]}
+    for name, why in {"position_max_m": "reference model", "margin_min_n": "guard"}.items():
+        assert judged[name]["why"] == f"this law has no {why}"
+        assert f"{name} has no value: this law has no {why}\n" in done.stdout
+
+
 def test_it_is_drawn(flights):
     folder, _ = flights
     done = _gcs("plot", folder / "wire" / "flight.mcap", folder=folder)
