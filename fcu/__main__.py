@@ -129,7 +129,8 @@ def main(
     say(-1, "info", f"instance {number}: waiting for the plant on 127.0.0.1:{at.fcu_plant}")
     announce({"ready": "fcu", "instance": number, **at._asdict()})
     code = loop.run()
-    announce({"ended": "fcu", "exit_code": code, **vars(loop.figures)})
+    ended = {"ended": "fcu", "exit_code": code, "law_raised": loop.law_raised}
+    announce({**ended, **vars(loop.figures)})
     sys.exit(code)
 
 

@@ -62,6 +62,10 @@ class Lost(Exception):
     """There is no going on: why."""
 
 
+class LawRaised(Lost):
+    """The law has raised an error: which one, and where."""
+
+
 @dataclass
 class Figures:
     """What the loop counted, for whoever asks at the end."""
@@ -134,9 +138,9 @@ class Autopilot:
         return said != LAW_RAISED
 
     def raise_for_law(self, row: Row) -> NoReturn:
-        """Raise Lost: the law has raised an error at the last tick, whose row this is."""
+        """Raise LawRaised: the law has raised an error at the last tick, whose row this is."""
         assert self._compiled is not None
-        raise Lost(what_was_raised(self._compiled, self.flight, row))
+        raise LawRaised(what_was_raised(self._compiled, self.flight, row))
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""

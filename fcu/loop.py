@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu.autopilot import TIMES, Autopilot, Lost, Row, say
+from fcu.autopilot import TIMES, Autopilot, LawRaised, Lost, Row, say
 from fcu.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
@@ -62,6 +62,7 @@ class Loop:
         self._answered_s = 0.0  # wall: when the last answer was sent; 0: time was held since
         self._times = np.zeros((len(reporter.tape.free()), TIMES))
         self._exit = OK
+        self.law_raised: str | None = None  # why there was no going on, if it was that
 
     def warm_up(self) -> None:
         """Compile what a tick needs, by flying one that goes nowhere."""
@@ -128,6 +129,7 @@ class Loop:
         except BrokenPipeError:
             self._end("nobody records this flight any more")
         except Lost as error:
+            self.law_raised = str(error) if isinstance(error, LawRaised) else None
             self._end(str(error))
 
     def _serve(self, wire: Wire) -> tuple[int, int]:

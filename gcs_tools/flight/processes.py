@@ -135,6 +135,8 @@ class Child:
             if said.get("flight_ended"):
                 ending, at_s = said["flight_ended"], said["time_s"]
                 raise FlightEnded(f"the vehicle {ending} at {at_s:.1f} s")
+            if said.get("law_raised"):
+                raise InfrastructureError(f"the {self.name} ended: {said['law_raised']}")
             how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
             raise InfrastructureError(f"the {self.name} {how}: {self.last_words()}")
 

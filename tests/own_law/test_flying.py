@@ -87,12 +87,13 @@ def _raising(own_mission):
 
 def test_a_law_that_raises_ends_the_flight_and_says_where(own_mission):
     mission, line = _raising(own_mission)
-    folder, said, flown = mission.parent, {}, {}
+    folder, said, flown, ended = mission.parent, {}, {}, {}
     for way, options in {"wire": (), "process": ("--in-process",)}.items():
         how = ("--out", folder / way, "--figure", "never", *options)
         done = _gcs("fly", mission, *how, folder=folder)
         assert done.returncode == 3, done.stdout
         log = (folder / way / "fcu.log").read_text()
+        ended[way] = json.loads((folder / way / "result.json").read_text())["error"]
         said[way] = [text for text in log.splitlines() if " error " in text]
         flown[way] = read(folder / way / "flight.mcap").fcu["measured.r_E"]
         assert flown[way][:, 0].max() <= 0.3
@@ -101,6 +102,8 @@ def test_a_law_that_raises_ends_the_flight_and_says_where(own_mission):
     assert len(said["wire"]) == 1
     assert said["wire"][0].endswith(raised)
     assert said["wire"] == said["process"]
+    assert ended["wire"] == ended["process"]
+    assert ended["wire"].startswith(f"the flight controller ended: {raised} (last")
     assert np.array_equal(flown["wire"], flown["process"])
 
 
