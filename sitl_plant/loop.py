@@ -53,6 +53,7 @@ class Figures:
     refused: int = 0  # datagrams that could not be decoded as answers
     stale: int = 0  # answers to the state of another tick
     strangers: int = 0  # datagrams from senders other than the flight controller
+    unanswered: bool = False  # it ended because the flight controller was silent
     flight_ended: str = ""  # how the flight ended, if the vehicle crashed or diverged
     time_s: float = 0.0  # simulation time at the end
     unpublished: int = 0  # rows dropped because the publisher's buffer was full
@@ -239,6 +240,7 @@ class Server:
                     self._say("warning", self._what_is_wrong(WARN_S))
             if silent >= END_S and not (first and self._control is None):
                 self._say("error", self._what_is_wrong(END_S))
+                self.figures.unanswered = not self._unusable
                 return False
         return False
 

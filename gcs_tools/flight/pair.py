@@ -11,7 +11,7 @@ from typing import Any
 from fcu.interface import handover
 from fcu.laws.loader import Law
 from gcs_tools.flight.forking import can_fork, load
-from gcs_tools.flight.processes import Child, stop_all
+from gcs_tools.flight.processes import Child, Unanswered, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
 
@@ -76,8 +76,13 @@ class Pair:
 
     def check(self) -> None:
         """Raise InfrastructureError if one of the two has ended."""
-        for child in self.children:
-            child.check()
+        try:
+            for child in self.children:
+                child.check()
+        except Unanswered as error:
+            if not self.children[0].is_computing():
+                raise
+            raise Unanswered(f"{error}; it is still computing: the law may not return") from error
 
     def stop(self) -> dict[str, dict[str, Any]]:
         """Stop them; returns what each said last, by name."""

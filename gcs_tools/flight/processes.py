@@ -34,6 +34,7 @@ AFTER_OTHERS = 5  # added to the nice value of who records
 TURN_S = 1e-4  # wall: how long a thread of the runner keeps another from running
 STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
 STOPPED_S = 10.0  # wall: and one that works all the time
+BUSY_S, BUSY_PART = 0.5, 0.05  # wall: who uses that part of it, of a processor, computes
 LOOK_S = 0.05  # wall: between two looks whether it works
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -46,6 +47,10 @@ class InfrastructureError(RuntimeError):
 
 class Misused(InfrastructureError):
     """A process does not take what it was started with: what it said."""
+
+
+class Unanswered(InfrastructureError):
+    """The plant has ended because the flight controller was silent."""
 
 
 class FlightEnded(InfrastructureError):
@@ -124,7 +129,7 @@ class Child:
         raise InfrastructureError(f"the {self.name} was not ready within {waited:.0f} s")
 
     def check(self) -> None:
-        """Raise InfrastructureError if it has ended, FlightEnded if its flight had."""
+        """Raise InfrastructureError if it has ended, FlightEnded if its flight had, Unanswered."""
         code = self.process.poll()
         if code is not None:
             if code == -signal.SIGKILL:  # it had no time for last words
@@ -138,7 +143,17 @@ class Child:
             if said.get("law_raised"):
                 raise InfrastructureError(f"the {self.name} ended: {said['law_raised']}")
             how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
-            raise InfrastructureError(f"the {self.name} {how}: {self.last_words()}")
+            kind = Unanswered if said.get("unanswered") else InfrastructureError
+            raise kind(f"the {self.name} {how}: {self.last_words()}")
+
+    def is_computing(self) -> bool:
+        """Whether it lives and works now, and does not wait for anybody."""
+        worked, until = _worked_s(self.process.pid), time.monotonic() + BUSY_S
+        while self.process.poll() is None and time.monotonic() < until:
+            time.sleep(LOOK_S)
+            if _worked_s(self.process.pid) - worked >= BUSY_PART * BUSY_S:
+                return self.process.poll() is None
+        return False
 
     def last_words(self) -> str:
         """The last error in its log, or its last line."""

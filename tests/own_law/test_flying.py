@@ -107,6 +107,16 @@ def test_a_law_that_raises_ends_the_flight_and_says_where(own_mission):
     assert np.array_equal(flown["wire"], flown["process"])
 
 
+def test_a_law_that_does_not_return_is_not_blamed_on_the_link(own_mission):
+    law, folder = own_mission.with_name("plain_cascade.py"), own_mission.parent
+    start = "\n@kernel\ndef step(state, params, setpoint, measured):\n"
+    loop = "    left = measured.r_E.x\n    while left > 0.3:\n        left = left + 1e-9 * (left - 1.0) ** 2\n"
+    law.write_text(law.read_text().replace(start, start + loop))
+    done = _gcs("fly", own_mission, "--figure", "never", "--out", folder / "run", folder=folder)
+    assert done.returncode == 3, done.stdout
+    assert "has been silent for 5 s; it is still computing: the law may not return" in done.stdout
+
+
 def test_a_law_that_raises_ends_a_study(own_mission):
     mission, line = _raising(own_mission)
     with pytest.raises(LawError, match=f"east of all reason, plain_cascade.py:{line}"):
