@@ -59,6 +59,7 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
     """
     from fcu.interface.airframe import AirframeError
     from fcu.interface.parameter import ParameterError
+    from fcu.kernel.compile import is_cached
     from fcu.theory.responses import UnstableError
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.judging.envelope import envelope as envelope_of
@@ -66,7 +67,8 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
 
     try:
         chosen = load(mission, settings)
-        click.echo("looking ahead (the first time compiles, for 10 s or so) ...", err=True)
+        if not is_cached("foreseen.along"):
+            click.echo("compiling, once for this version (for 10 s or so) ...", err=True)
         try:
             found = envelope_of(chosen)
             if figure is not None:
@@ -112,7 +114,7 @@ def _show(found: Envelope, console: Console) -> None:
         eats = (
             "  <- uses up most" if name == found.terms.largest and found.terms.hover > 0.0 else ""
         )
-        spent.add_row(f"  {words}{eats}", f"{-getattr(found.terms, name):.1f}")
+        spent.add_row(f"  {words}{eats}", _tenths(-getattr(found.terms, name)))
     spent.add_row("left", f"{found.terms.left:.1f}", style=f"bold {colour}")
     console.print(spent)
     console.print()
@@ -126,19 +128,36 @@ def _show(found: Envelope, console: Console) -> None:
 
     if not found.holds:
         console.print()
-        console.print(Text("Any one of these is enough:", style="dim"))
-        for change in found.changes:
-            would = (
-                "not enough"
-                if change.would_do is None
-                else f"{_down(change.would_do)} {change.unit}".rstrip()
-            )
-            console.print(f"  {change.what} {change.now:.3g} -> {would}")
-        if found.can_be_governed:
-            console.print('  law.guard="govern": the vehicle flies the setpoints more gently')
+        _show_changes(found, console)
     after = "thrust and tilt are certain from"
     console.print()
     console.print(Text(f"During the first transient of adaptation nothing is certain: {after} {found.transient_s:.2f} s after take-over.", style="dim"))  # fmt: skip
+
+
+def _show_changes(found: Envelope, console: Console) -> None:
+    from rich.text import Text
+
+    would = [
+        f"{change.what} {change.now:.3g} -> {_down(change.would_do)} {change.unit}".rstrip()
+        for change in found.changes
+        if change.would_do is not None
+    ]
+    if found.can_be_governed:
+        would.append('law.guard="govern": the vehicle flies the setpoints more gently')
+    would_not = [change.what for change in found.changes if change.would_do is None]
+    for title, lines in (
+        ("Any one of these is enough:", would),
+        ("None of these is enough alone:", would_not),
+    ):
+        if lines:
+            console.print(Text(title, style="dim"))
+            for line in lines:
+                console.print(f"  {line}")
+
+
+def _tenths(value: float) -> str:
+    """One digit behind the point, and no minus before a zero."""
+    return f"{round(value, 1) + 0.0:.1f}"
 
 
 def _columns(row: Reach) -> list[str]:
