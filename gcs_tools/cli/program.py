@@ -49,8 +49,8 @@ class Program(click.Group):
 
     def main(self, *args: Any, **options: Any) -> Any:
         """Run the command line, and exit."""
-        write_anywhere()
         try:
+            write_anywhere()
             code = super().main(*args, **{**options, "standalone_mode": False})
         except click.ClickException as error:
             error.show()

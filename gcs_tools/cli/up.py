@@ -11,7 +11,7 @@ import click
 
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure
-from gcs_tools.exit_codes import INFRASTRUCTURE, USAGE
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 
 if TYPE_CHECKING:
     from gcs_tools.flight.pair import Pair
@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 TELL_S = 2.0  # wall: a flight controller tells after one that its plant is silent
 
 
-@click.command()
+@click.command(
+    epilog="\b\nExit codes: 0 Ctrl-C or SIGTERM once the vehicle was up, 2 invalid command line, mission or law,\n"
+    "3 a process died or stalled, a port was busy or the flight ended, 130 interrupted before."
+)
 @click.argument("mission", required=False)
 @arguments.speed("1")
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), help="Autopilot type to report; default px4.")  # fmt: skip
@@ -36,7 +39,7 @@ def up(
     mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
     link_clock: str | None, params: str | None, law: str | None, publish: bool, zenoh: Path | None,
     instance: int | None,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """Start flight controller and simulator, and keep them running until Ctrl-C.
 
     For a ground station or a script. With MISSION they start with its law, world and start point;
@@ -58,17 +61,21 @@ def up(
     except (UsageError, loader.LawError) as error:
         raise Failure(error, USAGE) from error
     click.echo("starting (the first start compiles, for up to a minute) ...", err=True)
+    code = INTERRUPTED
     published = arguments.publication(publish, zenoh)
     try:
         with claimed(instance) as number, ExitStack() as stack:
             pair = Pair(stack, folder, number, flown, published, flies(chosen, scene))
             _stand_by(pair, scene, folder, number, "max" if speed is None else str(speed), options,
                       zenoh is not None)  # fmt: skip
+            code = OK
     except (InfrastructureError, OSError) as error:
-        code = USAGE if isinstance(error, Misused) else INFRASTRUCTURE
-        raise Failure(getattr(error, "strerror", None) or error, code) from error
+        failed = USAGE if isinstance(error, Misused) else INFRASTRUCTURE
+        raise Failure(getattr(error, "strerror", None) or error, failed) from error
     except KeyboardInterrupt:
-        click.echo("stopped", err=True)
+        pass
+    click.echo("stopped", err=True)
+    return code
 
 
 def _stand_by(
@@ -77,7 +84,7 @@ def _stand_by(
 ) -> None:  # fmt: skip
     """Run both until interrupted; say what to connect to once both are ready.
 
-    Raises KeyboardInterrupt when told to stop, InfrastructureError when one of them ends.
+    Raises KeyboardInterrupt when that is before, InfrastructureError when one of them ends.
     """
     from fcu.interface.link import HOST
     from fcu.interface.ports import ports
@@ -87,21 +94,23 @@ def _stand_by(
     life, at = pair.lifeline(), ports(number)
     plant = ["--speed", speed, "--lifeline-fd", str(life)]
     why = pair.start(scene, options, plant, plant_fds=(life,))
-    click.echo(
-        f"ready: instance {number}, MAVLink system {at.system_id}\n"
-        f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
-        f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
-        f"  logs            {folder}"
-    )
-    if pair.publisher is not None:
-        where = "as configured" if configured else f"tcp/{HOST}:{port(number)}"
-        click.echo(f"  diagnostics     {why or f'Zenoh, {where} (gcs monitor)'}")
     try:
+        click.echo(
+            f"ready: instance {number}, MAVLink system {at.system_id}\n"
+            f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
+            f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
+            f"  logs            {folder}"
+        )
+        if pair.publisher is not None:
+            where = "as configured" if configured else f"tcp/{HOST}:{port(number)}"
+            click.echo(f"  diagnostics     {why or f'Zenoh, {where} (gcs monitor)'}")
         while True:
             pair.check()
             if pair.publisher is not None and pair.publisher.has_died():
                 click.echo(f"  diagnostics     ended (again with: gcs publish --instance {number})")
             time.sleep(0.1)
+    except KeyboardInterrupt:
+        return
     except FlightEnded:
         _let_it_tell(pair.children[0])
         raise

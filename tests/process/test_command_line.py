@@ -50,6 +50,25 @@ def refused(tmp_path, monkeypatch):
     return run
 
 
+INTERRUPTED_WHILE_LOADED = """
+import runpy, sys
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "click":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Finder())
+runpy.run_module("gcs_tools", run_name="__main__")
+"""
+
+
+def test_interrupted_while_it_is_loaded_it_ends_as_ever():
+    words = [sys.executable, "-c", INTERRUPTED_WHILE_LOADED]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_a_terminal_that_cannot_show_a_character_gets_a_plainer_one(
     gcs, tmp_path, monkeypatch, encoding

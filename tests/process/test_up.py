@@ -266,6 +266,15 @@ def test_a_plain_script_flies_and_lands(start, instance, script):
     assert fcu.interrupted() == 0
 
 
+def test_interrupted_before_it_is_up_it_ends_with_130(start, instance, tmp_path, gone):
+    cold = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    up = start("gcs_tools", "up", "--instance", instance, env=cold)
+    pids = up.started()
+    assert up.interrupted() == 130
+    assert "stopped" in up.text() and "Traceback" not in up.text()
+    gone(pids)
+
+
 def test_a_publisher_that_died_is_told_and_the_vehicle_stays_up(start, instance, until, alive):
     up = start("gcs_tools", "up", "--instance", instance)
     up.says("Zenoh")
