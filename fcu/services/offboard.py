@@ -39,6 +39,7 @@ class OffboardProtocol:
         self._tell = tell
         self.message: SetpointMessage | AttitudeSetpointMessage | None = None  # last accepted
         self._complained: dict[tuple[object, ...], float] = {}  # by kind: when, wall
+        self._limited: tuple[object, ...] | None = None  # the last one so told of, and whose it is
         self._short_due = 0.0  # wall: when it is told again that a setpoint falls short
 
     def take(
@@ -53,7 +54,8 @@ class OffboardProtocol:
         why = script.heard(who, t_us, now, vehicle.lost_us) or message.refusal
         setpoint = None
         if why is None:
-            setpoint, why = vehicle.resolve(self._request(message), t_us)
+            request = self._request(message)
+            setpoint, why = vehicle.resolve(request, t_us)
         if setpoint is None:
             script.refused += 1
             self.complain(Told(Code.SETPOINT_REFUSED, (why,)), now)
@@ -66,8 +68,10 @@ class OffboardProtocol:
         self.message = message
         self._say(vehicle.fly_script(t_us))
         port.send(link, echo(t_us * 1e-6, message))
-        if why is not None:  # it is flown at a limit
-            self.complain(why, now)
+        # flown at a limit: told once of each, not again while it is repeated
+        limited = None if why is None else (who, request, why.code)
+        if why is None or limited == self._limited or self.complain(why, now):
+            self._limited = limited
 
     def _request(
         self, message: SetpointMessage | AttitudeSetpointMessage
