@@ -1,6 +1,10 @@
 """Ground tools. `from gcs_tools import fly` flies a mission and returns its Result."""
 
-from typing import Any
+from __future__ import annotations
+
+TYPE_CHECKING = False  # importing `typing` for that takes longer than all the rest
+if TYPE_CHECKING:
+    from typing import Any
 
 
 def __getattr__(name: str) -> Any:
