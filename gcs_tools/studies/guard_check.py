@@ -148,7 +148,10 @@ def fly(mission: Mission) -> Flown:
         inside=(reachable[0] >= 0.0, min(reachable) >= 0.0),
         saturated=(bool(limited[ways[0]].any()), bool(limited[ways[1]].any()) or not whole),
         at_start=bool(limited[:settled].any()),
-        rotors=bool((column(Tick, rows[settled:], "outputs.saturation.rotor") > 0.5).any()),
+        rotors=any(
+            bool((column(Tick, rows[settled:], f"outputs.saturation.{of}") > 0.5).any())
+            for of in ("torque", "yaw")
+        ),
         arrived=(
             whole and bool((away[ends[0]] < NEAR).all()),
             whole and bool((away[ends[1]] < NEAR).all()),

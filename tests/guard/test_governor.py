@@ -177,7 +177,7 @@ def test_a_step_at_f_m_1_4_saturates_nothing_and_arrives(flight, fixed):
     settings = ("law.guard=govern", "law.f_m=1.4", "law.J_hat_0=0.3")
     rows = flight([(0.0, there)], 20.0, wind=True, settings=settings)
     inside = rows["guard"]
-    for name in ("thrust", "tilt", "rotor"):
+    for name in ("thrust", "tilt", "torque", "yaw"):
         assert not rows["outputs"]["saturation"][name].any(), name
     r = rows["measured"]["r_E"]
     away = np.sqrt((r["x"] - 4.0) ** 2 + (r["y"] - 7.0) ** 2 + (r["z"] - 18.0) ** 2)
@@ -224,7 +224,8 @@ def test_yaw_begins_no_faster_than_it_can_turn(flight, fixed):
     rate = rows["guard_state"]["psi_g_dot"]
     fastest = np.abs(np.diff(rate)).max() * 500.0
     assert fastest == pytest.approx(1.25, rel=1e-6)
-    assert not rows["outputs"]["saturation"]["rotor"].any()
+    assert not rows["outputs"]["saturation"]["torque"].any()
+    assert not rows["outputs"]["saturation"]["yaw"].any()
     assert rows["outputs"]["angles"]["z"][-1] == pytest.approx(1.5, abs=0.01)
 
 
