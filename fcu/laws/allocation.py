@@ -100,9 +100,16 @@ def omega_m(rotors, Omega):
     return total(rotors.spin * Omega)  # (33) departure 4
 
 
+class GaveUp(NamedTuple):
+    """What an allocation could not give, 1 each."""
+
+    torque: float  # all of the torque about roll and pitch; or thrust, to give that
+    yaw: float  # all of the torque about yaw
+
+
 @kernel
 def allocate(rotors, T, tau):
-    """Rotor thrusts (N) for a total thrust (N) and torque (N m, B), and 1 if any was given up."""
+    """Rotor thrusts (N) for a total thrust (N) and torque (N m, B), and what was GaveUp."""
     low, high = rotors.f_min, rotors.f_max
 
     # roll and pitch: scaled together, only if their spread alone does not fit
@@ -121,8 +128,10 @@ def allocate(rotors, T, tau):
     k_yaw = minimum(1.0, room(f, yawing, low, high))
     f = clip8(f + k_yaw * yawing, low, high)
 
-    gave_up = (k_tilt < 1.0) or (abs(kept - share) > 1e-9) or (k_yaw < 1.0)
-    return f, select(gave_up, 1.0, 0.0)  # departure 8
+    moved = abs(kept - clip(share, low, high)) > 1e-9
+    return f, GaveUp(
+        torque=select((k_tilt < 1.0) or moved, 1.0, 0.0), yaw=select(k_yaw < 1.0, 1.0, 0.0)
+    )  # departure 8
 
 
 @kernel

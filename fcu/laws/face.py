@@ -40,7 +40,8 @@ class Saturation(NamedTuple):
 
     thrust: float  # the total thrust command, by a limit
     tilt: float  # the roll or pitch command, by the tilt limit
-    rotor: float  # torque or thrust, by the allocation
+    torque: float  # that about roll and pitch, or thrust for its sake, by the allocation
+    yaw: float  # the torque about yaw, by the allocation
 
 
 class Outputs(NamedTuple):

@@ -27,6 +27,6 @@ def idle(measured):
         reference=Reference(r_m=none, v_m=none), e_r=none, T_c=0.0, T_achieved=0.0,
         angles=angles, angles_c=angles, w_c=zero,
         thrusts=Rotors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        saturation=Saturation(thrust=0.0, tilt=0.0, rotor=0.0),
+        saturation=Saturation(thrust=0.0, tilt=0.0, torque=0.0, yaw=0.0),
     )  # fmt: skip
     return _state(_NO_STATE), outputs, _internals(_NO_INTERNALS)

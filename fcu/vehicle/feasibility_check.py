@@ -7,6 +7,7 @@ sticks) is not looked at: it has to get down somehow.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -50,7 +51,12 @@ class FeasibilityCheck:
         if not self._looks_ahead:
             return
         look = Look(self._params.guard, self._params.law)
-        lack_of(look, at(STILL, 0.0), 0.0, np.zeros(6))
+        lack_of(look, at(STILL, 0.0), 0.0, np.zeros(9))
+
+    @property
+    def jerk(self) -> float:
+        """Fastest change (m/s^3) of the reference model's acceleration; endless without a guard."""
+        return self._looks().jerk if self._looks_ahead else math.inf
 
     @property
     def _policy(self) -> float:
@@ -70,7 +76,7 @@ class FeasibilityCheck:
     def short(self, setpoint: Setpoint, reference: Row) -> float:
         """By how much (N) a script's setpoint misses the condition; 0: nothing is to be said.
 
-        reference : float64[6], where the reference model is: r_m, v_m.
+        reference : float64[9], where the reference model is: r_m, v_m, a_m.
         """
         if self._policy == GOVERN or setpoint.level > 0.0:
             return 0.0
@@ -104,7 +110,7 @@ class FeasibilityCheck:
         """What a vehicle led from `here` straight to `to` (m, E) lacks; None if nothing."""
 
         def way(part: float) -> Way:
-            less = PlanLimits(*(part * limit for limit in led))
+            less = PlanLimits(*(part * limit for limit in led[:-1]), late_s=led.late_s)
             return through(here.r_E, here.v_E, [to], here.psi, less)
 
         what = Told(Code.WAY_LED, (length(to - here.r_E), led.cruise))

@@ -49,6 +49,9 @@ class Piece(NamedTuple):
     for_s: float
 
 
+LATE_S, TAKES_UP = 0.15, 1.25  # of the time that jerk takes: attitude and rates come after it
+
+
 class PlanLimits(NamedTuple):
     """How fast the vehicle is led. m/s, m/s^2."""
 
@@ -57,6 +60,7 @@ class PlanLimits(NamedTuple):
     down: float
     acceleration: float  # across
     acceleration_up: float  # up and down
+    late_s: float = LATE_S  # after which the guard has taken up a deceleration that begins at once
 
 
 def length(v: Vec3) -> float:
@@ -219,8 +223,11 @@ def figure_eight(r: Vec3, size: tuple[float, float], speed: float, psi: float) -
 # --- what each mode flies
 
 
-def limits(params: Parameters, cruise: float | None) -> PlanLimits:
-    """How fast it is led. `cruise`: m/s as told; None: MPC_XY_CRUISE."""
+def limits(params: Parameters, cruise: float | None, jerk: float = math.inf) -> PlanLimits:
+    """How fast it is led. `cruise`: m/s as told; None: MPC_XY_CRUISE.
+
+    jerk : m/s^3, of a reference model whose acceleration the guard lets change no faster.
+    """
     p = params
     return PlanLimits(
         cruise=min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"]),
@@ -228,6 +235,7 @@ def limits(params: Parameters, cruise: float | None) -> PlanLimits:
         down=p["MPC_Z_VEL_MAX_DN"],
         acceleration=p["MPC_ACC_HOR"],
         acceleration_up=p["MPC_ACC_UP_MAX"],
+        late_s=max(LATE_S, TAKES_UP * p["MPC_ACC_UP_MAX"] / jerk),
     )
 
 

@@ -157,11 +157,11 @@ def _settled(flight: EngagedTicks) -> EngagedTicks:
     return flight.window(flight.settle_from_s, None)
 
 
-def _fraction(name: str) -> Callable[[EngagedTicks], float]:
-    """The part of the ticks at which a flag is up; NaN if it is not known."""
+def _fraction(*names: str) -> Callable[[EngagedTicks], float]:
+    """The part of the ticks at which a flag is up, or one of several; NaN if none is known."""
 
     def part(flight: EngagedTicks) -> float:
-        flag = flight.told(name)
+        flag = np.fmax.reduce([flight.told(name) for name in names])
         known = len(flag) > 0 and not np.isnan(flag).any()
         return float(np.mean(flag > 0.5)) if known else math.nan
 
@@ -182,7 +182,9 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "command_rms_settled_m": lambda f: _rms(_settled(f).command_error),
     "thrust_saturated_fraction": _fraction("outputs.saturation.thrust"),
     "tilt_saturated_fraction": _fraction("outputs.saturation.tilt"),
-    "rotor_saturated_fraction": _fraction("outputs.saturation.rotor"),
+    "torque_saturated_fraction": _fraction("outputs.saturation.torque"),
+    "yaw_saturated_fraction": _fraction("outputs.saturation.yaw"),
+    "rotor_saturated_fraction": _fraction("outputs.saturation.torque", "outputs.saturation.yaw"),
     "governed_fraction": _fraction("guard.governed"),
     "margin_min_n": lambda f: _least(f.told("guard.margin.force")),
     "margin_tilt_min_deg": lambda f: math.degrees(_least(f.told("guard.margin.tilt"))),

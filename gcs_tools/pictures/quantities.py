@@ -170,7 +170,7 @@ BESIDE = (
     *parts("state.r_E"), *parts("state.v_E"), *parts("state.q_EB", "wxyz"),
     *parts("state.Omega", ROTORS), "on_ground", *parts("w_air_B"), "wind_error",
     "setpoint.level", "engaged", *parts("command.u", ROTORS),
-    *parts("outputs.saturation", ("thrust", "tilt", "rotor")), "internals.flags.projected",
+    *parts("outputs.saturation", ("thrust", "tilt", "torque", "yaw")), "internals.flags.projected",
     "guard.governed", *parts("guard.margin", ("force", "tilt", "condition")),
     *parts("status", ("armed", "main_mode", "sub_mode", "failsafe")),
     *parts("timing", ("cycle", "load", "late", "slips", "resent", "refused", "unrecorded",

@@ -62,7 +62,7 @@ COLUMNS = {
     "internals.thrusts": "outputs.thrusts",
     "internals.thrust_saturated": "outputs.saturation.thrust",
     "internals.tilt_saturated": "outputs.saturation.tilt",
-    "internals.rotor_saturated": "outputs.saturation.rotor",
+    "internals.rotor_saturated": "outputs.saturation.torque",  # or yaw: they were one
     "internals.v_til": "internals.prediction.v_til",
     "internals.w_til": "internals.prediction.w_til",
     "internals.f_c": "internals.demand.f_c",

@@ -102,11 +102,13 @@ def test_saturation_is_a_part_of_the_flight() -> None:
     plant, fcu = flight(9.9)  # a hundred ticks
     put(fcu, Tick, "outputs.saturation.thrust", 1.0, slice(0, 10))
     put(fcu, Tick, "outputs.saturation.tilt", 1.0, slice(0, 25))
-    put(fcu, Tick, "outputs.saturation.rotor", 1.0, slice(50, 51))
+    put(fcu, Tick, "outputs.saturation.torque", 1.0, slice(50, 51))
+    put(fcu, Tick, "outputs.saturation.yaw", 1.0, slice(50, 53))
     found = metrics(*told(plant, fcu))
     assert found["thrust_saturated_fraction"] == 0.1
     assert found["tilt_saturated_fraction"] == 0.25
-    assert found["rotor_saturated_fraction"] == 0.01
+    assert found["torque_saturated_fraction"] == 0.01
+    assert found["yaw_saturated_fraction"] == found["rotor_saturated_fraction"] == 0.03
     assert metric("thrust_saturated_fraction", *told(plant, fcu), t_from=1.0) == 0.0
     assert metric("thrust_saturated_fraction", *told(plant, fcu), t_to=0.9) == 1.0
 

@@ -19,7 +19,8 @@ MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/*.toml"))
 METRICS = {
     "position_rms_m", "position_rms_settled_m", "position_max_m", "position_final_m",
     "command_rms_m", "command_rms_settled_m", "thrust_saturated_fraction",
-    "tilt_saturated_fraction", "rotor_saturated_fraction", "governed_fraction", "margin_min_n",
+    "tilt_saturated_fraction", "torque_saturated_fraction", "yaw_saturated_fraction",
+    "rotor_saturated_fraction", "governed_fraction", "margin_min_n",
     "margin_tilt_min_deg", "margin_condition_min_n", "thrust_max_n", "tilt_max_deg",
 }  # fmt: skip
 KEYS = {

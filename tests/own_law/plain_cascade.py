@@ -72,7 +72,7 @@ def step(state, params, setpoint, measured):
     u = speed_command(params.rotors, thrusts, measured.Omega)
     T, none = achieved(params.rotors, measured.Omega * measured.Omega)[0], Vec3(nan, nan, nan)
     past = select((tilt.x != wanted.x) | (tilt.y != wanted.y), 1.0, 0.0)
-    cut = Saturation(thrust=select(T_c != T_wanted, 1.0, 0.0), tilt=past, rotor=gave_up)
+    cut = Saturation(select(T_c != T_wanted, 1.0, 0.0), past, gave_up.torque, gave_up.yaw)
     outputs = Outputs(
         reference=Reference(r_m=none, v_m=none), e_r=none, T_c=T_c, T_achieved=T, angles=angles,
         angles_c=Vec3(tilt.x, tilt.y, setpoint.psi_c), w_c=w_c, thrusts=thrusts, saturation=cut,

@@ -34,7 +34,7 @@ def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:
     made.set_fcu(**{"outputs.T_c": np.where(made.t < 1.0, 24.5, 100.0)})
     made.set_fcu(**{"outputs.angles_c.x": np.radians(-36.0)})
     made.set_fcu(**{"outputs.angles_c.y": np.radians(9.0)})
-    made.set_fcu(**{"outputs.saturation.rotor": made.t < 2.0})
+    made.set_fcu(**{"outputs.saturation.torque": made.t < 2.0})
     found = limits.numbers(all_of(made))
     assert found["thrust_room_fraction"] == pytest.approx(0.1)
     assert found["tilt_room_fraction"] == pytest.approx(0.2)

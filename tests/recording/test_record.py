@@ -318,7 +318,9 @@ def test_what_version_2_did_not_have_is_not_a_number() -> None:
         *(f"guard_state.{name}" for name in GuardState._fields),
         *(f"guard.{name}" for name in GuardInternals._fields),
         "internals.demand",
+        "outputs.saturation",
     }
+    assert {name for name in unknown if name.startswith("outputs.")} == {"outputs.saturation.yaw"}
     assert {name for name in unknown if name.startswith("internals.")} == {
         f"internals.demand.T_0.{axis}" for axis in "xyz"
     }

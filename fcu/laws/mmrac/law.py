@@ -91,7 +91,10 @@ def command(state, params, setpoint, measured, error, T_trim):
         w_c=turn.w_c,
         thrusts=thrusts,
         saturation=Saturation(
-            thrust=position.at_limit(limits, force.T_c), tilt=force.cut, rotor=gave_up
+            thrust=position.at_limit(limits, force.T_c),
+            tilt=force.cut,
+            torque=gave_up.torque,
+            yaw=gave_up.yaw,
         ),
     )
     T_a = T_achieved * lies.R_EB.e3
@@ -203,7 +206,7 @@ def idle(measured):
         angles_c=angles,
         w_c=zero,
         thrusts=Rotors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        saturation=Saturation(thrust=0.0, tilt=0.0, rotor=0.0),
+        saturation=Saturation(thrust=0.0, tilt=0.0, torque=0.0, yaw=0.0),
     )
     internals = Internals(
         prediction=PredictionError(v_til=zero, w_til=zero),

@@ -112,7 +112,7 @@ def limits(r: Readings, width: int) -> Panel:
     *held, table = _quantities(r, "Limits", width) or [grid(3)]
     table.add_row("rotors", number(greatest, 2, "of 1"), Text(blocks, style=style))
     words = Text(f"at a limit {OF_LATE}:", style=DIM)
-    for label in ("thrust", "tilt", "rotor"):
+    for label in ("thrust", "tilt", "torque", "yaw"):
         at = r.recent(r.flight.flown(f"outputs.saturation.{label}"))
         part = float(at.mean()) if len(at) else math.nan
         style = DIM if math.isnan(part) else BAD if part > 0.0 else GOOD

@@ -36,6 +36,10 @@ QUESTION = "How close to saturation?"
 MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "governed_fraction")
 
 
+# what is cut, and the flags that tell it
+CUT = {"thrust": ("thrust",), "tilt": ("tilt",), "torque": ("torque",), "yaw": ("yaw",), "rotor": ("torque", "yaw")}  # fmt: skip
+
+
 def _rotors(window: Window) -> Rows:
     """Allocated thrusts, N, (8, n)."""
     return np.stack([window.fcu[name] for name in parts("outputs.thrusts", ROTORS)])
@@ -54,11 +58,7 @@ def numbers(window: Window) -> Numbers:
     thrust = window.fcu["outputs.T_c"]
     n = len(window.t)
     fractions = {
-        f"{which}_saturated_fraction": float(
-            np.sum(window.fcu[f"outputs.saturation.{which}"] > 0.5)
-        )
-        / n
-        for which in ("thrust", "tilt", "rotor")
+        f"{which}_saturated_fraction": float(np.sum(_cut(window, which) > 0.5)) / n for which in CUT
     }
     return {
         "thrust_room_fraction": _room(thrust, told["law.limits.T_min"], told["law.limits.T_max"]),
@@ -73,6 +73,12 @@ def numbers(window: Window) -> Numbers:
         **{name: window.flight.metric(name) for name in MARGINS},
         **fractions,
     }
+
+
+def _cut(window: Window, which: str) -> Rows:
+    """1 at the ticks at which something was cut."""
+    flags: Rows = np.fmax.reduce([window.fcu[f"outputs.saturation.{name}"] for name in CUT[which]])
+    return flags
 
 
 def answer(found: Numbers) -> str:
@@ -132,5 +138,5 @@ def _margin(axes: Axes, window: Window, found: Numbers) -> None:
 
 
 def _flag(axes: Axes, window: Window, which: str, flag: str) -> None:
-    flagged(axes, window.t, window.fcu[f"outputs.saturation.{which}"], flag)
+    flagged(axes, window.t, _cut(window, which), flag)
     legend(axes)
