@@ -49,6 +49,8 @@ _TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
     column_of(Course, name)
     for name in ("time_us", "h", "armed", "airborne", "engaged", "since_us", "load", "answer_bytes")
 )
+_MOVES = [column_of(Setpoint, f"{of}.{axis}") for of in ("v_c", "a_c") for axis in "xyz"]
+_MOVES += [column_of(Setpoint, "psi_dot_c")]
 _R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
 _COMMAND, _THRUSTS = slice_of(SharedTick, "command"), slice_of(SharedTick, "outputs.thrusts")
 _TOLD_FROM = column_of(SharedTick, "outputs.T_c")
@@ -205,6 +207,8 @@ class Autopilot:
         setpoint = vehicle.setpoint
         if setpoint is None:
             course[_ENGAGED] = IDLE
+            if self._flown is not None:  # what is recorded of nobody's setpoint stands still
+                self.flight.setpoint[_MOVES] = 0.0
         elif course[_ENGAGED] == IDLE:
             course[_ENGAGED], self._was_finite = TAKE_OVER, True
         if setpoint is not self._flown and setpoint is not None:

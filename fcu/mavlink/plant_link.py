@@ -102,6 +102,11 @@ _FAULTS = {
 }
 
 
+def fault_in_words(fault: int) -> str:
+    """What is wrong with a datagram that was not read, for a person."""
+    return _FAULTS.get(fault, "it is none that can be read")
+
+
 class Desk(NamedTuple):
     """Where the kernels of one end lay out what they read and write."""
 
@@ -247,8 +252,14 @@ def parse_state(desk, system, datagram, length, state, battery, told):
 
 @kernel
 def pack_controls(desk, system, time_us, command, armed, lockstep, datagram):
-    """The answer to the state of `time_us`; its length.  command : float64[8], RotorCommand."""
+    """The answer to the state of `time_us`; its length.  command : float64[8], RotorCommand.
+
+    A rotor whose command is not a number is told to stand.
+    """
     _pack_command(desk.fields, command_through_the_wire(_unpack_command(command)))
+    for i in range(ROTORS):
+        if np.isnan(desk.fields[i]):
+            desk.fields[i] = 0.0
     put(datagram, HEADER, time_us, _TIME)
     put(datagram, HEADER + 8, _LOCKSTEP if lockstep else 0, 8)
     copy(desk.raw, 0, datagram, HEADER + 16, 4 * ROTORS)

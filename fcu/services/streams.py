@@ -396,10 +396,11 @@ def _estimates_array(v: View) -> Sequence[Packed]:
     """What the law believes, what saturates, and the margins (N, rad, N)."""
     if not (v.adapts and v.flying):
         return []
-    s, off = v.state.estimates, v.internals.prediction
+    s, off, cut = v.state.estimates, v.internals.prediction, v.outputs.saturation
     data = [
         s.m_hat, *s.s_v_hat, *s.J_hat, *s.s_w_hat, *off.v_til, *off.w_til,
-        v.internals.flags.projected, *v.outputs.saturation, v.guard.governed, *v.guard.margin,
+        v.internals.flags.projected, cut.thrust, cut.tilt, max(cut.torque, cut.yaw),
+        v.guard.governed, *v.guard.margin,
     ]  # fmt: skip
     return [tm.debug_float_array(v.t, "mmrac", 0, data)]
 

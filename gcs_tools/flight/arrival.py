@@ -11,13 +11,22 @@ from gcs_tools.flight.scenario import Scenario
 from sitl_plant.physics.types import PlantRecord
 
 
+def stands_from(scene: Scenario) -> int:
+    """The tick from which on every setpoint of the mission is in the same place as its last."""
+    places = np.array([setpoint.r_c for setpoint in scene.sent])
+    elsewhere = np.flatnonzero((places != places[-1]).any(axis=1))
+    first = int(elsewhere[-1]) + 1 if len(elsewhere) else 0
+    return int(scene.sent_at[first])
+
+
 class Arrival:
     """Looks for the tick at which the vehicle has been near its last setpoint for long enough."""
 
     def __init__(self, scene: Scenario) -> None:
         self._rate_hz = scene.rate_hz
         self._within_m, self._held = scene.arrive or (-1.0, 0)  # nothing is nearer than that
-        self._last = int(scene.sent_at[-1])
+        self._there = np.array(scene.sent[-1].r_c)
+        self._last = stands_from(scene)
         self._near_since = -1  # tick; negative: it is not near
 
     def time_s(self, plant: Rows, fcu: Rows) -> float | None:
@@ -27,9 +36,10 @@ class Arrival:
         """
         t, of_plant, of_fcu = np.intersect1d(plant[:, 0], fcu[:, 0], return_indices=True)
         r_E = column(PlantRecord, plant[of_plant], "state.r_E")
-        r_c = column(SharedTick, fcu[of_fcu], "setpoint.r_c")
+        flies = column(SharedTick, fcu[of_fcu], "engaged") > 0.0
         ticks = np.rint(t * self._rate_hz).astype(np.int64)
-        near = (np.linalg.norm(r_E - r_c, axis=1) <= self._within_m) & (ticks >= self._last)
+        near = np.linalg.norm(r_E - self._there, axis=1) <= self._within_m
+        near &= flies & (ticks >= self._last)
         for time_s, tick, is_near in zip(t.tolist(), ticks.tolist(), near.tolist(), strict=True):
             if not is_near:
                 self._near_since = -1

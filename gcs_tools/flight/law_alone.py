@@ -20,7 +20,7 @@ from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of
 from fcu.laws.face import TAKE_OVER
 from fcu.laws.loader import LawError
-from fcu.mavlink.plant_link import LONGEST, PlantCodec
+from fcu.mavlink.plant_link import LONGEST, PlantCodec, fault_in_words
 from fcu.vehicle.position_filter import Filtered
 from fcu.vehicle.watch import Watch
 from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS, together
@@ -72,7 +72,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
         alone.setpoint[:], alone.course[_SINCE] = setpoint, k * scene.period_us
         while k < until:
             simulator.draw_noise()
-            flown, why, _ = together(
+            flown, why, left = together(
                 alone, law.address, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
                 -1,
             )  # fmt: skip
@@ -82,7 +82,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
             if why == RAISED:
                 raise LawError(burst.what_was_raised(law, alone, fcu_rows[k]))
             if why not in (TICKS, NOISE):
-                raise AssertionError(f"tick {k} was not flown: {why}")
+                raise LawError(f"tick {k}: {fault_in_words(left)}")
     return plant_rows[:, :_TRUTH], fcu_rows
 
 

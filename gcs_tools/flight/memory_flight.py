@@ -29,7 +29,7 @@ from fcu.kernel.rows import column
 from fcu.mavlink.definitions import Autopilot as ShownAs
 from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin
-from fcu.mavlink.plant_link import LONGEST
+from fcu.mavlink.plant_link import LONGEST, fault_in_words
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter, row_width
 from fcu.services.streams import Identity
@@ -193,7 +193,7 @@ class MemoryFlight(ScriptedFlight):
         elif why == RAISED:
             autopilot.raise_for_law(autopilot.reporter.tape.row())
         elif why in BEGUN:
-            raise InfrastructureError(f"the simulator could not read an answer: fault {left_over}")
+            raise refused(left_over)
         if autopilot.ground.is_pending:
             autopilot.idle(now)
 
@@ -214,7 +214,8 @@ class MemoryFlight(ScriptedFlight):
         received = np.frombuffer(answer, dtype=np.uint8)
         self._datagram[: len(received)] = received
         fault = burst.finish(self._simulator.plant, self._datagram, len(received))
-        assert fault == burst.FLOWN, fault
+        if fault != burst.FLOWN:
+            raise refused(fault)
         self._autopilot.report()
 
     def _hold(self) -> None:
@@ -239,6 +240,11 @@ class MemoryFlight(ScriptedFlight):
         """Hand over what is left of a flight that was cut short."""
         for tape in (self._plant_tape, self._fcu_tape):
             tape.flush()
+
+
+def refused(fault: int) -> InfrastructureError:
+    """The simulator cannot fly what the controller has answered: why, by `sitl_plant.burst.finish`."""
+    return InfrastructureError(f"the flight controller's answer: {fault_in_words(fault)}")
 
 
 @contextmanager

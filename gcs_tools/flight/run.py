@@ -336,9 +336,9 @@ class _Run:
         except LawError as error:
             raise _Cut(flight.flown(), USAGE, str(error)) from error
         except InfrastructureError as error:
-            raise _cut(flight.flown(), str(error)) from error
+            raise _cut(self._cut_at_arrival(flight.flown()), str(error)) from error
         except KeyboardInterrupt as error:
-            raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
+            raise _Cut(self._cut_at_arrival(flight.flown()), INTERRUPTED, "interrupted") from error
 
     def _over_the_wire(self, on_rows: tuple[Take, Take]) -> Flown:
         try:
@@ -361,9 +361,9 @@ class _Run:
         except Misused as error:
             raise _Cut(flight.flown(), USAGE, str(error)) from error
         except InfrastructureError as error:
-            raise _cut(flight.flown(), str(error)) from error
+            raise _cut(self._cut_at_arrival(flight.flown()), str(error)) from error
         except KeyboardInterrupt as error:
-            raise _Cut(flight.flown(), INTERRUPTED, "interrupted") from error
+            raise _Cut(self._cut_at_arrival(flight.flown()), INTERRUPTED, "interrupted") from error
 
     def _cut_at_arrival(self, flown: Flown) -> Flown:
         arrived_s = arrival(self._scene, flown.plant, flown.fcu)

@@ -7,6 +7,7 @@ the flight.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ import numpy as np
 from fcu.interface.messages import Setpoint
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
-from gcs_tools.flight.arrival import arrival
+from gcs_tools.flight.arrival import arrival, stands_from
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
@@ -99,11 +100,13 @@ class ScriptedFlight(ABC):
 
     def _send_setpoints(self, vehicle: Vehicle) -> bool:
         """Let time run up to each setpoint, send it, and on; whether the vehicle arrived."""
-        scene = self._scene
+        scene, again = self._scene, round(SEND_AGAIN_S * self._scene.rate_hz)
+        look_at = math.inf if scene.arrive is None else stands_from(scene)
         for k, setpoint, last in schedule(scene):
             if not self._fly_to(k):
                 return False
-            if last and scene.arrive is not None:
+            if k >= look_at or (last and scene.arrive is not None):
+                look_at = k + again
                 self._wait_for_rows(k)
                 flown = self.flown()
                 if arrival(scene, flown.plant, flown.fcu) is not None:

@@ -123,12 +123,21 @@ def test_a_law_that_raises_ends_a_study(own_mission):
         law_alone.fly(scenario(load(mission)))
 
 
-def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission):
+THRUSTS = "    thrusts, gave_up = allocate(params.rotors, T_c, tau_c)\n"
+COMMAND = "    u = speed_command(params.rotors, thrusts, measured.Omega)\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "more", "column"),
+    [
+        (THRUSTS, "    thrusts = select(measured.r_E.z > 1.0, nan, 1.0) * thrusts\n", "outputs.thrusts"),
+        (COMMAND, "    u = select(measured.r_E.z > 1.0, nan, 1.0) * u\n", "command.u"),
+    ],
+)  # fmt: skip
+def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission, line, more, column):
     """NaN stops the rotors and ends no flight; the mission expects nothing that would see it."""
     law = own_mission.with_name("plain_cascade.py")
-    thrusts = "    thrusts, gave_up = allocate(params.rotors, T_c, tau_c)\n"
-    above = "    thrusts = select(measured.r_E.z > 1.0, nan, 1.0) * thrusts\n"
-    law.write_text(law.read_text().replace(thrusts, thrusts + above))
+    law.write_text(law.read_text().replace(line, line + more))
     text = own_mission.read_text()
     own_mission.write_text(text[: text.index("[expect]")] + '[expect]\nended = "time"\n')
     folder, said = own_mission.parent, {}
@@ -139,7 +148,7 @@ def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission):
         result = json.loads((folder / way / "result.json").read_text())
         recording = read(folder / way / "flight.mcap")
         fcu = recording.fcu
-        bad = np.isnan(fcu["outputs.thrusts"]).any(axis=1) & (fcu["engaged"] > 0.5)
+        bad = np.isnan(fcu[column]).any(axis=1) & (fcu["engaged"] > 0.5)
         assert not result["passed"]
         assert result["metrics"]["nonfinite_samples"] == bad.sum() > 10
         (event,) = (e for e in recording.events if "not finite" in e.text)

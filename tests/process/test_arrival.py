@@ -10,7 +10,7 @@ import pytest
 import gcs_tools
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column
-from fcu.laws.face import SharedTick
+from fcu.laws.face import FLYING, IDLE, SharedTick
 from gcs_tools.flight.arrival import UntilArrival, arrival
 from gcs_tools.flight.processes import Collector
 from gcs_tools.flight.run import _Run, prepared
@@ -30,10 +30,15 @@ def flight(tmp_path, monkeypatch):
         _Run, "_cut_at_arrival", lambda run, flown: (lengths.append(len(flown.plant)), cut(run, flown))[1]
     )  # fmt: skip
 
-    def fly(record="full", **options):
+    def fly(record="full", settings=(), **options):
         out = tmp_path / f"{len(lengths)}"
         result = gcs_tools.fly(
-            "take_off", settings=SOON, out=out, figure="never", record=record, **options
+            "take_off",
+            settings=[*SOON, *settings],
+            out=out,
+            figure="never",
+            record=record,
+            **options,
         )
         assert result.error is None and result.ended == "arrived"
         recording = None if record == "none" else read(out / "flight.mcap")
@@ -71,6 +76,28 @@ def test_the_recording_ends_with_the_tick_of_arrival(flight, record):
         assert len(recording.plant) == len(recording.fcu) == result.ticks
 
 
+def test_a_yaw_that_moves_keeps_no_vehicle_from_arriving(flight):
+    plain, *_ = flight("none", in_process=True)
+    swing = ["flight.yaw={amplitude_rad=0.1, frequency_rad_s=0.5}"]
+    swings, *_ = flight("none", swing, in_process=True)
+    assert swings.sim_time_s == pytest.approx(plain.sim_time_s, abs=0.2)
+
+
+def test_it_is_the_missions_setpoint_that_is_arrived_at(tmp_path):
+    """One in the ground is flown to above it first, and then landed on: it is reached by neither."""
+    result = gcs_tools.fly(
+        "take_off", out=tmp_path, figure="never", record="none", in_process=True,
+        settings=[*SOON, "flight.setpoints=[[0,0,0,2],[4,2,0,-5]]", "flight.duration_s=20"],
+    )  # fmt: skip
+    assert result.ended == "time"
+
+
+def test_who_no_longer_flies_does_not_arrive(scene):
+    plant, fcu = flown(scene)
+    column(SharedTick, fcu, "engaged")[NEAR + HELD - 2 :] = IDLE
+    assert arrival(scene, plant, fcu) is None
+
+
 # --- rows as they come
 
 HELD, LAST, NEAR = 50, 100, 180  # ticks: how long it has to stay; the last setpoint; from then near
@@ -79,7 +106,7 @@ HELD, LAST, NEAR = 50, 100, 180  # ticks: how long it has to stay; the last setp
 @pytest.fixture
 def scene():
     settings = [
-        'flight.setpoints=[{at_s=0.0, position_m=[0, 0, 0]}, {at_s=0.2, position_m=[0, 0, 0]}]',
+        'flight.setpoints=[{at_s=0.0, position_m=[5, 0, 0]}, {at_s=0.2, position_m=[0, 0, 0]}]',
         "flight.duration_s=1", "flight.arrive.within_m=0.5", f"flight.arrive.for_s={HELD / 500}",
     ]  # fmt: skip
     return prepared("take_off", settings)[1]
@@ -90,6 +117,7 @@ def flown(scene, n=400, near=NEAR):
     plant, fcu = np.zeros((n, size(PlantRecord))), np.zeros((n, size(SharedTick)))
     plant[:, 0] = fcu[:, 0] = np.arange(n) / scene.rate_hz
     column(PlantRecord, plant, "state.r_E")[LAST - HELD // 2 : near] = 9.0
+    column(SharedTick, fcu, "engaged")[:] = FLYING
     return plant, fcu
 
 

@@ -45,6 +45,11 @@ def test_armed_it_tells_what_the_law_estimates_and_what_the_rotors_do(flight):
     flight.tick(50)
     estimates = flight.asked(350, "DEBUG_FLOAT_ARRAY")
     assert 5.0 < estimates.data[0] < 9.0  # m_hat: it begins at 5 kg, and 8 are carried
+    assert estimates.data[17:21] == [0.0, 0.0, 0.0, 0.0]  # nothing saturates, nothing is governed
+    assert 10.0 < estimates.data[21] < 100.0  # margin of force, N
+    assert 0.3 < estimates.data[22] < 0.8  # of tilt, rad
+    assert estimates.data[23] < estimates.data[21]  # of the condition, N
+    assert not any(estimates.data[24:])
     esc = flight.asked(291, "UNKNOWN_291")
     assert esc.get_msgbuf()
     wind = flight.asked(231, "WIND_COV")

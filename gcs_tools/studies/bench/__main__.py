@@ -221,7 +221,7 @@ def lockstep(scene: Scenario, repeats: int) -> Iterator[Figure]:
     from gcs_tools.studies.bench.limit import rates
 
     limit = rates(constant(scene), repeats)
-    label = "the limit over UDP: two datagrams of a tick's length, there and back"
+    label = "the limit over UDP: two datagrams of 249 and 93 bytes, there and back"
     yield Figure("limit_datagrams_ticks_s", f"{label} (a second)", limit["datagrams"])
     label = "the limit over UDP: bare loop, two processes on one core"
     yield Figure("limit_bare_ticks_s", f"{label} (ticks/s)", limit["bare"])

@@ -72,7 +72,7 @@ def there_and_back(fd, datagram, length, first, ticks):
 
 
 def rates(scene: Scenario, repeats: int) -> dict[str, float]:
-    """Ticks a second of the bare loop, and round trips of two datagrams of a tick's length."""
+    """Ticks a second of the bare loop, and round trips of two datagrams of 249 and 93 bytes."""
     found: dict[str, list[float]] = {"bare": [], "datagrams": []}
     for _ in range(repeats):
         found["bare"].append(_timed(*_loop(scene)))
