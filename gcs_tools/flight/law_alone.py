@@ -2,7 +2,8 @@
 
 The ticks are those of a whole vehicle (`joined`), without its autopilot: always armed, every
 setpoint flown as it is, nothing refused, limited or landed, no position doubted. As long as a
-vehicle's autopilot only passes setpoints on, its flight is the same to the bit.
+vehicle's autopilot only passes setpoints on, its flight is the same to the bit; but it flies on to
+the end of its time where a vehicle has arrived.
 """
 
 from __future__ import annotations
