@@ -19,7 +19,10 @@ NOISY = "plant.noise={position_m=0.01, velocity_m_s=0.02, attitude_deg=0.2, rate
         ("take_off", ["flight.duration_s=9", NOISY, "plant.delay_s=0.01"]),
         ("figure_eight", ["flight.duration_s=3"]),
         ("paper_printed_fast", ["flight.duration_s=3"]),
-        ("weak_rotor", ["flight.duration_s=3", "plant.rotor_loss=[{rotor=1, at_s=1.0, effectiveness=0.6}]"]),
+        (
+            "weak_rotor",
+            ["flight.duration_s=3", "plant.rotor_loss=[{rotor=1, at_s=1.0, effectiveness=0.6}]"],
+        ),
     ],
 )
 def test_every_row_is_the_vehicles(mission, settings):
