@@ -33,6 +33,7 @@ Bytes = np.ndarray[Any, np.dtype[np.uint8]]
 NOT_QUIET, NOT_QUIET_FILTERED, LAW_RAISED = 0, -1, -2
 SLOW_S = 0.5e-3  # wall: who waits longer for a state waits in Python, for ground stations too
 LOAD_SMOOTHED = 1.0 / 256.0
+SAID = 300  # characters at most of what a law has raised
 
 _command = slice_of(SharedTick, "command")
 _FIRST_COMMAND, _END_COMMAND = _command.start, _command.stop
@@ -171,7 +172,8 @@ def what_was_raised(law: Pointer, flight: Flight, row: Buffer) -> str:
     except Exception as error:
         frames = extract_tb(error.__traceback__)[1:]
         at = "".join(f", {Path(frame.filename).name}:{frame.lineno}" for frame in frames[-1:])
-        return f"the law raised {type(error).__name__}: {error}{at}"
+        said = "".join(c if c.isprintable() else " " for c in f": {error}")[:SAID]
+        return f"the law raised {type(error).__name__}{said if str(error) else ''}{at}"
     return "the law raised an error once, and not again"
 
 

@@ -119,9 +119,10 @@ def pace(law: Any) -> Pace:
     """What modes that lead the vehicle have to know of the law: if it does not say, gentle."""
     if not hasattr(face, "pace"):
         return Pace(f_m=1.0, yaw_rate_max=1.0, T_hover=_hover())
-    told: Pace = face.pace(law)
-    if not isinstance(told, Pace):
-        raise ParameterError(f"{face.__file__}: pace: expected a Pace, got {told!r}")
+    with _blamed("pace"):
+        told: Pace = face.pace(law)
+    if not isinstance(told, Pace) or not all(0.0 < number < math.inf for number in told):
+        raise ParameterError(f"{face.__file__}: pace: expected a Pace above 0, got {told!r}")
     return told
 
 
@@ -136,6 +137,7 @@ def _hover() -> float:
 def check(law: Any) -> None:
     """Raise ParameterError for values that the law cannot fly with."""
     check_rows(law, PARAMETERS)
+    pace(law)
     if not hasattr(face, "check"):
         return
     with _blamed("check"):

@@ -51,7 +51,12 @@ def as_json(said: str) -> Decorator:
 def new_file(
     _context: click.Context, option: click.Parameter, path: Path | None
 ) -> Path | None:  # fmt: skip
-    """A callback: a file in a folder that is there. Raises BadParameter."""
+    """A callback: a file in a folder that is there. Raises BadParameter.
+
+    A file is written beside its path and then put in its place: what is there must be a file.
+    """
+    if path is not None and path.exists() and not (path.is_dir() or path.is_file()):
+        raise click.BadParameter(f"{path}: neither a file nor free")
     if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
         raise click.BadParameter(f"{path}: not a file in a folder that is there")
     return path

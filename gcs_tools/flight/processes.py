@@ -104,9 +104,11 @@ class Child:
     def _read(self) -> None:
         for line in self._out:
             try:
-                self._lines.put(json.loads(line))
+                told = json.loads(line)
             except ValueError:
                 continue
+            if isinstance(told, dict):  # a law may print what it likes
+                self._lines.put(told)
 
     def wait_ready(self, check: Callable[[], None]) -> None:
         """Until it says that it is. Raises InfrastructureError. `check` is called meanwhile.

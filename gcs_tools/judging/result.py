@@ -128,6 +128,7 @@ def _numbers(name: str, content: Any) -> Iterable[tuple[str, float]]:
 def _replace(path: Path, text: str) -> None:
     """Write a file so that `path` is always either the old one or the whole new one."""
     temporary: str | None = None
+    path = path.resolve()  # what a link points to is replaced, not the link
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
         with open(handle, "w", encoding="utf-8") as file:

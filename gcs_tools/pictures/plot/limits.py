@@ -56,9 +56,8 @@ def numbers(window: Window) -> Numbers:
     limit = told["law.limits.phi_star"]
     tilt = np.abs(np.stack(window.fcu.axes("outputs.angles_c", "xy"))).max(axis=0)
     thrust = window.fcu["outputs.T_c"]
-    n = len(window.t)
     fractions = {
-        f"{which}_saturated_fraction": float(np.sum(_cut(window, which) > 0.5)) / n for which in CUT
+        f"{which}_saturated_fraction": _fraction(_cut(window, which), window.t) for which in CUT
     }
     return {
         "thrust_room_fraction": _room(thrust, told["law.limits.T_min"], told["law.limits.T_max"]),
@@ -81,12 +80,19 @@ def _cut(window: Window, which: str) -> Rows:
     return flags
 
 
+def _fraction(flags: Rows, t: Rows) -> float | None:
+    """The part of the ticks (at times t) at which a flag is up; None if that is not known."""
+    known = len(t) > 0 and not np.isnan(flags).any()
+    return float(np.mean(flags > 0.5)) if known else None
+
+
 def answer(found: Numbers) -> str:
     """In one line."""
     parts = []
     for which, word in (("thrust", "thrust"), ("tilt", "tilt"), ("rotor", "rotors")):
         share = found[f"{which}_saturated_fraction"]
         at = f"at a limit {percent(share)} of the time" if share else "never at a limit"
+        at = "at a limit: not recorded" if share is None else at
         room = found[f"{which}_room_fraction"]
         left = "" if share or room is None else f" ({percent(room)} of its range left)"
         parts.append(f"{word} {at}{left}")
