@@ -154,7 +154,7 @@ def tick(flight, law, datagram, length, row, decided_us):
     _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
     length = pack_controls(
         flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
-        course.armed != 0.0, True, flight.answer,
+        course.armed != 0.0, True, True, flight.answer,
     )  # fmt: skip
     _put_answer_bytes(flight.course, np.float64(length))
     return length

@@ -251,14 +251,14 @@ def parse_state(desk, system, datagram, length, state, battery, told):
 
 
 @kernel
-def pack_controls(desk, system, time_us, command, armed, lockstep, datagram):
+def pack_controls(desk, system, time_us, command, armed, lockstep, nan_stands, datagram):
     """The answer to the state of `time_us`; its length.  command : float64[8], RotorCommand.
 
-    A rotor whose command is not a number is told to stand.
+    nan_stands : whether a rotor whose command is not a number is told to stand; else that is sent.
     """
     _pack_command(desk.fields, command_through_the_wire(_unpack_command(command)))
     for i in range(ROTORS):
-        if np.isnan(desk.fields[i]):
+        if nan_stands and np.isnan(desk.fields[i]):
             desk.fields[i] = 0.0
     put(datagram, HEADER, time_us, _TIME)
     put(datagram, HEADER + 8, _LOCKSTEP if lockstep else 0, 8)
@@ -434,7 +434,14 @@ class PlantCodec:
     def pack_controls(self, time_usec: int, buffer: Buffer, armed: bool, lockstep: bool) -> bytes:
         """The answer to the state of `time_usec`: a RotorCommand."""
         length = pack_controls(
-            self.desk, self.system, _signed(time_usec), buffer, armed, lockstep, self._datagram
+            self.desk,
+            self.system,
+            _signed(time_usec),
+            buffer,
+            armed,
+            lockstep,
+            False,
+            self._datagram,
         )
         return self._datagram[:length].tobytes()
 

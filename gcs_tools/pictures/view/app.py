@@ -21,7 +21,7 @@ from gcs_tools.pictures.view.scene import Scene
 HOST = "127.0.0.1"  # never another: the page asks nobody who they are
 PORTS = 20  # that are tried, one after the other, if none is asked for
 FRAME_S = 0.05  # of the scene
-ECHOES = 64  # frames after which a browser has said what it heard
+ECHOES = 1000  # frames after which a browser has said what it heard
 CHARTS_EVERY = 4  # frames, while time runs
 CHARTS_PX, PANEL_PX = 500, 300
 SPEEDS = ("0.25", "0.5", "1", "2", "4")
