@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import threading
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ from fcu.laws.face import FLYING, IDLE, SharedTick
 from gcs_tools.flight.arrival import UntilArrival, arrival
 from gcs_tools.flight.processes import Collector
 from gcs_tools.flight.run import _Run, prepared
+from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.recording.reader import read
 from sitl_plant.physics.types import PlantRecord
 
 SOON = ["flight.arrive.within_m=0.5", "flight.arrive.for_s=1.0"]
-LATE_S = 0.3  # wall: rows of the last batches
-LOOKED_S = 8.0  # simulation time of the last setpoint: from then on arrival is looked for
+LATE_FROM_S = 7.0  # simulation time: arrival is looked for from the last setpoint on, at 8 s
 
 
 @pytest.fixture
@@ -49,17 +49,36 @@ def flight(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_controllers_rows_are_waited_for(flight, monkeypatch):
+    """At each look they are held back until somebody is found waiting for rows of both."""
     wanted, _, flown = flight(in_process=True)
-    take = Collector._take
+    take, wait, wait_for_rows = Collector._take, Collector.wait_for, WireFlight._wait_for_rows
+    held, waiting, one_at_a_time = [], threading.Event(), threading.Lock()
 
-    def late(self, fd, data):
+    def hold_back(self, fd, data):
         width, kept, _ = self._sources[fd]
         of_fcu = width == max(width for width, *_ in self._sources.values())
-        if of_fcu and kept and kept[-1][-1, 0] > LOOKED_S:
-            time.sleep(LATE_S)
-        take(self, fd, data)
+        with one_at_a_time:
+            late = kept and kept[-1][-1, 0] > LATE_FROM_S
+            if of_fcu and late and not (waiting.is_set() and not held):
+                held.append((self, fd, data))
+            else:
+                take(self, fd, data)
 
-    monkeypatch.setattr(Collector, "_take", late)
+    def look(self, tick):
+        waiting.set()
+        wait_for_rows(self, tick)
+        waiting.clear()
+
+    def let_go(self, done, timeout_s):
+        if waiting.is_set() and not done():
+            with one_at_a_time:
+                while held:
+                    take(*held.pop(0))
+        return wait(self, done, timeout_s)
+
+    monkeypatch.setattr(Collector, "_take", hold_back)
+    monkeypatch.setattr(Collector, "wait_for", let_go)
+    monkeypatch.setattr(WireFlight, "_wait_for_rows", look)
     result, recording, until = flight()
     assert until == flown
     assert result.trajectory_sha256 == wanted.trajectory_sha256
