@@ -115,3 +115,34 @@ def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs
     )
     r_E = recording.plant["state.r_E"][-1]
     np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)
+
+
+def test_what_a_slow_browser_says_again_is_no_move_by_hand(recording):
+    flight = FlightHistory("under test", {name: topic.columns for name, topic in TOPICS.items()})
+    _receive(flight, recording, slice(0, 2000))
+    app = App(flight, free_port(None, 8200), whole=True)
+    slider, end = app._slider, flight.span[1]
+    try:
+        app._press()
+        app.step(1.0)
+        passed = slider.value
+        for _ in range(2):  # pause, play
+            app._press()
+            app.step(0.0)
+        app.step(0.5)
+        for said_again in (passed, slider.value):
+            slider.value = said_again
+            app.step(0.5)
+        assert slider.value == pytest.approx(flight.span[0] + 2.5)
+        app.step(end)
+        at_the_end = slider.value
+        app._press()
+        app.step(0.1)
+        slider.value = at_the_end
+        app.step(0.1)
+        assert slider.value == pytest.approx(flight.span[0] + 0.2)
+        slider.value = end  # by hand
+        app.step(0.0)
+        assert slider.value == pytest.approx(end)
+    finally:
+        app.stop()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
+import math
 import socket
 import time
-from collections import deque
 from contextlib import redirect_stdout
 from types import TracebackType
 from typing import Any, Self
@@ -21,7 +21,6 @@ from gcs_tools.pictures.view.scene import Scene
 HOST = "127.0.0.1"  # never another: the page asks nobody who they are
 PORTS = 20  # that are tried, one after the other, if none is asked for
 FRAME_S = 0.05  # of the scene
-ECHOES = 1000  # frames after which a browser has said what it heard
 CHARTS_EVERY = 4  # frames, while time runs
 CHARTS_PX, PANEL_PX = 500, 300
 SPEEDS = ("0.25", "0.5", "1", "2", "4")
@@ -108,7 +107,7 @@ class App:
             first, last = self._flight.span
             self._slider: Any = gui.add_slider("Time, s", first, last, 0.001, first)
             self._set = first  # what the slider was last seen at
-            self._sent: deque[float] = deque(maxlen=ECHOES)  # and before, while it was played
+            self._sent: set[float] = set()  # that it was played to: a browser may say one again
             self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
             self._button = gui.add_button("Play")
             self._button.on_click(lambda _: self._press())
@@ -146,8 +145,8 @@ class App:
         assert self._flight.span is not None
         first, last = self._flight.span
         if not self._playing and self._now >= last:
-            self._slider.value = first
-        self._sent.clear()
+            self._now = first
+            self._send(first)
         self._playing = not self._playing
 
     def run(self) -> None:
@@ -183,14 +182,23 @@ class App:
             self._set = self._now = min(max(at, first), last)
         if self._playing:
             self._now = min(last, self._now + elapsed * float(self._speed.value))
-            if self._set not in (first, self._now):
-                self._sent.append(self._set)
-            self._slider.value = self._set = self._now
+            self._send(self._now)
             if self._now >= last:
                 self._playing = False
         label = "Pause" if self._playing else "Play"
         if self._button.label != label:
             self._button.label = label
+
+    def _send(self, t: float) -> None:
+        """Move the slider to t, by a hair from where a hand would: an echo is not a hand's.
+
+        A hand moves it in milliseconds and to both ends; the clock meets neither but at the ends.
+        """
+        assert self._flight.span is not None
+        first, last = self._flight.span
+        self._set = min(max(t, math.nextafter(first, last)), math.nextafter(last, first))
+        self._sent.add(self._set)
+        self._slider.value = self._set
 
     def _draw(self) -> None:
         """Draw the flight at the present time, unless that is what the page shows already."""
