@@ -12,8 +12,17 @@ gamma_d + gamma_Theta Lambda |f|^2 + gamma_Lambda |u + Theta_hat f|^2, and v_0 -
 The same z drives the tracking error: e' = A e + B Lambda z.
 
 With constant Lambda and |f| this is a linear system: bounds of its impulse responses bound its
-errors, and some delta attains them. This module has the closed forms for one channel (A neglected
-against k, B = P = 1). `fcu.theory.linear_loop` handles any A, B, P and time-varying G.
+errors, and some delta attains them. This module has the closed forms for one channel, n = q = 1,
+with B = P = 1 and an A that is not neglected. With kappa = k - A and omega^2 = Lambda G,
+
+    delta to z:      (s + kappa)/(s^2 + kappa s + omega^2)
+    delta to x_til:       Lambda/(s^2 + kappa s + omega^2)
+
+so A counts as part of k. For zeta = kappa/(2 omega) >= 1 both poles -p_1, -p_2 are real, and
+p_1 + p_2 = kappa. The impulse response (p_2 e^(-p_1 t) - p_1 e^(-p_2 t))/(p_2 - p_1) of z does not
+change sign, so its L1 gain is the static gain kappa/omega^2: a delta that stays at delta* makes
+|z| = (k - A) delta*/(Lambda G). For other B and P, y = B P x_til is the state of this channel with
+Lambda B^2 P in place of Lambda. `fcu.theory.linear_loop` handles any A, B, P and time-varying G.
 """
 
 from __future__ import annotations
@@ -42,11 +51,21 @@ class ControlDifference(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """One channel: x_til' = -k x_til + Lambda z, z' = -G x_til + delta."""
+    """One channel with B = P = 1: x_til' = (A - k) x_til + Lambda z, z' = -G x_til + delta.
 
+    k - A, Lambda and G must be above 0, and constant. A predictor without A, as those of the
+    octocopter, has A = 0.
+    """
+
+    A: float  # 1/s, of the reference model: below 0
     k: float  # 1/s
     Lambda: float
     G: float  # gamma (1 + |f|^2)
+
+    @property
+    def kappa(self) -> float:
+        """Decay rate of x_til alone, 1/s."""
+        return self.k - self.A
 
     @property
     def omega(self) -> float:
@@ -56,14 +75,14 @@ class Channel(NamedTuple):
     @property
     def zeta(self) -> float:
         """Damping ratio."""
-        return self.k / (2.0 * self.omega)
+        return self.kappa / (2.0 * self.omega)
 
 
 def control_gain(zeta: float) -> float:
     """N(zeta): omega times the integral of |h|, h the impulse response from delta to z. Exact.
 
-    h has the transfer function (s + k)/(s^2 + k s + omega^2). For zeta >= 1 it does not change
-    sign. For zeta < 1 the areas of its half waves form a geometric series.
+    h has the transfer function (s + kappa)/(s^2 + kappa s + omega^2), kappa = 2 zeta omega. For
+    zeta >= 1 it does not change sign. For zeta < 1 the areas of its half waves form a geometric series.
     """
     if zeta >= 1.0:
         return 2.0 * zeta
@@ -95,9 +114,10 @@ def _envelope(channel: Channel) -> tuple[float, float, float]:
 def control_difference(
     channel: Channel, z_0: float, delta_star: float, x_til_0: float = 0.0
 ) -> ControlDifference:
-    """beta_1, nu_1 and beta_2 gamma^(-1/2) of one channel. Paper (30).
+    """beta_1, nu_1 and beta_2 gamma^(-1/2) of one channel with B = P = 1. Paper (30).
 
-    z_0, x_til_0 : |z| and |x_til| at the start. delta_star : bound of |delta| at all times.
+    z_0, x_til_0 : |z| and |x_til| at the start. delta_star : bound of |delta| at all times. For
+    zeta >= 1 the lasting part is (k - A) delta_star/(Lambda G), which delta = delta_star attains.
     With x_til_0 above zero, beta_1 grows as sqrt(gamma): start the predictor at the state. Near
     zeta = 1 the envelope is wide; `linear_loop` gives a tighter one. If all channels are equal,
     this also holds for norms of vectors.

@@ -199,7 +199,7 @@ def tracking_error_left_out() -> ConditionFails:
     ramp = Varying(
         lambda t: np.array([[min(rate * t, d_star)]]), np.asarray(d_star), np.asarray(rate)
     )
-    difference = control_difference(Channel(k, 1.0, gamma), 0.0, rate)
+    difference = control_difference(Channel(-a, k, 1.0, gamma), 0.0, rate)
     beta_2 = difference.lasting * math.sqrt(gamma)
     v_star = d_star + beta_2
     run = _known_run(

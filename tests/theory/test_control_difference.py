@@ -19,17 +19,17 @@ ZETAS = (0.05, 0.139, 0.3, 0.5, 0.707, 0.999, 1.0, 1.001, 2.0, 10.0)
 
 
 def channel(zeta, omega=20.0, Lambda=0.3):
-    return Channel(2.0 * zeta * omega, Lambda, omega * omega / Lambda)
+    return Channel(A=0.0, k=2.0 * zeta * omega, Lambda=Lambda, G=omega * omega / Lambda)
 
 
 def flow(c, h):
-    return expm(np.array([[-c.k, c.Lambda], [-c.G, 0.0]]) * h)
+    return expm(np.array([[c.A - c.k, c.Lambda], [-c.G, 0.0]]) * h)
 
 
 def worst(c, out, horizon=40.0, points=8_000):
     """Largest |x_til| (0) or |z| (1) from rest, by the delta of size 1 that does most to it."""
     h = horizon / (c.omega * min(c.zeta, 1.0 / c.zeta)) / points
-    M = np.array([[-c.k, c.Lambda, 0.0], [-c.G, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    M = np.array([[c.A - c.k, c.Lambda, 0.0], [-c.G, 0.0, 1.0], [0.0, 0.0, 0.0]])
     step = expm(M * h)
     state, answers = np.array([0.0, 1.0]), []
     for _ in range(points):
@@ -61,6 +61,41 @@ def test_some_disturbance_attains_the_bounds_and_none_exceeds_them(zeta):
         assert 0.98 * bound < found <= bound * (1.0 + 1e-9)
 
 
+# the fastest reference model beside the slowest predictor, and less of it
+WITH_A = [(-5.0, 1.0, 0.1), (-2.0, 10.0, 1.0), (-2.0, 10.0, 30.0), (-3.0, 1.0, 20.0)]
+
+
+@pytest.mark.parametrize(("A", "k", "G"), WITH_A)
+def test_no_disturbance_exceeds_the_bounds_where_a_is_not_small(A, k, G):
+    c = Channel(A, k, 1.0, G)
+    for out, bound in (
+        (1, control_difference(c, 0.0, 1.0).lasting),
+        (0, settled_prediction(c, 1.0)),
+    ):
+        found = worst(c, out)
+        assert 0.98 * bound < found <= bound * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("A", "k", "G"), WITH_A)
+@pytest.mark.parametrize("start", [(0.0, 1.0), (1.0, 0.0), (0.3, -1.0)])
+def test_start_and_disturbance_together_stay_under_30_where_a_is_not_small(A, k, G, start):
+    """At every 20th time under the delta that does most to z until then."""
+    c = Channel(A, k, 1.0, G)
+    bound, points = control_difference(c, start[1], 1.0, start[0]), 1000
+    h = 10.0 / (c.omega * min(c.zeta, 1.0 / c.zeta)) / points
+    step = expm(np.array([[A - k, 1.0, 0.0], [-G, 0.0, 1.0], [0.0, 0.0, 0.0]]) * h)
+    free, answers = [np.array(start)], [np.array([0.0, 1.0])]
+    for _ in range(points):
+        free.append(step[:2, :2] @ free[-1])
+        answers.append(step[:2, :2] @ answers[-1])
+    for end in range(0, points + 1, 20):
+        state = np.array([*start, 0.0])
+        for answer in reversed(answers[:end]):
+            state[2] = np.sign(answer[1]) * (1.0 if free[end][1] >= 0.0 else -1.0)
+            state = step @ state
+        assert abs(state[1]) <= bound.at(end * h) * (1.0 + 1e-9)
+
+
 @pytest.mark.parametrize("zeta", ZETAS)
 @pytest.mark.parametrize("start", [(0.0, 1.0), (1.0, 0.0), (-0.5, 1.0)])
 def test_the_start_is_forgotten_under_its_envelope(zeta, start):
@@ -85,7 +120,7 @@ def test_the_gains_join_where_the_roots_meet():
 
 def test_the_lasting_part_shrinks_as_the_root_of_gamma_and_prediction_as_gamma():
     def at(gamma):
-        c = Channel(np.sqrt(gamma), 1.0, gamma)
+        c = Channel(0.0, np.sqrt(gamma), 1.0, gamma)
         return control_difference(c, 0.0, 8.1).lasting, settled_prediction(c, 8.1)
 
     (v_1, x_1), (v_2, x_2) = at(100.0), at(10_000.0)
@@ -94,13 +129,15 @@ def test_the_lasting_part_shrinks_as_the_root_of_gamma_and_prediction_as_gamma()
 
 
 @pytest.mark.parametrize("zeta", [0.139, 0.5, 2.0])
-def test_any_loop_with_one_channel_is_that_channel(zeta):
-    c = channel(zeta)
-    one = np.eye(1)
-    slow = 1e-9  # A, neglected in the closed form
-    found = bounds(loop(-slow * one, one, one, c.k, c.Lambda * one, c.G), 2.0)
+@pytest.mark.parametrize(("share", "B", "P"), [(1e-6, 1.0, 1.0), (0.7, 1.0, 1.0), (0.4, 3.0, 0.2)])
+def test_any_loop_with_one_channel_is_that_channel(zeta, share, B, P):
+    """`share` of the decay of x_til comes from A; B and P other than 1 count with Lambda."""
+    told, one = channel(zeta), np.eye(1)
+    A, k = -share * told.k, (1.0 - share) * told.k
+    c = Channel(A, k, told.Lambda * B * B * P, told.G)
+    found = bounds(loop(A * one, B * one, P * one, k, told.Lambda * one, told.G), 2.0)
     assert found.control.lasting == pytest.approx(control_difference(c, 0.0, 2.0).lasting, rel=2e-3)
-    assert found.prediction[0] == pytest.approx(settled_prediction(c, 2.0), rel=2e-3)
+    assert found.prediction[0] == pytest.approx(settled_prediction(c, 2.0) / (B * P), rel=2e-3)
 
 
 @pytest.mark.parametrize("beside", [False, True])
