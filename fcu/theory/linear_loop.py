@@ -27,8 +27,10 @@ class Loop(NamedTuple):
 
     In the general case F = A - k I, output = B^T P, and drive = drive_e = B Lambda (unknowns inside
     Lambda) or B (outside). The octocopter predicts only the velocity: F = -k I, and e holds
-    position and velocity. The time-varying part of Lambda times z enters through `unknown` and
-    `unknown_e`.
+    position and velocity. The time-varying part of Lambda times z enters x_til' and e' through
+    `unknown` and `unknown_e`, which are 0 for a disturbance outside Lambda. There v_0 - v =
+    -Lambda(t)^-1 z, and the time-varying part of Lambda times v_0 - v enters v_0 - v through
+    `unknown_v`, which is 0 inside Lambda.
     """
 
     F: Matrix  # n x n
@@ -40,6 +42,7 @@ class Loop(NamedTuple):
     control: Matrix  # q x q: v_0 - v = -control z
     unknown: Matrix  # n x q
     unknown_e: Matrix  # m x q
+    unknown_v: Matrix  # q x q
 
     @property
     def fast(self) -> Matrix:
@@ -61,15 +64,21 @@ def loop(
     A: Matrix, B: Matrix, P: Matrix, k: float, Lambda: Matrix, G: Matrix | float,
     beside: bool = False,
 ) -> Loop:  # fmt: skip
-    """The loop of the general M-MRAC for constant Lambda (q x q) and G (q x q, or a number)."""
+    """The loop of the general M-MRAC for constant Lambda (q x q) and G (q x q, or a number).
+
+    beside : whether the disturbance acts outside Lambda. delta and G are then those of
+    z = Lambda Theta_til f + s_til: with a time-varying Lambda, delta contains Lambda' Theta_til f.
+    """
     A, B, Lambda = (np.atleast_2d(np.asarray(X, dtype=float)) for X in (A, B, Lambda))
     n, q = B.shape
     square = np.asarray(G, dtype=float) * np.eye(q) if np.ndim(G) == 0 else np.asarray(G)
     F = A - k * np.eye(n)
     if not beside:
-        return Loop(F, B @ Lambda, B.T @ P, square, A, B @ Lambda, np.eye(q), B, B)
+        return Loop(
+            F, B @ Lambda, B.T @ P, square, A, B @ Lambda, np.eye(q), B, B, np.zeros((q, q))
+        )
     control = np.asarray(np.linalg.inv(Lambda), dtype=np.float64)
-    return Loop(F, B, B.T @ P, square, A, B, control, 0.0 * B, 0.0 * B)
+    return Loop(F, B, B.T @ P, square, A, B, control, 0.0 * B, 0.0 * B, control)
 
 
 class Start(NamedTuple):
@@ -150,8 +159,8 @@ def bounds(
     lasting, radius = problem.signals(delta, [0.0 * value for value in begin])
     ever, _ = problem.signals(delta, begin)
     ways = problem.ways
-    v = system.control @ ways.z
-    settled = problem.at_most(v, delta, lasting)
+    v, widened = system.control @ ways.z, _widening(system, moving, norm)
+    settled = widened @ problem.at_most(v, delta, lasting)
     fast = problem.without_e(len(system.fast))
     nu_1 = 0.5 * decay(fast.M) if nu_1 is None else nu_1
     forgotten = fast._replace(rate=nu_1, found={})
@@ -159,16 +168,28 @@ def bounds(
     weighted, _ = forgotten.signals(nothing, begin)
     v_fast = v[:, : len(fast.M)]
     beta_1 = forgotten.at_most(v_fast, nothing, weighted) + forgotten.started(v_fast, begin)
+    beta_1 = widened @ beta_1
     return LoopBounds(
         prediction=problem.at_most(ways.x, delta, ever) + problem.started(ways.x, begin),
         prediction_settled=problem.at_most(ways.x, delta, lasting),
         control=ControlDifference(float(beta_1.max()), nu_1, float(settled.max())),
         control_settled=settled,
-        control_peak=problem.at_most(v, delta, ever) + problem.started(v, begin),
+        control_peak=widened @ (problem.at_most(v, delta, ever) + problem.started(v, begin)),
         tracking=problem.at_most(ways.e, delta, ever) + problem.started(ways.e, begin),
         tracking_settled=problem.at_most(ways.e, delta, lasting),
         loop_gain=radius,
     )
+
+
+def _widening(system: Loop, moving: Moving, norm: Norm) -> Matrix:
+    """(I - |unknown_v| |dLambda|)^-1, from bounds of control z to bounds of v_0 - v."""
+    by_v = np.abs(system.unknown_v)
+    if norm == "spectral":
+        by_v = np.array([[float(np.linalg.norm(system.unknown_v, 2))]])
+    back = by_v @ _square(moving.Lambda, len(system.unknown_v), norm)
+    if float(np.abs(np.linalg.eigvals(back)).max()) >= 1.0:
+        raise NoBoundError("no bound: Lambda varies so much that it may become singular")
+    return np.asarray(np.linalg.inv(np.eye(len(back)) - back), dtype=np.float64)
 
 
 class _Problem(NamedTuple):

@@ -75,8 +75,9 @@ def position_loop(params: Params, mass: float, G: Matrix | None = None) -> Loop:
         G = np.diag(stiffness(params, mass, mass * params.g))
     (A, drive_e), eye = position_model(params), np.eye(3)
     return Loop(
-        -params.lambda_v * eye, eye, eye, G, A, drive_e, mass * eye, 0.0 * eye, 0.0 * drive_e
-    )
+        F=-params.lambda_v * eye, drive=eye, output=eye, G=G, A=A, drive_e=drive_e,
+        control=mass * eye, unknown=0.0 * eye, unknown_e=0.0 * drive_e, unknown_v=mass * eye,
+    )  # fmt: skip
 
 
 def stiffness(params: Params, mass: float, T_0: float, m_hat: float | None = None) -> Matrix:

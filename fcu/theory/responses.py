@@ -196,7 +196,7 @@ def gain(
     total = np.zeros(_norms(C @ E, norm).shape)
     for start, end in _stretches(answer):
         rest = answer.rest_integral(start)
-        if start > 0.0 and float(rest.max()) <= TOLERANCE * float(total.max()):
+        if (start > 0.0 or not rest.any()) and float(rest.max()) <= TOLERANCE * float(total.max()):
             return total + rest
         length = end - start
         allowed = TOLERANCE / 4.0 * max(float(total.max()), length * float(answer.rest(end).max()))

@@ -189,6 +189,34 @@ def test_any_loop_against_random_disturbances_and_moving_regressors(beside, norm
     assert tightest < 4.0
 
 
+@pytest.mark.parametrize("norm", ["spectral", "entries"])
+def test_a_lambda_that_moves_beside_the_disturbance_enlarges_the_control_alone(norm):
+    """v_0 - v = -Lambda(t)^-1 z: z does most when Lambda is at its least."""
+    eye, swing = np.eye(2), 0.3
+    Lambda = np.diag([0.5, 2.0])
+    system = loop(-eye, eye, eye, 10.0, Lambda, 100.0, beside=True)
+    delta = np.ones(2) if norm == "entries" else 1.0
+    moved = swing * eye if norm == "entries" else swing
+    still = bounds(system, delta, norm=norm)
+    found = bounds(system, delta, moving=Moving(Lambda=moved), norm=norm)
+    assert np.array_equal(found.prediction, still.prediction)
+    assert np.array_equal(found.tracking, still.tracking)
+    z = worst(Channel(-1.0, 10.0, 1.0, 100.0), out=1)
+    least = np.diag(Lambda) - swing
+    measured = z / least if norm == "entries" else z / least.min()
+    assert np.all(0.98 * found.control_peak < measured)
+    assert np.all(measured <= found.control_peak)
+    assert found.control.lasting == pytest.approx(float(np.max(found.control_settled)))
+    assert np.max(measured) > np.max(still.control_peak)
+
+
+def test_a_lambda_that_may_become_singular_has_no_bound_of_the_control():
+    one = np.eye(1)
+    system = loop(-one, one, one, 10.0, 0.5 * one, 100.0, beside=True)
+    with pytest.raises(NoBoundError, match="singular"):
+        bounds(system, 1.0, moving=Moving(Lambda=0.5))
+
+
 def test_a_regressor_that_moves_too_far_has_no_bound():
     one = np.eye(1)
     system = loop(-one, one, one, 10.0, one, 100.0)

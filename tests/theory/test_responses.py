@@ -86,3 +86,11 @@ def test_a_decay_that_is_not_there_is_refused():
         decay_pair(A, 1.5)
     with pytest.raises(UnstableError, match="must exceed 0"):
         gain(-A)
+
+
+@pytest.mark.parametrize("norm", ["spectral", "entries"])
+def test_without_an_input_or_an_output_there_is_no_response(norm):
+    M, E, C = hurwitz(1)
+    for input_, output in ((0.0 * E, C), (E, 0.0 * C)):
+        assert not gain(M, input_, output, norm).any()
+        assert not peak(M, input_, output, norm=norm).any()
