@@ -15,12 +15,21 @@ import numpy as np
 from fcu.laws.mmrac.types import Params
 from fcu.theory.adaptive import Block, Estimates, Laws, predictor
 from fcu.theory.arrays import Array
-from fcu.theory.bounds import Assumed, Unknown, prediction_bound, single
+from fcu.theory.bounds import Assumed, Form, Unknown, prediction_bound, single
 from fcu.theory.control_difference import Channel, ControlDifference, control_difference
 from fcu.theory.linear_loop import bounds, loop
 from fcu.theory.octocopter import cone, position_loop
 from fcu.theory.projection import Ball, Box, Set, Structure
-from fcu.theory.region import Reference, Sizes, adaptive_budget, known_budget, limit, theorem
+from fcu.theory.region import (
+    Adaptation,
+    Reference,
+    Sizes,
+    Theorem,
+    adaptive_budget,
+    known_budget,
+    limit,
+    theorem,
+)
 from fcu.theory.simulate import ClosedLoop, LoopState, Run, simulate
 from fcu.theory.systems import (
     Actuator,
@@ -172,13 +181,13 @@ def ball_of_the_theorem() -> ConditionFails:
     told, K, v_star = scalar_model(1.0), 3.0, 1.0
     r = x_m_0 = 0.2375
     sizes, reference = Sizes(K, 1.0, 1.0, 0.0), Reference(x_m_0, r)
-    e_0 = theorem(
-        sizes, reference, v_star, 1.0, 0.0, NO_DIFFERENCE, 0.0, 1.0, "printed"
-    ).e_0_most  # fmt: skip
-    found = [
-        theorem(sizes, reference, v_star, 1.0, e_0, NO_DIFFERENCE, 0.0, 1.0, form)
-        for form in ("printed", "repaired")
-    ]
+    nothing = Adaptation(NO_DIFFERENCE, 0.0)
+
+    def found_at(e_0: float, form: Form) -> Theorem:
+        return theorem(sizes, reference, v_star, 1.0, e_0, lambda start: nothing, 1.0, form)
+
+    e_0 = found_at(0.0, "printed").e_0_most
+    found = [found_at(e_0, "printed"), found_at(e_0, "repaired")]
     assert found[0].positive > 0.0
     run = _known_run(
         told, ONE, K * ONE, lambda t: np.array([r]), symmetric(np.array([v_star])),

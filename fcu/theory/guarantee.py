@@ -15,10 +15,19 @@ import numpy as np
 
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, bounds, loop
-from fcu.theory.region import Budget, Reference, Sizes, adaptive_budget
+from fcu.theory.region import (
+    Adaptation,
+    Budget,
+    Reference,
+    Sizes,
+    Theorem,
+    adaptive_budget,
+    theorem,
+)
 from fcu.theory.responses import Matrix, peak
 
 ROUNDS, SLACK = 30, 5e-3  # iterations; relative increase of the assumed bounds per iteration
+PRECISION = 1e-4  # of the largest start, relative
 
 
 class Model(NamedTuple):
@@ -42,7 +51,7 @@ class Assumptions(NamedTuple):
     reference: Reference  # largest |x_m|, |r|, |g|
     x_m_rate: float
     r_rate: float
-    z_0: float  # |Theta_til f + d_til| at the start
+    z_0: float  # |Theta_til f + d_til| at the start, for every start with |e(0)| <= e_0
     e_0: float = 0.0
     x_til_0: float = 0.0
 
@@ -60,6 +69,49 @@ def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
     Assumes no active projection. Raises UnstableError, and NoBoundError if the regressor may vary
     too much for a bound.
     """
+    found, gamma_A = _bounds(model, assumed), float(peak(model.A)[0, 0])
+    difference, tracking = _adaptation(found, gamma_A, assumed.e_0)
+    budget = adaptive_budget(
+        assumed.sizes, assumed.reference, v_star, gamma_A, assumed.e_0, difference, tracking,
+        model.gamma_d,
+    )  # fmt: skip  # (31)
+    return Guarantee(budget, found)
+
+
+def attraction(model: Model, assumed: Assumptions, v_star: float) -> Theorem:
+    """Theorem V.1 with every constant evaluated at the initial error that it is to admit.
+
+    `guarantee` holds at e_0_most, and its assumptions hold for every smaller start: so e_0_most
+    needs no proof that the margin falls as e_0 grows. Raises as `guarantee`, at assumed.e_0.
+    """
+    gamma_A = float(peak(model.A)[0, 0])
+
+    def adaptation(e_0: float) -> Adaptation:
+        return _adaptation(_bounds(model, starting(assumed, e_0)), gamma_A, e_0)
+
+    return theorem(
+        assumed.sizes, assumed.reference, v_star, gamma_A, assumed.e_0, adaptation, model.gamma_d,
+        precision=PRECISION,
+    )  # fmt: skip
+
+
+def starting(assumed: Assumptions, e_0: float) -> Assumptions:
+    """The same assumptions for every start with |e(0)| <= e_0, which also changes f in z_0."""
+    farther = max(e_0 - assumed.e_0, 0.0)
+    f_moved = math.hypot(1.0, assumed.sizes.lambda_g) * farther
+    return assumed._replace(e_0=e_0, z_0=assumed.z_0 + assumed.Theta_error * f_moved)
+
+
+def _adaptation(found: LoopBounds, gamma_A: float, e_0: float) -> Adaptation:
+    settled = float(found.control_settled[0])
+    difference = ControlDifference(
+        float(found.control_peak[0]) - settled, found.control.nu_1, settled
+    )
+    return Adaptation(difference, max(float(found.tracking[0]) - gamma_A * e_0, 0.0))
+
+
+def _bounds(model: Model, assumed: Assumptions) -> LoopBounds:
+    """Bounds of all errors, with the regressor that these errors allow."""
     system_A = float(np.linalg.norm(model.A, 2))
     driven = float(np.linalg.norm(model.B @ model.Lambda, 2))
     sizes, at = assumed.sizes, assumed.reference
@@ -76,17 +128,6 @@ def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
             Start(assumed.x_til_0, assumed.z_0, assumed.e_0), Moving(G=half),
         )  # fmt: skip
         if found.tracking[0] <= E and found.control_peak[0] <= Z:
-            break
+            return found
         E, Z = float(found.tracking[0]), float(found.control_peak[0])
-    else:
-        raise NoBoundError("no bound: the iteration did not converge; the state moves too far")
-    gamma_A = float(peak(model.A)[0, 0])
-    settled = float(found.control_settled[0])
-    difference = ControlDifference(
-        float(found.control_peak[0]) - settled, found.control.nu_1, settled
-    )
-    tracking = max(float(found.tracking[0]) - gamma_A * assumed.e_0, 0.0)
-    budget = adaptive_budget(
-        sizes, at, v_star, gamma_A, assumed.e_0, difference, tracking, model.gamma_d
-    )  # (31)
-    return Guarantee(budget, found)
+    raise NoBoundError("no bound: the iteration did not converge; the state moves too far")

@@ -26,7 +26,7 @@ from scipy.linalg import expm
 from fcu.laws.mmrac.types import Params
 from fcu.theory.linear_loop import LoopBounds, Start, bounds
 from fcu.theory.loop_bounds import position_loop
-from fcu.theory.region import Budget
+from fcu.theory.region import Budget, largest
 from fcu.theory.responses import Matrix, gain, peak
 
 
@@ -141,7 +141,6 @@ def theorem_budget(
 
 
 POINTS = 2000  # of the response of the reference model
-FARTHEST = 1e6  # m, upper end of the search for the largest step
 
 
 @lru_cache(maxsize=64)
@@ -157,12 +156,4 @@ def _reference(params: Params) -> Matrix:
 
 def largest_step(condition: Callable[[float], Budget]) -> float:
     """Largest step (m) whose `Budget` holds, or 0; condition : function from step to Budget."""
-    low, high = 0.0, 1.0
-    if not condition(low).holds:
-        return 0.0
-    while condition(high).holds and high < FARTHEST:
-        low, high = high, 2.0 * high
-    while high - low > 1e-9 * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if condition(middle).holds else (low, middle)
-    return low
+    return largest(lambda step: condition(step).holds)

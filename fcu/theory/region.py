@@ -13,12 +13,14 @@ the paper to the letter.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from fcu.theory.bounds import Form
 from fcu.theory.control_difference import ControlDifference
+from fcu.theory.linear_loop import NoBoundError
 from fcu.theory.responses import Matrix
 
 
@@ -139,13 +141,20 @@ def adaptive_budget(
     )  # (31)
 
 
+class Adaptation(NamedTuple):
+    """Bounds of what adaptation adds to the known control and to the known tracking error."""
+
+    difference: ControlDifference
+    tracking: float  # of |e| from e(0) = 0
+
+
 class Theorem(NamedTuple):
     """Theorem V.1: a quantity that must be positive, and the ball of admissible initial errors."""
 
     positive: float  # v* - beta_1 - beta_2 - d* - rho_1 (repaired: minus the tracking error)
     rho_1: float  # of reference model and command, units of u
     rho_2: float
-    e_0_most: float  # largest |e(0)|: rho_2 / gamma_A
+    e_0_most: float  # every |e(0)| up to it is admitted: rho_2 / gamma_A
     e_0: float
 
     @property
@@ -156,20 +165,59 @@ class Theorem(NamedTuple):
 
 def theorem(
     sizes: Sizes, reference: Reference, v_star: float, gamma_A: float, e_0: float,
-    difference: ControlDifference, tracking: float, gamma: float, form: Form = "repaired",
+    adaptation: Callable[[float], Adaptation], gamma: float, form: Form = "repaired",
+    precision: float = 1e-9,
 ) -> Theorem:  # fmt: skip
     """Theorem V.1, for the smallest rho_1 that the reference and the command allow.
 
+    adaptation : bounds for every start of |e(0)| up to its argument. They grow with it where the
+    regressor depends on the state, so (31) at e_0_most counts them at e_0_most. NoBoundError means
+    that the start is not admitted; at e_0 itself it is raised. `fcu.theory.guarantee.attraction`
+    computes them. precision : relative, of e_0_most. Other arguments as in `adaptive_budget`.
+
     The printed ball is rho_2 (|K| + lambda_g |K_0|) <= d* + rho_1, which grows where it should
-    shrink. In the repaired form the right-hand side is the remaining part of v*. Arguments as in
-    `adaptive_budget`.
+    shrink. The repaired ball is the largest for which (31) holds.
     """
-    budget = adaptive_budget(
-        sizes, reference, v_star, gamma_A, e_0, difference, tracking, gamma, form
-    )
-    rho_1 = budget.reference + budget.nonlinearity + budget.command
-    adaptation = budget.learning + budget.lasting_error + budget.tracking_error
-    positive = v_star - adaptation - budget.disturbance - rho_1
-    room = budget.disturbance + rho_1 if form == "printed" else max(positive, 0.0)
-    rho_2 = room / sizes.per_state if sizes.per_state > 0.0 else math.inf
-    return Theorem(positive, rho_1, rho_2, rho_2 / gamma_A, e_0)
+
+    def budget(start: float) -> Budget:
+        difference, tracking = adaptation(start)
+        return adaptive_budget(
+            sizes, reference, v_star, gamma_A, start, difference, tracking, gamma, form
+        )
+
+    def admitted(start: float) -> bool:
+        try:
+            return budget(start).holds
+        except NoBoundError:
+            return False
+
+    own = budget(e_0)
+    rho_1 = own.reference + own.nonlinearity + own.command
+    added = own.learning + own.lasting_error + own.tracking_error
+    positive = v_star - added - own.disturbance - rho_1
+    if form == "printed":
+        room = own.disturbance + rho_1
+        rho_2 = room / sizes.per_state if sizes.per_state > 0.0 else math.inf
+        return Theorem(positive, rho_1, rho_2, rho_2 / gamma_A, e_0)
+    e_0_most = largest(admitted, precision)
+    return Theorem(positive, rho_1, gamma_A * e_0_most, e_0_most, e_0)
+
+
+SMALLEST, FARTHEST = 1e-12, 1e6  # ends of the search for the largest start or step
+
+
+def largest(admitted: Callable[[float], bool], precision: float = 1e-9) -> float:
+    """A value that is admitted while one `precision` (relative) above it is not; 0 if 0 is not.
+
+    Searches from SMALLEST to FARTHEST. The largest of all if every value below an admitted one is
+    admitted too.
+    """
+    low, high = 0.0, 1.0
+    if not admitted(low):
+        return 0.0
+    while admitted(high) and high < FARTHEST:
+        low, high = high, 2.0 * high
+    while high - low > precision * high and high > SMALLEST:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if admitted(middle) else (low, middle)
+    return low
