@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from fcu.theory.projection import MARGIN
 from fcu.theory.responses import Decay, Matrix, gain
 
 Form = Literal["repaired", "printed"]
@@ -21,29 +22,39 @@ Number = float | Matrix
 class Unknown(NamedTuple):
     """Assumed bounds of one unknown, in the structure in which it is estimated. Paper (4).
 
+    Two questions about it, each with its own norm:
+
+    1. How far may the estimate be from it, and how fast does it move away? `error` and `rate`,
+       Frobenius norms. Only the repaired form asks. Without an `error` the estimate is that of the
+       default `fcu.theory.projection.Ball`, with `size` as its radius. For every other set it is
+       `kept_in.farthest(size)`, and for an unknown that is known and not adapted it is 0.
+    2. How large is it as a matrix? `star` and `star_rate`, 2-norms. The repaired form asks this of
+       Lambda, which weights the errors of Theta and d; the printed form asks nothing else, of any.
+       `norm` and `norm_rate` are needed where the 2-norm is below the Frobenius norm.
+
     A Lambda that is a multiple of the identity is one number, so its Frobenius norm is its
     absolute value. A diagonal Lambda is a column.
     """
 
-    size: Number  # Frobenius norm
-    rate: Number = 0.0  # Frobenius norm of the true rate, 1/s
-    error: Number | None = None  # largest |truth - estimate| in the projection sets; None: 2 size
-    norm: Number | None = None  # 2-norm as a matrix, the starred bounds of the paper; None: size
+    size: Number  # Frobenius norm of the true value
+    rate: Number = 0.0  # Frobenius norm of its rate, 1/s
+    error: Number | None = None  # largest |truth - estimate|, with the estimate in its outer set
+    norm: Number | None = None  # 2-norm as a matrix; None: size
     norm_rate: Number | None = None  # the same of the rate; None: rate
 
     @property
     def farthest(self) -> Number:
         """Largest error of the estimate (Frobenius norm); the paper uses twice the bound."""
-        return 2.0 * self.size if self.error is None else self.error
+        return (2.0 + MARGIN) * self.size if self.error is None else self.error
 
     @property
     def star(self) -> Number:
-        """lambda*, theta*, d*."""
+        """lambda*, theta*, d* of the paper."""
         return self.size if self.norm is None else self.norm
 
     @property
     def star_rate(self) -> Number:
-        """lambda_d*, theta_d*, d_d*."""
+        """lambda_d*, theta_d*, d_d* of the paper."""
         return self.rate if self.norm_rate is None else self.norm_rate
 
 

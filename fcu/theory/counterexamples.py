@@ -94,8 +94,8 @@ def moving_lambda() -> BoundFails:
     start = LoopState(nothing, nothing, nothing, Estimates(ONE, Theta=theta * ONE))
     run = simulate(ClosedLoop(plant, predictor(told, k), sets), start, 1.0, 0.3 / omega, every=4)
     known = Assumed(
-        Unknown(high, 0.9 * omega), 0.1, Theta=Unknown(theta)
-    )  # fmt: skip
+        Unknown(high, 0.9 * omega, error=2.0 * high), 0.1, Theta=Unknown(theta, error=0.0)
+    )
     of = (known, single(gamma), k, told.P, told.Q, nothing)
     return BoundFails(
         float(prediction_bound(*of, form="printed").peak),

@@ -24,6 +24,8 @@ import numpy as np
 
 from fcu.theory.arrays import Array, frobenius, inner
 
+MARGIN = 0.1  # default of both sets: smooth, with an outer set a tenth larger
+
 
 class ProjectionError(ValueError):
     """An invalid set, or a set that is not sound for a weight; the message names a valid choice."""
@@ -48,7 +50,7 @@ class Ball:
     """
 
     radius: Array | float
-    margin: float = 0.1
+    margin: float = MARGIN
     metric: Array | None = None
 
     def __post_init__(self) -> None:
@@ -63,6 +65,10 @@ class Ball:
     def outer_radius(self) -> Array:
         """(...), largest Frobenius norm of an estimate."""
         return np.asarray(self.radius) * (1.0 + self.margin)
+
+    def farthest(self, size: Array | float) -> Array:
+        """Bound (...) of |truth - estimate| (Frobenius norm) for a truth of norm `size` (...)."""
+        return np.asarray(size + self.outer_radius)
 
     def rate(self, estimate: Array, Y: Array) -> Array:
         """Pr(estimate, Y): (..., i, j)."""
@@ -103,7 +109,7 @@ class Box:
 
     low: Array
     high: Array
-    margin: float = 0.1
+    margin: float = MARGIN
 
     def __post_init__(self) -> None:
         if not np.all(self.low <= self.high):
@@ -125,6 +131,10 @@ class Box:
     def outer_radius(self) -> Array:
         """(...), Frobenius norm of the farthest corner of the outer box."""
         return frobenius(np.maximum(np.abs(self.outer_low), np.abs(self.outer_high)))
+
+    def farthest(self, size: Array | float) -> Array:
+        """Bound (...) of |truth - estimate| (Frobenius norm) for a truth of norm `size` (...)."""
+        return np.asarray(size + self.outer_radius)
 
     def rate(self, estimate: Array, Y: Array) -> Array:
         """Pr(estimate, Y): (..., i, j)."""
@@ -154,7 +164,7 @@ def _share(past: Array, edge: Array) -> Array:
 Set = Ball | Box
 
 
-def symmetric_box(half_width: Array, margin: float = 0.1) -> Box:
+def symmetric_box(half_width: Array, margin: float = MARGIN) -> Box:
     """The box of components with absolute values of at most `half_width` (..., i, j)."""
     return Box(-half_width, np.asarray(half_width), margin)
 

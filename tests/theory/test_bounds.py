@@ -21,9 +21,13 @@ from fcu.theory.bounds import (
     single,
     tracking_bound,
 )
+from fcu.theory.projection import Ball, symmetric_box
 from fcu.theory.responses import decay_pair
 
-PAPER = Assumed(Unknown(2.0, 0.3), 0.5, Theta=Unknown(3.0, 0.4), d=Unknown(5.0, 0.6))
+PAPER = Assumed(
+    Unknown(2.0, 0.3, error=4.0), 0.5, Theta=Unknown(3.0, 0.4, error=6.0),
+    d=Unknown(5.0, 0.6, error=10.0),
+)  # fmt: skip
 
 
 def test_constants_of_the_paper():
@@ -36,15 +40,48 @@ def test_repaired_they_have_the_term_of_lambdas_rate_and_frobenius_norms():
     assert c1(PAPER).total == c1(PAPER, "printed").total
     assert c2(PAPER).total - c2(PAPER, "printed").total == pytest.approx(4 * 2.0 * 0.3)
     q = 3  # Lambda = 2 I known to be diagonal: its 2-norm is 2, its Frobenius norm 2 sqrt(3)
-    wide = PAPER._replace(Lambda=Unknown(2.0 * math.sqrt(q), norm=2.0))
+    wide = PAPER._replace(Lambda=Unknown(2.0 * math.sqrt(q), error=4.0 * math.sqrt(q), norm=2.0))
     assert c1(wide, "printed").Lambda == pytest.approx(16.0)
     assert c1(wide).Lambda == pytest.approx(16.0 * q)
 
 
 def test_beside_lambda_no_bound_of_lambda_counts():
-    beside = Assumed(Unknown(2.0, 0.3), 0.5, s=Unknown(5.0, 0.6))
+    beside = Assumed(Unknown(2.0, 0.3), 0.5, s=Unknown(5.0, 0.6, error=10.0))
     assert c1(beside).s == pytest.approx(100.0)
     assert c2(beside).s == pytest.approx(2 * 0.6 * 10.0)
+
+
+def pushed(kept_in, truth):
+    """The estimate that Pr ends at when adaptation pushes it away from the truth for good."""
+    estimate, h = truth.copy(), 0.02
+    for _ in range(2000):
+        estimate = kept_in.hold(estimate + h * kept_in.rate(estimate, -truth))
+    return estimate
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3)])
+def test_by_default_the_error_reaches_across_the_outer_set_of_the_default_ball(shape):
+    """An estimate at the far edge of the smooth ball: 2.1 times the size, not twice."""
+    rng = np.random.default_rng(4)
+    truth = rng.normal(size=shape)
+    size = float(np.linalg.norm(truth))
+    error = float(np.linalg.norm(truth - pushed(Ball(size), truth)))
+    assert error > 2.09 * size
+    assert error <= Unknown(size).farthest * (1.0 + 1e-12)
+    assert Unknown(size).farthest == pytest.approx(Ball(size).farthest(size))
+    known = Assumed(Unknown(1.0), 1.0, s=Unknown(size))
+    P, x_til = np.eye(2), np.zeros(2)
+    assert initial_V(known._replace(Lambda=Unknown(0.0)), single(10.0), P, x_til) >= error**2 / 10.0
+
+
+@pytest.mark.parametrize("kept_in", [
+    Ball(2.0), Ball(3.0, 0.0), Ball(2.0, 0.5), symmetric_box(np.full((2, 3), 2.0)),
+    symmetric_box(np.full((2, 3), 2.0), 0.0),
+])  # fmt: skip
+def test_any_other_set_says_how_far_its_estimates_may_be(kept_in):
+    truth = np.full((2, 3), 2.0 / math.sqrt(6.0))  # of norm 2, towards a corner of the box
+    error = float(np.linalg.norm(truth - pushed(kept_in, truth)))
+    assert 0.99 * kept_in.farthest(2.0) < error <= kept_in.farthest(2.0) * (1.0 + 1e-12)
 
 
 def test_each_block_is_divided_by_its_own_gain_and_nothing_needs_none():

@@ -140,11 +140,11 @@ def kept_in(truth: Varying, drawn: Shape, room: float) -> tuple[Set, Unknown]:
     size, rate = np.asarray(truth.bound), np.asarray(truth.rate_bound)
     if drawn.structure is Structure.SCALAR:
         ball = Ball(room * size, margin)
-        return ball, Unknown(size, rate, error=size + ball.outer_radius)
+        return ball, Unknown(size, rate, error=ball.farthest(size))
     rows, columns = truth.value(0.0).shape[-2:]
     half = room * size[:, None, None] * np.ones((rows, columns))
     box = symmetric_box(half, margin)
-    return box, Unknown(size, rate, error=size + box.outer_radius)
+    return box, Unknown(size, rate, error=box.farthest(size))
 
 
 def gains(rng: Rng, count: int, drawn: Shape) -> tuple[Blocks, Array]:
