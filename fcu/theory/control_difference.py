@@ -1,17 +1,23 @@
 """Difference between adaptive control and known control: (30), with its constants derived.
 
-With no saturation and no active projection, the prediction error x_til and z = Theta_til f + d_til
-(inside Lambda) obey, for any time-varying Theta, d and regressor f,
+Without saturation, the prediction error x_til and z = Theta_til f + d_til (inside Lambda) obey, for
+any time-varying Theta, d and regressor f,
 
     x_til' = (A - k I) x_til + B Lambda z        z' = -G B^T P x_til + delta
     delta  = Theta' f + d' + Theta_til f'        G  = gamma_d + gamma_Theta |f|^2
 
-and the control difference is v_0 - v = -z. For a disturbance outside Lambda, z is
-Lambda Theta_til f + s_til + Lambda_til (u + Theta_hat f) and enters without Lambda, G is
-gamma_d + gamma_Theta Lambda |f|^2 + gamma_Lambda |u + Theta_hat f|^2, and v_0 - v = -Lambda^-1 z.
+while no projection acts, and the control difference is v_0 - v = -z. For a disturbance outside
+Lambda, z is Lambda Theta_til f + s_til + Lambda_til (u + Theta_hat f) and enters without Lambda, G
+is gamma_d + gamma_Theta Lambda |f|^2 + gamma_Lambda |u + Theta_hat f|^2, and v_0 - v = -Lambda^-1 z.
 The same z drives the tracking error: e' = A e + B Lambda z.
 
-With constant Lambda and |f| this is a linear system: bounds of its impulse responses bound its
+Whether projection acts is a property of a run, not of a design: where f moves in phase with d',
+Theta_hat may drift to the edge of a set that is several times as large as Theta. While the
+projection of Theta_hat acts G is smaller, but not below gamma_d
+(`fcu.theory.linear_loop.any_projection`). d_hat = d + Theta_til f - z is at most
+d* + |Theta_til| |f| + |z|, so the projection onto a larger set for d never acts.
+
+With constant Lambda and G this is a linear system: bounds of its impulse responses bound its
 errors, and some delta attains them. This module has the closed forms for one channel, n = q = 1,
 with B = P = 1 and an A that is not neglected. With kappa = k - A and omega^2 = Lambda G,
 
@@ -53,7 +59,8 @@ class ControlDifference(NamedTuple):
 class Channel(NamedTuple):
     """One channel with B = P = 1: x_til' = (A - k) x_til + Lambda z, z' = -G x_til + delta.
 
-    k - A, Lambda and G must be above 0, and constant. A predictor without A, as those of the
+    k - A, Lambda and G must be above 0, and constant: the regressor of Theta_hat has a constant
+    norm, and its projection does not act in the run, or there is no Theta_hat. A predictor without A, as those of the
     octocopter, has A = 0.
     """
 

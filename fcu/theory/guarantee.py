@@ -14,7 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fcu.theory.control_difference import ControlDifference
-from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, bounds, loop
+from fcu.theory.linear_loop import (
+    LoopBounds,
+    NoBoundError,
+    Start,
+    any_projection,
+    bounds,
+    loop,
+)
 from fcu.theory.region import (
     Adaptation,
     Budget,
@@ -47,7 +54,7 @@ class Assumptions(NamedTuple):
 
     sizes: Sizes
     d_rate: float
-    Theta_error: float  # |Theta - Theta_hat| that the projection allows, 2-norm
+    Theta_error: float  # |Theta - Theta_hat| that the outer set allows, 2-norm
     reference: Reference  # largest |x_m|, |r|, |g|
     x_m_rate: float
     r_rate: float
@@ -61,13 +68,17 @@ class Guarantee(NamedTuple):
 
     budget: Budget
     bounds: LoopBounds
+    d_hat: float  # |d_hat| at all times: the set for d must be larger
 
 
 def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
     """The budget of (31) and the bounds of all errors, for a limit v_star of |v|.
 
-    Assumes no active projection. Raises UnstableError, and NoBoundError if the regressor may vary
-    too much for a bound.
+    Holds before a run: the projection of Theta_hat onto a ball (without a metric) or a box may act,
+    as long as `Theta_error` is that of its outer set. The projection of d_hat never acts if the
+    radius, or the half-width in every component, of the set for d is above the returned d_hat. The
+    set for Lambda does not matter, because Lambda_hat has no effect without saturation. Raises
+    UnstableError, and NoBoundError if the regressor may vary too much for a bound.
     """
     found, gamma_A = _bounds(model, assumed), float(peak(model.A)[0, 0])
     difference, tracking = _adaptation(found, gamma_A, assumed.e_0)
@@ -75,7 +86,9 @@ def guarantee(model: Model, assumed: Assumptions, v_star: float) -> Guarantee:
         assumed.sizes, assumed.reference, v_star, gamma_A, assumed.e_0, difference, tracking,
         model.gamma_d,
     )  # fmt: skip  # (31)
-    return Guarantee(budget, found)
+    f_star = _regressor(assumed, float(found.tracking[0]))
+    d_hat = assumed.sizes.d_star + assumed.Theta_error * f_star + float(found.control_peak[0])
+    return Guarantee(budget, found, d_hat)
 
 
 def attraction(model: Model, assumed: Assumptions, v_star: float) -> Theorem:
@@ -110,22 +123,33 @@ def _adaptation(found: LoopBounds, gamma_A: float, e_0: float) -> Adaptation:
     return Adaptation(difference, max(float(found.tracking[0]) - gamma_A * e_0, 0.0))
 
 
+def _regressor(assumed: Assumptions, E: float) -> float:
+    """Bound of |f| = |(x, g(x), r)| while |e| <= E."""
+    at = assumed.reference
+    return math.hypot(at.x_m + E, at.g + assumed.sizes.lambda_g * E, at.r)
+
+
 def _bounds(model: Model, assumed: Assumptions) -> LoopBounds:
-    """Bounds of all errors, with the regressor that these errors allow."""
+    """Bounds of all errors, with the regressor that these errors allow.
+
+    While |e| <= E and |z| <= Z, the regressor, its rate and so G and delta are in the ranges computed
+    here, and the errors are below `found`. If `found` is below E and Z, then neither error, being
+    continuous and below them at the start, is ever the first to reach them.
+    """
     system_A = float(np.linalg.norm(model.A, 2))
     driven = float(np.linalg.norm(model.B @ model.Lambda, 2))
-    sizes, at = assumed.sizes, assumed.reference
+    lambda_g = assumed.sizes.lambda_g
     E, Z = assumed.e_0, assumed.z_0
     for _ in range(ROUNDS):
         E, Z = E * (1.0 + SLACK), Z * (1.0 + SLACK)
-        f_star = math.hypot(at.x_m + E, at.g + sizes.lambda_g * E, at.r)
+        f_star = _regressor(assumed, E)
         x_rate = assumed.x_m_rate + system_A * E + driven * Z
-        f_rate = math.hypot(x_rate, sizes.lambda_g * x_rate, assumed.r_rate)
-        half = 0.5 * model.gamma_Theta * f_star * f_star
+        f_rate = math.hypot(x_rate, lambda_g * x_rate, assumed.r_rate)
+        G, moving = any_projection(model.gamma_d, model.gamma_Theta, f_star)
         delta = assumed.d_rate + assumed.Theta_error * f_rate
         found = bounds(
-            loop(model.A, model.B, model.P, model.k, model.Lambda, model.gamma_d + half), delta,
-            Start(assumed.x_til_0, assumed.z_0, assumed.e_0), Moving(G=half),
+            loop(model.A, model.B, model.P, model.k, model.Lambda, G), delta,
+            Start(assumed.x_til_0, assumed.z_0, assumed.e_0), moving,
         )  # fmt: skip
         if found.tracking[0] <= E and found.control_peak[0] <= Z:
             return found

@@ -5,7 +5,10 @@ bounds are its L1 gains and peaks, so some delta comes arbitrarily close to them
 regressor or Lambda is treated as a deviation from a constant, which is bounded in terms of the
 bounds themselves: a small-gain argument. NoBoundError is raised if its loop gain is not below one.
 
-Assumes no saturation and no active projection.
+Assumes no saturation. The projection of Theta_hat may act if the range of G says so
+(`any_projection`); the projection of d_hat must not, for which a set is enough that is larger than
+d* + |Theta_til| |f| + |z|. Before the run, the bounds of a design hold for `any_projection`; those of
+a narrower range of G hold for a run in which no projection acts.
 """
 
 from __future__ import annotations
@@ -94,6 +97,23 @@ class Moving(NamedTuple):
 
     G: Matrix | float = 0.0
     Lambda: Matrix | float = 0.0
+
+
+def any_projection(gamma_d: float, gamma_Theta: float, f_star: float) -> tuple[float, Moving]:
+    """G, and its deviations, for |f| <= f_star, whatever the projection of Theta_hat does.
+
+    Theta_hat' f = gamma_Theta (|f|^2 I - S) y_til, where Pr takes S y_til away. For a ball, with
+    N = Theta_hat / |Theta_hat| and a share s from 0 to 1, S = s N f f^T N^T while y_til^T N f > 0,
+    else 0. |N f| <= |f|, because no 2-norm exceeds the Frobenius norm. For a box S is diagonal,
+    sum_j s_ij f_j^2. Both are symmetric, and 0 <= S <= |f|^2 I. Hence
+
+        gamma_d I <= G <= (gamma_d + gamma_Theta |f|^2) I,
+
+    whatever Lambda is (unknowns inside Lambda), and however often Pr switches. A ball with a metric
+    is excluded: its S is not symmetric. The bound of Theta_til must be that of the outer set.
+    """
+    half = 0.5 * gamma_Theta * f_star * f_star
+    return gamma_d + half, Moving(G=half)
 
 
 class LoopBounds(NamedTuple):

@@ -44,9 +44,10 @@ class Flight(NamedTuple):
         1.0  # estimate of mass (one) or inertia (3,) over the truth, in flight
     )
     rho_high: Matrix | float = 1.0
-    z_0: Matrix | float = 0.0  # |z| at the start: s(0) - s_hat(0) + (rho - 1) T/m
+    z_0: Matrix | float = 0.0  # |z| at the start: s(0) - s_hat(0) + (rho - 1) T/m_hat
     x_til_0: Matrix | float = 0.0
     e_0: float = 0.0  # norm of the initial tracking error
+    projected: bool = False  # whether the projection of the mass or inertia estimate may act
 
 
 class FlightBounds(NamedTuple):
@@ -59,6 +60,7 @@ class FlightBounds(NamedTuple):
     tracking_settled: float
     loop_gain: float  # of the small-gain argument, below 1
     z: float  # |z| at all times, m/s^2, rad/s^2
+    s_hat: float  # |s_hat| at all times, m/s^2, rad/s^2: a larger set for it never acts
 
 
 def at_rest(s: Matrix, s_rate: Matrix) -> Flight:
@@ -175,7 +177,8 @@ def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds
             )
         assumed, tilt = tilt, min(aside * mass / least, 1.0)
         high = rho_high * (params.gamma + np.array([0.0, params.gamma_Lambda * most**2]))
-        low = rho_low * (params.gamma + np.array([0.0, params.gamma_Lambda * least**2]))
+        taught = 0.0 if flight.projected else params.gamma_Lambda * least**2
+        low = rho_low * (params.gamma + np.array([0.0, taught]))
         jerk = jerk_0 + jerk_of_z * float(Z.sum())
         # across its direction T = m_hat (a - g - s_hat) changes only by a', s_hat' = gamma x_til
         turning = rho_high * mass * (jerk + params.gamma * X) / least
@@ -214,7 +217,15 @@ def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds
         tracking_settled=min(by_z * Z_settled, by_x * X_settled),
         loop_gain=ever.loop_gain,
         z=Z_ever,
+        s_hat=float(np.linalg.norm(flight.s))
+        + _misjudged(rho_low, rho_high) * most / mass
+        + Z_ever,
     )
+
+
+def _misjudged(rho_low: float, rho_high: float) -> float:
+    """Largest |1 - 1/rho|: the part of T/m that s_hat may hold, because s_hat = s - z + that."""
+    return max(1.0 / rho_low - 1.0, 1.0 - 1.0 / rho_high)
 
 
 def _slowest(k: float, G: float) -> float:
@@ -291,4 +302,5 @@ def _rate_bounds(params: Params, axis: int, J: float, flight: Flight) -> FlightB
         tracking_settled=tracking(settled),
         loop_gain=ever.loop_gain,
         z=float(ever.Z[0]),
+        s_hat=s + _misjudged(rho_low, rho_high) * torque / J + float(ever.Z[0]),
     )
