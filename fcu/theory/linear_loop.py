@@ -130,21 +130,21 @@ class LoopBounds(NamedTuple):
 
 
 class _Ways(NamedTuple):
-    """Matrices that select inputs and outputs of the state (x_til, z, e)."""
+    """Matrices that select outputs of the state (x_til, z, e), and one that puts an input in."""
 
     x: Matrix
     z: Matrix
     e: Matrix
-    y: Matrix
-    beside: Matrix
+    y: Matrix  # y_til
+    d_Lambda: Matrix  # where the time-varying part of Lambda, times z, enters the rate of the state
 
 
 def _ways(system: Loop) -> _Ways:
     (n, q), m = system.drive.shape, len(system.A)
     unit = np.eye(n + q + m)
     x, z, e = unit[:n], unit[n : n + q], unit[n + q :]
-    beside = x.T @ system.unknown + e.T @ system.unknown_e
-    return _Ways(x, z, e, system.output @ x, beside)
+    d_Lambda = x.T @ system.unknown + e.T @ system.unknown_e
+    return _Ways(x, z, e, system.output @ x, d_Lambda)
 
 
 def _column(value: Matrix | float, rows: int, norm: Norm) -> Matrix:
@@ -213,13 +213,23 @@ def _widening(system: Loop, moving: Moving, norm: Norm) -> Matrix:
 
 
 class _Problem(NamedTuple):
-    """The small-gain problem for signals times e^(rate t)."""
+    """The small-gain problem for signals times e^(rate t).
+
+    G(t) and Lambda(t) are constants plus dG and dLambda. In the constant system these are two
+    inputs: dG y_til adds to delta, and dLambda z enters x_til' and e' (only for unknowns inside
+    Lambda). Both contain signals of the loop, (y_til, z), here called fed. With bounds of norms or
+    entries throughout, from an initial state and delta,
+
+        fed <= free + feedback fed,    so    fed <= (I - feedback)^-1 free
+
+    if the spectral radius of feedback, the loop gain, is below one. Every output then has a bound.
+    """
 
     M: Matrix
     ways: _Ways
-    fed: Matrix  # rows of the state that the time-varying parts multiply: y_til, z
-    into_delta: Matrix  # gain from these signals to delta
-    into_beside: Matrix  # gain from these signals to the input besides drive z
+    fed: Matrix  # rows that select (y_til, z) from the state
+    into_delta: Matrix  # bounds of dG, from bounds of fed to a bound of dG y_til
+    into_d_Lambda: Matrix  # bounds of dLambda, from bounds of fed to a bound of dLambda z
     norm: Norm
     rate: float  # 1/s
     found: dict[bytes, tuple[Matrix, Matrix]]  # cache of the gains to an output
@@ -228,7 +238,7 @@ class _Problem(NamedTuple):
         """The same problem for (x_til, z) only, `size` states."""
         ways = self.ways
         x, z, e, y = (way[:, :size] for way in ways[:4])
-        cut = _Ways(x, z, e, y, ways.beside[:size])
+        cut = _Ways(x, z, e, y, ways.d_Lambda[:size])
         return self._replace(M=self.M[:size, :size], ways=cut, fed=self.fed[:, :size], found={})
 
     def _outputs(self) -> list[Matrix]:
@@ -239,21 +249,21 @@ class _Problem(NamedTuple):
         return [self.fed[:half], self.fed[half:]]
 
     def _gains(self, out: Matrix) -> tuple[Matrix, Matrix]:
-        """Gains to an output from delta and from the input besides drive z."""
+        """Gains to an output from delta and from dLambda z."""
         key = out.tobytes()
         if key not in self.found:
             faster = self.M + self.rate * np.eye(len(self.M))
             by_delta = gain(faster, self.ways.z.T, out, self.norm)
-            beside = 0.0 * by_delta[:, : len(self.into_beside)]
-            if np.any(self.into_beside):
-                beside = gain(faster, self.ways.beside, out, self.norm)
-            self.found[key] = by_delta, beside
+            by_d_Lambda = 0.0 * by_delta[:, : len(self.into_d_Lambda)]
+            if np.any(self.into_d_Lambda):
+                by_d_Lambda = gain(faster, self.ways.d_Lambda, out, self.norm)
+            self.found[key] = by_delta, by_d_Lambda
         return self.found[key]
 
     def _gain(self, out: Matrix) -> Matrix:
         """Gain from bounds of the fed signals to a bound of `out`."""
-        by_delta, beside = self._gains(out)
-        return np.asarray(by_delta @ self.into_delta + beside @ self.into_beside)
+        by_delta, by_d_Lambda = self._gains(out)
+        return np.asarray(by_delta @ self.into_delta + by_d_Lambda @ self.into_d_Lambda)
 
     def _driven(self, out: Matrix, delta: Matrix) -> Matrix:
         return np.asarray(self._gains(out)[0] @ delta)
@@ -278,7 +288,7 @@ class _Problem(NamedTuple):
         free = np.concatenate([
             self._driven(out, delta) + self.started(out, begin) for out in self._outputs()
         ])  # fmt: skip
-        if not (np.any(self.into_delta) or np.any(self.into_beside)):
+        if not (np.any(self.into_delta) or np.any(self.into_d_Lambda)):
             return 0.0 * free, 0.0
         feedback = np.concatenate([self._gain(out) for out in self._outputs()])
         radius = float(np.abs(np.linalg.eigvals(feedback)).max())
@@ -294,7 +304,8 @@ def _problem(system: Loop, begin: list[Matrix], moving: Moving, norm: Norm) -> _
     q, ways = system.drive.shape[1], _ways(system)
     G, Lambda = _square(moving.G, q, norm), _square(moving.Lambda, q, norm)
     into_delta = np.hstack([G, 0.0 * Lambda])
-    into_beside = np.hstack([np.zeros((len(Lambda), G.shape[1])), Lambda])
+    into_d_Lambda = np.hstack([np.zeros((len(Lambda), G.shape[1])), Lambda])
     return _Problem(
-        system.whole, ways, np.vstack([ways.y, ways.z]), into_delta, into_beside, norm, 0.0, {}
-    )
+        M=system.whole, ways=ways, fed=np.vstack([ways.y, ways.z]), into_delta=into_delta,
+        into_d_Lambda=into_d_Lambda, norm=norm, rate=0.0, found={},
+    )  # fmt: skip

@@ -1,7 +1,7 @@
 """Bounds of the position and body-rate loops of the octocopter in flight, with a moving regressor.
 
-The loops are those of the achieved form (`fcu.theory.octocopter`), with constant mass and inertia,
-no saturation and no active projection. rho = Lambda / Lambda_hat is m_hat/m or J_hat/J, a is the
+The loops are those of the achieved form (`fcu.theory.octocopter`), with constant mass and inertia
+and without saturation. rho = Lambda / Lambda_hat is m_hat/m or J_hat/J, a is the
 acceleration that the reference model demands at the actual state, and T is the force or torque.
 Then, exactly,
 
@@ -12,8 +12,12 @@ Then, exactly,
 and a follows from the reference trajectory and z. In a frame that rotates with T, G is diagonal;
 the frame rotates at most at |T'|/|T|. The rotation, the change of G and a' are bounded in terms of
 the bounds themselves: a small-gain argument. NoBoundError is raised if its gain is not below one.
-An iteration finds the ranges of T and T'. As long as the bounds hold, their assumptions hold, and
-the assumptions hold at the start.
+An iteration finds the ranges of T and T' (`position_bounds` says why they hold at all times).
+
+While the projection of m_hat (J_hat) acts, the term with gamma_Lambda is smaller, down to 0. The
+bounds of the rates count on gamma alone; those of the position do with `Flight.projected`, else
+they are those of a flight in which that projection does not act, which only the flight tells.
+s_hat = s + (1 - 1/rho) T/m - z is below `s_hat`: its projection onto a larger set never acts.
 """
 
 from __future__ import annotations
@@ -150,6 +154,20 @@ def _pair(across: Matrix, along: float) -> Matrix:
 
 def position_bounds(params: Params, mass: float, flight: Flight) -> FlightBounds:
     """Bounds of the position loop in flight: prediction (m/s), control (N), tracking (m).
+
+    Z (across and along T), X (across) and `tilt` are assumed bounds of |z|, of |x_til| and of the
+    sine of the angle between T and the vertical. The iteration ends when they are invariant:
+
+        1. While |z| <= Z and the sine is at most `tilt`, T = m (a + z - s - g) is from `least` to
+           `most` long, and its own tilt follows: it must be at most `tilt`.
+        2. While also |x_til| <= X, T turns at `turning` at most. So G(t) is from `low` to `high`,
+           and delta is bounded, in the frame of T.
+        3. For such G and delta the small-gain argument gives `ever`, bounds of |z| and |x_til|.
+
+    If `ever` is below Z and X, no signal is the first to leave its assumed bound: all are
+    continuous, start below it, and stay below `ever` until one of them leaves. So 1 to 3 hold at
+    all times. Each round assumes the bounds that the last one found, and SLACK more, which keeps
+    the inequalities strict; bounds of 0 are those of a loop at rest without an input.
 
     Raises NoBoundError if the force or the mass estimate may vary too much for a bound.
     """
