@@ -93,7 +93,7 @@ class Step(NamedTuple):
 
 @lru_cache(maxsize=64)
 def unit_step(params: Params) -> Step:
-    """Largest values along the reference model, overestimated by less than 1e-4 of their value."""
+    """Largest values along the reference model, too large by `TOLERANCE` of `peak` at most."""
     M, start = A(params), np.array([[-1.0], [0.0]])
     return Step(
         float(peak(M, start, np.array([[0.0, 1.0]]))[0, 0]),

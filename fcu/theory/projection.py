@@ -175,7 +175,8 @@ def sound(kept_in: Set, weight: Structure, scalar_unknown: bool = False) -> bool
     A ball shrinks an estimate along its own direction, which a matrix weight rotates: a ball is
     sound only for a multiple of the identity. A box acts on each component separately and is sound
     for every diagonal weight. For a full weight only a ball with the weight as its metric is sound,
-    and the weight is rarely known. For one unknown (`scalar_unknown`) every set is an interval.
+    and the weight is rarely known: the products with Lambda, estimated outside it, have the identity
+    as their weight. For one unknown (`scalar_unknown`) every set is an interval.
     """
     if scalar_unknown or weight is Structure.SCALAR:
         return True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -156,6 +158,37 @@ def test_v_does_not_grow_while_the_truth_stands_still(structure, kind, v_star):
     assert np.all(V[-1] < 0.99 * V[0])
     saturated = np.abs(run.signals.u - run.signals.v).max(axis=(0, 2)) > 0.1
     assert saturated.mean() > 0.9 if v_star else not saturated.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [Ball, symmetric_box], ids=["ball", "box"])
+def test_a_full_lambda_has_sound_sets_for_its_products_beside_it(kind):
+    """Lambda Theta and Lambda d, estimated as C and s outside a full, unknown Lambda."""
+    plant, start = batch(np.random.default_rng(17), 60, Structure.FULL, v_star=0.7)
+    truth, Lambda = plant.truth, plant.truth.Lambda.value(0.0)
+    products = Uncertainty(
+        truth.Lambda, truth.Lambda_min, Structure.FULL,
+        C=constant(Lambda @ truth.Theta.value(0.0)), s=constant(Lambda @ truth.d.value(0.0)),
+    )  # fmt: skip
+    plant = replace(plant, truth=products, f=None, phi=plant.f)
+    laws = laws_of(plant, kind)  # refused, were one of these sets not sound for a full Lambda
+    outward = [np.sign(products.C.value(0.0)), np.sign(products.s.value(0.0))]
+    C, s = (
+        block.kept_in.hold(9.0 * out) for block, out in zip((laws.C, laws.s), outward, strict=True)
+    )
+    estimates = Estimates(start.estimates.Lambda, None, None, -C, -s)
+    loop = ClosedLoop(plant, predictor(plant.reference, 10.0), laws)
+    run = simulate(
+        loop,
+        start._replace(estimates=estimates),
+        0.6,
+        step_for(loop, phi=2.0, delta_u=3.0, radians=0.15),
+    )
+    V = run.signals.V
+    # a step across a kink of Pr costs an error of its square
+    assert np.diff(V, axis=0).max() < 1e-5 * V[0].min()
+    assert np.all(V[-1] < 0.99 * V[0])
+    assert (np.abs(run.signals.u - run.signals.v).max(axis=(0, 2)) > 0.1).mean() > 0.9
 
 
 @pytest.mark.slow
