@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gcs_tools.studies.theory_check import check, octocopter
+from gcs_tools.studies.theory_check import check, octocopter, region_draws
 from gcs_tools.studies.theory_check.__main__ import main
 from gcs_tools.studies.theory_check.check import Excluded, Held, held
 from gcs_tools.studies.theory_check.report import Findings
@@ -19,7 +19,7 @@ def test_no_bound_is_exceeded_by_100_random_systems():
     findings, rng = Findings(), np.random.default_rng(7)
     batches = [(check.general_batch, 15, decade) for decade in (1, 2, 3, 4)]
     batches += [(check.linear_batch, 8, decade) for decade in (1, 2, 3, 4)]
-    batches += [(check.region_batch, 5, decade) for decade in (3, 4)]
+    batches += [(check.region_batch, 6, decade) for decade in (3, 3, 4, 4)]
     for make, count, decade in batches:
         findings.add("random", make(rng, count, decade, 300))
     lines = {line.name: line for line in findings.lines()}
@@ -32,6 +32,7 @@ def test_no_bound_is_exceeded_by_100_random_systems():
         assert line.held >= least[name]
         assert line.exceeded == 0
         assert 1.0 <= line.tightness["min"] < 15.0
+    assert lines["control inside the region (31)"].projected >= 2
 
 
 def test_a_campaign_goes_on_until_it_has_counted_enough(monkeypatch):
@@ -85,6 +86,21 @@ def test_a_bound_that_is_cut_is_exceeded(monkeypatch):
     rng = np.random.default_rng(1)
     found = check.general_batch(rng, 10, 2, steps=300)
     assert any(one.exceeded for one in found if isinstance(one, Held))
+
+
+def test_a_d_hat_beyond_what_the_guarantee_says_is_exceeded(monkeypatch):
+    """The check can fail: say a thousandth of |d_hat|, in a set that is as large as before."""
+    real = check.region_guarantee
+
+    def cut(drawn, i):
+        found = real(drawn, i)
+        return found._replace(d_hat=1e-3 * found.d_hat)
+
+    monkeypatch.setattr(check, "region_guarantee", cut)
+    monkeypatch.setattr(region_draws, "ROOM", 1e3)
+    found = check.region_batch(np.random.default_rng(1), 5, 4, steps=300)
+    held_ = [one for one in found if isinstance(one, Held)]
+    assert held_ and all(one.exceeded for one in held_)
 
 
 def test_the_command_prints_and_answers_by_its_exit_code(monkeypatch):

@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.theory.arrays import Array
+from fcu.theory.arrays import Array, frobenius
 from fcu.theory.bounds import prediction_bound
-from fcu.theory.guarantee import Assumptions, Model, guarantee
+from fcu.theory.guarantee import Assumptions, Guarantee, Model, guarantee
 from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, bounds, loop
 from fcu.theory.region import Reference, Sizes
 from fcu.theory.responses import gain, peak
 from fcu.theory.simulate import Run, simulate, step_for
 from fcu.theory.systems import sat, symmetric
 from gcs_tools.studies.theory_check.draws import Draw, Rng, draw, shape
-from gcs_tools.studies.theory_check.region_draws import SHARE, RegionDraw, region_draw
+from gcs_tools.studies.theory_check.region_draws import RegionDraw, region_draw
 
 STEPS = 3000  # of integration, each 0.3 over the fastest frequency or less
 ROUNDING = 1e-9  # relative, of a bound that may be met exactly
@@ -34,6 +34,7 @@ class Held(NamedTuple):
     measured: float
     exceeded: bool
     aimed: bool = True  # at this bound: counts for how tight it is
+    projected: bool = False  # whether the projection of Theta_hat acted, which the bound allows
 
 
 class Excluded(NamedTuple):
@@ -58,24 +59,25 @@ def lyapunov(drawn: Draw, run: Run) -> Iterator[Held]:
     size = np.linalg.norm(x_til, axis=-1)
     at = np.stack([np.asarray(bound.at(t)) for t in run.t])
     split = np.stack([np.asarray(bound.split(t)) for t in run.t])
+    acts = projected(drawn, run, "Theta")
     over = ((size > at * (1.0 + ROUNDING)) | (at > split * (1.0 + ROUNDING))).any(axis=0)
     for i in range(size.shape[1]):
         measured = float(size[:, i].max())
-        yield Held("prediction (14)", float(at[:, i].max()), measured, bool(over[i]))
+        bound_i, acted = float(at[:, i].max()), bool(acts[i])
+        yield Held("prediction (14)", bound_i, measured, bool(over[i]), projected=acted)
 
 
-def projected(drawn: Draw, run: Run) -> Array:
+def projected(drawn: Draw, run: Run, name: str) -> Array:
     """bool (N,): whether an estimate ever left its inner set, where projection begins."""
-    laws, estimates = drawn.loop.laws, run.states.estimates
-    inside = np.ones(run.states.x.shape[1], dtype=bool)
-    for block, estimate in zip(laws.blocks, estimates, strict=True):
-        if block is not None and estimate is not None:
-            inside &= np.asarray(block.kept_in.contains(estimate)).all(axis=0)
-    return ~inside
+    block, estimate = getattr(drawn.loop.laws, name), getattr(run.states.estimates, name)
+    return np.asarray(~np.asarray(block.kept_in.contains(estimate)).all(axis=0))
 
 
-def linear_bounds(drawn: Draw, run: Run, i: int) -> LoopBounds:
-    """Bounds of prediction, control difference and tracking of one system of a linear draw."""
+def linear_bounds(drawn: Draw, run: Run, i: int, acts: bool) -> LoopBounds:
+    """Bounds of prediction, control difference and tracking of one system of a linear draw.
+
+    acts : whether the projection of Theta_hat acts, which may lower G to gamma_d.
+    """
     told, truth = drawn.loop.plant.reference, drawn.loop.plant.truth
     beside, known = drawn.shape.beside, drawn.assumed
     Lambda = truth.Lambda.value(0.0)[i]
@@ -83,7 +85,8 @@ def linear_bounds(drawn: Draw, run: Run, i: int) -> LoopBounds:
     gamma_Theta = float(np.asarray(drawn.gammas.Theta)[i])
     reach = float(np.linalg.norm(drawn.F[i], 2)) * drawn.r_star[i]
     middle = float(np.linalg.norm(drawn.f_0[i]))
-    low, high = max(middle - reach, 0.0) ** 2, (middle + reach) ** 2
+    low = 0.0 if acts else max(middle - reach, 0.0) ** 2
+    high = (middle + reach) ** 2
     scale = Lambda if beside else np.eye(len(Lambda))
     G = gamma_d * np.eye(len(Lambda)) + gamma_Theta * 0.5 * (low + high) * scale
     half = 0.5 * gamma_Theta * (high - low) * float(np.linalg.norm(scale, 2))
@@ -103,63 +106,75 @@ def linear_bounds(drawn: Draw, run: Run, i: int) -> LoopBounds:
 
 
 def linear(drawn: Draw, run: Run) -> Iterator[Held | Excluded]:
-    """(30) and the tracking bound: assumed is no saturation, no projection, constant Lambda.
+    """(30) and the tracking bound: assumed is no saturation, and constant Lambda.
 
-    (30) is held against at every time; its x_til and e at their largest.
+    The projection of Theta_hat may act: then the bounds are those of the whole range of G. That of
+    d_hat (s_hat) must not. (30) is held against at every time; its x_til and e at their largest.
     """
     names = ("prediction, 1/gamma", "control difference (30)", "tracking")
-    left = projected(drawn, run)
+    acts = projected(drawn, run, "Theta")
+    left = projected(drawn, run, "s" if drawn.shape.beside else "d")
     states = run.states
     x_til = np.linalg.norm(states.x - states.x_hat, axis=-1)
     e = np.linalg.norm(states.x - states.x_m, axis=-1)
     v_til = np.linalg.norm(run.signals.v_0 - run.signals.v, axis=-1)
     for i in range(len(left)):
         if left[i]:
-            yield from (Excluded(name, "projection acts") for name in names)
+            yield from (Excluded(name, "the projection of d acts") for name in names)
             continue
         try:
-            found = linear_bounds(drawn, run, i)
+            found = linear_bounds(drawn, run, i, bool(acts[i]))
         except NoBoundError:
             yield from (Excluded(name, "the regressor moves too far") for name in names)
             continue
-        yield held(names[0], float(found.prediction[0]), float(x_til[:, i].max()))
+        at_edge = bool(acts[i])
+        one = held(names[0], float(found.prediction[0]), float(x_til[:, i].max()))
+        yield one._replace(projected=at_edge)
         difference = found.control
         at = difference.beta_1 * np.exp(-difference.nu_1 * run.t) + difference.lasting
         over = bool((v_til[:, i] > at * (1.0 + ROUNDING)).any())
         sharpest = min(difference.peak, float(found.control_peak[0]))
         measured = float(v_til[:, i].max())
-        yield Held(names[1], sharpest, measured, over or measured > sharpest * (1.0 + ROUNDING))
-        yield held(names[2], float(found.tracking[0]), float(e[:, i].max()))
+        over = over or measured > sharpest * (1.0 + ROUNDING)
+        yield Held(names[1], sharpest, measured, over, projected=at_edge)
+        one = held(names[2], float(found.tracking[0]), float(e[:, i].max()))
+        yield one._replace(projected=at_edge)
 
 
 def region(rng: Rng, drawn: RegionDraw, steps: int) -> Iterator[Held | Excluded]:
-    """(31): systems whose limits are just what the condition asks; none may saturate."""
+    """(31): systems whose limits are just what the condition asks; none may saturate, nor d_hat
+    be larger than the guarantee says.
+
+    All is known before the run: the projection of Theta_hat may act, and d_hat has the set that
+    the guarantee asks for.
+    """
     name = "control inside the region (31)"
     count = len(drawn.k)
-    limits = np.full(count, np.nan)
+    limits, d_hat = np.full(count, np.nan), np.ones(count)
     for i in range(count):
         try:
-            limits[i] = region_limit(drawn, i)
+            found = region_guarantee(drawn, i)
+            limits[i], d_hat[i] = found.budget.used, found.d_hat
         except NoBoundError:
             yield Excluded(name, "the regressor moves too far")
     kept = np.isfinite(limits)
     v_star = np.where(kept, limits, 1.0)[:, None] * np.ones(drawn.q)
-    loop_ = drawn.loop(symmetric(v_star))
+    loop_ = drawn.loop(symmetric(v_star), d_hat)
     h = step_for(loop_, f=drawn.f_star)
     run = simulate(loop_, drawn.start, steps * h, h, every=max(1, steps // 1500))
     v = run.signals.v
     saturated = (sat(v, symmetric(v_star)) != v).any(axis=(0, 2))
-    outside = drawn.projected(run)
+    acts, learned = drawn.projected(run), run.states.estimates.d
+    assert learned is not None
+    beyond: list[bool] = (frobenius(learned).max(axis=0) > d_hat * (1.0 + ROUNDING)).tolist()
     for i in map(int, np.flatnonzero(kept)):
-        if outside[i]:
-            yield Excluded(name, "projection acts")
-            continue
         measured = float(np.linalg.norm(v[:, i], axis=-1).max())
-        yield Held(name, float(limits[i]), measured, bool(saturated[i]))
+        over = bool(saturated[i]) or beyond[i]
+        yield Held(name, float(limits[i]), measured, over, projected=bool(acts[i]))
 
 
-def region_limit(drawn: RegionDraw, i: int) -> float:
-    """The limit of |v| that the condition (31) asks for."""
+def region_guarantee(drawn: RegionDraw, i: int) -> Guarantee:
+    """What (31) asks of the limit of |v| and of the set for d."""
     told = drawn.reference
     A, B = told.A[i], told.B[i]
     Lambda, r_star = drawn.Lambda[i], float(drawn.r_star[i])
@@ -182,9 +197,9 @@ def region_limit(drawn: RegionDraw, i: int) -> float:
         rate, float(drawn.r_rate[i]), float(drawn.z_0[i]),
         e_0=float(np.linalg.norm((drawn.start.x - drawn.start.x_m)[i])),
     )  # fmt: skip
-    gamma = float(drawn.gamma[i])
-    told_model = Model(A, B, told.P[i], float(drawn.k[i]), Lambda, SHARE * gamma, gamma)
-    return guarantee(told_model, assumed, v_star=1.0).budget.used
+    gammas = float(drawn.gamma_Theta[i]), float(drawn.gamma[i])
+    told_model = Model(A, B, told.P[i], float(drawn.k[i]), Lambda, *gammas)
+    return guarantee(told_model, assumed, v_star=1.0)
 
 
 def general_batch(rng: Rng, count: int, decade: int, steps: int) -> list[Held | Excluded]:

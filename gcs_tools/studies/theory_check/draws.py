@@ -159,7 +159,7 @@ def gains(rng: Rng, count: int, drawn: Shape) -> tuple[Blocks, Array]:
     return Blocks(block(), block(), block(), block(), block()), k
 
 
-def commands(rng: Rng, count: int, q: int, size: float) -> tuple[Signal, Array, Array]:
+def commands(rng: Rng, count: int, q: int, size: Array | float) -> tuple[Signal, Array, Array]:
     """Sinusoidal commands r(t), and bounds (N,) of |r| and |r'|."""
     mean, swing = size * rng.normal(size=(count, q)), size * rng.uniform(0.0, 1.0, (count, q))
     omega = spread(rng, 0.3, 3.0, (count, q))

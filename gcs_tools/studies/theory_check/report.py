@@ -20,6 +20,7 @@ class Line(NamedTuple):
     name: str
     held: int
     exceeded: int
+    projected: int  # of those held: where the projection of Theta_hat acted
     excluded: dict[str, int]  # by reason
     tightness: dict[str, float]  # by name of quantile; of those aimed at it
 
@@ -45,7 +46,7 @@ class Findings:
         return [
             Line(
                 *key, len(all_of), sum(one.exceeded for one in all_of),
-                dict(self._excluded.get(key, {})), _tightness(all_of),
+                sum(one.projected for one in all_of), dict(self._excluded.get(key, {})), _tightness(all_of),
             )
             for key, all_of in self._held.items()
         ]  # fmt: skip
@@ -64,11 +65,11 @@ def _tightness(all_of: list[Held]) -> dict[str, float]:
 def table(lines: list[Line]) -> Table:
     """For people."""
     shown = Table(title="Bounds against simulation; bound over measured", caption=_outside(lines))
-    for column in ("bound", "held", "exceeded", *QUANTILES):
+    for column in ("bound", "held", "exceeded", "projected", *QUANTILES):
         shown.add_column(column, justify="left" if column == "bound" else "right")
     for line in lines:
         shown.add_row(
-            f"{line.part}: {line.name}", f"{line.held}", f"{line.exceeded}",
+            f"{line.part}: {line.name}", f"{line.held}", f"{line.exceeded}", f"{line.projected}",
             *(f"{line.tightness[name]:.3g}" for name in line.tightness),
         )  # fmt: skip
     return shown
