@@ -124,6 +124,9 @@ class Autopilot:
         if fields(fields(remembers)["law"]).get("reference") is Reference:
             at = slice_of(remembers, "law.reference")
             self.vehicle.reference_model = self.flight.remembered[at]
+        if "a_m" in fields(fields(remembers)["guard"]):
+            at = slice_of(remembers, "guard.a_m")
+            self.vehicle.reference_acceleration = self.flight.remembered[at]
         self.period_us = round(h * 1e6)
         self._course = self.flight.course
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)

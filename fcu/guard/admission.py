@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import foreseen, margin
+from fcu.guard import foreseen, margin, wrench
+from fcu.guard.governor import BRAKING, shortened, speeds
 from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3, norm
+from fcu.kernel.algebra import Vec3, norm, select
 from fcu.kernel.buffers import size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import a_ref, advance, carried
@@ -26,6 +27,7 @@ Way = Sequence[tuple[Setpoint, float]]
 
 LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
+UNSETTLED = 1e-3  # m/s^2: a reference model that lags so far behind (34) has not settled
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
 
@@ -35,13 +37,39 @@ _unpack_setpoint = unpacker(Setpoint)
 
 
 @kernel
+def fastest(params, law):
+    """Fastest change (m/s^3) of the reference's acceleration, as far as it can be known before."""
+    return select(params.policy == 0.0, math.inf, wrench.jerk(params, law, math.inf))
+
+
+@kernel
+def pace_at(params_buffer, law_buffer):
+    """What a plan has to keep to so that the reference follows it: the fields of Pace.
+
+    Governed, the reference gets no faster than `governor.speeds` has it. All that is left there to
+    brake with is a plan's, whose acceleration is fed forward.
+    """
+    params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
+    top, brake = speeds(margin.known(params, law))
+    jerk = fastest(params, law)
+    return (
+        jerk,
+        select(params.policy == 0.0, math.inf, brake / BRAKING),
+        select(params.policy == 1.0, top, math.inf),
+    )
+
+
+@kernel
 def ahead(params_buffer, law_buffer, way, reference):
     """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one.
 
     params_buffer : float64[size(GuardParams)].
     law_buffer : float64[size(Params)]; its first, h, is overwritten.
     way : float64[n, 1 + size(Setpoint)], for how long (s; the last: whatever it says), and what.
-    reference : float64[6], r_m and v_m where the way begins, m, m/s, E.
+    reference : float64[9], r_m, v_m and its acceleration where the way begins, m, m/s, m/s^2, E.
+    Under every policy but to warn the acceleration changes no faster than `wrench.jerk`. So slow, (34)
+    may swing ever farther: a way that at its end is not flown as it asks has not been seen to an end,
+    and misses the condition by the force that is missing there.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     settled = foreseen.steps(law) * law.h
@@ -49,7 +77,9 @@ def ahead(params_buffer, law_buffer, way, reference):
     r = Vec3(reference[0], reference[1], reference[2])
     v = Vec3(reference[3], reference[4], reference[5])
     worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
-    w, a, before, off = zero, zero, zero, zero
+    a = Vec3(reference[6], reference[7], reference[8])
+    w, before, off = a, a, zero
+    most = fastest(params, law)
     for i in range(len(way)):
         setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
         last = i == len(way) - 1
@@ -58,11 +88,15 @@ def ahead(params_buffer, law_buffer, way, reference):
         law_buffer[0] = looked / n
         law = _unpack_law(law_buffer)
         for k in range(n):
-            a_d = a_ref(law, carried(setpoint, k * law.h), r, v)
+            asked = a_ref(law, carried(setpoint, k * law.h), r, v)
+            a_d = before + shortened(asked - before, most * law.h)
             off = foreseen.misjudged(law, off, a_d - before)
             worst = min(worst, foreseen.holds(known, more * a_d, more * off, v, adds))
             r, v, w, a = foreseen.advanced(law, a_d, r, v, w, a)
             before = a_d
+            unsettled = norm(asked - a_d)
+        if last and unsettled > UNSETTLED:
+            worst = min(worst, -params.m_max * unsettled)
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
             r, v = end.r_c, end.v_c
@@ -72,16 +106,38 @@ def ahead(params_buffer, law_buffer, way, reference):
 
 
 @kernel
-def follow(law_buffer, setpoint_buffer, ticks, reference):
-    """Bring `reference` (float64[6]: r_m, v_m) on by as many ticks as the setpoint is flown."""
-    law = _unpack_law(law_buffer)
+def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
+    """Bring `reference` (float64[9]: r_m, v_m, a_m) on by as many ticks as the setpoint is flown.
+
+    Under every policy but to govern, which gives the reference way.
+    """
+    params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     setpoint = _unpack_setpoint(setpoint_buffer)
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
+    a_m = Vec3(reference[6], reference[7], reference[8])
+    most = fastest(params, law) * law.h
     for k in range(ticks):
-        r_m, v_m = advance(law, carried(setpoint, k * law.h), r_m, v_m)
+        now = carried(setpoint, k * law.h)
+        plain = a_ref(law, now, r_m, v_m)
+        a_m = a_m + shortened(plain - a_m, most)
+        given = Setpoint(
+            r_c=now.r_c + (a_m - plain) / (law.f_m * law.f_m),
+            v_c=now.v_c, a_c=now.a_c, psi_c=now.psi_c, psi_dot_c=now.psi_dot_c,
+            level=now.level, tilt_c=now.tilt_c, w_c=now.w_c, T_c=now.T_c,
+        )  # fmt: skip
+        r_m, v_m = advance(law, given, r_m, v_m)
     reference[0], reference[1], reference[2] = r_m.x, r_m.y, r_m.z
     reference[3], reference[4], reference[5] = v_m.x, v_m.y, v_m.z
+    reference[6], reference[7], reference[8] = a_m.x, a_m.y, a_m.z
+
+
+class Pace(NamedTuple):
+    """What the reference follows; endless where the guard does not hold it."""
+
+    jerk: float = math.inf  # m/s^3
+    acceleration: float = math.inf  # m/s^2
+    top: float = math.inf  # m/s
 
 
 class Look:
@@ -91,11 +147,12 @@ class Look:
         self._params = to_buffer(params)
         self._law = to_buffer(law)
         self._h = law.h
+        self.pace = Pace(*map(float, pace_at(self._params, self._law)))
 
     def short(self, way: Way, reference: Buffer) -> float:
         """By how much (N) a way misses the condition; 0 if it meets it.
 
-        reference : float64[6], r_m and v_m where it begins.
+        reference : float64[9], r_m, v_m and a_m where it begins.
         """
         rows = np.empty((len(way), _WIDTH))
         for row, (setpoint, for_s) in zip(rows, way, strict=True):

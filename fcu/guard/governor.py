@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from fcu.guard import margin
+from fcu.guard import margin, wrench
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select, select3
 from fcu.kernel.compile import kernel
@@ -17,6 +17,7 @@ from fcu.laws.mmrac.approach import approach
 from fcu.laws.mmrac.reference_model import a_ref
 
 SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says
+LEAD = 0.3  # rad: so far the commanded yaw runs ahead of the vehicle at most
 BRAKING = 0.6  # of the deceleration there is: the model lags behind the speed it is to have
 
 
@@ -47,7 +48,7 @@ def speeds(known):
 
 
 @kernel
-def wanted(params, law, known, setpoint, r_m, v_m):
+def wanted(law, known, setpoint, r_m, v_m, j):
     """Acceleration (m/s^2, E) that takes the reference to the setpoint within speed and jerk.
 
     That of (34) near the setpoint and at low speed.
@@ -61,7 +62,7 @@ def wanted(params, law, known, setpoint, r_m, v_m):
     v_wanted = shortened(setpoint.v_c + v_to, top)
     short_by = v_wanted - v_m
     short = norm(short_by)
-    change = approach(2.0 * f_m * zeta_m, 0.5 * params.jerk, short)
+    change = approach(2.0 * f_m * zeta_m, 0.5 * j, short)
     return setpoint.a_c + (change / (short + 1e-30)) * short_by
 
 
@@ -104,7 +105,22 @@ def within(known, a, f_v, radius):
 
 
 @kernel
-def governed(params, law, known, state, reference, setpoint, r, v):
+def inside(known, v_m, beta, a, closing):
+    """Acceleration a (m/s^2, E) of the reference, or as much as the condition allows of a + closing.
+
+    v_m : of the reference, m/s, E.  closing : m/s^2, E, what closes the tracking error.
+    """
+    f_v = margin.dragging(known, v_m)
+    at_rest = margin.room(known, Vec3(0.0, 0.0, 0.0), f_v)
+    radius = minimum(
+        margin.allowance(known, v_m, beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
+    )
+    part = select(at_rest > 0.0, within(known, a + closing, f_v, radius), 1.0)
+    return part * (a + closing) - closing
+
+
+@kernel
+def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
     """The setpoint the reference model is given, its acceleration (m/s^2, E), 1 if it is governed.
 
     What is kept inside the limits is the acceleration that is demanded of the vehicle, the
@@ -113,22 +129,24 @@ def governed(params, law, known, state, reference, setpoint, r, v):
     f_m, zeta_m = law.f_m, law.zeta_m
     r_m, v_m = reference.r_m, reference.v_m
     plain = a_ref(law, setpoint, r_m, v_m)  # (34)
-    if params.policy != 1.0:  # all lanes of a campaign share it
+    if params.policy == 0.0:  # all lanes of a campaign share it
         return setpoint, plain, 0.0
-    a_wanted = wanted(params, law, known, setpoint, r_m, v_m)
-    a = state.a_m + shortened(a_wanted - state.a_m, params.jerk * law.h)
-    closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
-    f_v = margin.dragging(known, v_m)
-    at_rest = margin.room(known, Vec3(0.0, 0.0, 0.0), f_v)
-    radius = minimum(
-        margin.allowance(known, v_m, state.beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
-    )
-    part = select(at_rest > 0.0, within(known, a + closing, f_v, radius), 1.0)
-    a_g = part * (a + closing) - closing
+    if params.policy == 2.0:  # as `admission` looked ahead
+        most = wrench.jerk(params, law, math.inf) * law.h
+        a_g = state.a_m + shortened(plain - state.a_m, most)
+    else:
+        j = wrench.jerk(params, law, T)
+        a_wanted = wanted(law, known, setpoint, r_m, v_m, j)
+        a = state.a_m + shortened(a_wanted - state.a_m, j * law.h)
+        closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
+        # beta grows with each change of a_m: room for it is made within the jerk, or it feeds itself
+        a = inside(known, v_m, state.beta, a, closing)
+        a = state.a_m + shortened(a - state.a_m, j * law.h)
+        a_g = inside(known, v_m, 0.0, a, closing)
     limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c
     r_g = r_m + (a_g - a_c + 2.0 * f_m * zeta_m * (v_m - v_c)) / (f_m * f_m)  # (34) departure 17
-    psi_g, psi_g_dot, _ = turned(params, law, state, setpoint)
+    psi_g, psi_g_dot, _ = turned(params, law, state, setpoint, psi, T)
     given = Setpoint(
         r_c=select3(limited, r_g, r_c),
         v_c=v_c,
@@ -144,19 +162,21 @@ def governed(params, law, known, state, reference, setpoint, r, v):
 
 
 @kernel
-def turned(params, law, state, setpoint):
+def turned(params, law, state, setpoint, psi, T):
     """Yaw (rad) and its rate (rad/s) that are commanded, and 1 if they are not the setpoint's.
 
     Yaw is the weak axis: its command too gets no faster than the rotors' drag can turn.
     """
-    h, c, a, top = law.h, law.c_angle.z, law.yaw_acceleration, law.yaw_rate_max
-    e = wrap(setpoint.psi_c - state.psi_g)
+    h, c, top = law.h, law.c_angle.z, law.yaw_rate_max
+    a = wrench.yaw_acceleration(params, law, T)
+    psi_g = psi + clip(wrap(state.psi_g - psi), -LEAD, LEAD)
+    e = wrap(setpoint.psi_c - psi_g)
     rate = clip(setpoint.psi_dot_c + math.copysign(approach(c, a, abs(e)), e), -top, top)
     rate = clip(rate, state.psi_g_dot - a * h, state.psi_g_dot + a * h)
     off = (abs(e) > 1e-6) | (abs(rate - setpoint.psi_dot_c) > 1e-6)
-    limited = off & (params.policy == 1.0) & (setpoint.level < 0.5)
+    limited = off & (params.policy != 0.0) & (setpoint.level < 0.5)
     return (
-        select(limited, state.psi_g, setpoint.psi_c),
+        select(limited, psi_g, setpoint.psi_c),
         select(limited, rate, setpoint.psi_dot_c),
         select(limited, 1.0, 0.0),
     )

@@ -41,7 +41,7 @@ def take_over(params, law, setpoint, measured):
         psi_g_dot=measured.w_B.z,
     )
     reference = reference_model.at_take_over(law, measured)
-    return governed(state, params, law, reference, setpoint, measured)
+    return governed(state, params, law, reference, setpoint, measured, params.m_min * law.g)
 
 
 @kernel
@@ -53,16 +53,18 @@ def before(state, params, law, law_state, setpoint, measured):
         psi_g=state.psi_g,
         psi_g_dot=state.psi_g_dot,
     )
-    return governed(now, params, law, law_state.reference, setpoint, measured)
+    T_c = law_state.memory.T_c
+    return governed(now, params, law, law_state.reference, setpoint, measured, T_c)
 
 
 @kernel
-def governed(state, params, law, reference, setpoint, measured):
+def governed(state, params, law, reference, setpoint, measured, T):
     """The Governed of a state as of this tick; `reference`, the law's."""
     known = margin.known(params, law)
     given, a_m, limited = governor.governed(
-        params, law, known, state, reference, setpoint, measured.r_E, measured.v_E
-    )
+        params, law, known, state, reference, setpoint, measured.r_E, measured.v_E,
+        euler(matrix(measured.q_EB)).z, T,
+    )  # fmt: skip
     return Governed(setpoint=given, a_m=a_m, governed=limited, known=known, state=state)
 
 

@@ -66,7 +66,9 @@ def guard_params(
     place of their defaults. Raises ParameterError, AirframeError.
     """
     given = values(PARAMETERS, airframe, chosen or {}, {} if law.achieved else PRINTED)
-    params = filled(blank(GuardParams), PARAMETERS, given)
+    J = [greatest for _, greatest in airframe["vehicle"]["inertia_kg_m2"]]
+    empty = blank(GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]))
+    params = filled(empty, PARAMETERS, given)
     check(params, law)
     return params
 

@@ -16,7 +16,9 @@ class GuardParams(NamedTuple):
     c_D: float  # N/(m/s)^2, greatest drag coefficient of any body axis
     w_max: float  # m/s, greatest velocity of the air
     w_dot_max: float  # m/s^2, greatest rate of that velocity
-    jerk: float  # m/s^3, fastest change of the reference's acceleration
+    jerk: float  # m/s^3, fastest change of the reference's acceleration, whatever the rotors hold
+    J_tilt: float  # kg m^2, greatest inertia about roll and pitch
+    J_yaw: float  # kg m^2, about yaw
 
 
 class GuardState(NamedTuple):

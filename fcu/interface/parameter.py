@@ -58,6 +58,7 @@ class Parameter(NamedTuple):
     words: Mapping[str, float] | None = None  # that are written for numbers
     values: Numbers | None = None  # if only these are allowed
     airframe: str = ""  # where the default stands in the airframe file: "limits.thrust_min_n"
+    of_several: Callable[[Any], float] = max  # of the numbers that stand there, for a row of one
     below: str = ""  # key (or MAVLink name) of a parameter that must be greater
     degrees: bool = False  # what is in radians is in degrees over MAVLink
     group: str = ""  # in the docs
@@ -183,7 +184,7 @@ def flat(chosen: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]
 def default(row: Parameter, airframe: Mapping[str, Any]) -> Value:
     """The default of a row; `airframe`: the tables of an airframe file.
 
-    Of several numbers in the file the greatest, for a row of one. Raises AirframeError.
+    Of several numbers in the file `of_several`, for a row of one. Raises AirframeError.
     """
     if row.default is not None:
         return row.default
@@ -194,7 +195,7 @@ def default(row: Parameter, airframe: Mapping[str, Any]) -> Value:
             raise AirframeError(f"[{table}] {key} is missing")
         found = found[name]
     several = isinstance(found, list) and len(row.fields) == 1
-    return max(found) if several else tuple(found) if isinstance(found, list) else found
+    return row.of_several(found) if several else tuple(found) if isinstance(found, list) else found
 
 
 def values(

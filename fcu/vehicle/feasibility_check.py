@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard.admission import Look, Way, lack_of, most, way_to
+from fcu.guard.admission import Look, Pace, Way, lack_of, most, way_to
 from fcu.guard.parameters import GOVERN, REFUSE
 from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import Code, Told, lacks, setpoint_asked
@@ -24,6 +24,7 @@ Row = np.ndarray[Any, np.dtype[np.float64]]
 
 WORSE = 1.5  # a moving stream is warned of again when it falls short by so much more
 ROUGHLY = 5  # halvings, of what each command costs: a flood of refused ones must not stop the loop
+SCALED = tuple(name for name in PlanLimits._fields if name != "late_s")  # of a smaller part
 SAME = 0.1  # m, m/s: setpoints closer together than this are told of once
 
 
@@ -50,7 +51,12 @@ class FeasibilityCheck:
         if not self._looks_ahead:
             return
         look = Look(self._params.guard, self._params.law)
-        lack_of(look, at(STILL, 0.0), 0.0, np.zeros(6))
+        lack_of(look, at(STILL, 0.0), 0.0, np.zeros(9))
+
+    @property
+    def pace(self) -> Pace:
+        """What the reference model follows; endless without a guard."""
+        return self._looks().pace if self._looks_ahead else Pace()
 
     @property
     def _policy(self) -> float:
@@ -70,7 +76,7 @@ class FeasibilityCheck:
     def short(self, setpoint: Setpoint, reference: Row) -> float:
         """By how much (N) a script's setpoint misses the condition; 0: nothing is to be said.
 
-        reference : float64[6], where the reference model is: r_m, v_m.
+        reference : float64[9], where the reference model is: r_m, v_m, a_m.
         """
         if self._policy == GOVERN or setpoint.level > 0.0:
             return 0.0
@@ -104,7 +110,7 @@ class FeasibilityCheck:
         """What a vehicle led from `here` straight to `to` (m, E) lacks; None if nothing."""
 
         def way(part: float) -> Way:
-            less = PlanLimits(*(part * limit for limit in led))
+            less = led._replace(**{name: part * getattr(led, name) for name in SCALED})
             return through(here.r_E, here.v_E, [to], here.psi, less)
 
         what = Told(Code.WAY_LED, (length(to - here.r_E), led.cruise))

@@ -43,10 +43,9 @@ CLEAR = 0.05  # m above where it stood: lower is in the ground
 TOUCHING = 0.1  # m
 VALLEY = 0.5  # m below where it stood: the ground is another one here, and not known
 HINDERED = 0.2  # of the speed down that is asked for: something is in the way
-HINDERED_US, ANYWHERE_US = 60_000, 500_000  # for so long where the ground is, and elsewhere
+HINDERED_US, ANYWHERE_US = 60_000, 300_000  # for so long where the ground is, and elsewhere
 LAZY = 0.5  # rad/s, f_m below which the reference model is slow to take up a speed
 AT_REST, FALLING = 0.25, 1.0  # m/s
-LATE_S = 0.15  # after which the guard has taken up a deceleration that begins at once
 ABOVE = 0.5  # m: how high a place in the ground is gone to
 AHEAD_S = 0.5  # of its speed down: as much higher a place near the ground is aimed at
 LOW = 1.0  # m: from here it may land
@@ -246,7 +245,7 @@ def _over(asked, pose):
 def _into(asked, ground, limits):
     """Whether it lies in the ground, or could not be stopped before it."""
     up = asked.v_c.z + asked.a_c.z > 0.0  # a second on
-    late = LATE_S * maximum(-asked.v_c.z, 0.0)
+    late = limits.late_s * maximum(-asked.v_c.z, 0.0)
     return not up and stop(asked.r_c, asked.v_c, limits).r_E.z - late < ground + CLEAR
 
 

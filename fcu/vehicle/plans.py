@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.guard.admission import Pace
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3, hypot, maximum, minimum, norm, select, select3
@@ -25,6 +26,7 @@ from fcu.vehicle.modes import Mode
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
+ENDLESS = Pace()
 STILL = Vec3(0.0, 0.0, 0.0)
 SLOW = 0.05  # m/s under which there is nothing to brake
 EIGHT_HZ = 20.0  # at which the figure of eight is laid down
@@ -49,6 +51,12 @@ class Piece(NamedTuple):
     for_s: float
 
 
+LATE_S, TAKES_UP = 0.15, 1.25  # of the time that jerk takes: attitude and rates come after it
+
+
+SINKS = 1.0  # m/s^2: a speed down is taken up so gently that what lags does not catch up with it
+
+
 class PlanLimits(NamedTuple):
     """How fast the vehicle is led. m/s, m/s^2."""
 
@@ -57,6 +65,7 @@ class PlanLimits(NamedTuple):
     down: float
     acceleration: float  # across
     acceleration_up: float  # up and down
+    late_s: float = LATE_S  # after which the guard has taken up a deceleration that begins at once
 
 
 def length(v: Vec3) -> float:
@@ -165,6 +174,9 @@ def descent(
         low = Vec3(here.x, here.y, slow_below)
         pieces += line(here, low, psi, limits)
         here = low
+    down, takes = Vec3(0.0, 0.0, -SINKS), speed / SINKS
+    pieces.append(Piece(at(here, psi, a=down), takes))
+    here = here + (0.5 * takes * takes) * down
     return [*pieces, Piece(at(here, psi, v=Vec3(0.0, 0.0, -speed)), math.inf)]
 
 
@@ -219,15 +231,20 @@ def figure_eight(r: Vec3, size: tuple[float, float], speed: float, psi: float) -
 # --- what each mode flies
 
 
-def limits(params: Parameters, cruise: float | None) -> PlanLimits:
-    """How fast it is led. `cruise`: m/s as told; None: MPC_XY_CRUISE."""
-    p = params
+def limits(params: Parameters, cruise: float | None, pace: Pace = ENDLESS) -> PlanLimits:
+    """How fast it is led. `cruise`: m/s as told; None: MPC_XY_CRUISE.
+
+    pace : what the guard lets the reference model follow: what is led faster is overshot.
+    """
+    p, top = params, pace.top
+    acceleration_up = min(p["MPC_ACC_UP_MAX"], pace.acceleration)
     return PlanLimits(
-        cruise=min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"]),
-        up=p["MPC_Z_VEL_MAX_UP"],
-        down=p["MPC_Z_VEL_MAX_DN"],
-        acceleration=p["MPC_ACC_HOR"],
-        acceleration_up=p["MPC_ACC_UP_MAX"],
+        cruise=min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"], top),
+        up=min(p["MPC_Z_VEL_MAX_UP"], top),
+        down=min(p["MPC_Z_VEL_MAX_DN"], top),
+        acceleration=min(p["MPC_ACC_HOR"], pace.acceleration),
+        acceleration_up=acceleration_up,
+        late_s=max(LATE_S, TAKES_UP * acceleration_up / pace.jerk),
     )
 
 

@@ -77,6 +77,7 @@ class StateMachine:
         self.battery: Battery | None = None
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
         self.reference_model: Row | None = None  # float64[6]: its r_m and v_m, after the last tick
+        self.reference_acceleration: Row | None = None  # float64[3]: its a_m, of a law with a guard
         self.leader = Leader()
         self.script = Script(sim_only)
         self.feasibility = FeasibilityCheck(params)
@@ -120,11 +121,12 @@ class StateMachine:
 
     @property
     def reference(self) -> Row:
-        """float64[6]: r_m and v_m of the reference model; the vehicle's own if there is none."""
+        """float64[9]: r_m, v_m and a_m of the reference model; without one where the vehicle is."""
+        a_m = np.zeros(3) if self.reference_acceleration is None else self.reference_acceleration
         if self.reference_model is not None:
-            return self.reference_model
+            return np.concatenate([self.reference_model, a_m])
         here = self.pose()
-        return np.concatenate([to_buffer(here.r_E), to_buffer(here.v_E)])
+        return np.concatenate([to_buffer(here.r_E), to_buffer(here.v_E), a_m])
 
     def flown(self, t_us: int, pose: Pose | None = None) -> Setpoint:
         """The setpoint flown now, to go on from: the vehicle itself if that is elsewhere.
@@ -150,7 +152,7 @@ class StateMachine:
         return Pose(now.r_c, now.v_c, now.psi_c)
 
     def _limits(self) -> PlanLimits:
-        return plans.limits(self._params, self.cruise)
+        return plans.limits(self._params, self.cruise, self.feasibility.pace)
 
     # --- what happens by itself
 

@@ -21,14 +21,15 @@ def refusal(scene: Scenario) -> str:
     """Which of its setpoints would be refused, and why; empty if none."""
     if scene.flown.guard is None or scene.guard.policy != REFUSE:
         return ""
-    look, law = admission.Look(scene.guard, scene.law), to_buffer(scene.law)
+    look = admission.Look(scene.guard, scene.law)
+    guard, law = to_buffer(scene.guard), to_buffer(scene.law)
     start = through_the_wire(scene.world.start)
-    reference = np.array([*start.r_E, *start.v_E])
+    reference = np.array([*start.r_E, *start.v_E, 0.0, 0.0, 0.0])
     before = None
     for k, row in zip(scene.sent_at.tolist(), scene.setpoints, strict=True):
         setpoint = from_buffer(Setpoint, row)
         if before is not None:
-            admission.follow(law, to_buffer(before[1]), k - before[0], reference)
+            admission.follow(guard, law, to_buffer(before[1]), k - before[0], reference)
         if before is None or not admission.is_same_way(setpoint, before[1]):
             way = admission.way_to(setpoint)
             short = look.short(way, reference)

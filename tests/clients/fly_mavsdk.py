@@ -52,7 +52,7 @@ def main(port):
     except ParamError as error:
         refused = str(error)
     assert "RANGE" in refused.upper(), refused
-    assert param.get_param_float("MR_GAMMA") == 1000.0
+    assert param.get_param_float("MR_GAMMA") == 2000.0
 
     action.set_takeoff_altitude(3.0)
     action.arm()

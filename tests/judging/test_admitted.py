@@ -11,6 +11,7 @@ from gcs_tools.flight.run import UsageError, fly_missions, prepared
 from gcs_tools.judging.preflight_check import refusal
 
 REFUSE = 'law.guard="refuse"'
+SLOW = "law.f_m=0.8"
 
 
 def why(mission: str, *settings: str) -> str:
@@ -37,7 +38,7 @@ def test_other_policies_fly_it(policy: str) -> None:
 
 @pytest.mark.slow
 def test_what_is_said_to_do_is_flown_and_saturates_nothing(tmp_path: Path) -> None:
-    """Rotors aside that turn the vehicle into its step, whose acceleration jumps."""
+    """Nor do the rotors: the reference's acceleration does not jump."""
     part = float(why("paper_fast", REFUSE).split("; ")[1].split()[0]) / 19.72
     less = steps((0.0, 4.0 * part, 7.0 * part, 18.0 * part))
     rotors = "expect.rotor_saturated_fraction={limit=0.0, from=0.5}"
@@ -48,16 +49,15 @@ def test_what_is_said_to_do_is_flown_and_saturates_nothing(tmp_path: Path) -> No
     assert found.passed, found.expectations
     for which in ("thrust", "tilt"):
         assert found.metrics[f"{which}_saturated_fraction"] == 0.0
-    assert found.metrics["governed_fraction"] == 0.0
 
 
 def test_a_later_setpoint_is_looked_at_from_where_the_reference_is_then() -> None:
     near = (0.0, 0.0, 0.0, 3.0)
-    assert why("gust_step", REFUSE, steps(near)) == ""
-    far = why("gust_step", REFUSE, steps(near, (10.0, 0.0, 0.0, 40.0)))
+    assert why("gust_step", REFUSE, SLOW, steps(near)) == ""
+    far = why("gust_step", REFUSE, SLOW, steps(near, (10.0, 0.0, 0.0, 40.0)))
     assert far.startswith("setpoint at 10 s refused: 37.0 m needs ")
-    assert why("gust_step", REFUSE, steps(near, (10.0, 0.0, 0.0, 8.0))) == ""
-    back = why("gust_step", REFUSE, steps(near, (0.4, 0.0, 0.0, 40.0)))
+    assert why("gust_step", REFUSE, SLOW, steps(near, (10.0, 0.0, 0.0, 8.0))) == ""
+    back = why("gust_step", REFUSE, SLOW, steps(near, (0.4, 0.0, 0.0, 40.0)))
     assert back.startswith("setpoint at 0.4 s refused: 39.")  # still on its way
 
 

@@ -22,6 +22,7 @@ from sitl_plant.physics.types import PlantRecord
 def test_the_angular_truth_explains_the_motion() -> None:
     """J w' less the believed torque and the couplings, by differences, in flight with a weak rotor."""
     mission = override(load("weak_rotor"), "flight.duration_s=3.0")
+    mission = override(mission, "flight.rate_hz=1000")
     mission = override(mission, "plant.rotor_loss=[{rotor=1, at_s=2.0, effectiveness=0.6}]")
     scene = scenario(mission)
     plant, fcu = law_alone.fly(scene)
@@ -33,9 +34,9 @@ def test_the_angular_truth_explains_the_motion() -> None:
     )  # fmt: skip
     window = Window.of(recording, None, None)
     truth = np.stack([e.truth for e in estimates.angular(window) if e.truth is not None], axis=1)
-    assert truth.shape == (1500, 3)
+    assert truth.shape == (3000, 3)
 
-    h, J = 1.0 / 500.0, window.plant["J"]
+    h, J = 1.0 / 1000.0, window.plant["J"]
     w = window.plant["state.w_B"]
     # what the truth leaves: the rotors' believed torque, couplings, and their gyroscopic torque
     turning = window.plant["state.Omega"]
@@ -54,5 +55,5 @@ def test_the_angular_truth_explains_the_motion() -> None:
     off = np.abs(np.diff(w, axis=0) - predicted) / h
     # the trapezium follows neither the loss, a step, nor the rotors' jolts of the first second
     smooth = (plant[1:, 0] > 1.0) & (np.abs(plant[1:, 0] - 2.0) > 1.5 * h)
-    assert np.abs(truth[1200:]).max() > 2.0, "the weak rotor shows"
+    assert np.abs(truth[2400:]).max() > 2.0, "the weak rotor shows"
     assert off[smooth].max() < 0.01  # rad/s^2

@@ -15,7 +15,7 @@ NOISY = ("noisy_state", "flight.duration_s=4")
 STREAMED = ("figure_eight", "flight.duration_s=4")
 GROUND = ("take_off", "flight.duration_s=9")  # two setpoints
 # all that it is sent is looked at, and none refused
-CALM = ('law.guard="refuse"', "law.guard_wind_m_s=6.0")
+CALM = ('law.guard="refuse"', "law.guard_wind_m_s=6.0", "law.f_m=1.0")
 REFUSING = ("figure_eight", *CALM, "flight.duration_s=4")
 REFUSING_STEPS = ("take_off", *CALM, "flight.duration_s=9")
 LATE = ("noisy_state", "flight.duration_s=3", "plant.delay_s=0.02")

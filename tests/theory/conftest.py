@@ -16,6 +16,7 @@ from fcu.kernel.rotations import from_euler
 from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.parameters import law_params
 from fcu.laws.mmrac.types import Bounds, Params, State
+from tests.laws.conftest import PAPER
 from tests.theory.instants import States
 
 OCTO = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
@@ -32,7 +33,9 @@ def law() -> Callable[..., Params]:
     believed = airframe(OCTO["rotors"], "s1000.toml")
 
     def build(rate_hz: float = 500.0, **chosen: Any) -> Params:
-        return law_params(believed, OCTO, rate_hz, chosen)
+        return law_params(
+            believed, OCTO, rate_hz, chosen if "prediction" in chosen else {**PAPER, **chosen}
+        )
 
     return build
 

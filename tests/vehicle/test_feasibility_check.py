@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -20,11 +21,12 @@ from fcu.settings import settings
 from fcu.vehicle import plans
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
+from tests.laws.conftest import PAPER
 
 ZERO = Vec3(0.0, 0.0, 0.0)
-AT_REST = np.zeros(6)
+AT_REST = np.zeros(9)
 AIRFRAME = believed()
-LAW, GUARD = settings(*AIRFRAME, 500.0, {"guard": "refuse"})
+LAW, GUARD = settings(*AIRFRAME, 500.0, {**PAPER, "guard": "refuse"})
 HOVER = math.sqrt(9.81 / 8.2e-5)
 ORIGIN = to_buffer(VehicleState(ZERO, ZERO, from_euler(0.0, 0.0, 0.0), ZERO, Rotors(*[HOVER] * 8)))
 
@@ -43,7 +45,8 @@ def flown_out(guard, law, way, reference):
         math.exp(-law.h * x) for x in (law.c_angle.y, law.c_rate.y, 0.5 * law.lambda_v)
     )
     known, worst = margin.known(guard, law), math.inf
-    w, a, off, before = (np.zeros(3) for _ in range(4))
+    w = a = before = np.array(reference[6:])
+    off, most = np.zeros(3), law.h * admission.fastest(guard, law)
 
     more, adds = foreseen.hurry(law), foreseen.closed(law)
 
@@ -55,7 +58,8 @@ def flown_out(guard, law, way, reference):
         n = round((16.0 if math.isinf(for_s) else for_s) / law.h)
         for k in range(n):
             now = carried(setpoint, k * law.h)
-            a_d = np.array(a_ref(law, now, Vec3(*r.tolist()), Vec3(*v.tolist())))
+            change = np.array(a_ref(law, now, Vec3(*r.tolist()), Vec3(*v.tolist()))) - before
+            a_d = before + change * min(1.0, most / max(np.linalg.norm(change), 1e-30))
             off = fades * off + margin.FORGOTTEN * (a_d - before)
             worst = min(worst, condition(a_d + off), condition(a_d - off))
             w = a_d + attitude * (w - a_d)
@@ -71,7 +75,10 @@ LED = plans.PlanLimits(2.0, 1.0, 1.0, 1.0, 1.0)
     ("way", "reference"),
     [
         ([(at(Vec3(4.0, 7.0, 18.0)), math.inf)], AT_REST),
-        ([(at(Vec3(0.0, 4.0, 0.0)), math.inf)], np.array([0.0, 0.0, 0.0, 3.0, 0.0, -1.0])),
+        (
+            [(at(Vec3(0.0, 4.0, 0.0)), math.inf)],
+            np.array([0.0, 0.0, 0.0, 3.0, 0.0, -1.0, 0.0, 0.0, 0.0]),
+        ),
         ([(at(v=Vec3(7.0, 0.0, 0.0)), math.inf)], AT_REST),
         (admission.way_to(at(v=Vec3(3.0, 0.0, 0.0), a=Vec3(0.0, 4.0, 0.0))), AT_REST),
         (plans.through(ZERO, ZERO, [Vec3(6.0, 0.0, 3.0)], 0.0, LED), AT_REST),
@@ -79,10 +86,38 @@ LED = plans.PlanLimits(2.0, 1.0, 1.0, 1.0, 1.0)
     ],
 )
 def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, reference):
-    law, guard = settings(*AIRFRAME, 100.0)
+    law, guard = settings(*AIRFRAME, 100.0, {**PAPER, "guard": "warn"})
     expected = max(0.0, -flown_out(guard, law, way, reference))
     assert expected > 0.0 or len(way) != 1  # the steps are such that there is something to see
     assert admission.Look(guard, law).short(way, reference) == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("a_m", [ZERO, Vec3(0.0, 0.0, -1.5), Vec3(3.0, 0.0, 2.0)])
+def test_who_refuses_looks_from_the_acceleration_there_is_and_at_no_jumps(a_m):
+    law, guard = settings(*AIRFRAME, 100.0, {**PAPER, "guard": "refuse"})
+    for far in (0.5, 1.0, 2.0):
+        way = [(at(Vec3(0.0, 0.0, far)), 3.0), (at(), math.inf)]  # and back: at its worst moment
+        begins = np.array([0.0] * 6 + [*a_m])
+        expected = max(0.0, -flown_out(guard, law, way, begins))
+        found = admission.Look(guard, law).short(way, begins)
+        assert found == pytest.approx(expected, rel=0.02, abs=1.0)
+
+
+def test_what_would_swing_ever_farther_is_refused():
+    """A reference model held to a jerk that is too slow for its f_m: in 40 s it is hundreds of metres off."""
+    windy = {"guard": "refuse", "guard_wind_rate_m_s2": 40.0}  # nothing is left of the torque
+    law, guard = settings(*AIRFRAME, 500.0, windy)
+    look, admitted, lost = admission.Look(guard, law), 0, 0
+    assert look.pace.jerk == 1.0
+    for far, v_m, a_m in product((0.0, 0.1, 0.4), (0.0, 0.4, 0.8), (-0.5, 0.0, 0.5)):
+        there, reference = at(Vec3(far, 0.0, 0.0)), np.array([0, 0, 0, v_m, 0, 0, a_m, 0, 0.0])
+        fits = look.short([(there, math.inf)], reference) == 0.0
+        admission.follow(to_buffer(guard), to_buffer(law), to_buffer(there), 20_000, reference)
+        settles = abs(reference[0] - far) < 0.01
+        assert settles or not fits
+        admitted, lost = admitted + fits, lost + (not settles)
+    assert admitted > 3
+    assert lost > 10
 
 
 @pytest.mark.parametrize("f_m", [0.5, 1.0, 1.4, 3.0])
@@ -104,10 +139,11 @@ def test_what_is_said_to_do_does_and_a_little_more_does_not(f_m, towards):
 def test_following_is_the_reference_model_tick_by_tick():
     reference, r, v = AT_REST.copy(), ZERO, ZERO
     asked = at(Vec3(1.0, 2.0, 3.0), v=Vec3(0.1, 0.0, 0.0))
-    admission.follow(to_buffer(LAW), to_buffer(asked), 250, reference)
+    warned = to_buffer(GUARD._replace(policy=0.0))
+    admission.follow(warned, to_buffer(LAW), to_buffer(asked), 250, reference)
     for k in range(250):
         r, v = advance(LAW, carried(asked, k * LAW.h), r, v)
-    assert reference.tolist() == [*r, *v]
+    assert reference[:6] == pytest.approx([*r, *v], abs=1e-12)
 
 
 # --- the vehicle
@@ -118,7 +154,7 @@ def vehicle():
     """`vehicle(policy)`: armed in the air at the origin, with that guard."""
 
     def one(policy):
-        params = Parameters(settings(*AIRFRAME, 500.0, {"guard": policy}), 1)
+        params = Parameters(settings(*AIRFRAME, 500.0, {**PAPER, "guard": policy}), 1)
         flying = StateMachine(params, sim_only=True)
         flying.observe(ORIGIN, 0, 0.0)
         assert flying.arm(0, 0.0).granted
@@ -224,8 +260,11 @@ def test_a_place_to_go_to_is_denied_and_nothing_changed(vehicle):
     assert would_do.code is Code.PERCENT_LED
     part = math.floor(100.0 * would_do.values[0]) / 100.0  # as it is told
     assert (flying.setpoint, flying.cruise) == (before, cruise)
-    for name in ("MPC_ACC_HOR", "MPC_ACC_UP_MAX"):
-        assert flying._params.set(name, max(0.5, part * flying._params[name]), True)
+    led = flying._limits()
+    for name, limit in (
+        ("MPC_ACC_HOR", led.acceleration), ("MPC_ACC_UP_MAX", led.acceleration_up)
+    ):  # fmt: skip
+        assert flying._params.set(name, part * limit, True)
     assert flying.reposition(Vec3(30.0, 0.0, 0.0), None, 40_000, part * 10.0).granted
 
 
@@ -260,6 +299,7 @@ def test_what_the_vehicle_lays_down_by_itself_is_never_refused(vehicle):
 
 def test_the_reference_is_the_law_s_once_there_is_one(vehicle):
     flying = vehicle("refuse")
-    assert flying.reference.tolist() == [0.0] * 6
+    assert flying.reference.tolist() == [0.0] * 9
     flying.reference_model = np.arange(6.0)
-    assert flying.reference.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    flying.reference_acceleration = np.array([6.0, 7.0, 8.0])
+    assert flying.reference.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]

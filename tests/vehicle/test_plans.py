@@ -71,13 +71,13 @@ def test_braking_stops_after_v_squared_over_2a():
 
 def test_a_descent_is_fast_while_high_and_ends_in_a_slow_sink():
     pieces = plans.descent(HERE, STILL, 0.0, 4.0, 0.7, LIMITS)
-    assert_continuous(pieces[:-1])
-    sink = pieces[-1].setpoint
-    assert sink.r_c.z == pytest.approx(4.0)
+    assert_continuous(pieces)
+    begins, sink = pieces[-2].setpoint, pieces[-1].setpoint
+    assert begins.r_c.z == pytest.approx(4.0)
     assert sink.v_c == Vec3(0.0, 0.0, -0.7)
     assert min(p.setpoint.v_c.z for p in pieces) == pytest.approx(-1.5)
     low = plans.descent(HERE, STILL, 0.0, 12.0, 0.7, LIMITS)
-    assert [p.setpoint.v_c.z for p in low] == [-0.7]
+    assert [p.setpoint.v_c.z for p in low] == [0.0, -0.7]
 
 
 def test_settling_holds_the_end_for_a_while():

@@ -250,12 +250,14 @@ def test_a_reposition_leads_there_within_the_speed_and_holds(armed):
     to = HERE + Vec3(30.0, 0.0, 0.0)
     assert armed.reposition(to, None, 0).granted
     fastest = 0.0
-    for t_us in range(0, 15_000_000, TICK):
+    for t_us in range(0, 20_000_000, TICK):
         now = armed.flown(t_us)
         armed.observe(state(now.r_c, now.v_c), t_us, 0.0)
         fastest = max(fastest, now.v_c.x)
     assert math.dist(armed.setpoint.r_c, to) < 1e-4
-    assert fastest == pytest.approx(5.0, abs=0.01)
+    top = armed.feasibility.pace.top
+    assert 3.0 < top < 5.0  # MPC_XY_CRUISE is more than the guard lets the reference follow
+    assert fastest == pytest.approx(top, abs=0.01)
 
 
 def test_speed_is_changed_within_its_limit(armed):
@@ -319,4 +321,6 @@ def test_a_generator_stops_first(armed, mode):
     assert armed.flown(100_000).v_c.x == pytest.approx(5.0, abs=0.3)
     fly(armed, 102_000, 1_000_000)
     assert 0.0 < armed.setpoint.v_c.x <= 5.3  # still braking
-    assert armed.setpoint.a_c.x == pytest.approx(-3.0, abs=0.01)
+    a = armed.feasibility.pace.acceleration
+    assert 0.5 < a < 3.0  # MPC_ACC_HOR is more than the guard leaves
+    assert armed.setpoint.a_c.x == pytest.approx(-a, abs=0.01)

@@ -18,7 +18,8 @@ def achieved(params, estimates, error, past):
     """The Estimates after the tick, of what was achieved in it."""
     m_hat = m_hat_achieved(params, estimates.m_hat, error.v_til, past.T_a)
     J_hat = J_hat_achieved(params, estimates.J_hat, error.w_til, past.tau_a)
-    return with_disturbances(params, estimates, error, past, m_hat, J_hat)
+    s_v = leaked(params, s_v_hat(params, estimates.s_v_hat, error.v_til))
+    return with_turning(params, estimates, error, past, s_v, m_hat, J_hat)
 
 
 @kernel
@@ -26,16 +27,17 @@ def demanded(params, estimates, error, past, memory):
     """The same as printed, of what was demanded."""
     m_hat = m_hat_demanded(params, estimates.m_hat, error.v_til, memory.f_c)
     J_hat = J_hat_demanded(params, estimates.J_hat, error.w_til, memory.f_wc)
-    return with_disturbances(params, estimates, error, past, m_hat, J_hat)
+    s_v = s_v_hat(params, estimates.s_v_hat, error.v_til)
+    return with_turning(params, estimates, error, past, s_v, m_hat, J_hat)
 
 
 @kernel
-def with_disturbances(params, estimates, error, past, m_hat, J_hat):
-    """The Estimates after the tick, of the mass and inertia after it."""
+def with_turning(params, estimates, error, past, s_v, m_hat, J_hat):
+    """The Estimates after the tick, of drag (m/s^2, E), mass and inertia after it."""
     e, Omega_m = error.w_til, past.Omega_m
     p, q, r = past.w.x, past.w.y, past.w.z
     return Estimates(
-        s_v_hat=s_v_hat(params, estimates.s_v_hat, error.v_til),
+        s_v_hat=s_v,
         m_hat=m_hat,
         s_w_hat=s_w_hat(params, estimates.s_w_hat, e),
         J_hat=J_hat,
@@ -52,6 +54,12 @@ def s_v_hat(params, s, e):
     """Drag force over mass (m/s^2, E) after the tick. Paper (38)."""
     limit = params.bounds.s_v_max
     return clip3(s + (params.h * params.gamma) * e, -limit, limit)  # (38) departure 7
+
+
+@kernel
+def leaked(params, s):
+    """s_v_hat (m/s^2, E) less what leaks of it upwards in a tick: what lasts there is mass."""
+    return Vec3(s.x, s.y, (1.0 - params.h * params.sigma_v) * s.z)  # departure 18
 
 
 @kernel

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fcu.interface import airframe as airframes
 from fcu.interface.airframe import Airframe
 from fcu.interface.parameter import (
     Conversion,
@@ -14,6 +15,7 @@ from fcu.interface.parameter import (
     Part,
     Value,
     blank,
+    default,
     filled,
     flat,
     group,
@@ -40,6 +42,12 @@ PRINTED: dict[str, Value] = {
     "bounds.s_w_max": 1000.0,
     "bounds.c_max": 1000.0,
     "J_hat_0": 0.0,
+    # of Section VIII
+    "f_m": 1.0,
+    "gamma": 1000.0,
+    "c_angle": (10.0, 10.0, 10.0),
+    "c_rate": (20.0, 20.0, 20.0),
+    "m_hat_0": 5.0,
 }
 
 
@@ -65,9 +73,10 @@ def _put_prediction(law: Params, achieved: float) -> Params:
     """The other prediction, with its own defaults for what stands at a default of this one."""
     if achieved == law.achieved:
         return law
+    _, airframe = airframes.believed()
     for row in PARAMETERS:
-        if row.key in PRINTED and row.default is not None:
-            old, new = row.default, PRINTED[row.key]
+        if row.key in PRINTED:
+            old, new = default(row, airframe), PRINTED[row.key]
             old, new = (old, new) if law.achieved else (new, old)
             if row.get(law) == row.numbers(old):
                 law = row.put(law, row.numbers(new))
@@ -121,6 +130,11 @@ RATE = Conversion(lambda law: 1.0 / law.h, lambda law, rate_hz: law._replace(h=1
 
 # --- the table
 
+
+def _mean(several: Sequence[float]) -> float:
+    return sum(several) / len(several)
+
+
 P = Parameter
 DEGREE = math.radians(1.0)
 
@@ -132,13 +146,13 @@ PARAMETERS: tuple[Parameter, ...] = (
             "achieved", PREDICTION, words=PREDICTIONS, disarmed_only=True, leads=True,
         ),
         # Section VIII of the paper
-        P("f_m", "MR_F_M", 1.0, 0.1, 10.0, "rad/s", "frequency of the reference model"),
+        P("f_m", "MR_F_M", 2.0, 0.1, 10.0, "rad/s", "frequency of the reference model"),
         P("zeta_m", "MR_ZETA_M", 0.8, 0.3, 5.0, "", "damping of the reference model"),
     ),
     *group(
         "Adaptation",
         P(
-            "gamma", "MR_GAMMA", 1000.0, 1.0, 1e6, "1/s^2",
+            "gamma", "MR_GAMMA", 2000.0, 1.0, 1e6, "1/s^2",
             "adaptation gain; predictor gains are its root, block gains its multiples", convert=GAMMA,
         ),
         # gains of mass and inertia, scaled to the size of their regressors (README.md)
@@ -146,6 +160,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         P("gamma_Lambda", "MR_G_LAM", 5e-4, 0.0, 0.1, "gamma", "adaptation gain of 1/mass", convert=_multiple("gamma_Lambda")),
         P("gamma_J", "MR_G_J", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the inertia, as printed", convert=_multiple("gamma_J")),
         P("gamma_LambdaJ", "MR_G_LAMJ", 1.0, 0.0, 100.0, "gamma", "adaptation gain of 1/inertia", convert=_multiple("gamma_LambdaJ")),
+        P("sigma_v", "MR_SIGMA_V", 1.0, 0.0, 10.0, "1/s", "leakage of the drag upwards: what lasts of it is taken for mass"),
         P("gamma_c", "MR_G_C", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the couplings between rates", convert=_multiple("gamma_c")),
     ),
     *group(
@@ -153,12 +168,12 @@ PARAMETERS: tuple[Parameter, ...] = (
         P(
             "c_angle",
             (Part("MR_C_TILT", ("c_angle.x", "c_angle.y"), "gain of roll and pitch"), Part("MR_C_YAW", ("c_angle.z",), "gain of yaw")),
-            10.0, 0.1, 200.0, "1/s", "gains of the angles: one, or roll, pitch, yaw", axes=True,
+            (7.0, 7.0, 3.0), 0.1, 200.0, "1/s", "gains of the angles: one, or roll, pitch, yaw", axes=True,
         ),
         P(
             "c_rate",
             (Part("MR_C_PQ", ("c_rate.x", "c_rate.y"), "gain of the rates p and q"), Part("MR_C_R", ("c_rate.z",), "gain of the rate r")),
-            20.0, 0.1, 2000.0, "1/s", "gains of the rates: one, or p, q, r", axes=True,
+            (14.0, 14.0, 6.0), 0.1, 2000.0, "1/s", "gains of the rates: one, or p, q, r", axes=True,
         ),
         P("tilt_rate_bandwidth", "", 30.0, 0.1, 1000.0, "rad/s", "filter of the tilt command's rate"),
         P("tilt_rate_max", "", 5.0, 0.01, 100.0, "rad/s", "limit of the tilt command's rate"),
@@ -180,8 +195,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     # Sets that hold every S1000 (6 to 11 kg take-off mass) with room; inertia after J_hat_0
     *group(
         "Sets of the estimates",
-        P("bounds.m_min", "MR_M_MIN", 1.0, 0.1, 100.0, "kg", "least mass estimate", below="bounds.m_max"),
-        P("bounds.m_max", "MR_M_MAX", 20.0, 0.1, 100.0, "kg", "greatest mass estimate"),
+        P("bounds.m_min", "MR_M_MIN", None, 0.1, 100.0, "kg", "least mass estimate", airframe="vehicle.mass_kg", of_several=min, below="bounds.m_max"),
+        P("bounds.m_max", "MR_M_MAX", None, 0.1, 100.0, "kg", "greatest mass estimate", airframe="vehicle.mass_kg"),
         P("bounds.J_min", "MR_J_MIN", 0.02, 0.0, 10.0, "kg m^2", "least inertia estimate", below="bounds.J_max"),
         P("bounds.J_max", "MR_J_MAX", 2.0, 0.001, 10.0, "kg m^2", "greatest inertia estimate"),
         P("bounds.s_v_max", "MR_S_V_MAX", 30.0, 0.0, 1000.0, "m/s^2", "greatest estimate of drag over mass"),
@@ -190,8 +205,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     *group(
         "Take-over",
-        P("m_hat_0", "MR_M_0", 5.0, 0.1, 100.0, "kg", "mass estimate at arming", "initial.m_hat_0"),
-        P("J_hat_0", "MR_J_0", 0.1, 0.0, 10.0, "kg m^2", "inertia estimate at arming", "initial.J_hat_0"),
+        P("m_hat_0", "MR_M_0", None, 0.1, 100.0, "kg", "mass estimate at arming", "initial.m_hat_0", airframe="vehicle.mass_kg", of_several=_mean),
+        P("J_hat_0", "MR_J_0", None, 0.0, 10.0, "kg m^2", "inertia estimate at arming", "initial.J_hat_0", airframe="vehicle.inertia_kg_m2", of_several=lambda axes: _mean(axes[0])),
         P("J_implicit", "", 0.1, 1e-6, math.inf, "kg m^2", "least inertia estimate in the backward-Euler step, as printed"),
         P("r_m_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m", "reference model minus position, ENU", "initial.r_m_offset"),
         P("v_hat_offset", "", (0.0, 0.0, 0.0), -1e5, 1e5, "m/s", "predicted minus measured velocity, ENU", "initial.v_hat_offset"),

@@ -48,6 +48,7 @@ class Params(NamedTuple):
     gamma_J: float  # of J_hat (demanded), kg m^2 s^2 (45)
     gamma_LambdaJ: float  # of LambdaJ_hat = 1/J_hat (achieved), s^2/(kg^2 m^4)
     gamma_c: float  # of the coupling and gyroscopic coefficients, s^2 (45)
+    sigma_v: float  # leakage of s_v_hat upwards (achieved), 1/s
     lambda_v: float  # velocity predictor gain, 1/s (36)
     lambda_w: float  # rate predictor gain, 1/s (41)
     c_angle: Vec3  # c_phi, c_theta, c_psi, 1/s (40)

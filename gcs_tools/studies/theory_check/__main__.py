@@ -13,8 +13,8 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from fcu.interface.airframe import believed
-from fcu.laws.mmrac.parameters import law_params
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.missions.mission import load
 from gcs_tools.studies.theory_check import check, octocopter, report
 
 GAMMAS, MASSES = (1e3, 3e3, 1e4, 1e5), (8.0, 9.0, 10.0)
@@ -29,7 +29,7 @@ MEDIAN = 20.0  # bound over measured, the most for the octocopter's loops
 def main(systems: int, seed: int, steps: int, as_json: bool) -> None:
     """Hold simulated errors against their bounds; 1 if one is exceeded, or one is too loose."""
     findings = report.Findings()
-    params = law_params(*believed(), 500.0)
+    params = scenario(load("paper_nominal")).law  # Section VIII
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("random systems", total=None)
         for found in check.random_systems(seed, systems, steps=steps):
