@@ -84,7 +84,7 @@ def draw(random: Random) -> dict[str, Any]:
             "zeta_m": float(random.uniform(0.6, 1.2)),
             "gamma": float(np.exp(random.uniform(np.log(500.0), np.log(5000.0)))),
             "J_hat_0": float(random.uniform(0.1, 0.5)),
-            "m_hat_0": float(random.uniform(5.0, 10.0)),
+            "m_hat_0": float(random.uniform(7.0, 9.0)),
         },
         "plant": {
             "mass_kg": float(random.uniform(7.0, 9.0)),

@@ -1,0 +1,149 @@
+"""What is counted of a flight. The definitions stand in the README, and were written before flying."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fcu.guard import foreseen
+from fcu.interface.airframe import ROTORS
+from fcu.kernel.rows import column
+from fcu.tick import Tick
+from gcs_tools.flight.scenario import Scenario
+from gcs_tools.studies.attack.draws import Attack
+from gcs_tools.studies.attack.flight import Flown, Rows
+
+TRANSIENT_S = 0.5  # at least
+LOST_M = 50.0  # from the setpoint in force when the flight ends
+ARRIVED_M, LAST_S = 0.3, 1.0  # from it, for so long
+
+DEFINITIONS = """
+transient: until the control difference of take-over has faded (foreseen.transient_s), 0.5 s at least.
+force: after it the thrust or tilt flag is up, or the demanded force is beyond what can be reached.
+torque: after it the flag of roll and pitch torque is up.  saturated: force or torque.
+lost: the flight ended early, or ends more than 50 m from the setpoint in force.
+arrived: within 0.3 m of that setpoint for the whole last second.
+yaw: after the transient the flag of yaw torque is up; told, and contradicts nothing.
+A flight contradicts the guard if it is saturated or lost, or has not arrived.
+"""
+
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+class Limits(NamedTuple):
+    """At each tick: which limits are met, and how far the others are."""
+
+    force: Flags  # thrust or tilt at a limit, or the demand beyond them
+    torque: Flags  # roll and pitch torque given up, or thrust for it
+    yaw: Flags
+    margin: Rows  # N, from the demanded force to the nearest limit
+    room: Rows  # N, of total thrust, before roll and pitch torque meet a rotor's limit
+
+
+class Verdict(NamedTuple):
+    """What came of one flight."""
+
+    setpoints: str
+    wind: str
+    force: bool
+    torque: bool
+    yaw: bool
+    lost: bool
+    arrived: bool
+    margin_n: float  # least after the transient
+    room_n: float  # least after the transient
+    rotors: float  # part of the ticks after the transient with torque or yaw given up
+    admitted: float  # part of the setpoints
+    end_m: float  # from the setpoint in force, at the end
+    first_s: float | None  # when it first saturates
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether this flight contradicts the guard."""
+        return self.saturated or self.lost or not self.arrived
+
+    @property
+    def saturated(self) -> bool:
+        """Force or torque."""
+        return self.force or self.torque
+
+    @property
+    def least_n(self) -> float:
+        """What an attack wants to have least, N."""
+        return min(self.margin_n, self.room_n)
+
+
+def transient_s(scene: Scenario) -> float:
+    """How long (s) after take-over a flight is not judged."""
+    return max(float(foreseen.transient_s(scene.guard, scene.law)), TRANSIENT_S)
+
+
+def room(scene: Scenario, rows: Rows) -> Rows:
+    """float64[n]: by how much (N) total thrust may move before roll and pitch take it from a rotor.
+
+    Below zero the allocation has moved it, or has given up torque (`allocation.allocate`).
+    """
+    rotors, n = scene.law.rotors, len(rows)
+    share = (column(Tick, rows, "outputs.T_c") + column(Tick, rows, "state.memory.T_trim")) / ROTORS
+    tau = column(Tick, rows, "internals.demand.tau_d")
+    spread = np.outer(tau[:, 0], np.array(rotors.B_x)) + np.outer(tau[:, 1], np.array(rotors.B_y))
+    if n == 0:
+        return np.zeros(0)
+    low = share + spread.min(axis=1) - rotors.f_min
+    high = rotors.f_max - share - spread.max(axis=1)
+    return np.asarray(ROTORS * np.minimum(low, high))
+
+
+def limits(scene: Scenario, rows: Rows) -> Limits:
+    """Of rows of a law's Tick."""
+    up = {
+        of: column(Tick, rows, f"outputs.saturation.{of}") > 0.5
+        for of in ("thrust", "tilt", "torque", "yaw")
+    }
+    margin = column(Tick, rows, "guard.margin.force")
+    return Limits(
+        force=up["thrust"] | up["tilt"] | (margin < 0.0) | ~np.isfinite(margin),
+        torque=up["torque"],
+        yaw=up["yaw"],
+        margin=margin,
+        room=room(scene, rows),
+    )
+
+
+def away(rows: Rows) -> Rows:
+    """float64[n]: from the setpoint in force, carried along its velocity, m."""
+    off = column(Tick, rows, "measured.r_E") - column(Tick, rows, "setpoint.r_c")
+    return np.asarray(np.linalg.norm(off, axis=1))
+
+
+def verdict(attack: Attack, flown: Flown) -> Verdict:
+    """What came of a flight."""
+    scene, rows = attack.scene, flown.fcu
+    begun = round(transient_s(scene) * scene.rate_hz)
+    met = limits(scene, rows[begun:])
+    whole = len(rows) == scene.ticks
+    last = away(rows[-round(LAST_S * scene.rate_hz) :])
+    end_m = float(last[-1]) if len(last) else 0.0
+    saturated = np.flatnonzero(met.force | met.torque)
+    return Verdict(
+        setpoints=attack.setpoints,
+        wind=attack.wind,
+        force=bool(met.force.any()),
+        torque=bool(met.torque.any()),
+        yaw=bool(met.yaw.any()),
+        lost=not whole or not end_m <= LOST_M,
+        arrived=whole and bool((last < ARRIVED_M).all()),
+        margin_n=least(met.margin),
+        room_n=least(met.room),
+        rotors=float((met.torque | met.yaw).mean()) if len(met.yaw) else 1.0,
+        admitted=float(flown.admitted.mean()),
+        end_m=end_m,
+        first_s=float((begun + saturated[0]) / scene.rate_hz) if len(saturated) else None,
+    )
+
+
+def least(values: Rows) -> float:
+    """The least of them; none is the worst there can be."""
+    found = float(values.min()) if len(values) else -np.inf
+    return found if np.isfinite(found) else -np.inf

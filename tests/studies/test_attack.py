@@ -1,0 +1,267 @@
+"""The attack on the guard: drawn again the same, within the beliefs, and able to find what is wrong."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from fcu.guard import margin
+from fcu.interface.airframe import believed
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.rows import column
+from fcu.tick import Tick
+from gcs_tools.flight import law_alone
+from gcs_tools.studies.attack import report
+from gcs_tools.studies.attack.__main__ import campaign, flown, main
+from gcs_tools.studies.attack.draws import (
+    SETPOINTS,
+    WIND_M_S,
+    WIND_M_S2,
+    How,
+    NoFlightError,
+    Numbers,
+    attack,
+    drawn,
+    parsed,
+)
+from gcs_tools.studies.attack.search import search
+from gcs_tools.studies.attack.verdict import LOST_M, limits, verdict
+from gcs_tools.studies.attack.wind import KINDS, pushes
+from sitl_plant.physics.types import PlantRecord
+
+UNGUARDED = How(policy="warn")
+UNSTABLE = "law.c_angle=200"
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [*map(str, arguments)])
+
+
+def numbers(**of):
+    """In the middle of everything, but for these."""
+    return Numbers(**{**dict.fromkeys(Numbers._fields, 0.5), **of})
+
+
+def of_kind(wind="own", setpoints="step", **of):
+    """Numbers of a kind of wind and a class of setpoints."""
+    w, s = (KINDS.index(wind) + 0.5) / len(KINDS), (SETPOINTS.index(setpoints) + 0.5) / 5.0
+    return numbers(wind=w, setpoints=s, **of)
+
+
+def shortened(found, seconds):
+    """The first seconds of a flight."""
+    ticks = round(seconds * found.scene.rate_hz)
+    keep = found.scene.sent_at < ticks
+    scene = replace(
+        found.scene,
+        ticks=ticks,
+        sent_at=found.scene.sent_at[keep],
+        sent=tuple(s for s, k in zip(found.scene.sent, keep, strict=True) if k),
+    )
+    return replace(found, scene=scene, noise=found.noise[:ticks])
+
+
+def test_a_flight_of_a_seed_is_the_same_whoever_flies_it():
+    how = How(noise="bounded")
+    once, again = (flown(shortened(drawn(3, 5, how), 4.0)) for _ in range(2))
+    assert once.fcu.tobytes() == again.fcu.tobytes()
+    assert once.plant.tobytes() == again.plant.tobytes()
+    assert drawn(3, 6, how).numbers != drawn(3, 5, how).numbers != drawn(4, 5, how).numbers
+    assert campaign(How(), 3, 2) == campaign(How(), 3, 2)
+
+
+def test_policies_fly_the_same_draws():
+    govern, refuse = (drawn(1, 2, How(policy=policy)) for policy in ("govern", "refuse"))
+    assert govern.numbers == refuse.numbers
+    assert govern.scene.sent == refuse.scene.sent
+    assert govern.scene.world == refuse.scene.world
+    assert (govern.scene.guard.policy, refuse.scene.guard.policy) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("noise", ["none", "gaussian"])
+@pytest.mark.parametrize("setpoints", SETPOINTS)
+def test_in_a_wind_of_its_own_every_tick_is_that_of_the_law_alone(setpoints, noise):
+    """To the bit: nothing is refused, and the wind is left alone."""
+    found = shortened(attack(of_kind("own", setpoints), How(noise=noise)), 5.0)
+    rows = flown(found)
+    plant, fcu = law_alone.fly(found.scene)
+    assert rows.admitted.all()
+    assert len(rows.fcu) == found.scene.ticks
+    assert rows.fcu.tobytes() == fcu.tobytes()
+    assert rows.plant.tobytes() == plant.tobytes()
+
+
+@pytest.mark.parametrize("wind", KINDS)
+def test_the_wind_keeps_to_its_speed_and_rate(wind):
+    found = shortened(attack(of_kind(wind, "random", wind_speed=1.0, wind_every=0.0), How()), 10.0)
+    rows = flown(found)
+    air = column(PlantRecord, rows.plant, "v_air_E")
+    speed = np.linalg.norm(air, axis=1)
+    assert 0.5 * WIND_M_S < speed.max() <= WIND_M_S * (1.0 + 1e-9)
+    rate = np.linalg.norm(np.diff(air, axis=0), axis=1) * found.scene.rate_hz
+    assert rate.max() <= WIND_M_S2 * (1.0 + 1e-9)
+    if wind != "own":
+        assert rate.max() == pytest.approx(WIND_M_S2)
+
+
+@pytest.mark.parametrize(("way", "towards"), [(1.0, (0.0, 0.0, -12.0)), (0.0, (0.0, 0.0, 12.0))])
+def test_a_flipping_wind_is_met_head_on(way, towards):
+    straight = of_kind("flipping", height=way, wind_speed=1.0)
+    rows = flown(shortened(attack(straight, How()), 4.0))
+    assert column(PlantRecord, rows.plant, "v_air_E")[-1] == pytest.approx(towards, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("demand", "towards"),
+    [
+        ((0.0, 0.0, 190.0), (0.0, 0.0, -1.0)),  # more thrust than there is: against it
+        ((0.0, 0.0, 25.0), (0.0, 0.0, 1.0)),  # down to the floor: carried
+        ((50.0, 0.0, 60.0), (-0.7071, 0.0, 0.7071)),  # out of the cone
+    ],
+)
+def test_a_pushing_wind_drives_the_demand_to_its_nearest_limit(demand, towards):
+    settings = drawn(1, 0, How(as_shipped=True)).scene.settings
+    known = margin.known(settings.guard, settings.law)
+    demand, way = Vec3(*demand), pushes(known, Vec3(*demand))
+    assert way == pytest.approx(towards, abs=1e-4)
+    assert margin.distance(known, demand - 0.1 * way) == pytest.approx(
+        margin.distance(known, demand) - 0.1, abs=1e-3
+    )
+
+
+def test_everything_is_drawn_within_the_beliefs():
+    vehicle, drag = believed()[1]["vehicle"], believed()[1]["air"]["drag"]
+    shipped = drawn(1, 0, How(as_shipped=True)).scene
+    for k in range(60):
+        scene = drawn(1, k, How()).scene
+        plant, guard, initial = scene.world.params, scene.guard, scene.law.initial
+        assert guard._replace(policy=0.0) == shipped.guard._replace(policy=0.0)
+        assert guard.m_min <= min(plant.m, initial.m_hat_0)
+        assert guard.m_max >= max(plant.m, initial.m_hat_0)
+        assert (guard.w_max, guard.w_dot_max) == (WIND_M_S, WIND_M_S2)
+        for J, (low, high) in zip(plant.J, vehicle["inertia_kg_m2"], strict=True):
+            assert low <= J <= high
+        assert all(0.0 <= c <= most for c, most in zip(plant.c_D, drag, strict=True))
+        assert 0.4 <= scene.law.f_m <= 3.0
+        assert scene.law.c_angle == shipped.law.c_angle
+        assert np.all(np.diff(scene.sent_at) > 0)
+        assert scene.sent_at[-1] < scene.ticks
+        assert all(abs(x) < 0.5 * LOST_M for s in scene.sent for x in s.r_c) or len(scene.sent) == 2
+    law = drawn(1, 7, How(as_shipped=True)).scene.law
+    assert law == shipped.law
+
+
+def test_bounded_noise_is_within_one_sigma_and_fills_it():
+    found = drawn(1, 3, How(noise="bounded"))
+    scale = found.scene.world.noise_scale
+    assert scale == pytest.approx(np.repeat([0.01, 0.02, np.radians(0.2), 0.01], 3))
+    part = np.abs(found.noise / scale)
+    assert 0.99 < part.max() <= 1.0
+
+
+def test_what_is_refused_is_not_flown():
+    far = attack(of_kind("own", "step", far=1.0), How(policy="refuse"))
+    rows = flown(shortened(far, 4.0))
+    assert rows.admitted.tolist() == [1.0, 0.0]
+    assert np.abs(column(Tick, rows.fcu, "setpoint.r_c")).max() == 0.0
+    near = attack(of_kind("own", "step", far=0.0), How(policy="refuse"))
+    assert flown(shortened(near, 4.0)).admitted.tolist() == [1.0, 1.0]
+
+
+def test_room_is_where_the_allocation_begins_to_give_up():
+    flags = rooms = 0
+    for k in range(6):
+        found = drawn(1, k, UNGUARDED)
+        rows = flown(shortened(found, 8.0)).fcu
+        met = limits(found.scene, rows)
+        thrust = column(Tick, rows, "outputs.T_c") + column(Tick, rows, "state.memory.T_trim")
+        inside = (thrust > 8.0 * found.scene.law.rotors.f_min) & (thrust < 200.0)
+        assert np.array_equal(met.torque[inside], met.room[inside] < -1e-7)
+        flags, rooms = flags + met.torque.sum(), rooms + (met.room > 0.0).sum()
+    assert flags > 10
+    assert rooms > 1000
+
+
+def test_an_unguarded_law_is_contradicted():
+    """The counter counts."""
+    found = campaign(UNGUARDED, 20, 1)
+    assert report.contradicts(found)
+    assert report.counted(found)["saturated"][0] > 0
+    assert report.groups(found)["all"].torque == sum(v.torque for v in found.values()) > 0
+    first = next(iter(report.worst(found).values()))
+    assert first.contradicts
+
+
+def test_a_flight_that_is_lost_counts_whatever_its_limits():
+    found = shortened(drawn(1, 0, How()), 4.0)
+    rows = flown(found)
+    said = verdict(found, rows._replace(fcu=rows.fcu[:-1], plant=rows.plant[:-1]))
+    assert said.lost
+    assert said.contradicts
+    assert not said.arrived
+
+
+@pytest.mark.parametrize(("count", "limit"), [(0, 0.0036821), (1, 0.0055589), (1000, 1.0)])
+def test_upper_limits_are_those_of_clopper_and_pearson(count, limit):
+    assert report.upper(count, 1000) == pytest.approx(limit, rel=1e-3)
+
+
+def test_gains_that_are_never_stable_fly_nothing():
+    with pytest.raises(NoFlightError):
+        drawn(1, 0, How(settings=parsed([UNSTABLE])))
+
+
+def test_a_search_finds_what_is_worse_than_what_it_begins_with_and_it_flies_again(tmp_path):
+    found = search(UNGUARDED, 192, 1)
+    worst = found.found[0]
+    assert found.flights <= 192
+    again = attack(worst.numbers, UNGUARDED)
+    assert verdict(again, flown(again)) == worst.verdict
+    assert [f.verdict.least_n for f in found.found] == sorted(
+        f.verdict.least_n for f in found.found
+    )
+    file = tmp_path / "found.json"
+    done = run("--policy", "govern", "--search", 128, "--out", file, "--json")
+    assert done.exit_code in (0, 1), done.output
+    of = json.loads(file.read_text())["govern"]["found"][0]
+    again = run("--policy", "govern", "--flight", file, "--json")
+    assert json.loads(again.stdout)["govern"]["verdict"] == of["verdict"]
+
+
+def test_the_command_answers_by_its_exit_code(tmp_path):
+    done = run("--flights", 4, "--json")
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert [said[policy]["groups"]["all"]["flights"] for policy in ("govern", "refuse")] == [4, 4]
+    plain = run("--flights", 4, "--policy", "govern")
+    assert plain.exit_code == 0
+    assert "refuse" not in plain.stdout
+    bad = run("--flights", 10, "--policy", "warn")
+    assert bad.exit_code == 1, bad.output
+    table = tmp_path / "ticks.csv"
+    one = run("--flight", 2, "--policy", "govern", "--out", table)
+    assert one.exit_code == 0, one.output
+    names = table.read_text().splitlines()[0].split(",")
+    ticks = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert ticks.shape == (drawn(1, 2, How()).scene.ticks, len(names))
+    assert {"t", "margin", "room", "air_z", "m_hat"} <= set(names)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--policy", "never"),
+        ("--flight", "1", "--search", "500"),
+        ("--out", "x.csv"),
+        ("--flight", "nowhere.json"),
+        ("--set", "law.f_n=2"),
+        ("--set", UNSTABLE),
+        ("--flights", "0"),
+    ],
+)
+def test_a_bad_command_line_is_one(arguments):
+    assert run(*arguments).exit_code == 2
