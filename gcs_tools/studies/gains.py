@@ -1,0 +1,147 @@
+"""What the defaults trade: tracking, noise, arrival and lag over f_m and gamma.
+
+    python -m gcs_tools.studies.gains     flies 16 pairs, draws docs/figures/gains.png, prints the table
+
+Each pair flies the missions of disturbances under the guard, and the figure of eight without it, as
+its speed is beyond the condition. The other values are the defaults.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from fcu.guard.stability import unstable
+from fcu.kernel.rows import column
+from fcu.tick import Tick
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.judging.envelope import WAYS, step
+from gcs_tools.many.flights import each
+from gcs_tools.missions.mission import load
+from sitl_plant.physics.types import PlantRecord
+
+F_M, GAMMAS = (1.0, 1.5, 2.0, 2.5), (500.0, 1000.0, 2000.0, 4000.0)
+LONG = ("flight.duration_s=40.0",)
+LAGS_S = (0.02, 0.05, 0.1, 0.12)  # true; 0.05 is believed
+NEAR = 0.3  # m: arrived
+SETTLED = 20.0  # s from which errors are settled, of a flight of 40 s
+
+
+class Pair(NamedTuple):
+    """One pair of gains, and what was flown with it. RMS of the true position, m."""
+
+    f_m: float  # rad/s
+    gamma: float  # 1/s^2
+    refused: str  # by the rule of stability; "" if it is not
+    nominal: float  # to the reference model
+    noisy: float
+    drop: float  # from 2 s after it
+    eight: float  # of the figure of eight, to the command
+    arrival_s: float  # of the paper's step, to stay within NEAR
+    lags: tuple[float, ...]  # nominal, for each of LAGS_S
+    admitted: float  # m: the largest step that the condition admits from rest, mean of WAYS
+
+
+def flown(
+    mission: str, settings: Sequence[str], reference: str, since_s: float
+) -> tuple[float, float]:
+    """RMS (m) of the true position about a column of Tick from `since_s` on, and when it is near."""
+    scene = scenario(load(mission, settings))
+    plant, rows = law_alone.fly(scene)
+    if len(rows) < scene.ticks:
+        return np.inf, np.inf
+    r = column(PlantRecord, plant, "state.r_E")[: len(rows)]
+    away = np.linalg.norm(r - column(Tick, rows, reference), axis=1)
+    far = np.flatnonzero(np.linalg.norm(r - column(Tick, rows, "setpoint.r_c"), axis=1) > NEAR)
+    there = (far[-1] + 1) / scene.rate_hz if len(far) else 0.0
+    settled = away[round(since_s * scene.rate_hz) :]
+    return float(np.sqrt(np.mean(settled**2))), float(there)
+
+
+def pair(gains: tuple[float, float]) -> Pair:
+    """Fly one pair."""
+    f_m, gamma = gains
+    chosen = (f"law.f_m={f_m}", f"law.gamma={gamma}")
+    model = "outputs.reference.r_m"
+
+    def rms(
+        mission: str, *settings: str, reference: str = model, since_s: float = SETTLED
+    ) -> float:
+        return flown(mission, (*chosen, *settings), reference, since_s)[0]
+
+    nominal, arrival_s = flown("urban_step", (*chosen, *LONG), model, SETTLED)
+    settings = scenario(load("urban_step", chosen)).settings
+    admitted = [step(settings, WAYS[way], way).exact or 0.0 for way in WAYS]
+    return Pair(
+        f_m, gamma, unstable(settings.law), nominal,
+        rms("noisy_state", *LONG), rms("package_drop", since_s=14.0),
+        rms("figure_eight", reference="setpoint.r_c", since_s=10.0), arrival_s,
+        tuple(rms("urban_step", *LONG, f"plant.rotor_lag_s={lag}") for lag in LAGS_S),
+        float(np.mean(admitted)),
+    )  # fmt: skip
+
+
+def draw(found: Sequence[Pair], path: Path) -> None:
+    """Tracking without noise against tracking with it: a line for each gamma, a point for each f_m."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.5, 4.8), layout="constrained")
+    axes = figure.subplots()
+    for gamma in GAMMAS:
+        line = [p for p in found if p.gamma == gamma]
+        axes.loglog(
+            [1e3 * p.nominal for p in line], [1e3 * p.noisy for p in line], "o-",
+            label=f"γ = {gamma:g} 1/s²",
+        )  # fmt: skip
+        for p in line:
+            at = (1e3 * p.nominal, 1e3 * p.noisy)
+            axes.annotate(f"{p.f_m:g}", at, (6, -4), textcoords="offset points", fontsize=8)
+    axes.set(
+        title="Position error with each f_m, rad/s, at the points",
+        xlabel="without noise, mm RMS", ylabel="with the noise of noisy_state, mm RMS",
+    )  # fmt: skip
+    ticks = [7, 10, 15, 20, 30, 50]
+    axes.set_xticks(ticks[:5], map(str, ticks[:5]))
+    axes.set_yticks(ticks, map(str, ticks))
+    axes.minorticks_off()
+    axes.legend()
+    figure.savefig(path, dpi=100, metadata={"Software": None})
+
+
+@click.command()
+@click.option("--figure", type=click.Path(path_type=Path), default=Path("docs/figures/gains.png"))
+@click.option("--json", "as_json", is_flag=True, help="the table as JSON")
+def main(figure: Path, as_json: bool) -> None:
+    """Fly every pair, draw the front and print the table."""
+    found = list(each(pair, list(product(F_M, GAMMAS)), console=Console(stderr=True)))
+    draw(found, figure)
+    if as_json:
+        click.echo(json.dumps([p._asdict() for p in found], indent=2))
+        return
+    table = Table(
+        "f_m", "γ", "nominal", "noisy", "drop", "eight", "20 m in",
+        f"lag {1e3 * LAGS_S[0]:.0f} to {1e3 * LAGS_S[-1]:.0f} ms", "admits", "rule", box=None,
+    )  # fmt: skip
+    for p in found:
+        errors = (p.nominal, p.noisy, p.drop, p.eight)
+        table.add_row(
+            f"{p.f_m:g}", f"{p.gamma:g}", *(f"{1e3 * e:.1f} mm" for e in errors),
+            f"{p.arrival_s:.1f} s", f"{1e3 * min(p.lags):.1f} to {1e3 * max(p.lags):.1f} mm",
+            f"{p.admitted:.2f} m",
+            "refuses" if p.refused else "accepts",
+        )  # fmt: skip
+    Console().print(table)
+    click.echo(f"{figure}")
+
+
+if __name__ == "__main__":
+    main()
