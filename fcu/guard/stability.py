@@ -56,14 +56,14 @@ def fade(params: Params) -> Fade:
 
 
 def height(params: Params, lag: Fade, off: float) -> Matrix:
-    """One tick of height (9 x 9, 8 x 8 without leakage), with m_hat = off * m.
+    """One tick of height (8 x 8), with m_hat = off * m.
 
     State: height, its rate, thrust, thrust a tick ago, v_hat, s_hat + T_0 Lambda_hat (one
-    number: in hover drag and mass cannot be told apart but by leakage), trim, T_c a tick ago,
-    and, if it leaks, s_hat; all but the first two as departures from hover.
+    number: in hover drag and mass cannot be told apart), trim, T_c a tick ago; all but the
+    first two as departures from hover.
     """
     h, w, m, m_hat = params.h, params.rotors.mean, MASS, off * MASS
-    z, v, T, T_prev, v_hat, s, trim, T_c_prev, drag = np.eye(9)
+    z, v, T, T_prev, v_hat, s, trim, T_c_prev = np.eye(8)
     T_0 = m * params.g
     gain = params.gamma + params.gamma_Lambda * T_0 * T_0
     trim_rate = params.trim_rate if params.trim_max > 0.0 else 0.0
@@ -71,21 +71,18 @@ def height(params: Params, lag: Fade, off: float) -> Matrix:
     T_mean = w * T_prev + (1.0 - w) * T
     e_minus = v - v_hat - h * (s + T_mean / m_hat)
     e = e_minus / (1.0 + h * params.lambda_v + h * h * gain)
-    leaks = h * params.sigma_v * (drag + h * params.gamma * e)
-    s = s + h * gain * e - leaks
-    drag = drag + h * params.gamma * e - leaks
+    s = s + h * gain * e
     trim = (trim if trim_rate > 0.0 else 0.0 * trim) + h * trim_rate * (T_c_prev - T_mean)
     T_c = m_hat * (_a_ref(params, z, v) - s)
 
     aim = T + params.rotors.kappa * (T_c + trim - T)
     gap = T - aim
-    tick = np.array([
+    return np.array([
         z + h * v + (aim * (h * h / 2.0) + gap * lag.twice) / m,
         v + (aim * h + gap * lag.once) / m,
         aim + gap * lag.left,
-        T, v - e, s, trim, T_c, drag,
+        T, v - e, s, trim, T_c,
     ])  # fmt: skip
-    return tick if params.sigma_v > 0.0 else tick[:8, :8]
 
 
 def tilt(params: Params, lag: Fade, off: float, axis: int) -> Matrix:
@@ -167,15 +164,7 @@ CHANNELS: dict[str, Callable[[Params, Fade, float], Matrix]] = {
 # held against.
 _OF_TILT = ("MR_C_TILT", "MR_C_PQ", "MR_F_M", "MR_ZETA_M", "MR_GAMMA", "MR_ROTOR_RESP")
 DECIDES: dict[str, tuple[str, ...]] = {
-    "height": (
-        "MR_F_M",
-        "MR_GAMMA",
-        "MR_ZETA_M",
-        "MR_G_LAM",
-        "MR_SIGMA_V",
-        "MR_TRIM_RATE",
-        "MR_ROTOR_RESP",
-    ),
+    "height": ("MR_F_M", "MR_GAMMA", "MR_ZETA_M", "MR_G_LAM", "MR_TRIM_RATE", "MR_ROTOR_RESP"),
     "roll": _OF_TILT,
     "pitch": _OF_TILT,
     "yaw": ("MR_C_YAW", "MR_C_R", "MR_GAMMA", "MR_ROTOR_RESP"),

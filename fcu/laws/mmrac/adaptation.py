@@ -12,13 +12,16 @@ from fcu.kernel.algebra import Vec3, clip, clip3, dot, maximum, minimum, select
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.types import Estimates
 
+LIFTS = 0.5  # of the least weight: with less thrust nothing is in the air
+
 
 @kernel
 def achieved(params, estimates, error, past):
     """The Estimates after the tick, of what was achieved in it."""
     m_hat = m_hat_achieved(params, estimates.m_hat, error.v_til, past.T_a)
     J_hat = J_hat_achieved(params, estimates.J_hat, error.w_til, past.tau_a)
-    s_v = leaked(params, s_v_hat(params, estimates.s_v_hat, error.v_til))
+    s_v = s_v_hat(params, estimates.s_v_hat, error.v_til)
+    m_hat, s_v = leaked(params, m_hat, s_v, past.T_a)
     return with_turning(params, estimates, error, past, s_v, m_hat, J_hat)
 
 
@@ -57,9 +60,19 @@ def s_v_hat(params, s, e):
 
 
 @kernel
-def leaked(params, s):
-    """s_v_hat (m/s^2, E) less what leaks of it upwards in a tick: what lasts there is mass."""
-    return Vec3(s.x, s.y, (1.0 - params.h * params.sigma_v) * s.z)  # departure 18
+def leaked(params, m_hat, s, T_a):
+    """Mass (kg) and s_v_hat (m/s^2, E) after drag upwards has leaked into the mass for a tick.
+
+    T_a : achieved force, N, E.  Upwards T_a / m_hat + s_v_hat is all that is seen. It stays: of the
+    drag goes over what the set of the mass takes.
+    """
+    bounds = params.bounds
+    up, Lambda_hat = maximum(T_a.z, 0.0), 1.0 / m_hat
+    rate = params.h * params.sigma_v / maximum(up, LIFTS * bounds.m_min * params.g)
+    after = clip(Lambda_hat + rate * s.z, 1.0 / bounds.m_max, 1.0 / bounds.m_min)  # departure 18
+    left = s.z - (after - Lambda_hat) * up
+    leaks = params.sigma_v > 0.0
+    return select(leaks, 1.0 / after, m_hat), Vec3(s.x, s.y, select(leaks, left, s.z))
 
 
 @kernel

@@ -160,7 +160,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         P("gamma_Lambda", "MR_G_LAM", 5e-4, 0.0, 0.1, "gamma", "adaptation gain of 1/mass", convert=_multiple("gamma_Lambda")),
         P("gamma_J", "MR_G_J", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the inertia, as printed", convert=_multiple("gamma_J")),
         P("gamma_LambdaJ", "MR_G_LAMJ", 1.0, 0.0, 100.0, "gamma", "adaptation gain of 1/inertia", convert=_multiple("gamma_LambdaJ")),
-        P("sigma_v", "MR_SIGMA_V", 1.0, 0.0, 10.0, "1/s", "leakage of the drag upwards: what lasts of it is taken for mass"),
+        P("sigma_v", "MR_SIGMA_V", 0.7, 0.0, 10.0, "1/s", "leakage of the drag upwards into the mass: what lasts of it is mass"),
         P("gamma_c", "MR_G_C", 1.0, 0.0, 100.0, "gamma", "adaptation gain of the couplings between rates", convert=_multiple("gamma_c")),
     ),
     *group(
