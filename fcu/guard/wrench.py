@@ -41,8 +41,9 @@ def turning(law):
 def jerk(params, law, T_now):
     """Fastest change (m/s^3) of the reference's acceleration that the rotors hold beside a gust.
 
-    In hover a force of m g turns with (m j + FOLLOWS c w w_dot)/(m g): the wind may turn, at its
-    greatest. That takes J `turning` of it, which must not be more than `tilting`.
+    In hover a force of m g turns with (m j + FOLLOWS c w w_dot)/(m g) in a wind that turns at its
+    greatest; one that grows there is not counted (README.md, "Assumed"). That takes J `turning` of
+    it, which must not be more than `tilting`.  T_now : total thrust commanded, N; inf: hover's.
     """
     gust = FOLLOWS * params.c_D * params.w_max * params.w_dot_max
     j = params.jerk

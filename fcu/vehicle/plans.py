@@ -51,9 +51,8 @@ class Piece(NamedTuple):
     for_s: float
 
 
-LATE_S, TAKES_UP = 0.15, 1.25  # of the time that jerk takes: attitude and rates come after it
-
-
+LATE_S = 0.15  # s, after which a deceleration that begins at once has been taken up, at least
+TAKES_UP = 1.25  # of the time that the guard's jerk takes: attitude and rates come after it
 SINKS = 1.0  # m/s^2: a speed down is taken up so gently that what lags does not catch up with it
 
 
