@@ -54,7 +54,7 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "MPC_XY_VEL_MAX", 12.0, 0.5, 20.0, "m/s", "greatest speed across that is asked for"),
         P("", "MPC_Z_VEL_MAX_UP", 3.0, 0.5, 8.0, "m/s", "greatest speed of a climb"),
         P("", "MPC_Z_VEL_MAX_DN", 1.5, 0.5, 4.0, "m/s", "greatest speed of a descent"),
-        P("", "MPC_ACC_HOR", 3.0, 0.1, 8.0, "m/s^2", "acceleration across of modes that lead the vehicle, as far as the guard leaves it"),
+        P("", "MPC_ACC_HOR", 3.0, 0.1, 8.0, "m/s^2", "acceleration across of modes that lead, as far as the guard leaves it"),
         P("", "MPC_ACC_UP_MAX", 3.0, 0.1, 6.0, "m/s^2", "vertical acceleration of those modes, up and down, likewise"),
         P("", "MPC_LAND_SPEED", 0.7, 0.3, 1.5, "m/s", "speed of a landing near the ground"),
         P("", "MPC_MAN_Y_MAX", 60.0, 1.0, 180.0, "deg/s", "yaw rate at full stick in position mode"),
