@@ -113,7 +113,7 @@ def contradicts(campaign: Campaign) -> bool:
 def table(policy: str, campaign: Campaign) -> Table:
     """For people: groups of flights."""
     shown = Table(title=policy, box=None, title_justify="left")
-    shown.add_column("")
+    shown.add_column("", no_wrap=True)
     for words in COLUMNS.values():
         shown.add_column(words, justify="right")
     for name, of in groups(campaign).items():
