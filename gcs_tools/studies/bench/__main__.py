@@ -120,7 +120,7 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     zero = Vec3(0.0, 0.0, 0.0)
     look = Look(scene.guard, scene.law)
     way = way_to(Setpoint(Vec3(4.0, 7.0, 18.0), zero, zero, 0.0, 0.0))
-    step = per_call_s(lambda: look.short(way, np.zeros(6)), 1, 50 * repeats)
+    step = per_call_s(lambda: look.short(way, np.zeros(9)), 1, 50 * repeats)
     yield Figure("look_us", "a look along the way to a setpoint (us)", step * 1e6)
     step = per_call_s(lambda: unstable(scene.law), 1, 20 * repeats)
     yield Figure("stability_rule_ms", "the rule on gains, asked once (ms)", step * 1e3)
