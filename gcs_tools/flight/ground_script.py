@@ -33,6 +33,7 @@ from fcu.mavlink.px4_modes import AutoMode, MainMode
 from fcu.mavlink.replies import CommandAck, ParamValue, StatusText
 from fcu.mavlink.setpoints import PositionTarget
 from fcu.mavlink.telemetry import ExtendedState, Heartbeat, LocalPosition, ground_heartbeat
+from gcs_tools.flight.interrupts import interrupts_wait
 
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
 TOGETHER = 256  # messages of one datagram: a vehicle may send all it has in one
@@ -270,8 +271,10 @@ def fly_to(
 
     vehicle.on_text = hear
     try:
-        return _fly_to(vehicle, target, yaw_deg, tell)
+        with interrupts_wait() as vehicle.on_wait:
+            return _fly_to(vehicle, target, yaw_deg, tell)
     except KeyboardInterrupt:
+        vehicle.on_wait = lambda: None
         try:
             vehicle.hold(HOLD_TRIES)
         except VehicleError as error:

@@ -7,11 +7,9 @@ wall clock.
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 
@@ -34,6 +32,7 @@ from fcu.parameters import Parameters
 from fcu.reporting import Reporter, row_width
 from fcu.services.streams import Identity
 from gcs_tools.flight.ground_script import ME, Vehicle
+from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, RAISED, together
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
@@ -245,28 +244,3 @@ class MemoryFlight(ScriptedFlight):
 def refused(fault: int) -> InfrastructureError:
     """The simulator cannot fly what the controller has answered: why, by `sitl_plant.burst.finish`."""
     return InfrastructureError(f"the flight controller's answer: {fault_in_words(fault)}")
-
-
-@contextmanager
-def interrupts_wait() -> Iterator[Callable[[], None]]:
-    """Signals interrupt only where what is yielded is called: between bursts, not while rows are kept.
-
-    In another than the main thread, which hears none, nothing is changed.
-    """
-    heard: list[int] = []
-
-    def look() -> None:
-        if heard:
-            raise KeyboardInterrupt
-
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if callable(signal.getsignal(number)):
-                before[number] = signal.signal(number, lambda number, _frame: heard.append(number))
-    try:
-        yield look
-        look()
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

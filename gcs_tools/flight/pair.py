@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -21,14 +21,15 @@ class Pair:
 
     def __init__(
         self, stack: ExitStack, folder: Path, instance: int, law: Law, zenoh: Zenoh | None,
-        flies: dict[str, Any],
+        flies: dict[str, Any], look: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
         """`stack`: stops them. `law`: that is flown. `zenoh`: how they are published, None: not;
-        `flies`: what is then said of them.
+        `flies`: what is then said of them. `look`: called by every check; may raise.
         """
         self.children: list[Child] = []  # flight controller, plant
         self.publisher: PublisherProcess | None = None
         self._folder, self._instance, self._law = folder, instance, law
+        self._look = look
         self._forks = can_fork() and load(law)
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
         for end in (self._life, held):
@@ -76,6 +77,7 @@ class Pair:
 
     def check(self) -> None:
         """Raise InfrastructureError if one of the two has ended."""
+        self._look()
         try:
             for child in self.children:
                 child.check()

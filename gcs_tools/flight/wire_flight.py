@@ -13,6 +13,7 @@ from fcu.interface import handover
 from fcu.interface.link import PortBusy
 from fcu.kernel.buffers import size
 from gcs_tools.flight.ground_script import Vehicle
+from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.pair import Pair
 from gcs_tools.flight.processes import Collector, InfrastructureError, Take, one_core
 from gcs_tools.flight.publisher_process import Zenoh
@@ -55,8 +56,8 @@ class WireFlight(ScriptedFlight):
         """The whole flight. Raises InfrastructureError; what was flown is then in `flown`."""
         began = time.monotonic()
         try:
-            with ExitStack() as stack:
-                self._control = self._start(stack)
+            with interrupts_wait() as look, ExitStack() as stack:
+                self._control = self._start(stack, look)
                 vehicle = self._meet(stack)
                 startup = time.monotonic() - began
                 first = time.monotonic()
@@ -76,8 +77,8 @@ class WireFlight(ScriptedFlight):
 
     # --- starting
 
-    def _start(self, stack: ExitStack) -> int:
-        """Start the pair; where to grant it time."""
+    def _start(self, stack: ExitStack, look: Callable[[], None]) -> int:
+        """Start the pair; where to grant it time. `look` raises what has interrupted us."""
         plant_out, plant_in = os.pipe()
         fcu_out, fcu_in = os.pipe()
         grants_out, grants_in = os.pipe()
@@ -93,8 +94,9 @@ class WireFlight(ScriptedFlight):
         self._plant_fd = plant_out
         stack.callback(self._collector.finish, DRAIN_S)  # takes what they have still handed over
         self._pair = Pair(
-            stack, self._folder, self._instance, self._scene.flown, self._zenoh, self._flies
-        )
+            stack, self._folder, self._instance, self._scene.flown, self._zenoh, self._flies,
+            look,
+        )  # fmt: skip
         why = self._pair.start(
             self._scene,
             ["--link-clock", "sim", keep, "--record-fd", str(fcu_in)],
