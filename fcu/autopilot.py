@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from fcu.belief_watch import BeliefWatch
 from fcu.burst import (
     LAW_RAISED,
     NOT_QUIET_FILTERED,
@@ -132,6 +133,7 @@ class Autopilot:
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
         self._times = np.zeros((1, TIMES))
         self._was_finite = True  # the law, since it took over
+        self._beliefs = BeliefWatch(self._law)
         self._unreported: Row | None = None  # the row of a tick whose answer is to be sent first
 
     def fly_decided(self, time_us: int, row: Row) -> bool:
@@ -238,12 +240,18 @@ class Autopilot:
         if not_finite is not None and self._was_finite:
             self._was_finite = False
             self._tell_not_finite(not_finite)
+        for at_us, told in self._beliefs.see(rows, self._settings):
+            self._tell_of_tick(Severity.WARNING, "warning", told, at_us)
 
     def _tell_not_finite(self, row: Row) -> None:
         """Say of the first tick of its kind, whose row this is, that its law is not finite."""
         told = Told(Code.LAW_NOT_FINITE, (_not_finite(row),))
-        self.ground.streams.text(Severity.CRITICAL, words(told))
-        self.say("error", words(told), round(row[0] * 1e6))
+        self._tell_of_tick(Severity.CRITICAL, "error", told, round(row[0] * 1e6))
+
+    def _tell_of_tick(self, severity: Severity, level: str, told: Told, at_us: int) -> None:
+        """A STATUSTEXT, and a line of log, of a tick that was flown already."""
+        self.ground.streams.text(severity, words(told))
+        self.say(level, words(told), at_us)
 
     def take(self, datagram: bytes, wall_s: float) -> bytes | None:
         """A datagram of the plant: what is sent back; then it is to `report`. Raises Lost, BrokenPipeError."""

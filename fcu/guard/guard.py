@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from fcu.guard import governor, margin
-from fcu.guard.types import GuardInternals, GuardState, Margin
+from fcu.guard import contradictions, governor, margin
+from fcu.guard.types import Contradicted, GuardInternals, GuardState, Margin, Signs
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, select, select3
 from fcu.kernel.compile import kernel
@@ -39,6 +39,7 @@ def take_over(params, law, setpoint, measured):
         beta=margin.beta_1(params, law, measured.v_E),
         psi_g=euler(matrix(measured.q_EB)).z,
         psi_g_dot=measured.w_B.z,
+        signs=contradictions.none(params, law),
     )
     reference = reference_model.at_take_over(law, measured)
     return governed(state, params, law, reference, setpoint, measured, params.m_min * law.g)
@@ -52,6 +53,7 @@ def before(state, params, law, law_state, setpoint, measured):
         beta=margin.faded(law, state.beta),
         psi_g=state.psi_g,
         psi_g_dot=state.psi_g_dot,
+        signs=state.signs,
     )
     T_c = law_state.memory.T_c
     return governed(now, params, law, law_state.reference, setpoint, measured, T_c)
@@ -77,18 +79,27 @@ def after(governed, params, law, law_state, outputs, internals, measured):
     v_m, T_0 = outputs.reference.v_m, internals.demand.T_0
     changed = margin.doubt(params, governed.a_m - state.a_m)
     yaw = setpoint.psi_c + law.h * setpoint.psi_dot_c
+    signs = contradictions.smoothed(
+        params, law, state.signs, law_state, outputs, internals, measured
+    )
     next_state = GuardState(
         a_m=select3(below_position, Vec3(0.0, 0.0, 0.0), governed.a_m),
         beta=state.beta + select(below_position, 0.0, changed),
         psi_g=select(below_position, outputs.angles.z, yaw),
         psi_g_dot=select(below_position, measured.w_B.z, setpoint.psi_dot_c),
+        signs=signs,
     )
     margins = Margin(
         force=margin.distance(known, T_0),
         tilt=margin.tilt_left(law.limits.phi_star, T_0),
         condition=margin.condition(known, a_d, v_m, state.beta),
     )
-    return next_state, GuardInternals(r_g=setpoint.r_c, governed=governed.governed, margin=margins)
+    return next_state, GuardInternals(
+        r_g=setpoint.r_c,
+        governed=governed.governed,
+        margin=margins,
+        contradicted=contradictions.told(params, law, signs),
+    )
 
 
 @kernel
@@ -99,6 +110,10 @@ def idle(measured):
         beta=0.0,
         psi_g=euler(matrix(measured.q_EB)).z,
         psi_g_dot=measured.w_B.z,
+        signs=Signs(mass=0.0, drag=0.0, thrust=0.0, trim=0.0),
     )
     nothing = Margin(force=math.nan, tilt=math.nan, condition=math.nan)
-    return state, GuardInternals(r_g=measured.r_E, governed=0.0, margin=nothing)
+    nowhere = Contradicted(lighter=0.0, heavier=0.0, drag=0.0, thrust=0.0, trim=0.0)
+    return state, GuardInternals(
+        r_g=measured.r_E, governed=0.0, margin=nothing, contradicted=nowhere
+    )

@@ -21,6 +21,15 @@ class GuardParams(NamedTuple):
     J_yaw: float  # kg m^2, about yaw
 
 
+class Signs(NamedTuple):
+    """What speaks against the beliefs, smoothed: `contradictions`."""
+
+    mass: float  # N, up: a lasting force that m_hat cannot take, at an end of its set
+    drag: float  # N, horizontal drag that is estimated, beyond the most that is believed
+    thrust: float  # N, commanded minus achieved
+    trim: float  # part of the time that the trim of thrust is at its limit
+
+
 class GuardState(NamedTuple):
     """What the guard remembers from tick to tick."""
 
@@ -28,6 +37,7 @@ class GuardState(NamedTuple):
     beta: float  # control difference left of take-over, and of the reference's changes, N (30)
     psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
     psi_g_dot: float  # its rate, rad/s
+    signs: Signs
 
 
 class Margin(NamedTuple):
@@ -38,9 +48,20 @@ class Margin(NamedTuple):
     condition: float  # N, by which the condition for what is still to come holds
 
 
+class Contradicted(NamedTuple):
+    """What in flight contradicts the beliefs, 1 while it does."""
+
+    lighter: float  # mass below the least believed, thrust above the believed, or wind from below
+    heavier: float  # mass above the greatest believed, thrust below the believed, or from above
+    drag: float  # wind or drag coefficient above the greatest believed
+    thrust: float  # the rotors do not give the thrust commanded
+    trim: float  # the trim of thrust is at its limit
+
+
 class GuardInternals(NamedTuple):
     """What the guard did at one tick: recorded, shown, never fed back."""
 
     r_g: Vec3  # position setpoint that the reference model is given, m, E: r_c, or governed
     governed: float  # 1 while that is not r_c
     margin: Margin
+    contradicted: Contradicted

@@ -31,10 +31,18 @@ class Code(Enum):
     PLAN_COMPLETE = "{} complete, mode {}"
     POSITION_JUMPED = "Position jumped {:.0f} m: flying by velocity"
     POSITION_BACK = "Position valid again"
+    NOT_AS_BELIEVED = "Not as believed: {}"
     LAW_NOT_FINITE = "The law computed numbers that are not finite: {}"
     STATE_STUCK = "The plant's state has not changed for 1 s"
     PLANT_SILENT = "No state from the plant for {:.0f} s"
     PLANT_SILENT_STOPS = "No state from the plant for {:.0f} s, controller stops"
+
+    # --- what contradicts a belief
+    LIGHTER = "mass below {:g} kg, or wind from below lasts"
+    HEAVIER = "mass above {:g} kg, or wind from above lasts"
+    MORE_DRAG = "drag beyond that of a wind of {:g} m/s"
+    THRUST_OFF = "rotors do not give the thrust commanded"
+    TRIM_PINNED = "trim of thrust at its limit of {:g} N"
 
     # --- what a request came to
     ARMED = "Armed"

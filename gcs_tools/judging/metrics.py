@@ -20,7 +20,8 @@ from gcs_tools.recording.table import Rows, Table
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
 FINAL_S = 1.0  # length of the last part of a flight that position_final_m looks at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
-_OF_A_GUARD = "governed_", "margin_"
+_OF_A_GUARD = "governed_", "margin_", "contradicted_"
+_CONTRADICTED = "guard.contradicted."
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
 
@@ -190,6 +191,12 @@ def _fraction(*names: str) -> Callable[[EngagedTicks], float]:
     return part
 
 
+def _contradicted(flight: EngagedTicks) -> float:
+    """The part of the ticks at which something contradicts what the guard believes."""
+    signs = [name for name in flight.fcu.names if name.startswith(_CONTRADICTED)]
+    return _fraction(*signs)(flight) if signs else math.nan
+
+
 def _nonfinite(flight: EngagedTicks) -> float:
     """Ticks at which the error is not finite, or what the law commands and tells of itself."""
     error = flight.position_error if flight.has_reference else flight.command_error
@@ -216,6 +223,7 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "yaw_saturated_fraction": _fraction("outputs.saturation.yaw"),
     "rotor_saturated_fraction": _fraction("outputs.saturation.torque", "outputs.saturation.yaw"),
     "governed_fraction": _fraction("guard.governed"),
+    "contradicted_fraction": _contradicted,
     "margin_min_n": lambda f: _least(f.told("guard.margin.force")),
     "margin_tilt_min_deg": lambda f: math.degrees(_least(f.told("guard.margin.tilt"))),
     "margin_condition_min_n": lambda f: _least(f.told("guard.margin.condition")),

@@ -165,6 +165,7 @@ DERIVED = {
     "roll_c": Derived(("outputs.angles_c.x",), lambda limits, angle: DEGREES * angle),
     "pitch_c": Derived(("outputs.angles_c.y",), lambda limits, angle: DEGREES * angle),
 }
+CONTRADICTED = ("lighter", "heavier", "drag", "thrust", "trim")
 # what scene and panels show beside the quantities
 BESIDE = (
     *parts("state.r_E"), *parts("state.v_E"), *parts("state.q_EB", "wxyz"),
@@ -172,6 +173,7 @@ BESIDE = (
     "setpoint.level", "engaged", *parts("command.u", ROTORS),
     *parts("outputs.saturation", ("thrust", "tilt", "torque", "yaw")), "internals.flags.projected",
     "guard.governed", *parts("guard.margin", ("force", "tilt", "condition")),
+    *parts("guard.contradicted", CONTRADICTED),
     *parts("status", ("armed", "main_mode", "sub_mode", "failsafe")),
     *parts("timing", ("cycle", "load", "late", "slips", "resent", "refused", "unrecorded",
                       "unpublished")),

@@ -30,7 +30,15 @@ from gcs_tools.pictures.monitor.widgets import (
     spark,
     true,
 )
-from gcs_tools.pictures.quantities import ENU, QUANTITIES, ROTORS, Quantity, parts, told
+from gcs_tools.pictures.quantities import (
+    CONTRADICTED,
+    ENU,
+    QUANTITIES,
+    ROTORS,
+    Quantity,
+    parts,
+    told,
+)
 
 OF_LATE = f"over the last {RECENT_S:.0f} s"
 _LEVEL = {"warning": WARN, "error": BAD, "fatal": BAD}
@@ -147,6 +155,9 @@ def _condition(r: Readings) -> Text:
     words.append(holds, style=GOOD if by >= 0.0 else WARN)
     if r.last("guard.governed") > 0.5:
         words.append("   governed", style=WARN)
+    doubted = [sign for sign in CONTRADICTED if r.last(f"guard.contradicted.{sign}") > 0.5]
+    if doubted:
+        words.append(f"   not as believed: {', '.join(doubted)}", style=WARN)
     return words
 
 

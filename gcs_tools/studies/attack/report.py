@@ -32,6 +32,7 @@ class Tally(NamedTuple):
     rotors_median: float  # part of the ticks of a flight with torque or yaw given up
     rotors_90: float
     admitted: float  # part of the setpoints, mean over flights
+    told: int  # something seems not as believed
 
 
 COLUMNS = {
@@ -46,6 +47,7 @@ COLUMNS = {
     "rotors_median": "rotors 50 %",
     "rotors_90": "90 %",
     "admitted": "admitted",
+    "told": "told",
 }
 COUNTED: dict[str, Callable[[Verdict], bool]] = {
     "saturated": lambda v: v.saturated,
@@ -70,6 +72,7 @@ def tally(verdicts: Sequence[Verdict]) -> Tally:
         rotors_median=float(np.median(rotors)),
         rotors_90=float(np.quantile(rotors, 0.9)),
         admitted=float(np.mean([v.admitted for v in verdicts])),
+        told=sum(v.told for v in verdicts),
     )
 
 

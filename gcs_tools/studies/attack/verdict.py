@@ -24,7 +24,8 @@ force: after it the thrust or tilt flag is up, or the demanded force is beyond w
 torque: after it the flag of roll and pitch torque is up.  saturated: force or torque.
 lost: the flight ended early, or ends more than 50 m from the setpoint in force.
 arrived: within 0.3 m of that setpoint for the whole last second.
-yaw: after the transient the flag of yaw torque is up; told, and contradicts nothing.
+yaw: after the transient the flag of yaw torque is up; counted, and contradicts nothing.
+told: a sign against a belief is up at any time (guard.contradicted); counted as well.
 A flight contradicts the guard if it is saturated or lost, or has not arrived.
 """
 
@@ -57,6 +58,7 @@ class Verdict(NamedTuple):
     admitted: float  # part of the setpoints
     end_m: float  # from the setpoint in force, at the end
     first_s: float | None  # when it first saturates
+    told: bool  # whether anything seems not as believed
 
     @property
     def contradicts(self) -> bool:
@@ -140,6 +142,7 @@ def verdict(attack: Attack, flown: Flown) -> Verdict:
         admitted=float(flown.admitted.mean()),
         end_m=end_m,
         first_s=float((begun + saturated[0]) / scene.rate_hz) if len(saturated) else None,
+        told=bool((column(Tick, rows, "guard.contradicted") > 0.5).any()),
     )
 
 

@@ -1,0 +1,56 @@
+"""Tells what in flight contradicts the beliefs of the guard, each once a flight of the law."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from fcu.guard.types import Contradicted, GuardInternals
+from fcu.interface.status_texts import Code, Told
+from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.face import TAKE_OVER, SharedTick
+from fcu.laws.loader import Law
+
+Row = np.ndarray[Any, np.dtype[np.float64]]
+
+_ENGAGED = column_of(SharedTick, "engaged")
+
+
+class BeliefWatch:
+    """Looks at the rows of ticks; sees nothing of a law that has not the guard of M-MRAC."""
+
+    def __init__(self, law: Law) -> None:
+        has_guard = law.tells("guard", GuardInternals)
+        self._flags = slice_of(law.ticks.Tick, "guard.contradicted") if has_guard else slice(0, 0)
+        self._told: set[int] = set()  # of this flight, by place
+
+    def see(self, rows: Row, settings: Any) -> Iterator[tuple[int, Told]]:
+        """What ticks contradict for the first time since take-over, and when (us).
+
+        rows : float64[n, size(Tick) or more].  settings : in force.
+        """
+        if len(rows) and (rows[:, _ENGAGED] == TAKE_OVER).any():
+            self._told.clear()
+        up = rows[:, self._flags] > 0.5
+        if not up.any():
+            return
+        for place in np.flatnonzero(up.any(axis=0)).tolist():
+            if place not in self._told:
+                self._told.add(place)
+                at_s = rows[int(up[:, place].argmax()), 0]
+                what = _what(Contradicted._fields[place], settings)
+                yield round(at_s * 1e6), Told(Code.NOT_AS_BELIEVED, (what,))
+
+
+def _what(sign: str, settings: Any) -> Told:
+    """A field of Contradicted, with the belief that it contradicts."""
+    guard, law = settings.guard, settings.law
+    return {
+        "lighter": Told(Code.LIGHTER, (guard.m_min,)),
+        "heavier": Told(Code.HEAVIER, (guard.m_max,)),
+        "drag": Told(Code.MORE_DRAG, (guard.w_max,)),
+        "thrust": Told(Code.THRUST_OFF),
+        "trim": Told(Code.TRIM_PINNED, (law.trim_max,)),
+    }[sign]
