@@ -132,6 +132,8 @@ def _show(found: Envelope, console: Console) -> None:
     after = "thrust and tilt are certain from"
     console.print()
     console.print(Text(f"During the first transient of adaptation nothing is certain: {after} {found.transient_s:.2f} s after take-over.", style="dim"))  # fmt: skip
+    if found.arrives_s is not None:
+        console.print(Text(f"Arrives within {math.ceil(found.arrives_s)} s: within 0.3 m of the first setpoint, from rest, whatever wind is believed.", style="dim"))  # fmt: skip
 
 
 def _show_changes(found: Envelope, console: Console) -> None:

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import foreseen, margin
-from fcu.guard.parameters import GOVERN
+from fcu.guard import arrival, foreseen, margin
+from fcu.guard.parameters import GOVERN, WARN
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
@@ -91,6 +91,9 @@ class Envelope:
     reach: tuple[Reach, ...]
     changes: tuple[Change, ...]
     transient_s: float  # after take-over; the condition does not count it
+    arrives_s: (
+        float | None
+    )  # from rest at its first setpoint at most; None: no way to go, or no guard
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
     remarks: tuple[str, ...]
@@ -246,6 +249,15 @@ def changes(scene: Scenario) -> tuple[Change, ...]:
     )  # fmt: skip
 
 
+def arrives_s(scene: Scenario) -> float | None:
+    """From rest within 0.3 m of the first setpoint after at most so long (s), while the beliefs hold."""
+    law, guard = scene.settings
+    far = math.dist(scene.world.start.r_E, scene.sent[0].r_c)
+    if far < arrival.ARRIVED_M or guard.policy == WARN:
+        return None
+    return float(arrival.at_most_s(guard, law, far, math.hypot(*scene.sent[0].v_c), 0.0))
+
+
 def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
     """Where the mission's own truth lies beyond what the guard is told to believe."""
     guard, wind, plant = scene.guard, mission.wind, scene.world.params
@@ -317,6 +329,7 @@ def envelope(mission: Mission) -> Envelope:
         ),
         changes=() if holds else changes(scene),
         transient_s=float(foreseen.transient_s(guard, law)),
+        arrives_s=arrives_s(scene),
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
         remarks=remarks,

@@ -32,6 +32,7 @@ class Tally(NamedTuple):
     rotors_median: float  # part of the ticks of a flight with torque or yaw given up
     rotors_90: float
     admitted: float  # part of the setpoints, mean over flights
+    took: float  # greatest part of the time that is stated
     told: int  # something seems not as believed
 
 
@@ -47,12 +48,14 @@ COLUMNS = {
     "rotors_median": "rotors 50 %",
     "rotors_90": "90 %",
     "admitted": "admitted",
+    "took": "took",
     "told": "told",
 }
 COUNTED: dict[str, Callable[[Verdict], bool]] = {
     "saturated": lambda v: v.saturated,
     "lost": lambda v: v.lost,
     "not_arrived": lambda v: not v.arrived,
+    "late": lambda v: v.late,
     "contradicts": lambda v: v.contradicts,
 }
 
@@ -72,6 +75,7 @@ def tally(verdicts: Sequence[Verdict]) -> Tally:
         rotors_median=float(np.median(rotors)),
         rotors_90=float(np.quantile(rotors, 0.9)),
         admitted=float(np.mean([v.admitted for v in verdicts])),
+        took=max(v.took for v in verdicts),
         told=sum(v.told for v in verdicts),
     )
 

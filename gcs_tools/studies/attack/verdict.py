@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import foreseen
+from fcu.guard import arrival, foreseen
 from fcu.interface.airframe import ROTORS
 from fcu.kernel.rows import column
 from fcu.tick import Tick
@@ -16,7 +16,7 @@ from gcs_tools.studies.attack.flight import Flown, Rows
 
 TRANSIENT_S = 0.5  # at least
 LOST_M = 50.0  # from the setpoint in force when the flight ends
-ARRIVED_M, LAST_S = 0.3, 1.0  # from it, for so long
+LAST_S = 1.0  # so long it stays there
 
 DEFINITIONS = """
 transient: until the control difference of take-over has faded (foreseen.transient_s), 0.5 s at least.
@@ -24,9 +24,10 @@ force: after it the thrust or tilt flag is up, or the demanded force is beyond w
 torque: after it the flag of roll and pitch torque is up.  saturated: force or torque.
 lost: the flight ended early, or ends more than 50 m from the setpoint in force.
 arrived: within 0.3 m of that setpoint for the whole last second.
+late: farther than 0.3 m from it at any time after that which the guard states when it is accepted.
 yaw: after the transient the flag of yaw torque is up; counted, and contradicts nothing.
 told: a sign against a belief is up at any time (guard.contradicted); counted as well.
-A flight contradicts the guard if it is saturated or lost, or has not arrived.
+A flight contradicts the guard if it is saturated, lost or late, or has not arrived.
 """
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -59,11 +60,17 @@ class Verdict(NamedTuple):
     end_m: float  # from the setpoint in force, at the end
     first_s: float | None  # when it first saturates
     told: bool  # whether anything seems not as believed
+    took: float  # from the last setpoint until it stays within 0.3 m, over the time that is stated
 
     @property
     def contradicts(self) -> bool:
         """Whether this flight contradicts the guard."""
-        return self.saturated or self.lost or not self.arrived
+        return self.saturated or self.lost or self.late or not self.arrived
+
+    @property
+    def late(self) -> bool:
+        """Whether it took longer than the guard states."""
+        return self.took > 1.0
 
     @property
     def saturated(self) -> bool:
@@ -119,6 +126,23 @@ def away(rows: Rows) -> Rows:
     return np.asarray(np.linalg.norm(off, axis=1))
 
 
+def took(attack: Attack, flown: Flown) -> float:
+    """From the last setpoint accepted until the vehicle stays near it, over what the guard states."""
+    scene, rows = attack.scene, flown.fcu
+    accepted = np.flatnonzero(flown.admitted > 0.5)
+    k = int(scene.sent_at[accepted[-1]]) if len(accepted) else 0
+    if k >= len(rows):
+        return np.inf
+    before = max(k - 1, 0)
+    off = column(Tick, rows, "setpoint.r_c")[k] - column(Tick, rows, "outputs.reference.r_m")[k]
+    behind = column(Tick, rows, "setpoint.v_c")[k] - column(Tick, rows, "outputs.reference.v_m")[k]
+    a_m = column(Tick, rows, "guard_state.a_m")[before]
+    sizes = (float(np.linalg.norm(each)) for each in (off, behind, a_m))
+    stated = float(arrival.at_most_s(scene.guard, scene.law, *sizes))
+    outside = np.flatnonzero(away(rows[k:]) >= arrival.ARRIVED_M)
+    return float((outside[-1] + 1) / scene.rate_hz / stated) if len(outside) else 0.0
+
+
 def verdict(attack: Attack, flown: Flown) -> Verdict:
     """What came of a flight."""
     scene, rows = attack.scene, flown.fcu
@@ -135,7 +159,7 @@ def verdict(attack: Attack, flown: Flown) -> Verdict:
         torque=bool(met.torque.any()),
         yaw=bool(met.yaw.any()),
         lost=not whole or not end_m <= LOST_M,
-        arrived=whole and bool((last < ARRIVED_M).all()),
+        arrived=whole and bool((last < arrival.ARRIVED_M).all()),
         margin_n=least(met.margin),
         room_n=least(met.room),
         rotors=float((met.torque | met.yaw).mean()) if len(met.yaw) else 1.0,
@@ -143,6 +167,7 @@ def verdict(attack: Attack, flown: Flown) -> Verdict:
         end_m=end_m,
         first_s=float((begun + saturated[0]) / scene.rate_hz) if len(saturated) else None,
         told=bool((column(Tick, rows, "guard.contradicted") > 0.5).any()),
+        took=took(attack, flown),
     )
 
 

@@ -1,0 +1,56 @@
+"""How long the way to a setpoint takes at most: stated before it is flown. Not in the paper.
+
+While the condition holds the reference is governed, not stopped: it keeps at least the speed and the
+acceleration that hover leaves in the greatest wind, and changes that acceleration at least as fast as
+the rotors turn the vehicle there (`wrench.jerk`).
+"""
+
+from __future__ import annotations
+
+import math
+
+from fcu.guard import margin, wrench
+from fcu.guard.governor import BRAKING, speeds
+from fcu.kernel.algebra import maximum, minimum
+from fcu.kernel.compile import kernel
+
+ARRIVED_M = 0.3  # from the setpoint
+NOTHING = 1e-9
+
+
+@kernel
+def slowest(law):
+    """The rate (1/s) with which the slowest part of the reference model (34) fades."""
+    zeta = law.zeta_m
+    return law.f_m * (zeta - math.sqrt(maximum(zeta * zeta - 1.0, 0.0)))
+
+
+@kernel
+def at_most_s(params, law, far, speed, acceleration):
+    """Time (s) after which the vehicle is, and stays, within ARRIVED_M of a setpoint that stands.
+
+    From a reference model that is `far` (m) from it, with `speed` (m/s) and `acceleration` (m/s^2) in
+    the direction that suits worst: the acceleration is taken back, the speed is braked, and the way from
+    there is flown from rest to rest; then (34) fades. Of a setpoint that moves, speed is relative to it.
+    """
+    known = margin.known(params, law)
+    top, brake = speeds(known)
+    a = brake / BRAKING
+    lifted = (
+        params.m_min * law.g - params.c_D * params.w_max * params.w_max
+    )  # N, hover in an updraft
+    j = wrench.jerk(params, law, maximum(lifted, law.limits.T_min))
+    # until nothing accelerates any more
+    t_0 = acceleration / j
+    v_0 = speed + 0.5 * acceleration * t_0
+    drift = (speed + acceleration * t_0 / 3.0) * t_0
+    # until it stands
+    t_1 = (v_0 / a + a / j) * minimum(v_0 / NOTHING, 1.0)
+    way = far + drift + v_0 * t_1
+    # from rest to rest: acceleration, braking, and the time in which each begins and ends
+    v = maximum(minimum(top, math.sqrt(a * way)), NOTHING)
+    t_2 = way / v + v / a + 2.0 * a / j
+    # near the setpoint: from where `approach` is linear, with a time constant to spare
+    knee = a * (2.0 * law.zeta_m / law.f_m) * (2.0 * law.zeta_m / law.f_m)
+    t_3 = math.log(10.0 * maximum(knee / ARRIVED_M, 1.0)) / slowest(law)
+    return t_0 + t_1 + t_2 + t_3

@@ -1,0 +1,50 @@
+"""The time that is stated for a way: it grows with all that makes it longer, and flights keep it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fcu.guard import arrival
+from fcu.kernel.rows import column
+from fcu.tick import Tick
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.run import prepared
+from gcs_tools.judging.envelope import arrives_s
+
+STILL = "wind.amplitude_m_s=[0,0,0]"
+
+
+def test_it_grows_with_way_speed_and_acceleration(settings_of):
+    law, params = settings_of()
+    times = [
+        float(arrival.at_most_s(params, law, *start))
+        for start in ((1.0, 0.0, 0.0), (10.0, 0.0, 0.0), (10.0, 2.0, 0.0), (10.0, 2.0, 2.0))
+    ]
+    assert times == sorted(times) and len(set(times)) == 4
+    slower = law._replace(f_m=0.5 * law.f_m)
+    assert arrival.at_most_s(params, slower, 10.0, 0.0, 0.0) > times[1]
+
+
+def test_nothing_to_fly_takes_what_the_reference_model_needs_to_settle(settings_of):
+    law, params = settings_of()
+    assert 0.0 < arrival.at_most_s(params, law, 0.0, 0.0, 0.0) < 30.0
+
+
+@pytest.mark.parametrize("wind", [STILL, "wind.steady_m_s=[0,0,11]", "wind.steady_m_s=[-11,0,0]"])
+@pytest.mark.parametrize("far", [0.5, 5.0, 30.0])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
+def test_flights_keep_it(wind, far, way):
+    to = [far * x for x in way]
+    at = f"flight.setpoints=[{{at_s=0.0,position_m={to}}}]"
+    scene = prepared("urban_step", [STILL, wind, at, "flight.duration_s=30"])[1]
+    stated = arrives_s(scene)
+    _, rows = law_alone.fly(scene)
+    off = column(Tick, rows, "measured.r_E") - np.array(to)
+    outside = np.flatnonzero(np.linalg.norm(off, axis=1) >= arrival.ARRIVED_M)
+    assert stated is not None and stated < 30.0
+    assert rows[outside[-1], 0] < stated
+
+
+def test_without_a_guard_nothing_is_stated():
+    assert arrives_s(prepared("urban_step", ['law.guard="warn"'])[1]) is None
