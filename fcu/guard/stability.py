@@ -1,18 +1,20 @@
 """Which gains fly together: the closed loop about hover, tick by tick, and whether it is stable.
 
 Law and vehicle linearised about hover at rest, without wind, as they act once a tick: the law's
-step as it is in this folder, then a rigid body under rotors whose lag is known, exactly. One
+step as it is in its folder, then a rigid body under rotors whose lag is known, exactly. One
 matrix a channel; it is stable if all its eigenvalues lie inside the unit circle. It is asked to
 be so for estimates of mass and inertia that are right and that are 3 dB off either way (the gain
 margin), and with rotors that answer late because their command is cut.
 README, "Which gains go together". Only for prediction = "achieved".
+
+Each matrix also has what noise of the measurement goes in by, and what is demanded comes out by; and
+may have what is measured come late (`noise`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from fcu.laws.mmrac.parameters import rotor_lag
 from fcu.laws.mmrac.types import Params
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
+Row = Matrix  # of one number, over those before the tick
 
 _mass, _inertia = believed_body()
 MASS = 0.5 * sum(_mass)  # kg
@@ -55,88 +58,157 @@ def fade(params: Params) -> Fade:
     return Fade(left, once, twice, thrice, lag * (h * h * h / 6.0 - thrice))
 
 
-def height(params: Params, lag: Fade, off: float) -> Matrix:
-    """One tick of height (8 x 8), with m_hat = off * m.
+class Hover(NamedTuple):
+    """What hovers: the middle of what is believed, in still air, unless it is said."""
+
+    m: float = MASS  # kg
+    J: tuple[float, ...] = INERTIA  # kg m^2, three body axes
+    T_0: float = math.nan  # N, its thrust; nan: its weight. Less of it where the air rises
+
+    def thrust(self, g: float) -> float:
+        """Its total thrust, N."""
+        return self.m * g if math.isnan(self.T_0) else self.T_0
+
+
+MIDDLE = Hover()
+
+
+class Loop(NamedTuple):
+    """One tick of a channel: x' = A x + B n, y = C x + D n, n the noise of NOISE, y the demand.
+
+    x begins with what is measured, as it is; then what the law remembers; then, for a delay, what
+    was measured at the ticks before, the last first.
+    """
+
+    A: Matrix  # n x n
+    B: Matrix  # n x 4
+    C: Matrix  # 2 x n
+    D: Matrix  # 2 x 4
+
+
+NOISE = ("position", "velocity", "attitude", "rate")  # m, m/s, rad, rad/s, of what is measured
+
+
+def _basis(own: int, seen: int, ticks: int) -> tuple[Matrix, list[Row], Matrix]:
+    """Rows of the state of a channel, of what is reported of it `ticks` late, and of the noise.
+
+    own : how many numbers it has without a delay, of which the first `seen` are reported.
+    """
+    rows = np.eye(own + seen * ticks + len(NOISE))
+    late = rows[own : own + seen * ticks]
+    reported = late[-seen:] if ticks else rows[:seen]
+    return rows[:own], list(reported), rows[-len(NOISE) :]
+
+
+def _loop(own: Matrix, seen: int, ticks: int, after: list[Row], demand: list[Row]) -> Loop:
+    """A Loop of a tick: what is `after` it, and what is demanded in it, over the rows of `_basis`."""
+    n = len(own) + seen * ticks
+    late = np.eye(n, n + len(NOISE))[len(own) : n - seen]
+    whole = np.vstack([after, own[:seen], late]) if ticks else np.array(after)
+    told = np.array(demand)
+    return Loop(A=whole[:, :n], B=whole[:, n:], C=told[:, :n], D=told[:, n:])
+
+
+def height(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0) -> Loop:
+    """One tick of height (8 numbers, 3 of them measured), with m_hat = off * m.
 
     State: height, its rate, thrust, thrust a tick ago, v_hat, s_hat + T_0 Lambda_hat (one
     number: in hover drag and mass cannot be told apart), trim, T_c a tick ago; all but the
-    first two as departures from hover.
+    first two as departures from hover. Demanded: T_c, and T_c with the trim, N.
     """
-    h, w, m, m_hat = params.h, params.rotors.mean, MASS, off * MASS
-    z, v, T, T_prev, v_hat, s, trim, T_c_prev = np.eye(8)
-    T_0 = m * params.g
+    h, w, m, m_hat = params.h, params.rotors.mean, here.m, off * here.m
+    own, reported, noise = _basis(8, 3, ticks)
+    z, v, T, T_prev, v_hat, s, trim, T_c_prev = own
+    z_seen, v_seen, T_seen = reported[0] + noise[0], reported[1] + noise[1], reported[2]
+    T_0 = here.thrust(params.g)
     gain = params.gamma + params.gamma_Lambda * T_0 * T_0
     trim_rate = params.trim_rate if params.trim_max > 0.0 else 0.0
 
-    T_mean = w * T_prev + (1.0 - w) * T
-    e_minus = v - v_hat - h * (s + T_mean / m_hat)
+    T_mean = w * T_prev + (1.0 - w) * T_seen
+    e_minus = v_seen - v_hat - h * (s + T_mean / m_hat)
     e = e_minus / (1.0 + h * params.lambda_v + h * h * gain)
     s = s + h * gain * e
     trim = (trim if trim_rate > 0.0 else 0.0 * trim) + h * trim_rate * (T_c_prev - T_mean)
-    T_c = m_hat * (_a_ref(params, z, v) - s)
+    T_c = m_hat * (_a_ref(params, z_seen, v_seen) - s)
 
-    aim = T + params.rotors.kappa * (T_c + trim - T)
+    aim = T_seen + params.rotors.kappa * (T_c + trim - T_seen)
     gap = T - aim
-    return np.array([
+    after = [
         z + h * v + (aim * (h * h / 2.0) + gap * lag.twice) / m,
         v + (aim * h + gap * lag.once) / m,
         aim + gap * lag.left,
-        T, v - e, s, trim, T_c,
-    ])  # fmt: skip
+        T_seen, v_seen - e, s, trim, T_c,
+    ]  # fmt: skip
+    return _loop(own, 3, ticks, after, [T_c, T_c + trim])
 
 
-def tilt(params: Params, lag: Fade, off: float, axis: int) -> Matrix:
-    """One tick of a tilt and the way it leads to (12 x 12), axis 0 roll, 1 pitch.
+def tilt(params: Params, lag: Fade, off: float, axis: int, here: Hover = MIDDLE, ticks: int = 0) -> Loop:  # fmt: skip
+    """One tick of a tilt and the way it leads to (12 numbers, 5 measured), axis 0 roll, 1 pitch.
 
     State: way, its rate, tilt, body rate, torque, tilt and torque a tick ago, v_hat, s_v_hat,
     w_hat, s_w_hat, tilt filter. m_hat = off * m, J_hat = off * J. Signs are those of pitch.
+    Demanded: force along the way, N, and torque, N m.
     """
-    h, w, g, J, J_hat = params.h, params.rotors.mean, params.g, INERTIA[axis], off * INERTIA[axis]
-    x, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = np.eye(12)
-    lift = g / off  # T_0 / m_hat
+    h, w, J, J_hat = params.h, params.rotors.mean, here.J[axis], off * here.J[axis]
+    own, reported, noise = _basis(12, 5, ticks)
+    x, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = own
+    x_seen, v_seen, a_seen, q_seen = (reported[i] + noise[i] for i in range(4))
+    tau_seen = reported[4]
+    T_0 = here.thrust(params.g)
+    m_hat, pull = off * here.m, T_0 / here.m
+    lift = pull / off  # T_0 / m_hat
 
-    e_v = v - v_hat - h * (s_v + lift * 0.5 * (a + a_prev))
+    e_v = v_seen - v_hat - h * (s_v + lift * 0.5 * (a_seen + a_prev))
     e_v = e_v / (1.0 + h * params.lambda_v + h * h * params.gamma)
     s_v = s_v + h * params.gamma * e_v
-    e_w, s_w = _rate(params, q, w_hat, s_w, (w * tau_prev + (1.0 - w) * tau) / J_hat)
+    known = (w * tau_prev + (1.0 - w) * tau_seen) / J_hat
+    e_w, s_w = _rate(params, q_seen, w_hat, s_w, known)
 
-    a_c = (_a_ref(params, x, v) - s_v) / lift
+    a_d = _a_ref(params, x_seen, v_seen) - s_v
+    a_c = a_d / lift
     b = params.tilt_rate_bandwidth
     a_filter = (a_filter + h * b * a_c) / (1.0 + h * b)
-    q_c = b * (a_c - a_filter) + params.c_angle[axis] * (a_c - a)
-    tau_c = J_hat * (params.c_rate[axis] * (q_c - q) - s_w)
+    q_c = b * (a_c - a_filter) + params.c_angle[axis] * (a_c - a_seen)
+    tau_c = J_hat * (params.c_rate[axis] * (q_c - q_seen) - s_w)
 
-    aim = tau + params.rotors.kappa * (tau_c - tau)
+    aim = tau_seen + params.rotors.kappa * (tau_c - tau_seen)
     gap = tau - aim
     jerk = aim * (h * h * h / 6.0) + gap * lag.thrice
     snap = aim * (h * h * h * h / 24.0) + gap * lag.fourfold
-    return np.array([
-        x + h * v + g * (a * (h * h / 2.0) + q * (h * h * h / 6.0) + snap / J),
-        v + g * (h * a + q * (h * h / 2.0) + jerk / J),
+    after = [
+        x + h * v + pull * (a * (h * h / 2.0) + q * (h * h * h / 6.0) + snap / J),
+        v + pull * (h * a + q * (h * h / 2.0) + jerk / J),
         a + h * q + (aim * (h * h / 2.0) + gap * lag.twice) / J,
         q + (aim * h + gap * lag.once) / J,
         aim + gap * lag.left,
-        a, tau, v - e_v, s_v, q - e_w, s_w, a_filter,
-    ])  # fmt: skip
+        a_seen, tau_seen, v_seen - e_v, s_v, q_seen - e_w, s_w, a_filter,
+    ]  # fmt: skip
+    return _loop(own, 5, ticks, after, [m_hat * a_d, tau_c])
 
 
-def yaw(params: Params, lag: Fade, off: float) -> Matrix:
-    """One tick of yaw (6 x 6), with J_hat = off * J.
+def yaw(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0) -> Loop:
+    """One tick of yaw (6 numbers, 3 of them measured), with J_hat = off * J.
 
-    State: yaw, body rate, torque, torque a tick ago, w_hat, s_w_hat.
+    State: yaw, body rate, torque, torque a tick ago, w_hat, s_w_hat. Demanded: the rate, rad/s,
+    and torque, N m.
     """
-    h, w, J, J_hat = params.h, params.rotors.mean, INERTIA[2], off * INERTIA[2]
-    psi, r, tau, tau_prev, w_hat, s_w = np.eye(6)
-    e, s_w = _rate(params, r, w_hat, s_w, (w * tau_prev + (1.0 - w) * tau) / J_hat)
-    tau_c = J_hat * (params.c_rate.z * (-params.c_angle.z * psi - r) - s_w)
-    aim = tau + params.rotors.kappa * (tau_c - tau)
+    h, w, J, J_hat = params.h, params.rotors.mean, here.J[2], off * here.J[2]
+    own, reported, noise = _basis(6, 3, ticks)
+    psi, r, tau, tau_prev, w_hat, s_w = own
+    psi_seen, r_seen, tau_seen = reported[0] + noise[2], reported[1] + noise[3], reported[2]
+    known = (w * tau_prev + (1.0 - w) * tau_seen) / J_hat
+    e, s_w = _rate(params, r_seen, w_hat, s_w, known)
+    r_c = -params.c_angle.z * psi_seen
+    tau_c = J_hat * (params.c_rate.z * (r_c - r_seen) - s_w)
+    aim = tau_seen + params.rotors.kappa * (tau_c - tau_seen)
     gap = tau - aim
-    return np.array([
+    after = [
         psi + h * r + (aim * (h * h / 2.0) + gap * lag.twice) / J,
         r + (aim * h + gap * lag.once) / J,
         aim + gap * lag.left,
-        tau, r - e, s_w,
-    ])  # fmt: skip
+        tau_seen, r_seen - e, s_w,
+    ]  # fmt: skip
+    return _loop(own, 3, ticks, after, [r_c, tau_c])
 
 
 def _a_ref(params: Params, r: Matrix, v: Matrix) -> Matrix:
@@ -153,10 +225,23 @@ def _rate(
     return e, s_w + h * gamma * e
 
 
-CHANNELS: dict[str, Callable[[Params, Fade, float], Matrix]] = {
+class _Channel(Protocol):
+    def __call__(
+        self, params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0
+    ) -> Loop: ...
+
+
+def _about(axis: int) -> _Channel:
+    def of(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0) -> Loop:
+        return tilt(params, lag, off, axis, here, ticks)
+
+    return of
+
+
+CHANNELS: dict[str, _Channel] = {
     "height": height,
-    "roll": lambda params, lag, off: tilt(params, lag, off, 0),
-    "pitch": lambda params, lag, off: tilt(params, lag, off, 1),
+    "roll": _about(0),
+    "pitch": _about(1),
     "yaw": yaw,
 }
 
@@ -171,25 +256,33 @@ DECIDES: dict[str, tuple[str, ...]] = {
 }
 
 
-def radius(params: Params, channel: str, off: float = 1.0) -> float:
+def late(params: Params, delay_s: float) -> int:
+    """How many whole ticks a delay between measurement and rotor is at most."""
+    return math.ceil(delay_s / params.h - 1e-6)
+
+
+def radius(params: Params, channel: str, off: float = 1.0, ticks: int = 0) -> float:
     """Spectral radius of a channel: what its slowest mode is multiplied by in a tick.
 
-    `off`: estimates of mass and inertia over the truth.
+    `off`: estimates of mass and inertia over the truth. `ticks`: by which what is measured is late.
     """
-    matrix = CHANNELS[channel](params, fade(params), off)
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
+    loop = CHANNELS[channel](params, fade(params), off, ticks=ticks)
+    return float(np.abs(np.linalg.eigvals(loop.A)).max())
 
 
-def stable(params: Params, channel: str) -> bool:
+def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     """Whether a channel is, with the gain margin, and with a cut rotor command.
 
-    An inertia that is not learnt has to be right enough from the start.
+    An inertia that is not learnt has to be right enough from the start. `delay_s`: what is believed
+    to pass between measurement and rotor.
     """
     cut = params._replace(rotors=params.rotors._replace(kappa=min(params.rotors.kappa, KAPPA_CUT)))
+    ticks = late(params, delay_s)
     offs = list(OFF)
     if channel in ROTATION and params.gamma_LambdaJ < LEARNT:
         offs.append(params.initial.J_hat_0 / INERTIA[ROTATION.index(channel)])
-    return all(radius(params, channel, off) < 1.0 for off in offs) and radius(cut, channel) < 1.0
+    margin = all(radius(params, channel, off, ticks) < 1.0 for off in offs)
+    return margin and radius(cut, channel, ticks=ticks) < 1.0
 
 
 def grounded(params: Params) -> str:
@@ -213,10 +306,10 @@ def grounded(params: Params) -> str:
     return ""
 
 
-def unstable(params: Params) -> str:
+def unstable(params: Params, delay_s: float = 0.0) -> str:
     """The channel that is not stable; empty if all are, or for the printed prediction.
 
-    Takes less than a millisecond.
+    `delay_s`: believed. Takes less than a millisecond without one; with one of ten ticks 20.
     """
     if params.achieved < 0.5:
         return ""
@@ -224,6 +317,6 @@ def unstable(params: Params) -> str:
     c, a = params.c_rate, params.c_angle
     alike = c.x == c.y and a.x == a.y and INERTIA[0] == INERTIA[1]
     for channel in CHANNELS:
-        if not (alike and channel == "roll") and not stable(params, channel):
+        if not (alike and channel == "roll") and not stable(params, channel, delay_s):
             return channel
     return ""

@@ -219,7 +219,38 @@ def test_leakage_shows_in_none_of_them(settings_of, channel):
     is_linearised(settings_of, channel, {"sigma_v": 10.0}, 1.0)
 
 
-def is_linearised(settings_of, channel, chosen, off):
+@pytest.mark.parametrize("ticks", [1, 3])
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_so_they_are_with_what_is_measured_late(settings_of, channel, ticks):
+    is_linearised(settings_of, channel, CHOICES[2], OFF[1], ticks)
+
+
+# of the report's noise float64[12]: what stands for a channel's position, velocity, attitude, rate
+NOISY = {
+    "height": ((2, 1.0), (5, 1.0), None, None),
+    "roll": ((1, -1.0), (4, -1.0), (6, 1.0), (9, 1.0)),
+    "pitch": ((0, 1.0), (3, 1.0), (7, 1.0), (10, 1.0)),
+    "yaw": (None, None, (8, 1.0), (11, 1.0)),
+}
+
+
+def demanded(channel: str, row: np.ndarray) -> list[float]:
+    """The two numbers that a channel demands, of a row of Tick."""
+    force, torque = (
+        column(Tick, row, "internals.demand.T_0"),
+        column(Tick, row, "internals.demand.tau_d"),
+    )
+    T_c, trim = column(Tick, row, "outputs.T_c"), column(Tick, row, "state.memory.T_trim")
+    r_c = column(Tick, row, "outputs.w_c")[2]
+    return {
+        "height": [float(T_c), float(T_c + trim)],
+        "roll": [-force[1], torque[0]],
+        "pitch": [force[0], torque[1]],
+        "yaw": [r_c, torque[2]],
+    }[channel]
+
+
+def is_linearised(settings_of, channel, chosen, off, ticks=0):
     settings, rate_hz = settings_of(guard="warn", **chosen), 500.0
     params, of, to = settings.law, *WAYS[channel]
     plant = to_buffer(plant_params(
@@ -228,22 +259,37 @@ def is_linearised(settings_of, channel, chosen, off):
         ground_z_m=-1e4,
     ))  # fmt: skip
     told, row, drawn = to_buffer(settings), np.zeros(size(Tick)), np.zeros(size(BatteryState))
+    expected = CHANNELS[channel](params, fade(params), off, ticks=ticks)
+    n = len(expected.A)
+    own = len(CHANNELS[channel](params, fade(params), off).A)
+    seen = (n - own) // ticks if ticks else 0
 
     def one_tick(x: np.ndarray) -> np.ndarray:
-        start = of(params, off, x.tolist())
+        """State, 4 of noise -> state a tick later, 2 of the demand."""
+        start, late = of(params, off, x[:own].tolist()), x[own:n]
         body = to_buffer(start.measured)
+        shown = body
+        if ticks:
+            shown = to_buffer(of(params, off, [*late[-seen:], *[0.0] * (own - seen)]).measured)
+        noise, reported = np.zeros(12), np.zeros_like(body)
+        for amount, at in zip(x[n:], NOISY[channel], strict=True):
+            if at is not None:
+                noise[at[0]] = at[1] * amount
+        tick.sense(shown, noise, reported)
         at_rest, _ = guard.idle(start.measured)
         remembered = to_buffer(Remembered(start.law, at_rest))
-        law_tick(0.0, FLYING, remembered, told, AT_REST, 0.0, body, row)
+        law_tick(0.0, FLYING, remembered, told, AT_REST, 0.0, reported, row)
         command = column(Tick, row, "command")
         tick.advance(plant, body, drawn, command, 0.0, steps_per_tick(rate_hz))
         after = from_buffer(State, column(Tick, row, "state"))
-        return np.array(to(params, off, Vehicle(from_buffer(VehicleState, body), after)))
+        own_after = to(params, off, Vehicle(from_buffer(VehicleState, body), after))
+        shifted = [*x[:seen], *late[:-seen]] if ticks else []
+        return np.array([*own_after, *shifted, *demanded(channel, row)])
 
-    expected = CHANNELS[channel](params, fade(params), off)
-    n, eps = len(expected), 1e-4
+    eps, inputs = 1e-4, n + 4
     flown = np.column_stack(
-        [(one_tick(eps * e) - one_tick(-eps * e)) / (2.0 * eps) for e in np.eye(n)]
+        [(one_tick(eps * e) - one_tick(-eps * e)) / (2.0 * eps) for e in np.eye(inputs)]
     )
-    scale = np.maximum(np.abs(expected).max(axis=1, keepdims=True), 1.0)
-    np.testing.assert_allclose(flown / scale, expected / scale, atol=2e-5)
+    whole = np.block([[expected.A, expected.B], [expected.C, expected.D]])
+    scale = np.maximum(np.abs(whole).max(axis=1, keepdims=True), 1.0)
+    np.testing.assert_allclose(flown / scale, whole / scale, atol=2e-5)
