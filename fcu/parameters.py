@@ -322,13 +322,13 @@ class Parameters:
         for name, p in self._of_law.items():
             if name in values:
                 settings = p.put(settings, values[name])
-        return settings
+        return settings if settings is self._start else self._module.derived(settings)
 
     def _law_alone(self, values: Mapping[str, float]) -> dict[str, float]:
         return {name: value for name, value in values.items() if name in self._of_law}
 
     def _unstable(self, settings: Settings) -> str:
-        return self._rule.unstable(settings.law) if self._rule else ""
+        return self._rule.unstable(settings.law, settings.guard.delay_s) if self._rule else ""
 
     def _grounded(self, settings: Settings) -> str:
         return self._rule.grounded(settings.law) if self._rule else ""
@@ -377,9 +377,11 @@ class Parameters:
         name = new[0]
         good, bad = self._values[name], values[name]
         for _ in range(5):  # halve the way, in ratio
-            middle = float(f"{(good * bad) ** 0.5:.3g}")
+            middle = float(f"{(good * bad) ** 0.5 if good > 0.0 else 0.5 * bad:.3g}")
             settings = self._with({**changed, name: middle})
-            fine = self._rule.stable(settings.law, channel) and not self._unstable(settings)
+            fine = self._rule.stable(
+                settings.law, channel, settings.guard.delay_s
+            ) and not self._unstable(settings)
             good, bad = (middle, bad) if fine else (good, middle)
         return f"{why}; {_number(good)} would do"
 

@@ -38,6 +38,11 @@ def settings(
     return Settings(law=law, guard=guard.guard_params(airframe, law, rest))
 
 
+def derived(settings: Settings) -> Settings:
+    """Settings with what is worked out from what was chosen: to be asked for after a change."""
+    return settings._replace(guard=guard.derived(settings.guard, settings.law))
+
+
 def check(settings: Settings) -> None:
     """Raise ParameterError for values that the kernels cannot work with."""
     mmrac.check(settings.law)

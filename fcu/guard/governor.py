@@ -39,7 +39,7 @@ def speeds(known):
     R = margin.room(known, still, still)
     kept = margin.KEPT * R
     # c x^2 + z_0 + z_1 (x - w_max) = R - kept, with x = speed + w_max
-    usable = R - kept - known.z_0 + known.z_1 * known.w_max
+    usable = R - kept - known.z_0 + known.z_1 * known.w_max - known.noise
     root = math.sqrt(known.z_1 * known.z_1 + 4.0 * known.c_D * maximum(usable, 0.0))
     x = (root - known.z_1) / (2.0 * known.c_D)
     top = maximum(x - known.w_max, SLOWEST)
@@ -95,7 +95,7 @@ def within(known, a, f_v, radius):
         )
         # of the two spheres
         dd, hd, hh = dot(d, d), dot(hover, d), dot(hover, hover)
-        most, least = known.T_max - radius, known.T_min + radius
+        most, least = known.T_top - radius, known.T_min + radius
         above = first_root(-dd, -hd, maximum(most * most - hh, 0.0))
         below = first_root(dd, hd, maximum(hh - least * least, 0.0))
         down = known.T_z_min + radius - hover.z

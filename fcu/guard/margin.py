@@ -33,6 +33,7 @@ class Known(NamedTuple):
 
     T_min: float  # N
     T_max: float  # N
+    T_top: float  # N, so much of that with noise, which grows with the thrust, counted as in hover
     T_z_min: float  # N, floor of the vertical force
     sin: float  # of phi_star
     cos: float
@@ -43,6 +44,7 @@ class Known(NamedTuple):
     w_max: float  # m/s
     z_0: float  # N, control difference that lasts, at rest
     z_1: float  # N/(m/s), and what a speed adds to it
+    noise: float  # N, what noise of the measurement takes, in hover
 
 
 @kernel
@@ -54,9 +56,13 @@ def known(params, law):
     """
     per_rate = LASTS / math.sqrt(law.gamma)
     per_speed = 2.0 * params.c_D * (params.w_dot_max + 0.5 * law.g)
+    # noise grows from hover to full thrust, along a chord that lies above it
+    noise, hover = params.noise_force, params.m_max * law.g
+    more = (params.noise_top - noise) / maximum(law.limits.T_max - hover, 1.0)
     return Known(
         T_min=law.limits.T_min,
         T_max=law.limits.T_max,
+        T_top=(law.limits.T_max + more * (hover + noise)) / (1.0 + more),
         T_z_min=select(law.achieved > 0.5, law.T_dz_min, 0.0),
         sin=math.sin(law.limits.phi_star),
         cos=math.cos(law.limits.phi_star),
@@ -67,6 +73,7 @@ def known(params, law):
         w_max=params.w_max,
         z_0=per_rate * per_speed * params.w_max,
         z_1=per_rate * per_speed,
+        noise=noise,
     )  # (30)
 
 
@@ -114,7 +121,7 @@ def allowance(known, v, beta):
     """
     speed, w_max = norm(v), known.w_max
     drag = known.c_D * (speed + w_max) * (w_max + 0.5 * speed)
-    return drag + difference(known, speed) + beta
+    return drag + difference(known, speed) + beta + known.noise
 
 
 @kernel
@@ -124,7 +131,9 @@ def room(known, a, f_v):
     a : m/s^2, E.  f_v : `dragging`, N, E.
     """
     up = Vec3(a.x, a.y, a.z + known.g)
-    return minimum(distance(known, known.m_min * up + f_v), distance(known, known.m_max * up + f_v))
+    light, heavy = known.m_min * up + f_v, known.m_max * up + f_v
+    top = known.T_top - maximum(norm(light), norm(heavy))
+    return minimum(minimum(distance(known, light), distance(known, heavy)), top)
 
 
 @kernel

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fcu.guard import noise
 from fcu.guard.types import GuardParams
 from fcu.interface.parameter import (
     Parameter,
@@ -22,6 +23,7 @@ from fcu.laws.mmrac.types import Params
 
 POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}
 WARN, GOVERN, REFUSE = POLICIES.values()
+NOISES = {"bounded": 0.0, "gaussian": 1.0}
 
 PRINTED: dict[str, Value] = {"guard": "warn"}  # with prediction = "demanded" there is none
 
@@ -48,6 +50,12 @@ PARAMETERS: tuple[Parameter, ...] = (
         P("guard_wind_m_s", "MR_GRD_WIND", 12.0, 0.0, 100.0, "m/s", "greatest wind that it believes in", "w_max"),
         P("guard_wind_rate_m_s2", "MR_GRD_WRATE", 20.0, 0.0, 1000.0, "m/s^2", "greatest rate of that wind", "w_dot_max"),
         P("guard_jerk_m_s3", "MR_GRD_JERK", 25.0, 5.0, 1000.0, "m/s^3", "fastest change of the acceleration of what is governed", "jerk"),
+        P("guard_noise", "MR_GRD_NOISE", "bounded", 0.0, 1.0, "", "what the noise that it believes in is", "gaussian", words=NOISES),
+        P("guard_noise_position_m", "MR_GRD_N_POS", 0.0, 0.0, 10.0, "m", "noise of the measured position that it believes in", "noise_r"),
+        P("guard_noise_velocity_m_s", "MR_GRD_N_VEL", 0.0, 0.0, 10.0, "m/s", "noise of the velocity that it believes in", "noise_v"),
+        P("guard_noise_attitude_rad", "MR_GRD_N_ATT", 0.0, 0.0, 0.5, "rad", "noise of the attitude that it believes in", "noise_q"),
+        P("guard_noise_rate_rad_s", "MR_GRD_N_RATE", 0.0, 0.0, 10.0, "rad/s", "noise of the body rates that it believes in", "noise_w"),
+        P("guard_delay_s", "MR_GRD_DELAY", 0.0, 0.0, 0.05, "s", "delay from measurement to rotor that it believes in", "delay_s"),
     ),
 )  # fmt: skip
 
@@ -67,10 +75,15 @@ def guard_params(
     """
     given = values(PARAMETERS, airframe, chosen or {}, {} if law.achieved else PRINTED)
     J = [greatest for _, greatest in airframe["vehicle"]["inertia_kg_m2"]]
-    empty = blank(GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]))
+    empty = blank(GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]), **noise.NOT_YET)
     params = filled(empty, PARAMETERS, given)
     check(params, law)
-    return params
+    return derived(params, law)
+
+
+def derived(params: GuardParams, law: Params) -> GuardParams:
+    """GuardParams with what is worked out from the others and from the law, once they are chosen."""
+    return noise.derived(params, law)
 
 
 def followed(params: GuardParams, before: Params, law: Params) -> GuardParams:

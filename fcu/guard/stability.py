@@ -247,12 +247,28 @@ CHANNELS: dict[str, _Channel] = {
 
 # MAVLink's parameters that decide whether a channel is stable; what stands first is what it is
 # held against.
-_OF_TILT = ("MR_C_TILT", "MR_C_PQ", "MR_F_M", "MR_ZETA_M", "MR_GAMMA", "MR_ROTOR_RESP")
+_OF_TILT = (
+    "MR_C_TILT",
+    "MR_C_PQ",
+    "MR_F_M",
+    "MR_ZETA_M",
+    "MR_GAMMA",
+    "MR_ROTOR_RESP",
+    "MR_GRD_DELAY",
+)
 DECIDES: dict[str, tuple[str, ...]] = {
-    "height": ("MR_F_M", "MR_GAMMA", "MR_ZETA_M", "MR_G_LAM", "MR_TRIM_RATE", "MR_ROTOR_RESP"),
+    "height": (
+        "MR_F_M",
+        "MR_GAMMA",
+        "MR_ZETA_M",
+        "MR_G_LAM",
+        "MR_TRIM_RATE",
+        "MR_ROTOR_RESP",
+        "MR_GRD_DELAY",
+    ),
     "roll": _OF_TILT,
     "pitch": _OF_TILT,
-    "yaw": ("MR_C_YAW", "MR_C_R", "MR_GAMMA", "MR_ROTOR_RESP"),
+    "yaw": ("MR_C_YAW", "MR_C_R", "MR_GAMMA", "MR_ROTOR_RESP", "MR_GRD_DELAY"),
 }
 
 

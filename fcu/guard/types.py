@@ -19,6 +19,16 @@ class GuardParams(NamedTuple):
     jerk: float  # m/s^3, fastest change of the reference's acceleration, whatever the rotors hold
     J_tilt: float  # kg m^2, greatest inertia about roll and pitch
     J_yaw: float  # kg m^2, about yaw
+    gaussian: float  # 1: noise of what is measured is white, of these sigmas; 0: within these
+    noise_r: float  # m, of position, each axis
+    noise_v: float  # m/s, of velocity
+    noise_q: float  # rad, of attitude
+    noise_w: float  # rad/s, of the body rates
+    delay_s: float  # s, from measurement to rotor, beside the rotor's lag
+    noise_force: float  # N, what that noise takes of the force in hover (`noise.derived`)
+    noise_top: float  # N, of it at full thrust
+    noise_torque: float  # N m, of the torque about a level axis
+    noise_turning: float  # N m N, and over the thrust
 
 
 class Signs(NamedTuple):

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 
 from fcu.interface.airframe import ROTORS
-from fcu.kernel.algebra import greatest, maximum, minimum
+from fcu.kernel.algebra import greatest, maximum, minimum, select
 from fcu.kernel.compile import kernel
 
 FOLLOWS = 1.56  # fastest change of s_v_hat over that of the drag: an L1 norm, for m_hat up to 1.3 m
 LEAST = 1.0  # m/s^3: a reference changes so fast whatever the gusts
 PART = 0.5  # of the torque about yaw that the rotors give beside nothing else
+KEPT = 0.1  # part of it that noise does not take
 
 
 @kernel
@@ -26,6 +27,16 @@ def tilting(rotors, T):
     room = minimum(share - rotors.f_min, rotors.f_max - share)
     spread = greatest(rotors.B_x * rotors.B_x + rotors.B_y * rotors.B_y)
     return maximum(room, 0.0) / math.sqrt(spread)
+
+
+@kernel
+def disturbed(params, T):
+    """Torque (N m) about a level axis that noise may ask for beside a total thrust T (N).
+
+    What it does through the tilt that is demanded grows as the thrust gets small (`noise`).
+    """
+    a, b = params.noise_torque, params.noise_turning / maximum(T, 1.0)
+    return select(params.gaussian > 0.5, math.sqrt(a * a + b * b), a + b)
 
 
 @kernel
@@ -49,13 +60,31 @@ def jerk(params, law, T_now):
     j = params.jerk
     for m in (params.m_min, params.m_max):
         T = minimum(m * law.g, T_now)
-        rate = tilting(law.rotors, T) / (params.J_tilt * turning(law))
+        torque = maximum(tilting(law.rotors, T) - disturbed(params, T), 0.0)
+        rate = torque / (params.J_tilt * turning(law))
         j = minimum(j, (T * rate - gust) / m)
     return maximum(j, LEAST)
 
 
 @kernel
+def spare(params, law):
+    """Torque (N m) that hover leaves beside noise, a gust and the LEAST jerk; below 0 it lacks.
+
+    As `jerk` counts them, of the worse mass. What lacks there may saturate a rotor.
+    """
+    gust, left = FOLLOWS * params.c_D * params.w_max * params.w_dot_max, math.inf
+    for m in (params.m_min, params.m_max):
+        T = m * law.g
+        asked = params.J_tilt * turning(law) * (m * LEAST + gust) / T
+        left = minimum(left, tilting(law.rotors, T) - disturbed(params, T) - asked)
+    return left
+
+
+@kernel
 def yaw_acceleration(params, law, T):
     """How fast (rad/s^2) yaw may gather speed at a total thrust T (N): by PART of what is there."""
-    torque = law.rotors.k_Q * maximum(T - ROTORS * law.rotors.f_min, 0.0)
+    rotors = law.rotors
+    spread = math.sqrt(greatest(rotors.B_x * rotors.B_x + rotors.B_y * rotors.B_y))
+    there = maximum(T - ROTORS * rotors.f_min, 0.0)
+    torque = rotors.k_Q * maximum(there - ROTORS * spread * disturbed(params, T), KEPT * there)
     return minimum(law.yaw_acceleration, PART * torque / params.J_yaw)

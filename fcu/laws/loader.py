@@ -46,7 +46,7 @@ _LAW = ("fcu.laws.mmrac.law", "fcu.laws.mmrac.types")
 _GUARD = ("fcu.guard.guard", "fcu.guard.parameters", "fcu.guard.types")
 _OF_GUARD = (
     "GuardParams", "GuardState", "GuardInternals", "take_over", "before", "after", "idle",
-    "PARAMETERS", "printed", "guard_params", "followed", "check",
+    "PARAMETERS", "printed", "guard_params", "followed", "derived", "check",
 )  # fmt: skip
 _PARAMETERS = "fcu.laws.mmrac.parameters"  # in the place of which stands fcu.laws.built
 _AROUND = ("fcu.settings", "fcu.tick", "fcu.laws.resting", "fcu.laws.built")

@@ -74,5 +74,10 @@ def followed(params: GuardParams, before: Any, law: Any) -> GuardParams:
     return params
 
 
+def derived(params: GuardParams, law: Any) -> GuardParams:
+    """Nothing."""
+    return params
+
+
 def check(params: GuardParams, law: Any) -> None:
     """Nothing can be wrong."""

@@ -79,13 +79,38 @@ def test_law_is_the_one_handed_over_until_one_of_its_parameters_is_set(params, l
 def test_there_and_back_is_the_same_law_to_the_bit(params, start, name):
     """A tenth more, or the other of two: accepted while disarmed, and undone without a trace."""
     was, info = params[name], params.info(name)
-    other = 1.0 - was if info.values else min(float32(was * 1.1) or 0.125, info.high)
+    other = 1.0 - was if info.values else min(float32(was * 1.1) or 2.0**-8, info.high)
     assert params.set(name, other, False)
     assert params.settings != start
     assert params[name] == pytest.approx(other, rel=1e-7)
     assert LAW[name].get(params.settings) == pytest.approx(other, rel=1e-7)
     assert params.set(name, float32(was), False)
     assert params.settings is start
+
+
+def test_what_noise_takes_follows_every_parameter_that_it_hangs_on(start):
+    params = Parameters(start, 7)
+    assert start.guard.noise_force == start.guard.noise_torque == 0.0
+    assert params.set("MR_GRD_N_VEL", float32(0.002), True)
+    first = params.guard
+    assert min(first.noise_force, first.noise_top, first.noise_torque, first.noise_turning) > 0.0
+    assert params.set("MR_GAMMA", 500.0, True)
+    assert params.guard.noise_turning < 0.8 * first.noise_turning
+    assert params.set("MR_GAMMA", 1000.0, True)
+    assert params.guard == first
+    assert params.set("MR_GRD_N_VEL", 0.0, True)
+    assert params.settings is start
+
+
+def test_a_delay_that_the_gains_do_not_stand_is_refused_with_one_that_they_do(start):
+    params = Parameters(start, 7)
+    with pytest.raises(Refused, match=r"height unstable with .*; 0\.0.* would do") as refused:
+        params.set("MR_GRD_DELAY", float32(0.03), True)
+    most = float(str(refused.value).split("; ")[1].split()[0])
+    assert 0.0 < most < 0.03
+    assert params.set("MR_GRD_DELAY", float32(most), True)
+    with pytest.raises(Refused, match="MR_ROTOR_RESP"):
+        params.set("MR_ROTOR_RESP", float32(0.004), True)
 
 
 def test_gamma_takes_its_roots_and_multiples_along(params, law):

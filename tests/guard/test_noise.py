@@ -1,0 +1,184 @@
+"""What noise and delay take: the linearised loop's word against flights, and what the guard makes of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from fcu.guard import margin, noise, stability, wrench
+from fcu.guard.noise import NOTHING, SIGMAS, response, sums, taken
+from fcu.guard.stability import Hover, fade
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.rows import column
+from fcu.tick import Tick
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.missions.mission import from_tables, load
+from gcs_tools.studies.attack.flight import fly
+from gcs_tools.studies.attack.wind import OWN, Gust
+
+STILL = Vec3(0.0, 0.0, 0.0)
+# of the mission noisy_state: m, m/s, rad, rad/s
+AMOUNTS = np.array([0.01, 0.02, math.radians(0.2), 0.01])
+NOISY = dict(
+    zip(
+        (
+            "guard_noise_position_m",
+            "guard_noise_velocity_m_s",
+            "guard_noise_attitude_rad",
+            "guard_noise_rate_rad_s",
+        ),
+        AMOUNTS.tolist(),
+        strict=True,
+    )
+)
+WIND = Gust(kind=float(OWN), speed=0.0, rate=20.0, every=1.0, along=STILL)
+
+
+def hover(seconds, delay_s=0.0, **law):
+    """A scene: hover in still air at the law's defaults, as believed."""
+    return scenario(from_tables("hover", {
+        "title": "Drawn.",
+        "flight": {
+            "duration_s": seconds, "ground_z_m": -1e4, "arena_m": 1e4,
+            "setpoints": [[0.0, 0.0, 0.0, 0.0]],
+        },
+        "law": {"guard": "warn", "J_hat_0": 0.3245, **law},
+        "plant": {"drag": [0.0] * 3, "drag_torque": [0.0] * 3, "delay_s": delay_s},
+        "expect": {},
+    }))  # fmt: skip
+
+
+def demanded(scene, noise, last):
+    """float64[n, 6] of the last ticks of a flight: force (N, E) and torque (N m, B) demanded."""
+    rows = fly(scene, WIND, noise).fcu[-last:]
+    return np.hstack([column(Tick, rows, f"internals.demand.{name}") for name in ("T_0", "tau_d")])
+
+
+def predicted(law, gaussian, ticks=0, **here):
+    """float64[2, 2] of height and pitch: what the demand moves by, with the AMOUNTS."""
+    loops = [
+        stability.height(law, fade(law), 1.0, Hover(**here), ticks),
+        stability.tilt(law, fade(law), 1.0, 1, Hover(**here), ticks),
+    ]
+    both = [sums(response(loop), gaussian) * AMOUNTS for loop in loops]
+    return np.array([noise.together(of, gaussian) for of in both])
+
+
+def test_the_amounts_are_those_of_the_mission():
+    given = load("noisy_state").plant.noise
+    attitude = math.radians(given.attitude_deg)
+    assert (given.position_m, given.velocity_m_s, attitude, given.rate_rad_s) == tuple(AMOUNTS)
+
+
+@pytest.mark.parametrize("part", [0.1, 1.0])
+@pytest.mark.parametrize("delay_s", [0.0, 0.004])
+def test_white_noise_moves_the_demand_as_foretold(part, delay_s):
+    """Standard deviations in hover, of force along and across the thrust and of torque."""
+    scene, ticks = hover(40.0, delay_s), round(delay_s * 500)
+    white = np.random.default_rng(1).normal(size=(scene.ticks, 12)) * part * np.repeat(AMOUNTS, 3)
+    flown = demanded(scene, white, scene.ticks // 2).std(axis=0)
+    (along, _), (across, torque) = part * predicted(scene.law, True, ticks)
+    np.testing.assert_allclose(flown[[2, 0, 1]], [along, across, across], rtol=0.15)
+    np.testing.assert_allclose(flown[3:5], torque, rtol=0.15)
+
+
+def test_noise_that_is_chosen_for_it_moves_the_demand_by_its_bound_and_no_more():
+    """The bound is met by the signs of the response: nothing below it is certain."""
+    scene, part = hover(20.0), 0.05
+    law = scene.law
+    h = response(stability.tilt(law, fade(law), 1.0, 1))[:, 1]  # torque about pitch
+    worst, n = np.zeros((scene.ticks, 12)), min(len(h), scene.ticks // 2)
+    at = {0: 0, 1: 3, 2: 7, 3: 10}  # a noise of the channel -> its column of a report
+    for i, j in at.items():
+        worst[-n:, j] = part * AMOUNTS[i] * np.sign(h[n - 1 :: -1, i] if n else 0.0)
+    flown = demanded(scene, worst, 1)[0, 4]
+    bound = part * predicted(law, False)[1, 1]
+    assert 0.9 * bound < flown < 1.02 * bound
+
+
+@pytest.mark.parametrize("gaussian", [False, True])
+@pytest.mark.parametrize("T", [35.0, 47.0, 88.0, 120.0, 190.0])
+def test_two_numbers_tell_it_at_every_thrust(settings_of, gaussian, T):
+    """Torque is one number and one over the thrust; force grows from hover to full thrust, no more than straight."""
+    words = "gaussian" if gaussian else "bounded"
+    told = settings_of(guard_noise=words, c_angle=7.0, c_rate=14.0, **NOISY)
+    guard, law = told.guard, told.law
+    kept = SIGMAS if gaussian else 1.0
+    for m in (guard.m_min, guard.m_max):
+        J = (guard.J_tilt,) * 3
+        (along, _), (across, torque) = kept * predicted(law, gaussian, m=m, J=J, T_0=T)
+        assert torque <= wrench.disturbed(guard, T)
+        most = max(along, across) if gaussian else math.hypot(along, across, across)
+        known, W = margin.known(guard, law), guard.m_max * law.g
+        chord = (T - W) / (law.limits.T_max - W) * (guard.noise_top - guard.noise_force)
+        assert most <= guard.noise_force + max(chord, 0.0)
+        # a demand that is inside by what is counted in hover, is inside with its own noise
+        top = known.T_top - guard.noise_force
+        assert top + np.interp(
+            top, (W, law.limits.T_max), (guard.noise_force, guard.noise_top)
+        ) <= (law.limits.T_max + 1e-9)
+
+
+def test_what_is_not_believed_takes_nothing(settings_of):
+    told = settings_of()
+    assert taken(told.guard, told.law) == NOTHING
+    assert wrench.disturbed(told.guard, 40.0) == 0.0
+
+
+@pytest.mark.parametrize("words", ["bounded", "gaussian"])
+def test_each_noise_takes_force_and_torque_and_twice_of_it_twice(settings_of, words):
+    def of(times, **chosen):
+        noise = {name: times * amount for name, amount in chosen.items()}
+        told = settings_of(guard_noise=words, **noise)
+        return np.array(taken(told.guard, told.law))
+
+    for name, amount in NOISY.items():
+        once = of(1.0, **{name: amount})
+        assert once[1] > 0.0
+        np.testing.assert_allclose(of(2.0, **{name: amount}), 2.0 * once, rtol=1e-9)
+    whole = of(1.0, **NOISY)
+    assert np.all(whole >= of(1.0, guard_noise_velocity_m_s=0.02))
+
+
+def test_the_guard_leaves_room_for_it(settings_of):
+    """Less acceleration, less jerk, slower yaw; and the least of each where there is no room."""
+    tenth = {name: 0.1 * amount for name, amount in NOISY.items()}
+    soft = {"c_angle": 7.0, "c_rate": 14.0}
+    clean, noisy, drowned = (
+        settings_of(**soft),
+        settings_of(**soft, **tenth),
+        settings_of(**soft, **NOISY),
+    )
+
+    def of(told):
+        known = margin.known(told.guard, told.law)
+        return np.array([
+            margin.condition(known, STILL, STILL, 0.0),
+            wrench.jerk(told.guard, told.law, math.inf),
+            wrench.yaw_acceleration(told.guard, told.law, 60.0),
+            wrench.spare(told.guard, told.law),
+        ])  # fmt: skip
+
+    assert np.all(of(clean)[[0, 1, 3]] > of(noisy)[[0, 1, 3]])
+    assert of(noisy)[3] > 0.0 > of(drowned)[3]
+    assert of(drowned)[1] == wrench.LEAST
+    assert of(clean)[2] > of(drowned)[2] > 0.0
+    assert of(clean)[0] - of(noisy)[0] == pytest.approx(noisy.guard.noise_force)
+
+
+def test_a_loop_that_does_not_settle_leaves_nothing(settings_of):
+    told = settings_of(f_m=7.5, **NOISY)
+    assert stability.unstable(told.law) != ""
+    assert told.guard.noise_force == noise.ENDLESS
+    assert wrench.jerk(told.guard, told.law, math.inf) == wrench.LEAST
+
+
+def test_probability_is_the_union_over_ticks_rotors_and_force():
+    def of(sigmas):
+        return 16.0 * stats.norm.sf(sigmas) + stats.chi(3).sf(sigmas)
+
+    for sigmas in (2.0, 4.0, SIGMAS):
+        assert noise.beyond(8, sigmas) == pytest.approx(of(sigmas), rel=1e-6)
