@@ -72,6 +72,8 @@ def attacked(policies: tuple[str, ...], how: How, flights: int, seed: int, as_js
         for policy, of in found.items():
             screen().print(report.table(policy, of))
             screen().print(report.limits_in_words(of))
+            if how.noise != "none" and not how.unknown:
+                screen().print(report.noise_in_words(of))
             screen().print(report.worst_table(report.worst(of)))
     return any(map(report.contradicts, found.values()))
 
@@ -160,6 +162,8 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
 @click.option("--flights", "n", default=2000, show_default=True, type=click.IntRange(1), help="how many are drawn")  # fmt: skip
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="of what is drawn, or of the search")  # fmt: skip
 @click.option("--noise", type=click.Choice(NOISES), default="none", show_default=True, help="of the reported state: white, within the amounts of noisy_state, or of that sigma")  # fmt: skip
+@click.option("--part", default=1.0, show_default=True, type=click.FloatRange(0.0, min_open=True), help="of those amounts")  # fmt: skip
+@click.option("--unknown", is_flag=True, help="the guard believes in no noise")
 @click.option("--as-shipped", is_flag=True, help="the law with its defaults: draw plant, wind and setpoints alone")  # fmt: skip
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="a value of a mission, over what is drawn")  # fmt: skip
 @click.option("--flight", metavar="NUMBER|FILE[:RANK]", help="fly one again: of the seed, or of a search's --out")  # fmt: skip
@@ -167,7 +171,7 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
 @click.option("--out", type=click.Path(dir_okay=False, writable=True, path_type=Path), help="of --flight every tick as CSV, of --search what it found as JSON")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="a JSON object on standard output")
 def main(
-    policies: tuple[str, ...], n: int, seed: int, noise: str, as_shipped: bool,
+    policies: tuple[str, ...], n: int, seed: int, noise: str, part: float, unknown: bool, as_shipped: bool,
     settings: tuple[str, ...], flight: str | None, look: int | None, out: Path | None,
     as_json: bool,
 ) -> None:  # fmt: skip
@@ -178,7 +182,13 @@ def main(
         raise click.UsageError("--out: expected with --flight or --search")
     policies = policies or POLICIES
     try:
-        how = How(noise=noise, as_shipped=as_shipped, settings=parsed(settings))
+        how = How(
+            noise=noise,
+            part=part,
+            unknown=unknown,
+            as_shipped=as_shipped,
+            settings=parsed(settings),
+        )
         if flight is not None:
             contradicts = shown(policies, how, flight, seed, out, as_json)
         elif look is not None:

@@ -84,6 +84,8 @@ class How(NamedTuple):
 
     policy: str = "govern"
     noise: str = "none"
+    part: float = 1.0  # of the amounts of noisy_state
+    unknown: bool = False  # the guard believes in no noise
     as_shipped: bool = False  # the law as it is, whatever was drawn of it
     settings: Mapping[tuple[str, ...], Any] = {}  # of a mission, over what was drawn
 
@@ -150,6 +152,25 @@ def airframe() -> Mapping[str, Any]:
 def noise_table() -> Tables:
     """`plant.noise` of the mission noisy_state: one sigma, or the bound."""
     return dict(load("noisy_state").plant.noise.model_dump())
+
+
+def noise_of_plant(how: How) -> Tables:
+    """`plant.noise` of a campaign: its part of that."""
+    return {name: how.part * amount for name, amount in noise_table().items()}
+
+
+def noise_belief(how: How) -> Tables:
+    """[law], as far as the guard is to believe in the noise that is drawn."""
+    if how.noise == "none" or how.unknown:
+        return {}
+    amount = noise_of_plant(how)
+    return {
+        "guard_noise": how.noise,
+        "guard_noise_position_m": amount["position_m"],
+        "guard_noise_velocity_m_s": amount["velocity_m_s"],
+        "guard_noise_attitude_rad": math.radians(amount["attitude_deg"]),
+        "guard_noise_rate_rad_s": amount["rate_rad_s"],
+    }
 
 
 def law_table(n: Numbers) -> Tables:
@@ -334,7 +355,7 @@ def tables(n: Numbers, how: How) -> Tables:
     own = one_of(n.wind, range(len(KINDS))) == OWN
     plant = plant_table(n)
     if how.noise != "none":
-        plant["noise"] = dict(noise_table())
+        plant["noise"] = noise_of_plant(how)
     drawn: Tables = {
         "title": "Drawn.",
         "flight": {
@@ -346,7 +367,7 @@ def tables(n: Numbers, how: How) -> Tables:
             "start": {"yaw_deg": math.degrees(between(n.heading, -math.pi, math.pi))},
             "setpoints": [[0.0, 0.0, 0.0, 0.0]],
         },
-        "law": {} if how.as_shipped else law_table(n),
+        "law": {**({} if how.as_shipped else law_table(n)), **noise_belief(how)},
         "plant": plant,
         "wind": wind_table(n) if own else {},
         "expect": {},
@@ -370,7 +391,7 @@ def attack(n: Numbers, how: How) -> Attack | None:
     given = tables(n, how)
     scene = scenario(from_tables("drawn", given))
     law = scene.law
-    if unstable(law):
+    if unstable(law, scene.guard.delay_s):
         return None
     kind = one_of(n.setpoints, SETPOINTS)
     times, setpoints = sent(n, kind, law)

@@ -156,6 +156,20 @@ def limits_in_words(campaign: Campaign) -> str:
     )
 
 
+def noise_in_words(campaign: Campaign) -> str:
+    """In how many flights there is room for the noise that is believed, and what came of those."""
+    held = [v for v in campaign.values() if v.held]
+    if not held:
+        return "room for the noise that is believed: in no flight"
+    saturated = sum(v.saturated for v in held)
+    told = sum(v.chance for v in held) / len(held)
+    return (
+        f"room for the noise that is believed: in {len(held)} of {len(campaign)}; of these saturated"
+        f" {saturated} (below {100.0 * upper(saturated, len(held)):.3g} %; foretold, of white noise:"
+        f" {100.0 * told:.3g} % at most)"
+    )
+
+
 def content(campaign: Campaign) -> dict[str, Any]:
     """For programs."""
     return {
@@ -164,6 +178,8 @@ def content(campaign: Campaign) -> dict[str, Any]:
             name: {"flights": count, "upper": limit}
             for name, (count, limit) in counted(campaign).items()
         },
+        "held": sum(v.held for v in campaign.values()),
+        "held_saturated": sum(v.held and v.saturated for v in campaign.values()),
         "worst": {str(k): plain(v._asdict()) for k, v in worst(campaign).items()},
         "contradicting": [k for k, v in campaign.items() if v.contradicts],
         "contradicts": contradicts(campaign),

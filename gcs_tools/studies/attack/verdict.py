@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import arrival, foreseen
+from fcu.guard import arrival, foreseen, margin, noise, wrench
 from fcu.interface.airframe import ROTORS
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
 from fcu.tick import Tick
 from gcs_tools.flight.scenario import Scenario
@@ -61,6 +62,8 @@ class Verdict(NamedTuple):
     first_s: float | None  # when it first saturates
     told: bool  # whether anything seems not as believed
     took: float  # from the last setpoint until it stays within 0.3 m, over the time that is stated
+    held: bool  # hover has room for a gust and the noise that is believed
+    chance: float  # at most so probable it is that white noise as believed saturates; 1 if not held
 
     @property
     def contradicts(self) -> bool:
@@ -86,6 +89,23 @@ class Verdict(NamedTuple):
 def transient_s(scene: Scenario) -> float:
     """How long (s) after take-over a flight is not judged."""
     return max(float(foreseen.transient_s(scene.guard, scene.law)), TRANSIENT_S)
+
+
+def held(scene: Scenario) -> bool:
+    """Whether hover leaves the force and the torque that gust and noise take, as they are believed."""
+    still, (law, guard) = Vec3(0.0, 0.0, 0.0), scene.settings
+    force = margin.condition(margin.known(guard, law), still, still, 0.0)
+    return bool(force >= 0.0 and wrench.spare(guard, law) >= 0.0)
+
+
+def chance(scene: Scenario) -> float:
+    """At most so probable it is that a flight's noise goes beyond what is kept for it."""
+    if not noise.amounts(scene.guard).any():
+        return 0.0
+    if not held(scene):
+        return 1.0
+    white = scene.guard.gaussian > 0.5
+    return noise.probability(scene.law, scene.ticks / scene.rate_hz) if white else 0.0
 
 
 def room(scene: Scenario, rows: Rows) -> Rows:
@@ -168,6 +188,8 @@ def verdict(attack: Attack, flown: Flown) -> Verdict:
         first_s=float((begun + saturated[0]) / scene.rate_hz) if len(saturated) else None,
         told=bool((column(Tick, rows, "guard.contradicted") > 0.5).any()),
         took=took(attack, flown),
+        held=held(scene),
+        chance=chance(scene),
     )
 
 
