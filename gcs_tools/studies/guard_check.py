@@ -204,7 +204,8 @@ WORDS = {
 
 def stable(tables: dict[str, Any]) -> bool:
     """Whether the gains of a draw are."""
-    return not unstable(scenario(from_tables("drawn", tables)).law)
+    scene = scenario(from_tables("drawn", tables))
+    return not unstable(scene.law, scene.guard.delay_s)
 
 
 def check(n: int, seed: int = 1, console: Console | None = None) -> Check:

@@ -9,8 +9,9 @@ import pytest
 
 from fcu.guard import stability
 from fcu.guard.stability import radius, rotor_lag, unstable
+from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
-from gcs_tools.studies.stability_map import point
+from gcs_tools.studies.stability_map import flies, gentle, point
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.001, 0.05, 0.3])
@@ -97,6 +98,35 @@ def test_rule_agrees_with_flights(settings, accepted, flies):
     flown = point(mission)
     assert (not flown.refused) is accepted
     assert (flown.still and flown.wind) is flies
+
+
+SOFT = {"law.c_angle": 5.0, "law.c_rate": 10.0, "law.rotor_response_s": 0.05}
+LATE = [
+    # setting, delay in ticks, whether the rule accepts it, whether a step of 1 m flies
+    ({}, 6, True, True),
+    ({}, 8, False, True),  # refused for its margin
+    ({}, 10, False, False),
+    ({"law.rotor_response_s": 0.03}, 7, True, True),
+    ({"law.rotor_response_s": 0.03}, 15, False, False),
+    (SOFT, 15, True, True),
+    (SOFT, 25, False, False),
+]
+
+
+@pytest.mark.parametrize(("settings", "ticks", "accepted", "does"), LATE)
+def test_rule_agrees_with_flights_of_a_plant_that_reports_late(settings, ticks, accepted, does):
+    mission = load("paper_nominal")
+    late = {"law.guard_delay_s": 0.002 * ticks, "plant.delay_s": 0.002 * ticks}
+    for key, value in {**settings, **late}.items():
+        mission = override(mission, f"{key}={value!r}")
+    scene = scenario(gentle(mission))
+    assert (unstable(scene.law, scene.guard.delay_s) == "") is accepted
+    assert flies(scene, False) is does
+
+
+def test_a_delay_counts_in_whole_ticks_rounded_up(law):
+    params = law()
+    assert [stability.late(params, s) for s in (0.0, 0.0019, 0.002, 0.0021)] == [0, 1, 1, 2]
 
 
 def test_the_vehicle_of_the_rule_is_the_middle_of_what_is_believed():

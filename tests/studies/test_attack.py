@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from fcu.guard import margin
+from fcu.guard import margin, noise
 from fcu.interface.airframe import believed
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
@@ -29,7 +29,7 @@ from gcs_tools.studies.attack.draws import (
     parsed,
 )
 from gcs_tools.studies.attack.search import search
-from gcs_tools.studies.attack.verdict import LOST_M, limits, verdict
+from gcs_tools.studies.attack.verdict import LOST_M, chance, held, limits, verdict
 from gcs_tools.studies.attack.wind import KINDS, pushes
 from sitl_plant.physics.types import PlantRecord
 
@@ -194,6 +194,40 @@ def test_an_unguarded_law_is_contradicted():
     assert report.groups(found)["all"].torque == sum(v.torque for v in found.values()) > 0
     first = next(iter(report.worst(found).values()))
     assert first.contradicts
+
+
+@pytest.mark.parametrize("kind", ["bounded", "gaussian"])
+def test_noise_that_is_drawn_is_believed_unless_it_is_to_be_unknown(kind):
+    how = How(noise=kind, part=0.25)
+    known, unknown = drawn(1, 0, how), drawn(1, 0, how._replace(unknown=True))
+    scene = known.scene
+    np.testing.assert_allclose(np.repeat(noise.amounts(scene.guard), 3), scene.world.noise_scale)
+    assert scene.guard.gaussian == (kind == "gaussian")
+    assert not noise.amounts(unknown.scene.guard).any()
+    assert np.array_equal(known.noise[:100], unknown.noise[:100])
+    if kind == "bounded":
+        assert np.all(np.abs(known.noise) <= scene.world.noise_scale)
+
+
+def test_noise_that_saturates_a_guard_that_does_not_know_of_it_does_not_where_it_does():
+    """The same flight, with the noise of noisy_state, with and without the belief."""
+    saturated = {}
+    for unknown in (True, False):
+        found = drawn(1, 21, How(noise="bounded", unknown=unknown))
+        saturated[unknown] = verdict(found, flown(found)).saturated
+    assert saturated == {True: True, False: False}
+
+
+def test_a_chance_is_told_where_there_is_room_for_the_noise():
+    def of(part, kind):
+        scene = drawn(1, 6, How(noise=kind, part=part)).scene
+        return held(scene), chance(scene)
+
+    assert of(1.0, "gaussian") == (False, 1.0)
+    assert of(0.05, "bounded") == (True, 0.0)
+    there, told = of(0.05, "gaussian")
+    assert there
+    assert 1e-5 < told < 1e-2
 
 
 def test_a_flight_that_is_lost_counts_whatever_its_limits():
