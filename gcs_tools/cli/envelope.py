@@ -15,7 +15,7 @@ from gcs_tools.exit_codes import OK, USAGE
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_tools.judging.envelope import Envelope, Reach
+    from gcs_tools.judging.envelope import Envelope, Noise, Reach
 
 DOES_NOT_HOLD = 1  # exit code
 FORMATS = (".png", ".svg", ".pdf")
@@ -26,6 +26,7 @@ NAMED = {
     "learning": "lag of the estimates",
     "tracking": "correcting the tracking error that this causes",
     "doubt": "unknown mass during a step",
+    "noise": "noise of the measurement",
 }
 
 
@@ -55,7 +56,7 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
 
     Prints the largest step, speed and wind for which that is certain, which term uses up the
     margin, and what to change. The mission's [law] guard_* keys say what is believed about mass,
-    drag and wind.
+    drag, wind, noise and delay.
     """
     from fcu.interface.airframe import AirframeError
     from fcu.interface.parameter import ParameterError
@@ -119,6 +120,15 @@ def _show(found: Envelope, console: Console) -> None:
     console.print(spent)
     console.print()
 
+    believed = Table("Believed, at most", "", "", "", box=None, pad_edge=False, header_style="dim")
+    believed.columns[1].justify = "right"
+    for belief in found.beliefs:
+        believed.add_row(belief.what, belief.value, belief.unit, Text(belief.key, style="dim"))
+    console.print(believed)
+    if found.noise is not None:
+        _show_noise(found.noise, console)
+    console.print()
+
     reach = Table("Certain up to", "", box=None, pad_edge=False, header_style="dim")
     for column in ("exact set", "ball", "(31)"):
         reach.add_column(column, justify="right")
@@ -134,6 +144,23 @@ def _show(found: Envelope, console: Console) -> None:
     console.print(Text(f"During the first transient of adaptation nothing is certain: {after} {found.transient_s:.2f} s after take-over.", style="dim"))  # fmt: skip
     if found.arrives_s is not None:
         console.print(Text(f"Arrives within {math.ceil(found.arrives_s)} s: within 0.3 m of the first setpoint, from rest, whatever wind is believed.", style="dim"))  # fmt: skip
+
+
+def _show_noise(noise: Noise, console: Console) -> None:
+    from rich.text import Text
+
+    console.print(
+        f"Torque of roll and pitch in hover: {noise.there_n_m:.1f} N m, of which a gust takes"
+        f" {noise.gust_n_m:.1f} and noise {noise.noise_n_m:.1f}; left {noise.left_n_m:.1f}."
+    )
+    if noise.lack:
+        console.print(Text(f"Noise may saturate: {noise.lack}.", style="yellow"))
+    elif noise.per_hour is None:
+        console.print("There is room for what such a noise does at most.")
+    else:
+        console.print(
+            f"White noise saturates something with a probability of {noise.per_hour:.1g} an hour at most."
+        )
 
 
 def _show_changes(found: Envelope, console: Console) -> None:

@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import arrival, foreseen, margin
+from fcu.guard import arrival, foreseen, margin, noise, wrench
 from fcu.guard.parameters import GOVERN, WARN
+from fcu.guard.stability import rotor_lag, unstable
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
-from fcu.settings import Settings
+from fcu.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.mission import Mission
@@ -44,6 +45,7 @@ class Terms(NamedTuple):
     learning: float  # the control difference that lasts: estimates that lag behind the wind
     tracking: float  # what closing the error that they leave adds
     doubt: float  # a change of the demand, made with a mass that is not known
+    noise: float  # what noise of the measurement takes
 
     @property
     def left(self) -> float:
@@ -78,6 +80,29 @@ class Change:
 
 
 @dataclass(frozen=True)
+class Belief:
+    """Something that is believed, while which the condition means what it says."""
+
+    what: str
+    value: str  # as a person writes it
+    unit: str
+    key: str  # of the parameter, or of the airframe file
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What noise takes of the torque about a level axis, in hover of the mass that lacks it most."""
+
+    there_n_m: float  # that hover leaves
+    gust_n_m: float  # what a gust takes, and the least jerk
+    noise_n_m: float
+    left_n_m: float
+    force_n: float  # what it takes of the force
+    per_hour: float | None  # at most so probable it is that it saturates; None: it is not white
+    lack: str  # which belief takes most, and what would do; empty: nothing lacks
+
+
+@dataclass(frozen=True)
 class Envelope:
     """What is known of a mission before it flies."""
 
@@ -97,6 +122,8 @@ class Envelope:
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
     remarks: tuple[str, ...]
+    beliefs: tuple[Belief, ...]
+    noise: Noise | None  # None: none is believed
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -113,9 +140,11 @@ def terms(settings: Settings, a: Vec3, v: Vec3, left: float) -> Terms:
     wind = known.c_D * known.w_max**2
     learning = margin.difference(known, math.hypot(*v))
     own = moved - margin.room(known, a, f_v) + margin.allowance(known, v, 0.0) - learning - wind
+    own = own - known.noise
     tracking = foreseen.closed(settings.law) * learning
-    spent = (hover - moved) + own + wind + learning + tracking
-    return Terms(hover, hover - moved, own, wind, learning, tracking, hover - spent - left)
+    spent = (hover - moved) + own + wind + learning + tracking + known.noise
+    doubt = hover - spent - left
+    return Terms(hover, hover - moved, own, wind, learning, tracking, doubt, known.noise)
 
 
 def way(scene: Scenario, settings: Settings | None = None, scale: float = 1.0) -> Rows:
@@ -162,7 +191,7 @@ def step(settings: Settings, along: tuple[float, float, float], what: str) -> Re
     air = Air(guard.w_max, guard.w_dot_max, guard.c_D)
     # the error of tracking, and of a jump with a mass not known: printed, (31) leaves both out
     lasting = margin.difference(margin.known(guard, law), 0.0)
-    learning = lasting * (1.0 + float(foreseen.closed(law)))
+    learning = lasting * (1.0 + float(foreseen.closed(law))) + guard.noise_force
     masses = (guard.m_min, guard.m_max)
 
     def exact(far: float) -> bool:
@@ -204,7 +233,7 @@ def speed(settings: Settings, along: tuple[float, float, float], what: str) -> R
 
     def ball(v: float) -> bool:
         drag = known.c_D * (v + known.w_max) ** 2 + (1.0 + adds) * margin.difference(known, v)
-        return bool(drag <= margin.room(known, STILL, STILL))
+        return bool(drag + known.noise <= margin.room(known, STILL, STILL))
 
     return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
 
@@ -234,7 +263,7 @@ def changes(scene: Scenario) -> tuple[Change, ...]:
         return bool(way(scene, changed, scale)[:, 1].min() >= 0.0)
 
     def slower(f_m: float) -> bool:
-        return least(settings._replace(law=law._replace(f_m=max(f_m, 0.05))))
+        return least(derived(settings._replace(law=law._replace(f_m=max(f_m, 0.05)))))
 
     middle = 0.5 * (guard.m_min + guard.m_max)
     known = least(with_guard(settings, m_min=middle, m_max=middle))
@@ -256,6 +285,102 @@ def arrives_s(scene: Scenario) -> float | None:
     if far < arrival.ARRIVED_M or guard.policy == WARN:
         return None
     return float(arrival.at_most_s(guard, law, far, math.hypot(*scene.sent[0].v_c), 0.0))
+
+
+def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
+    """All that the guard counts on, as it stands."""
+    (law, guard), rotors = settings, settings.law.rotors
+    kind = "gaussian" if guard.gaussian > 0.5 else "bounded"
+    told = dict(zip(_NOISES, noise.amounts(guard).tolist(), strict=True))
+    return (
+        Belief("mass", f"{guard.m_min:g} to {guard.m_max:g}", "kg", "guard_mass_kg"),
+        Belief("inertia, roll and pitch; yaw", f"{guard.J_tilt:g}; {guard.J_yaw:g}", "kg m^2",
+               "vehicle.inertia_kg_m2"),
+        Belief("thrust coefficient", f"{rotors.c_T:g}", "N/(rad/s)^2", "rotors.thrust_coefficient"),
+        Belief("drag of any body axis", f"{guard.c_D:g}", "N/(m/s)^2", "guard_drag"),
+        Belief("wind", f"{guard.w_max:g}", "m/s", "guard_wind_m_s"),
+        Belief("its rate", f"{guard.w_dot_max:g}", "m/s^2", "guard_wind_rate_m_s2"),
+        Belief("rotor lag", f"{rotor_lag(law):.3g}", "s", "rotor_lag_s"),
+        Belief("delay to the rotor", f"{guard.delay_s:g}", "s", "guard_delay_s"),
+        *(Belief(f"noise, {kind}, of {what}", f"{told[key]:.3g}", unit, key)
+          for key, (what, unit) in _NOISES.items()),
+        Belief("control rate", f"{mission.flight.rate_hz:g}", "Hz", "flight.rate_hz"),
+    )  # fmt: skip
+
+
+_NOISES = {
+    "guard_noise_position_m": ("position", "m"),
+    "guard_noise_velocity_m_s": ("velocity", "m/s"),
+    "guard_noise_attitude_rad": ("attitude", "rad"),
+    "guard_noise_rate_rad_s": ("body rates", "rad/s"),
+}
+_FIELDS = ("noise_r", "noise_v", "noise_q", "noise_w")
+
+
+def fits(settings: Settings) -> bool:
+    """Whether hover leaves the force and the torque that gust and noise take."""
+    known = margin.known(settings.guard, settings.law)
+    force = margin.condition(known, STILL, STILL, 0.0)
+    return bool(force >= 0.0 and wrench.spare(settings.guard, settings.law) >= 0.0)
+
+
+def noise_of(settings: Settings) -> Noise | None:
+    """What the noise that is believed takes; None if none is."""
+    law, guard = settings
+    if not noise.amounts(guard).any():
+        return None
+    T = (
+        min(
+            (guard.m_min, guard.m_max),
+            key=lambda m: wrench.spare(guard._replace(m_min=m, m_max=m), law),
+        )
+        * law.g
+    )
+    there, taken = float(wrench.tilting(law.rotors, T)), float(wrench.disturbed(guard, T))
+    left = float(wrench.spare(guard, law))
+    held = fits(settings)
+    white = guard.gaussian > 0.5
+    return Noise(
+        there_n_m=there,
+        gust_n_m=there - taken - left,
+        noise_n_m=taken,
+        left_n_m=left,
+        force_n=guard.noise_force,
+        per_hour=noise.probability(law, 3600.0) if white and held else None,
+        lack="" if held else lack(settings),
+    )
+
+
+def lack(settings: Settings) -> str:
+    """Which belief takes most of what hover has for noise, how much of it, or which gain, would do."""
+    law, guard = settings
+
+    def alone(field: str) -> float:
+        others = {name: 0.0 for name in _FIELDS if name != field}
+        only = derived(settings._replace(guard=guard._replace(**others))).guard
+        return float(wrench.disturbed(only, guard.m_min * law.g))
+
+    field = max(_FIELDS, key=alone)
+    key = list(_NOISES)[_FIELDS.index(field)]
+    now = float(getattr(guard, field))
+
+    def smaller(amount: float) -> bool:
+        return fits(derived(with_guard(settings, **{field: amount})))
+
+    row = next(row for row in PARAMETERS if row.key == "gamma")
+
+    def softer(gamma: float) -> bool:
+        changed = derived(row.put(settings, (gamma,)))
+        return fits(changed) and not unstable(changed.law, changed.guard.delay_s)
+
+    would = []
+    if amount := largest(smaller, now):
+        would.append(f"{key} {amount:.2g} in place of {now:.3g}")
+    lower = next((g for g in law.gamma * 0.9 ** np.arange(1, 40) if softer(float(g))), None)
+    if lower is not None:
+        would.append(f"gamma {lower:.0f} in place of {law.gamma:g}")
+    enough = ", or ".join(would) or "neither less of it alone nor a lower gamma"
+    return f"{key} takes most; enough: {enough}"
 
 
 def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
@@ -285,6 +410,18 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
             )
     if (drag := max(plant.c_D)) > guard.c_D:
         found.append(f"its drag, {drag:.3g} N/(m/s)^2, is beyond guard_drag {guard.c_D:.3g}")
+    white, sizes = scene.world.noise, noise.amounts(guard)
+    most_of = (
+        1.0 if guard.gaussian > 0.5 else noise.SIGMAS
+    )  # of a spread, for it to be within a bound
+    for (key, (what, unit)), has, told in zip(_NOISES.items(), white, sizes.tolist(), strict=True):
+        if most_of * has > told * (1.0 + 1e-6):
+            spread = "a spread" if most_of == 1.0 else "six times a spread"
+            found.append(
+                f"its noise of {what}, {spread} of {has:.3g} {unit}, is beyond {key} {told:.3g}"
+            )
+    if (delay_s := scene.world.delay_ticks / scene.rate_hz) > guard.delay_s + 1e-9:
+        found.append(f"its delay, {delay_s:.3g} s, is beyond guard_delay_s {guard.delay_s:.3g}")
     if mission.plant.rotor_loss:
         found.append("it loses a rotor, which no condition knows")
     return tuple(found)
@@ -333,4 +470,6 @@ def envelope(mission: Mission) -> Envelope:
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
         remarks=remarks,
+        beliefs=beliefs(mission, settings),
+        noise=noise_of(settings),
     )

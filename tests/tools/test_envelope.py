@@ -89,6 +89,65 @@ def test_what_cannot_be_looked_at_is_said(arguments, said):
     assert "Traceback" not in done.stderr
 
 
+KNOWN = ("guard_noise_position_m", "guard_noise_attitude_rad", "guard_noise_rate_rad_s")
+
+
+def noisy(velocity, kind="bounded", mission="urban_step"):
+    chosen = (f"law.guard_noise_velocity_m_s={velocity}", f'law.guard_noise="{kind}"')
+    found = load(mission)
+    for setting in chosen:
+        found = override(found, setting)
+    return found
+
+
+def test_beliefs_are_printed_each_with_its_key():
+    done = gcs("gust_step", "--set", "law.guard_delay_s=0.004")
+    for key in (*KNOWN, "guard_noise_velocity_m_s", "guard_mass_kg", "vehicle.inertia_kg_m2",
+                "rotors.thrust_coefficient", "guard_drag", "guard_wind_m_s",
+                "guard_wind_rate_m_s2", "rotor_lag_s", "flight.rate_hz"):  # fmt: skip
+        assert key in done.stdout, key
+    assert re.search(r"delay to the rotor +0\.004 +s +guard_delay_s", done.stdout)
+    assert "Torque of roll and pitch" not in done.stdout  # no noise is believed
+    said = json.loads(gcs("gust_step", "--json").stdout)
+    assert said["noise"] is None
+    assert len(said["beliefs"]) == 13
+
+
+def test_noise_takes_its_part_of_force_and_torque_and_what_there_is_room_for_is_said():
+    clean, some = envelope(noisy(0.0)), envelope(noisy(0.002))
+    assert clean.noise is None
+    assert some.noise.force_n == pytest.approx(some.terms.noise) and some.terms.noise > 1.0
+    assert some.terms.left == pytest.approx(some.margin_n)
+    of = some.noise
+    assert of.left_n_m == pytest.approx(of.there_n_m - of.gust_n_m - of.noise_n_m)
+    assert (of.lack, of.per_hour) == ("", None)
+    white = envelope(noisy(0.002, "gaussian")).noise
+    assert 0.0 < white.per_hour < 0.2
+    said = gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002")
+    assert "There is room for what such a noise does at most" in said.stdout
+
+
+@pytest.mark.parametrize("kind", ["bounded", "gaussian"])
+def test_noise_that_there_is_no_room_for_is_said_with_what_would_do(kind):
+    much = envelope(noisy(0.02, kind)).noise
+    assert much.left_n_m < 0.0
+    assert much.per_hour is None
+    assert much.lack.startswith("guard_noise_velocity_m_s takes most; enough: ")
+    amount = float(re.search(r"guard_noise_velocity_m_s (\S+) in place of 0.02", much.lack)[1])
+    assert envelope(noisy(0.98 * amount, kind)).noise.lack == ""
+    assert envelope(noisy(1.1 * amount, kind)).noise.lack != ""
+    little = envelope(noisy(1.1 * amount, kind)).noise.lack
+    gamma = float(re.search(r"gamma (\S+) in place of", little)[1])
+    assert envelope(override(noisy(1.1 * amount, kind), f"law.gamma={gamma}")).noise.lack == ""
+
+
+def test_noise_and_delay_that_are_not_believed_are_said():
+    plain = gcs("noisy_state", "--set", "plant.delay_s=0.004")
+    for key in (*KNOWN, "guard_noise_velocity_m_s", "guard_delay_s"):
+        assert f"beyond {key} 0" in " ".join(plain.stdout.split()), key
+    assert "six times a spread of 0.02 m/s" in " ".join(plain.stdout.split())
+
+
 def test_what_would_do_does():
     """The largest f_m it names meets the condition, one that is 5 % more does not."""
     found = envelope(load("paper_nominal"))
