@@ -322,7 +322,7 @@ class Parameters:
         for name, p in self._of_law.items():
             if name in values:
                 settings = p.put(settings, values[name])
-        return settings if settings is self._start else self._module.derived(settings)
+        return settings
 
     def _law_alone(self, values: Mapping[str, float]) -> dict[str, float]:
         return {name: value for name, value in values.items() if name in self._of_law}
@@ -362,6 +362,8 @@ class Parameters:
             channel = self._unstable(settings)
             if channel and self._stable:
                 raise Unstable(OUT_OF_RANGE, refused + self._why(channel, changed, values))
+            if settings is not self._start:  # which was worked out as it was handed over
+                settings = self._module.derived(settings)
             self.settings, self._stable, self._able = settings, not channel, not why
         self._changed, self._values = changed, values
 

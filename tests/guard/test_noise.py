@@ -37,16 +37,17 @@ NOISY = dict(
 WIND = Gust(kind=float(OWN), speed=0.0, rate=20.0, every=1.0, along=STILL)
 
 
-def hover(seconds, delay_s=0.0, **law):
-    """A scene: hover in still air at the law's defaults, as believed."""
+def hover(seconds, delay_s=0.0, up=0.0, rate_hz=500, **law):
+    """A scene: hover at the law's defaults, as believed; in still air, or in air that rises (m/s)."""
     return scenario(from_tables("hover", {
         "title": "Drawn.",
         "flight": {
-            "duration_s": seconds, "ground_z_m": -1e4, "arena_m": 1e4,
+            "duration_s": seconds, "rate_hz": rate_hz, "ground_z_m": -1e4, "arena_m": 1e4,
             "setpoints": [[0.0, 0.0, 0.0, 0.0]],
         },
         "law": {"guard": "warn", "J_hat_0": 0.3245, **law},
-        "plant": {"drag": [0.0] * 3, "drag_torque": [0.0] * 3, "delay_s": delay_s},
+        "plant": {"drag": [0.15] * 3 if up else [0.0] * 3, "drag_torque": [0.0] * 3, "delay_s": delay_s},
+        "wind": {"steady_m_s": [0.0, 0.0, up]},
         "expect": {},
     }))  # fmt: skip
 
@@ -83,6 +84,26 @@ def test_white_noise_moves_the_demand_as_foretold(part, delay_s):
     (along, _), (across, torque) = part * predicted(scene.law, True, ticks)
     np.testing.assert_allclose(flown[[2, 0, 1]], [along, across, across], rtol=0.15)
     np.testing.assert_allclose(flown[3:5], torque, rtol=0.15)
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        {"gamma": 5000.0, "f_m": 3.0},
+        {"gamma": 500.0, "f_m": 0.4},
+        {"rate_hz": 250},
+        {"up": 12.0},
+    ],
+    ids=str,
+)
+def test_so_it_does_with_other_gains_and_rates_and_where_the_air_rises(chosen):
+    scene = hover(40.0, **chosen)
+    white = np.random.default_rng(1).normal(size=(scene.ticks, 12)) * np.repeat(AMOUNTS, 3)
+    flown = demanded(scene, white, scene.ticks // 2)
+    thrust = float(flown[:, 2].mean())
+    assert thrust < 60.0 or "up" not in chosen
+    torque = predicted(scene.law, True, T_0=thrust)[1, 1]
+    np.testing.assert_allclose(flown[:, 3:5].std(axis=0), torque, rtol=0.15)
 
 
 def test_noise_that_is_chosen_for_it_moves_the_demand_by_its_bound_and_no_more():
