@@ -27,6 +27,7 @@ Way = Sequence[tuple[Setpoint, float]]
 
 LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
+REFUSE = 2.0  # policy
 UNSETTLED = 1e-3  # m/s^2: a reference model that lags so far behind (34) has not settled
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
@@ -39,7 +40,12 @@ _unpack_setpoint = unpacker(Setpoint)
 @kernel
 def fastest(params, law):
     """Fastest change (m/s^3) of the reference's acceleration, as far as it can be known before."""
-    return select(params.policy == 0.0, math.inf, wrench.jerk(params, law, math.inf))
+    governed = select(
+        params.policy == REFUSE,
+        wrench.jerk_ahead(params, law),
+        wrench.jerk(params, law, math.inf),
+    )
+    return select(params.policy == 0.0, math.inf, governed)
 
 
 @kernel
@@ -67,7 +73,7 @@ def ahead(params_buffer, law_buffer, way, reference):
     law_buffer : float64[size(Params)]; its first, h, is overwritten.
     way : float64[n, 1 + size(Setpoint)], for how long (s; the last: whatever it says), and what.
     reference : float64[9], r_m, v_m and its acceleration where the way begins, m, m/s, m/s^2, E.
-    Under every policy but to warn the acceleration changes no faster than `wrench.jerk`. So slow, (34)
+    Under every policy but to warn the acceleration changes no faster than `fastest`. So slow, (34)
     may swing ever farther: a way that at its end is not flown as it asks has not been seen to an end,
     and misses the condition by the force that is missing there.
     """

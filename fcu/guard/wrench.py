@@ -81,6 +81,15 @@ def spare(params, law):
 
 
 @kernel
+def jerk_ahead(params, law):
+    """The same for a flight to come, in half of the greatest wind, blowing upwards: it carries a quarter
+    of the drag, and that much less thrust is there to turn with. How much was set by flights.
+    """
+    half = 0.5 * params.w_max
+    return jerk(params, law, params.m_min * law.g - params.c_D * half * half)
+
+
+@kernel
 def yaw_acceleration(params, law, T):
     """How fast (rad/s^2) yaw may gather speed at a total thrust T (N): by PART of what is there."""
     rotors = law.rotors

@@ -56,7 +56,7 @@ def test_who_is_warned_flies_whatever_is_asked(settings_of, hover, fixed):
 
 def test_who_refuses_flies_what_is_left_no_faster_than_the_rotors_turn(settings_of, hover, fixed):
     settings, near = settings_of(guard="refuse"), fixed((2.0, 0.0, 0.0), psi=2.0)
-    j = wrench.jerk(settings.guard, settings.law, math.inf)
+    j = wrench.jerk_ahead(settings.guard, settings.law)
     given, a_m, governed = governed_from(settings, at_rest(hover), THERE, near)
     assert a_m == pytest.approx((j * settings.law.h, 0.0, 0.0))
     assert governed == 1.0

@@ -84,3 +84,13 @@ def test_less_thrust_turns_slower(settings_of):
     accelerations = [wrench.yaw_acceleration(told.guard, told.law, T) for T in (5.0, 40.0, 78.0)]
     assert accelerations[0] == 0.0
     assert 0.0 < accelerations[1] < accelerations[2] <= told.law.yaw_acceleration
+
+
+def test_ahead_half_of_the_wind_lifts(settings_of):
+    settings = settings_of()
+    calm = settings.guard._replace(w_max=0.0)
+    j = wrench.jerk_ahead(settings.guard, settings.law)
+    lifted = 7.0 * 9.81 - 0.15 * 6.0**2
+    assert j == wrench.jerk(settings.guard, settings.law, lifted)
+    assert wrench.LEAST < j < 0.75 * wrench.jerk(settings.guard, settings.law, math.inf)
+    assert wrench.jerk_ahead(calm, settings.law) == wrench.jerk(calm, settings.law, 7.0 * 9.81)
