@@ -24,6 +24,8 @@ from fcu.burst import (
     tick,
     what_was_raised,
 )
+from fcu.guard.present import Beginning
+from fcu.guard.types import GuardState
 from fcu.interface.link import exclusive_socket
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports
@@ -33,6 +35,7 @@ from fcu.kernel.buffers import columns, fields, size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference, SharedTick
+from fcu.laws.mmrac.types import State
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import LONGEST, PlantCodec, WireError
 from fcu.parameters import Parameters
@@ -128,6 +131,8 @@ class Autopilot:
         if "a_m" in fields(fields(remembers)["guard"]):
             at = slice_of(remembers, "guard.a_m")
             self.vehicle.reference_acceleration = self.flight.remembered[at]
+        if self._law.tells("state", State) and self._law.tells("guard_state", GuardState):
+            self.vehicle.beginning = self._beginning
         self.period_us = round(h * 1e6)
         self._course = self.flight.course
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
@@ -144,6 +149,12 @@ class Autopilot:
         said: int = tick(self.flight, self.law_at, self._datagram, 0, row, time_us)
         return said != LAW_RAISED
 
+    def _beginning(self) -> Row:
+        """Where a look ahead begins: a Beginning, after the last tick."""
+        row, flown = np.zeros(size(Beginning)), self.flight
+        self._law.ticks.beginning(flown.settings, flown.remembered, flown.measured, row)
+        return row
+
     def raise_for_law(self, row: Row) -> NoReturn:
         """Raise LawRaised: the law has raised an error at the last tick, whose row this is."""
         assert self._compiled is not None
@@ -156,6 +167,8 @@ class Autopilot:
         measured[column_of(VehicleState, "q_EB.w")] = 1.0
         before = [array.copy() for array in (self._course, flown.remembered, measured)]
         with self._law.compiling():
+            if self.vehicle.beginning is not None:
+                self.vehicle.beginning()
             self._compiled = self._law.ticks.compiled()
             self.law_at = self._compiled.address
             for engaged in (IDLE, TAKE_OVER, FLYING):

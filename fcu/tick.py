@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import NamedTuple
 
-from fcu.guard import guard
+from fcu.guard import guard, present
 from fcu.guard.types import GuardInternals, GuardState
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors
@@ -100,6 +100,7 @@ _unpack_setpoint = unpacker(Setpoint)
 _unpack_measured = unpacker(VehicleState)
 _pack_tick = packer(Tick)
 _pack_remembered = packer(Remembered)
+_pack_beginning = packer(present.Beginning)
 
 
 @kernel
@@ -118,6 +119,16 @@ def tick(t, engaged, remembered, settings, setpoint, age, measured, row):
         flown = engaged_tick(t, engaged, before, unpack_settings(settings), asked, seen)
     _pack_tick(row, flown)
     _pack_remembered(remembered, Remembered(law=flown.state, guard=flown.guard_state))
+
+
+@kernel
+def beginning(settings, remembered, measured, row):
+    """Write `row`, a Beginning, where a look ahead begins after a tick; all float64 buffers.
+
+    settings : Settings.  remembered : Remembered after it.  measured : VehicleState that it saw.
+    """
+    past, law = unpack_remembered(remembered), unpack_settings(settings).law
+    _pack_beginning(row, present.beginning(law, past.law, past.guard, _unpack_measured(measured)))
 
 
 _REMEMBERED, _SETTINGS, _SETPOINT, _MEASURED, _TICK = (

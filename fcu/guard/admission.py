@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import foreseen, margin, wrench
+from fcu.guard import foreseen, margin, present, wrench
 from fcu.guard.governor import BRAKING, shortened, speeds
+from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm, select
@@ -31,10 +32,12 @@ REFUSE = 2.0  # policy
 UNSETTLED = 1e-3  # m/s^2: a reference model that lags so far behind (34) has not settled
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
+BEGINNING = size(Beginning)
 
 _unpack_params = unpacker(GuardParams)
 _unpack_law = unpacker(Params)
 _unpack_setpoint = unpacker(Setpoint)
+_unpack_beginning = unpacker(Beginning)
 
 
 @kernel
@@ -66,26 +69,30 @@ def pace_at(params_buffer, law_buffer):
 
 
 @kernel
-def ahead(params_buffer, law_buffer, way, reference):
+def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
     """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one.
 
     params_buffer : float64[size(GuardParams)].
     law_buffer : float64[size(Params)]; its first, h, is overwritten.
     way : float64[n, 1 + size(Setpoint)], for how long (s; the last: whatever it says), and what.
-    reference : float64[9], r_m, v_m and its acceleration where the way begins, m, m/s, m/s^2, E.
+    beginning : float64[size(Beginning)], with which what is demanded now may admit what the beliefs
+    alone do not: at each point of the way the larger of two margins holds.
+    believed : 0 to have what is demanded now count alone, which tells what it is worth.
     Under every policy but to warn the acceleration changes no faster than `fastest`. So slow, (34)
     may swing ever farther: a way that at its end is not flown as it asks has not been seen to an end,
     and misses the condition by the force that is missing there.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     settled = foreseen.steps(law) * law.h
-    known, more, adds = margin.known(params, law), foreseen.hurry(law), foreseen.closed(law)
-    r = Vec3(reference[0], reference[1], reference[2])
-    v = Vec3(reference[3], reference[4], reference[5])
-    worst, zero = math.inf, Vec3(0.0, 0.0, 0.0)
-    a = Vec3(reference[6], reference[7], reference[8])
-    w, before, off = a, a, zero
+    known, adds = margin.known(params, law), foreseen.closed(law)
+    # what a jump would take of the torque is no part of a way that keeps to the jerk
+    more = select(params.policy == 0.0, foreseen.hurry(law), 1.0)
+    worst, zero, begins = math.inf, Vec3(0.0, 0.0, 0.0), _unpack_beginning(beginning)
+    r_m, v_m, a_m = begins.r_m, begins.v_m, begins.a_m
+    r, v, w, a, before, off = r_m, v_m, a_m, a_m, a_m, zero
     most = fastest(params, law)
+    seen = begins.present
+    told, since = seen.told > 0.5, present.begun(law, seen, r_m, a_m)
     for i in range(len(way)):
         setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
         last = i == len(way) - 1
@@ -94,19 +101,35 @@ def ahead(params_buffer, law_buffer, way, reference):
         law_buffer[0] = looked / n
         law = _unpack_law(law_buffer)
         for k in range(n):
-            asked = a_ref(law, carried(setpoint, k * law.h), r, v)
-            a_d = before + shortened(asked - before, most * law.h)
+            now = carried(setpoint, k * law.h)
+            asked = a_ref(law, now, r_m, v_m)
+            a_m = a_m + shortened(asked - a_m, most * law.h)
+            a_d = a_m + present.closing(law, r - r_m, v - v_m)
             off = foreseen.misjudged(law, off, a_d - before)
-            worst = min(worst, foreseen.holds(known, more * a_d, more * off, v, adds))
+            holds = foreseen.holds(known, more * a_d, more * off, v, adds)
+            holds = select(believed > 0.5, holds, -math.inf)
+            if told:
+                since = present.gone_on(law, since, a_d)
+                if holds < worst:
+                    holds = max(
+                        holds,
+                        present.condition(
+                            params, law, known, seen, since, v, now.psi_c, more, adds
+                        ),
+                    )
+            worst = min(worst, holds)
             r, v, w, a = foreseen.advanced(law, a_d, r, v, w, a)
+            v_m = v_m + law.h * a_m
+            r_m = r_m + law.h * v_m
             before = a_d
-            unsettled = norm(asked - a_d)
+            unsettled = norm(asked - a_m)
         if last and unsettled > UNSETTLED:
             worst = min(worst, -params.m_max * unsettled)
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
-            r, v = end.r_c, end.v_c
-            w = a = before = setpoint.a_c
+            r_m, v_m, a_m = end.r_c, end.v_c, setpoint.a_c
+            r, v, w, a, before = r_m, v_m, a_m, a_m, a_m
+            told = False  # of what there was then, nothing is left
             worst = min(worst, foreseen.holds(known, more * a, zero, v, adds))
     return worst
 
@@ -158,13 +181,15 @@ class Look:
     def short(self, way: Way, reference: Buffer) -> float:
         """By how much (N) a way misses the condition; 0 if it meets it.
 
-        reference : float64[9], r_m, v_m and a_m where it begins.
+        reference : float64[9], r_m, v_m and a_m where it begins; or float64[BEGINNING].
         """
+        beginning = np.zeros(BEGINNING)  # what is not told is zero, and says so
+        beginning[: len(reference)] = reference
         rows = np.empty((len(way), _WIDTH))
         for row, (setpoint, for_s) in zip(rows, way, strict=True):
             row[0], row[1:] = for_s, to_buffer(setpoint)
         self._law[0] = self._h
-        return max(0.0, -float(ahead(self._params, self._law, rows, reference)))
+        return max(0.0, -float(ahead(self._params, self._law, rows, beginning)))
 
 
 class Lack(NamedTuple):

@@ -10,7 +10,7 @@ simulation time in whole microseconds, unless they are called wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,6 +78,9 @@ class StateMachine:
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
         self.reference_model: Row | None = None  # float64[6]: its r_m and v_m, after the last tick
         self.reference_acceleration: Row | None = None  # float64[3]: its a_m, of a law with a guard
+        self.beginning: Callable[[], Row] | None = (
+            None  # of a law whose demand is known: see `reference`
+        )
         self.leader = Leader()
         self.script = Script(sim_only)
         self.feasibility = FeasibilityCheck(params)
@@ -121,7 +124,14 @@ class StateMachine:
 
     @property
     def reference(self) -> Row:
-        """float64[9]: r_m, v_m and a_m of the reference model; without one where the vehicle is."""
+        """float64[9]: r_m, v_m and a_m of the reference model; without one where the vehicle is.
+
+        In the air under the law's position control a Beginning. On the ground, which carries some of
+        the weight, what is demanded says nothing of what will be.
+        """
+        flown, grounded = self.setpoint, self._landed.landed
+        if flown is not None and flown.level == 0.0 and not grounded and self.beginning is not None:
+            return self.beginning()
         a_m = np.zeros(3) if self.reference_acceleration is None else self.reference_acceleration
         if self.reference_model is not None:
             return np.concatenate([self.reference_model, a_m])

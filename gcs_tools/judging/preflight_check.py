@@ -1,7 +1,8 @@
 """Whether a vehicle whose guard refuses would fly a mission's setpoints, known before it flies.
 
 Looked at as the vehicle looks at each when it arrives: from where the reference model (34) is
-then, which under that policy is the mission's alone to say.
+then, which under that policy is the mission's alone to say. What the vehicle will demand by then is the
+air's to say, so it counts for nothing here: in the air more may be admitted.
 """
 
 from __future__ import annotations

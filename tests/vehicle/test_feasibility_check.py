@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -41,6 +42,7 @@ def flown_out(guard, law, way, reference):
     The vehicle follows with the lag of attitude and rates; a jump is flown with a wrong mass.
     """
     r, v = (np.array(reference[i : i + 3]) for i in (0, 3))
+    r_m, v_m, a_m = r, v, np.array(reference[6:])
     attitude, rates, fades = (
         math.exp(-law.h * x) for x in (law.c_angle.y, law.c_rate.y, 0.5 * law.lambda_v)
     )
@@ -48,7 +50,8 @@ def flown_out(guard, law, way, reference):
     w = a = before = np.array(reference[6:])
     off, most = np.zeros(3), law.h * admission.fastest(guard, law)
 
-    more, adds = foreseen.hurry(law), foreseen.closed(law)
+    more = 1.0 if guard.policy else foreseen.hurry(law)
+    adds = foreseen.closed(law)
 
     def condition(a_d):
         tracking = adds * margin.difference(known, float(np.linalg.norm(v)))
@@ -58,13 +61,15 @@ def flown_out(guard, law, way, reference):
         n = round((16.0 if math.isinf(for_s) else for_s) / law.h)
         for k in range(n):
             now = carried(setpoint, k * law.h)
-            change = np.array(a_ref(law, now, Vec3(*r.tolist()), Vec3(*v.tolist()))) - before
-            a_d = before + change * min(1.0, most / max(np.linalg.norm(change), 1e-30))
+            change = np.array(a_ref(law, now, Vec3(*r_m.tolist()), Vec3(*v_m.tolist()))) - a_m
+            a_m = a_m + change * min(1.0, most / max(np.linalg.norm(change), 1e-30))
+            a_d = a_m - 2.0 * law.f_m * law.zeta_m * (v - v_m) - law.f_m**2 * (r - r_m)
             off = fades * off + margin.FORGOTTEN * (a_d - before)
             worst = min(worst, condition(a_d + off), condition(a_d - off))
             w = a_d + attitude * (w - a_d)
             a = w + rates * (a - w)
             r, v, before = r + law.h * v, v + law.h * a, a_d
+            r_m, v_m = r_m + law.h * v_m, v_m + law.h * a_m
     return worst
 
 
@@ -94,7 +99,7 @@ def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, refer
 
 @pytest.mark.parametrize("a_m", [ZERO, Vec3(0.0, 0.0, -1.5), Vec3(3.0, 0.0, 2.0)])
 def test_who_refuses_looks_from_the_acceleration_there_is_and_at_no_jumps(a_m):
-    law, guard = settings(*AIRFRAME, 100.0, {**PAPER, "guard": "refuse"})
+    law, guard = settings(*AIRFRAME, 100.0, {"guard": "refuse", "f_m": 1.0})
     for far in (0.5, 1.0, 2.0):
         way = [(at(Vec3(0.0, 0.0, far)), 3.0), (at(), math.inf)]  # and back: at its worst moment
         begins = np.array([0.0] * 6 + [*a_m])
@@ -118,6 +123,17 @@ def test_what_would_swing_ever_farther_is_refused():
         admitted, lost = admitted + fits, lost + (not settles)
     assert admitted > 3
     assert lost > 10
+
+
+@pytest.mark.parametrize("far", [0.3, 0.5])
+def test_what_settles_is_seen_to_settle(far):
+    """The reference is held to the jerk, not the vehicle, whose attitude lags behind it."""
+    law, guard = settings(*AIRFRAME, 500.0, {"guard": "refuse", "f_m": 2.8})
+    there, reference = at(Vec3(far, 0.0, 0.0)), AT_REST.copy()
+    short = admission.Look(guard, law).short([(there, math.inf)], reference)
+    admission.follow(to_buffer(guard), to_buffer(law), to_buffer(there), 5000, reference)
+    assert abs(reference[0] - far) < 0.001
+    assert short < 20.0
 
 
 @pytest.mark.parametrize("f_m", [0.5, 1.0, 1.4, 3.0])
@@ -303,3 +319,17 @@ def test_the_reference_is_the_law_s_once_there_is_one(vehicle):
     flying.reference_model = np.arange(6.0)
     flying.reference_acceleration = np.array([6.0, 7.0, 8.0])
     assert flying.reference.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+
+
+def test_in_the_air_what_is_demanded_now_is_known_too(vehicle):
+    flying, whole = vehicle("refuse"), np.arange(27.0)
+    flying.beginning = lambda: whole
+    assert flying.reference is whole
+    in_the_air = flying._landed
+    flying._landed = SimpleNamespace(landed=True)  # the ground carries some of the weight
+    assert flying.reference.tolist() == [0.0] * 9
+    flying._landed = in_the_air
+    offboard(flying, at()._replace(level=1.0, T_c=80.0))
+    flying.fly_script(40_000)
+    assert flying.setpoint.level == 1.0
+    assert flying.reference.tolist() == [0.0] * 9

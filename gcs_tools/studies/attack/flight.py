@@ -15,6 +15,7 @@ import numpy as np
 from fcu import burst
 from fcu.guard import admission, margin
 from fcu.guard.parameters import REFUSE
+from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
@@ -24,7 +25,7 @@ from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.loader import LawError
 from fcu.laws.mmrac.types import Params
 from fcu.mavlink.plant_link import LONGEST
-from fcu.tick import Remembered, Tick
+from fcu.tick import Tick, beginning
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.joined import ENDED, RAISED, TICKS, together
 from gcs_tools.flight.scenario import Scenario
@@ -37,9 +38,8 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 _AIR = slice_of(PlantParams, "wind.steady").start
 _DEMAND = slice_of(Tick, "internals.demand.T_0").start
-_REFERENCE = slice_of(Remembered, "law.reference").start
-_ACCELERATION = slice_of(Remembered, "guard.a_m").start
 _POSITION = slice_of(VehicleState, "r_E").start
+_TOLD = column_of(Beginning, "present.told")
 _SINCE = column_of(burst.Course, "since_us")
 _SETPOINT = size(Setpoint)
 
@@ -54,11 +54,13 @@ class Script(NamedTuple):
     sent: Any  # float64[m, size(Setpoint)]
     admitted: Any  # float64[m], written: 1 if the setpoint was flown
     refuses: float  # 1 if the guard may refuse one
+    told: float  # 1 if its look ahead is told what is demanded now
     guard: Rows  # GuardParams
     law: Rows  # Params
     look_law: Rows  # the same, of which a look ahead overwrites h
     way: Rows  # float64[1, 1 + size(Setpoint)], scratch
-    reference: Rows  # float64[9], scratch
+    settings: Rows  # Settings
+    beginning: Rows  # float64[BEGINNING], scratch
 
 
 class Flown(NamedTuple):
@@ -70,18 +72,17 @@ class Flown(NamedTuple):
 
 
 @kernel
-def fits(script, i, remembered):
-    """Whether setpoint i meets the condition from where the reference model is."""
+def fits(script, i, flight):
+    """Whether setpoint i meets the condition from where vehicle and reference model are."""
     h = script.law[0]
     script.look_law[0] = h
     script.way[0, 0] = math.inf
     for j in range(_SETPOINT):
         script.way[0, 1 + j] = script.sent[i, j]
-    for j in range(6):
-        script.reference[j] = remembered[_REFERENCE + j]
-    for j in range(3):
-        script.reference[6 + j] = remembered[_ACCELERATION + j]
-    return admission.ahead(script.guard, script.look_law, script.way, script.reference) >= 0.0
+    beginning(script.settings, flight.remembered, flight.measured, script.beginning)
+    if script.told < 0.5:
+        script.beginning[_TOLD] = 0.0
+    return admission.ahead(script.guard, script.look_law, script.way, script.beginning) >= 0.0
 
 
 @kernel
@@ -97,7 +98,7 @@ def attacked(flight, law, plant, datagram, plant_rows, fcu_rows, script, gust):
     i, setpoints = 0, len(script.sent_at)
     for k in range(len(fcu_rows)):
         while i < setpoints and script.sent_at[i] <= k:
-            flown = script.refuses == 0.0 or i == 0 or fits(script, i, flight.remembered)
+            flown = script.refuses == 0.0 or i == 0 or fits(script, i, flight)
             script.admitted[i] = 1.0 if flown else 0.0
             if flown:
                 for j in range(_SETPOINT):
@@ -122,8 +123,12 @@ def attacked(flight, law, plant, datagram, plant_rows, fcu_rows, script, gust):
     return len(fcu_rows), TICKS, 0
 
 
-def fly(scene: Scenario, gust: Gust, noise: Rows) -> Flown:
-    """Fly a scene in a wind.  noise : float64[scene.ticks, 12], of each report.  Raises LawError."""
+def fly(scene: Scenario, gust: Gust, noise: Rows, refuses: bool = True, told: bool = True) -> Flown:
+    """Fly a scene in a wind.  noise : float64[scene.ticks, 12], of each report.  Raises LawError.
+
+    refuses : whether a guard with that policy does.  told : whether its look ahead is told what is
+    demanded now.
+    """
     alone, law = law_alone.flight(scene)
     simulator = Simulator(scene.world, law_alone.SYSTEM)
     plant = simulator.plant._replace(noise=noise)
@@ -134,12 +139,14 @@ def fly(scene: Scenario, gust: Gust, noise: Rows) -> Flown:
         sent_at=scene.sent_at,
         sent=scene.setpoints,
         admitted=np.zeros(len(scene.sent_at)),
-        refuses=float(scene.guard.policy == REFUSE),
+        refuses=float(refuses and scene.guard.policy == REFUSE),
+        told=float(told),
         guard=to_buffer(scene.guard),
         law=to_buffer(scene.law),
         look_law=to_buffer(scene.law),
         way=np.zeros((1, 1 + _SETPOINT)),
-        reference=np.zeros(9),
+        settings=to_buffer(scene.settings),
+        beginning=np.zeros(admission.BEGINNING),
     )
     ticks, why, left = attacked(
         alone, law.address, plant, np.zeros(LONGEST, dtype=np.uint8), plant_rows, fcu_rows, script,

@@ -163,10 +163,10 @@ def took(attack: Attack, flown: Flown) -> float:
     return float((outside[-1] + 1) / scene.rate_hz / stated) if len(outside) else 0.0
 
 
-def verdict(attack: Attack, flown: Flown) -> Verdict:
-    """What came of a flight."""
+def verdict(attack: Attack, flown: Flown, from_s: float | None = None) -> Verdict:
+    """What came of a flight.  from_s : judged from then on (s); None: after the transient."""
     scene, rows = attack.scene, flown.fcu
-    begun = round(transient_s(scene) * scene.rate_hz)
+    begun = round((transient_s(scene) if from_s is None else from_s) * scene.rate_hz)
     met = limits(scene, rows[begun:])
     whole = len(rows) == scene.ticks
     last = away(rows[-round(LAST_S * scene.rate_hz) :])
