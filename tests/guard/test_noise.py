@@ -149,6 +149,29 @@ def test_what_is_not_believed_takes_nothing(settings_of):
     assert wrench.disturbed(told.guard, 40.0) == 0.0
 
 
+def test_without_noise_every_bit_is_as_without_the_belief(settings_of):
+    """Room, jerk and yaw, against what they are made of."""
+    told, random = settings_of(), np.random.default_rng(1)
+    guard, law = told.guard, told.law
+    known = margin.known(guard, law)
+    assert (known.T_top, known.noise) == (law.limits.T_max, 0.0)
+    for _ in range(200):
+        a, f_v = (Vec3(*(size * random.normal(size=3)).tolist()) for size in (8.0, 10.0))
+        up = Vec3(a.x, a.y, a.z + law.g)
+        apart = [margin.distance(known, m * up + f_v) for m in (guard.m_min, guard.m_max)]
+        assert margin.room(known, a, f_v) == min(apart)
+    for T in (30.0, 60.0, 90.0):
+        gust, rates = wrench.FOLLOWS * guard.c_D * guard.w_max * guard.w_dot_max, []
+        for m in (guard.m_min, guard.m_max):
+            there = min(m * law.g, T)
+            rate = wrench.tilting(law.rotors, there) / (guard.J_tilt * wrench.turning(law))
+            rates.append((there * rate - gust) / m)
+        assert wrench.jerk(guard, law, T) == max(min(guard.jerk, *rates), wrench.LEAST)
+        torque = law.rotors.k_Q * max(T - 8.0 * law.rotors.f_min, 0.0)
+        yaw = min(law.yaw_acceleration, wrench.PART * torque / guard.J_yaw)
+        assert wrench.yaw_acceleration(guard, law, T) == yaw
+
+
 @pytest.mark.parametrize("words", ["bounded", "gaussian"])
 def test_each_noise_takes_force_and_torque_and_twice_of_it_twice(settings_of, words):
     def of(times, **chosen):
