@@ -103,14 +103,16 @@ def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
         for k in range(n):
             now = carried(setpoint, k * law.h)
             asked = a_ref(law, now, r_m, v_m)
-            a_m = a_m + shortened(asked - a_m, most * law.h)
+            change = shortened(asked - a_m, most * law.h)
+            a_m = a_m + change
             a_d = a_m + present.closing(law, r - r_m, v - v_m)
             off = foreseen.misjudged(law, off, a_d - before)
             holds = foreseen.holds(known, more * a_d, more * off, v, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
                 since = present.gone_on(law, since, a_d)
-                if holds < worst:
+                free = most == math.inf  # of any jerk
+                if (free or present.turns(params, law, seen, since, change)) and holds < worst:
                     holds = max(
                         holds,
                         present.condition(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from fcu.guard import margin
+from fcu.guard import margin, wrench
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
@@ -20,6 +20,7 @@ from fcu.laws.mmrac import position
 # How fast drag turns with the body axes that it acts along, over its greatest: the supremum of
 # |d f/d phi| / (c u^2) of quadratic drag along three axes, coefficients from 0 to c.
 TURNS = 2.0 / math.sqrt(3.0)
+LEVEL = 0.1  # m/s^2: what descends slower is taken as level
 
 
 class Present(NamedTuple):
@@ -190,6 +191,23 @@ def common(p_kg, p, R, q_kg, q, S, light, heavy):
         part * p + (1.0 - part) * q,
         math.sqrt(maximum(inner2, 0.0)),
     )
+
+
+@kernel
+def turns(params, law, present, since, change):
+    """Whether the rotors turn the demand as fast as the way does, by what is demanded now.
+
+    change : of the reference's acceleration in this step, m/s^2, E.  With the thrust that a descent leaves of the least that
+    `wrench.jerk_ahead` counts on, or of that of now, if that is less.
+    """
+    a, g = since.a_d, law.g
+    down = minimum(a.z + LEVEL, 0.0)
+    light = params.m_min * (g + down) - wrench.lifted(params)
+    now = present.T_0.z + params.m_min * minimum(a.z - present.a_d.z + LEVEL, 0.0)
+    n = Vec3(a.x, a.y, a.z + g)
+    across = change - (dot(change, n) / maximum(dot(n, n), 1e-9)) * n
+    T = maximum(minimum(light, now), 0.0)
+    return norm(across) <= 1.001 * law.h * wrench.jerk(params, law, T)
 
 
 @kernel

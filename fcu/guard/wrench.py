@@ -81,12 +81,16 @@ def spare(params, law):
 
 
 @kernel
-def jerk_ahead(params, law):
-    """The same for a flight to come, in half of the greatest wind, blowing upwards: it carries a quarter
-    of the drag, and that much less thrust is there to turn with. How much was set by flights.
-    """
+def lifted(params):
+    """Thrust (N) that half of the greatest wind takes off, blowing upwards. How much was set by flights."""
     half = 0.5 * params.w_max
-    return jerk(params, law, params.m_min * law.g - params.c_D * half * half)
+    return params.c_D * half * half
+
+
+@kernel
+def jerk_ahead(params, law):
+    """`jerk` for a flight to come: in a wind from below, less thrust is there to turn with."""
+    return jerk(params, law, params.m_min * law.g - lifted(params))
 
 
 @kernel

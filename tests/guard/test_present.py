@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fcu.guard import admission, foreseen, margin, present
+from fcu.guard import admission, foreseen, margin, present, wrench
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
@@ -162,3 +162,21 @@ def test_what_has_not_flown_is_not_known(settings_of):
     nothing = np.zeros(admission.BEGINNING)
     unknown = beginning(hover(*settings[::-1], told=0.0))
     assert looked(settings, nothing, (2.0, 0.0, 0.0)) == looked(settings, unknown, (2.0, 0.0, 0.0))
+
+
+def test_a_descent_and_an_updraft_leave_less_to_turn_with(settings_of):
+    settings = settings_of(guard="refuse", c_angle=7.0, c_rate=14.0)
+    guard, law = settings.guard, settings.law
+    most = law.h * wrench.jerk_ahead(guard, law)
+
+    def turns(now, a_z, change):
+        since = present.begun(law, now, STILL, STILL)
+        since = present.gone_on(law, since, Vec3(0.0, 0.0, a_z))
+        return present.turns(guard, law, now, since, change)
+
+    calm, aside = hover(guard, law), Vec3(most, 0.0, 0.0)
+    assert turns(calm, 0.0, aside)
+    assert turns(calm, 1.0, aside)
+    assert not turns(calm, -1.0, aside)
+    assert turns(calm, -1.0, Vec3(0.0, 0.0, most))  # along the thrust nothing turns
+    assert not turns(hover(guard, law, T_0=Vec3(0.0, 0.0, 48.0)), 0.0, aside)
