@@ -11,7 +11,7 @@ import math
 
 from fcu.guard import margin, wrench
 from fcu.guard.governor import BRAKING, speeds
-from fcu.kernel.algebra import maximum, minimum
+from fcu.kernel.algebra import maximum, minimum, select
 from fcu.kernel.compile import kernel
 
 ARRIVED_M = 0.3  # from the setpoint
@@ -26,15 +26,31 @@ def slowest(law):
 
 
 @kernel
-def at_most_s(params, law, far, speed, acceleration):
-    """Time (s) after which the vehicle is, and stays, within ARRIVED_M of a setpoint that stands.
+def off_at_most(params, law):
+    """The tracking error (m) that the control difference which lasts leaves, at most.
+
+    It moves the vehicle by e'' + 2 zeta f e' + f^2 e = z: the L1 norm of that response, times z.
+    """
+    zeta = minimum(law.zeta_m, 0.99)  # above it the norm is 1/f^2
+    half = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta * zeta))
+    norm = (1.0 + half) / (1.0 - half) / (law.f_m * law.f_m)
+    return norm * margin.known(params, law).z_0 / params.m_min
+
+
+@kernel
+def at_most_s(params, law, far, speed, acceleration, moves):
+    """Time (s) after which the vehicle is, and stays, within ARRIVED_M of a setpoint.
 
     From a reference model that is `far` (m) from it, with `speed` (m/s) and `acceleration` (m/s^2) in
     the direction that suits worst: the acceleration is taken back, the speed is braked, and the way from
-    there is flown from rest to rest; then (34) fades. Of a setpoint that moves, speed is relative to it.
+    there is flown from rest to rest; then (34) fades.
+    moves : the setpoint's own speed, m/s. Of one that moves, `speed` is relative to it; of the speed that
+    is governed it leaves that much less to catch up with.
+    inf where a wind as believed may keep the vehicle farther off its reference than ARRIVED_M.
     """
     known = margin.known(params, law)
-    top, brake = speeds(known)
+    fastest, brake = speeds(known)
+    top, near = fastest - moves, ARRIVED_M - off_at_most(params, law)
     a = brake / BRAKING
     lifted = (
         params.m_min * law.g - params.c_D * params.w_max * params.w_max
@@ -48,9 +64,9 @@ def at_most_s(params, law, far, speed, acceleration):
     t_1 = (v_0 / a + a / j) * minimum(v_0 / NOTHING, 1.0)
     way = far + drift + v_0 * t_1
     # from rest to rest: acceleration, braking, and the time in which each begins and ends
-    v = maximum(minimum(top, math.sqrt(a * way)), NOTHING)
+    v = maximum(minimum(maximum(top, NOTHING), math.sqrt(a * way)), NOTHING)
     t_2 = way / v + v / a + 2.0 * a / j
     # near the setpoint: from where `approach` is linear, with a time constant to spare
     knee = a * (2.0 * law.zeta_m / law.f_m) * (2.0 * law.zeta_m / law.f_m)
-    t_3 = math.log(10.0 * maximum(knee / ARRIVED_M, 1.0)) / slowest(law)
-    return t_0 + t_1 + t_2 + t_3
+    t_3 = math.log(10.0 * maximum(knee / maximum(near, NOTHING), 1.0)) / slowest(law)
+    return select((top > 0.0) & (near > 0.0), t_0 + t_1 + t_2 + t_3, math.inf)

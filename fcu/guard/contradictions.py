@@ -9,14 +9,14 @@ says which ones each can mean.
 from __future__ import annotations
 
 from fcu.guard.types import Contradicted, Signs
-from fcu.kernel.algebra import hypot, maximum, minimum, norm, select
+from fcu.kernel.algebra import hypot, maximum, norm, select
 from fcu.kernel.compile import kernel
 
 LASTS_S = 5.0  # time constant: a wind that comes and goes within seconds is none of these
 PART = 0.05  # of the least weight: an unexplained force that is worth telling
 PINNED = 0.5  # part of the time that the trim is at its limit
 LIFTS = 0.5  # of the least weight: with less thrust nothing is in the air
-EDGE = 1e-6  # of its end: so near to it an estimate is at the end of its set
+SEEN = 0.5  # of gravity: falling faster says little about the mass
 
 
 @kernel
@@ -32,24 +32,33 @@ def none(params, law):
 
 
 @kernel
-def unexplained(bounds, m_hat, f_z):
-    """The force f_z (N, up) that m_hat would take, and its set does not let it; else 0."""
-    lighter = m_hat <= bounds.m_min * (1.0 + EDGE)
-    heavier = m_hat >= bounds.m_max * (1.0 - EDGE)
-    return select(lighter, maximum(f_z, 0.0), 0.0) + select(heavier, minimum(f_z, 0.0), 0.0)
+def unexplained(params, law, m_hat, s_z, T_z, v):
+    """The force (N, up) that no believed mass explains: what is carried, against what is believed.
+
+    T_z : achieved force upwards, N.  s_z : of s_v_hat, m/s^2.  v : velocity, m/s, E.  T_z/m_hat + s_z is
+    how fast it would climb without weight, however m_hat and s_v_hat share it, and says what mass that
+    thrust carries. The drag of the vehicle's own speed is taken off.
+    """
+    climbs = T_z / m_hat + s_z
+    weight = law.g * T_z / maximum(climbs, SEEN * law.g)
+    own = params.c_D * norm(v) * abs(v.z)
+    lighter = maximum(params.m_min * law.g - weight - own, 0.0)
+    heavier = maximum(weight - params.m_max * law.g - own, 0.0)
+    return select(climbs > SEEN * law.g, lighter - heavier, 0.0)
 
 
 @kernel
 def now(params, law, law_state, outputs, internals, measured):
     """The Signs of one tick, not smoothed. law_state : State, after the tick."""
-    estimates = law_state.estimates
+    estimates, v = law_state.estimates, measured.v_E
     f = estimates.m_hat * estimates.s_v_hat  # drag (N, E), if mass and thrust are as believed
-    air = norm(measured.v_E) + params.w_max
+    air = norm(v) + params.w_max
+    T_z = internals.achieved.T_a.z
     return Signs(
-        mass=unexplained(law.bounds, estimates.m_hat, f.z),
+        mass=unexplained(params, law, estimates.m_hat, estimates.s_v_hat.z, T_z, v),
         drag=maximum(hypot(f.x, f.y) - params.c_D * air * air, -enough(params, law)),
         thrust=outputs.T_c - outputs.T_achieved,
-        trim=internals.flags.trim,
+        trim=select(law.trim_max > 0.0, internals.flags.trim, 0.0),
     )
 
 
@@ -57,10 +66,12 @@ def now(params, law, law_state, outputs, internals, measured):
 def smoothed(params, law, signs, law_state, outputs, internals, measured):
     """The Signs after a tick in flight. With too little thrust to be in the air they fade.
 
+    Of the printed law there are none: its estimates mean something else (departure 12).
+
     params : GuardParams, law : Params, signs : Signs before it, law_state : State, after it,
     outputs : Outputs, internals : Internals, measured : VehicleState.
     """
-    flies = outputs.T_achieved >= LIFTS * params.m_min * law.g
+    flies = (outputs.T_achieved >= LIFTS * params.m_min * law.g) & (law.achieved > 0.5)
     seen = now(params, law, law_state, outputs, internals, measured)
     quiet = none(params, law)
     part = law.h / (LASTS_S + law.h)

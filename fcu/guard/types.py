@@ -34,7 +34,7 @@ class GuardParams(NamedTuple):
 class Signs(NamedTuple):
     """What speaks against the beliefs, smoothed: `contradictions`."""
 
-    mass: float  # N, up: a lasting force that m_hat cannot take, at an end of its set
+    mass: float  # N, up: a lasting force that no believed mass explains
     drag: float  # N, horizontal drag that is estimated, beyond the most that is believed
     thrust: float  # N, commanded minus achieved
     trim: float  # part of the time that the trim of thrust is at its limit

@@ -17,8 +17,9 @@ from contextlib import contextmanager
 def interrupts_wait() -> Iterator[Callable[[], None]]:
     """Signals interrupt only where what is yielded is called, and at the end of the block.
 
-    Each is raised once, as KeyboardInterrupt. In another than the main thread, which hears none,
-    nothing is changed.
+    Each is raised once, as KeyboardInterrupt. What the block raises itself goes before one that
+    nobody has looked at. In another than the main thread, which hears none, and of a signal that nobody
+    handles, nothing is changed.
     """
     heard: list[int] = []
 

@@ -31,6 +31,7 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 LOOK_S = 0.005  # step of the look ahead
 MOST, CLOSE = 1e3, 1e-3  # of a search: the largest value, and its relative accuracy
+TOLD_APART = 1.3  # greatest over least mass believed, for which the condition's constants are
 STILL = Vec3(0.0, 0.0, 0.0)
 WAYS = {"up": (0.0, 0.0, 1.0), "to the side": (1.0, 0.0, 0.0), "down": (0.0, 0.0, -1.0)}
 
@@ -279,12 +280,17 @@ def changes(scene: Scenario) -> tuple[Change, ...]:
 
 
 def arrives_s(scene: Scenario) -> float | None:
-    """From rest within 0.3 m of the first setpoint after at most so long (s), while the beliefs hold."""
+    """From rest within 0.3 m of the first setpoint after at most so long (s), while the beliefs hold.
+
+    None: there is no way to go, nobody governs it, or a wind as believed may keep it farther off.
+    """
     law, guard = scene.settings
     far = math.dist(scene.world.start.r_E, scene.sent[0].r_c)
     if far < arrival.ARRIVED_M or guard.policy == WARN:
         return None
-    return float(arrival.at_most_s(guard, law, far, math.hypot(*scene.sent[0].v_c), 0.0))
+    speed = math.hypot(*scene.sent[0].v_c)
+    found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed))
+    return found if math.isfinite(found) else None
 
 
 def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
@@ -422,6 +428,17 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
             )
     if (delay_s := scene.world.delay_ticks / scene.rate_hz) > guard.delay_s + 1e-9:
         found.append(f"its delay, {delay_s:.3g} s, is beyond guard_delay_s {guard.delay_s:.3g}")
+    if guard.m_max > TOLD_APART * guard.m_min:
+        found.append(
+            f"guard_mass_kg [{guard.m_min:.3g}, {guard.m_max:.3g}] is wider than the 30 % for which"
+            " the condition is derived"
+        )
+    bounds = scene.law.bounds
+    if bounds.m_min > guard.m_min or bounds.m_max < guard.m_max:
+        found.append(
+            f"the mass estimate is kept in [{bounds.m_min:.3g}, {bounds.m_max:.3g}] kg, which does not"
+            " hold all of guard_mass_kg (set bounds.m_min and bounds.m_max too)"
+        )
     if mission.plant.rotor_loss:
         found.append("it loses a rotor, which no condition knows")
     return tuple(found)

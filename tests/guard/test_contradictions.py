@@ -39,6 +39,26 @@ def test_inside_the_beliefs_nothing_is_told(mass, wind):
     assert since("urban_step", *settings) == {}
 
 
+@pytest.mark.parametrize("mass", [7.0, 9.0])
+def test_the_drag_of_its_own_climb_is_no_mass(mass):
+    """Over 100 m, where next to no wind is believed: 16 N of drag for a second or more."""
+    way = "flight.setpoints=[{at_s=0.0,position_m=[0,0,100]},{at_s=25.0,position_m=[0,0,0]}]"
+    calm = "flight.duration_s=50", "law.guard_wind_m_s=2", "law.guard_wind_rate_m_s2=2"
+    assert since("urban_step", STILL, *calm, way, f"plant.mass_kg={mass}") == {}
+
+
+@pytest.mark.parametrize("mass", [6.0, 10.0])
+@pytest.mark.parametrize("sets", [(), ("law.bounds.m_min=1", "law.bounds.m_max=20")])
+def test_noise_and_the_set_of_the_estimate_hide_no_mass(mass, sets):
+    found = since("noisy_state", STILL, f"plant.mass_kg={mass}", *sets)
+    assert found.keys() == {"lighter" if mass < 7.0 else "heavier"}
+
+
+@pytest.mark.parametrize("mission", ["paper_printed", "urban_step"])
+def test_the_printed_law_and_no_trim_tell_nothing(mission):
+    assert since(mission, *(["law.trim_max=0"] if mission == "urban_step" else [])) == {}
+
+
 @pytest.mark.parametrize("mission", ["paper_nominal", "figure_eight", "noisy_state", "take_off"])
 def test_nor_in_missions_that_keep_to_them(mission):
     assert since(mission) == {}
@@ -77,8 +97,7 @@ def test_a_mass_dropped_out_of_the_belief_is_told_to_stations_and_recorded(tmp_p
 
 
 def test_inside_a_belief_that_holds_both_masses_it_is_not():
-    believed = "law.guard_mass_kg=[5.5,9]", "law.bounds.m_min=5.5"
-    assert since("package_drop", *believed) == {}
+    assert since("package_drop", "law.guard_mass_kg=[5.5,9]", "law.bounds.m_min=5.5") == {}
 
 
 def test_each_sign_has_its_bound(settings_of):

@@ -157,9 +157,12 @@ def took(attack: Attack, flown: Flown) -> float:
     off = column(Tick, rows, "setpoint.r_c")[k] - column(Tick, rows, "outputs.reference.r_m")[k]
     behind = column(Tick, rows, "setpoint.v_c")[k] - column(Tick, rows, "outputs.reference.v_m")[k]
     a_m = column(Tick, rows, "guard_state.a_m")[before]
-    sizes = (float(np.linalg.norm(each)) for each in (off, behind, a_m))
+    moves = column(Tick, rows, "setpoint.v_c")[k]
+    sizes = (float(np.linalg.norm(each)) for each in (off, behind, a_m, moves))
     stated = float(arrival.at_most_s(scene.guard, scene.law, *sizes))
     outside = np.flatnonzero(away(rows[k:]) >= arrival.ARRIVED_M)
+    if len(outside) and outside[-1] + 1 == len(rows) - k:
+        return np.inf if np.isfinite(stated) else 0.0
     return float((outside[-1] + 1) / scene.rate_hz / stated) if len(outside) else 0.0
 
 
