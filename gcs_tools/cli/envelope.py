@@ -116,11 +116,13 @@ def _show(found: Envelope, console: Console) -> None:
             "  <- uses up most" if name == found.terms.largest and found.terms.hover > 0.0 else ""
         )
         spent.add_row(f"  {words}{eats}", _tenths(-getattr(found.terms, name)))
-    spent.add_row("left", f"{found.terms.left:.1f}", style=f"bold {colour}")
+    spent.add_row(
+        "left", f"{math.floor(10.0 * found.terms.left) / 10.0:.1f}", style=f"bold {colour}"
+    )
     console.print(spent)
     console.print()
 
-    believed = Table("Believed, at most", "", "", "", box=None, pad_edge=False, header_style="dim")
+    believed = Table("Believed", "", "", "", box=None, pad_edge=False, header_style="dim")
     believed.columns[1].justify = "right"
     for belief in found.beliefs:
         believed.add_row(belief.what, belief.value, belief.unit, Text(belief.key, style="dim"))
@@ -143,7 +145,7 @@ def _show(found: Envelope, console: Console) -> None:
     console.print()
     console.print(Text(f"During the first transient of adaptation nothing is certain: {after} {found.transient_s:.2f} s after take-over.", style="dim"))  # fmt: skip
     if found.arrives_s is not None:
-        console.print(Text(f"Arrives within {math.ceil(found.arrives_s)} s: within 0.3 m of the first setpoint, from rest, whatever wind is believed.", style="dim"))  # fmt: skip
+        console.print(Text(f"While what is believed holds: from rest within 0.3 m of the first setpoint after {math.ceil(found.arrives_s)} s at most.", style="dim"))  # fmt: skip
 
 
 def _show_noise(noise: Noise, console: Console) -> None:

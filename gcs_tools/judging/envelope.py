@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import arrival, foreseen, margin, noise, wrench
-from fcu.guard.parameters import GOVERN, WARN
+from fcu.guard.parameters import GOVERN
 from fcu.guard.stability import rotor_lag, unstable
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
@@ -286,7 +286,8 @@ def arrives_s(scene: Scenario) -> float | None:
     """
     law, guard = scene.settings
     far = math.dist(scene.world.start.r_E, scene.sent[0].r_c)
-    if far < arrival.ARRIVED_M or guard.policy == WARN:
+    keeps = margin.condition(margin.known(guard, law), STILL, STILL, 0.0) > 0.0
+    if far < arrival.ARRIVED_M or guard.policy != GOVERN or not keeps:
         return None
     speed = math.hypot(*scene.sent[0].v_c)
     found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed))
@@ -296,11 +297,11 @@ def arrives_s(scene: Scenario) -> float | None:
 def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
     """All that the guard counts on, as it stands."""
     (law, guard), rotors = settings, settings.law.rotors
-    kind = "gaussian" if guard.gaussian > 0.5 else "bounded"
+    kind = "Gaussian, sigma" if guard.gaussian > 0.5 else "a bound"
     told = dict(zip(_NOISES, noise.amounts(guard).tolist(), strict=True))
     return (
         Belief("mass", f"{guard.m_min:g} to {guard.m_max:g}", "kg", "guard_mass_kg"),
-        Belief("inertia, roll and pitch; yaw", f"{guard.J_tilt:g}; {guard.J_yaw:g}", "kg m^2",
+        Belief("inertia, level; yaw", f"{guard.J_tilt:g}; {guard.J_yaw:g}", "kg m^2",
                "vehicle.inertia_kg_m2"),
         Belief("thrust coefficient", f"{rotors.c_T:g}", "N/(rad/s)^2", "rotors.thrust_coefficient"),
         Belief("drag of any body axis", f"{guard.c_D:g}", "N/(m/s)^2", "guard_drag"),
@@ -308,7 +309,8 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
         Belief("its rate", f"{guard.w_dot_max:g}", "m/s^2", "guard_wind_rate_m_s2"),
         Belief("rotor lag", f"{rotor_lag(law):.3g}", "s", "rotor_lag_s"),
         Belief("delay to the rotor", f"{guard.delay_s:g}", "s", "guard_delay_s"),
-        *(Belief(f"noise, {kind}, of {what}", f"{told[key]:.3g}", unit, key)
+        Belief("noise, its amounts are", kind, "", "guard_noise"),
+        *(Belief(f"noise of {what}", f"{told[key]:.3g}", unit, key)
           for key, (what, unit) in _NOISES.items()),
         Belief("control rate", f"{mission.flight.rate_hz:g}", "Hz", "flight.rate_hz"),
     )  # fmt: skip
@@ -463,6 +465,15 @@ def envelope(mission: Mission) -> Envelope:
         remarks += (
             "it flies the printed law, which winds up when it saturates: the condition is that of"
             " the law with what was achieved",
+        )
+    if channel := unstable(law, guard.delay_s):
+        late = f" with guard_delay_s {guard.delay_s:g}" if guard.delay_s > 0.0 else ""
+        remarks += (f"{channel} is unstable with these gains{late}: a vehicle would refuse them",)
+    spare = float(wrench.spare(guard, law))
+    if spare < 0.0 and not noise.amounts(guard).any():
+        remarks += (
+            f"the gusts that are believed (guard_wind_m_s, guard_wind_rate_m_s2) take {-spare:.1f} N m"
+            " more than roll and pitch have in hover",
         )
     at_rest = margin.condition(margin.known(guard, law), STILL, STILL, 0.0)
     return Envelope(

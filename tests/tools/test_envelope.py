@@ -110,7 +110,7 @@ def test_beliefs_are_printed_each_with_its_key():
     assert "Torque of roll and pitch" not in done.stdout  # no noise is believed
     said = json.loads(gcs("gust_step", "--json").stdout)
     assert said["noise"] is None
-    assert len(said["beliefs"]) == 13
+    assert len(said["beliefs"]) == 14
 
 
 def test_noise_takes_its_part_of_force_and_torque_and_what_there_is_room_for_is_said():
