@@ -8,8 +8,10 @@ says which ones each can mean.
 
 from __future__ import annotations
 
+import math
+
 from fcu.guard.types import Contradicted, Signs
-from fcu.kernel.algebra import hypot, maximum, norm, select
+from fcu.kernel.algebra import maximum, norm, select
 from fcu.kernel.compile import kernel
 
 LASTS_S = 5.0  # time constant: a wind that comes and goes within seconds is none of these
@@ -56,7 +58,9 @@ def now(params, law, law_state, outputs, internals, measured):
     T_z = internals.achieved.T_a.z
     return Signs(
         mass=unexplained(params, law, estimates.m_hat, estimates.s_v_hat.z, T_z, v),
-        drag=maximum(hypot(f.x, f.y) - params.c_D * air * air, -enough(params, law)),
+        drag=maximum(
+            math.sqrt(f.x * f.x + f.y * f.y) - params.c_D * air * air, -enough(params, law)
+        ),
         thrust=outputs.T_c - outputs.T_achieved,
         trim=select(law.trim_max > 0.0, internals.flags.trim, 0.0),
     )

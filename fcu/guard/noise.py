@@ -3,7 +3,7 @@
 The loop about hover (`stability`) answers a sample of noise with the demand h_k, k ticks later. So a
 noise that is bounded by b in each sample moves the demand by b sum |h_k| at most, however it is
 chosen; a white one of standard deviation s by one of s sqrt(sum h_k^2), of which SIGMAS are kept.
-Worked out when parameters change (in about 10 ms; in none without noise), for the worst of what is believed: every mass and every m_hat
+Worked out when parameters change (none of it without noise), for the worst of what is believed: every mass and every m_hat
 between m_min and m_max, J_hat as great as J is believed to be, and what is measured late by the
 believed delay. README, "What noise takes".
 """
@@ -26,7 +26,9 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 SIGMAS = 6.0  # of white noise, that are kept
 LEFT = 1e-4  # of the slowest mode, where a response is taken to have ended
 ENDLESS = 1e6  # N, N m, N^2 m: of a loop that does not settle
-LONGEST = 22  # doublings of a tick
+LONGEST = (
+    12  # doublings of a tick that are computed; what is slower goes on as its slowest mode does
+)
 
 
 class Taken(NamedTuple):
@@ -54,8 +56,15 @@ def amounts(params: GuardParams) -> Array:
     return np.array([params.noise_r, params.noise_v, params.noise_q, params.noise_w])
 
 
-def response(loop: Loop) -> Array | None:
-    """float64[ticks, 2, 4]: demand after one sample of each noise; None if it does not settle."""
+class Response(NamedTuple):
+    """What one sample of noise makes of the demand."""
+
+    h: Array  # float64[ticks, 2, 4]: the demand after one sample of each noise
+    lasts: float  # of the slowest mode, what is left of it over the second half of those ticks
+
+
+def response(loop: Loop) -> Response | None:
+    """What the loop makes of a sample of noise; None if it does not settle."""
     radius = float(np.abs(np.linalg.eigvals(loop.A)).max())
     if radius >= 1.0:
         return None
@@ -63,12 +72,22 @@ def response(loop: Loop) -> Array | None:
     ticks = math.log(LEFT) / math.log(max(radius, 1e-3))
     for _ in range(min(math.ceil(math.log2(max(ticks, 2.0))), LONGEST)):
         rows, power = np.vstack([rows, rows @ power]), power @ power
-    return np.concatenate([loop.D[None], (rows @ loop.B).reshape(-1, *loop.D.shape)])
+    h = np.concatenate([loop.D[None], (rows @ loop.B).reshape(-1, *loop.D.shape)])
+    return Response(h, radius ** (len(h) // 2))
 
 
-def sums(h: Array, gaussian: bool) -> Array:
-    """float64[2, 4]: what the demand moves by for each noise of 1: a sum, or a root of one of squares."""
-    return np.asarray(np.sqrt((h * h).sum(axis=0)) if gaussian else np.abs(h).sum(axis=0))
+def sums(found: Response, gaussian: bool) -> Array:
+    """float64[2, 4]: what the demand moves by for each noise of 1: a sum, or a root of one of squares.
+
+    What comes after the ticks of the response is counted as its second half over and over, each time as
+    much smaller as the slowest mode is by then.
+    """
+    h, lasts = found
+    size = h * h if gaussian else np.abs(h)
+    each = lasts * lasts if gaussian else lasts
+    late = size[len(h) // 2 :].sum(axis=0) * (each / (1.0 - each))
+    total = size.sum(axis=0) + late
+    return np.asarray(np.sqrt(total) if gaussian else total)
 
 
 def together(parts: Array, gaussian: bool) -> Array:
@@ -98,10 +117,10 @@ def _of(params: GuardParams, law: Params, m: float, m_hat: float, T_0: float) ->
     ]
     found = []
     for loop in loops:
-        h = response(loop)
-        if h is None:
+        answer = response(loop)
+        if answer is None or answer.lasts >= 1.0:
             return None
-        found.append(sums(h, gaussian) * given)
+        found.append(sums(answer, gaussian) * given)
     height, *tilts = found
     across = [float(together(tilt[0], gaussian)) for tilt in tilts]
     along = float(together(height[0], gaussian))

@@ -333,9 +333,9 @@ def fits(settings: Settings) -> bool:
 
 
 def noise_of(settings: Settings) -> Noise | None:
-    """What the noise that is believed takes; None if none is."""
+    """What the noise that is believed takes; None if none is, or of the printed law, not worked out."""
     law, guard = settings
-    if not noise.amounts(guard).any():
+    if not noise.amounts(guard).any() or law.achieved < 0.5:
         return None
     T = (
         min(

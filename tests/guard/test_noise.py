@@ -110,7 +110,7 @@ def test_noise_that_is_chosen_for_it_moves_the_demand_by_its_bound_and_no_more()
     """The bound is met by the signs of the response: nothing below it is certain."""
     scene, part = hover(20.0), 0.05
     law = scene.law
-    h = response(stability.tilt(law, fade(law), 1.0, 1))[:, 1]  # torque about pitch
+    h = response(stability.tilt(law, fade(law), 1.0, 1)).h[:, 1]  # torque about pitch
     worst, n = np.zeros((scene.ticks, 12)), min(len(h), scene.ticks // 2)
     at = {0: 0, 1: 3, 2: 7, 3: 10}  # a noise of the channel -> its column of a report
     for i, j in at.items():
@@ -226,3 +226,17 @@ def test_probability_is_the_union_over_ticks_rotors_and_force():
 
     for sigmas in (2.0, 4.0, SIGMAS):
         assert noise.beyond(8, sigmas) == pytest.approx(of(sigmas), rel=1e-6)
+
+
+def test_a_loop_that_hardly_settles_takes_no_longer_to_work_out(settings_of, monkeypatch):
+    """What is not computed of its response goes on as its slowest mode: rather too much than too little."""
+    params = settings_of(trim_rate=0.05).law
+    loop = stability.height(params, fade(params), 1.0)
+    cut = response(loop)
+    assert len(cut.h) == 2**noise.LONGEST + 1
+    monkeypatch.setattr(noise, "LONGEST", 18)
+    whole = response(loop)
+    assert len(whole.h) > 4 * len(cut.h)
+    for gaussian in (False, True):
+        few, all_of_it = sums(cut, gaussian), sums(whole, gaussian)
+        assert (few >= 0.99 * all_of_it).all() and (few <= 1.15 * all_of_it).all()
