@@ -3,9 +3,9 @@
 The loop about hover (`stability`) answers a sample of noise with the demand h_k, k ticks later. So a
 noise that is bounded by b in each sample moves the demand by b sum |h_k| at most, however it is
 chosen; a white one of standard deviation s by one of s sqrt(sum h_k^2), of which SIGMAS are kept.
-Worked out when parameters change (none of it without noise), for the worst of what is believed: every mass and every m_hat
-between m_min and m_max, J_hat as great as J is believed to be, and what is measured late by the
-believed delay. README, "What noise takes".
+Worked out when parameters change, and only if noise is believed, for the worst of what is believed
+beside it: every mass and every m_hat between m_min and m_max, J_hat as great as J is believed to be,
+and measurements late by the believed delay. README, "What noise takes".
 """
 
 from __future__ import annotations
