@@ -291,6 +291,7 @@ def test_the_command_answers_by_its_exit_code(tmp_path):
         ("--policy", "never"),
         ("--flight", "1", "--search", "500"),
         ("--out", "x.csv"),
+        ("--out", "nowhere/x.csv", "--flight", 17),
         ("--flight", "nowhere.json"),
         ("--set", "law.f_n=2"),
         ("--set", UNSTABLE),

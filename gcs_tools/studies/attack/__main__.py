@@ -180,6 +180,8 @@ def main(
         raise click.UsageError("--flight and --search: expected one of them")
     if out is not None and flight is None and look is None:
         raise click.UsageError("--out: expected with --flight or --search")
+    if out is not None and not out.parent.is_dir():
+        raise click.UsageError(f"--out {out}: there is no folder {out.parent}")
     policies = policies or POLICIES
     try:
         how = How(
