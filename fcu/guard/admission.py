@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import foreseen, margin, present, wrench
-from fcu.guard.governor import BRAKING, shortened, speeds
+from fcu.guard.governor import BRAKING, SLOWEST, shortened, speeds
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3, norm, select
+from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import a_ref, advance, carried
@@ -59,12 +59,14 @@ def pace_at(params_buffer, law_buffer):
     brake with is a plan's, whose acceleration is fed forward.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
-    top, brake = speeds(margin.known(params, law))
+    known = margin.known(params, law)
+    top, brake = speeds(known)
+    down = maximum(margin.sinking(known), SLOWEST)
     jerk = fastest(params, law)
     return (
         jerk,
         select(params.policy == 0.0, math.inf, brake / BRAKING),
-        select(params.policy == 1.0, top, math.inf),
+        select(params.policy == 1.0, minimum(top, down), math.inf),
     )
 
 

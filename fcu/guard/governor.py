@@ -48,6 +48,12 @@ def speeds(known):
 
 
 @kernel
+def sunk(known, v):
+    """A velocity (m/s, E) that leads down no faster than a tilt steers there."""
+    return Vec3(v.x, v.y, maximum(v.z, -maximum(margin.sinking(known), SLOWEST)))
+
+
+@kernel
 def wanted(law, known, setpoint, r_m, v_m, j):
     """Acceleration (m/s^2, E) that takes the reference to the setpoint within speed and jerk.
 
@@ -59,7 +65,7 @@ def wanted(law, known, setpoint, r_m, v_m, j):
     far = norm(to_go)
     c = f_m / (2.0 * zeta_m)
     v_to = (approach(c, brake, far) / (far + 1e-30)) * to_go
-    v_wanted = shortened(setpoint.v_c + v_to, top)
+    v_wanted = sunk(known, shortened(setpoint.v_c + v_to, top))
     short_by = v_wanted - v_m
     short = norm(short_by)
     change = approach(2.0 * f_m * zeta_m, 0.5 * j, short)

@@ -45,6 +45,7 @@ class Known(NamedTuple):
     z_0: float  # N, control difference that lasts, at rest
     z_1: float  # N/(m/s), and what a speed adds to it
     noise: float  # N, what noise of the measurement takes, in hover
+    lift: float  # N, greatest drag from below under which a tilt steers
 
 
 @kernel
@@ -74,6 +75,7 @@ def known(params, law):
         z_0=per_rate * per_speed * params.w_max,
         z_1=per_rate * per_speed,
         noise=noise,
+        lift=params.lift,
     )  # (30)
 
 
@@ -137,13 +139,30 @@ def room(known, a, f_v):
 
 
 @kernel
+def steering(known, v):
+    """By how much (N) drag from below may still grow at velocity v (m/s, E) for a tilt to steer."""
+    rising = known.w_max - minimum(v.z, 0.0)
+    return known.lift - known.c_D * (rising * rising)
+
+
+@kernel
+def sinking(known):
+    """The greatest speed (m/s) downwards at which a tilt steers in the strongest wind from below.
+
+    Below zero where it does not in hover.
+    """
+    return math.sqrt(known.lift / known.c_D) - known.w_max
+
+
+@kernel
 def condition(known, a, v, beta):
     """By how much (N) the demand of acceleration a at velocity v stays inside, whatever comes.
 
     The exact set along the reference: what the guard uses. Above zero the demand saturates
     nothing while the beliefs hold.
     """
-    return room(known, a, dragging(known, v)) - allowance(known, v, beta)
+    left = room(known, a, dragging(known, v)) - allowance(known, v, beta)
+    return minimum(left, steering(known, v))
 
 
 @kernel

@@ -246,7 +246,8 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
     S += turning - radius
 
     c_kg, c, both = common(p_kg, p, R, q_kg, q, S, known.m_min, known.m_max)
-    return maximum(
+    inside = maximum(
         maximum(least(known, since, more, p_kg, p, R), least(known, since, more, q_kg, q, S)),
         least(known, since, more, c_kg, c, both),
     )
+    return minimum(inside, margin.steering(known, v_t))

@@ -33,6 +33,7 @@ LEARNT = 1.0  # gamma_LambdaJ under which an inertia is as good as not learnt
 FIRST = 2.0  # factor by which the first estimate of mass may be off
 ROTATION = ("roll", "pitch", "yaw")
 OFF = (1.0, 1.0 / math.sqrt(2.0), math.sqrt(2.0))  # estimates over truth: right, and 3 dB off
+CARRIED, HALVINGS = 0.95, 8  # part of the weight that drag carries at most; of a search for less
 # What is left of the inverted lag when its command is cut. Set by flights: with 2, combinations pass
 # that fail even in small steps; with 1, combinations that settle after large ones do not.
 KAPPA_CUT = 1.5
@@ -64,10 +65,15 @@ class Hover(NamedTuple):
     m: float = MASS  # kg
     J: tuple[float, ...] = INERTIA  # kg m^2, three body axes
     T_0: float = math.nan  # N, its thrust; nan: its weight. Less of it where the air rises
+    turns: bool = False  # whether the drag that carries the rest of its weight turns with the body
 
     def thrust(self, g: float) -> float:
         """Its total thrust, N."""
         return self.m * g if math.isnan(self.T_0) else self.T_0
+
+    def pull(self, g: float) -> float:
+        """Acceleration to the side over the tilt, m/s^2."""
+        return g if self.turns else self.thrust(g) / self.m
 
 
 MIDDLE = Hover()
@@ -155,8 +161,8 @@ def tilt(params: Params, lag: Fade, off: float, axis: int, here: Hover = MIDDLE,
     x_seen, v_seen, a_seen, q_seen = (reported[i] + noise[i] for i in range(4))
     tau_seen = reported[4]
     T_0 = here.thrust(params.g)
-    m_hat, pull = off * here.m, T_0 / here.m
-    lift = pull / off  # T_0 / m_hat
+    m_hat, pull = off * here.m, here.pull(params.g)
+    lift = T_0 / m_hat
 
     e_v = v_seen - v_hat - h * (s_v + lift * 0.5 * (a_seen + a_prev))
     e_v = e_v / (1.0 + h * params.lambda_v + h * h * params.gamma)
@@ -301,6 +307,41 @@ def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     return margin and radius(cut, channel, ticks=ticks) < 1.0
 
 
+def lift(params: Params, m: float, delay_s: float = 0.0) -> float:
+    """The greatest drag from below (N) under which tilts of a mass m (kg) are stable, with the gain margin.
+
+    Drag along body axes turns with the body: a tilt pulls by g, thrust and drag together, where the law
+    counts on thrust over m_hat, so the loop gain grows by m g/T. Not of the printed prediction, which has
+    no rule: all of the weight. Takes 1 to 2 ms without a delay.
+    """
+    weight, ticks = m * params.g, late(params, delay_s)
+    if params.achieved < 0.5:
+        return weight
+
+    def steers(drag: float) -> bool:
+        here = Hover(m=m, T_0=weight - drag, turns=True)
+        lag = fade(params)
+        return all(
+            float(np.abs(np.linalg.eigvals(tilt(params, lag, OFF[2], axis, here, ticks).A)).max())
+            < 1.0
+            for axis in ((1,) if _alike(params) else (0, 1))
+        )
+
+    low, high = 0.0, CARRIED * weight
+    if steers(high):
+        return high
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if steers(middle) else (low, middle)
+    return low
+
+
+def _alike(params: Params) -> bool:
+    """Whether roll is pitch: both have the same gains."""
+    c, a = params.c_rate, params.c_angle
+    return bool(c.x == c.y and a.x == a.y and INERTIA[0] == INERTIA[1])
+
+
 def grounded(params: Params) -> str:
     """What keeps the vehicle of Section VIII from hovering, whatever its gains; empty if nothing.
 
@@ -329,10 +370,7 @@ def unstable(params: Params, delay_s: float = 0.0) -> str:
     """
     if params.achieved < 0.5:
         return ""
-    # roll is pitch where both have the same gains
-    c, a = params.c_rate, params.c_angle
-    alike = c.x == c.y and a.x == a.y and INERTIA[0] == INERTIA[1]
     for channel in CHANNELS:
-        if not (alike and channel == "roll") and not stable(params, channel, delay_s):
+        if not (_alike(params) and channel == "roll") and not stable(params, channel, delay_s):
             return channel
     return ""

@@ -29,6 +29,7 @@ class GuardParams(NamedTuple):
     noise_top: float  # N, of it at full thrust
     noise_torque: float  # N m, of the torque about a level axis
     noise_turning: float  # N m N, and over the thrust
+    lift: float  # N, greatest drag from below under which a tilt steers (`stability.lift`)
 
 
 class Signs(NamedTuple):

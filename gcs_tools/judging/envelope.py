@@ -290,7 +290,8 @@ def arrives_s(scene: Scenario) -> float | None:
     if far < arrival.ARRIVED_M or guard.policy != GOVERN or not keeps:
         return None
     speed = math.hypot(*scene.sent[0].v_c)
-    found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed))
+    down = scene.world.start.r_E.z - scene.sent[0].r_c.z
+    found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed, down))
     return found if math.isfinite(found) else None
 
 

@@ -251,6 +251,11 @@ def step(n: Numbers, law: Any, random: Random) -> Script:
     return Script([0.0], [scaled(n.far, 0.2, 40.0) * direction(n.height, n.azimuth)], [])
 
 
+def descent(n: Numbers, law: Any, random: Random) -> Script:
+    """20 to 100 m straight down."""
+    return Script([0.0], [np.array([0.0, 0.0, -scaled(n.far, 20.0, 100.0)])], [])
+
+
 def reversal(n: Numbers, law: Any, random: Random) -> Script:
     """A step of 0.1 to 20 m, reversed one to eight times at a part of 1/f_m."""
     to = scaled(n.far, 0.1, 20.0) * direction(n.height, n.azimuth)
@@ -282,6 +287,7 @@ def points(n: Numbers, law: Any, random: Random) -> Script:
 
 SCRIPTS: dict[str, Callable[[Numbers, Any, Random], Script]] = {
     "step": step,
+    "descent": descent,
     "reversal": reversal,
     "stream": lambda n, law, random: circle(n, random, moving=False),
     "moving": lambda n, law, random: circle(n, random, moving=True),
@@ -317,7 +323,8 @@ def sent(n: Numbers, kind: str, law: Any) -> tuple[list[float], list[Setpoint]]:
 def settles_s(guard: Any, law: Any, far: float) -> float:
     """How long (s) it may take to get `far` (m), at the speed that is governed, and to settle there."""
     slowest = law.f_m * (law.zeta_m - math.sqrt(max(law.zeta_m**2 - 1.0, 0.0)))
-    top, _ = governor.speeds(margin.known(guard, law))
+    known = margin.known(guard, law)
+    top = min(governor.speeds(known)[0], max(margin.sinking(known), governor.SLOWEST))
     return float(math.log(max(far / NEAREST_M, 10.0)) / slowest + far / top)
 
 
@@ -387,15 +394,23 @@ def noise_of(scene: Scenario, noise: str) -> Array:
 
 
 def attack(n: Numbers, how: How) -> Attack | None:
-    """The flight that the numbers make; None if its gains are not stable (`unstable`)."""
+    """The flight that the numbers make; None if its gains are not stable: by the rule (`unstable`), or
+    where the strongest wind blows from below (`margin.sinking`).
+    """
+    kind, drawn_as = one_of(n.setpoints, SETPOINTS), n
+    if kind == "descent":  # what it is there for: a wind from below, in half of the flights
+        n = n._replace(
+            height=1.0, wind=0.5 * n.wind, wind_share=n.wind_share**0.25,
+            wind_height=between(n.wind_height, 0.7, 1.0),
+        )  # fmt: skip
     given = tables(n, how)
     scene = scenario(from_tables("drawn", given))
-    law = scene.law
-    if unstable(law, scene.guard.delay_s):
+    law, known = scene.law, margin.known(scene.guard, scene.law)
+    if unstable(law, scene.guard.delay_s) or margin.sinking(known) < 0.0:
         return None
-    kind = one_of(n.setpoints, SETPOINTS)
     times, setpoints = sent(n, kind, law)
-    far = 2.0 * max(math.dist(s.r_c, (0.0, 0.0, 0.0)) for s in setpoints)
+    farthest = max(math.dist(s.r_c, (0.0, 0.0, 0.0)) for s in setpoints)
+    far = farthest if kind == "descent" else 2.0 * farthest
     ticks = np.round(np.array(times) * scene.rate_hz).astype(np.int64)
     duration_s = times[-1] + settles_s(scene.guard, law, far) + MORE_S
     scene = replace(
@@ -405,7 +420,7 @@ def attack(n: Numbers, how: How) -> Attack | None:
         sent=tuple(setpoints),
     )
     return Attack(
-        numbers=n,
+        numbers=drawn_as,
         tables=given,
         scene=scene,
         gust=gust_of(n),
