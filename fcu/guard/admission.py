@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import foreseen, margin, present, wrench
+from fcu.guard import foreseen, margin, present
 from fcu.guard.governor import BRAKING, SLOWEST, shortened, speeds
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
@@ -28,7 +28,6 @@ Way = Sequence[tuple[Setpoint, float]]
 
 LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
-REFUSE = 2.0  # policy
 UNSETTLED = 1e-3  # m/s^2: a reference model that lags so far behind (34) has not settled
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
@@ -38,17 +37,6 @@ _unpack_params = unpacker(GuardParams)
 _unpack_law = unpacker(Params)
 _unpack_setpoint = unpacker(Setpoint)
 _unpack_beginning = unpacker(Beginning)
-
-
-@kernel
-def fastest(params, law):
-    """Fastest change (m/s^3) of the reference's acceleration, as far as it can be known before."""
-    governed = select(
-        params.policy == REFUSE,
-        wrench.jerk_ahead(params, law),
-        wrench.jerk(params, law, math.inf),
-    )
-    return select(params.policy == 0.0, math.inf, governed)
 
 
 @kernel
@@ -62,7 +50,7 @@ def pace_at(params_buffer, law_buffer):
     known = margin.known(params, law)
     top, brake = speeds(known)
     down = maximum(margin.sinking(known), SLOWEST)
-    jerk = fastest(params, law)
+    jerk = foreseen.fastest(params, law, -brake / BRAKING)
     return (
         jerk,
         select(params.policy == 0.0, math.inf, brake / BRAKING),
@@ -80,7 +68,7 @@ def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
     beginning : float64[size(Beginning)], with which what is demanded now may admit what the beliefs
     alone do not: at each point of the way the larger of two margins holds.
     believed : 0 to have what is demanded now count alone, which tells what it is worth.
-    Under every policy but to warn the acceleration changes no faster than `fastest`. So slow, (34)
+    Under every policy but to warn the acceleration changes no faster than `foreseen.fastest`. So slow, (34)
     may swing ever farther: a way that at its end is not flown as it asks has not been seen to an end,
     and misses the condition by the force that is missing there.
     """
@@ -90,11 +78,8 @@ def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
     # what a jump would take of the torque is no part of a way that keeps to the jerk
     more = select(params.policy == 0.0, foreseen.hurry(law), 1.0)
     worst, zero, begins = math.inf, Vec3(0.0, 0.0, 0.0), _unpack_beginning(beginning)
-    r_m, v_m, a_m = begins.r_m, begins.v_m, begins.a_m
-    r, v, w, a, before, off = r_m, v_m, a_m, a_m, a_m, zero
-    most = fastest(params, law)
-    seen = begins.present
-    told, since = seen.told > 0.5, present.begun(law, seen, r_m, a_m)
+    course, seen = foreseen.begun(begins.r_m, begins.v_m, begins.a_m), begins.present
+    told, since = seen.told > 0.5, present.begun(law, seen, begins.r_m, begins.a_m)
     for i in range(len(way)):
         setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
         last = i == len(way) - 1
@@ -104,37 +89,28 @@ def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
         law = _unpack_law(law_buffer)
         for k in range(n):
             now = carried(setpoint, k * law.h)
-            asked = a_ref(law, now, r_m, v_m)
-            change = shortened(asked - a_m, most * law.h)
-            a_m = a_m + change
-            a_d = a_m + present.closing(law, r - r_m, v - v_m)
-            off = foreseen.misjudged(law, off, a_d - before)
-            holds = foreseen.holds(known, more * a_d, more * off, v, adds)
+            most = foreseen.fastest(params, law, course.a_m.z)
+            point, course = foreseen.onward(law, course, now, most)
+            holds = foreseen.holds(known, more * point.a_d, more * point.off, point.v, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
-                since = present.gone_on(law, since, a_d)
-                free = most == math.inf  # of any jerk
-                if (free or present.turns(params, law, seen, since, change)) and holds < worst:
+                since = present.gone_on(law, since, point.a_d)
+                turns = present.turns(params, law, seen, since, point.change)
+                if (most == math.inf or turns) and holds < worst:
                     holds = max(
                         holds,
                         present.condition(
-                            params, law, known, seen, since, v, now.psi_c, more, adds
+                            params, law, known, seen, since, point.v, now.psi_c, more, adds
                         ),
                     )
             worst = min(worst, holds)
-            r, v, w, a = foreseen.advanced(law, a_d, r, v, w, a)
-            v_m = v_m + law.h * a_m
-            r_m = r_m + law.h * v_m
-            before = a_d
-            unsettled = norm(asked - a_m)
-        if last and unsettled > UNSETTLED:
-            worst = min(worst, -params.m_max * unsettled)
+        if last and point.unsettled > UNSETTLED:
+            worst = min(worst, -params.m_max * point.unsettled)
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
-            r_m, v_m, a_m = end.r_c, end.v_c, setpoint.a_c
-            r, v, w, a, before = r_m, v_m, a_m, a_m, a_m
+            course = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
             told = False  # of what there was then, nothing is left
-            worst = min(worst, foreseen.holds(known, more * a, zero, v, adds))
+            worst = min(worst, foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds))
     return worst
 
 
@@ -149,10 +125,10 @@ def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
     a_m = Vec3(reference[6], reference[7], reference[8])
-    most = fastest(params, law) * law.h
     for k in range(ticks):
         now = carried(setpoint, k * law.h)
         plain = a_ref(law, now, r_m, v_m)
+        most = foreseen.fastest(params, law, a_m.z) * law.h
         a_m = a_m + shortened(plain - a_m, most)
         given = Setpoint(
             r_c=now.r_c + (a_m - plain) / (law.f_m * law.f_m),

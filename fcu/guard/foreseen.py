@@ -7,15 +7,18 @@ model (34) lays down, and asks the exact set of what the actuators reach at ever
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from fcu.guard import margin
+from fcu.guard import margin, wrench
+from fcu.guard.governor import shortened
 from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3, maximum, minimum, norm
+from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import a_ref, carried
 
 QUICK = 0.6  # of a time constant of the reference model: attitude and rates may lag so much
+WARN, REFUSE = 0.0, 2.0  # policies
 LONGEST = 300.0  # s, that is looked ahead at most
 SETTLED = 8.0  # time constants of the reference model after which there is nothing to come
 
@@ -27,6 +30,20 @@ def steps(law):
     """How many steps of law.h it takes the reference model to settle."""
     slowest = law.f_m * minimum(law.zeta_m, 0.5 / maximum(law.zeta_m, 0.5))
     return math.ceil(minimum(SETTLED / slowest, LONGEST) / law.h)
+
+
+@kernel
+def fastest(params, law, a_z):
+    """Fastest change (m/s^3) of the reference's acceleration, as far as it can be known before.
+
+    a_z : m/s^2, upwards, of the reference.
+    """
+    governed = select(
+        params.policy == REFUSE,
+        wrench.jerk_ahead(params, law, a_z),
+        wrench.jerk(params, law, math.inf),
+    )
+    return select(params.policy == WARN, math.inf, governed)
 
 
 @kernel
@@ -94,26 +111,98 @@ def holds(known, a_d, off, v, adds):
 
 
 @kernel
+def closing(law, e, e_dot):
+    """Acceleration (m/s^2) that closes a tracking error; Vec3 or float."""
+    return -2.0 * law.f_m * law.zeta_m * e_dot - (law.f_m * law.f_m) * e
+
+
+class Course(NamedTuple):
+    """A reference model on its way, and the vehicle that follows it behind its lags."""
+
+    r_m: Vec3  # m, E
+    v_m: Vec3  # m/s, E
+    a_m: Vec3  # m/s^2, E
+    r: Vec3  # of the vehicle
+    v: Vec3
+    w: Vec3  # m/s^2, E, its acceleration behind the lag of attitude
+    a: Vec3  # and behind that of the rates
+    before: Vec3  # m/s^2, E, acceleration demanded at the last step
+    off: Vec3  # m/s^2, E, by how much the demand may be off (`misjudged`)
+
+
+class Point(NamedTuple):
+    """What is asked for at one point of a way."""
+
+    a_d: Vec3  # m/s^2, E, acceleration demanded
+    off: Vec3  # m/s^2, E, by how much it may be off
+    v: Vec3  # m/s, E, of the vehicle
+    change: Vec3  # m/s^2, E, of the reference's acceleration in this step
+    unsettled: float  # m/s^2, by how much that lags behind (34)
+
+
+@kernel
+def begun(r_m, v_m, a_m):
+    """The Course of a reference model at r_m, v_m, a_m (m, m/s, m/s^2, E), the vehicle on it."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    return Course(
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m, before=a_m, off=zero,
+    )  # fmt: skip
+
+
+@kernel
+def onward(law, course, setpoint, most):
+    """The Point a Course is at, and the Course a step of law.h later.
+
+    setpoint : in force.  most : m/s^3, the reference's acceleration changes no faster.
+    """
+    r_m, v_m, a_m = course.r_m, course.v_m, course.a_m
+    asked = a_ref(law, setpoint, r_m, v_m)
+    change = shortened(asked - a_m, most * law.h)
+    a_m = a_m + change
+    a_d = a_m + closing(law, course.r - r_m, course.v - v_m)
+    off = misjudged(law, course.off, a_d - course.before)
+    r, v, w, a = advanced(law, a_d, course.r, course.v, course.w, course.a)
+    v_m = v_m + law.h * a_m
+    r_m = r_m + law.h * v_m
+    point = Point(a_d=a_d, off=off, v=course.v, change=change, unsettled=norm(asked - a_m))
+    return point, Course(
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, w=w, a=a, before=a_d, off=off,
+    )  # fmt: skip
+
+
+@kernel
+def as_asked(params, law, a_z):
+    """`fastest` of a way that is flown as it is asked for: held to a jerk only by one that refuses."""
+    return select(params.policy == REFUSE, fastest(params, law, a_z), math.inf)
+
+
+@kernel
+def demanding(params, law):
+    """What demands are multiplied by (`hurry`): what a jump would take of the torque.
+
+    Nothing on a way that keeps to a jerk.
+    """
+    return select(as_asked(params, law, 0.0) == math.inf, hurry(law), 1.0)
+
+
+@kernel
 def least(params, law, setpoint, r, v):
-    """The least `margin.condition` (N) on the way to a setpoint, ungoverned; where, in s; the
+    """The least `margin.condition` (N) on the way to a setpoint, as it is asked for; where, in s; the
     acceleration (m/s^2, E) that is demanded and the velocity (m/s, E) there.
 
     law.h is the step of the look ahead, a hundredth of a second say.  r, v : where the way
     begins, m, m/s, E, in hover.
     """
-    known, worst, at, more = margin.known(params, law), math.inf, 0.0, hurry(law)
+    known, worst, at, more = margin.known(params, law), math.inf, 0.0, demanding(params, law)
     zero = Vec3(0.0, 0.0, 0.0)
-    w, a, a_worst, v_worst = zero, zero, zero, v
-    before, off, adds = zero, zero, closed(law)
+    adds, course, a_worst, v_worst = closed(law), begun(r, v, zero), zero, v
     for k in range(steps(law)):
         t = k * law.h
-        a_d = a_ref(law, carried(setpoint, t), r, v)
-        off = misjudged(law, off, a_d - before)
-        now = holds(known, more * a_d, more * off, v, adds)
+        most = as_asked(params, law, course.a_m.z)
+        point, course = onward(law, course, carried(setpoint, t), most)
+        now = holds(known, more * point.a_d, more * point.off, point.v, adds)
         if now < worst:
-            worst, at, a_worst, v_worst = now, t, more * a_d, v
-        r, v, w, a = advanced(law, a_d, r, v, w, a)
-        before = a_d
+            worst, at, a_worst, v_worst = now, t, more * point.a_d, point.v
     return worst, at, a_worst, v_worst
 
 
@@ -124,23 +213,20 @@ def along(params, law, sent_at, setpoints, r, v, rows):
     sent_at : float64[m], s, the first at 0.  setpoints : float64[m, size(Setpoint)].
     A row: time (s), condition (N), acceleration demanded (m/s^2, E), velocity (m/s, E).
     """
-    known, sent, more = margin.known(params, law), 0, hurry(law)
+    known, sent, more = margin.known(params, law), 0, demanding(params, law)
     setpoint = _unpack_setpoint(setpoints[0])
-    zero = Vec3(0.0, 0.0, 0.0)
-    w, a, before, off, adds = zero, zero, zero, zero, closed(law)
+    adds, course = closed(law), begun(r, v, Vec3(0.0, 0.0, 0.0))
     for k in range(len(rows)):
         t = k * law.h
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
             sent += 1
             setpoint = _unpack_setpoint(setpoints[sent])
-        a_d = a_ref(law, carried(setpoint, t - sent_at[sent]), r, v)
-        off = misjudged(law, off, a_d - before)
-        asked = more * a_d
-        rows[k, 0], rows[k, 1] = t, holds(known, asked, more * off, v, adds)
+        most = as_asked(params, law, course.a_m.z)
+        point, course = onward(law, course, carried(setpoint, t - sent_at[sent]), most)
+        asked, v = more * point.a_d, point.v
+        rows[k, 0], rows[k, 1] = t, holds(known, asked, more * point.off, v, adds)
         rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
-        r, v, w, a = advanced(law, a_d, r, v, w, a)
-        before = a_d
 
 
 @kernel

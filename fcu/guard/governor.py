@@ -138,7 +138,7 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
     if params.policy == 0.0:  # all lanes of a campaign share it
         return setpoint, plain, 0.0
     if params.policy == 2.0:  # as `admission` looked ahead
-        most = wrench.jerk_ahead(params, law) * law.h
+        most = wrench.jerk_ahead(params, law, state.a_m.z) * law.h
         a_g = state.a_m + shortened(plain - state.a_m, most)
     else:
         j = wrench.jerk(params, law, T)

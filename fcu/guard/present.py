@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import margin, wrench
+from fcu.guard.foreseen import closing
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
@@ -106,12 +107,6 @@ def begun(law, present, r_m, a_m):
         t=0.0, e=e, e_dot=e_dot, a_d=present.a_d, light=zero, heavy=zero, plain=zero,
         gain=0.0, x=0.0, x_dot=1.0, beta=present.beta,
     )  # fmt: skip
-
-
-@kernel
-def closing(law, e, e_dot):
-    """Acceleration (m/s^2) that closes a tracking error; Vec3 or float."""
-    return -2.0 * law.f_m * law.zeta_m * e_dot - (law.f_m * law.f_m) * e
 
 
 @kernel

@@ -88,9 +88,12 @@ def lifted(params):
 
 
 @kernel
-def jerk_ahead(params, law):
-    """`jerk` for a flight to come: in a wind from below, less thrust is there to turn with."""
-    return jerk(params, law, params.m_min * law.g - lifted(params))
+def jerk_ahead(params, law, a_z):
+    """`jerk` for a flight to come, where the reference accelerates upwards with a_z (m/s^2).
+
+    In a wind from below, and on the way down, less thrust is there to turn with.
+    """
+    return jerk(params, law, params.m_min * (law.g + minimum(a_z, 0.0)) - lifted(params))
 
 
 @kernel

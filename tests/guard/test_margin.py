@@ -221,14 +221,18 @@ def test_a_script_of_setpoints_is_looked_at_as_one_way(settings_of):
 
 
 def test_the_condition_orders_as_it_should(settings_of):
-    """More wind, less gain, more speed, more mass unknown: less margin."""
+    """More wind, less gain, more speed, more mass unknown: less margin, of force."""
+
+    def force_alone(settings):
+        return margin.known(settings.guard._replace(lift=math.inf), settings.law)
+
     a, v = Vec3(1.0, 0.0, 0.5), Vec3(2.0, 0.0, 0.0)
-    plain = margin.condition(known_of(settings_of()), a, v, 0.0)
-    assert margin.condition(known_of(settings_of(guard_wind_m_s=13.0)), a, v, 0.0) < plain
-    assert margin.condition(known_of(settings_of(gamma=500.0)), a, v, 0.0) < plain
-    assert margin.condition(known_of(settings_of(guard_mass_kg=[6.5, 9.5])), a, v, 0.0) < plain
-    assert margin.condition(known_of(settings_of()), a, Vec3(3.0, 0.0, 0.0), 0.0) < plain
-    assert margin.condition(known_of(settings_of()), a, v, 5.0) == pytest.approx(plain - 5.0)
+    plain = margin.condition(force_alone(settings_of()), a, v, 0.0)
+    assert margin.condition(force_alone(settings_of(guard_wind_m_s=13.0)), a, v, 0.0) < plain
+    assert margin.condition(force_alone(settings_of(gamma=500.0)), a, v, 0.0) < plain
+    assert margin.condition(force_alone(settings_of(guard_mass_kg=[6.5, 9.5])), a, v, 0.0) < plain
+    assert margin.condition(force_alone(settings_of()), a, Vec3(3.0, 0.0, 0.0), 0.0) < plain
+    assert margin.condition(force_alone(settings_of()), a, v, 5.0) == pytest.approx(plain - 5.0)
 
 
 def test_python_and_compiled_code_give_the_same_bits(settings_of):

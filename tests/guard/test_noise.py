@@ -198,7 +198,7 @@ def test_the_guard_leaves_room_for_it(settings_of):
     )
 
     def of(told):
-        known = margin.known(told.guard, told.law)
+        known = margin.known(told.guard._replace(lift=math.inf), told.law)  # of force
         return np.array([
             margin.condition(known, STILL, STILL, 0.0),
             wrench.jerk(told.guard, told.law, math.inf),

@@ -20,6 +20,11 @@ def vec(row):
     return Vec3(*np.asarray(row, dtype=float).tolist())
 
 
+def of_force(settings):
+    """Settings whose condition is of force alone: tilts steer whatever the wind."""
+    return settings._replace(guard=settings.guard._replace(lift=math.inf))
+
+
 def drag(R, c, u):
     """Force (N, E) of quadratic drag along body axes, at a velocity u (m/s, E) past the air."""
     air = R.T @ u
@@ -109,7 +114,8 @@ def beginning(of):
 
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
 def test_the_present_only_ever_admits_more(settings_of, way):
-    settings, more = settings_of(guard="refuse", guard_wind_rate_m_s2=5.0, f_m=1.0), 0
+    settings = of_force(settings_of(guard="refuse", guard_wind_rate_m_s2=5.0, f_m=1.0))
+    more = 0
     for far in (1.0, 3.0, 6.0, 9.0):
         step = [far * x for x in way]
         for T_z in (70.0, 78.5, 85.0):
@@ -134,7 +140,7 @@ def soon(settings, now):
 
 def test_a_drag_that_pushes_already_and_an_error_that_closes_count(settings_of):
     """From a hover near a limit less is left than from one in still air."""
-    settings = settings_of(guard_wind_rate_m_s2=1.0, guard_mass_kg=[7.9, 8.1])
+    settings = of_force(settings_of(guard_wind_rate_m_s2=1.0, guard_mass_kg=[7.9, 8.1]))
     law, told = settings.law, (settings.guard, settings.law)
     calm = soon(settings, hover(*told))
     pushed = hover(*told, T_0=Vec3(20.0, 0.0, 78.5), up=Vec3(0.25, 0.0, 0.97))
@@ -148,7 +154,7 @@ def test_a_drag_that_pushes_already_and_an_error_that_closes_count(settings_of):
 
 
 def test_turning_costs(settings_of):
-    settings = settings_of(guard="refuse", guard_wind_rate_m_s2=1.0)
+    settings = of_force(settings_of(guard="refuse", guard_wind_rate_m_s2=1.0))
     calm = beginning(hover(*settings[::-1]))
     turned = beginning(hover(*settings[::-1], psi=1.0))
     guard, law = to_buffer(settings.guard), to_buffer(settings.law)
@@ -167,7 +173,7 @@ def test_what_has_not_flown_is_not_known(settings_of):
 def test_a_descent_and_an_updraft_leave_less_to_turn_with(settings_of):
     settings = settings_of(guard="refuse", c_angle=7.0, c_rate=14.0)
     guard, law = settings.guard, settings.law
-    most = law.h * wrench.jerk_ahead(guard, law)
+    most = law.h * wrench.jerk_ahead(guard, law, 0.0)
 
     def turns(now, a_z, change):
         since = present.begun(law, now, STILL, STILL)

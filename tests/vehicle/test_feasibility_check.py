@@ -48,8 +48,7 @@ def flown_out(guard, law, way, reference):
     )
     known, worst = margin.known(guard, law), math.inf
     w = a = before = np.array(reference[6:])
-    off, most = np.zeros(3), law.h * admission.fastest(guard, law)
-
+    off = np.zeros(3)
     more = 1.0 if guard.policy else foreseen.hurry(law)
     adds = foreseen.closed(law)
 
@@ -62,6 +61,7 @@ def flown_out(guard, law, way, reference):
         for k in range(n):
             now = carried(setpoint, k * law.h)
             change = np.array(a_ref(law, now, Vec3(*r_m.tolist()), Vec3(*v_m.tolist()))) - a_m
+            most = law.h * foreseen.fastest(guard, law, float(a_m[2]))
             a_m = a_m + change * min(1.0, most / max(np.linalg.norm(change), 1e-30))
             a_d = a_m - 2.0 * law.f_m * law.zeta_m * (v - v_m) - law.f_m**2 * (r - r_m)
             off = fades * off + margin.FORGOTTEN * (a_d - before)
