@@ -60,7 +60,15 @@ def pace_at(params_buffer, law_buffer):
 
 @kernel
 def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
-    """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one.
+    """The least `margin.condition` (N) on a way; arguments as of `tightest`."""
+    worst, _, _, _ = tightest(params_buffer, law_buffer, way, beginning, believed)
+    return worst
+
+
+@kernel
+def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
+    """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one; after how long
+    (s), and the acceleration (m/s^2, E) that is demanded there, and the velocity (m/s, E).
 
     params_buffer : float64[size(GuardParams)].
     law_buffer : float64[size(Params)]; its first, h, is overwritten.
@@ -78,6 +86,7 @@ def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
     # what a jump would take of the torque is no part of a way that keeps to the jerk
     more = select(params.policy == 0.0, foreseen.hurry(law), 1.0)
     worst, zero, begins = math.inf, Vec3(0.0, 0.0, 0.0), _unpack_beginning(beginning)
+    began, at, a, v = 0.0, 0.0, zero, zero
     course, seen = foreseen.begun(begins.r_m, begins.v_m, begins.a_m), begins.present
     told, since = seen.told > 0.5, present.begun(law, seen, begins.r_m, begins.a_m)
     for i in range(len(way)):
@@ -103,15 +112,21 @@ def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
                             params, law, known, seen, since, point.v, now.psi_c, more, adds
                         ),
                     )
-            worst = min(worst, holds)
-        if last and point.unsettled > UNSETTLED:
-            worst = min(worst, -params.m_max * point.unsettled)
+            if holds < worst:
+                worst, at, a, v = holds, began + k * law.h, more * point.a_d, point.v
+        began += looked
+        unsettled = -params.m_max * point.unsettled
+        if last and point.unsettled > UNSETTLED and unsettled < worst:
+            worst, at, a, v = unsettled, began, point.a_d, point.v
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
             course = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
             told = False  # of what there was then, nothing is left
-            worst = min(worst, foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds))
-    return worst
+            began += for_s - looked
+            holds = foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds)
+            if holds < worst:
+                worst, at, a, v = holds, began, more * setpoint.a_c, end.v_c
+    return worst, at, a, v
 
 
 @kernel
@@ -149,6 +164,15 @@ class Pace(NamedTuple):
     top: float = math.inf  # m/s
 
 
+class Tightest(NamedTuple):
+    """The point of a way at which the condition holds by least."""
+
+    margin: float  # N
+    at: float  # s, from where the way begins
+    a_d: Vec3  # m/s^2, E, acceleration demanded
+    v: Vec3  # m/s, E
+
+
 class Look:
     """Looks ahead with one set of the guard's and of the law's parameters."""
 
@@ -159,7 +183,11 @@ class Look:
         self.pace = Pace(*map(float, pace_at(self._params, self._law)))
 
     def short(self, way: Way, reference: Buffer) -> float:
-        """By how much (N) a way misses the condition; 0 if it meets it.
+        """By how much (N) a way misses the condition; 0 if it meets it. Arguments as of `tightest`."""
+        return max(0.0, -self.tightest(way, reference).margin)
+
+    def tightest(self, way: Way, reference: Buffer) -> Tightest:
+        """Where a way is nearest to missing the condition, or misses it most.
 
         reference : float64[9], r_m, v_m and a_m where it begins; or float64[BEGINNING].
         """
@@ -169,7 +197,8 @@ class Look:
         for row, (setpoint, for_s) in zip(rows, way, strict=True):
             row[0], row[1:] = for_s, to_buffer(setpoint)
         self._law[0] = self._h
-        return max(0.0, -float(ahead(self._params, self._law, rows, beginning)))
+        worst, at, a, v = tightest(self._params, self._law, rows, beginning)
+        return Tightest(float(worst), float(at), Vec3(*a), Vec3(*v))
 
 
 class Lack(NamedTuple):

@@ -27,6 +27,7 @@ NAMED = {
     "tracking": "correcting the tracking error that this causes",
     "doubt": "unknown mass during a step",
     "noise": "noise of the measurement",
+    "steering": "tilts that steer in a wind from below",
 }
 
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import arrival, foreseen, margin, noise, wrench
-from fcu.guard.parameters import GOVERN
+from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
+from fcu.guard.parameters import GOVERN, REFUSE
 from fcu.guard.stability import rotor_lag, unstable
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
@@ -25,12 +25,14 @@ from fcu.kernel.buffers import to_buffer
 from fcu.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.judging.preflight_check import looks
 from gcs_tools.missions.mission import Mission
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 LOOK_S = 0.005  # step of the look ahead
 MOST, CLOSE = 1e3, 1e-3  # of a search: the largest value, and its relative accuracy
+SMALLER = 0.98  # what is tried next of a value that almost would do
 TOLD_APART = 1.3  # greatest over least mass believed, for which the condition's constants are
 STILL = Vec3(0.0, 0.0, 0.0)
 WAYS = {"up": (0.0, 0.0, 1.0), "to the side": (1.0, 0.0, 0.0), "down": (0.0, 0.0, -1.0)}
@@ -47,6 +49,7 @@ class Terms(NamedTuple):
     tracking: float  # what closing the error that they leave adds
     doubt: float  # a change of the demand, made with a mass that is not known
     noise: float  # what noise of the measurement takes
+    steering: float  # what a tilt needs to steer in a wind from below
 
     @property
     def left(self) -> float:
@@ -134,7 +137,11 @@ class Envelope:
 
 
 def terms(settings: Settings, a: Vec3, v: Vec3, left: float) -> Terms:
-    """Where the room goes at acceleration a (m/s^2, E) and velocity v (m/s, E), with `left` (N) left."""
+    """Where the room goes at acceleration a (m/s^2, E) and velocity v (m/s, E), with `left` (N) left.
+
+    What is not accounted for otherwise is a mass that is not known; or, where that is what ends first,
+    tilts that steer.
+    """
     known = margin.known(settings.guard, settings.law)
     f_v = margin.dragging(known, v)
     hover, moved = margin.room(known, STILL, STILL), margin.room(known, a, STILL)
@@ -144,8 +151,10 @@ def terms(settings: Settings, a: Vec3, v: Vec3, left: float) -> Terms:
     own = own - known.noise
     tracking = foreseen.closed(settings.law) * learning
     spent = (hover - moved) + own + wind + learning + tracking + known.noise
-    doubt = hover - spent - left
-    return Terms(hover, hover - moved, own, wind, learning, tracking, doubt, known.noise)
+    rest = hover - spent - left
+    steers = left < float(margin.steering(known, v)) - 1e-9
+    doubt, steering = (rest, 0.0) if steers else (0.0, rest)
+    return Terms(hover, hover - moved, own, wind, learning, tracking, doubt, known.noise, steering)
 
 
 def way(scene: Scenario, settings: Settings | None = None, scale: float = 1.0) -> Rows:
@@ -159,6 +168,30 @@ def way(scene: Scenario, settings: Settings | None = None, scale: float = 1.0) -
         start.r_E, start.v_E, rows,
     )  # fmt: skip
     return rows
+
+
+def tightest(
+    scene: Scenario, settings: Settings | None = None, scale: float = 1.0
+) -> admission.Tightest:
+    """Where the mission's way holds the condition by least: as asked, or as a vehicle that refuses sees it.
+
+    By that the first setpoint that it refuses: what comes after is another flight.
+    settings : in place of its own.  scale : of its setpoints.
+    """
+    settings = settings or scene.settings
+    if settings.guard.policy == REFUSE:
+        start = scene.world.start.r_E
+        least = None
+        for each in looks(scene, settings, lambda setpoint: _scaled(setpoint, start, scale)):
+            point = each.tightest._replace(at=each.at_s + each.tightest.at)
+            least = point if least is None or point.margin < least.margin else least
+            if least.margin < 0.0:
+                break
+        assert least is not None  # a mission has a setpoint
+        return least
+    rows = way(scene, settings, scale)
+    row = rows[rows[:, 1].argmin()].tolist()
+    return admission.Tightest(row[1], row[0], Vec3(*row[2:5]), Vec3(*row[5:8]))
 
 
 def _scaled(setpoint: Setpoint, start: Vec3, scale: float) -> Setpoint:
@@ -208,7 +241,11 @@ def step(settings: Settings, along: tuple[float, float, float], what: str) -> Re
     def theorem(far: float) -> bool:
         return all(theorem_budget(law, m, air, far, uncertain(far)).holds for m in masses)
 
-    return Reach(what, "m", largest(exact) or 0.0, largest(ball) or 0.0, largest(theorem) or 0.0)
+    # what tilts need to steer, on such a way, is in the exact set's alone: no other reaches farther
+    most = largest(exact) or 0.0
+    return Reach(
+        what, "m", most, min(largest(ball) or 0.0, most), min(largest(theorem) or 0.0, most)
+    )
 
 
 def _steps_of(scene: Scenario) -> tuple[Reach, ...]:
@@ -234,7 +271,8 @@ def speed(settings: Settings, along: tuple[float, float, float], what: str) -> R
 
     def ball(v: float) -> bool:
         drag = known.c_D * (v + known.w_max) ** 2 + (1.0 + adds) * margin.difference(known, v)
-        return bool(drag + known.noise <= margin.room(known, STILL, STILL))
+        steers = margin.steering(known, Vec3(0.0, 0.0, -v)) >= 0.0
+        return bool(drag + known.noise <= margin.room(known, STILL, STILL) and steers)
 
     return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
 
@@ -260,22 +298,26 @@ def changes(scene: Scenario) -> tuple[Change, ...]:
     """What, changed alone, would make the condition hold for the mission."""
     settings, (law, guard) = scene.settings, scene.settings
 
-    def least(changed: Settings, scale: float = 1.0) -> bool:
-        return bool(way(scene, changed, scale)[:, 1].min() >= 0.0)
-
-    def slower(f_m: float) -> bool:
-        return least(derived(settings._replace(law=law._replace(f_m=max(f_m, 0.05)))))
-
     middle = 0.5 * (guard.m_min + guard.m_max)
-    known = least(with_guard(settings, m_min=middle, m_max=middle))
+    known = derived(with_guard(settings, m_min=middle, m_max=middle))
+
+    def slower(f_m: float) -> tuple[Settings, float]:
+        return derived(settings._replace(law=law._replace(f_m=max(f_m, 0.05)))), 1.0
+
+    def most(changed: Callable[[float], tuple[Settings, float]], now: float) -> float | None:
+        """By the whole way, which is quick; what that finds has to hold for each look along it."""
+        value = largest(lambda x: way(scene, *changed(x))[:, 1].min() >= 0.0, now)
+        while value and tightest(scene, *changed(value)).margin < 0.0:
+            value = SMALLER * value if value > CLOSE * now else None
+        return value
+
     return (
-        Change("setpoint distances, factor", 1.0,
-               largest(lambda k: least(settings, k), 1.0), ""),
-        Change("f_m", law.f_m, largest(slower, law.f_m), "rad/s"),
+        Change("setpoint distances, factor", 1.0, most(lambda k: (settings, k), 1.0), ""),
+        Change("f_m", law.f_m, most(slower, law.f_m), "rad/s"),
         Change("guard_wind_m_s", guard.w_max,
-               largest(lambda w: least(with_guard(settings, w_max=w)), guard.w_max), "m/s"),
-        Change("width of guard_mass_kg", guard.m_max - guard.m_min, 0.0 if known else None,
-               "kg"),
+               most(lambda w: (with_guard(settings, w_max=w), 1.0), guard.w_max), "m/s"),
+        Change("width of guard_mass_kg", guard.m_max - guard.m_min,
+               0.0 if tightest(scene, known).margin >= 0.0 else None, "kg"),
     )  # fmt: skip
 
 
@@ -458,9 +500,8 @@ def envelope(mission: Mission) -> Envelope:
         )
     scene = scenario(mission)
     law, guard = settings = scene.settings
-    rows = way(scene)
-    worst = rows[rows[:, 1].argmin()]
-    holds = bool(worst[1] >= 0.0)
+    worst = tightest(scene)
+    holds = worst.margin >= 0.0
     remarks = beyond(mission, scene)
     if law.achieved < 0.5:
         remarks += (
@@ -476,17 +517,21 @@ def envelope(mission: Mission) -> Envelope:
             f"the gusts that are believed (guard_wind_m_s, guard_wind_rate_m_s2) take {-spare:.1f} N m"
             " more than roll and pitch have in hover",
         )
-    at_rest = margin.condition(margin.known(guard, law), STILL, STILL, 0.0)
+    known = margin.known(guard, law)
+    if (down := float(margin.sinking(known))) < 0.0:
+        remarks += (
+            f"in a wind from below above {guard.w_max + down:.1f} m/s (guard_wind_m_s {guard.w_max:g}) roll"
+            " and pitch are unstable with these gains, or nearly",
+        )
+    at_rest = margin.condition(known, STILL, STILL, 0.0)
     return Envelope(
         mission=mission.name,
         title=mission.title,
         guard=("warn", "govern", "refuse")[int(guard.policy)],
         holds=holds,
-        margin_n=float(worst[1]),
-        at_s=float(worst[0]),
-        terms=terms(
-            settings, Vec3(*worst[2:5].tolist()), Vec3(*worst[5:8].tolist()), float(worst[1])
-        ),
+        margin_n=worst.margin,
+        at_s=worst.at,
+        terms=terms(settings, worst.a_d, worst.v, worst.margin),
         reach=(
             *_steps_of(scene),
             *(step(settings, along, f"step {name}") for name, along in WAYS.items()),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -11,8 +12,10 @@ import pytest
 
 from fcu.guard import margin
 from fcu.kernel.algebra import Vec3
+from fcu.settings import Settings
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.judging.envelope import envelope, largest, terms
+from gcs_tools.judging.envelope import Terms, envelope, largest, terms, with_guard
+from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.missions.mission import load, override
 from gcs_tools.studies.envelope_map import PAPER, WAYS, saturates
 from gcs_tools.studies.guard_check import check, holds
@@ -159,11 +162,29 @@ def test_what_would_do_does():
 def test_the_terms_add_up_to_the_condition():
     settings = scenario(load("paper_nominal")).settings
     a, v = Vec3(1.0, -0.5, 0.7), Vec3(2.0, 1.0, -1.0)
-    left = margin.condition(margin.known(settings.guard, settings.law), a, v, 0.0)
-    spent = terms(settings, a, v, left)
-    assert spent.left == pytest.approx(left)
+
+    def spent_of(settings: Settings) -> Terms:
+        left = margin.condition(margin.known(settings.guard, settings.law), a, v, 0.0)
+        spent = terms(settings, a, v, left)
+        assert spent.left == pytest.approx(left)
+        return spent
+
+    spent = spent_of(with_guard(settings, lift=math.inf))
     assert min(spent[:6]) > 0.0
     assert spent.doubt == pytest.approx(-spent.tracking)  # nothing jumps, nothing is closed here
+    # and where tilts that steer end first
+    assert spent_of(settings).steering > 0.0 == spent_of(settings).doubt
+
+
+@pytest.mark.parametrize("mission", ["urban_step", "paper_nominal", "figure_eight"])
+def test_what_would_be_refused_is_short_of_the_number_that_the_vehicle_says(mission):
+    """One quantity, one number: before flight, and in the words that the flight ends with."""
+    chosen = override(load(mission), "law.guard='refuse'")
+    found, said = envelope(chosen), refusal(scenario(chosen))
+    asked = re.search(r"setpoint at (\S+) s refused: .* needs (\d+) N more", said)
+    assert asked is not None, said
+    assert float(asked[2]) == math.ceil(-found.margin_n)
+    assert found.at_s >= float(asked[1])
 
 
 def test_the_exact_set_reaches_farther_than_the_ball_and_that_farther_than_31():

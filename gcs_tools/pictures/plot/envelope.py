@@ -24,6 +24,7 @@ SHARES = {
     "speed": ("drag of its own speed", "#a1d99b"),
     "acceleration": ("what the way demands", "#fdae6b"),
     "doubt": ("a jump, with a mass not known", "#fdd0a2"),
+    "steering": ("tilts that steer, the wind from below", "#fbb4b9"),
 }
 POINTS = 9  # along f_m
 DIRECTIONS = {
