@@ -10,12 +10,13 @@ import click
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
+from gcs_tools.flight.interrupts import interrupts_wait
 
 
 @click.command(
     epilog="\b\nExit codes: 0 all expectations met, 1 at least one missed, 2 invalid command line or\n"
-    "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM). With\n"
-    "several missions: the highest. MISSION is a file or the name of a shipped mission."
+    "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM and\n"
+    "SIGHUP). With several missions: the highest. MISSION is a file or the name of a shipped mission."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")
@@ -48,27 +49,28 @@ def fly(
     Starts a flight controller and a simulator, sends the mission over MAVLink as a ground script
     would, compares the flight with the mission's [expect], and stops both.
     """
-    from gcs_tools.cli.terminal import Terminal
-    from gcs_tools.flight.display import Display
-    from gcs_tools.flight.run import UsageError, fly_missions
-    from gcs_tools.judging import result
+    with interrupts_wait():  # what an interruption has begun is told in full
+        from gcs_tools.cli.terminal import Terminal
+        from gcs_tools.flight.display import Display
+        from gcs_tools.flight.run import UsageError, fly_missions
+        from gcs_tools.judging import result
 
-    try:
-        results = fly_missions(
-            missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law,
-            settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
-            zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
-            jobs=jobs, figure=figure, record=record,
-        )  # fmt: skip
-    except UsageError as error:
-        raise Failure(error, USAGE) from error
-    code = max((r.exit_code for r in results), default=INTERRUPTED)
-    if junit is not None:
         try:
-            result.junit(results, junit)
-        except result.ResultError as error:
-            click.echo(f"Error: {error}", err=True)
-            code = max(code, INFRASTRUCTURE)
-    if as_json:
-        print_json([dataclasses.asdict(r) for r in results])
+            results = fly_missions(
+                missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law,
+                settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
+                zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
+                jobs=jobs, figure=figure, record=record,
+            )  # fmt: skip
+        except UsageError as error:
+            raise Failure(error, USAGE) from error
+        code = max((r.exit_code for r in results), default=INTERRUPTED)
+        if junit is not None:
+            try:
+                result.junit(results, junit)
+            except result.ResultError as error:
+                click.echo(f"Error: {error}", err=True)
+                code = max(code, INFRASTRUCTURE)
+        if as_json:
+            print_json([dataclasses.asdict(r) for r in results])
     return code

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import json
 import os
 import sys
@@ -34,7 +35,9 @@ def print_line(text: str) -> None:
     """On standard output, or nowhere once nobody reads it."""
     try:
         print(text, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
+        if not is_unread(error):
+            raise
         silence(sys.stdout)
 
 
@@ -50,6 +53,11 @@ def _plain(error: UnicodeError) -> tuple[str, int]:
     assert isinstance(error, UnicodeEncodeError)
     text = error.object[error.start : error.end]
     return "".join(PLAIN.get(character, "?") for character in text), error.end
+
+
+def is_unread(error: OSError) -> bool:
+    """Whether nobody reads a stream any more: its pipe has no reader, or its terminal is closed."""
+    return isinstance(error, BrokenPipeError) or error.errno == errno.EIO
 
 
 def silence(stream: IO[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from importlib import import_module
 from typing import Any
@@ -11,8 +10,9 @@ from typing import Any
 import click
 
 from fcu.interface.ports import table
-from gcs_tools.cli.output import write_anywhere
+from gcs_tools.cli.output import is_unread, silence, write_anywhere
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
+from gcs_tools.flight import interrupts
 
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
 GROUPS = {
@@ -48,7 +48,28 @@ class Program(click.Group):
                 )
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """Run the command line, and exit."""
+        """Run the command line, and exit.
+
+        Without arguments it is the process's own command line: then signals are heard from here on,
+        and ignored once the exit code is known.
+        """
+        is_own = not args and options.get("args") is None
+        code = INTERRUPTED
+        try:
+            if is_own:
+                interrupts.install()
+            code = self._code(*args, **options)
+        except KeyboardInterrupt:
+            pass  # it came when there was nothing left to interrupt
+        finally:
+            if is_own:
+                interrupts.ignore()
+        if bus := sys.modules.get("gcs_tools.live.bus"):
+            bus.leave(code)  # whatever threads Zenoh still has
+        sys.exit(code)
+
+    def _code(self, *args: Any, **options: Any) -> int:
+        """Run the command line; its exit code."""
         try:
             write_anywhere()
             code = super().main(*args, **{**options, "standalone_mode": False})
@@ -57,22 +78,17 @@ class Program(click.Group):
             code = error.exit_code
         except (click.Abort, KeyboardInterrupt):
             code = INTERRUPTED
-        except OSError as error:  # of standard output: a full disk
+        except OSError as error:  # of standard output: a full disk, a closed terminal
+            if is_unread(error) and interrupts.is_heard():
+                for stream in (sys.stdout, sys.stderr):
+                    silence(stream)
+                return INTERRUPTED
             click.echo(f"Error: {error.strerror or error}", err=True)
             os._exit(INFRASTRUCTURE)  # what is still buffered would fail again
-        code = code if isinstance(code, int) else OK
-        if bus := sys.modules.get("gcs_tools.live.bus"):
-            bus.leave(code)  # whatever threads Zenoh still has
-        sys.exit(code)
+        return code if isinstance(code, int) else OK
 
 
 @click.group(cls=Program, epilog=f"\b\n{table()}")
 @click.version_option(package_name="m-mrac")
 def main() -> None:
     """Ground tools of the M-MRAC flight stack."""
-    signal.signal(signal.SIGTERM, _interrupt)
-
-
-def _interrupt(_signal: int, _frame: object) -> None:
-    """Being told to end is being interrupted: what was started is stopped, what was flown kept."""
-    raise KeyboardInterrupt

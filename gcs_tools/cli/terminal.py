@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fcu.interface.status_texts import Code, says
-from gcs_tools.cli.output import silence
+from gcs_tools.cli.output import is_unread, silence
 from gcs_tools.flight.display import Display
 from gcs_tools.recording.events import logged
 
@@ -27,6 +27,14 @@ DRAW_S = 0.1  # wall: between two looks of a bar
 
 class PipedConsole(Console):
     """A console that falls silent when nobody reads it any more (`gcs fly ... | head`)."""
+
+    def _check_buffer(self) -> None:
+        try:
+            super()._check_buffer()
+        except OSError as error:  # a closed terminal, which rich does not know
+            if not is_unread(error):
+                raise
+            self.on_broken_pipe()
 
     def on_broken_pipe(self) -> None:
         """The flight goes on, and the exit code is still its own."""

@@ -17,12 +17,15 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from types import FrameType
 from typing import Any
 
 from fcu.kernel.compile import is_cached
 from fcu.laws.loader import Law
+
+Handler = Callable[[int, FrameType | None], None]
 
 LOOK_S = 0.002  # wall: between two looks whether a process has ended
 CRASHED = 1  # exit code of a process that raised, as Python's own
@@ -114,12 +117,13 @@ def fork_program(
 
 
 def fork(
-    run: Callable[[], None], name: str, fds: Sequence[int] = (), out: int = -1, err: int = -1
-) -> Forked:
+    run: Callable[[], None], name: str, fds: Sequence[int] = (), out: int = -1, err: int = -1,
+    handlers: Mapping[signal.Signals, Handler] | None = None,
+) -> Forked:  # fmt: skip
     """`run` in a copy of this process: a session of its own, signals as in a process just started.
 
     fds : the file descriptors that it keeps, beside the standard ones.  out, err : what stands for
-    these; -1: ours.
+    these; -1: ours.  handlers : of signals that it handles from its first moment on.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # none, or nobody reads it any more
@@ -133,6 +137,8 @@ def fork(
         try:  # the copy: it never leaves this block
             gc.freeze()
             _become(name, fds, out, err)
+            for number, handler in (handlers or {}).items():
+                signal.signal(number, handler)
             signal.pthread_sigmask(signal.SIG_SETMASK, held)
             code = _ended(run)
         finally:

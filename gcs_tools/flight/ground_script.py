@@ -271,7 +271,8 @@ def fly_to(
 
     vehicle.on_text = hear
     try:
-        with interrupts_wait() as vehicle.on_wait:
+        with interrupts_wait() as interrupts:
+            vehicle.on_wait = interrupts.look
             return _fly_to(vehicle, target, yaw_deg, tell)
     except KeyboardInterrupt:
         vehicle.on_wait = lambda: None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +23,9 @@ from fcu.interface.link import MemoryNetwork
 from fcu.interface.ports import owner, ports
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import Tape
+from fcu.kernel.compile import is_cached
 from fcu.kernel.rows import column
+from fcu.laws.loader import Law
 from fcu.mavlink.definitions import Autopilot as ShownAs
 from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin
@@ -74,8 +76,10 @@ class MemoryFlight(ScriptedFlight):
         """The whole flight. Raises LawError; InfrastructureError: what was flown is in `flown`."""
         began = time.monotonic()
         with ExitStack() as stack:
-            vehicle = self.begin(stack)
-            self._look = stack.enter_context(interrupts_wait())
+            interrupts = stack.enter_context(interrupts_wait())
+            self._look = interrupts.look
+            with nullcontext() if is_compiled(self._scene.flown) else interrupts.at_once():
+                vehicle = self.begin(stack)
             first = time.monotonic()
             arrived = self._send_setpoints(vehicle)
             wall = time.monotonic() - first
@@ -239,6 +243,11 @@ class MemoryFlight(ScriptedFlight):
         """Hand over what is left of a flight that was cut short."""
         for tape in (self._plant_tape, self._fcu_tape):
             tape.flush()
+
+
+def is_compiled(law: Law) -> bool:
+    """Whether what such a flight runs is compiled already."""
+    return is_cached("tick_at", law.package) and is_cached("together")
 
 
 def refused(fault: int) -> InfrastructureError:

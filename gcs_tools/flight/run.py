@@ -11,7 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -22,12 +22,14 @@ import numpy as np
 from fcu.interface.airframe import AirframeError, believed_drag
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import columns, to_buffer
+from fcu.kernel.compile import is_cached
 from fcu.laws.loader import LawError
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight.arrival import UntilArrival, arrival
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.forking import can_fork, load
-from gcs_tools.flight.memory_flight import MemoryFlight
+from gcs_tools.flight.interrupts import interrupts_wait
+from gcs_tools.flight.memory_flight import MemoryFlight, is_compiled
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, Take, claimed
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, scenario
@@ -140,10 +142,7 @@ def fly_missions(
                 )
     display = display or Display()
     began = time.monotonic()
-    ready = [prepared(name, settings, seed, rate_hz, law) for name in missions]
-    for mission, scene in ready:
-        if why := refusal(scene):
-            raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
+    ready = _admitted(missions, settings, seed, rate_hz, law)
     many = len(ready) > 1
     if jobs is None:
         in_turn = speed is not None or zenoh is not None or instance is not None
@@ -174,20 +173,40 @@ def fly_missions(
     return results
 
 
+def _admitted(
+    missions: Sequence[str], settings: Sequence[str], seed: int | None, rate_hz: float | None,
+    law: str | None,
+) -> list[tuple[Mission, Scenario]]:  # fmt: skip
+    """Missions with their changes, none of which a vehicle would refuse. Raises UsageError."""
+    with interrupts_wait() as interrupts:
+        ready = []
+        for name in missions:
+            interrupts.look()
+            ready.append(prepared(name, settings, seed, rate_hz, law))
+        with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
+            for mission, scene in ready:
+                if why := refusal(scene):
+                    raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
+    return ready
+
+
 def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:
     """Fly, tell the verdict, draw; and the next."""
     results: list[Result] = []
-    for run in runs:
-        run.make_folder()
-        with display.flight(run.name, run.duration_s) as progress:
-            flown = run.fly(display.note, progress)
-        display.verdict(flown, str(run.folder))
-        drawn = run.draw(flown)
-        if drawn.error != flown.error:
-            display.note(f"{run.name}: {drawn.error}")
-        results.append(drawn)
-        if drawn.exit_code == INTERRUPTED:
-            break
+    with interrupts_wait() as interrupts:
+        for run in runs:
+            run.make_folder()
+            with display.flight(run.name, run.duration_s) as progress:
+                flown = run.fly(display.note, progress)
+            display.verdict(flown, str(run.folder))
+            drawn = run.draw(flown)
+            if interrupts.take():
+                drawn = run.interrupted(drawn)
+            if drawn.error != flown.error:
+                display.note(f"{run.name}: {drawn.error}")
+            results.append(drawn)
+            if drawn.exit_code == INTERRUPTED:
+                break
     return results
 
 
@@ -230,10 +249,9 @@ class _Run:
     @property
     def is_cold(self) -> bool:
         """Whether it compiles before it flies."""
-        from fcu.kernel.compile import is_cached
-
-        burst = "together" if self._in_process else "begin"
-        return not (is_cached("tick_at", self._law.package) and is_cached(burst))
+        if self._in_process:
+            return not is_compiled(self._law)
+        return not (is_cached("tick_at", self._law.package) and is_cached("begin"))
 
     def load(self) -> None:
         """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
@@ -253,8 +271,10 @@ class _Run:
         `note` is told what a person waits for, `progress` the simulation time flown, s.
         """
         self._note, self._progress = note, progress
-        self._left, exit_code, error = self._recorded()
-        return self._written(self._judged(exit_code, error))
+        with interrupts_wait() as interrupts:
+            self._left, exit_code, error = self._recorded()
+            judged = self._written(self._judged(exit_code, error))
+            return self.interrupted(judged) if interrupts.take() else judged
 
     def draw(self, judged: Result) -> Result:
         """Draw what was flown, if it is to be; the result, spoilt if that could not be done."""
@@ -267,17 +287,22 @@ class _Run:
             from gcs_tools.pictures.plot.overview import flight_figure
 
             kinds, settings = Kinds.of(self._law), to_buffer(self._scene.settings).tolist()
-            flight_figure(
-                Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
-                dict(zip(columns(kinds.params), settings, strict=True)),
-                self._mission.title, self.folder / "flight.png",
-            )  # fmt: skip
+            with interrupts_wait() as interrupts, interrupts.at_once():
+                flight_figure(
+                    Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
+                    dict(zip(columns(kinds.params), settings, strict=True)),
+                    self._mission.title, self.folder / "flight.png",
+                )  # fmt: skip
         except OSError as failed:
             why = f"flight.png: {failed.strerror or failed}"
             return self._written(_spoilt(judged, INFRASTRUCTURE, why))
         except KeyboardInterrupt:
-            return self._written(_spoilt(judged, INTERRUPTED, "interrupted"))
+            return self.interrupted(judged)
         return judged
+
+    def interrupted(self, judged: Result) -> Result:
+        """The result of a flight that was interrupted after it was judged."""
+        return self._written(_spoilt(judged, INTERRUPTED, "interrupted"))
 
     def lost(self, why: str, exit_code: int = INFRASTRUCTURE) -> Result:
         """The result of a flight whose runner is gone."""

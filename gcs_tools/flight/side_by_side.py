@@ -6,8 +6,8 @@ import os
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
@@ -16,6 +16,7 @@ from fcu.interface.ports import INSTANCES
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.forking import Forked, fork
+from gcs_tools.flight.interrupts import Interrupts, interrupts_wait
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -95,10 +96,14 @@ def fly_side_by_side(runs: Sequence[Run], jobs: int, display: Display) -> list[R
             return False
         return not flying or not (run.is_cold or any(flight.alone for flight in flying))
 
-    with display.flight(f"{len(runs)} missions", total_s) as progress, _interruptible() as stop:
+    stop = _Stop()
+    with (
+        interrupts_wait() as interrupts,
+        display.flight(f"{len(runs)} missions", total_s) as progress,
+    ):
         try:
             while todo or under_way:
-                if stop.requested:
+                if interrupts.is_heard:
                     todo.clear()
                     stop.end([flight.process for flight in under_way.values()])
                 while todo and is_turn_of(todo[0]):
@@ -117,9 +122,9 @@ def fly_side_by_side(runs: Sequence[Run], jobs: int, display: Display) -> list[R
         finally:
             for flight in under_way.values():
                 flight.process.kill()
-    results = [flight.result for flight in begun if flight.result is not None]
-    if stop.requested and not any(each.exit_code == INTERRUPTED for each in results):
-        raise KeyboardInterrupt
+        results = [flight.result for flight in begun if flight.result is not None]
+        if any(each.exit_code == INTERRUPTED for each in results):
+            interrupts.take()  # their exit code says it
     return results
 
 
@@ -133,13 +138,12 @@ def _begin(run: Run) -> tuple[Connection, _Flight]:
     here, there = Pipe(duplex=False)
 
     def work() -> None:
-        signal.signal(signal.SIGTERM, _interrupt)
-        with suppress(
-            BrokenPipeError, KeyboardInterrupt
-        ):  # who started us is gone, and with it whoever reads this
+        with suppress(BrokenPipeError):  # who started us is gone, and with it whoever reads this
             _fly(run, there)
 
-    process = fork(work, "gcs fly", [there.fileno()])
+    process = fork(
+        work, "gcs fly", [there.fileno()], handlers={signal.SIGTERM: Interrupts(waits=True)}
+    )
     there.close()
     return here, _Flight(run, process, alone)
 
@@ -182,43 +186,18 @@ def _hear(end: Connection, flight: _Flight, note: Tell) -> None:
         flight.result, flight.time_s = value, flight.run.duration_s
 
 
-def _interrupt(_signal: int, _frame: object) -> None:
-    raise KeyboardInterrupt
-
-
 class _Stop:
-    """Whether somebody wants us to end, and how far that has come."""
+    """Flights that are told to end, and how long that takes."""
 
     def __init__(self) -> None:
-        self.requested = 0
-        self._sent = 0
-        self._until = 0.0
+        self._until: float | None = None
 
     def end(self, processes: Sequence[Forked]) -> None:
-        """Ask them to end, once; asked a second time, or in vain, end them."""
-        if not self._sent:
+        """Ask them to end, once; end those that have not when `STOP_S` is over."""
+        if self._until is None:
             self._until = time.monotonic() + STOP_S
-        if self.requested > 1 or time.monotonic() > self._until:
-            for process in processes:
-                process.kill()
-        elif not self._sent:
             for process in processes:
                 process.send_signal(signal.SIGTERM)
-        self._sent = self.requested
-
-
-@contextmanager
-def _interruptible() -> Iterator[_Stop]:
-    """Count requests to end instead of being interrupted by them: what flies is told to end."""
-    stop = _Stop()
-
-    def count(_signal: int, _frame: object) -> None:
-        stop.requested += 1
-
-    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(n))]
-    before = {number: signal.signal(number, count) for number in numbers}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        elif time.monotonic() > self._until:
+            for process in processes:
+                process.kill()

@@ -56,8 +56,8 @@ class WireFlight(ScriptedFlight):
         """The whole flight. Raises InfrastructureError; what was flown is then in `flown`."""
         began = time.monotonic()
         try:
-            with interrupts_wait() as look, ExitStack() as stack:
-                self._control = self._start(stack, look)
+            with interrupts_wait() as interrupts, ExitStack() as stack:
+                self._control = self._start(stack, interrupts.look)
                 vehicle = self._meet(stack)
                 startup = time.monotonic() - began
                 first = time.monotonic()
