@@ -193,15 +193,13 @@ def _admitted(
 def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:
     """Fly, tell the verdict, draw; and the next."""
     results: list[Result] = []
-    with interrupts_wait() as interrupts:
+    with interrupts_wait():
         for run in runs:
             run.make_folder()
             with display.flight(run.name, run.duration_s) as progress:
                 flown = run.fly(display.note, progress)
             display.verdict(flown, str(run.folder))
             drawn = run.draw(flown)
-            if interrupts.take():
-                drawn = run.interrupted(drawn)
             if drawn.error != flown.error:
                 display.note(f"{run.name}: {drawn.error}")
             results.append(drawn)
@@ -277,7 +275,15 @@ class _Run:
             return self.interrupted(judged) if interrupts.take() else judged
 
     def draw(self, judged: Result) -> Result:
-        """Draw what was flown, if it is to be; the result, spoilt if that could not be done."""
+        """Draw what was flown, if it is to be; the result, spoilt if that could not be done.
+
+        It takes a second or two and is not interrupted: callbacks of matplotlib would lose that.
+        """
+        with interrupts_wait() as interrupts:
+            drawn = self._drawn(judged)
+            return self.interrupted(drawn) if interrupts.take() else drawn
+
+    def _drawn(self, judged: Result) -> Result:
         failed = not judged.passed and judged.exit_code != INTERRUPTED
         wanted = self._figure == ALWAYS or (self._figure == FAILED and failed)
         flown = self._left
@@ -287,17 +293,14 @@ class _Run:
             from gcs_tools.pictures.plot.overview import flight_figure
 
             kinds, settings = Kinds.of(self._law), to_buffer(self._scene.settings).tolist()
-            with interrupts_wait() as interrupts, interrupts.at_once():
-                flight_figure(
-                    Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
-                    dict(zip(columns(kinds.params), settings, strict=True)),
-                    self._mission.title, self.folder / "flight.png",
-                )  # fmt: skip
+            flight_figure(
+                Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
+                dict(zip(columns(kinds.params), settings, strict=True)),
+                self._mission.title, self.folder / "flight.png",
+            )  # fmt: skip
         except OSError as failed:
             why = f"flight.png: {failed.strerror or failed}"
             return self._written(_spoilt(judged, INFRASTRUCTURE, why))
-        except KeyboardInterrupt:
-            return self.interrupted(judged)
         return judged
 
     def interrupted(self, judged: Result) -> Result:

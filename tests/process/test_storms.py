@@ -107,7 +107,6 @@ def test_a_compiler_is_interrupted_at_once(fly, tmp_path, until):
     assert storm(program) == 130
     assert kept(tmp_path / "run").ticks == 0
     assert not list(cache.rglob("*together*"))
-    quiet(program)
 
 
 def test_a_terminal_that_is_closed_ends_a_flight_as_ctrl_c_does(fly, tmp_path, until):
