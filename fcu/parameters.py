@@ -349,6 +349,8 @@ class Parameters:
                 continue
             must = "must be below" if strict else "must not be above"
             at = f"{low} {_number(values[low])} {must} {high} {_number(values[high])}"
+            first = high if refused.startswith(f"{low} ") else low
+            at += f" (set {first} first)" if refused else ""
             raise Refused(OUT_OF_RANGE, refused + at)
         if self._law_alone(changed) != self._law_alone(self._changed):
             settings = self._with(changed)

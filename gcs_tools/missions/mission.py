@@ -253,7 +253,12 @@ def _problems(
             meant = _elsewhere(path, kind_of) or _meant(str(path[-1]), _known(path[:-1], kind_of))
             said = f"no such key{meant}"
         elif kind == "missing":
-            said = "is missing" if isinstance(path[-1], str) else _numbers_missing(path)
+            said = "is missing"
+            if isinstance(path[-1], int):  # one such problem for each number
+                if len(got) < path[-1]:
+                    continue
+                path, last = path[:-1], path[-1]
+                said = f"expected {_length(error, path, last)} numbers, got {_written(got)}"
         elif kind == "too_long":
             said = f"expected {context['max_length']} numbers, got {_written(got)}"
         else:
@@ -266,8 +271,10 @@ def _problems(
     return (text for _, text in sorted(placed, key=lambda item: item[0]))
 
 
-def _numbers_missing(path: KeyPath) -> str:
-    return f"expected a number here, the array has {path[-1]}"
+def _length(error: ValidationError, array: KeyPath, last: int) -> int:
+    """How many numbers an array should have, of which some are missing, the first of them `last`."""
+    missing = (p["loc"] for p in error.errors(include_url=False) if p["type"] == "missing")
+    return 1 + max([last, *(int(loc[-1]) for loc in missing if loc[:-1] == array)])
 
 
 def _key(path: KeyPath, got: Any) -> str:

@@ -8,7 +8,7 @@ sitl_plant/truth.toml.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Annotated, Any, Literal, Self
 
@@ -46,8 +46,34 @@ def _value(row: Parameter) -> Any:
         return number
     numbers: Any = tuple[(number,) * n]  # type: ignore[misc]
     several: Any = Annotated[numbers, Field(strict=False)]
+    if row.interval:
+        return Annotated[several, BeforeValidator(_both_ends(row)), AfterValidator(_in_order)]
     each = BeforeValidator(three, json_schema_input_type=float | several)
     return Annotated[several, each] if row.axes else several
+
+
+def _both_ends(row: Parameter) -> Callable[[Any], Any]:
+    """Says what an interval is to whoever writes one number, or three."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) == 2:
+            return value
+        expected = (
+            f"[least, most] in {row.unit}, two numbers {row.expected().removesuffix(row.unit)}"
+        )
+        exact = [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
+        if isinstance(exact, list) and len(exact) == 1:
+            expected = f"{expected.rstrip()} (to believe in one value: [{exact[0]}, {exact[0]}])"
+        raise wrong((), expected.rstrip(), value)
+
+    return check
+
+
+def _in_order(ends: tuple[float, float]) -> tuple[float, float]:
+    least, most = ends
+    if least > most:
+        raise wrong((), f"[least, most], as in [{most:g}, {least:g}]", ends)
+    return ends
 
 
 def law_table(rows: Iterable[Parameter], guarded: bool = True) -> type[Table]:

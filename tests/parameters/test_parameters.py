@@ -168,8 +168,17 @@ def test_refusals_name_value_and_reason(params):
     ("name", "value", "reason"),
     [
         ("MR_T_MAX", 4.0, "10 to 1000 N"),
-        ("MR_M_MIN", 20.0, "MR_M_MIN 20 must be below MR_M_MAX 20"),
-        ("MR_GRD_M_MIN", 9.1, "MR_GRD_M_MIN 9.1 must not be above MR_GRD_M_MAX 9"),
+        ("MR_M_MIN", 20.0, "MR_M_MIN 20 must be below MR_M_MAX 20 (set MR_M_MAX first)"),
+        (
+            "MR_GRD_M_MIN",
+            9.1,
+            "MR_GRD_M_MIN 9.1 must not be above MR_GRD_M_MAX 9 (set MR_GRD_M_MAX first)",
+        ),
+        (
+            "MR_GRD_M_MAX",
+            6.9,
+            "MR_GRD_M_MIN 7 must not be above MR_GRD_M_MAX 6.9 (set MR_GRD_M_MIN first)",
+        ),
         ("MR_J_MAX", 0.01, "MR_J_MIN 0.02 must be below MR_J_MAX 0.01"),
         ("MR_M_0", 0.5, "m_hat_0: expected a value in [1.0, 20.0] kg"),
         ("MR_M_MIN", 6.0, "m_hat_0: expected a value in [6.0, 20.0] kg"),
