@@ -257,8 +257,9 @@ def _problems(
             if isinstance(path[-1], int):  # one such problem for each number
                 if len(got) < path[-1]:
                     continue
-                path, last = path[:-1], path[-1]
-                said = f"expected {_length(error, path, last)} numbers, got {_written(got)}"
+                length = _length(error, path[:-1], path[-1])
+                path = path[:-1]
+                said = f"expected {length} numbers, got {_written(got)}"
         elif kind == "too_long":
             said = f"expected {context['max_length']} numbers, got {_written(got)}"
         else:

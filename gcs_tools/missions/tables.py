@@ -58,9 +58,8 @@ def _both_ends(row: Parameter) -> Callable[[Any], Any]:
     def check(value: Any) -> Any:
         if isinstance(value, list | tuple) and len(value) == 2:
             return value
-        expected = (
-            f"[least, most] in {row.unit}, two numbers {row.expected().removesuffix(row.unit)}"
-        )
+        unit = f" in {row.unit}" if row.unit else ""
+        expected = f"[least, most]{unit}, two numbers {row.expected().removesuffix(row.unit)}"
         exact = [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
         if isinstance(exact, list) and len(exact) == 1:
             expected = f"{expected.rstrip()} (to believe in one value: [{exact[0]}, {exact[0]}])"

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from rich.table import Table
 
 from fcu.guard import margin, noise
 from fcu.interface.airframe import believed
@@ -16,7 +17,7 @@ from fcu.kernel.rows import column
 from fcu.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.studies.attack import report
-from gcs_tools.studies.attack.__main__ import campaign, flown, main
+from gcs_tools.studies.attack.__main__ import campaign, flown, main, show
 from gcs_tools.studies.attack.draws import (
     SETPOINTS,
     WIND_M_S,
@@ -300,3 +301,34 @@ def test_the_command_answers_by_its_exit_code(tmp_path):
 )
 def test_a_bad_command_line_is_one(arguments):
     assert run(*arguments).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--part", "0.5"), "--part"),
+        (("--unknown",), "--unknown"),
+        (("--flight", "3", "--flights", "4"), "--flights"),
+        (("--search", "128", "--flights", "4"), "--flights"),
+        (("--flight", "found.json:1", "--seed", "3"), "--seed"),
+        (("--flight", "found.json:1", "--as-shipped"), "--as-shipped"),
+        (("--set", "flight.duration_s=3"), "flight.duration_s"),
+        (("--set", "flight.yaw.amplitude_rad=3"), "flight.yaw.amplitude_rad"),
+        (("--set", "law.guard=warn"), "--policy"),
+        (("--set", "expect.ended=time"), "expect.ended"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(arguments, said):
+    done = run(*arguments)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert said in done.stderr
+
+
+def test_a_table_that_is_piped_is_whole(capsys):
+    heads = [f"column {k} of a table" for k in range(20)]
+    wide = Table(*heads)
+    wide.add_row(*heads)
+    show(wide)
+    out = capsys.readouterr().out
+    assert "…" not in out
+    assert all(sum(head in line for line in out.splitlines()) == 2 for head in heads)

@@ -15,6 +15,8 @@ from typing import Any
 
 import click
 from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
 
 from gcs_tools.many.flights import each
 from gcs_tools.missions.mission import MissionError
@@ -34,7 +36,19 @@ from gcs_tools.studies.attack.flight import Flown, fly
 from gcs_tools.studies.attack.search import Search, search
 from gcs_tools.studies.attack.verdict import DEFINITIONS, Verdict, verdict
 
-WIDTH = 120
+COMMANDLINE = click.core.ParameterSource.COMMANDLINE
+WIDTH, MOST = 120, 1000  # columns
+DRAWN = "the study draws it; choose a --flight, or another --seed"
+FIXED = {  # what a study says itself of a mission
+    "flight.duration_s": "the study works it out from the setpoints that it draws",
+    "flight.setpoints": DRAWN,
+    "flight.curve": DRAWN,
+    "flight.yaw": DRAWN,
+    "flight.yaw_deg": DRAWN,
+    "flight.arrive": "a flight of the study ends when its time is over",
+    "law.guard": "expected --policy",
+    "expect": "the study has a verdict of its own, see --help",
+}
 
 
 def flown(found: Attack) -> Flown:
@@ -55,10 +69,46 @@ def campaign(how: How, flights: int, seed: int, console: Console | None = None) 
     return {0: first, **dict(enumerate(rest, start=1))}
 
 
-def screen() -> Console:
-    """Standard output; where that is no terminal, wide enough for the tables."""
+def screen(*tables: Table) -> Console:
+    """Standard output; where that is no terminal, as wide as the tables need, and `WIDTH` at least."""
     console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
+    if console.is_terminal:
+        return console
+    room = console.options.update(width=MOST)
+    return Console(
+        width=max(WIDTH, *(Measurement.get(console, room, t).maximum for t in tables), 0)
+    )
+
+
+def show(table: Table) -> None:
+    """A table, whole."""
+    screen(table).print(table)
+
+
+def unused(given: set[str], settings: tuple[str, ...], noise: str, flight: str | None) -> str:
+    """Why one of the options would change nothing; empty if each does.
+
+    given : names of the parameters of `main` that are on the command line.
+    """
+    options = {"n": "--flights", "settings": "--set"}
+
+    def told(name: str) -> str:
+        return options.get(name, "--" + name.replace("_", "-"))
+
+    written = [setting.partition("=")[0].strip() for setting in settings]
+    if noise == "none" and (lost := given & {"part", "unknown"}):
+        return f"{told(min(lost))}: there is no noise; add --noise bounded or --noise gaussian"
+    if "n" in given and given & {"flight", "look"}:
+        return "--flights: only a campaign has it; leave it out with --flight and with --search"
+    if flight is not None and not flight.isdecimal():
+        of_file = {"seed", "noise", "part", "unknown", "as_shipped", "settings"}
+        if lost := given & of_file:
+            return f"{told(min(lost))}: {flight} says how it was flown; leave the option out"
+    for key in written:
+        for fixed, why in FIXED.items():
+            if key == fixed or key.startswith(f"{fixed}."):
+                return f"--set {key}: {why}"
+    return ""
 
 
 def attacked(policies: tuple[str, ...], how: How, flights: int, seed: int, as_json: bool) -> bool:
@@ -70,11 +120,11 @@ def attacked(policies: tuple[str, ...], how: How, flights: int, seed: int, as_js
         click.echo(json.dumps(content, indent=2, allow_nan=False))
     else:
         for policy, of in found.items():
-            screen().print(report.table(policy, of))
-            screen().print(report.limits_in_words(of))
+            show(report.table(policy, of))
+            screen().print(report.limits_in_words(of), soft_wrap=True)
             if how.noise != "none" and not how.unknown:
-                screen().print(report.noise_in_words(of))
-            screen().print(report.worst_table(report.worst(of)))
+                screen().print(report.noise_in_words(of), soft_wrap=True)
+            show(report.worst_table(report.worst(of)))
     return any(map(report.contradicts, found.values()))
 
 
@@ -88,7 +138,7 @@ def searched(policies: tuple[str, ...], how: How, flights: int, seed: int, out: 
         content[policy] = _of_search(this, found)
         if not as_json:
             click.echo(f"{policy}: {found.flights} flights; the worst of each pair of setpoints and wind")  # fmt: skip
-            screen().print(report.worst_table({k: f.verdict for k, f in enumerate(found.found)}))
+            show(report.worst_table({k: f.verdict for k, f in enumerate(found.found)}))
     if out is not None:
         out.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")
     if as_json:
@@ -149,9 +199,12 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
             described = {k: v for k, v in history.described(found).items() if k != "numbers"}
             described["sent"] = [[round(x, 3) for x in row] for row in described["sent"][:10]]
             console.print(policy, described)
-            console.print(report.worst_table({flight: said}))
-            console.print(history.event_table(met))
-            console.print(history.second_table(over))
+            for table in (
+                report.worst_table({flight: said}),
+                history.event_table(met),
+                history.second_table(over),
+            ):
+                show(table)
     if as_json:
         click.echo(json.dumps(content, indent=2, allow_nan=False))
     return contradicts
@@ -182,6 +235,10 @@ def main(
         raise click.UsageError("--out: expected with --flight or --search")
     if out is not None and not out.parent.is_dir():
         raise click.UsageError(f"--out {out}: there is no folder {out.parent}")
+    source = click.get_current_context().get_parameter_source
+    given = {name for name in click.get_current_context().params if source(name) is COMMANDLINE}
+    if why := unused(given, settings, noise, flight):
+        raise click.UsageError(why)
     policies = policies or POLICIES
     try:
         how = How(
