@@ -15,7 +15,7 @@ from gcs_tools.exit_codes import OK, USAGE
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_tools.judging.envelope import Envelope, Noise, Reach
+    from gcs_tools.judging.envelope import Change, Envelope, Noise, Reach
 
 DOES_NOT_HOLD = 1  # exit code
 FORMATS = (".png", ".svg", ".pdf")
@@ -28,6 +28,19 @@ NAMED = {
     "doubt": "unknown mass during a step",
     "noise": "noise of the measurement",
     "steering": "tilts that steer in a wind from below",
+}
+
+
+GOVERN = "govern"
+NOT_NECESSARY = (
+    "It is sufficient, not necessary: a flight for which it fails may still saturate nothing."
+)
+DISTANCES, MASS = "setpoint distances, factor", "width of guard_mass_kg"
+ALONE = {  # by what is changed
+    DISTANCES: "setpoints nearer to the start",
+    "f_m": "a lower f_m",
+    "guard_wind_m_s": "less wind (guard_wind_m_s)",
+    MASS: "a mass known exactly (guard_mass_kg)",
 }
 
 
@@ -51,7 +64,7 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
 @click.argument("mission")
 @arguments.SETTINGS
 @click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
-@arguments.as_json("Print the result as JSON.")
+@arguments.as_json("Print the result as JSON (keys: gcs_tools/judging/README.md).")
 def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_json: bool) -> int:
     """Check before flight whether MISSION keeps thrust and tilt inside their limits.
 
@@ -97,18 +110,15 @@ def _show(found: Envelope, console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    sign, colour = ("holds", "green") if found.holds else ("does not hold", "yellow")
+    colour = "green" if found.holds else "yellow"
     console.print(Text(found.mission, style="bold"), Text(f"guard {found.guard}", style="dim"))
-    console.print(Text(f"The condition {sign}:", style=f"bold {colour}"), _sentence(found))
-    if found.governed:
-        console.print(
-            "The condition fails for the setpoints as given. With the guard the vehicle flies them more gently, and it holds."
-        )
+    _show_headline(found, console)
     for remark in found.remarks:
         console.print(Text(f"Not covered: {remark}.", style="yellow"))
     console.print()
 
-    spent = Table("At its tightest", "N", box=None, pad_edge=False, header_style="dim")
+    of = "At its tightest, as given" if found.governed else "At its tightest"
+    spent = Table(of, "N", box=None, pad_edge=False, header_style="dim")
     spent.columns[1].justify = "right"
     none = "" if found.terms.hover > 0.0 else "  <- the actuators cannot carry the believed vehicle"
     spent.add_row(f"margin in hover, to the nearest limit{none}", f"{found.terms.hover:.1f}")
@@ -149,6 +159,30 @@ def _show(found: Envelope, console: Console) -> None:
         console.print(Text(f"While what is believed holds: from rest within 0.3 m of the first setpoint after {math.ceil(found.arrives_s)} s at most.", style="dim"))  # fmt: skip
 
 
+def _show_headline(found: Envelope, console: Console) -> None:
+    """Whether the condition holds for what will be flown, and what that means."""
+    from rich.text import Text
+
+    if found.holds:
+        said, style, more = "The condition holds:", "bold green", _sentence(found)
+    elif found.governed:
+        said, style = "With the guard the condition holds:", "bold green"
+        more = "the vehicle flies the setpoints more gently than given."
+    else:
+        said, style, more = "The condition fails:", "bold yellow", _sentence(found)
+    console.print(Text(said, style=style), more)
+    if found.governed:
+        console.print(
+            f"For the setpoints as given it fails: {_sentence(found)} The tables say where that goes."
+        )
+    elif not found.holds and found.guard == GOVERN:
+        console.print("The guard cannot help: hover alone leaves no margin for what is believed.")
+    if not found.holds:
+        console.print(Text(NOT_NECESSARY, style="dim"))
+    if (found.holds or found.governed) and found.noise is not None and found.noise.lack:
+        console.print(Text("But noise may saturate the torque: see below.", style="yellow"))
+
+
 def _show_noise(noise: Noise, console: Console) -> None:
     from rich.text import Text
 
@@ -157,7 +191,7 @@ def _show_noise(noise: Noise, console: Console) -> None:
         f" {noise.gust_n_m:.1f} and noise {noise.noise_n_m:.1f}; left {noise.left_n_m:.1f}."
     )
     if noise.lack:
-        console.print(Text(f"Noise may saturate: {noise.lack}.", style="yellow"))
+        console.print(Text(f"Noise may saturate something: {noise.lack}.", style="yellow"))
     elif noise.per_hour is None:
         console.print("There is room for what such a noise does at most.")
     else:
@@ -170,21 +204,31 @@ def _show_changes(found: Envelope, console: Console) -> None:
     from rich.text import Text
 
     would = [
-        f"{change.what} {change.now:.3g} -> {_down(change.would_do)} {change.unit}".rstrip()
-        for change in found.changes
-        if change.would_do is not None
+        _change(change, change.would_do) for change in found.changes if change.would_do is not None
     ]
     if found.can_be_governed:
         would.append('law.guard="govern": the vehicle flies the setpoints more gently')
-    would_not = [change.what for change in found.changes if change.would_do is None]
+    would_not = [
+        ALONE.get(change.what, change.what) for change in found.changes if change.would_do is None
+    ]
+    given = "As given, any" if found.governed else "Any"
     for title, lines in (
-        ("Any one of these is enough:", would),
+        (f"{given} one of these is enough:", would),
         ("None of these is enough alone:", would_not),
     ):
         if lines:
             console.print(Text(title, style="dim"))
             for line in lines:
                 console.print(f"  {line}")
+
+
+def _change(change: Change, would_do: float) -> str:
+    """A change that is enough."""
+    if change.what == DISTANCES:
+        return f"setpoint distances scaled to {_down(100.0 * would_do)} %"
+    if change.what == MASS:
+        return ALONE[MASS]
+    return f"{change.what} {change.now:.3g} -> {_down(would_do)} {change.unit}".rstrip()
 
 
 def _tenths(value: float) -> str:

@@ -426,12 +426,13 @@ def lack(settings: Settings) -> str:
 
     would = []
     if amount := largest(smaller, now):
-        would.append(f"{key} {amount:.2g} in place of {now:.3g}")
+        would.append(f"{key} {now:.3g} -> {amount:.2g}")
     lower = next((g for g in law.gamma * 0.9 ** np.arange(1, 40) if softer(float(g))), None)
     if lower is not None:
-        would.append(f"gamma {lower:.0f} in place of {law.gamma:g}")
-    enough = ", or ".join(would) or "neither less of it alone nor a lower gamma"
-    return f"{key} takes most; enough: {enough}"
+        would.append(f"gamma {law.gamma:g} -> {lower:.0f}")
+    if not would:
+        return f"{key} takes most; neither less of it nor a lower gamma is enough alone"
+    return f"{key} takes most; enough is {' or '.join(would)}"
 
 
 def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -44,10 +45,38 @@ def test_a_mission_that_is_certain_says_so(tmp_path):
 def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_said():
     done = gcs("paper_fast_governed")
     assert done.exit_code == 0
-    assert "With the guard" in done.stdout
+    headline, given = " ".join(done.stdout.split()).split("For the setpoints as given it fails")
+    assert "With the guard the condition holds" in headline
+    assert "fail" not in headline
+    assert re.match(r": 36\d\.\d N short", given)
     beyond = gcs("gust_step", "--set", "wind.steady_m_s=[30, 0, 0]", "--set", "plant.mass_kg=12")
     assert "is beyond guard_wind_m_s 12" in beyond.stdout
     assert "12 kg, is not in guard_mass_kg" in beyond.stdout
+
+
+@pytest.mark.parametrize("mission", ["paper_fast_governed", "paper_fast"])
+def test_one_that_fails_is_told_to_be_no_prediction(mission):
+    assert "sufficient, not necessary" in gcs(mission).stdout
+    assert "sufficient, not necessary" not in gcs("gust_step").stdout
+
+
+def test_a_guard_that_has_no_room_is_not_said_to_help():
+    done = gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.12")
+    assert done.exit_code == 1
+    assert "With the guard" not in done.stdout
+    assert "The guard cannot help" in done.stdout
+    assert "nor a lower gamma is enough" in " ".join(done.stdout.split())
+
+
+def test_every_key_of_its_json_is_explained():
+    said = json.loads(
+        gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002", "--json").stdout
+    )
+    readme = (Path(__file__).parents[2] / "gcs_tools/judging/README.md").read_text()
+    rows = readme.partition("`gcs envelope --json`")[2]
+    inner = [said["terms"], said["noise"], *(said[k][0] for k in ("reach", "changes", "beliefs"))]
+    for key in {key for table in (said, *inner) for key in table}:
+        assert f"`{key}`" in rows, key
 
 
 def test_one_that_is_not_says_what_uses_the_margin_up_and_what_would_do():
@@ -135,12 +164,12 @@ def test_noise_that_there_is_no_room_for_is_said_with_what_would_do(kind):
     much = envelope(noisy(0.02, kind)).noise
     assert much.left_n_m < 0.0
     assert much.per_hour is None
-    assert much.lack.startswith("guard_noise_velocity_m_s takes most; enough: ")
-    amount = float(re.search(r"guard_noise_velocity_m_s (\S+) in place of 0.02", much.lack)[1])
+    assert much.lack.startswith("guard_noise_velocity_m_s takes most; enough is ")
+    amount = float(re.search(r"guard_noise_velocity_m_s 0.02 -> (\S+)", much.lack)[1])
     assert envelope(noisy(0.98 * amount, kind)).noise.lack == ""
     assert envelope(noisy(1.1 * amount, kind)).noise.lack != ""
     little = envelope(noisy(1.1 * amount, kind)).noise.lack
-    gamma = float(re.search(r"gamma (\S+) in place of", little)[1])
+    gamma = float(re.search(r"gamma \S+ -> (\S+)", little)[1])
     assert envelope(override(noisy(1.1 * amount, kind), f"law.gamma={gamma}")).noise.lack == ""
 
 
