@@ -13,6 +13,8 @@ from fcu.interface import topics as keys
 from gcs_tools.live.subscriber import LOOK_S, Counted, Subscriber
 from gcs_tools.recording import events
 
+MOST = 1000  # columns of a table that is piped
+
 
 def listen(vehicle: Subscriber, seconds: float) -> dict[str, Any]:
     """What comes of each topic in so many seconds (wall); its rate is seen in that time."""
@@ -72,11 +74,11 @@ def print_table(found: dict[str, Any]) -> None:
     )
     within = f"{keys.namespace(found['run'])}/{found['vehicle']}/"
     console.print(Text(f"keys below {within}", style="dim"))
-    table = Table(box=None, pad_edge=False, header_style="dim")
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim")
     for name in ("key", "message"):
-        table.add_column(name, no_wrap=True)
+        table.add_column(name, overflow="fold")  # where there is no room, over lines: never cut
     for name in ("ticks/s", "samples/s", "kB/s", "B/tick", "lost", "last"):
-        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column(name, justify="right", overflow="fold")
     for topic in found["topics"].values():
         idle = not topic["ticks"]
         lost = topic["lost"] + topic["unreadable"]
@@ -91,4 +93,7 @@ def print_table(found: dict[str, Any]) -> None:
             "-" if topic["last_sequence"] is None else str(topic["last_sequence"]),
             style="dim" if idle else "",
         )
+    if not console.is_terminal:
+        room = console.options.update(width=MOST)
+        console.width = max(console.width, console.measure(table, options=room).maximum)
     console.print(table)

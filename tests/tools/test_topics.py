@@ -11,6 +11,7 @@ import pytest
 
 from fcu.interface import topics
 from fcu.interface.ports import ports
+from gcs_tools.live.topics import print_table
 from gcs_tools.recording import events
 from gcs_tools.recording.schema import TOPICS
 
@@ -43,6 +44,22 @@ def test_the_table_is_for_people(replay, start, instance):
     program = start("gcs_tools", "topics", "--instance", instance)
     assert program.wait() == 0
     assert re.search(r"fcu/law +FcuLawTicks +\d+", " ".join(program.out.read_text().split()))
+
+
+@pytest.mark.parametrize("columns", ["60", "80"])
+def test_no_column_of_the_table_is_cut(monkeypatch, capsys, columns):
+    monkeypatch.setenv("COLUMNS", columns)
+    long = "a_law_of_your_own_that_has_a_long_name"
+    topic = {
+        "ticks": 1000, "rate_hz": 500.0, "samples_hz": 50.0, "bytes_s": 1e6, "tick_bytes": 1234.0,
+        "lost": 0, "unreadable": 0, "last_sequence": 123456789,
+    }  # fmt: skip
+    names = ("plant/truth", long)
+    found = {name: {**topic, "key": name, "message": f"m_mrac.{name}Ticks"} for name in names}
+    print_table({"vehicle": "1", "run": "r", "mission": None, "alive": [], "topics": found})
+    out = capsys.readouterr().out
+    assert "…" not in out
+    assert re.search(rf"{long} +{long}Ticks +500\.0 +50\.0 +1000\.0 +1234 +0 +123456789", out)
 
 
 def test_the_example_of_the_docs_reads_the_law(replay, instance, tmp_path):
