@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -103,11 +103,16 @@ class Terminal(Display):
         with self._without_bar():
             self._verdict(result, folder)
 
-    def closing(self, passed: int, of: int, wall_s: float) -> None:
-        """How many passed, in one line."""
+    def closing(
+        self, passed: int, of: int, wall_s: float, cut: Sequence[str], left: Sequence[str]
+    ) -> None:  # fmt: skip
+        """How many passed, in one line; of an interrupted call which did not fly to their end."""
         style = "green" if passed == of else "red"
         said = f"{passed} of {of} passed in {wall_s:.0f} s"
         self._out.print(Text(said, style=style), soft_wrap=True)
+        for what, names in (("interrupted", cut), ("not flown", left)):
+            if names:
+                self._out.print(Text(f"{what}: {', '.join(names)}", style=style), soft_wrap=True)
 
     def _verdict(self, result: Result, folder: str) -> None:
         self._out.print(Text(result.title, style="bold"))

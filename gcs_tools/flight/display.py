@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -24,5 +24,7 @@ class Display:
     def verdict(self, result: Result, folder: str) -> None:
         """A flight has been judged."""
 
-    def closing(self, passed: int, of: int, wall_s: float) -> None:
-        """Several flights are over."""
+    def closing(
+        self, passed: int, of: int, wall_s: float, cut: Sequence[str], left: Sequence[str]
+    ) -> None:  # fmt: skip
+        """Several flights are over. `cut`, `left`: of missions that were interrupted, not begun."""

@@ -169,7 +169,9 @@ def fly_missions(
         results = _fly_in_turn(runs, display)
     if many:
         passed = sum(each.passed for each in results)
-        display.closing(passed, len(runs), time.monotonic() - began)
+        cut = [each.mission for each in results if each.exit_code == INTERRUPTED]
+        left = [run.name for run in runs[len(results) :]]
+        display.closing(passed, len(runs), time.monotonic() - began, cut, left)
     return results
 
 

@@ -154,6 +154,15 @@ def test_an_interrupt_ends_every_flight_and_keeps_what_was_flown(
     assert "Traceback" not in program.text()
 
 
+def test_of_missions_in_turn_those_that_did_not_fly_are_told(fly, tmp_path, until):
+    program = fly("gust_step", "paper_nominal", "noisy_state", "-j", 1, "--in-process", *LONG)
+    file = tmp_path / "run" / "gust_step" / "flight.mcap"
+    until(lambda: file.exists() and file.stat().st_size > 1 << 19, "a recording")
+    assert program.interrupted() == 130
+    told = program.out.read_text().splitlines()[-2:]
+    assert told == ["interrupted: gust_step", "not flown: paper_nominal, noisy_state"]
+
+
 def test_a_flight_that_is_killed_is_told_and_the_others_fly_on(two_in_flight, until, alive):
     program, pids = two_in_flight("--set", "flight.duration_s=30", "--json")
     victim = min(named(pids, "gcs fly"))

@@ -94,6 +94,9 @@ def test_side_by_side(fly, tmp_path, until, size, how):
     for file in (tmp_path / "run").rglob("flight.mcap"):
         assert kept(file.parent).exit_code == 130
     assert not (tmp_path / "run" / "paper_nominal").exists()
+    cut, left = (line.partition(": ")[2] for line in program.text().splitlines()[-2:])
+    assert "urban_step" in cut and "paper_nominal" in left
+    assert sorted(f"{cut}, {left}".split(", ")) == sorted(names)
     quiet(program)
 
 
