@@ -24,3 +24,13 @@ def test_it_flies(vehicle, run, tmp_path, name):
     script = tmp_path / "script.py"
     script.write_text(SCRIPTS[name].replace("14540", str(up.ports.script)))
     assert "there" in run(script)
+
+
+def test_the_script_of_the_guards_readme_sets_beliefs(vehicle, run, tmp_path):
+    text = (README.parent / "fcu/guard/README.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (printed,) = re.findall(r"```\n(MR_M_MAX.*?)```", text, re.DOTALL)
+    up = vehicle()
+    script = tmp_path / "script.py"
+    script.write_text(code.replace("14540", str(up.ports.script)))
+    assert run(script).strip().endswith(printed.strip())

@@ -244,3 +244,21 @@ def test_flights_inside_saturate_nothing_and_governed_flights_nothing_at_all():
     assert found.ways_inside > 20
     assert found.warned_saturated > 10
     assert found.condition_least_n > -2.0
+
+
+def test_the_example_of_the_guards_readme(tmp_path):
+    """Every line that it shows is printed, and the flight saturates nothing."""
+    text = (Path(__file__).parents[2] / "fcu/guard/README.md").read_text()
+    (mission,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (shown,) = re.findall(r"```\n(my_load guard.*?)```", text, re.DOTALL)
+    file = tmp_path / "my_load.toml"
+    file.write_text(mission)
+    words = " ".join(gcs(file).stdout.split())
+    for line in shown.splitlines():
+        assert " ".join(line.split()) in words, line
+    flown = command_line.gcs(
+        "fly", file, "--in-process", "--figure", "never", "--out", tmp_path / "run"
+    )
+    assert flown.exit_code == 0, flown.output
+    file.write_text(mission.replace("bounds =", "# bounds ="))
+    assert "the mass estimate is kept in [7, 9] kg" in " ".join(gcs(file).stdout.split())
