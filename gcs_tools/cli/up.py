@@ -22,8 +22,8 @@ TELL_S = 2.0  # wall: a flight controller tells after one that its plant is sile
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 Ctrl-C or SIGTERM once the vehicle was up, 2 invalid command line, mission or law,\n"
-    "3 a process died or stalled, a port was busy or the flight ended, 130 interrupted before."
+    epilog="\b\nExit codes: 0 Ctrl-C, SIGTERM or SIGHUP once the vehicle was up, 2 invalid command line, mission\n"
+    "or law, 3 a process died or stalled, a port was busy or the flight ended, 130 interrupted before."
 )
 @click.argument("mission", required=False)
 @arguments.speed("1")
@@ -50,6 +50,7 @@ def up(
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
     from fcu.laws import loader
+    from gcs_tools.flight.interrupts import interrupts_wait
     from gcs_tools.flight.pair import Pair
     from gcs_tools.flight.processes import InfrastructureError, Misused, claimed
     from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
@@ -64,8 +65,13 @@ def up(
     code = INTERRUPTED
     published = arguments.publication(publish, zenoh)
     try:
-        with claimed(instance) as number, ExitStack() as stack:
-            pair = Pair(stack, folder, number, flown, published, flies(chosen, scene))
+        with (
+            interrupts_wait() as interrupts,
+            claimed(instance) as number,
+            ExitStack() as stack,
+        ):
+            look = interrupts.look
+            pair = Pair(stack, folder, number, flown, published, flies(chosen, scene), look)
             _stand_by(pair, scene, folder, number, "max" if speed is None else str(speed), options,
                       zenoh is not None)  # fmt: skip
             code = OK

@@ -100,6 +100,15 @@ def test_side_by_side(fly, tmp_path, until, size, how):
     quiet(program)
 
 
+def test_a_vehicle_that_is_up_is_stopped_as_ever(start, instance, alive, until):
+    program = start("gcs_tools", "up", "--instance", instance, "--no-publish")
+    program.says("ready: ")
+    started = program.started().values()
+    assert storm(program) == 0
+    until(lambda: not any(map(alive, started)), "no orphan")
+    quiet(program)
+
+
 def test_a_compiler_is_interrupted_at_once(fly, tmp_path, until):
     """In process, where it is ours: a minute is too long to wait for."""
     cache = tmp_path / "cache"
