@@ -49,7 +49,10 @@ def numbers(**of):
 
 def of_kind(wind="own", setpoints="step", **of):
     """Numbers of a kind of wind and a class of setpoints."""
-    w, s = (KINDS.index(wind) + 0.5) / len(KINDS), (SETPOINTS.index(setpoints) + 0.5) / 5.0
+    w, s = (
+        (KINDS.index(wind) + 0.5) / len(KINDS),
+        (SETPOINTS.index(setpoints) + 0.5) / len(SETPOINTS),
+    )
     return numbers(wind=w, setpoints=s, **of)
 
 
@@ -140,7 +143,8 @@ def test_everything_is_drawn_within_the_beliefs():
     for k in range(60):
         scene = drawn(1, k, How()).scene
         plant, guard, initial = scene.world.params, scene.guard, scene.law.initial
-        assert guard._replace(policy=0.0) == shipped.guard._replace(policy=0.0)
+        told = {"policy": 0.0, "lift": 0.0}  # that of the gains
+        assert guard._replace(**told) == shipped.guard._replace(**told)
         assert guard.m_min <= min(plant.m, initial.m_hat_0)
         assert guard.m_max >= max(plant.m, initial.m_hat_0)
         assert (guard.w_max, guard.w_dot_max) == (WIND_M_S, WIND_M_S2)
@@ -214,7 +218,7 @@ def test_noise_that_saturates_a_guard_that_does_not_know_of_it_does_not_where_it
     """The same flight, with the noise of noisy_state, with and without the belief."""
     saturated = {}
     for unknown in (True, False):
-        found = drawn(1, 21, How(noise="bounded", unknown=unknown))
+        found = drawn(1, 6, How(noise="bounded", unknown=unknown))
         saturated[unknown] = verdict(found, flown(found)).saturated
     assert saturated == {True: True, False: False}
 
@@ -332,3 +336,22 @@ def test_a_table_that_is_piped_is_whole(capsys):
     out = capsys.readouterr().out
     assert "…" not in out
     assert all(sum(head in line for line in out.splitlines()) == 2 for head in heads)
+
+
+def test_long_descents_find_what_tilts_that_do_not_steer_do():
+    """Flight 13 of descents alone, with the guard's condition on that and without it."""
+
+    def flown_with(lift):
+        random = np.random.default_rng([1, 13])
+        n = Numbers(*random.uniform(size=len(Numbers._fields)).tolist())
+        n = n._replace(setpoints=(SETPOINTS.index("descent") + 0.5) / len(SETPOINTS))
+        found = attack(n, How())
+        settings = found.scene.settings
+        guard = settings.guard._replace(lift=settings.guard.lift if lift is None else lift)
+        found = replace(found, scene=replace(found.scene, settings=settings._replace(guard=guard)))
+        return verdict(found, flown(found))
+
+    assert flown_with(1e3).torque
+    kept = flown_with(None)
+    assert not kept.contradicts
+    assert kept.setpoints == "descent"

@@ -28,7 +28,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 Tables = dict[str, Any]
 
 POLICIES = ("govern", "refuse")
-SETPOINTS = ("step", "reversal", "stream", "moving", "random")
+SETPOINTS = ("step", "descent", "reversal", "stream", "moving", "random")
 NOISES = ("none", "bounded", "gaussian")
 
 FIRST_S, ATTACK_S = 2.0, 12.0  # when the setpoints of an attack begin, and for how long they come
@@ -393,16 +393,26 @@ def noise_of(scene: Scenario, noise: str) -> Array:
     return random.uniform(-1.0, 1.0, (scene.ticks, len(scale))) * scale
 
 
+def lifted(n: Numbers) -> Numbers:
+    """What a descent is flown for: a light vehicle with all of the drag, in a wind mostly from below."""
+    return n._replace(
+        height=1.0,
+        mass=0.5 * n.mass,
+        drag_z=1.0,
+        wind=0.4 * n.wind,
+        wind_speed=1.0,
+        wind_share=n.wind_share**0.25,
+        wind_height=between(n.wind_height, 0.7, 1.0),
+    )
+
+
 def attack(n: Numbers, how: How) -> Attack | None:
     """The flight that the numbers make; None if its gains are not stable: by the rule (`unstable`), or
     where the strongest wind blows from below (`margin.sinking`).
     """
     kind, drawn_as = one_of(n.setpoints, SETPOINTS), n
-    if kind == "descent":  # what it is there for: a wind from below, in half of the flights
-        n = n._replace(
-            height=1.0, wind=0.5 * n.wind, wind_share=n.wind_share**0.25,
-            wind_height=between(n.wind_height, 0.7, 1.0),
-        )  # fmt: skip
+    if kind == "descent":
+        n = lifted(n)
     given = tables(n, how)
     scene = scenario(from_tables("drawn", given))
     law, known = scene.law, margin.known(scene.guard, scene.law)
