@@ -59,7 +59,7 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
     "(31)        the paper's condition, repaired, evaluated at the target\n\n"
     "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
     "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
-    "it fails; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
+    "it fails, or hover has no room for the noise that is believed; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
 )
 @click.argument("mission")
 @arguments.SETTINGS
@@ -103,7 +103,8 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
     except OSError as error:
         at = error.filename or figure or "standard output"
         raise Failure(f"{at}: {error.strerror}", USAGE) from error
-    return OK if found.holds or found.governed else DOES_NOT_HOLD
+    drowned = found.noise is not None and bool(found.noise.lack)
+    return OK if (found.holds or found.governed) and not drowned else DOES_NOT_HOLD
 
 
 def _show(found: Envelope, console: Console) -> None:

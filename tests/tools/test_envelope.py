@@ -68,6 +68,14 @@ def test_a_guard_that_has_no_room_is_not_said_to_help():
     assert "Noise may saturate something: guard_noise_velocity_m_s takes most" in done.stdout
 
 
+def test_noise_that_hover_has_no_room_for_fails_a_mission_that_is_governed():
+    done = gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.005")
+    assert "With the guard the condition holds" in done.stdout
+    assert "But noise may saturate the torque" in done.stdout
+    assert done.exit_code == 1
+    assert gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.0002").exit_code == 0
+
+
 def test_every_key_of_its_json_is_explained():
     said = json.loads(
         gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002", "--json").stdout

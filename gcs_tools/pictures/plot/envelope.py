@@ -41,7 +41,7 @@ def save(mission: Mission, found: Envelope, path: Path) -> None:
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _draw_way(left, mission, found)
     _draw_steps(right, mission)
-    says = "holds" if found.holds else "does not hold"
+    says = "holds" if found.holds else "holds with the guard" if found.governed else "fails"
     figure.suptitle(f"{found.mission}: before flight, the condition {says}", fontsize=11)
     figure.savefig(path, dpi=110, metadata={"Software": None} if path.suffix == ".png" else None)
 
