@@ -369,8 +369,8 @@ class Autopilot:
 
     @property
     def due_s(self) -> float:
-        """When `idle` has something to do: wall, monotonic, s."""
-        return self.ground.streams.due_s
+        """When `idle` or `serve` has something to do: wall, monotonic, s; 0: now."""
+        return 0.0 if self.ground.is_waiting else self.ground.streams.due_s
 
     def _tell(self, happened: Sequence[Told]) -> None:
         for told in happened:

@@ -91,13 +91,14 @@ class Loop:
         gc.disable()
         warned = False
         while not self.stopping:
-            for fd, _ in poll.poll(20):
-                if fd == plant_fd:
-                    self._fly()
-                elif fd in by_fd:
-                    self._autopilot.serve(by_fd[fd], time.monotonic())
-                else:
-                    self.stopping = True  # whoever started us is gone
+            ready = {fd for fd, _ in poll.poll(0 if ground.is_waiting else 20)}
+            if plant_fd in ready:
+                self._fly()
+            for fd, port in by_fd.items():
+                if fd in ready or port.is_waiting:
+                    self._autopilot.serve(port, time.monotonic())
+            if self._lifeline in ready:
+                self.stopping = True  # whoever started us is gone
             now = time.monotonic()
             self._autopilot.idle(now)
             if self._autopilot.heard_s:

@@ -25,6 +25,8 @@ _STRANGERS_AT_ONCE = 1000
 _MEMORY_ROOM = 1024  # datagrams that wait at a port in memory: about what a socket holds
 _MEMORY_MOMENT_S = 1e-4  # wall: who waits in memory looks so often
 _DO_NOT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)  # Windows has none: there nothing here blocks
+_IP_RECVERR = 11  # linux/in.h
+_OF_ERRORS = getattr(socket, "MSG_ERRQUEUE", 0)
 
 
 class PortBusy(OSError):
@@ -71,6 +73,28 @@ def exclusive_socket(port: int, link: str) -> socket.socket:
             raise PortBusy(port, link) from error
         raise
     return sock
+
+
+def hear_refusals(sock: Datagrams) -> bool:
+    """Have the kernel keep which addresses refuse what is sent to them; whether it does: Linux."""
+    if not isinstance(sock, socket.socket) or sys.platform != "linux":
+        return False
+    sock.setsockopt(socket.IPPROTO_IP, _IP_RECVERR, 1)
+    return True
+
+
+def refusals(sock: Datagrams) -> list[Address]:
+    """The addresses that have refused a datagram since the last call: nobody has these ports.
+
+    `sock`: one for which `hear_refusals` is true.
+    """
+    assert isinstance(sock, socket.socket)
+    found: list[Address] = []
+    try:
+        while True:
+            found.append(sock.recvmsg(0, 0, _OF_ERRORS | _DO_NOT_WAIT)[3])
+    except OSError:  # there is no more
+        return found
 
 
 class UdpLink:

@@ -1,27 +1,30 @@
 """A UDP port at which ground stations and scripts meet the vehicle, and each of their links.
 
 Telemetry goes to one configured address from the start (ground tools listen, they do not ask)
-and to whoever has sent a heartbeat. Whoever sends anything readable gets answers. Nobody can
-take more of the loop's time than the budget, nor the place of one who still beats: when all are
-taken, a newcomer is answered and no more.
+and to whoever has sent a heartbeat. Whoever sends anything readable gets answers. Every message is
+a datagram of its own: clients read with buffers of 300 to 512 bytes, and lose what does not fit.
+Nobody can take more of the loop's time than AT_ONCE_S, nor the place of one who still beats: when
+all are taken, a newcomer is answered and no more. What a client has asked for ends with it: when
+its port refuses a datagram, or when it has beaten and was silent for GONE_S.
 """
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from fcu.interface.link import HOST, Address, Datagrams
+from fcu.interface.link import HOST, Address, Datagrams, hear_refusals, refusals
 from fcu.mavlink.definitions import Packed, Result
 from fcu.mavlink.ground_link import GroundCodec, GroundMessage
 from fcu.mavlink.telemetry import Heartbeat
 
 PEERS = 8  # beside the configured listener
 GONE_S = 10.0  # wall: one who has not been heard for so long may be replaced
-BUDGET = 32  # datagrams read at one go
+AT_ONCE_S = 0.3e-3  # wall: between two ticks a port takes so long, and the message in hand
 RATE, BURST = 2000.0, 400.0  # datagrams of one sender a second, wall; and at once
 _LONGEST = 65535
-_FULL = 1400  # bytes of a datagram that messages are gathered in
 
 
 class Bucket:
@@ -62,8 +65,17 @@ class Link:
         self.list_at: int | None = None  # the next parameter of a list that is being sent
         self.list_due = 0.0
         self.acknowledged: list[Acknowledged] = []  # the last few, the newest first
+        self.beats = False  # has sent a heartbeat
+        self.is_met = False  # has sent anything since it was new
         self.heard = now
         self.spoken = Bucket(RATE, BURST)
+
+    def renew(self) -> None:
+        """Whoever was there has gone: the next one finds what they would find on a new link."""
+        self.is_greeted = self.has_rates = self.beats = self.is_met = False
+        self.streams = {}
+        self.list_at = None
+        self.acknowledged = []
 
 
 class GroundPort:
@@ -73,41 +85,62 @@ class GroundPort:
         """`bound`: the socket, which is closed with this."""
         self._socket = bound
         self._socket.setblocking(False)
+        self._hears_refusals = hear_refusals(bound)
         self._system = system_id
         self._parser = GroundCodec(system_id)
         self.listener = Link((HOST, listener_port), GroundCodec(system_id), 0.0)
         self.listener.hears_telemetry = True
         self._peers: dict[Address, Link] = {}  # the least recent first
+        self._waiting: deque[tuple[GroundMessage, Link]] = deque()  # of the last datagram
         self.dropped = self._parser.dropped  # by reason; also `over rate`
 
     def fileno(self) -> int:
         """For poll."""
         return self._socket.fileno()
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether there are messages to `receive`, of which `poll` does not know."""
+        return bool(self._waiting)
+
     def receive(self, now: float) -> Iterator[tuple[GroundMessage, Link]]:
-        """Messages that are waiting, with their links; at most BUDGET datagrams of them."""
-        for _ in range(BUDGET):
-            try:
-                datagram, address = self._socket.recvfrom(_LONGEST)
-            except BlockingIOError:
+        """Messages that are waiting, with their links, for at most AT_ONCE_S and one message more.
+
+        The time is that of whoever takes them, too. What is left waits for the next call.
+        """
+        until = time.monotonic() + AT_ONCE_S
+        while self._waiting or self._read(now):
+            if self._waiting:
+                yield self._waiting.popleft()
+            if time.monotonic() >= until:
                 return
-            except OSError:  # a peer's port is closed: an ICMP refusal, not a datagram
-                continue
-            known = self.listener if address == self.listener.address else self._peers.get(address)
-            if known is not None and not known.spoken.take(now):
-                self.dropped["over rate"] += 1
-                continue
-            messages = self._parser.parse(datagram)
-            if not messages:
-                continue
-            link = known or self._meet(address, now)
-            for message in messages:
-                if isinstance(message, Heartbeat) and not link.hears_telemetry:
-                    link.hears_telemetry = True
-                yield message, link
-            link.heard = now
-            if address in self._peers:  # the most recent is the last to go
-                self._peers[address] = self._peers.pop(address)
+
+    def _read(self, now: float) -> bool:
+        """Take the messages of a datagram; whether there was one."""
+        try:
+            datagram, address = self._socket.recvfrom(_LONGEST)
+        except BlockingIOError:
+            return False
+        except OSError:  # a peer's port is closed: an ICMP refusal, not a datagram
+            self._see_refusals()
+            return True
+        known = self.listener if address == self.listener.address else self._peers.get(address)
+        if known is not None and not known.spoken.take(now):
+            self.dropped["over rate"] += 1
+            return True
+        messages = self._parser.parse(datagram)
+        if not messages:
+            return True
+        link = known or self._meet(address, now)
+        if link.beats and now - link.heard > GONE_S:
+            link.renew()
+        if any(isinstance(message, Heartbeat) for message in messages):
+            link.hears_telemetry = link.beats = True
+        link.heard, link.is_met = now, True
+        self._waiting.extend((message, link) for message in messages)
+        if address in self._peers:  # the most recent is the last to go
+            self._peers[address] = self._peers.pop(address)
+        return True
 
     def _meet(self, address: Address, now: float) -> Link:
         """A new peer: in place of a stranger, or of one who is gone, if the table is full."""
@@ -125,37 +158,53 @@ class GroundPort:
         self._peers[address] = link
         return link
 
-    def links(self) -> Iterator[Link]:
+    def links(self) -> list[Link]:
         """Those that hear telemetry: the listener, and proven peers."""
-        yield self.listener
-        yield from (link for link in self._peers.values() if link.hears_telemetry)
+        return [link for link in self.everyone() if link.hears_telemetry]
 
     def everyone(self) -> list[Link]:
         """The listener and all peers."""
         return [self.listener, *self._peers.values()]
 
     def send(self, link: Link, *messages: Packed) -> None:
-        """To one link, as few datagrams as they fit in; lost if nobody is there."""
-        datagram = b""
+        """To one link, a datagram a message; lost if nobody is there."""
         for message in messages:
-            frame = link.codec.framed(message)
-            if len(datagram) + len(frame) > _FULL:
-                self._send(datagram, link.address)
-                datagram = b""
-            datagram += frame
-        if datagram:
-            self._send(datagram, link.address)
+            datagram = link.codec.framed(message)
+            # an earlier datagram was refused, not this one: here, or at another's port
+            if not self._send(datagram, link.address) and (
+                link.address in self._see_refusals() or not self._send(datagram, link.address)
+            ):
+                return
+        if messages:
+            self._see_refusals()
 
     def broadcast(self, *messages: Packed) -> None:
         """To everyone who hears telemetry."""
         for link in self.links():
             self.send(link, *messages)
 
-    def _send(self, datagram: bytes, address: Address) -> None:
+    def _send(self, datagram: bytes, address: Address) -> bool:
+        """Whether it has gone out."""
         try:
             self._socket.sendto(datagram, address)
-        except OSError:
+        except ConnectionRefusedError:
+            return False
+        except OSError:  # no room
             pass
+        return True
+
+    def _see_refusals(self) -> list[Address]:
+        """Forget who is gone; the addresses whose ports have refused something."""
+        if not self._hears_refusals:
+            return []
+        gone = refusals(self._socket)
+        for address in gone:
+            if address == self.listener.address:
+                if self.listener.is_met:
+                    self.listener.renew()
+            else:
+                self._peers.pop(address, None)
+        return gone
 
     def close(self) -> None:
         """Give the port back."""

@@ -144,6 +144,11 @@ class Station:
         """Whether a command waits for its outcome: to be settled between any two ticks."""
         return self._protocol.is_pending
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether messages wait that were received, and did not fit between two ticks."""
+        return any(port.is_waiting for port in self.ports)
+
     def idle(self, t_us: int, now: float, decides: float) -> None:
         """What is due by the wall clock; called between ticks, and often.
 

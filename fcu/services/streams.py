@@ -4,7 +4,7 @@ Default rates are PX4's, of its `normal` link for ground stations and its `onboa
 scripts, so that what a client displays or waits for arrives as it is used to. Streams are paced
 by the wall clock, as clients time them: a flight at a hundred times real time does not flood its
 listeners, and one that is slow or held still does not lose them. What is due at one moment is
-built once, from one View, and shares a datagram.
+built once, from one View.
 """
 
 from __future__ import annotations
