@@ -51,6 +51,7 @@ class Code(Enum):
     MODE = "Mode {}"
     MODE_SHORT = "Mode {}: lacks {:newtons}, may saturate"
     TAKING_OFF = "Taking off to {:.1f} m above here"
+    TAKES_OFF_ONCE_ARMED = "Takes off to {:.1f} m above here once armed"
     GOING = "Flying {:.0f} m"
     GOING_SHORT = "Flying {:.0f} m: lacks {:newtons}, may saturate"
     HOME_SET = "Home set"

@@ -92,7 +92,7 @@ class Spec(NamedTuple):
     used: tuple[int, ...] = ()  # parameters that mean something; NaN: default
     required: tuple[int, ...] = ()  # of these, those that must be numbers
     to_all: bool = True  # also when it is sent to every system
-    place: bool = False  # parameters 5 to 7 are a place on Earth: exact in COMMAND_INT only
+    place: bool = False  # parameters 5 to 7 are a place on Earth: named exactly in COMMAND_INT only
     what: str = ""
 
 
@@ -134,7 +134,8 @@ class Commands:
             )
         if command.target_system == 0 and not spec.to_all:
             return denied(spec.what, Code.TO_NO_SYSTEM)
-        if command.frame is None and spec.place:
+        named = not (math.isnan(command.params[4]) and math.isnan(command.params[5]))
+        if command.frame is None and spec.place and named:
             return denied(spec.what, Code.SEND_AS_INT, Result.COMMAND_INT_ONLY)
         if command.frame is not None and spec.place and command.frame not in GLOBAL_FRAMES:
             return _wrong_frame(spec.what, command.frame)
@@ -177,9 +178,9 @@ class Commands:
         return _verdict(mode.value, self._vehicle.select(mode, request.t_us, request.wall_s))
 
     def _place(self, request: Request) -> Vec3 | None:
-        """Parameters 5 to 7 as a position; what is left out is where the vehicle is."""
+        """Parameters 5 to 7 as a position; what is left out is where the vehicle comes to rest."""
         vehicle = self._vehicle
-        here = vehicle.pose().r_E
+        here = vehicle.stopping_place(request.t_us)
         lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
         if abs(lat) > 90.0 or abs(lon) > 180.0 or math.isnan(lat) != math.isnan(lon):
             return None
@@ -224,8 +225,10 @@ class Commands:
     def _land(self, request: Request) -> Verdict:
         lat, lon = request.parameter(5), request.parameter(6)
         if not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0):
-            place, here = self._place(request), self._vehicle.state
-            if here is None or place is None:
+            if self._vehicle.state is None:
+                return denied("Landing", Code.NO_STATE)
+            place = self._place(request)
+            if place is None:
                 return denied("Landing", Code.NO_PLACE_NEAR)
             if math.dist(place[:2], self._vehicle.pose().r_E[:2]) > TAKEOFF_ASIDE:
                 return denied("Landing", Code.LANDS_HERE)
@@ -240,6 +243,12 @@ class Commands:
         if vehicle.state is None or vehicle.home is None:
             return denied("Reposition", Code.NO_STATE)
         to = self._place(request)
+        yaw = request.parameter(4)
+        psi = None if math.isnan(yaw) else 0.5 * math.pi - yaw
+        if all(math.isnan(request.parameter(n)) for n in (5, 6, 7)):  # pause, or turn here
+            if psi is None:
+                return self._select(Mode.HOLD, request)
+            return _verdict("Reposition", vehicle.turn(psi, request.t_us))
         if to is None:
             return denied("Reposition", Code.NO_PLACE_NEAR)
         yaw = request.parameter(4)

@@ -42,7 +42,7 @@ _ALOFT = (Need.STATE, Need.ARMED, Need.AIRBORNE)
 
 NEEDS: dict[Mode, tuple[Need, ...]] = {
     Mode.HOLD: (),
-    Mode.TAKEOFF: (Need.STATE, Need.ARMED, Need.GROUNDED),
+    Mode.TAKEOFF: (Need.STATE, Need.GROUNDED),  # disarmed: it takes off once it is armed
     Mode.POSITION: (),
     Mode.OFFBOARD: (Need.SETPOINTS,),
     Mode.LAND: (Need.STATE, Need.ARMED),

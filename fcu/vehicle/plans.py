@@ -274,8 +274,6 @@ def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: PlanLimits) 
         return descent(r, v, psi, home.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
     if mode is Mode.RETURN:
         return through(r, v, _way_home(here, home, p, led), psi, led, settle_s(p))
-    if mode is Mode.TAKEOFF:
-        return take_off(here, p["MIS_TAKEOFF_ALT"], led, settle_s(p))
     if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
         stopping, stop = brake(r, v, psi, led)
         return chain(stopping, _generated(mode, stop, psi, p))

@@ -91,6 +91,7 @@ class StateMachine:
         )
         self._approach = Approach.AS_ASKED  # how the script's setpoint is flown
         self._touchdown = TouchdownDetector(self.watch[_TOUCHDOWN])
+        self._take_off_to: float | None = None  # m, E: once it is armed; None: MIS_TAKEOFF_ALT
         self._armed_us = 0
         self._landed_us = 0
         self._untold: Told | None = None  # of the script's setpoint, as it was entered
@@ -145,6 +146,12 @@ class StateMachine:
         """
         here = self.pose() if pose is None else pose
         return anchored(self.setpoint, (t_us - self.since_us) * 1e-6, here, NEAR)
+
+    def led_to(self, t_us: int) -> Vec3:
+        """Where the setpoint is now, m, E, however far from the vehicle."""
+        assert self.setpoint is not None
+        place: Vec3 = carried(self.setpoint, (t_us - self.since_us) * 1e-6).r_c
+        return place
 
     @property
     def on_ground(self) -> bool:
@@ -302,7 +309,7 @@ class StateMachine:
     # --- what it is asked for
 
     def arm(self, t_us: int, wall_s: float) -> Answer:
-        """Start the rotors; the vehicle holds, or flies the mode it is in."""
+        """Start the rotors; the vehicle holds, takes off or flies the mode it is in."""
         if self.armed:
             return Answer(True)
         why = self.why_not_arm(t_us, wall_s)
@@ -317,10 +324,13 @@ class StateMachine:
 
     def why_not_arm(self, t_us: int, wall_s: float) -> Told | None:
         """The first reason against arming; None if there is none."""
-        if self.unfit is not None or self.mode is not Mode.OFFBOARD:
+        if self.unfit is not None:
             return self.unfit
-        ready = self.script.ready(t_us, wall_s, self.lost_us)
-        return None if ready else Told(Code.NO_STREAM)
+        if self.mode is Mode.TAKEOFF:
+            return self._why_not_take_off(self._take_off_to, t_us, wall_s)
+        if self.mode is not Mode.OFFBOARD or self.script.ready(t_us, wall_s, self.lost_us):
+            return None
+        return Told(Code.NO_STREAM)
 
     @property
     def unfit(self) -> Told | None:
@@ -375,24 +385,57 @@ class StateMachine:
         return Answer(True, short or Told(Code.MODE, (name,)))
 
     def take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Answer:
-        """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold."""
+        """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold.
+
+        A vehicle that is not armed does so once it is.
+        """
+        why = self._why_not_take_off(to_z, t_us, wall_s)
+        if why is not None:
+            return Answer(False, why)
+        height = self._climb(to_z, t_us)
+        self.failsafe = None
+        if self.armed:
+            self._take_off(height, t_us)
+            return Answer(True, Told(Code.TAKING_OFF, (height,)))
+        self._become(Mode.TAKEOFF)
+        self._take_off_to = to_z
+        return Answer(True, Told(Code.TAKES_OFF_ONCE_ARMED, (height,)))
+
+    def _why_not_take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Told | None:
         need = modes.denied(Mode.TAKEOFF, self._met(t_us, wall_s))
         if need is not None:
-            return _refused(need.value)
-        here = self._from(t_us)
-        height = self._params["MIS_TAKEOFF_ALT"] if to_z is None else to_z - here.r_E.z
-        if not 0.0 < height <= 1000.0:
-            return _refused(Code.TAKEOFF_HEIGHT, height)
-        self.failsafe = None
+            return Told(need.value)
+        height = self._climb(to_z, t_us)
+        return None if 0.0 < height <= 1000.0 else Told(Code.TAKEOFF_HEIGHT, (height,))
+
+    def _climb(self, to_z: float | None, t_us: int) -> float:
+        """How far it is up from here, m."""
+        return self._params["MIS_TAKEOFF_ALT"] if to_z is None else to_z - self._from(t_us).r_E.z
+
+    def _take_off(self, height: float, t_us: int) -> None:
+        here, settle_s = self._from(t_us), plans.settle_s(self._params)
         self._become(Mode.TAKEOFF)
-        plan = plans.take_off(here, height, self._limits(), plans.settle_s(self._params))
-        self._follow(plan, t_us, ends=True)
-        return Answer(True, Told(Code.TAKING_OFF, (height,)))
+        self._follow(plans.take_off(here, height, self._limits(), settle_s), t_us, ends=True)
+
+    def stopping_place(self, t_us: int) -> Vec3:
+        """Where it comes to rest (m, E) if it is to hold from now on."""
+        here = self._from(t_us)
+        return plans.brake(here.r_E, here.v_E, here.psi, self._limits())[1]
+
+    def turn(self, psi: float, t_us: int) -> Answer:
+        """Hold here, with another yaw (rad)."""
+        return self._go(None, psi, t_us)
 
     def reposition(
         self, to: Vec3, psi: float | None, t_us: int, speed: float | None = None
     ) -> Answer:
         """Hold somewhere else: straight there, within the limits; `speed`: as `change_speed`."""
+        return self._go(to, psi, t_us, speed)
+
+    def _go(
+        self, to: Vec3 | None, psi: float | None, t_us: int, speed: float | None = None
+    ) -> Answer:
+        """`to`: where to hold, m, E; None: where it comes to rest."""
         if not self.armed or self.state is None:
             return _refused(Code.NOT_ARMED)
         if self._landed.landed:
@@ -404,13 +447,16 @@ class StateMachine:
                 return changed
         here, led = self._from(t_us), self._limits()
         psi = here.psi if psi is None else psi
-        lack = self.feasibility.of_move(here, to, led, self.reference)
+        lack = None if to is None else self.feasibility.of_move(here, to, led, self.reference)
         if lack is not None and self.feasibility.refuses:
             self.cruise = was
             return Answer(False, lack.reason)
         self.failsafe = None
         self._become(Mode.HOLD)
-        self._follow(plans.through(here.r_E, here.v_E, [to], psi, led), t_us)
+        way = [] if to is None else [to]
+        self._follow(plans.through(here.r_E, here.v_E, way, psi, led), t_us)
+        if to is None:
+            return Answer(True, Told(Code.MODE, (self.mode.value,)))
         far = plans.length(to - here.r_E)
         short = lack is not None and Told(Code.GOING_SHORT, (far, lack.short))
         return Answer(True, short or Told(Code.GOING, (far,)))
@@ -507,6 +553,7 @@ class StateMachine:
 
     def _become(self, mode: Mode) -> None:
         self.mode = mode
+        self._take_off_to = None
         self._end_approach()
         if mode is not Mode.OFFBOARD:
             self.script.owner = None
@@ -520,6 +567,9 @@ class StateMachine:
 
     def _enter(self, mode: Mode, t_us: int) -> None:
         """Be in a mode, and lay down what it flies."""
+        if mode is Mode.TAKEOFF and self.armed:
+            self._take_off(self._climb(self._take_off_to, t_us), t_us)
+            return
         self._become(mode)
         if not self.armed:
             return

@@ -17,6 +17,7 @@ from fcu.parameters import Parameters
 from fcu.services.status import landed_state, system_status
 from fcu.settings import settings
 from fcu.vehicle.modes import Mode
+from fcu.vehicle.plans import Pose
 from fcu.vehicle.state_machine import Answer, StateMachine
 
 ZERO = Vec3(0.0, 0.0, 0.0)
@@ -140,12 +141,82 @@ def test_it_disarms_if_it_does_not_take_off(params):
 # --- modes
 
 
-@pytest.mark.parametrize(
-    "mode", [Mode.TAKEOFF, Mode.LAND, Mode.RETURN, Mode.STEP, Mode.FIGURE_EIGHT]
-)
+@pytest.mark.parametrize("mode", [Mode.LAND, Mode.RETURN, Mode.STEP, Mode.FIGURE_EIGHT])
 def test_a_mode_that_flies_needs_a_vehicle_that_may(vehicle, mode):
     assert vehicle.select(mode, 0, 0.0) == refused(Code.NOT_ARMED)
     assert vehicle.mode is Mode.HOLD
+
+
+GROUND = Vec3(0.0, 0.0, 0.3)
+
+
+@pytest.fixture
+def grounded(params):
+    """Disarmed on the ground."""
+    vehicle = StateMachine(params, sim_only=True)
+    fly(vehicle, 0, 2_000_000, state(GROUND, Omega=0.0))
+    assert vehicle.on_ground
+    return vehicle
+
+
+def climbs(vehicle):
+    """How far above here the plan that is flown ends, m."""
+    end = 0.0
+    for t_us in range(vehicle.since_us, vehicle.since_us + 30_000_000, 100_000):
+        vehicle.leader.advance(t_us)
+        end = vehicle.flown(t_us, Pose(vehicle.setpoint.r_c, ZERO, 0.0)).r_c.z
+    return end - GROUND.z
+
+
+@pytest.mark.parametrize(("to_z", "height"), [(None, 2.5), (4.3, 4.0)])
+def test_a_takeoff_that_comes_first_is_flown_once_it_is_armed(grounded, to_z, height):
+    """QGroundControl arms on the acknowledgement of a takeoff."""
+    answer = grounded.take_off(to_z, 2_000_000, 2.0)
+    assert answer == Answer(True, Told(Code.TAKES_OFF_ONCE_ARMED, (pytest.approx(height),)))
+    assert (grounded.armed, grounded.mode, grounded.setpoint) == (False, Mode.TAKEOFF, None)
+    assert grounded.arm(2_100_000, 2.1).granted
+    assert grounded.mode is Mode.TAKEOFF
+    assert climbs(grounded) == pytest.approx(height)
+
+
+def test_mode_takeoff_that_comes_first_climbs_by_the_parameter(grounded):
+    assert grounded.select(Mode.TAKEOFF, 2_000_000, 2.0).granted
+    assert grounded.arm(2_100_000, 2.1).granted
+    assert climbs(grounded) == pytest.approx(2.5)
+
+
+def test_a_takeoff_that_waits_is_over_with_another_mode_or_a_disarming(grounded):
+    for end in (
+        lambda: grounded.select(Mode.HOLD, 2_000_000, 2.0),
+        lambda: grounded.disarm(2_000_000),
+    ):
+        assert grounded.take_off(9.0, 2_000_000, 2.0).granted
+        assert end().granted
+        assert grounded.mode is Mode.HOLD
+        assert grounded.select(Mode.TAKEOFF, 2_000_000, 2.0).granted
+        assert grounded.arm(2_000_000, 2.0).granted
+        assert climbs(grounded) == pytest.approx(2.5)
+        assert grounded.disarm(2_000_000, forced=True).granted
+
+
+def test_a_takeoff_that_waits_is_denied_where_it_cannot_be_flown_any_more(grounded):
+    assert grounded.take_off(4.3, 2_000_000, 2.0).granted
+    fly(grounded, 2_000_000, 4_000_000, state(Vec3(0.0, 0.0, 5.0), Omega=0.0))
+    assert grounded.arm(4_000_000, 4.0) == refused(Code.TAKEOFF_HEIGHT, pytest.approx(-0.7))
+    assert not grounded.armed
+
+
+def test_a_turn_holds_where_it_comes_to_rest(armed):
+    assert armed.turn(1.5, TICK).granted
+    assert (armed.mode, armed.setpoint.r_c, armed.setpoint.psi_c) == (Mode.HOLD, HERE, 1.5)
+
+
+def test_it_comes_to_rest_ahead_of_where_it_is(params):
+    vehicle = StateMachine(params, sim_only=True)
+    vehicle.observe(state(v_E=Vec3(3.0, 0.0, 0.0)), 0, 0.0)
+    there = vehicle.stopping_place(0)
+    assert (there.y, there.z) == pytest.approx((2.0, 3.0))
+    assert there.x >= 1.0 + 3.0**2 / (2.0 * params["MPC_ACC_HOR"])
 
 
 def test_taking_off_in_the_air_is_denied(armed):
