@@ -71,7 +71,7 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "MR_SP_DIST", 100.0, 1.0, 10000.0, "m", "setpoints farther away are flown at this distance"),
         P("", "MR_SP_BELOW", 1.0, 0.0, 10000.0, "m", "setpoints farther below home are flown there"),
         P("", "COM_OF_LOSS_T", 1.0, 0.1, 60.0, "s", "age of the last setpoint at which offboard is lost"),
-        P("", "COM_OBL_RC_ACT", 0.0, 0.0, 7.0, "", "then: 0 position, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm", values=(0.0, 3.0, 4.0, 5.0, 6.0, 7.0)),
+        P("", "COM_OBL_RC_ACT", 0.0, 0.0, 7.0, "", "then: 0 position, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm", values=(0.0, 3.0, 4.0, 5.0, 6.0, 7.0), integer=True),
         P("", "COM_RC_LOSS_T", 0.5, 0.1, 35.0, "s", "time for which a joystick's last word is flown"),
     ),
     *group(
@@ -85,16 +85,16 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "BAT_CRIT_THR", 0.07, 0.0, 1.0, "", "charge at which it is critical", below="BAT_LOW_THR"),
         P("", "BAT_LOW_THR", 0.15, 0.0, 1.0, "", "charge at which the battery is low"),
         P("", "BAT1_CAPACITY", None, 100.0, 100000.0, "mAh", "of a full battery, for the time left", airframe="battery.capacity_mah"),
-        P("", "BAT1_N_CELLS", None, 1.0, 16.0, "", "cells in series, as the plant has them", read_only=True, airframe="battery.cells"),
+        P("", "BAT1_N_CELLS", None, 1.0, 16.0, "", "cells in series, as the plant has them", read_only=True, airframe="battery.cells", integer=True),
     ),
     *group(
         "What ground stations ask for",
-        P("", "COM_DL_LOSS_T", 10.0, 5.0, 300.0, "s", "no effect: see NAV_DLL_ACT", read_only=True),
-        P("", "NAV_DLL_ACT", 0.0, 0.0, 6.0, "", "no action on the loss of a ground station", read_only=True),
-        P("", "SYS_FAILURE_EN", 0.0, 0.0, 1.0, "", "failures cannot be injected by command", read_only=True),
-        P("", "SYS_AUTOSTART", None, 0.0, 9999999.0, "", "PX4's number of the airframe", read_only=True, airframe="mavlink.autostart"),
-        P("", "MAV_SYS_ID", 1.0, 1.0, 250.0, "", "MAVLink system, set at the start", read_only=True),
-        P("", "MAV_TYPE", None, 0.0, 45.0, "", "MAVLink type of the vehicle", read_only=True, airframe="mavlink.type"),
+        P("", "COM_DL_LOSS_T", 10.0, 5.0, 300.0, "s", "no effect: see NAV_DLL_ACT", read_only=True, integer=True),
+        P("", "NAV_DLL_ACT", 0.0, 0.0, 6.0, "", "no action on the loss of a ground station", read_only=True, integer=True),
+        P("", "SYS_FAILURE_EN", 0.0, 0.0, 1.0, "", "failures cannot be injected by command", read_only=True, integer=True),
+        P("", "SYS_AUTOSTART", None, 0.0, 9999999.0, "", "PX4's number of the airframe", read_only=True, airframe="mavlink.autostart", integer=True),
+        P("", "MAV_SYS_ID", 1.0, 1.0, 250.0, "", "MAVLink system, set at the start", read_only=True, integer=True),
+        P("", "MAV_TYPE", None, 0.0, 45.0, "", "MAVLink type of the vehicle", read_only=True, airframe="mavlink.type", integer=True),
     ),
 )  # fmt: skip
 
@@ -103,7 +103,7 @@ VEHICLE: tuple[Parameter, ...] = (
 
 
 class Entry(NamedTuple):
-    """One parameter of MAVLink: a part of a row, in MAVLink's unit. Every value is a REAL32."""
+    """One parameter of MAVLink: a part of a row, in MAVLink's unit."""
 
     part: Part
     row: Parameter

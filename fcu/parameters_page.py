@@ -20,8 +20,8 @@ from fcu.settings import PARAMETERS
 HEAD = """# Parameters
 
 A parameter of the law has a key in a mission's `[law]`, and most have a name that ground stations
-set them by. Of those with a name all are REAL32; the law's are in force from the next tick; names
-that do not begin with MR_ or REF_ are PX4's. What is refused, and why: [mavlink.md](mavlink.md).
+set them by. Over MAVLink a number is a REAL32 unless INT32 is said; the law's are in force from the
+next tick; names that do not begin with MR_ or REF_ are PX4's. What is refused, and why: [mavlink.md](mavlink.md).
 Written by `make schemas`.
 """
 TITLES = "\n## {}\n\n| `[law]` | MAVLink | default | may be | |\n|---|---|---|---|---|\n"
@@ -51,6 +51,7 @@ def _rows(row: Parameter, airframe: Mapping[str, Any]) -> Iterator[str]:
     for p in known:
         when = " (while disarmed)" if row.disarmed_only else ""
         allowed = "read only" if row.read_only else f"{p.expected()}{when}"
+        allowed += ", INT32" if row.integer else ""
         key = row.key if one else ""
         key += f", {row.unit}" if key and row.degrees else ""
         given = _number(p.default) + (f", {row.default}" if row.words else "")

@@ -65,6 +65,7 @@ class Parameter(NamedTuple):
     read_only: bool = False
     disarmed_only: bool = False
     leads: bool = False  # the defaults of others depend on it
+    integer: bool = False  # over MAVLink an INT32, as PX4 has it; else a REAL32
 
     @property
     def name(self) -> str:

@@ -71,7 +71,7 @@ class Code(Enum):
     NOT_KNOWN_YET = "Message {}: no data yet"
     PARAMETER_REFUSED = "{}"  # the reason, in words
     PARAMETER_UNKNOWN = "Unknown parameter {}"
-    PARAMETER_TYPE = "Parameter {}: expected type REAL32"
+    PARAMETER_TYPE = "Parameter {}: expected type {}"
     PARAMETERS_TOO_MANY = "Too many parameters at once: ask again"
     PARAMETERS_NOT_RESET = "Parameters not reset: vehicle is armed"
     PARAMETERS_NOT_SAVED = "Parameters not saved: {}"

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from fcu.mavlink.definitions import REAL32, Packed
+from fcu.mavlink.definitions import EXT_UNSUPPORTED, INT32, REAL32, SERIAL_REPLY, Packed
 from fcu.mavlink.definitions import message as _message
 from fcu.mavlink.framing import Source
+from fcu.mavlink.parameter_values import bytewise, read
 
 Fields = dict[str, Any]
 _CHUNK = 50  # bytes of STATUSTEXT
@@ -27,12 +28,15 @@ def command_ack(command: int, result: int, to: Source, progress: int = 255) -> P
     return _message("COMMAND_ACK", command=command, result=result, progress=progress, **_to(to))
 
 
-def param_value(name: str, value: float, index: int, count: int) -> Packed:
-    """PARAM_VALUE, a REAL32."""
-    return _message(
-        "PARAM_VALUE", param_id=name.encode(), param_value=value, param_type=REAL32,
-        param_count=count, param_index=index,
+def param_value(
+    name: str, value: float, index: int, count: int, integer: bool = False, as_bytes: bool = True
+) -> Packed:
+    """PARAM_VALUE, a REAL32, or an INT32 if `integer`: its bytes, or cast if not `as_bytes`."""
+    packed = _message(
+        "PARAM_VALUE", param_id=name.encode(), param_value=value,
+        param_type=INT32 if integer else REAL32, param_count=count, param_index=index,
     )  # fmt: skip
+    return bytewise(packed) if integer and as_bytes else packed
 
 
 def param_error(to: Source, name: str, index: int, error: int) -> Packed:
@@ -159,7 +163,7 @@ class ParamValue(NamedTuple):
 
     source: Source
     name: str
-    value: float
+    value: float  # whatever its type and encoding
     type: int
     number: int
     total: int
@@ -167,8 +171,8 @@ class ParamValue(NamedTuple):
 
 def _param_value(f: Fields, source: Source) -> ParamValue:
     return ParamValue(
-        source, printable(f["param_id"]), f["param_value"], f["param_type"], f["param_index"],
-        f["param_count"],
+        source, printable(f["param_id"]), read(f["param_value"], f["param_type"]),
+        f["param_type"], f["param_index"], f["param_count"],
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from fcu.mavlink.definitions import GLOBAL_FRAMES, REAL32, Packed
 from fcu.mavlink.definitions import message as _message
 from fcu.mavlink.framing import Source
+from fcu.mavlink.parameter_values import read
 from fcu.mavlink.replies import printable
 
 Fields = dict[str, Any]
@@ -165,12 +166,13 @@ class ParamSet(NamedTuple):
     target_system: int
     target_component: int
     name: str
-    value: float  # of a float32
+    value: float  # of a float32, or an INT32 in either encoding
     type: int  # MAV_PARAM_TYPE
 
 
 def _param_set(f: Fields, source: Source) -> ParamSet:
-    return ParamSet(*_from(f, source), printable(f["param_id"]), f["param_value"], f["param_type"])
+    kind = f["param_type"]
+    return ParamSet(*_from(f, source), printable(f["param_id"]), read(f["param_value"], kind), kind)
 
 
 def param_set(to: Source, name: str, value: float) -> Packed:

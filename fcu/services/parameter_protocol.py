@@ -1,5 +1,6 @@
-"""The parameter protocol: read, set, list, and saved when asked. MAVLink's service, REAL32.
+"""The parameter protocol: read, set, list, and saved when asked. MAVLink's service.
 
+A parameter that PX4 has as INT32 is one, and may be set as REAL32 too; the others are REAL32.
 A value that is refused is answered with the one in force, and the reason in words. Lists are
 paced. Files are written by a thread of their own: a disk must not hold up the control loop.
 """
@@ -12,7 +13,7 @@ from pathlib import Path
 
 from fcu.interface.status_texts import Code, Told
 from fcu.mavlink import replies
-from fcu.mavlink.definitions import REAL32, CommandId, Packed, ParameterError, Result
+from fcu.mavlink.definitions import INT32, REAL32, CommandId, Packed, ParameterError, Result
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.requests import ParamRequestList, ParamRequestRead, ParamSet
 from fcu.parameters import Parameters, Refused
@@ -58,10 +59,15 @@ class ParameterProtocol:
     """One for all links."""
 
     def __init__(
-        self, params: Parameters, file: Path | None, vehicle: StateMachine, commands: Commands
-    ) -> None:
-        """Adds its own to `commands`. `file`: where they are saved when asked."""
+        self, params: Parameters, file: Path | None, vehicle: StateMachine, commands: Commands,
+        as_bytes: bool,
+    ) -> None:  # fmt: skip
+        """Adds its own to `commands`. `file`: where they are saved when asked.
+
+        `as_bytes`: how an INT32 is sent: its bytes, or cast to a float.
+        """
         self._params = params
+        self._as_bytes = as_bytes
         self._file = file
         self._vehicle = vehicle
         self._sets = Bucket(SETS_PER_S, SETS_AT_ONCE)
@@ -85,7 +91,10 @@ class ParameterProtocol:
 
     def _value(self, index: int) -> Packed:
         name = self._params.names[index]
-        return replies.param_value(name, self._params[name], index, len(self._params))
+        return replies.param_value(
+            name, self._params[name], index, len(self._params),
+            self._params.info(name).row.integer, self._as_bytes,
+        )  # fmt: skip
 
     def _read(self, message: ParamRequestRead) -> Outcome:
         index = message.number
@@ -107,8 +116,9 @@ class ParameterProtocol:
         if name not in self._params.names:
             told = Told(Code.PARAMETER_UNKNOWN, (name,))
             return self._not_set(message, ParameterError.DOES_NOT_EXIST, told)
-        if message.type != REAL32:
-            told = Told(Code.PARAMETER_TYPE, (name,))
+        integer = self._params.info(name).row.integer
+        if message.type != REAL32 and not (integer and message.type == INT32):
+            told = Told(Code.PARAMETER_TYPE, (name, "INT32" if integer else "REAL32"))
             return self._not_set(message, ParameterError.TYPE_MISMATCH, told)
         if not self._sets.take(now):
             told = Told(Code.PARAMETERS_TOO_MANY)

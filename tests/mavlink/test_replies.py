@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import struct
 
 import pymavlink.dialects.v20.all as mavlink
 import pytest
@@ -37,6 +38,14 @@ CASES = [  # a message, and its fields
         replies.param_value("SIXTEEN_CHARS_ID", 0.25, 3, 40),
         {"param_id": "SIXTEEN_CHARS_ID", "param_value": 0.25, "param_type": 9, "param_index": 3,
          "param_count": 40},
+    ),
+    (
+        replies.param_value("COM_OBL_RC_ACT", 4.0, 3, 40, integer=True),
+        {"param_value": struct.unpack("<f", struct.pack("<i", 4))[0], "param_type": 6},
+    ),
+    (
+        replies.param_value("COM_OBL_RC_ACT", 4.0, 3, 40, integer=True, as_bytes=False),
+        {"param_value": 4.0, "param_type": 6},
     ),
     (
         replies.param_error(SCRIPT, "NO\N{BULLET}NE", -1, 1),
@@ -137,6 +146,7 @@ BUILDERS = [
     and function.__module__ == replies.__name__
     and not name.startswith("_")
     and name != "printable"
+    "bool": st.booleans(),
 ]
 
 

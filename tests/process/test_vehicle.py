@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
+import select
+import socket
+import struct
 import time
 
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
 from fcu.interface.airframe import believed
-from tests.bad_input.hovering import OFFBOARD, POSITION, Flight
+from tests.bad_input.hovering import NAN, OFFBOARD, POSITION, Flight
 from tests.patience import PATIENCE_S
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+PX4_INT32 = {
+    "COM_OBL_RC_ACT", "COM_DL_LOSS_T", "NAV_DLL_ACT", "SYS_FAILURE_EN", "SYS_AUTOSTART",
+    "MAV_SYS_ID", "MAV_TYPE", "BAT1_N_CELLS",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -71,7 +78,38 @@ def test_every_parameter_is_listed_once(flight):
         listed[value.param_index] = value
     assert sorted(listed) == list(range(first.param_count))
     assert first.param_count > 60
-    assert all(v.param_type == mavlink.MAV_PARAM_TYPE_REAL32 for v in listed.values())
+    by_name = {v.param_id: v for v in listed.values()}
+    whole = {name for name, v in by_name.items() if v.param_type != mavlink.MAV_PARAM_TYPE_REAL32}
+    assert whole == PX4_INT32
+    numbers = {name: struct.pack("<f", by_name[name].param_value) for name in whole}
+    assert struct.unpack("<i", numbers["MAV_SYS_ID"])[0] == flight.at.system_id
+    assert struct.unpack("<i", numbers["SYS_AUTOSTART"])[0] > 1000
+
+
+@pytest.mark.parametrize("value", [struct.unpack("<f", struct.pack("<i", 4))[0], 4.0])
+def test_an_integer_is_set_by_its_bytes_or_cast(flight, value):
+    """As MAVSDK and QGroundControl send it to PX4, and as they send it to others."""
+    fields = flight.at.system_id, 1, b"COM_OBL_RC_ACT", value, mavlink.MAV_PARAM_TYPE_INT32
+    flight.send(mavlink.MAVLink_param_set_message(*fields))
+    answer = flight.heard("PARAM_VALUE")
+    assert answer.param_type == mavlink.MAV_PARAM_TYPE_INT32
+    assert struct.pack("<f", answer.param_value) == struct.pack("<i", 4)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "bit", "other"), [("px4", 16, 1 << 17), ("generic", 1 << 17, 16)]
+)
+def test_how_integers_are_sent_is_told(start, instance, autopilot, bit, other):
+    flight = Flight(start, instance, "--autopilot", autopilot)
+    can = flight.asked(148, "AUTOPILOT_VERSION").capabilities
+    assert can & bit
+    assert not can & other
+    read = mavlink.MAVLink_param_request_read_message(flight.at.system_id, 1, b"MAV_SYS_ID", -1)
+    flight.send(read)
+    sent, number = flight.heard("PARAM_VALUE").param_value, flight.at.system_id
+    expected = number if bit != 16 else struct.unpack("<f", struct.pack("<i", number))[0]
+    assert sent == pytest.approx(expected, rel=1e-6, abs=0.0)
+    flight.close()
 
 
 def test_every_mode_has_a_name(flight):
