@@ -8,7 +8,6 @@ an answer, not for a feature.
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Sequence
 from importlib.metadata import version
 
@@ -179,7 +178,9 @@ class Information:
         if isinstance(message, TimeSync):
             if message.tc1 != 0:
                 return []  # an answer to nothing we asked
-            return [replies.timesync(time.time_ns(), message.ts1, message.source)]
+            # since boot, as time_boot_ms; never 0, which would be a request
+            now_ns = 1 if self._view is None else max(round(self._view.t * 1e9), 1)
+            return [replies.timesync(now_ns, message.ts1, message.source)]
         if isinstance(message, Ping):
             if message.target_system != 0:
                 return []

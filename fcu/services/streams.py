@@ -206,7 +206,7 @@ class Stream(NamedTuple):
 def heartbeat(vehicle: StateMachine, kind: int, autopilot: int) -> Packed:
     """HEARTBEAT: needs no state, so it is sent before there is one."""
     row = MODES[vehicle.mode]
-    flags = ModeFlag.STABILIZE | ModeFlag.HIL
+    flags = ModeFlag.STABILIZE
     if row.guided:
         flags |= ModeFlag.GUIDED
     if row.main in (MainMode.AUTO, MainMode.OFFBOARD):
@@ -218,7 +218,7 @@ def heartbeat(vehicle: StateMachine, kind: int, autopilot: int) -> Packed:
 
 def _sys_status(v: View) -> Sequence[Packed]:
     present = _SENSORS if v.battery is not None else _SENSORS & ~Sensor.BATTERY
-    health = present | Sensor.GEOFENCE  # there is none, so nothing is wrong with it
+    health = present
     if not v.vehicle.armed and v.vehicle.unfit:
         health &= ~Sensor.PREARM
     if v.counters.position_off:
