@@ -28,7 +28,8 @@ from fcu.mavlink.definitions import (
 from fcu.mavlink.geodesy import Origin, to_local
 from fcu.mavlink.requests import Command
 from fcu.services import status
-from fcu.services.ground_port import Acknowledged, Bucket, GroundPort, Link
+from fcu.services.ground_port import Acknowledged, GroundPort, Link
+from fcu.services.text_budget import TextBudget
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import Answer, StateMachine
 
@@ -37,7 +38,6 @@ FARTHEST, LOWEST = 20_000.0, 100.0  # m from here, and below home: nobody flies 
 TAKEOFF_ASIDE = 10.0  # m: a take-off that names a place farther away is not a take-off
 REMEMBERED, REPEAT_S = 8, 5.0  # acknowledgements of a link, for so long (wall), for repetitions
 PENDING_S = 0.5  # wall: how long a command waits for the second setpoint of a stream
-REASONS_S, REASONS_AT_ONCE = 10.0, 50.0  # of refusals in words: a second (wall), and at once
 WAIT_FOR_A_STREAM = (CommandId.SET_MODE, CommandId.SET_STANDARD_MODE, CommandId.ARM_DISARM)
 
 
@@ -325,7 +325,7 @@ class CommandProtocol:
         self._vehicle = vehicle
         self._tell = tell
         self._pending: dict[int, Pending] = {}  # by command
-        self._reasons = Bucket(REASONS_S, REASONS_AT_ONCE)
+        self.texts = TextBudget()
 
     @property
     def is_pending(self) -> bool:
@@ -358,8 +358,8 @@ class CommandProtocol:
             self._conclude(pending.port, pending.link, pending.command, verdict, now)
 
     def explain(self, verdict: Verdict, now: float) -> None:
-        """What a verdict tells, to everyone; reasons of refusals not without end."""
-        if verdict.told is not None and (verdict.good or self._reasons.take(now)):
+        """What a verdict tells, to everyone; as much as there is room for."""
+        if verdict.told is not None and self.texts.may_say(verdict.told, verdict.good, now):
             self._tell(verdict.told, Severity.INFO if verdict.good else Severity.WARNING)
 
     def _is_pending(self, port: GroundPort, link: Link, command: Command, now: float) -> bool:

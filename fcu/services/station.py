@@ -230,7 +230,8 @@ class Station:
     def dropped(self) -> dict[str, int]:
         """Messages and datagrams that were not taken, by reason."""
         counted = sum((port.dropped for port in self.ports), Counter[str]())
-        return {**counted, "setpoints refused": self._vehicle.script.refused}
+        refused, unsaid = self._vehicle.script.refused, self._protocol.texts.unsaid
+        return {**counted, "setpoints refused": refused, **({"texts": unsaid} if unsaid else {})}
 
     def close(self) -> None:
         """Give the ports back."""

@@ -139,6 +139,19 @@ def test_what_only_asks_is_answered_as_often_as_it_is_asked(flight):
         flight.heard("AUTOPILOT_VERSION" if message_id == 148 else "HOME_POSITION")
 
 
+def test_a_flood_of_good_commands_is_answered_one_by_one_and_told_a_few_times(flight):
+    """C3: each is carried out; what is said of it, to everybody, leaves room for telemetry."""
+    for k in range(300):
+        mode = (1, 4, 3) if k % 2 else (1, 3, 0)
+        assert flight.ask(176, *mode) == mavlink.MAV_RESULT_ACCEPTED
+    flight.sync()
+    told = [m.text for m in flight.inbox if m.get_type() == "STATUSTEXT"]
+    assert 1 <= len(told) <= 60
+    assert set(told) == {"Mode Hold", "Mode Position"}
+    logged = flight.program.text()
+    assert logged.count("Mode Hold") + logged.count("Mode Position") == len(told)
+
+
 def test_a_flood_of_bad_commands_is_answered_one_by_one_and_explained_a_few_times(flight):
     """C3: every one has its acknowledgement, everybody else's console is spared."""
     for _ in range(300):
