@@ -1,7 +1,8 @@
 """The command protocol: what each command takes and does, and how its sender learns of it.
 
-Every command is answered, to its sender: it may wait, or be a repetition. What is wrong with one
-is told, and changes nothing. The table says which parameters mean something; another that is not
+Every command is answered, to its sender: it may be a repetition, or wait. A first acknowledgement
+is the last, but for what takes its time (IN_PROGRESS): many clients read no second one. What is
+wrong with a command is told, and changes nothing. The table says which parameters mean something; another that is not
 0 or NaN is an error, since its sender expects something that will not happen.
 """
 
@@ -242,17 +243,15 @@ class Commands:
         speed = request.given(1, -1.0)  # m/s; -1: as it is
         if vehicle.state is None or vehicle.home is None:
             return denied("Reposition", Code.NO_STATE)
-        to = self._place(request)
         yaw = request.parameter(4)
         psi = None if math.isnan(yaw) else 0.5 * math.pi - yaw
         if all(math.isnan(request.parameter(n)) for n in (5, 6, 7)):  # pause, or turn here
             if psi is None:
                 return self._select(Mode.HOLD, request)
             return _verdict("Reposition", vehicle.turn(psi, request.t_us))
+        to = self._place(request)
         if to is None:
             return denied("Reposition", Code.NO_PLACE_NEAR)
-        yaw = request.parameter(4)
-        psi = None if math.isnan(yaw) else 0.5 * math.pi - yaw
         told = None if speed == -1.0 else speed
         return _verdict("Reposition", vehicle.reposition(to, psi, request.t_us, told))
 
@@ -310,6 +309,7 @@ class Pending:
     port: GroundPort
     link: Link
     outcome: Callable[[int, float], Verdict | None]
+    in_progress: bool  # it has begun, and its sender was told so
 
 
 class CommandProtocol:
@@ -343,8 +343,10 @@ class CommandProtocol:
         verdict = self._commands.answer(Request(command, t_us, now))
         later = self._later(command, verdict, now)
         if later is not None:
-            self._pending[command.command] = Pending(command, port, link, later)
-            _acknowledge(port, link, command, Result.IN_PROGRESS)
+            begun = verdict.result is Result.IN_PROGRESS
+            self._pending[command.command] = Pending(command, port, link, later, begun)
+            if begun:
+                _acknowledge(port, link, command, Result.IN_PROGRESS)
             return
         self._conclude(port, link, command, verdict, now)
 
@@ -367,7 +369,8 @@ class CommandProtocol:
         if pending is None:
             return False
         if _asked(pending.command) == _asked(command):  # counted as a repetition or not
-            _acknowledge(port, link, command, Result.IN_PROGRESS)
+            if pending.in_progress:  # else its answer is to come, within PENDING_S
+                _acknowledge(port, link, command, Result.IN_PROGRESS)
         else:
             _acknowledge(port, link, command, Result.TEMPORARILY_REJECTED)
             told = Told(Code.BUSY, (command_name(command.command),))
