@@ -16,6 +16,7 @@ from fcu.kernel.rotations import euler, matrix, normalised
 from fcu.mavlink.definitions import (
     GCS,
     NO_AUTOPILOT,
+    NO_MISSION,
     Frame,
     ModeFlag,
     Packed,
@@ -200,6 +201,36 @@ def odometry(t: float, r_E: Vec3, q_EB: Quat, v_B: Vec3, w_B: Vec3) -> Packed:
         rollspeed=w.x, pitchspeed=w.y, yawspeed=w.z, pose_covariance=_NAN_21,
         velocity_covariance=_NAN_21,
     )  # fmt: skip
+
+
+def nav_controller_output(angles_c: Vec3, way: Vec3, psi: float) -> Packed:
+    """NAV_CONTROLLER_OUTPUT: angles commanded (rad), the way to the setpoint (m, E), yaw (rad)."""
+    far = math.hypot(way.x, way.y)
+    towards = math.atan2(way.y, way.x) if far > 0.1 else psi
+    nose, target = (
+        round(math.degrees(heading(a))) % 360 if math.isfinite(a) else 0 for a in (psi, towards)
+    )
+    return _message(
+        "NAV_CONTROLLER_OUTPUT", nav_roll=math.degrees(angles_c.x),
+        nav_pitch=-math.degrees(angles_c.y), nav_bearing=_half(nose), target_bearing=_half(target),
+        wp_dist=far, alt_error=way.z,
+    )  # fmt: skip
+
+
+def _half(degrees: int) -> int:
+    """From -180 to 180."""
+    return degrees - 360 if degrees > 180 else degrees
+
+
+def mission_current() -> Packed:
+    """MISSION_CURRENT of a vehicle that has no mission."""
+    return _message("MISSION_CURRENT", mission_state=NO_MISSION)
+
+
+def rc_channels(t: float) -> Packed:
+    """RC_CHANNELS of a vehicle without a receiver: no channels."""
+    unused = {f"chan{n}_raw": _UNKNOWN_16 for n in range(1, 19)}
+    return _message("RC_CHANNELS", time_boot_ms=_ms(t), chancount=0, rssi=255, **unused)
 
 
 # --- rotors and air

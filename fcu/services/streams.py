@@ -359,6 +359,22 @@ def _attitude_target(v: View) -> Sequence[Packed]:
     return [setpoints.attitude_target(v.t, unused, q, o.w_c, o.T_c / v.law.limits.T_max)]
 
 
+def _nav_controller(v: View) -> Sequence[Packed]:
+    setpoint = v.vehicle.setpoint
+    if not v.flying or setpoint is None or setpoint.level > 0.0:
+        return []
+    way = v.vehicle.led_to(round(v.t * 1e6)) - v.measured.r_E
+    return [tm.nav_controller_output(v.outputs.angles_c, way, v.angles.z)]
+
+
+def _mission_current(_v: View) -> Sequence[Packed]:
+    return [tm.mission_current()]
+
+
+def _rc_channels(v: View) -> Sequence[Packed]:
+    return [tm.rc_channels(v.t)]
+
+
 def _flown(v: View, as_global: bool) -> Sequence[Packed]:
     """The setpoint in force: a script's in its own frame and mask, else what is laid down."""
     setpoint = v.vehicle.setpoint
@@ -443,6 +459,9 @@ STREAMS = {
         Stream("POSITION_TARGET_LOCAL_NED", 1.5, 10.0, lambda v: _flown(v, False)),
         Stream("POSITION_TARGET_GLOBAL_INT", 1.5, 10.0, lambda v: _flown(v, True)),
         Stream("ALTITUDE", 1.0, 10.0, _altitude),
+        Stream("NAV_CONTROLLER_OUTPUT", 1.0, 0.0, _nav_controller),
+        Stream("MISSION_CURRENT", 1.0, 1.0, _mission_current),
+        Stream("RC_CHANNELS", 0.0, 0.0, _rc_channels),
         Stream("BATTERY_STATUS", 0.5, 0.5, _battery),
         Stream("WIND", 0.5, 1.0, _wind),
         Stream("ESTIMATOR_STATUS", 0.5, 1.0, _estimator),
