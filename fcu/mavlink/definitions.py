@@ -154,8 +154,8 @@ def packed(definition: Definition, /, **values: Any) -> Packed:
 
 DEFINITIONS: dict[int, Definition] = {n: of(m) for n, m in mavlink.mavlink_map.items()}
 _NAMED = {definition.name: definition for definition in DEFINITIONS.values()}
-# Messages of the standard that the dialect leaves out, or did until lately; TIMESYNC, whose newer
-# fields it leaves out; and ArduPilot's WIND.
+# Messages of the standard that the dialect leaves out, or did until lately; TIMESYNC and
+# SERIAL_CONTROL, whose newer fields it leaves out; and ArduPilot's WIND.
 for _each in (
     declared(
         "TIMESYNC", 111, "int64_t tc1", "int64_t ts1",
@@ -174,6 +174,11 @@ for _each in (
     declared(
         "PROTOCOL_VERSION", 300, "uint16_t version", "uint16_t min_version",
         "uint16_t max_version", "uint8_t[8] spec_version_hash", "uint8_t[8] library_version_hash",
+    ),
+    declared(
+        "SERIAL_CONTROL", 126, "uint8_t device", "uint8_t flags", "uint16_t timeout",
+        "uint32_t baudrate", "uint8_t count", "uint8_t[70] data",
+        extensions=("uint8_t target_system", "uint8_t target_component"),
     ),
     declared(
         "PARAM_ERROR", 345, "uint8_t target_system", "uint8_t target_component",
@@ -417,10 +422,10 @@ class ParameterError(IntEnum):
 GCS: int = mavlink.MAV_TYPE_GCS
 NO_AUTOPILOT: int = mavlink.MAV_AUTOPILOT_INVALID
 AUTOPILOT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
+INT32: int = mavlink.MAV_PARAM_TYPE_INT32
 REAL32: int = mavlink.MAV_PARAM_TYPE_REAL32
 # newer than some releases of the dialect
 LOCKSTEP = 1  # HIL_ACTUATOR_CONTROLS.flags
-INT32: int = mavlink.MAV_PARAM_TYPE_INT32
 AUTO_MODE = 4  # MAV_MODE_PROPERTY
 NO_MISSION = 1  # MISSION_STATE
 SERIAL_REPLY: int = mavlink.SERIAL_CONTROL_FLAG_REPLY

@@ -97,6 +97,32 @@ def log_entry() -> Packed:
     return _message("LOG_ENTRY")
 
 
+def log_data(number: int, offset: int) -> Packed:
+    """LOG_DATA of a log that is not there: no bytes."""
+    return _message("LOG_DATA", id=number, ofs=offset, count=0)
+
+
+def serial_control(device: int, text: str, to: Source) -> Packed:
+    """SERIAL_CONTROL: what a console answers, at most 70 characters."""
+    data = text.encode("ascii", errors="replace")[:70]
+    return _message(
+        "SERIAL_CONTROL", device=device, flags=SERIAL_REPLY, count=len(data), data=data, **_to(to)
+    )
+
+
+def no_extended_value(name: str) -> Packed:
+    """PARAM_EXT_VALUE of a vehicle without extended parameters: one of none."""
+    return _message("PARAM_EXT_VALUE", param_id=name.encode(), param_count=0, param_index=2**16 - 1)
+
+
+def extended_refused(name: str, value: bytes, kind: int) -> Packed:
+    """PARAM_EXT_ACK: an extended parameter that there is not was not set."""
+    return _message(
+        "PARAM_EXT_ACK", param_id=name.encode(), param_value=value, param_type=kind,
+        param_result=EXT_UNSUPPORTED,
+    )  # fmt: skip
+
+
 def file_transfer(payload: bytes, to: Source) -> Packed:
     """FILE_TRANSFER_PROTOCOL."""
     return _message("FILE_TRANSFER_PROTOCOL", payload=payload, **_to(to))

@@ -226,7 +226,7 @@ def _timesync(f: Fields, source: Source) -> TimeSync:
 class MissionMessage(NamedTuple):
     """One of the mission protocol.
 
-    `kind`: REQUEST_LIST, COUNT, CLEAR_ALL, REQUEST, ITEM, SET_CURRENT or ACK.
+    `kind`: REQUEST_LIST, COUNT, CLEAR_ALL, REQUEST, ITEM, SET_CURRENT, PARTIAL or ACK.
     """
 
     source: Source
@@ -272,9 +272,60 @@ def _log_request_list(f: Fields, source: Source) -> LogRequestList:
     return LogRequestList(*_from(f, source))
 
 
+class LogRequestData(NamedTuple):
+    """LOG_REQUEST_DATA."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    number: int  # of the log
+    offset: int  # bytes
+
+
+def _log_request_data(f: Fields, source: Source) -> LogRequestData:
+    return LogRequestData(*_from(f, source), f["id"], f["ofs"])
+
+
+class SerialControl(NamedTuple):
+    """SERIAL_CONTROL: what is typed into a console."""
+
+    source: Source
+    target_system: int  # 0: a sender that knows no target, or everyone
+    target_component: int
+    device: int
+    flags: int
+
+
+def _serial_control(f: Fields, source: Source) -> SerialControl:
+    return SerialControl(*_from(f, source), f["device"], f["flags"])
+
+
+class ExtendedParameter(NamedTuple):
+    """One of the extended parameter protocol. `kind`: LIST, READ or SET."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    kind: str
+    name: str
+    data: bytes  # the value to be set, as it came
+    type: int
+
+
+def _extended(kind: str) -> Callable[[Fields, Source], ExtendedParameter]:
+    def read(f: Fields, source: Source) -> ExtendedParameter:
+        return ExtendedParameter(
+            *_from(f, source), kind, printable(f.get("param_id", b"")), f.get("param_value", b""),
+            f.get("param_type", 0),
+        )  # fmt: skip
+
+    return read
+
+
 Message = (
     Command | ManualControl | NotTaken | SetMode | ParamRequestList | ParamRequestRead | ParamSet
     | StreamRequest | Ping | TimeSync | MissionMessage | FileTransfer | LogRequestList
+    | LogRequestData | SerialControl | ExtendedParameter
 )  # fmt: skip
 READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "COMMAND_LONG": _command_long,
@@ -283,6 +334,7 @@ READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "SET_MODE": _set_mode,
     "SET_GPS_GLOBAL_ORIGIN": _not_taken("SET_GPS_GLOBAL_ORIGIN"),
     "SET_ACTUATOR_CONTROL_TARGET": _not_taken("SET_ACTUATOR_CONTROL_TARGET"),
+    "RC_CHANNELS_OVERRIDE": _not_taken("RC_CHANNELS_OVERRIDE"),
     "PARAM_REQUEST_LIST": _param_request_list,
     "PARAM_REQUEST_READ": _param_request_read,
     "PARAM_SET": _param_set,
@@ -297,7 +349,14 @@ READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "MISSION_ITEM": _mission("ITEM"),
     "MISSION_ITEM_INT": _mission("ITEM"),
     "MISSION_SET_CURRENT": _mission("SET_CURRENT"),
+    "MISSION_REQUEST_PARTIAL_LIST": _mission("PARTIAL"),
+    "MISSION_WRITE_PARTIAL_LIST": _mission("PARTIAL"),
     "MISSION_ACK": _mission("ACK"),
     "FILE_TRANSFER_PROTOCOL": _file_transfer,
     "LOG_REQUEST_LIST": _log_request_list,
+    "LOG_REQUEST_DATA": _log_request_data,
+    "SERIAL_CONTROL": _serial_control,
+    "PARAM_EXT_REQUEST_LIST": _extended("LIST"),
+    "PARAM_EXT_REQUEST_READ": _extended("READ"),
+    "PARAM_EXT_SET": _extended("SET"),
 }

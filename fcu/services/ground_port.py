@@ -65,6 +65,7 @@ class Link:
         self.list_at: int | None = None  # the next parameter of a list that is being sent
         self.list_due = 0.0
         self.acknowledged: list[Acknowledged] = []  # the last few, the newest first
+        self.told: set[str] = set()  # of which messages it was told that they are not taken
         self.beats = False  # has sent a heartbeat
         self.is_met = False  # has sent anything since it was new
         self.heard = now
@@ -76,6 +77,7 @@ class Link:
         self.streams = {}
         self.list_at = None
         self.acknowledged = []
+        self.told = set()
 
 
 class GroundPort:

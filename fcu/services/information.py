@@ -27,10 +27,13 @@ from fcu.mavlink.definitions import (
 )
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.requests import (
+    ExtendedParameter,
     FileTransfer,
+    LogRequestData,
     LogRequestList,
     MissionMessage,
     Ping,
+    SerialControl,
     StreamRequest,
     TimeSync,
 )
@@ -58,6 +61,7 @@ CAPABILITIES = (
     | Capability.MAVLINK2
 )  # fmt: skip
 FTP_NAK, FTP_UNKNOWN_COMMAND = 129, 7
+NO_CONSOLE = "This vehicle has no console.\n"
 
 # REQUEST_DATA_STREAM's groups; 0 is all. What a script's setpoints are judged by stays.
 _GROUPS = {
@@ -194,6 +198,13 @@ class Information:
             return [replies.file_transfer(_refused(message.payload), message.source)]
         if isinstance(message, LogRequestList):
             return [replies.log_entry()]
+        if isinstance(message, LogRequestData):
+            return [replies.log_data(message.number, message.offset)]
+        if isinstance(message, SerialControl):
+            asks = message.flags & SERIAL_RESPOND and not message.flags & SERIAL_REPLY
+            return [replies.serial_control(message.device, NO_CONSOLE, message.source)] * bool(asks)
+        if isinstance(message, ExtendedParameter):
+            return _extended(message)
         return None
 
     def _stream(self, message: StreamRequest) -> None:
@@ -207,6 +218,8 @@ class Information:
         kind, to = message.kind, message.source
         if kind == "REQUEST_LIST":
             return [replies.mission_count(0, message.mission_type, to)]
+        if kind == "PARTIAL":
+            return [replies.mission_ack(MissionResult.UNSUPPORTED, message.mission_type, to)]
         if kind in ("COUNT", "ITEM"):
             nothing = kind == "COUNT" and message.total == 0
             result = MissionResult.ACCEPTED if nothing else MissionResult.UNSUPPORTED
@@ -216,6 +229,17 @@ class Information:
         if kind in ("REQUEST", "SET_CURRENT"):
             return [replies.mission_ack(MissionResult.INVALID_SEQUENCE, message.mission_type, to)]
         return []
+
+
+def _extended(message: ExtendedParameter) -> Sequence[Packed]:
+    """The answer of a vehicle that has no extended parameters: a list of none, and refusals."""
+    if message.kind == "SET":
+        return [replies.extended_refused(message.name, message.data, message.type)]
+    empty = replies.no_extended_value(message.name)
+    if message.kind == "LIST":
+        return [empty]
+    missing = ParameterError.DOES_NOT_EXIST
+    return [empty, replies.param_error(message.source, message.name, -1, missing)]
 
 
 def _refused(payload: bytes) -> bytes:

@@ -57,6 +57,7 @@ SEVERITIES = {  # of what happens by itself; else INFO
 NOT_TAKEN = {  # messages that ask for what this vehicle does not do
     "SET_GPS_GLOBAL_ORIGIN": Code.NOT_TAKEN_ORIGIN,
     "SET_ACTUATOR_CONTROL_TARGET": Code.NOT_TAKEN,
+    "RC_CHANNELS_OVERRIDE": Code.NOT_TAKEN,
 }
 
 
@@ -203,7 +204,9 @@ class Station:
                 link.is_greeted = True
                 self.streams.greet(port, link)
             elif isinstance(message, NotTaken):
-                self._offboard.complain(Told(NOT_TAKEN[message.name], (message.name,)), now)
+                told = Told(NOT_TAKEN[message.name], (message.name,))
+                if message.name not in link.told and self._offboard.complain(told, now):
+                    link.told.add(message.name)  # once: it may be a stream
             else:
                 self._other(port, link, message, t_us, now)
 

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from fcu.mavlink.definitions import DEFINITIONS, FLOAT32_MAX, Packed, declared, of, packed
 from fcu.mavlink.framing import framed, frames
 
-TIMESYNC = 111  # the dialect has not its extensions
-NUMBERS = sorted(set(mavlink.mavlink_map) - {TIMESYNC})
+TIMESYNC, SERIAL_CONTROL = 111, 126  # the dialect has not their extensions
+EXTENDED = {TIMESYNC, SERIAL_CONTROL}
+NUMBERS = sorted(set(mavlink.mavlink_map) - EXTENDED)
 HEARTBEAT, COMMAND_LONG, PARAM_SET, BATTERY, POSITION = (
     DEFINITIONS[n] for n in (0, 76, 23, 147, 33)
 )
@@ -41,6 +42,14 @@ def test_a_layout_is_the_dialects(number):
     assert (ours.name, ours.id, ours.size) == (theirs.msgname, number, theirs.unpacker.size)
     assert ours.crc_extra == bytes([theirs.crc_extra])
     assert [f.name for f in ours.fields] == list(theirs.ordered_fieldnames)
+
+
+@pytest.mark.parametrize("number", sorted(EXTENDED))
+def test_a_message_with_newer_fields_is_the_dialects_up_to_them(number):
+    theirs, ours = mavlink.mavlink_map[number], DEFINITIONS[number]
+    assert ours.crc_extra == bytes([theirs.crc_extra])
+    names = [f.name for f in ours.fields]
+    assert names == [*theirs.ordered_fieldnames, "target_system", "target_component"]
 
 
 def declarations(message):

@@ -70,6 +70,19 @@ CASES = [  # a message, and its fields
     (replies.mission_count(0, 2, SCRIPT), {"count": 0, "mission_type": 2}),
     (replies.mission_ack(3, 1, SCRIPT), {"type": 3, "mission_type": 1}),
     (replies.log_entry(), {"id": 0, "num_logs": 0, "last_log_num": 0, "size": 0}),
+    (replies.log_data(3, 900), {"id": 3, "ofs": 900, "count": 0}),
+    (
+        replies.serial_control(10, "no\n", SCRIPT),
+        {"device": 10, "flags": 1, "count": 3, "data": [*b"no\n", *[0] * 67]},
+    ),
+    (
+        replies.no_extended_value("CAM_MODE"),
+        {"param_id": "CAM_MODE", "param_value": "", "param_count": 0, "param_index": 65535},
+    ),
+    (
+        replies.extended_refused("CAM_MODE", b"\2", 1),
+        {"param_id": "CAM_MODE", "param_value": "\2", "param_type": 1, "param_result": 1},
+    ),
     (
         replies.file_transfer(bytes(range(251)), SCRIPT),
         {"payload": list(range(251)), "target_network": 0},
@@ -133,6 +146,7 @@ def test_a_text_without_end_ends():
 
 
 VALUES = {
+    "bool": st.booleans(),
     "float": st.floats(),
     "int": st.integers(-(2**70), 2**70),
     "str": st.text(max_size=60),
@@ -146,7 +160,6 @@ BUILDERS = [
     and function.__module__ == replies.__name__
     and not name.startswith("_")
     and name != "printable"
-    "bool": st.booleans(),
 ]
 
 

@@ -125,6 +125,123 @@ def test_clocks_are_compared_by_timesync(flight):
     flight.send(mavlink.MAVLink_timesync_message(0, 123_456_789))
     answer = flight.heard("TIMESYNC", lambda m: m.tc1 != 0)
     assert answer.ts1 == 123_456_789
+    flight.tick(500)
+    flight.send(mavlink.MAVLink_timesync_message(0, 7))
+    answer = flight.heard("TIMESYNC", lambda m: m.ts1 == 7)
+    boot_ms = flight.asked(32, "LOCAL_POSITION_NED").time_boot_ms
+    assert boot_ms == (flight.ticks - 1) * 2
+    assert answer.tc1 == boot_ms * 1_000_000
+
+
+def test_a_vehicle_that_is_no_hardware_says_nothing_of_hardware(flight):
+    """MAVSDK takes the flag for a simulation of sensors on a real board."""
+    assert not flight.asked(0, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED
+
+
+def test_only_what_is_present_is_healthy(flight):
+    status = flight.asked(1, "SYS_STATUS")
+    present = status.onboard_control_sensors_present
+    assert status.onboard_control_sensors_health & ~present == 0
+    assert status.onboard_control_sensors_enabled & ~present == 0
+
+
+def test_what_a_client_asked_for_is_not_what_the_next_one_gets(flight):
+    """Both at 14540: pymavlink, say, and after it MAVSDK."""
+    flight.sync()
+    assert flight.ask(511, 30, -1) == ACCEPTED
+    assert flight.ask(510, 30) == ACCEPTED
+    assert flight.heard("MESSAGE_INTERVAL").interval_us == -1
+    flight.script.close()
+    flight.tick(10)
+    until = time.monotonic() + 0.5
+    while time.monotonic() < until:  # some telemetry is refused meanwhile
+        flight.tick()
+    flight.script = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    flight.script.bind(("127.0.0.1", flight.at.script))
+    flight.script.settimeout(PATIENCE_S)
+    assert flight.ask(510, 30) == ACCEPTED
+    assert flight.heard("MESSAGE_INTERVAL").interval_us == 10_000
+
+
+@pytest.mark.parametrize("size", [296, 512])
+def test_a_client_that_reads_so_many_bytes_loses_nothing(flight, size):
+    """296: MAVROS (libmavconn, `MsgBuffer::MAX_SIZE`); 512: gomavlib (`bufferSize`)."""
+    for number in (30, 31, 32, 33, 36, 331, 350, 375):
+        assert flight.ask(511, number, 20_000) == ACCEPTED
+    flight.sync()
+    flight.drain()
+    heard = []
+    while len(heard) < 400:
+        flight.tick()
+        if select.select([flight.script], [], [], 0)[0]:
+            read = flight.script.recv(size)
+            assert (read[0], len(read)) == (0xFD, 12 + read[1])  # a frame, whole, and no more
+            heard.append(read[4])
+    assert heard == [(heard[0] + n) % 256 for n in range(400)]
+
+
+def test_protocols_that_it_has_nothing_of_answer(flight):
+    """A client waits for an answer, not for a feature."""
+    system = flight.at.system_id
+    for kind in (0, 1, 2):  # mission, fence, rally
+        flight.send(mavlink.MAVLink_mission_request_list_message(system, 1, kind))
+        plan = flight.heard("MISSION_COUNT")
+        assert (plan.count, plan.mission_type) == (0, kind)
+    for partial in ("request", "write"):
+        build = getattr(mavlink, f"MAVLink_mission_{partial}_partial_list_message")
+        flight.send(build(system, 1, 0, 3))
+        assert flight.heard("MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
+    flight.send(mavlink.MAVLink_log_request_data_message(system, 1, 5, 90, 1000))
+    log = flight.heard("LOG_DATA")
+    assert (log.id, log.ofs, log.count) == (5, 90, 0)
+    flight.send(mavlink.MAVLink_param_ext_request_list_message(system, 1))
+    assert flight.heard("PARAM_EXT_VALUE").param_count == 0
+    flight.send(mavlink.MAVLink_param_ext_request_read_message(system, 1, b"CAM_MODE", -1))
+    assert flight.heard("PARAM_EXT_VALUE").param_id == "CAM_MODE"
+    assert flight.heard("PARAM_ERROR").error == 1
+    flight.send(mavlink.MAVLink_param_ext_set_message(system, 1, b"CAM_MODE", b"1", 1))
+    refused = flight.heard("PARAM_EXT_ACK")
+    assert (refused.param_id, refused.param_result) == (
+        "CAM_MODE", mavlink.PARAM_ACK_VALUE_UNSUPPORTED,
+    )  # fmt: skip
+    typed = b"ver all\n".ljust(70, b"\0")
+    shell = mavlink.SERIAL_CONTROL_DEV_SHELL
+    flight.send(mavlink.MAVLink_serial_control_message(shell, 22, 0, 0, 8, list(typed)))
+    answer = flight.heard("SERIAL_CONTROL")
+    assert (answer.device, answer.flags) == (shell, mavlink.SERIAL_CONTROL_FLAG_REPLY)
+    assert bytes(answer.data[: answer.count]).endswith(b"console.\n")
+
+
+def test_rc_that_is_not_taken_is_told_once_while_it_streams(flight):
+    override = mavlink.MAVLink_rc_channels_override_message(flight.at.system_id, 1, *[1500] * 8)
+    for _ in range(30):
+        flight.send(override)
+        flight.tick(100)  # six seconds of simulation time in all
+        flight.sync()
+    told = [m.text for m in flight.inbox if m.get_type() == "STATUSTEXT"]
+    assert told.count("RC_CHANNELS_OVERRIDE is ignored") == 1
+
+
+def test_what_displays_ask_for_is_told_as_far_as_there_is_any(flight):
+    assert flight.asked(65, "RC_CHANNELS").chancount == 0
+    mission = flight.asked(42, "MISSION_CURRENT")
+    assert (mission.total, mission.mission_state) == (0, mavlink.MISSION_STATE_NO_MISSION)
+    flight.sync()
+    flight.drain()
+    assert flight.ask(512, 241) == mavlink.MAV_RESULT_UNSUPPORTED  # it has no IMU that shakes
+    assert flight.ask(400, 1) == ACCEPTED
+    flight.tick(5)
+    place = mavlink.MAVLink_command_int_message(
+        flight.at.system_id, 1, 6, 192, 0, 0, -1, 1, 0, NAN, 474_000_000, 85_000_000, 30.0
+    )
+    origin = flight.asked(49, "GPS_GLOBAL_ORIGIN")
+    place.x, place.y = origin.latitude + 900, origin.longitude  # 10 m to the north
+    flight.send(place)
+    assert flight.heard("COMMAND_ACK", lambda m: m.command == 192).result == ACCEPTED
+    flight.tick(7000)  # the setpoint has moved there, and this plant stays where it is
+    output = flight.asked(62, "NAV_CONTROLLER_OUTPUT")
+    assert output.wp_dist == pytest.approx(10, abs=1)
+    assert output.target_bearing == 0
 
 
 def test_home_is_moved_and_told(flight):
