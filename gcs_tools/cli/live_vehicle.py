@@ -26,7 +26,10 @@ LOOK_S = 0.05  # wall: between two looks for a publisher
 
 @contextlib.contextmanager
 def watched(instance: int | None, zenoh: Path | None) -> Iterator[Subscriber]:
-    """A Subscriber to the vehicle that is meant, found. Raises Failure when there can be none."""
+    """A Subscriber to the vehicle that is meant, found and named. Raises Failure when there can be none.
+
+    Of an instance that was asked for it takes no other's data.
+    """
     from fcu.interface.ports import ports
     from gcs_tools.live import bus
     from gcs_tools.live.subscriber import Subscriber
@@ -46,11 +49,31 @@ def watched(instance: int | None, zenoh: Path | None) -> Iterator[Subscriber]:
             vehicle = Subscriber(session, "*" if number is None else str(ports(number).system_id))
             try:
                 vehicle.find(_told_when_alone(session, zenoh, number))
+                _name(vehicle, instance)
                 yield vehicle
             finally:
                 vehicle.close()
     except bus.BusError as error:
         raise Failure(error, error.exit_code) from error
+
+
+def _name(vehicle: Subscriber, asked: int | None) -> None:
+    """Say which vehicle was met, and who else is there that it could have been."""
+    from fcu.interface.ports import ports
+    from gcs_tools.live import bus
+    from gcs_tools.live.subscriber import printable
+
+    assert vehicle.key is not None
+    run, system = vehicle.key[:2]
+    click.echo(f"met vehicle {printable(system)}, run {printable(run)}", err=True)
+    others = [
+        f"vehicle {printable(of)}, run {printable(its)}" for its, of in sorted(vehicle.others)
+    ]
+    if asked is None:
+        numbers = (n for n in bus.published() if str(ports(n).system_id) != system)
+        others += [f"vehicle {ports(n).system_id} (--instance {n})" for n in numbers]
+    if others:
+        click.echo(f"not met, but there: {'; '.join(others)}", err=True)
 
 
 def _told_when_alone(

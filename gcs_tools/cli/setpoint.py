@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 import time
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from fcu.interface.ports import busy, first_running_instance
+from fcu.interface.ports import busy, first_running_instance, ports
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json
+
+if TYPE_CHECKING:
+    from gcs_tools.flight.ground_script import Vehicle
+
+NO_AUTOPILOT = 8  # HEARTBEAT.autopilot of who is no vehicle
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -46,6 +52,7 @@ def setpoint(
     target = Vec3(x, y, z)
     began = time.monotonic()
     try:
+        _meet(vehicle, number)
         here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True))
     except VehicleError as error:
         raise Failure(error) from error
@@ -58,3 +65,20 @@ def setpoint(
         )
     else:
         click.echo(f"there: ({here.r_E.x:.2f}, {here.r_E.y:.2f}, {here.r_E.z:.2f}) m, {away:.2f} m off")  # fmt: skip
+
+
+def _meet(vehicle: Vehicle, instance: int) -> None:
+    """Wait for the vehicle, and name it. Raises VehicleError, Failure if it is not this instance."""
+    asked, met = ports(instance).system_id, set[int]()
+
+    def hear(message: Any) -> None:
+        if getattr(message, "autopilot", NO_AUTOPILOT) != NO_AUTOPILOT:  # a vehicle's heartbeat
+            met.add(message.source.system)
+
+    vehicle.on_message = hear
+    vehicle.wait_ready()
+    vehicle.on_message = lambda _message: None
+    if others := sorted(met - {asked}):
+        named = ", ".join(f"system {other}" for other in others)
+        raise Failure(f"met {named} on the link of instance {instance}, which is system {asked}")
+    click.echo(f"met system {asked} (instance {instance})", err=True)

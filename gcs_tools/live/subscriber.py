@@ -71,6 +71,7 @@ class Subscriber:
         self._subscriber: Any = None
         self._early: list[tuple[str, Sample]] = []
         self.key: Key | None = None  # run and vehicle that are watched
+        self.others: set[tuple[str, str]] = set()  # run and vehicle of those that are there too
         self.about: dict[str, Any] = {}
         self.topics: dict[str, Topic] = {}  # those of numbers, as the vehicle describes them
         self.alive: set[str] = set()  # its processes
@@ -153,6 +154,7 @@ class Subscriber:
         if self.key is None:
             return
         if key[:2] != self.key[:2]:
+            (self.others.add if there else self.others.discard)((key.run, key.vehicle))
             self.succeeded = self.succeeded or (there and self.gone)
             return
         process = key.topic.removeprefix(f"{keys.ALIVE}/")

@@ -103,6 +103,8 @@ def test_setpoint_brings_a_vehicle_that_is_up_somewhere(start, instance, gone):
     go = start("gcs_tools", "setpoint", 3, -2, 4, "--yaw-deg", 90, "--instance", instance, "--json")
     assert go.wait() == 0, go.text()
     assert go.text().count("aking off") == 1
+    assert f"met system {at.system_id} (instance {instance})" in go.err.read_text()
+    assert f"met system {at.system_id} (instance {instance})" in go.err.read_text()
     there = json.loads(go.out.read_text())
     assert math.dist(there["position_m"], (3, -2, 4)) == pytest.approx(there["error_m"])
     assert there["error_m"] < 0.3
@@ -283,3 +285,22 @@ def test_a_publisher_that_died_is_told_and_the_vehicle_stays_up(start, instance,
     up.says(f"gcs publish --instance {instance}")
     assert alive(pids["fcu"]) and alive(pids["sitl_plant"])
     assert up.interrupted() == 0
+
+
+def test_setpoint_names_the_vehicle_and_refuses_another(start, instance, bound):
+    """Another autopilot answers at the port of this instance, as system 77."""
+    at = ports(instance)
+    other = bound("fcu_script", "script")
+    codec = mavlink.MAVLink(None, srcSystem=77, srcComponent=1)
+    beat = mavlink.MAVLink_heartbeat_message(2, 12, 81, 4 << 16 | 3 << 24, 3, 3)
+    go = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance)
+    heard = []
+    while go.process.poll() is None:
+        other.send(beat.pack(codec))
+        if other.wait(0.1):
+            heard += codec.parse_buffer(other.receive() or b"") or []
+    assert go.wait() == 3
+    assert (
+        f"system 77 on the link of instance {instance}, which is system {at.system_id}" in go.text()
+    )
+    assert {m.get_type() for m in heard} <= {"HEARTBEAT"}  # it was asked for nothing

@@ -14,6 +14,7 @@ from fcu.interface.ports import ports
 from gcs_tools.live.topics import print_table
 from gcs_tools.recording import events
 from gcs_tools.recording.schema import TOPICS
+from tests.process.conftest import claimed_instance
 
 ROOT = Path(__file__).parents[2]
 
@@ -31,6 +32,28 @@ def test_every_topic_is_listed_with_its_message_and_rate(replay, tool, instance)
         assert (line["lost"], line["unreadable"]) == (0, 0)
         if topic.name != "/fcu/params":
             assert 400.0 < line["rate_hz"] < 600.0
+
+
+def test_of_two_vehicles_the_one_that_was_asked_for_is_met_and_named(
+    replay, start, instance, recording
+):
+    replay("--speed", "1", "--wait")
+    with claimed_instance() as second:
+        start(
+            "gcs_tools", "replay", recording.path, "--instance", second, "--speed", "1", "--wait"
+        ).says("replaying")
+        asked, any_one = (
+            start("gcs_tools", "topics", "--for", "0.5", *which)
+            for which in (("--instance", second), ())
+        )
+        assert asked.wait() == 0, asked.text()
+        one, other = (f"vehicle {ports(n).system_id}" for n in (second, instance))
+        assert f"met {one}, run" in asked.err.read_text()
+        assert other not in asked.err.read_text()
+        assert any_one.wait() == 0, any_one.text()
+        met, _, beside = any_one.err.read_text().partition("not met")
+        assert met.count("met vehicle") == 1
+        assert all(name in met + beside for name in (one, other))
 
 
 def test_who_hears_nothing_says_so(start, instance):
