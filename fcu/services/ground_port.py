@@ -169,9 +169,8 @@ class GroundPort:
         return [self.listener, *self._peers.values()]
 
     def send(self, link: Link, *messages: Packed) -> None:
-        """To one link, a datagram a message; lost if nobody is there."""
-        for message in messages:
-            datagram = link.codec.framed(message)
+        """To one link, a datagram a message, one right after the other; lost if nobody is there."""
+        for datagram in [link.codec.framed(message) for message in messages]:
             # an earlier datagram was refused, not this one: here, or at another's port
             if not self._send(datagram, link.address) and (
                 link.address in self._see_refusals() or not self._send(datagram, link.address)
