@@ -28,15 +28,13 @@ def command_ack(command: int, result: int, to: Source, progress: int = 255) -> P
     return _message("COMMAND_ACK", command=command, result=result, progress=progress, **_to(to))
 
 
-def param_value(
-    name: str, value: float, index: int, count: int, integer: bool = False, as_bytes: bool = True
-) -> Packed:
-    """PARAM_VALUE, a REAL32, or an INT32 if `integer`: its bytes, or cast if not `as_bytes`."""
+def param_value(name: str, value: float, index: int, count: int, integer: bool = False) -> Packed:
+    """PARAM_VALUE, a REAL32, or an INT32 if `integer`, by its bytes."""
     packed = _message(
         "PARAM_VALUE", param_id=name.encode(), param_value=value,
         param_type=INT32 if integer else REAL32, param_count=count, param_index=index,
     )  # fmt: skip
-    return bytewise(packed) if integer and as_bytes else packed
+    return bytewise(packed) if integer else packed
 
 
 def param_error(to: Source, name: str, index: int, error: int) -> Packed:

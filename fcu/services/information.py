@@ -16,7 +16,6 @@ from fcu.mavlink import replies
 from fcu.mavlink.definitions import (
     SERIAL_REPLY,
     SERIAL_RESPOND,
-    Autopilot,
     Capability,
     CommandId,
     MissionResult,
@@ -55,7 +54,7 @@ HEARTBEAT, AUTOPILOT_VERSION, MESSAGE_INTERVAL, PROTOCOL_VERSION = (
     for name in ("HEARTBEAT", "AUTOPILOT_VERSION", "MESSAGE_INTERVAL", "PROTOCOL_VERSION")
 )
 CAPABILITIES = (
-    Capability.MISSION_INT | Capability.COMMAND_INT
+    Capability.MISSION_INT | Capability.COMMAND_INT | Capability.PARAM_ENCODE_BYTEWISE
     | Capability.SET_ATTITUDE_TARGET | Capability.SET_POSITION_TARGET_LOCAL_NED
     | Capability.SET_POSITION_TARGET_GLOBAL_INT | Capability.FLIGHT_TERMINATION
     | Capability.MAVLINK2
@@ -141,10 +140,8 @@ class Information:
             return [heartbeat(v, int(view.params["MAV_TYPE"]), view.identity.autopilot)]
         if number == AUTOPILOT_VERSION:
             git = hashlib.sha256(version("m-mrac").encode()).digest()[:8]
-            system, is_px4 = view.identity.system_id, view.identity.autopilot == Autopilot.PX4
-            encoded = Capability.PARAM_ENCODE_BYTEWISE if is_px4 else Capability.PARAM_ENCODE_C_CAST
-            can = CAPABILITIES | encoded
-            return [replies.autopilot_version(can, software_version(), git, system)]
+            system = view.identity.system_id
+            return [replies.autopilot_version(CAPABILITIES, software_version(), git, system)]
         return STREAMS[number].build(view)
 
     def _set_interval(self, request: Request) -> Verdict:

@@ -59,15 +59,10 @@ class ParameterProtocol:
     """One for all links."""
 
     def __init__(
-        self, params: Parameters, file: Path | None, vehicle: StateMachine, commands: Commands,
-        as_bytes: bool,
-    ) -> None:  # fmt: skip
-        """Adds its own to `commands`. `file`: where they are saved when asked.
-
-        `as_bytes`: how an INT32 is sent: its bytes, or cast to a float.
-        """
+        self, params: Parameters, file: Path | None, vehicle: StateMachine, commands: Commands
+    ) -> None:
+        """Adds its own to `commands`. `file`: where they are saved when asked."""
         self._params = params
-        self._as_bytes = as_bytes
         self._file = file
         self._vehicle = vehicle
         self._sets = Bucket(SETS_PER_S, SETS_AT_ONCE)
@@ -93,7 +88,7 @@ class ParameterProtocol:
         name = self._params.names[index]
         return replies.param_value(
             name, self._params[name], index, len(self._params),
-            self._params.info(name).row.integer, self._as_bytes,
+            self._params.info(name).row.integer,
         )  # fmt: skip
 
     def _read(self, message: ParamRequestRead) -> Outcome:

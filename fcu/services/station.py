@@ -16,7 +16,7 @@ from fcu.interface.link import Datagrams
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.buffers import size
-from fcu.mavlink.definitions import Autopilot, CommandId, Result, Severity
+from fcu.mavlink.definitions import CommandId, Result, Severity
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
 from fcu.mavlink.requests import Command, ManualControl, NotTaken, SetMode
@@ -90,9 +90,7 @@ class Station:
             self.station, self.script, vehicle, int(params["MAV_TYPE"]), identity.autopilot
         )
         self._commands = Commands(vehicle, identity.origin)
-        self._parameters = ParameterProtocol(
-            params, file, vehicle, self._commands, identity.autopilot == Autopilot.PX4
-        )
+        self._parameters = ParameterProtocol(params, file, vehicle, self._commands)
         self._information = Information(self.streams, self._commands.table)
         self._wind = Wind(identity.drag)
         self._wind_due = 0.0

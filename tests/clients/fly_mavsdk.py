@@ -46,6 +46,9 @@ def main(port):
     wait("health_all_ok", bool)
     param.set_param_float("MIS_TAKEOFF_ALT", 4.0)
     assert param.get_param_float("MIS_TAKEOFF_ALT") == 4.0
+    param.set_param_int("COM_OBL_RC_ACT", 4)
+    assert param.get_param_int("COM_OBL_RC_ACT") == 4
+    assert param.get_param_int("MAV_SYS_ID") > 0
     refused = ""
     try:
         param.set_param_float("MR_GAMMA", -5.0)

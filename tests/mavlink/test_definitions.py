@@ -15,7 +15,7 @@ from fcu.mavlink.px4_modes import AutoMode, MainMode, custom_mode, main_and_sub
         (ours.CommandId.SET_STANDARD_MODE, "MAV_CMD_DO_SET_STANDARD_MODE"),
         (ours.Result.CANCELLED, "MAV_RESULT_CANCELLED"),
         (ours.Result.UNSUPPORTED_MAV_FRAME, "MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME"),
-        (ours.Capability.PARAM_ENCODE_C_CAST, "MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST"),
+        (ours.Capability.PARAM_ENCODE_BYTEWISE, "MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE"),
         (ours.THRUST_BODY, "ATTITUDE_TARGET_TYPEMASK_THRUST_BODY_SET"),
         (ours.LOCKSTEP, "HIL_ACTUATOR_CONTROLS_FLAGS_LOCKSTEP"),
         *((error, f"MAV_PARAM_ERROR_{error.name}") for error in ours.ParameterError),
@@ -28,7 +28,7 @@ def test_a_number_by_hand_is_the_dialects_where_it_has_it(number, name):
 def test_numbers_newer_than_the_dialect_are_the_standards():
     assert (ours.Result.CANCELLED, ours.Result.UNSUPPORTED_MAV_FRAME) == (6, 9)
     assert (ours.CommandId.SET_STANDARD_MODE, ours.THRUST_BODY, ours.AUTO_MODE) == (262, 32, 4)
-    assert (ours.LOCKSTEP, ours.Capability.PARAM_ENCODE_C_CAST) == (1, 131072)
+    assert (ours.LOCKSTEP, ours.Capability.PARAM_ENCODE_BYTEWISE) == (1, 16)
     assert [int(error) for error in ours.ParameterError] == [1, 2, 3, 5, 7]
 
 

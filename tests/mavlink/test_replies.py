@@ -44,10 +44,6 @@ CASES = [  # a message, and its fields
         {"param_value": struct.unpack("<f", struct.pack("<i", 4))[0], "param_type": 6},
     ),
     (
-        replies.param_value("COM_OBL_RC_ACT", 4.0, 3, 40, integer=True, as_bytes=False),
-        {"param_value": 4.0, "param_type": 6},
-    ),
-    (
         replies.param_error(SCRIPT, "NO\N{BULLET}NE", -1, 1),
         {"param_id": "NO?NE", "param_index": -1, "error": 1},
     ),
