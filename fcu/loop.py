@@ -91,14 +91,18 @@ class Loop:
         gc.disable()
         warned = False
         while not self.stopping:
-            ready = {fd for fd, _ in poll.poll(0 if ground.is_waiting else 20)}
-            if plant_fd in ready:
-                self._fly()
-            for fd, port in by_fd.items():
-                if fd in ready or port.is_waiting:
-                    self._autopilot.serve(port, time.monotonic())
-            if self._lifeline in ready:
-                self.stopping = True  # whoever started us is gone
+            waiting = ground.is_waiting
+            for fd, _ in poll.poll(0 if waiting else 20):
+                if fd == plant_fd:
+                    self._fly()
+                elif fd not in by_fd:
+                    self.stopping = True  # whoever started us is gone
+                elif not by_fd[fd].is_waiting:
+                    self._autopilot.serve(by_fd[fd], time.monotonic())
+            if waiting:  # what they took in before comes first, a time for each port
+                for port in ground.ports:
+                    if port.is_waiting:
+                        self._autopilot.serve(port, time.monotonic())
             now = time.monotonic()
             self._autopilot.idle(now)
             if self._autopilot.heard_s:

@@ -148,7 +148,7 @@ class Station:
     @property
     def is_waiting(self) -> bool:
         """Whether messages wait that were received, and did not fit between two ticks."""
-        return any(port.is_waiting for port in self.ports)
+        return self.script.is_waiting or self.station.is_waiting
 
     def idle(self, t_us: int, now: float, decides: float) -> None:
         """What is due by the wall clock; called between ticks, and often.
