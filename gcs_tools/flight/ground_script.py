@@ -36,8 +36,10 @@ from fcu.mavlink.telemetry import ExtendedState, Heartbeat, LocalPosition, groun
 from gcs_tools.flight.interrupts import interrupts_wait
 
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
-TOGETHER = 256  # messages of one datagram: a vehicle may send all it has in one
+TOGETHER = 256  # messages of one datagram: others' vehicles may send all they have in one
 ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
+REASON_S = 0.2  # wall: how long after a refusal its reason may come
+CHUNK = 50  # characters of a STATUSTEXT; one that is full is followed by another
 
 TAKEOFF_M = 2.5
 CLOSE_M, SLOW_M_S = 0.3, 0.3
@@ -65,6 +67,7 @@ class Vehicle:
         self._codec = GroundCodec(*me, at_once=TOGETHER)
         self._target = Source(at.system_id, 1)
         self._texts: list[str] = []
+        self._goes_on = False  # the last of them: another chunk of it is to come
         self.on_text: Callable[[str], None] = lambda _text: None  # what the vehicle says
         self.on_message: Callable[[GroundMessage], None] = lambda _message: None  # all it sends
         self.on_wait: Callable[[], None] = lambda: None  # called while waiting; may raise
@@ -100,6 +103,7 @@ class Vehicle:
                     self._texts[-1] += message.text
                 else:
                     self._texts.append(message.text)
+                self._goes_on = message.id != 0 and len(message.text) == CHUNK
                 self.on_text(message.text)
         return heard
 
@@ -107,6 +111,12 @@ class Vehicle:
         """What was said so far is no answer to what is asked next."""
         self._hear()
         self._texts.clear()
+
+    def _hear_reason(self) -> None:
+        """Until why something was refused has been said to its end: it follows the refusal."""
+        until = time.monotonic() + REASON_S
+        while (self._goes_on or not self._texts) and time.monotonic() < until:
+            self.messages(until - time.monotonic())
 
     def _ask(
         self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str,
@@ -153,7 +163,7 @@ class Vehicle:
                 raise VehicleError(f"{command.name} was begun, and has not ended")
             result = ended
         if result != Result.ACCEPTED:
-            self.messages(0.1)  # the reason follows the acknowledgement
+            self._hear_reason()
             why = "; ".join(self._texts) or Result(result).name
             raise VehicleError(f"{command.name} refused: {why}")
 
@@ -175,7 +185,7 @@ class Vehicle:
             why = "; ".join(self._texts)
             raise VehicleError(f"{error}{': ' + why if why else ''}") from None
         if not accepted:
-            self.messages(0.1)  # the rest of the reason
+            self._hear_reason()
             raise VehicleError("; ".join(self._texts))
 
     def set_parameter(self, name: str, value: float, tries: int = TRIES) -> None:

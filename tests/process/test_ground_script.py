@@ -1,0 +1,62 @@
+"""What the ground script makes of answers that come in pieces, one datagram each."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import common
+
+from fcu.mavlink.definitions import CommandId
+from gcs_tools.flight.ground_script import Vehicle, VehicleError
+
+LONG = "Arming refused: the setpoint is 990 m away, and what it would take exceeds what the rotors give"
+VEHICLE = common.MAVLink(None, srcSystem=1, srcComponent=1)
+
+
+class Slow:
+    """A link to a vehicle that answers with one datagram at a time."""
+
+    def __init__(self, datagrams: list[bytes]) -> None:
+        self._to_come = datagrams
+        self._there: list[bytes] = []
+
+    def send(self, datagram: bytes) -> None:
+        """Lose it: the answers are known."""
+
+    def receive(self) -> bytes | None:
+        """What has come."""
+        return self._there.pop(0) if self._there else None
+
+    def wait(self, timeout_s: float) -> bool:
+        """The next has come; none before something was asked."""
+        self._there += self._to_come[:1]
+        del self._to_come[:1]
+        return bool(self._there)
+
+    def fileno(self) -> int:
+        """None."""
+        return -1
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def packed(message: common.MAVLink_message) -> bytes:
+    return bytes(message.pack(VEHICLE))
+
+
+@pytest.mark.parametrize("text", [LONG, LONG[:50], LONG[:100].ljust(100, "."), "No."])
+def test_a_reason_is_heard_to_its_end(text):
+    """It comes after the refusal, among telemetry, in chunks of 50 characters."""
+    whole = len(text) < 50
+    parts = [text] if whole else [text[i : i + 50] for i in range(0, len(text) + 1, 50)]
+    answers = [
+        common.MAVLink_command_ack_message(CommandId.ARM_DISARM, common.MAV_RESULT_DENIED),
+        common.MAVLink_local_position_ned_message(0, 0, 0, 0, 0, 0, 0),
+    ]
+    for i, part in enumerate(parts):
+        answers.append(common.MAVLink_statustext_message(4, part.encode(), 0 if whole else 7, i))
+        answers.append(common.MAVLink_local_position_ned_message(1, 0, 0, 0, 0, 0, 0))
+    vehicle = Vehicle(0, Slow([b"", *map(packed, answers)]))
+    with pytest.raises(VehicleError) as refused:
+        vehicle.arm()
+    assert str(refused.value) == f"ARM_DISARM refused: {text}"
