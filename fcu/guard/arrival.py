@@ -38,7 +38,7 @@ def off_at_most(params, law):
 
 
 @kernel
-def at_most_s(params, law, far, speed, acceleration, moves, down):
+def at_most_s(params, law, far, speed, acceleration, moves, down, moves_down):
     """Time (s) after which the vehicle is, and stays, within ARRIVED_M of a setpoint.
 
     From a reference model that is `far` (m) from it, with `speed` (m/s) and `acceleration` (m/s^2) in
@@ -46,12 +46,13 @@ def at_most_s(params, law, far, speed, acceleration, moves, down):
     there is flown from rest to rest; then (34) fades.
     moves : the setpoint's own speed, m/s. Of one that moves, `speed` is relative to it; of the speed that
     is governed it leaves that much less to catch up with.
-    down : how far down the setpoint lies, m; that way it may have to go slower (`margin.sinking`).
+    down : how far down the setpoint lies, m, and moves_down (m/s) how fast it sinks; that way it may have
+    to go slower (`margin.sinking`).
     inf where a wind as believed may keep the vehicle farther off its reference than ARRIVED_M.
     """
     known = margin.known(params, law)
     fastest, brake = speeds(known)
-    sinks = minimum(maximum(margin.sinking(known), SLOWEST), fastest) - moves
+    sinks = maximum(margin.sinking(known), SLOWEST) - maximum(moves_down, 0.0)
     top, near = fastest - moves, ARRIVED_M - off_at_most(params, law)
     a = brake / BRAKING
     lifted = (
@@ -74,4 +75,4 @@ def at_most_s(params, law, far, speed, acceleration, moves, down):
     # near the setpoint: from where `approach` is linear, with a time constant to spare
     knee = a * (2.0 * law.zeta_m / law.f_m) * (2.0 * law.zeta_m / law.f_m)
     t_3 = math.log(10.0 * maximum(knee / maximum(near, NOTHING), 1.0)) / slowest(law)
-    return select((sinks > 0.0) & (near > 0.0), t_0 + t_1 + t_2 + t_3, math.inf)
+    return select((top > 0.0) & (sinks > 0.0) & (near > 0.0), t_0 + t_1 + t_2 + t_3, math.inf)

@@ -18,6 +18,7 @@ from fcu.laws.mmrac.reference_model import a_ref
 
 SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says
 LEAD = 0.3  # rad: so far the commanded yaw runs ahead of the vehicle at most
+PART_LED = 0.1  # of the jerk, for what is fed forward; half of it is there for what closes a way
 BRAKING = 0.6  # of the deceleration there is: the model lags behind the speed it is to have
 
 
@@ -42,6 +43,7 @@ def speeds(known):
     usable = R - kept - known.z_0 + known.z_1 * known.w_max - known.noise
     root = math.sqrt(known.z_1 * known.z_1 + 4.0 * known.c_D * maximum(usable, 0.0))
     x = (root - known.z_1) / (2.0 * known.c_D)
+    x = minimum(x, math.sqrt(known.lean / known.c_D))  # beyond it a tilt does not steer
     top = maximum(x - known.w_max, SLOWEST)
     brake = (kept + 0.5 * known.c_D * (top + known.w_max) * top) / known.m_max
     return top, BRAKING * maximum(brake, 0.1)
@@ -51,6 +53,21 @@ def speeds(known):
 def sunk(known, v):
     """A velocity (m/s, E) that leads down no faster than a tilt steers there."""
     return Vec3(v.x, v.y, maximum(v.z, -maximum(margin.sinking(known), SLOWEST)))
+
+
+@kernel
+def led(law, known, a_c, v_m, j):
+    """What of an acceleration (m/s^2, E) that is fed forward leads to no more than the greatest speeds.
+
+    Towards one it fades as `approach` has it, with PART_LED of the jerk j (m/s^3).
+    """
+    top, _ = speeds(known)
+    down = maximum(margin.sinking(known), SLOWEST)
+    c, b, speed = 2.0 * law.f_m * law.zeta_m, PART_LED * j, norm(v_m)
+    along = (1.0 / (speed + 1e-30)) * v_m
+    beyond = maximum(dot(a_c, along) - approach(c, b, maximum(top - speed, 0.0)), 0.0)
+    a = a_c - beyond * along
+    return Vec3(a.x, a.y, maximum(a.z, -approach(c, b, maximum(down + v_m.z, 0.0))))
 
 
 @kernel
@@ -69,7 +86,8 @@ def wanted(law, known, setpoint, r_m, v_m, j):
     short_by = v_wanted - v_m
     short = norm(short_by)
     change = approach(2.0 * f_m * zeta_m, 0.5 * j, short)
-    return setpoint.a_c + (change / (short + 1e-30)) * short_by
+    given = led(law, known, setpoint.a_c, v_m, j)
+    return given + (change / (short + 1e-30)) * short_by
 
 
 @kernel

@@ -25,6 +25,7 @@ LASTS = 1.9374136
 PEAK = 1.2472191
 SETTLES = 1.4285714  # its gain for what changes slowly, 1 / 0.7, over sqrt(gamma) too
 FORGOTTEN = 0.3  # part of the mass that m_hat may be off by when the reference changes
+NEAR_NOTHING = 1e-9
 KEPT = 0.1  # part of the room at a standstill that is never given away
 
 
@@ -46,6 +47,7 @@ class Known(NamedTuple):
     z_1: float  # N/(m/s), and what a speed adds to it
     noise: float  # N, what noise of the measurement takes, in hover
     lift: float  # N, greatest drag from below under which a tilt steers
+    lean: float  # N, greatest drag from anywhere under which it does
 
 
 @kernel
@@ -60,6 +62,8 @@ def known(params, law):
     # noise grows from hover to full thrust, along a chord that lies above it
     noise, hover = params.noise_force, params.m_max * law.g
     more = (params.noise_top - noise) / maximum(law.limits.T_max - hover, 1.0)
+    weight = params.m_min * law.g
+    k = maximum(params.lift, NEAR_NOTHING) / maximum(weight - params.lift, NEAR_NOTHING)
     return Known(
         T_min=law.limits.T_min,
         T_max=law.limits.T_max,
@@ -76,6 +80,7 @@ def known(params, law):
         z_1=per_rate * per_speed,
         noise=noise,
         lift=params.lift,
+        lean=weight / math.sqrt(1.0 / (k * k) + 0.5),
     )  # (30)
 
 
@@ -140,9 +145,10 @@ def room(known, a, f_v):
 
 @kernel
 def steering(known, v):
-    """By how much (N) drag from below may still grow at velocity v (m/s, E) for a tilt to steer."""
-    rising = known.w_max - minimum(v.z, 0.0)
-    return known.lift - known.c_D * (rising * rising)
+    """By how much (N) drag may still grow at velocity v (m/s, E) for a tilt to steer."""
+    rising, fast = known.w_max - minimum(v.z, 0.0), known.w_max + norm(v)
+    from_below = known.lift - known.c_D * (rising * rising)
+    return minimum(from_below, known.lean - known.c_D * (fast * fast))
 
 
 @kernel

@@ -85,7 +85,7 @@ def guard_params(
 
 def derived(params: GuardParams, law: Params) -> GuardParams:
     """GuardParams with what is worked out from the others and from the law, once they are chosen."""
-    params = params._replace(lift=stability.lift(law, params.m_min, params.delay_s))
+    params = params._replace(lift=stability.lift(law, params.m_min, params.J_tilt, params.delay_s))
     return noise.derived(params, law)
 
 

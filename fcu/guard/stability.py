@@ -32,11 +32,14 @@ LIFT, SINK = 1.3, 0.25  # of its weight: the least T_max, the greatest T_min
 LEARNT = 1.0  # gamma_LambdaJ under which an inertia is as good as not learnt
 FIRST = 2.0  # factor by which the first estimate of mass may be off
 ROTATION = ("roll", "pitch", "yaw")
+TILTS = ROTATION[:2]
+HEAVIER = max(_mass) / min(_mass)  # m_hat over m at most, of what is believed
 OFF = (1.0, 1.0 / math.sqrt(2.0), math.sqrt(2.0))  # estimates over truth: right, and 3 dB off
 CARRIED, HALVINGS = 0.95, 8  # part of the weight that drag carries at most; of a search for less
 # What is left of the inverted lag when its command is cut. Set by flights: with 2, combinations pass
 # that fail even in small steps; with 1, combinations that settle after large ones do not.
 KAPPA_CUT = 1.5
+NEAR_NOTHING = 1e-3  # N
 
 
 class Fade(NamedTuple):
@@ -148,14 +151,19 @@ def height(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: i
     return _loop(own, 3, ticks, after, [T_c, T_c + trim])
 
 
-def tilt(params: Params, lag: Fade, off: float, axis: int, here: Hover = MIDDLE, ticks: int = 0) -> Loop:  # fmt: skip
+def tilt(
+    params: Params, lag: Fade, off: float, axis: int, here: Hover = MIDDLE, ticks: int = 0,
+    off_J: float | None = None,
+) -> Loop:  # fmt: skip
     """One tick of a tilt and the way it leads to (12 numbers, 5 measured), axis 0 roll, 1 pitch.
 
     State: way, its rate, tilt, body rate, torque, tilt and torque a tick ago, v_hat, s_v_hat,
-    w_hat, s_w_hat, tilt filter. m_hat = off * m, J_hat = off * J. Signs are those of pitch.
+    w_hat, s_w_hat, tilt filter. m_hat = off * m, J_hat = off_J * J, or off * J. Signs are those of
+    pitch.
     Demanded: force along the way, N, and torque, N m.
     """
-    h, w, J, J_hat = params.h, params.rotors.mean, here.J[axis], off * here.J[axis]
+    h, w, J = params.h, params.rotors.mean, here.J[axis]
+    J_hat = (off if off_J is None else off_J) * J
     own, reported, noise = _basis(12, 5, ticks)
     x, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = own
     x_seen, v_seen, a_seen, q_seen = (reported[i] + noise[i] for i in range(4))
@@ -298,17 +306,23 @@ def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     An inertia that is not learnt has to be right enough from the start. `delay_s`: what is believed
     to pass between measurement and rotor.
     """
-    cut = params._replace(rotors=params.rotors._replace(kappa=min(params.rotors.kappa, KAPPA_CUT)))
     ticks = late(params, delay_s)
     offs = list(OFF)
     if channel in ROTATION and params.gamma_LambdaJ < LEARNT:
         offs.append(params.initial.J_hat_0 / INERTIA[ROTATION.index(channel)])
     margin = all(radius(params, channel, off, ticks) < 1.0 for off in offs)
-    return margin and radius(cut, channel, ticks=ticks) < 1.0
+    if channel in TILTS:  # the mass alone may be off, which the gain of a tilt is in proportion to
+        axis = ROTATION.index(channel)
+        margin = margin and _settles(
+            tilt(params, fade(params), HEAVIER, axis, ticks=ticks, off_J=1.0)
+        )
+    return margin and radius(_cut(params), channel, ticks=ticks) < 1.0
 
 
-def lift(params: Params, m: float, delay_s: float = 0.0) -> float:
+def lift(params: Params, m: float, J: float, delay_s: float = 0.0) -> float:
     """The greatest drag from below (N) under which tilts of a mass m (kg) are stable, with the gain margin.
+
+    J : kg m^2, the greatest about a level axis; an inertia that is not learnt is tested at J_hat(0) too.
 
     Drag along body axes turns with the body: a tilt pulls by g, thrust and drag together, where the law
     counts on thrust over m_hat, so the loop gain grows by m g/T. Not of the printed prediction, which has
@@ -317,15 +331,19 @@ def lift(params: Params, m: float, delay_s: float = 0.0) -> float:
     weight, ticks = m * params.g, late(params, delay_s)
     if params.achieved < 0.5:
         return weight
+    most, axes = OFF[2], (1,) if _alike(params) else (0, 1)
+    offs_J = [most]
+    if params.gamma_LambdaJ < LEARNT:
+        offs_J.append(params.initial.J_hat_0 / J)
 
     def steers(drag: float) -> bool:
         here = Hover(m=m, T_0=weight - drag, turns=True)
-        lag = fade(params)
-        return all(
-            float(np.abs(np.linalg.eigvals(tilt(params, lag, OFF[2], axis, here, ticks).A)).max())
-            < 1.0
-            for axis in ((1,) if _alike(params) else (0, 1))
+        loops = (
+            tilt(params, fade(params), most, axis, here, ticks, off_J)
+            for axis in axes
+            for off_J in offs_J
         )
+        return all(_settles(loop) for loop in loops)
 
     low, high = 0.0, CARRIED * weight
     if steers(high):
@@ -334,6 +352,29 @@ def lift(params: Params, m: float, delay_s: float = 0.0) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if steers(middle) else (low, middle)
     return low
+
+
+def recovers(params: Params, m: float, drag: float) -> bool:
+    """Whether hover of a mass m (kg) under a drag (N) from below settles while rotor commands are cut.
+
+    Where it does not, a saturation in such a wind may be final.
+    """
+    if params.achieved < 0.5:
+        return True
+    here = Hover(m=m, T_0=max(m * params.g - drag, NEAR_NOTHING), turns=True)
+    axes = (1,) if _alike(params) else (0, 1)
+    return all(_settles(tilt(_cut(params), fade(params), 1.0, axis, here)) for axis in axes)
+
+
+def _cut(params: Params) -> Params:
+    """With rotors whose command is cut."""
+    kappa = min(params.rotors.kappa, KAPPA_CUT)
+    return params._replace(rotors=params.rotors._replace(kappa=kappa))
+
+
+def _settles(loop: Loop) -> bool:
+    """Whether all its modes fade."""
+    return float(np.abs(np.linalg.eigvals(loop.A)).max()) < 1.0
 
 
 def _alike(params: Params) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
 from fcu.guard.parameters import GOVERN, REFUSE
-from fcu.guard.stability import rotor_lag, unstable
+from fcu.guard.stability import recovers, rotor_lag, unstable
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
@@ -333,7 +333,7 @@ def arrives_s(scene: Scenario) -> float | None:
         return None
     speed = math.hypot(*scene.sent[0].v_c)
     down = scene.world.start.r_E.z - scene.sent[0].r_c.z
-    found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed, down))
+    found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed, down, -scene.sent[0].v_c.z))
     return found if math.isfinite(found) else None
 
 
@@ -523,6 +523,11 @@ def envelope(mission: Mission) -> Envelope:
         remarks += (
             f"in a wind from below above {guard.w_max + down:.1f} m/s (guard_wind_m_s {guard.w_max:g}) roll"
             " and pitch are unstable with these gains, or nearly",
+        )
+    elif not recovers(law, guard.m_min, guard.c_D * guard.w_max**2):
+        remarks += (
+            f"once a rotor has been at a limit, in wind near guard_wind_m_s {guard.w_max:g}, as a take-over"
+            " there may bring about, roll and pitch need not settle again with these gains",
         )
     at_rest = margin.condition(known, STILL, STILL, 0.0)
     return Envelope(

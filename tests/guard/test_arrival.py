@@ -18,7 +18,7 @@ STILL = "wind.amplitude_m_s=[0,0,0]"
 def test_it_grows_with_way_speed_and_acceleration(settings_of):
     law, params = settings_of(f_m=2.0, gamma=2000.0)
     times = [
-        float(arrival.at_most_s(params, law, *start, 0.0))
+        float(arrival.at_most_s(params, law, *start, 0.0, 0.0))
         for start in (
             (1.0, 0.0, 0.0, 0.0),
             (10.0, 0.0, 0.0, 0.0),
@@ -29,12 +29,12 @@ def test_it_grows_with_way_speed_and_acceleration(settings_of):
     ]
     assert times == sorted(times) and len(set(times)) == 5
     slower = law._replace(f_m=0.5 * law.f_m)
-    assert arrival.at_most_s(params, slower, 10.0, 0.0, 0.0, 0.0, 0.0) > times[1]
+    assert arrival.at_most_s(params, slower, 10.0, 0.0, 0.0, 0.0, 0.0, 0.0) > times[1]
 
 
 def test_nothing_to_fly_takes_what_the_reference_model_needs_to_settle(settings_of):
     law, params = settings_of(f_m=2.0, gamma=2000.0)
-    assert 0.0 < arrival.at_most_s(params, law, 0.0, 0.0, 0.0, 0.0, 0.0) < 30.0
+    assert 0.0 < arrival.at_most_s(params, law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) < 30.0
 
 
 @pytest.mark.parametrize("wind", [STILL, "wind.steady_m_s=[0,0,11]", "wind.steady_m_s=[-11,0,0]"])
@@ -55,15 +55,15 @@ def test_flights_keep_it(wind, far, way):
 def test_a_setpoint_that_is_not_caught_up_with_has_no_time(settings_of):
     """Shipped, in still air, 20 m ahead: at 3 m/s 22.7 s were flown, at 4.5 it was never reached."""
     law, params = settings_of(f_m=2.0, gamma=2000.0, c_angle=7.0, c_rate=14.0)
-    assert 22.7 < arrival.at_most_s(params, law, 20.0, 3.0, 0.0, 3.0, 0.0) < np.inf
-    assert arrival.at_most_s(params, law, 20.0, 4.5, 0.0, 4.5, 0.0) == np.inf
+    assert 22.7 < arrival.at_most_s(params, law, 20.0, 3.0, 0.0, 3.0, 0.0, 0.0) < np.inf
+    assert arrival.at_most_s(params, law, 20.0, 4.5, 0.0, 4.5, 0.0, 0.0) == np.inf
 
 
 def test_nor_has_one_that_the_wind_keeps_the_vehicle_off(settings_of):
     """At f_m 0.4, zeta 0.6, gamma 500 a wind to and fro left 0.35 m; the bound says more."""
     law, params = settings_of(f_m=0.4, zeta_m=0.6, gamma=500.0)
     assert arrival.off_at_most(params, law) > 0.35
-    assert arrival.at_most_s(params, law, 1.0, 0.0, 0.0, 0.0, 0.0) == np.inf
+    assert arrival.at_most_s(params, law, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0) == np.inf
 
 
 def test_without_a_guard_nothing_is_stated():

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import governor, margin
+from fcu.guard import governor, margin, noise, stability, wrench
 from fcu.guard.stability import unstable
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
@@ -35,7 +35,7 @@ FIRST_S, ATTACK_S = 2.0, 12.0  # when the setpoints of an attack begin, and for 
 STREAM_S = 0.05  # between two setpoints of a stream
 NEAREST_M = 0.1  # of the last setpoint: a reference model that is so near has settled
 TRIES = 1000  # draws of one flight, all refused by the rule of gains: nothing to fly
-WIND_M_S, WIND_M_S2 = 12.0, 20.0  # guard_wind_m_s, guard_wind_rate_m_s2
+WIND_M_S, WIND_M_S2 = 12.0, 20.0  # the greatest guard_wind_m_s, guard_wind_rate_m_s2
 MORE_S = 8.0  # given to each flight beyond that: what is governed may overshoot
 
 
@@ -49,6 +49,9 @@ class Numbers(NamedTuple):
     f_m: float
     zeta_m: float
     gamma: float
+    c_angle: float
+    c_rate: float
+    believed_wind: float
     J_hat_0: float
     m_hat_0: float
     rate: float
@@ -176,13 +179,23 @@ def noise_belief(how: How) -> Tables:
 def law_table(n: Numbers) -> Tables:
     """[law], where it is drawn."""
     masses, axes = airframe()["vehicle"]["mass_kg"], airframe()["vehicle"]["inertia_kg_m2"]
+    c_angle = scaled(n.c_angle, 4.0, 13.0)
+    c_rate = between(n.c_rate, 1.6, 2.6) * c_angle
     return {
         "f_m": scaled(n.f_m, 0.4, 3.0),
         "zeta_m": between(n.zeta_m, 0.6, 1.2),
         "gamma": scaled(n.gamma, 500.0, 5000.0),
+        "c_angle": [c_angle, c_angle, 3.0],
+        "c_rate": [c_rate, c_rate, 6.0],
+        "guard_wind_m_s": wind_of(n),
         "J_hat_0": between(n.J_hat_0, float(np.min(axes)), float(np.max(axes))),
         "m_hat_0": between(n.m_hat_0, min(masses), max(masses)),
     }
+
+
+def wind_of(n: Numbers) -> float:
+    """The greatest wind that is believed, m/s: in half of the flights less than by default."""
+    return WIND_M_S * min(2.0 * n.believed_wind, 1.0)
 
 
 def plant_table(n: Numbers) -> Tables:
@@ -199,9 +212,9 @@ def plant_table(n: Numbers) -> Tables:
     }
 
 
-def wind_table(n: Numbers) -> Tables:
-    """[wind] of an own wind: steady, and a sinusoid whose rate is within the belief."""
-    speed = ends(n.wind_speed, 0.0, WIND_M_S)
+def wind_table(n: Numbers, greatest: float) -> Tables:
+    """[wind] of an own wind, up to the greatest (m/s): steady, and a sinusoid whose rate is within the belief."""
+    speed = ends(n.wind_speed, 0.0, greatest)
     steady = n.wind_share * speed * direction(n.wind_height, n.wind_azimuth)
     other = np.random.default_rng(seed_of(n) + 1)
     amplitude = (1.0 - n.wind_share) * speed * anywhere(other)
@@ -216,14 +229,14 @@ def wind_table(n: Numbers) -> Tables:
     }
 
 
-def gust_of(n: Numbers) -> Gust:
-    """The wind that answers; two thirds blow along the way to the first setpoint."""
+def gust_of(n: Numbers, greatest: float) -> Gust:
+    """The wind that answers, up to the greatest (m/s); two thirds blow along the way to the first setpoint."""
     along = direction(n.wind_height, n.wind_azimuth)
     if n.wind_share < 2.0 / 3.0:
         along = direction(n.height, n.azimuth)
     return Gust(
         kind=float(one_of(n.wind, range(len(KINDS)))),
-        speed=ends(n.wind_speed, 0.0, WIND_M_S),
+        speed=ends(n.wind_speed, 0.0, greatest),
         rate=WIND_M_S2,
         every=scaled(n.wind_every, 0.3, 4.0),
         along=Vec3(*along.tolist()),
@@ -376,21 +389,31 @@ def tables(n: Numbers, how: How) -> Tables:
         },
         "law": {**({} if how.as_shipped else law_table(n)), **noise_belief(how)},
         "plant": plant,
-        "wind": wind_table(n) if own else {},
+        "wind": wind_table(n, WIND_M_S if how.as_shipped else wind_of(n)) if own else {},
         "expect": {},
     }
     return merged(merged(drawn, how.settings), {("law", "guard"): how.policy})
 
 
-def noise_of(scene: Scenario, noise: str) -> Array:
+def noise_of(scene: Scenario, kind: str) -> Array:
     """float64[ticks, 12] of the reports: none, within one sigma, or of that sigma."""
-    if noise == "gaussian":
+    if kind == "gaussian":
         return scene.noise(scene.ticks)
-    if noise == "none":
+    if kind == "none":
         return np.zeros((scene.ticks, len(scene.world.noise_scale)))
     random = np.random.default_rng(int(scene.world.seed))
     scale = scene.world.noise_scale
     return random.uniform(-1.0, 1.0, (scene.ticks, len(scale))) * scale
+
+
+def flies_there(scene: Scenario) -> bool:
+    """Whether hover leaves force and torque for the gusts that are believed, and tilts steer there."""
+    law, guard = scene.settings
+    guard = guard._replace(**noise.NOT_YET)
+    still = Vec3(0.0, 0.0, 0.0)
+    fits = margin.condition(margin.known(guard, law), still, still, 0.0) >= 0.0
+    recovers = stability.recovers(law, guard.m_min, guard.c_D * guard.w_max**2)
+    return bool(fits and wrench.spare(guard, law) >= 0.0 and recovers)
 
 
 def lifted(n: Numbers) -> Numbers:
@@ -407,16 +430,16 @@ def lifted(n: Numbers) -> Numbers:
 
 
 def attack(n: Numbers, how: How) -> Attack | None:
-    """The flight that the numbers make; None if its gains are not stable: by the rule (`unstable`), or
-    where the strongest wind blows from below (`margin.sinking`).
+    """The flight that the numbers make; None if a vehicle would refuse its gains, or `gcs envelope` would
+    say of hover that they are not certain there, whatever noise there is (`flies_there`).
     """
     kind, drawn_as = one_of(n.setpoints, SETPOINTS), n
     if kind == "descent":
         n = lifted(n)
     given = tables(n, how)
     scene = scenario(from_tables("drawn", given))
-    law, known = scene.law, margin.known(scene.guard, scene.law)
-    if unstable(law, scene.guard.delay_s) or margin.sinking(known) < 0.0:
+    law = scene.law
+    if unstable(law, scene.guard.delay_s) or not (how.as_shipped or flies_there(scene)):
         return None
     times, setpoints = sent(n, kind, law)
     farthest = max(math.dist(s.r_c, (0.0, 0.0, 0.0)) for s in setpoints)
@@ -433,7 +456,7 @@ def attack(n: Numbers, how: How) -> Attack | None:
         numbers=drawn_as,
         tables=given,
         scene=scene,
-        gust=gust_of(n),
+        gust=gust_of(n, WIND_M_S if how.as_shipped else wind_of(n)),
         noise=noise_of(scene, how.noise),
         setpoints=kind,
         wind=one_of(n.wind, KINDS),
