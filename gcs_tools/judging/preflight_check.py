@@ -8,7 +8,7 @@ air's to say, so it counts for nothing here: in the air more may be admitted.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import lacks, words
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.mavlink.frames import through_the_wire
-from fcu.settings import Settings
 from gcs_tools.flight.scenario import Scenario
 
 
@@ -37,11 +36,11 @@ def as_sent(setpoint: Setpoint) -> Setpoint:
 
 
 def looks(
-    scene: Scenario, settings: Settings, changed: Callable[[Setpoint], Setpoint] = as_sent
+    scene: Scenario, settings: Any, changed: Callable[[Setpoint], Setpoint] = as_sent
 ) -> Iterator[Looked]:
     """At each setpoint of a mission that leads another way than the one before; each flown, refused or not.
 
-    changed : what is made of each setpoint first.
+    settings : of law and guard, in place of its own.  changed : what is made of each setpoint first.
     """
     law, guard = settings
     look = admission.Look(guard, law)

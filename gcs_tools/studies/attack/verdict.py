@@ -158,8 +158,14 @@ def took(attack: Attack, flown: Flown) -> float:
     behind = column(Tick, rows, "setpoint.v_c")[k] - column(Tick, rows, "outputs.reference.v_m")[k]
     a_m = column(Tick, rows, "guard_state.a_m")[before]
     moves = column(Tick, rows, "setpoint.v_c")[k]
-    sizes = (float(np.linalg.norm(each)) for each in (off, behind, a_m, moves))
-    stated = float(arrival.at_most_s(scene.guard, scene.law, *sizes, -off[2], -moves[2]))
+    far, speed, acceleration, fast = (
+        float(np.linalg.norm(each)) for each in (off, behind, a_m, moves)
+    )
+    stated = float(
+        arrival.at_most_s(
+            scene.guard, scene.law, far, speed, acceleration, fast, -off[2], -moves[2]
+        )
+    )
     outside = np.flatnonzero(away(rows[k:]) >= arrival.ARRIVED_M)
     if len(outside) and outside[-1] + 1 == len(rows) - k:
         return np.inf if np.isfinite(stated) else 0.0
