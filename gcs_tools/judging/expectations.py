@@ -2,9 +2,9 @@
 
 `[expect]` in a mission file maps a metric to a limit, in one of these forms:
 
-    position_rms_settled_m = 0.03                            # at most
-    position_rms_m = { limit = 0.03, from = 12.0, to = 20.0 }  # in a window of time, s
-    position_max_m = { at_least = 50.0 }
+    reference_error_rms_settled_m = 0.03                            # at most
+    reference_error_rms_m = { limit = 0.03, from = 12.0, to = 20.0 }  # in a window of time, s
+    reference_error_max_m = { at_least = 50.0 }
     ended = "diverged"                                       # how the flight must end
 """
 

@@ -1,9 +1,9 @@
 """Numbers that say how a flight went, over all of it or over a window of time.
 
-Position errors are of the plant's true position against the reference model (34), command
-errors against the commanded position r_c; both are euclidean norms. A law without a reference model
-has no position errors. A metric counts the control
-ticks at which the law was flying. One that has no sample, or that a sample which is not finite
+Both errors are distances of the plant's true position: the reference error from the reference model
+(34), which a law may not have, and the setpoint error from the setpoint as the mission asks for it,
+whatever the vehicle made of that (limited, governed). A metric counts the control ticks at which the
+law was flying. One that has no sample, or that a sample which is not finite
 would make meaningless, has no value: None, so that results stay finite and a limit on it fails.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 from gcs_tools.recording.table import Rows, Table
 
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
-FINAL_S = 1.0  # length of the last part of a flight that position_final_m looks at
+FINAL_S = 1.0  # length of the last part of a flight that metrics of its end look at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"
 _CONTRADICTED = "guard.contradicted."
@@ -55,18 +55,26 @@ class EngagedTicks:
     """A flight's ticks at which the law was flying, and the errors at each."""
 
     t: Rows  # s
-    position_error: Rows  # m, against the reference model; not finite where either is not
+    reference_error: Rows  # m, from the reference model; not finite where either is not
     has_reference: bool
-    command_error: Rows  # m, against the command
+    setpoint_error: Rows  # m, from the setpoint that was asked for
     plant: Table  # the truth, at the same ticks
     fcu: Table  # what the controller told
     settle_from_s: float
 
     @classmethod
-    def of(cls, plant: Table, fcu: Table, settle_from_s: float | None = None) -> EngagedTicks:
+    def of(
+        cls,
+        plant: Table,
+        fcu: Table,
+        settle_from_s: float | None = None,
+        asked: Callable[[Rows], Rows] | None = None,
+    ) -> EngagedTicks:
         """Join the rows of plant and flight controller that belong to one time.
 
         settle_from_s : from where settled metrics count; by default `settle_from(fcu)`.
+        asked : the position setpoint, float64 (n, 3), m, E, that was asked for at times (n,), s; by
+        default the one that the vehicle flew, which is all that is known without a mission.
         """
         fcu = _flying(fcu)
         _, of_plant, of_fcu = np.intersect1d(
@@ -76,9 +84,11 @@ class EngagedTicks:
         true_r = plant["state.r_E"]
         return cls(
             t=fcu["t"],
-            position_error=_distance(true_r, fcu["outputs.reference.r_m"]),
+            reference_error=_distance(true_r, fcu["outputs.reference.r_m"]),
             has_reference=not np.isnan(fcu["outputs.reference.r_m"]).all(),
-            command_error=_distance(true_r, fcu["setpoint.r_c"]),
+            setpoint_error=_distance(
+                true_r, fcu["setpoint.r_c"] if asked is None else asked(fcu["t"])
+            ),
             plant=plant,
             fcu=fcu,
             settle_from_s=settle_from(fcu) if settle_from_s is None else settle_from_s,
@@ -95,9 +105,9 @@ class EngagedTicks:
         inside = slice(int(low), int(high))
         return EngagedTicks(
             self.t[inside],
-            self.position_error[inside],
+            self.reference_error[inside],
             self.has_reference,
-            self.command_error[inside],
+            self.setpoint_error[inside],
             self.plant.take(inside),
             self.fcu.take(inside),
             self.settle_from_s,
@@ -122,7 +132,7 @@ class EngagedTicks:
         if not len(ticks.t):
             after = "" if t_from is None else f" after {t_from:g} s"
             return f"no tick{after}" + ("" if t_to is None else f" before {t_to:g} s")
-        if name.startswith("position_") and not self.has_reference:
+        if name.startswith("reference_error_") and not self.has_reference:
             return "this law has no reference model"
         if "_settled_" in name and not len(_settled(ticks).t):
             return f"the flight counts as settled from {self.settle_from_s:g} s"
@@ -162,11 +172,11 @@ def _least(values: Rows) -> float:
     return -_greatest(-values)
 
 
-def _final(flight: EngagedTicks) -> float:
-    """The worst position error of the last second; NaN if one is not finite."""
+def _final(flight: EngagedTicks, error: Rows) -> float:
+    """The worst error of the last second; NaN if one is not finite."""
     if not len(flight.t):
         return math.nan
-    return float(flight.position_error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
+    return float(error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
 
 
 def _tilts(flight: EngagedTicks) -> Rows:
@@ -199,7 +209,7 @@ def _contradicted(flight: EngagedTicks) -> float:
 
 def _nonfinite(flight: EngagedTicks) -> float:
     """Ticks at which the error is not finite, or what the law commands and tells of itself."""
-    error = flight.position_error if flight.has_reference else flight.command_error
+    error = flight.reference_error if flight.has_reference else flight.setpoint_error
     told = [i for i, name in enumerate(flight.fcu.names) if _is_always_a_number(name)]
     finite = np.isfinite(error) & np.isfinite(flight.fcu.rows[:, told]).all(axis=1)
     return float(np.sum(~finite))
@@ -211,12 +221,14 @@ def _is_always_a_number(name: str) -> bool:
 
 
 METRICS: dict[str, Callable[[EngagedTicks], float]] = {
-    "position_rms_m": lambda f: _rms(f.position_error),
-    "position_rms_settled_m": lambda f: _rms(_settled(f).position_error),
-    "position_max_m": lambda f: _greatest(f.position_error),
-    "position_final_m": _final,
-    "command_rms_m": lambda f: _rms(f.command_error),
-    "command_rms_settled_m": lambda f: _rms(_settled(f).command_error),
+    "reference_error_rms_m": lambda f: _rms(f.reference_error),
+    "reference_error_rms_settled_m": lambda f: _rms(_settled(f).reference_error),
+    "reference_error_max_m": lambda f: _greatest(f.reference_error),
+    "reference_error_final_m": lambda f: _final(f, f.reference_error),
+    "setpoint_error_rms_m": lambda f: _rms(f.setpoint_error),
+    "setpoint_error_rms_settled_m": lambda f: _rms(_settled(f).setpoint_error),
+    "setpoint_error_max_m": lambda f: _greatest(f.setpoint_error),
+    "setpoint_error_final_m": lambda f: _final(f, f.setpoint_error),
     "thrust_saturated_fraction": _fraction("outputs.saturation.thrust"),
     "tilt_saturated_fraction": _fraction("outputs.saturation.tilt"),
     "torque_saturated_fraction": _fraction("outputs.saturation.torque"),
@@ -230,6 +242,15 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
     "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
     "nonfinite_samples": _nonfinite,
+}
+
+
+RENAMED = {  # the names that result.json of version 1 and missions of its time have
+    **{
+        f"position_{of}_m": f"reference_error_{of}_m"
+        for of in ("rms", "rms_settled", "max", "final")
+    },
+    **{f"command_{of}_m": f"setpoint_error_{of}_m" for of in ("rms", "rms_settled")},
 }
 
 

@@ -1,7 +1,7 @@
 """The verdict on one flight, as result.json, and on several, as JUnit XML.
 
 A result is written whole or not at all, holds finite numbers only, and says which version of
-its form it has; a reader refuses a newer one.
+its form it has; a reader refuses another one.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,11 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.missions.mission import Mission, Value
-from gcs_tools.missions.trajectory import last_change_s
+from gcs_tools.missions.trajectory import last_change_s, positions_at
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 1: metrics position_* and command_*; no warnings
 
 
 class ResultError(Exception):
@@ -86,7 +87,9 @@ def judge(
     whole = exit_code == OK and len(plant) > 0 and len(fcu) > 0
     if len(plant) and len(fcu):
         told = Table.of(PlantRecord, plant), Table.of(mission.flown.ticks.Tick, fcu)
-        flight = EngagedTicks.of(*told, last_change_s(mission.flight) + SETTLE_S)
+        flight = EngagedTicks.of(
+            *told, last_change_s(mission.flight) + SETTLE_S, partial(positions_at, mission.flight)
+        )
         measured = flight.metrics()
         if whole:
             judged = judge_each(mission.expectations(), flight.metric, ended, flight.why_no_value)
@@ -160,7 +163,7 @@ def _sync_folder(folder: Path) -> None:
 def read(path: Path) -> Result:
     """The result at `path`.
 
-    Raises ResultError if it cannot be read, is no result, or is of a newer form than known.
+    Raises ResultError if it cannot be read, is no result, or is of another version.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -173,7 +176,12 @@ def read(path: Path) -> Result:
         raise ResultError(f"{path}: not a result (no schema_version)")
     if version > SCHEMA_VERSION:
         raise ResultError(
-            f"{path}: a result of version {version}; this program reads up to {SCHEMA_VERSION}"
+            f"{path}: a result of version {version}; this program reads version {SCHEMA_VERSION}"
+        )
+    if version < SCHEMA_VERSION:  # its setpoint metrics were to what the vehicle made of a setpoint
+        raise ResultError(
+            f"{path}: a result of version {version}, with metrics that are measured otherwise now; "
+            f"this program reads version {SCHEMA_VERSION} (fly the mission again, or give its recording)"
         )
     try:
         known = {f.name for f in fields(Result)}

@@ -22,6 +22,7 @@ from pydantic import BaseModel, ValidationError
 
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
+from gcs_tools.judging.metrics import RENAMED
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.tables import Document, Plant, Wind, document
@@ -250,8 +251,11 @@ def _problems(
             path, got = (*path, *context["key"]), context["got"]
             got = _NOTHING if got is None else got
         if kind == "extra_forbidden":
-            meant = _elsewhere(path, kind_of) or _meant(str(path[-1]), _known(path[:-1], kind_of))
-            said = f"no such key{meant}"
+            if path[0] == "expect" and (now := RENAMED.get(str(path[-1]))) is not None:
+                said = f"this metric is called {now} now (docs/missions.md)"
+            else:
+                known = _known(path[:-1], kind_of)
+                said = f"no such key{_elsewhere(path, kind_of) or _meant(str(path[-1]), known)}"
         elif kind == "missing":
             said = "is missing"
             if isinstance(path[-1], int):  # one such problem for each number

@@ -7,10 +7,15 @@ the same one to the bit. Frame: Earth East-North-Up, SI.
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.missions.flight_table import FigureEight, Flight
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 _REST = Vec3(0.0, 0.0, 0.0)
 
@@ -68,6 +73,21 @@ def setpoint_at(flight: Flight, t: float) -> Setpoint:
     amplitude, w = flight.yaw.amplitude_rad, flight.yaw.frequency_rad_s
     swing, swing_dot = amplitude * math.sin(w * t), amplitude * w * math.cos(w * t)
     return Setpoint(r_c, v_c, a_c, psi_c + swing, swing_dot)
+
+
+def positions_at(flight: Flight, t: Rows) -> Rows:
+    """The positions (m, float64 (n, 3)) that `setpoint_at` asks for at times (n,) s, to rounding."""
+    if flight.curve is None:
+        begins = [_microseconds(timed.at_s) for timed in flight.setpoints]
+        at = np.searchsorted(begins, np.rint(t * 1e6), side="right") - 1
+        places: Rows = np.array([timed.position_m for timed in flight.setpoints])[at]
+        return places
+    curve = flight.curve
+    p = np.array([_phase(curve, each)[0] for each in t.tolist()])
+    a, b = 0.5 * curve.size_m[0], 0.5 * curve.size_m[1]
+    off = np.stack([a * np.sin(p), b * np.sin(2.0 * p), np.zeros(len(p))], axis=1)
+    on_curve: Rows = np.array(curve.centre_m) + off
+    return on_curve
 
 
 def setpoint_times(flight: Flight) -> list[int]:

@@ -6,7 +6,7 @@ import pytest
 
 from gcs_tools.judging.expectations import ExpectError, judge_each
 
-MEASURED = {"position_rms_m": 0.025, "position_max_m": 90.0, "thrust_max_n": math.nan}
+MEASURED = {"reference_error_rms_m": 0.025, "reference_error_max_m": 90.0, "thrust_max_n": math.nan}
 
 
 def measured(name: str, t_from: float | None, t_to: float | None) -> float | None:
@@ -17,18 +17,18 @@ def measured(name: str, t_from: float | None, t_to: float | None) -> float | Non
 @pytest.mark.parametrize(
     ("entry", "passed", "text"),
     [
-        (0.025, True, "position_rms_m ≤ 0.025: 0.025"),
-        (0.0249, False, "position_rms_m ≤ 0.0249: 0.025"),
-        (1, True, "position_rms_m ≤ 1: 0.025"),
-        ({"limit": 0.25, "from": 12.0}, False, "position_rms_m ≤ 0.25 from 12 s: 0.3"),
+        (0.025, True, "reference_error_rms_m ≤ 0.025: 0.025"),
+        (0.0249, False, "reference_error_rms_m ≤ 0.0249: 0.025"),
+        (1, True, "reference_error_rms_m ≤ 1: 0.025"),
+        ({"limit": 0.25, "from": 12.0}, False, "reference_error_rms_m ≤ 0.25 from 12 s: 0.3"),
         ({"limit": 0.05, "from": 2, "to": 20.5}, True,
-         "position_rms_m ≤ 0.05 from 2 s to 20.5 s: 0.05"),
-        ({"at_least": 0.02}, True, "position_rms_m ≥ 0.02: 0.025"),
-        ({"at_least": 0.03}, False, "position_rms_m ≥ 0.03: 0.025"),
+         "reference_error_rms_m ≤ 0.05 from 2 s to 20.5 s: 0.05"),
+        ({"at_least": 0.02}, True, "reference_error_rms_m ≥ 0.02: 0.025"),
+        ({"at_least": 0.03}, False, "reference_error_rms_m ≥ 0.03: 0.025"),
     ],
 )  # fmt: skip
 def test_limits(entry: object, passed: bool, text: str) -> None:
-    _, judged = judge_each({"position_rms_m": entry}, measured, "time")
+    _, judged = judge_each({"reference_error_rms_m": entry}, measured, "time")
     assert (judged.passed, str(judged)) == (passed, text)
 
 
@@ -48,7 +48,7 @@ def test_a_flight_that_ends_well_has_finite_samples(ended, samples, named, passe
     assert [e.passed for e in judged] == passed
 
 
-@pytest.mark.parametrize("name", ["command_rms_m", "thrust_max_n", "no_such_metric"])
+@pytest.mark.parametrize("name", ["setpoint_error_rms_m", "thrust_max_n", "no_such_metric"])
 def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
     for entry in (1e9, {"at_least": -1e9}):
         _, judged = judge_each({name: entry}, measured, "time")
@@ -76,7 +76,7 @@ def test_a_flight_must_end_well_unless_expected_not_to(ended: str, passed: bool)
 
 
 def test_divergence_can_be_expected() -> None:
-    expect = {"position_max_m": {"at_least": 50.0}, "ended": "diverged"}
+    expect = {"reference_error_max_m": {"at_least": 50.0}, "ended": "diverged"}
     assert [e.passed for e in judge_each(expect, measured, "diverged")] == [True, True]
     assert [e.passed for e in judge_each(expect, measured, "time")] == [False, True]
 
@@ -85,17 +85,26 @@ def test_divergence_can_be_expected() -> None:
     ("expect", "reason"),
     [
         (
-            {"position_rms_m": {"limt": 1.0}},
-            r"position_rms_m.limt: expected one of limit, at_least",
+            {"reference_error_rms_m": {"limt": 1.0}},
+            r"reference_error_rms_m.limt: expected one of limit, at_least",
         ),
-        ({"position_rms_m": {"from": 1.0}}, "position_rms_m: expected either limit or at_least"),
-        ({"position_rms_m": {"limit": 1, "at_least": 1}}, "expected either limit or at_least"),
-        ({"position_rms_m": math.nan}, "position_rms_m.limit: expected a finite number, got nan"),
         (
-            {"position_rms_m": "small"},
-            "position_rms_m.limit: expected a finite number, got 'small'",
+            {"reference_error_rms_m": {"from": 1.0}},
+            "reference_error_rms_m: expected either limit or at_least",
         ),
-        ({"position_rms_m": True}, "expected a finite number, got True"),
+        (
+            {"reference_error_rms_m": {"limit": 1, "at_least": 1}},
+            "expected either limit or at_least",
+        ),
+        (
+            {"reference_error_rms_m": math.nan},
+            "reference_error_rms_m.limit: expected a finite number, got nan",
+        ),
+        (
+            {"reference_error_rms_m": "small"},
+            "reference_error_rms_m.limit: expected a finite number, got 'small'",
+        ),
+        ({"reference_error_rms_m": True}, "expected a finite number, got True"),
         ({"ended": 3}, "ended: expected a word, got 3"),
     ],
 )

@@ -45,16 +45,34 @@ def test_errors_are_distances() -> None:
     put(fcu, Tick, "setpoint.r_c", [2.0, 0.0, 2.0])  # off by (0, 3, 4): 5 m
     found = metrics(*told(plant, fcu))
     assert set(found) == set(METRICS)
-    for name in ("position_rms_m", "position_rms_settled_m", "position_max_m", "position_final_m"):
+    for name in (
+        "reference_error_rms_m",
+        "reference_error_rms_settled_m",
+        "reference_error_max_m",
+        "reference_error_final_m",
+    ):
         assert found[name] == pytest.approx(7.0)
-    assert found["command_rms_m"] == found["command_rms_settled_m"] == pytest.approx(5.0)
+    for name in ("rms", "rms_settled", "max", "final"):
+        assert found[f"setpoint_error_{name}_m"] == pytest.approx(5.0)
     assert found["nonfinite_samples"] == 0.0
+
+
+def test_the_setpoint_error_is_from_what_was_asked_for() -> None:
+    """Not from what the vehicle made of it: the setpoint it flew lies nearer here."""
+    plant, fcu = flight(20.0)
+    put(fcu, Tick, "setpoint.r_c", [100.0, 0.0, 0.0])
+    put(plant, PlantRecord, "state.r_E", [40.0, 0.0, 0.0])
+    asked = EngagedTicks.of(*told(plant, fcu), asked=lambda t: np.outer(t, [50.0, 0.0, 0.0]))
+    found = asked.metrics()
+    assert found["setpoint_error_final_m"] == pytest.approx(1000.0 - 40.0)
+    assert found["setpoint_error_max_m"] == pytest.approx(1000.0 - 40.0)
+    assert asked.metric("setpoint_error_max_m", 0.0, 0.0) == pytest.approx(40.0)
 
 
 def test_root_of_the_mean_square() -> None:
     plant, fcu = flight(0.3)  # four ticks: 1, 1, 1 and 5 m
     put(plant, PlantRecord, "state.r_E", [[1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 3, 4]])
-    assert metrics(*told(plant, fcu))["position_rms_m"] == pytest.approx(math.sqrt(7.0))
+    assert metrics(*told(plant, fcu))["reference_error_rms_m"] == pytest.approx(math.sqrt(7.0))
 
 
 def test_settled_begins_five_seconds_after_take_over() -> None:
@@ -64,8 +82,10 @@ def test_settled_begins_five_seconds_after_take_over() -> None:
     put(plant, PlantRecord, "state.r_E", OFF, slice(0, 70))  # up to 6.9 s
     assert settle_from(told(plant, fcu)[1]) == 7.0
     found = metrics(*told(plant, fcu))
-    assert found["position_rms_settled_m"] == 0.0
-    assert found["position_rms_m"] == pytest.approx(7.0 * math.sqrt(50 / 181))  # idle ticks apart
+    assert found["reference_error_rms_settled_m"] == 0.0
+    assert found["reference_error_rms_m"] == pytest.approx(
+        7.0 * math.sqrt(50 / 181)
+    )  # idle ticks apart
 
 
 def test_settled_begins_five_seconds_after_the_last_step() -> None:
@@ -85,8 +105,8 @@ def test_a_moving_setpoint_makes_no_step() -> None:
 def test_who_knows_the_mission_says_when_it_settles() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", OFF, slice(0, 150))
-    assert metrics(*told(plant, fcu))["position_rms_settled_m"] > 5.0  # type: ignore[operator]
-    assert metrics(*told(plant, fcu), settle_from_s=15.0)["position_rms_settled_m"] == 0.0
+    assert metrics(*told(plant, fcu))["reference_error_rms_settled_m"] > 5.0  # type: ignore[operator]
+    assert metrics(*told(plant, fcu), settle_from_s=15.0)["reference_error_rms_settled_m"] == 0.0
 
 
 def test_final_is_the_worst_of_the_last_second() -> None:
@@ -94,8 +114,8 @@ def test_final_is_the_worst_of_the_last_second() -> None:
     put(plant, PlantRecord, "state.r_E", [0.0, 0.5, 0.0], 190)  # at 19.0 s, the last that counts
     put(plant, PlantRecord, "state.r_E", [9.0, 0.0, 0.0], 189)
     found = metrics(*told(plant, fcu))
-    assert found["position_final_m"] == 0.5
-    assert found["position_max_m"] == 9.0
+    assert found["reference_error_final_m"] == 0.5
+    assert found["reference_error_max_m"] == 9.0
 
 
 def test_saturation_is_a_part_of_the_flight() -> None:
@@ -142,10 +162,10 @@ def test_a_window_holds_both_its_ends() -> None:
     put(plant, PlantRecord, "state.r_E", [1.0, 0.0, 0.0], 120)
     put(plant, PlantRecord, "state.r_E", [2.0, 0.0, 0.0], 130)
     put(plant, PlantRecord, "state.r_E", [3.0, 0.0, 0.0], 131)
-    assert metric("position_max_m", *told(plant, fcu), 12.0, 13.0) == 2.0
-    assert metric("position_max_m", *told(plant, fcu), 12.0, 12.9) == 1.0
-    assert metric("position_max_m", *told(plant, fcu), 12.1, 12.9) == 0.0
-    assert metric("position_max_m", *told(plant, fcu), 30.0, None) is None
+    assert metric("reference_error_max_m", *told(plant, fcu), 12.0, 13.0) == 2.0
+    assert metric("reference_error_max_m", *told(plant, fcu), 12.0, 12.9) == 1.0
+    assert metric("reference_error_max_m", *told(plant, fcu), 12.1, 12.9) == 0.0
+    assert metric("reference_error_max_m", *told(plant, fcu), 30.0, None) is None
 
 
 def test_a_diverged_flight_has_finite_metrics() -> None:
@@ -153,11 +173,11 @@ def test_a_diverged_flight_has_finite_metrics() -> None:
     put(plant, PlantRecord, "state.r_E", [0.0, 0.0, 80.0], 150)
     put(plant, PlantRecord, "state.r_E", [0.0, np.inf, np.nan], slice(198, None))
     found = EngagedTicks.of(*told(plant, fcu)).metrics()
-    assert found["position_max_m"] == 80.0
+    assert found["reference_error_max_m"] == 80.0
     assert found["nonfinite_samples"] == 3.0
-    assert found["position_rms_m"] is None  # no mean square of what is not finite
-    assert found["position_final_m"] is None
-    assert metric("position_rms_m", *told(plant, fcu), t_to=19.0) == pytest.approx(
+    assert found["reference_error_rms_m"] is None  # no mean square of what is not finite
+    assert found["reference_error_final_m"] is None
+    assert metric("reference_error_rms_m", *told(plant, fcu), t_to=19.0) == pytest.approx(
         80 / math.sqrt(191)
     )
 
@@ -173,23 +193,31 @@ def test_ticks_of_a_law_that_is_not_finite_are_counted() -> None:
 def test_a_metric_without_a_value_says_why() -> None:
     plant, fcu = flight(20.0)
     found = EngagedTicks.of(*told(plant, fcu))
-    assert found.why_no_value("position_max_m", 30.0) == "no tick after 30 s"
-    assert found.why_no_value("position_max_m", 21.0, 22.0) == "no tick after 21 s before 22 s"
+    assert found.why_no_value("reference_error_max_m", 30.0) == "no tick after 30 s"
+    assert (
+        found.why_no_value("reference_error_max_m", 21.0, 22.0) == "no tick after 21 s before 22 s"
+    )
     put(plant, PlantRecord, "state.r_E", [0.0, np.inf, np.nan])
     found = EngagedTicks.of(*told(plant, fcu), settle_from_s=25.0)
-    assert found.why_no_value("position_rms_m") == "of numbers that are not finite"
-    assert found.why_no_value("command_rms_settled_m") == "the flight counts as settled from 25 s"
+    assert found.why_no_value("reference_error_rms_m") == "of numbers that are not finite"
+    assert (
+        found.why_no_value("setpoint_error_rms_settled_m")
+        == "the flight counts as settled from 25 s"
+    )
     put(fcu, Tick, "outputs.reference.r_m", np.nan)
     found = EngagedTicks.of(*told(plant, fcu))
-    assert found.why_no_value("position_rms_m") == "this law has no reference model"
+    assert found.why_no_value("reference_error_rms_m") == "this law has no reference model"
     put(fcu, Tick, "engaged", 0.0)
-    assert EngagedTicks.of(*told(plant, fcu)).why_no_value("position_rms_m") == "the law never flew"
+    assert (
+        EngagedTicks.of(*told(plant, fcu)).why_no_value("reference_error_rms_m")
+        == "the law never flew"
+    )
 
 
 def test_a_huge_error_does_not_overflow() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", [3e200, 4e200, 0.0])
-    assert metrics(*told(plant, fcu))["position_rms_m"] == pytest.approx(5e200)
+    assert metrics(*told(plant, fcu))["reference_error_rms_m"] == pytest.approx(5e200)
 
 
 def test_ticks_are_joined_by_their_time() -> None:
@@ -198,7 +226,7 @@ def test_ticks_are_joined_by_their_time() -> None:
     put(plant, PlantRecord, "state.r_E", plant[:, :1])
     put(fcu, Tick, "outputs.reference.r_m", plant[:, :1])
     plant[:, 0] += 1e-9
-    assert metrics(*told(plant, fcu[3:8]))["position_max_m"] == 0.0
+    assert metrics(*told(plant, fcu[3:8]))["reference_error_max_m"] == 0.0
 
 
 def test_a_flight_that_never_flew_has_no_metrics() -> None:

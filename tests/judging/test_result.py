@@ -19,7 +19,7 @@ from gcs_tools.missions.mission import Value
 from sitl_plant.physics.types import PlantRecord
 
 MET = Expectation("ended", "time or arrived", "time", True, "ended = time or arrived")
-MISSED = Expectation("position_rms_m", 0.03, 0.5, False, "position_rms_m ≤ 0.03")
+MISSED = Expectation("reference_error_rms_m", 0.03, 0.5, False, "reference_error_rms_m ≤ 0.03")
 RESULT = Result(
     mission="paper_nominal",
     title="The octocopter flies the paper's wind.",
@@ -38,7 +38,7 @@ RESULT = Result(
     versions={"m-mrac": "0.1.0"},
     values={"law.f_m": Value(1.0, "mission"), "plant.mass_kg": Value(8.0, "truth.toml")},
     expectations=[MET],
-    metrics={"position_rms_m": 0.02, "position_final_m": None},
+    metrics={"reference_error_rms_m": 0.02, "reference_error_final_m": None},
 )
 FAILED = replace(
     RESULT, mission="paper_fast", passed=False, exit_code=1, expectations=[MET, MISSED]
@@ -60,7 +60,7 @@ def test_it_is_read_as_it_was_written(tmp_path: Path) -> None:
 def test_its_keys_are_those_promised(tmp_path: Path) -> None:
     RESULT.write(tmp_path / "result.json")
     content = json.loads((tmp_path / "result.json").read_text())
-    assert content["schema_version"] == 1
+    assert content["schema_version"] == 2
     assert content["expectations"][0]["name"] == "ended"
     assert content["values"]["law.f_m"] == {"value": 1.0, "origin": "mission"}
     assert set(content) >= {
@@ -110,9 +110,10 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
         (None, "No such file"),
         ("{", "not JSON"),
         ("[]", "not a result"),
-        ('{"schema_version": 2}', "of version 2; this program reads up to 1"),
-        ('{"schema_version": 1}', "not a result"),
-        ('{"schema_version": 1, "values": {}, "expectations": []}', "not a result .*'mission'"),
+        ('{"schema_version": 3}', "of version 3; this program reads version 2"),
+        ('{"schema_version": 1}', "of version 1, .*fly the mission again"),
+        ('{"schema_version": 2}', "not a result"),
+        ('{"schema_version": 2, "values": {}, "expectations": []}', "not a result .*'mission'"),
     ):
         if text is not None:
             path.write_text(text)
@@ -140,8 +141,8 @@ def test_junit_tells_failures_from_errors(tmp_path: Path) -> None:
     assert (good.get("name"), len(good)) == ("paper_nominal", 0)
     failure = failed.find("failure")
     assert failure is not None and failure.text is not None
-    assert failure.get("message") == "position_rms_m ≤ 0.03: 0.5"
-    assert "[expect] position_rms_m ≤ 0.03: 0.5" in failure.text
+    assert failure.get("message") == "reference_error_rms_m ≤ 0.03: 0.5"
+    assert "[expect] reference_error_rms_m ≤ 0.03: 0.5" in failure.text
     error = broken.find("error")
     assert error is not None
     assert error.get("message") == "sitl-plant died at 3.214 s"

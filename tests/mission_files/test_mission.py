@@ -26,8 +26,8 @@ steady_m_s = [1, 0, 0]
 [plant]
 rotor_loss = [{ rotor = 1, at_s = 3.0, effectiveness = 0.6 }]
 [expect]
-position_max_m = 0.5
-position_rms_m = { limit = 0.1, from = 5.0 }
+reference_error_max_m = 0.5
+reference_error_rms_m = { limit = 0.1, from = 5.0 }
 """
 
 
@@ -67,12 +67,16 @@ def test_a_valid_file_gives_typed_values(write):
     assert mission.plant.rotor_loss[0].effectiveness == 0.6
     assert mission.law.model_dump(exclude_none=True) == {"f_m": 1.0, "bounds": {}}
     assert mission.expectations() == {
-        "position_max_m": {"limit": 0.5},
-        "position_rms_m": {"limit": 0.1, "from": 5.0},
+        "reference_error_max_m": {"limit": 0.5},
+        "reference_error_rms_m": {"limit": 0.1, "from": 5.0},
     }
 
 
 REFUSED = [
+    ("reference_error_max_m", "position_max_m", 15,
+     "[expect] position_max_m: this metric is called reference_error_max_m now"),
+    ("reference_error_rms_m", "command_rms_m", 16,
+     "[expect] command_rms_m: this metric is called setpoint_error_rms_m now"),
     ("[0.0, 0.0", "[-3, 0.0", 5, "[flight] setpoints[0].at_s: expected a number >= 0, got -3"),
     ("[0.0, 0.0", "[1.0, 0.0", 5, "[flight] setpoints[0].at_s: expected 0 (a flight begins"),
     ("[0.0, 0.0, 0.0", "[0.0, 0.0, 'a'", 5, 'setpoints[0].position_m[1]: expected a number, got "a"'),
@@ -105,11 +109,11 @@ REFUSED = [
     ("f_m = 1.0", "prediction = 'x'", 9, "prediction: expected 'achieved' or 'demanded', got \"x\""),
     ("[1, 0, 0]", "[1, 0, 0]\nstep_m_s = [1, 0, 0]", 10, "[wind] step_at_s: expected a time for"),
     ("rotor = 1,", "rotor = 9,", 13, "[plant] rotor_loss[0].rotor: expected a number <= 8, got 9"),
-    ("position_max_m", "position_mx_m", 15, "no such key (did you mean position_max_m?)"),
-    ("= 0.5", "= 'a'", 15, "[expect] position_max_m: expected a number, or a table"),
-    ("limit = 0.1, ", "", 16, "[expect] position_rms_m: expected either limit or at_least"),
-    ("from = 5.0", "from = 5.0, to = 5.0", 16, "[expect] position_rms_m.to: expected a time after"),
-    ("from = 5.0", "form = 5.0", 16, "[expect] position_rms_m.form: no such key (did you mean from?)"),
+    ("reference_error_max_m", "reference_error_mx_m", 15, "no such key (did you mean reference_error_max_m?)"),
+    ("= 0.5", "= 'a'", 15, "[expect] reference_error_max_m: expected a number, or a table"),
+    ("limit = 0.1, ", "", 16, "[expect] reference_error_rms_m: expected either limit or at_least"),
+    ("from = 5.0", "from = 5.0, to = 5.0", 16, "[expect] reference_error_rms_m.to: expected a time after"),
+    ("from = 5.0", "form = 5.0", 16, "[expect] reference_error_rms_m.form: no such key (did you mean from?)"),
     ("[expect]", "ended = 'no'\n[expect]", 14, "[plant] ended: no such key"),
     ("[expect]", "[expct]", 14, "[expct]: no such key (did you mean expect?)"),
     ('"A hover."', '"a hover"', 1, "title: expected a sentence on one line"),
@@ -165,7 +169,10 @@ def test_a_file_is_found_from_where_one_stands(write):
         ("wind.steady_m_s=[1,0,0]", lambda m: m.wind.steady_m_s == (1.0, 0.0, 0.0)),
         ("flight.rate_hz=250.0", lambda m: m.flight.rate_hz == 250),
         (" plant.mass_kg = 6 ", lambda m: m.plant.mass_kg == 6.0),
-        ("expect.position_max_m=0.1", lambda m: m.expectations()["position_max_m"]["limit"] == 0.1),
+        (
+            "expect.reference_error_max_m=0.1",
+            lambda m: m.expectations()["reference_error_max_m"]["limit"] == 0.1,
+        ),
     ],
 )
 def test_a_setting_changes_the_mission_and_not_the_original(setting, value):

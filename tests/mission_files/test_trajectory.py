@@ -7,7 +7,12 @@ import pytest
 
 from fcu.kernel.algebra import Vec3
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
+from gcs_tools.missions.trajectory import (
+    last_change_s,
+    positions_at,
+    setpoint_at,
+    setpoint_times,
+)
 
 EIGHT = {"kind": "figure_eight", "centre_m": [1.0, 2.0, 3.0], "size_m": [24.0, 12.0]}
 
@@ -28,6 +33,17 @@ def test_a_step_is_sent_at_the_first_tick_at_or_after_its_time_and_holds_there(r
     for i, k in enumerate(sent[1:], start=1):
         assert setpoint_at(told, (k - 1) / rate).r_c.x == i - 1
         assert setpoint_at(told, k / rate).r_c.x == i
+
+
+@pytest.mark.parametrize(
+    "told",
+    [steps(0.0, 5.0, 7.0011), flight(curve={**EIGHT, "period_s": 7.0})],
+    ids=["steps", "curve"],
+)
+def test_positions_of_many_times_are_those_of_each(told):
+    t = np.arange(4000) / 400.0
+    each = np.array([setpoint_at(told, float(time_s)).r_c for time_s in t])
+    np.testing.assert_allclose(positions_at(told, t), each, rtol=0.0, atol=1e-12)
 
 
 def test_a_step_rests():

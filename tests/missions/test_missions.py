@@ -17,8 +17,9 @@ from tests.patience import PATIENCE_S
 
 MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/*.toml"))
 METRICS = {
-    "position_rms_m", "position_rms_settled_m", "position_max_m", "position_final_m",
-    "command_rms_m", "command_rms_settled_m", "thrust_saturated_fraction",
+    "reference_error_rms_m", "reference_error_rms_settled_m", "reference_error_max_m", "reference_error_final_m",
+    "setpoint_error_rms_m", "setpoint_error_rms_settled_m", "setpoint_error_max_m",
+    "setpoint_error_final_m", "thrust_saturated_fraction",
     "tilt_saturated_fraction", "torque_saturated_fraction", "yaw_saturated_fraction",
     "rotor_saturated_fraction", "governed_fraction", "margin_min_n",
     "margin_tilt_min_deg", "margin_condition_min_n", "thrust_max_n", "tilt_max_deg",
@@ -63,7 +64,7 @@ def test_the_nominal_flight_is_flown_at_other_rates(flown, rate_hz):
     ("lag_s", "limit_m"), [(0.02, 0.03), (0.08, 0.03), (0.1, 0.03), (0.15, 0.15)]
 )
 def test_the_belief_about_the_rotor_lag_may_be_wrong(flown, lag_s, limit_m):
-    limit = f"expect.position_rms_settled_m={limit_m}"
+    limit = f"expect.reference_error_rms_settled_m={limit_m}"
     met(flown("paper_nominal", f"plant.rotor_lag_s={lag_s}", limit))
 
 
@@ -72,7 +73,7 @@ def test_a_reference_model_that_asks_too_much_settles(flown, f_m, duration_s, fi
     met(
         flown(
             "paper_fast", f"law.f_m={f_m}", f"flight.duration_s={duration_s}",
-            f"expect.position_final_m={final_m}", "expect.position_max_m=20",
+            f"expect.reference_error_final_m={final_m}", "expect.reference_error_max_m=20",
         )
     )  # fmt: skip
 
@@ -81,7 +82,7 @@ def test_a_reference_model_that_asks_too_much_settles(flown, f_m, duration_s, fi
 def test_with_the_achieved_force_the_printed_flights_are_tracked(flown, mission):
     flight = flown(mission, "law.prediction=achieved")
     assert flight.ended == "time"
-    assert flight.metrics["position_rms_settled_m"] <= 0.03
+    assert flight.metrics["reference_error_rms_settled_m"] <= 0.03
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
@@ -119,7 +120,7 @@ def test_a_newcomers_first_command(tmp_path):
     assert finite(content)
     assert content["passed"]
     assert (content["exit_code"], content["ended"]) == (0, "time")
-    assert {line["name"] for line in content["expectations"]} > {"position_rms_settled_m"}
+    assert {line["name"] for line in content["expectations"]} > {"reference_error_rms_settled_m"}
     recorded = recording.read(run / "flight.mcap")
     assert recorded.complete
     assert len(recorded.plant) == len(recorded.fcu) == content["ticks"] == 10_000

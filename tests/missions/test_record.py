@@ -87,7 +87,7 @@ def test_every_figure_is_drawn_of_a_light_recording(flown, tmp_path):
     assert numbers["light"].keys() == numbers["full"].keys()
     for name, drawn in numbers["light"].items():
         assert (drawn["path"] is None) == (numbers["full"][name]["path"] is None), name
-    rms = [numbers[mode]["tracking"]["position_rms_settled_m"] for mode in numbers]
+    rms = [numbers[mode]["tracking"]["reference_error_rms_settled_m"] for mode in numbers]
     assert rms[1] == pytest.approx(rms[0], rel=0.01)
 
 

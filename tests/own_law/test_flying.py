@@ -160,7 +160,9 @@ def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission, line
 
 
 def test_what_a_mission_expects_of_another_law_is_missed_with_the_reason(own_mission):
-    text = own_mission.read_text() + "position_max_m = 0.2\nmargin_min_n = { at_least = 1.0 }\n"
+    text = (
+        own_mission.read_text() + "reference_error_max_m = 0.2\nmargin_min_n = { at_least = 1.0 }\n"
+    )
     own_mission.write_text(text)
     folder, run = own_mission.parent, own_mission.parent / "run"
     done = _gcs(
@@ -168,7 +170,7 @@ def test_what_a_mission_expects_of_another_law_is_missed_with_the_reason(own_mis
     )
     assert done.returncode == 1, done.stdout + done.stderr
     judged = {e["name"]: e for e in json.loads((run / "result.json").read_text())["expectations"]}
-    for name, why in {"position_max_m": "reference model", "margin_min_n": "guard"}.items():
+    for name, why in {"reference_error_max_m": "reference model", "margin_min_n": "guard"}.items():
         assert judged[name]["why"] == f"this law has no {why}"
         assert f"{name} has no value: this law has no {why}\n" in done.stdout
 

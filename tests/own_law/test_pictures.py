@@ -120,7 +120,7 @@ def test_figures_that_have_nothing_to_show_are_not_drawn(run: Path) -> None:
     drawn = {name for name, of in found.items() if of["path"] is not None}
     assert drawn == {"flight", "tracking", "limits"}
     assert {path.stem for path in run.parent.glob("*.png")} == {f"flight-{name}" for name in drawn}
-    said = "no reference model; off the setpoint, settled RMS 1 m"
+    said = "no reference model; off the setpoint, settled RMS 1 m; at the end 1 m off the setpoint"
     assert found["tracking"]["answer"] == said
     assert found["limits"]["thrust_room_fraction"] == pytest.approx(75.0 / 195.0)
     for name in ("prediction", "estimates"):

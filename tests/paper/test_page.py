@@ -79,7 +79,7 @@ def number(flights, group, title, key):
 def test_at_f_m_1_thrust_and_tilt_are_inside_their_limits_after_a_second(flights, title):
     for which in ("thrust", "tilt"):
         assert number(flights, "nominal", title, f"{which}_at_limit_from_1_s_percent") == 0.0
-    assert number(flights, "nominal", title, "position_rms_settled_m") < 0.15
+    assert number(flights, "nominal", title, "reference_error_rms_settled_m") < 0.15
 
 
 @pytest.mark.parametrize("title", ["as printed", "with Δu", "with the guard"])
@@ -93,7 +93,7 @@ def test_at_f_m_1_4_the_printed_law_saturates_for_good_and_the_repaired_one_does
         assert number(flights, "fast", "as printed", key) > 99.0
         assert number(flights, "fast", "with Δu", key) == 0.0
     assert number(flights, "fast", "as printed", "ended").startswith("diverged")
-    assert number(flights, "fast", "with Δu", "position_final_m") < 0.05
+    assert number(flights, "fast", "with Δu", "reference_error_final_m") < 0.05
 
 
 @pytest.mark.parametrize("group", ["nominal", "fast"])
@@ -129,8 +129,8 @@ def test_the_printed_flight_hangs_on_a_mass_far_too_low():
 def test_gone_and_there_are_for_good(flights):
     for flown in flights["wrong_start"]:
         for error, limit, found in (
-            (flown.flight.position_error, 0.05 * 5.0 * 3.0**0.5, gone_from(flown)),
-            (flown.flight.command_error, 0.5, there_from(flown)),
+            (flown.flight.reference_error, 0.05 * 5.0 * 3.0**0.5, gone_from(flown)),
+            (flown.flight.setpoint_error, 0.5, there_from(flown)),
         ):
             first = int(np.searchsorted(flown.t, found - 1e-6))
             assert error[first - 1] >= limit > error[first:].max()

@@ -65,7 +65,7 @@ def test_all_figures_in_a_process_of_their_own(run: Path) -> None:
     for line, name in zip(lines, STANDARD, strict=True):
         assert line.startswith(f"{run.parent / f'flight-{name}.png'}  {name}: ")
         assert (run.parent / f"flight-{name}.png").stat().st_size > 10_000
-    assert "tracking: settled RMS 2 cm, worst 2 cm" in lines[1]
+    assert "tracking: settled RMS 2 cm off the reference, worst 2 cm" in lines[1]
 
 
 def test_one_figure_as_a_file(run: Path, tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_one_figure_as_a_file(run: Path, tmp_path: Path) -> None:
     found = json.loads(done.stdout)
     assert list(found) == ["tracking"]
     assert found["tracking"]["path"] == str(out)
-    assert found["tracking"]["position_rms_settled_m"] == pytest.approx(0.02)
+    assert found["tracking"]["reference_error_rms_settled_m"] == pytest.approx(0.02)
     assert out.read_text(encoding="utf-8").startswith("<?xml")
 
 

@@ -22,11 +22,24 @@ def test_tracking_is_the_distance_from_the_reference(made: Any) -> None:
     made.set_plant(**{"state.r_E.x": 0.6 * off, "state.r_E.y": 0.8 * off})
     made.set_plant(**{"state.r_E.z": np.where(made.t == 1.0, 2.4, 0.0)})
     found = tracking.numbers(all_of(made))
-    assert found["position_rms_settled_m"] == pytest.approx(0.01)
-    assert found["position_max_m"] == pytest.approx(2.6)
-    assert found["position_max_at_s"] == 1.0
-    assert tracking.answer(found) == "settled RMS 1 cm, worst 2.6 m at 1 s"
+    assert found["reference_error_rms_settled_m"] == pytest.approx(0.01)
+    assert found["reference_error_max_m"] == pytest.approx(2.6)
+    assert found["reference_error_max_at_s"] == 1.0
+    assert tracking.answer(found) == (
+        "settled RMS 1 cm off the reference, worst 2.6 m at 1 s; at the end 1 cm off the setpoint"
+    )
     assert "never settled" in tracking.answer(tracking.numbers(all_of(made, 0.0, 4.0)))
+
+
+def test_the_setpoint_is_the_one_that_the_mission_asked_for(made: Any) -> None:
+    """As its metadata have it, not as the vehicle limited it."""
+    made.set_fcu(**{"setpoint.r_c.x": 100.0})
+    assert tracking.numbers(all_of(made))["setpoint_error_final_m"] == pytest.approx(100.0)
+    made.metadata |= {
+        "flight.duration_s": "8.0 (mission)",
+        "flight.setpoints": "[{'at_s': 0.0, 'position_m': [1000.0, 0.0, 0.0]}] (mission)",
+    }
+    assert tracking.numbers(all_of(made))["setpoint_error_final_m"] == pytest.approx(1000.0)
 
 
 def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:
@@ -192,7 +205,7 @@ def test_a_flight_that_is_not_finite_has_no_value(made: Any) -> None:
         }
     )
     window = all_of(made)
-    assert tracking.numbers(window)["position_rms_settled_m"] is None
+    assert tracking.numbers(window)["reference_error_rms_settled_m"] is None
     assert prediction.numbers(window)["velocity_rms_settled_m_s"] is None
     assert limits.numbers(window)["thrust_room_fraction"] is None
     found = estimates.numbers(window)

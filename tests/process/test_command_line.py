@@ -74,12 +74,12 @@ def test_a_terminal_that_cannot_show_a_character_gets_a_plainer_one(
     gcs, tmp_path, monkeypatch, encoding
 ):
     monkeypatch.setenv("PYTHONIOENCODING", encoding)
-    mission = MISSION.replace("hover of", "日 hover ≤") + "[expect]\nposition_max_m = 1.0\n"
+    mission = MISSION.replace("hover of", "日 hover ≤") + "[expect]\nreference_error_max_m = 1.0\n"
     (tmp_path / "hover.toml").write_text(mission, encoding="utf-8")
     code, out, _ = gcs("fly", "hover.toml", *QUICK, "--figure", "never")
     assert code == 0
     assert "A ? hover <= half a second." in out
-    assert "position_max_m <= 1" in out
+    assert "reference_error_max_m <= 1" in out
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_terminal_that_cannot_show_a_character_gets_a_plainer_one(
         (MISSION + "[law]\nf_n = 1.0\n", ":6"),
         (MISSION + "[plant]\nmass_kg = -1.0\n", ":6"),
         (MISSION + "[law]\nf_m = 'fast'\n", ":6"),
-        (MISSION + "[expect]\nposition_rms = 1.0\n", ":6"),
+        (MISSION + "[expect]\nreference_error_rms = 1.0\n", ":6"),
     ],
     ids=["no TOML", "unknown key", "out of range", "not a number", "no metric"],
 )
@@ -139,7 +139,7 @@ def test_of_several_missions_the_worst_counts(gcs, tmp_path):
     assert [suite.get(k) for k in ("tests", "failures", "errors")] == ["3", "1", "0"]
     failure = suite.find("testcase/failure")
     assert failure is not None
-    assert "position_rms_settled_m ≤ 0.03" in failure.text
+    assert "reference_error_rms_settled_m ≤ 0.03" in failure.text
 
 
 def test_a_report_that_cannot_be_written_is_not_passed_over(gcs):

@@ -185,7 +185,7 @@ def scene(name):
                 },
                 "plant": {"noise": {"position_m": 0.002, "rate_rad_s": 0.01}, "delay_s": 0.008},
                 "wind": {"steady_m_s": [2.0, 1.0, 0.0]},
-                "expect": {"position_max_m": 1e9},
+                "expect": {"reference_error_max_m": 1e9},
             }
         )
     )  # fmt: skip

@@ -18,7 +18,7 @@ HOVER = """title = "A hover."
 duration_s = {duration_s}
 setpoints = [{{ at_s = 0.0, position_m = [0.0, 0.0, 0.0] }}]
 [expect]
-position_max_m = {most_m}
+reference_error_max_m = {most_m}
 """
 
 

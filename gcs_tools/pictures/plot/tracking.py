@@ -32,27 +32,29 @@ QUESTION = "Did it go where the reference went?"
 
 
 def numbers(window: Window) -> Numbers:
-    """Distances from the reference model (34). Raises Missing."""
-    t, error = window.t, window.flight.position_error
+    """Distances from the reference model (34), and from the setpoint. Raises Missing."""
+    t, error = window.t, window.flight.reference_error
     finite = np.isfinite(error)
     worst_at = float(t[np.argmax(np.where(finite, error, -1.0))]) if finite.any() else None
-    names = ("position_rms_settled_m", "position_max_m", "position_final_m", "position_rms_m",
-             "command_rms_settled_m")  # fmt: skip
+    names = ("reference_error_rms_settled_m", "reference_error_max_m", "reference_error_final_m", "reference_error_rms_m",
+             "setpoint_error_rms_settled_m", "setpoint_error_final_m")  # fmt: skip
     return {
         **{name: window.flight.metric(name) for name in names},
-        "position_max_at_s": worst_at,
+        "reference_error_max_at_s": worst_at,
         "settled_from_s": window.flight.settle_from_s,
     }
 
 
 def answer(found: Numbers) -> str:
     """In one line."""
-    settled, at = found["position_rms_settled_m"], found["position_max_at_s"]
-    first = "never settled" if settled is None else f"settled RMS {length(settled)}"
-    if at is None and (off := found["command_rms_settled_m"]) is not None:
+    settled, at = found["reference_error_rms_settled_m"], found["reference_error_max_at_s"]
+    first = (
+        "never settled" if settled is None else f"settled RMS {length(settled)} off the reference"
+    )
+    if at is None and (off := found["setpoint_error_rms_settled_m"]) is not None:
         first = f"no reference model; off the setpoint, settled RMS {length(off)}"
-    worst = "" if at is None else f", worst {length(found['position_max_m'])} at {at:.3g} s"
-    return first + worst
+    worst = "" if at is None else f", worst {length(found['reference_error_max_m'])} at {at:.3g} s"
+    return f"{first}{worst}; at the end {length(found['setpoint_error_final_m'])} off the setpoint"
 
 
 def draw(figure: Figure, window: Window, _found: Numbers) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.quantities import BY_TITLE, Limits
 from gcs_tools.recording.reader import Recording
@@ -46,7 +47,7 @@ class Window:
     @classmethod
     def of(cls, recording: Recording, t_from: float | None, t_to: float | None) -> Window:
         """What `recording` has from t_from to t_to; None: from the start, to the end."""
-        whole = EngagedTicks.of(recording.plant, recording.fcu)
+        whole = engaged_ticks(recording)
         flight = whole.window(t_from, t_to)
         low, high = -np.inf if t_from is None else t_from, np.inf if t_to is None else t_to
         reports, before = {}, {}

@@ -100,13 +100,13 @@ def _thrust(which: Callable[[Rows], Rows]) -> Callable[[Flown], Value]:
 
 def gone_from(flown: Flown) -> float | None:
     """Time (s) from which the distance stays below GONE of what it was at first; None: never."""
-    error = flown.flight.position_error
+    error = flown.flight.reference_error
     return _below_from(flown, error, GONE * float(error[0]))
 
 
 def there_from(flown: Flown) -> float | None:
     """Time (s) from which the vehicle stays within THERE_M of the setpoint; None: never."""
-    return _below_from(flown, flown.flight.command_error, THERE_M)
+    return _below_from(flown, flown.flight.setpoint_error, THERE_M)
 
 
 def _below_from(flown: Flown, error: Rows, limit: float) -> float | None:
@@ -136,9 +136,9 @@ def _at_limit(figure: int, which: str, t_from: float | None, diverged: bool = Fa
 
 def _distances(figure: int) -> tuple[Quantity, ...]:
     return (
-        Quantity("position_rms_m", figure, "distance from the reference, RMS", _metric("position_rms_m"), 2, "m"),
-        Quantity("position_rms_settled_m", figure, "the same, from 5 s on", _metric("position_rms_settled_m"), 2, "m"),
-        Quantity("position_final_m", figure, "the same, worst of the last second", _metric("position_final_m"), 2, "m"),
+        Quantity("reference_error_rms_m", figure, "distance from the reference, RMS", _metric("reference_error_rms_m"), 2, "m"),
+        Quantity("reference_error_rms_settled_m", figure, "the same, from 5 s on", _metric("reference_error_rms_settled_m"), 2, "m"),
+        Quantity("reference_error_final_m", figure, "the same, worst of the last second", _metric("reference_error_final_m"), 2, "m"),
     )  # fmt: skip
 
 
@@ -169,10 +169,10 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("m_hat_final_kg", 4, "mass estimate at the end (the mass is 8 kg)", lambda f: float(f.fcu["state.estimates.m_hat"][-1]), 1, "kg"),
     ),
     "wrong_start": (
-        Quantity("position_error_first_m", 6, "distance from the reference at the start", lambda f: float(f.flight.position_error[0]), 2, "m"),
+        Quantity("position_error_first_m", 6, "distance from the reference at the start", lambda f: float(f.flight.reference_error[0]), 2, "m"),
         Quantity("position_error_gone_s", 6, "below 5 % of that from", gone_from, 1, "s"),
-        Quantity("position_max_from_5_s_m", 6, "greatest distance from 5 s on", _metric("position_max_m", SETTLED_S), 2, "m"),
-        Quantity("position_final_m", 6, "greatest distance in the last second", _metric("position_final_m"), 2, "m"),
+        Quantity("position_max_from_5_s_m", 6, "greatest distance from 5 s on", _metric("reference_error_max_m", SETTLED_S), 2, "m"),
+        Quantity("reference_error_final_m", 6, "greatest distance in the last second", _metric("reference_error_final_m"), 2, "m"),
         _there(6),
         _at_limit(7, "thrust", None),
         _at_limit(7, "thrust", FIRST_S),
@@ -189,7 +189,7 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("ended", 11, "the flight", ended, 0, "", True),
         *_distances(11),
         _there(11),
-        Quantity("position_max_m", 11, "greatest distance from the reference", _metric("position_max_m"), 2, "m"),
+        Quantity("reference_error_max_m", 11, "greatest distance from the reference", _metric("reference_error_max_m"), 2, "m"),
     ),
 }  # fmt: skip
 

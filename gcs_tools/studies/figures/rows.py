@@ -63,7 +63,7 @@ def _position(axis: int) -> Row:
 
 
 def _distance(axes: Axes, flown: Flown) -> None:
-    line(axes, flown.t, np.maximum(flown.flight.position_error, 1e-4), color=INK, linewidth=0.9)
+    line(axes, flown.t, np.maximum(flown.flight.reference_error, 1e-4), color=INK, linewidth=0.9)
 
 
 def _known(axes: Axes, flown: Flown) -> None:
@@ -72,7 +72,7 @@ def _known(axes: Axes, flown: Flown) -> None:
     f, zeta, t = flown.law.f_m, flown.law.zeta_m, flown.t
     root = math.sqrt(1.0 - zeta * zeta)
     swing = np.cos(root * f * t) + zeta / root * np.sin(root * f * t)
-    ideal = float(flown.flight.position_error[0]) * np.exp(-zeta * f * t) * np.abs(swing)
+    ideal = float(flown.flight.reference_error[0]) * np.exp(-zeta * f * t) * np.abs(swing)
     line(axes, t, np.maximum(ideal, 1e-4), color=MUTED, **WIDE)
     _distance(axes, flown)
 
