@@ -130,7 +130,8 @@ class Terminal(Display):
             self._out.print(table)
         for line in result.expectations:
             if line.why is not None:
-                self._out.print(Text(f"{line.name} has no value: {line.why}"), soft_wrap=True)
+                no_value = " has no value" if line.value is None else ""
+                self._out.print(Text(f"{line.name}{no_value}: {line.why}"), soft_wrap=True)
         for event in logged(Path(folder)):
             _, _, text = event.text.partition(": ")  # who says it
             if says(text, Code.NOT_AS_BELIEVED):

@@ -54,6 +54,10 @@ class VehicleError(RuntimeError):
     """The vehicle did not answer, or refused: what was asked, and its reason in words."""
 
 
+class SetpointRefused(VehicleError):
+    """The vehicle refuses a setpoint, and flies on: its reason in words."""
+
+
 class Vehicle:
     """One vehicle, met on its script link."""
 
@@ -168,7 +172,10 @@ class Vehicle:
             raise VehicleError(f"{command.name} refused: {why}")
 
     def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
-        """Send a setpoint and await its echo: from then on it is what the vehicle flies."""
+        """Send a setpoint and await its echo: from then on it is what the vehicle flies.
+
+        Raises SetpointRefused, or VehicleError where no answer comes.
+        """
         sent = setpoints.setpoint(self._target, time_s, setpoint, type_mask)
 
         def answer(message: GroundMessage) -> bool | None:
@@ -186,7 +193,7 @@ class Vehicle:
             raise VehicleError(f"{error}{': ' + why if why else ''}") from None
         if not accepted:
             self._hear_reason()
-            raise VehicleError("; ".join(self._texts))
+            raise SetpointRefused("; ".join(self._texts))
 
     def set_parameter(self, name: str, value: float, tries: int = TRIES) -> None:
         """Set a parameter and await that it is told. Raises VehicleError, also if it is another."""

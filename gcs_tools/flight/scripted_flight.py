@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
 from gcs_tools.flight.arrival import arrival, stands_from
-from gcs_tools.flight.ground_script import Vehicle, VehicleError
+from gcs_tools.flight.ground_script import SetpointRefused, Vehicle, VehicleError
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.recording.schema import Kinds
@@ -28,6 +29,7 @@ from sitl_plant.physics.types import PlantRecord
 
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
+_STILL = Vec3(0.0, 0.0, 0.0)
 _ENDED = column_of(PlantRecord, "ended")
 
 
@@ -99,8 +101,12 @@ class ScriptedFlight(ABC):
             raise InfrastructureError(str(error)) from error
 
     def _send_setpoints(self, vehicle: Vehicle) -> bool:
-        """Let time run up to each setpoint, send it, and on; whether the vehicle arrived."""
+        """Let time run up to each setpoint, send it, and on; whether the vehicle arrived.
+
+        One that the vehicle refuses is not sent again: the one before is, as long as it would be.
+        """
         scene, again = self._scene, round(SEND_AGAIN_S * self._scene.rate_hz)
+        flown, refused = scene.sent[0], None
         look_at = math.inf if scene.arrive is None else stands_from(scene)
         for k, setpoint, last in schedule(scene):
             if not self._fly_to(k):
@@ -108,13 +114,19 @@ class ScriptedFlight(ABC):
             if k >= look_at or (last and scene.arrive is not None):
                 look_at = k + again
                 self._wait_for_rows(k)
-                flown = self.flown()
-                if arrival(scene, flown.plant, flown.fcu) is not None:
+                rows = self.flown()
+                if arrival(scene, rows.plant, rows.fcu) is not None:
                     return True
             if k >= scene.ticks:
                 break
+            wanted = flown if refused is not None and _goes_on(setpoint, refused) else setpoint
             try:
-                vehicle.set_setpoint(setpoint, k / scene.rate_hz)
+                try:
+                    vehicle.set_setpoint(wanted, k / scene.rate_hz)
+                    flown = wanted
+                except SetpointRefused:  # the verdict says so
+                    refused = setpoint
+                    vehicle.set_setpoint(flown, k / scene.rate_hz)
             except VehicleError as error:
                 raise InfrastructureError(str(error)) from error
         return False
@@ -135,6 +147,11 @@ class ScriptedFlight(ABC):
 def _joined(batches: list[Rows], width: int) -> Rows:
     """The first `width` columns of all rows: what was flown, without what was reported of it."""
     return np.concatenate([np.zeros((0, width)), *(rows[:, :width] for rows in batches)])
+
+
+def _goes_on(setpoint: Setpoint, refused: Setpoint) -> bool:
+    """Whether a setpoint asks again for what was refused: the same place, or more of a curve."""
+    return setpoint.r_c == refused.r_c or setpoint.v_c != _STILL
 
 
 def schedule(scene: Scenario) -> Iterator[tuple[int, Setpoint, bool]]:

@@ -6,22 +6,29 @@
     reference_error_rms_m = { limit = 0.03, from = 12.0, to = 20.0 }  # in a window of time, s
     reference_error_max_m = { at_least = 50.0 }
     ended = "diverged"                                       # how the flight must end
+    reached = 0.1                                            # m, of setpoints that stand; false: no
+    limited = true                                           # the vehicle limits a setpoint
+
+Nobody has to write that a flight ends well, that its setpoints are reached within REACHED_M, and that
+the vehicle limits and refuses none.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from gcs_tools.judging.metrics import METRICS
+from gcs_tools.judging.metrics import METRICS, REACHED_M, SETTLE_S
+from gcs_tools.judging.setpoint_checks import Changed, Standing
 
 MetricFunction = Callable[[str, float | None, float | None], float | None]
 Reason = Callable[[str, float | None, float | None], str]
 
 GOOD_ENDINGS = ("time", "arrived")
 NOT_FINITE = "nonfinite_samples"
+ENDED, REACHED, LIMITED = OTHERS = ("ended", "reached", "limited")  # entries that are no metric
 _KEYS = ("limit", "at_least", "from", "to")
 
 
@@ -38,7 +45,7 @@ class Expectation:
     value: float | str | None  # measured; None: the metric has no value, which fails
     passed: bool
     text: str  # the expectation as a person reads it, without the value
-    why: str | None = None  # why the metric has no value
+    why: str | None = None  # why there is no value; of a setpoint: which, and what to do
 
     def __str__(self) -> str:
         """The expectation and what was measured, in one line."""
@@ -48,7 +55,13 @@ class Expectation:
     @property
     def shown(self) -> str:
         """What was measured, as a person reads it."""
-        return "no value" if self.value is None else _number(self.value)
+        if self.value is None:
+            return "no value"
+        if self.name == REACHED:
+            return f"{self.value:.{4 if float(self.value) >= 1.0 else 2}g} m at most"
+        if self.name == LIMITED:
+            return f"{self.value:.0f} setpoint{'s' * (self.value != 1.0)}"
+        return _number(self.value)
 
 
 class _Bound(NamedTuple):
@@ -99,15 +112,72 @@ def _judge_metric(
     return Expectation(name, bound.limit, value, passed, text, why)
 
 
+def _judge_reached(entry: Any, standing: Sequence[Standing]) -> Expectation | None:
+    """Whether the vehicle came near each setpoint that stood; None where nothing is expected."""
+    if entry is False or (entry is None and not standing):
+        return None
+    within = REACHED_M if entry is None or entry is True else _positive(entry)
+    text = f"{REACHED}: setpoints that stand for {SETTLE_S:g} s, within {_number(within)} m"
+    if not standing:
+        why = f"no setpoint stood for {SETTLE_S:g} s"
+        return Expectation(REACHED, within, None, False, text, why)
+    worst = max(standing, key=lambda each: each.away_m)
+    value = worst.away_m if math.isfinite(worst.away_m) else None
+    if worst.away_m <= within:
+        return Expectation(REACHED, within, value, True, text)
+    missed = sum(each.away_m > within for each in standing)
+    others = f" ({missed} of {len(standing)} setpoints were not)" if len(standing) > 1 else ""
+    why = (
+        f"{worst}{others}. Give it more time, ask for a nearer setpoint, or set [expect] reached to "
+        "a greater distance (m) or to false"
+    )
+    return Expectation(REACHED, within, value, False, text, why)
+
+
+def _positive(entry: Any) -> float:
+    number = isinstance(entry, int | float) and not isinstance(entry, bool)
+    if not number or not math.isfinite(entry) or entry <= 0.0:
+        raise ExpectError(
+            f"[expect] reached: expected true, false or a distance > 0 in m, got {entry!r}"
+        )
+    return float(entry)
+
+
+def _judge_limited(entry: Any, changed: Sequence[Changed]) -> Expectation | None:
+    """Whether setpoints were flown as asked for; None where they were and nobody asked."""
+    n = float(len(changed))
+    if entry is True:
+        text = f"{LIMITED}: the vehicle limits or refuses a setpoint"
+        why = None if changed else "each was flown as asked for; take [expect] limited out"
+        return Expectation(LIMITED, 1.0, n, bool(changed), text, why)
+    if entry is not None and entry is not False:
+        raise ExpectError(f"[expect] limited: expected true or false, got {entry!r}")
+    if entry is None and not changed:
+        return None
+    text = f"{LIMITED}: the vehicle limits or refuses no setpoint"
+    if not changed:
+        return Expectation(LIMITED, 0.0, n, True, text)
+    more = f", and {len(changed) - 1} others were changed" if len(changed) > 1 else ""
+    why = f"{changed[0]}{more}. Ask for less, or expect it: [expect] limited = true"
+    return Expectation(LIMITED, 0.0, n, False, text, why)
+
+
 def judge_each(
-    expect: Mapping[str, Any], metric: MetricFunction, ended: str, reason: Reason | None = None
+    expect: Mapping[str, Any],
+    metric: MetricFunction,
+    ended: str,
+    reason: Reason | None = None,
+    standing: Sequence[Standing] = (),
+    changed: Sequence[Changed] = (),
 ) -> list[Expectation]:
-    """Each entry of `expect` judged, how the flight ended first.
+    """Each entry of `expect` judged: how the flight ended first, then its setpoints.
 
     metric : value of a metric from and to a time (s); None where there is none.
     ended : how the flight ended. Where nothing else is expected: in time or by arriving. One that
     ended like that, with samples that are not finite, misses an expectation that nobody has to name.
     reason : why a metric has no value, from and to a time, in words.
+    standing, changed : setpoints that stood, and that were not flown as asked for. A mission that
+    expects a flight to end badly expects nothing of them that it does not name.
     Raises ExpectError for an entry that is none of the forms above.
     """
     wanted = expect.get("ended")
@@ -116,7 +186,16 @@ def judge_each(
     endings = GOOD_ENDINGS if wanted is None else (wanted,)
     limit = " or ".join(endings)
     first = Expectation("ended", limit, ended, ended in endings, f"ended = {limit}")
-    rest = [_judge_metric(n, entry, metric, reason) for n, entry in expect.items() if n != "ended"]
+    ends_well = not set(endings).isdisjoint(GOOD_ENDINGS)
+    checks = []
+    if ends_well or REACHED in expect:
+        checks.append(_judge_reached(expect.get(REACHED), standing))
+    if ends_well or LIMITED in expect:
+        checks.append(_judge_limited(expect.get(LIMITED), changed))
+    rest = [check for check in checks if check is not None]
+    rest += [
+        _judge_metric(n, entry, metric, reason) for n, entry in expect.items() if n not in OTHERS
+    ]
     if NOT_FINITE not in expect and ended in GOOD_ENDINGS:  # nothing follows from such a flight
         finite = _judge_metric(NOT_FINITE, 0.0, metric)
         rest += [] if finite.passed or finite.value is None else [finite]

@@ -18,6 +18,9 @@ import numpy as np
 from gcs_tools.recording.table import Rows, Table
 
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
+REACHED_M = (
+    0.5  # how near a setpoint that stands that long is to be reached, if a mission does not say
+)
 FINAL_S = 1.0  # length of the last part of a flight that metrics of its end look at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"

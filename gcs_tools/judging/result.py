@@ -24,6 +24,7 @@ from fcu.kernel.rows import column
 from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
+from gcs_tools.judging.setpoint_checks import changed, standing
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.missions.trajectory import last_change_s, positions_at
 from gcs_tools.recording.table import Rows, Table
@@ -58,6 +59,7 @@ class Result:
     values: dict[str, Value]  # dotted name -> value in force
     expectations: list[Expectation]
     metrics: dict[str, float | None]  # None: without a value
+    settle_s: float = SETTLE_S  # from where metrics are settled, and setpoints are to be reached
     error: str | None = None  # what ended the flight when the exit code is 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
 
@@ -92,7 +94,10 @@ def judge(
         )
         measured = flight.metrics()
         if whole:
-            judged = judge_each(mission.expectations(), flight.metric, ended, flight.why_no_value)
+            judged = judge_each(
+                mission.expectations(), flight.metric, ended, flight.why_no_value,
+                standing(mission.flight, told[0]), changed(mission.flight, told[1]),
+            )  # fmt: skip
     passed = exit_code == OK and all(e.passed for e in judged)
     sim_time = float(plant[-1, 0]) if len(plant) else 0.0
     wall_time = about["wall_time_s"]

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model, model
 from fcu.interface.parameter import Parameter
 from fcu.laws.loader import Law
 from fcu.settings import PARAMETERS
-from gcs_tools.judging.metrics import METRICS
+from gcs_tools.judging.metrics import METRICS, REACHED_M, SETTLE_S
 from gcs_tools.missions.fields import (
     ZERO,
     NotNegative,
@@ -218,11 +218,34 @@ _Ending = Literal["time", "arrived", "diverged", "crashed"]
 
 _ended: Any = (_Ending | None, optional("how the flight ends; left out: time or arrived"))
 _limits: dict[str, Any] = {name: (_Limit | None, None) for name in METRICS}
+
+
+def _distance(value: Any) -> Any:
+    """Whether setpoints are to be reached, or how near."""
+    number = isinstance(value, int | float) and math.isfinite(value) and value > 0.0
+    if not isinstance(value, bool) and not number:
+        raise wrong((), "true, false, or a distance > 0 in m", value)
+    return value
+
+
+_reached: Any = (
+    Annotated[bool | float, BeforeValidator(_distance)] | None,
+    optional(
+        f"every setpoint that stands for {SETTLE_S:g} s is reached within so many m; "
+        f"left out or true: {REACHED_M:g}; false: not expected"
+    ),
+)
+_limited: Any = (
+    bool | None,
+    optional("true: the vehicle limits or refuses a setpoint; left out or false: it does neither"),
+)
 Expect: type[Table] = create_model(
     "Expect",
     __base__=Table,
     __doc__="What the flight is held against: metric = limit, or a table.",
     ended=_ended,
+    reached=_reached,
+    limited=_limited,
     **_limits,
 )
 

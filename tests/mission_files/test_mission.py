@@ -73,6 +73,9 @@ def test_a_valid_file_gives_typed_values(write):
 
 
 REFUSED = [
+    ("reference_error_max_m = 0.5", "reached = 0.0", 15,
+     "[expect] reached: expected true, false, or a distance > 0 in m, got 0.0"),
+    ("reference_error_max_m = 0.5", "limited = 1", 15, "[expect] limited: expected true or false, got 1"),
     ("reference_error_max_m", "position_max_m", 15,
      "[expect] position_max_m: this metric is called reference_error_max_m now"),
     ("reference_error_rms_m", "command_rms_m", 16,
@@ -234,7 +237,7 @@ def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():
         "bounds",
         "module",
     }
-    assert set(Expect.model_fields) == {*METRICS, "ended"}
+    assert set(Expect.model_fields) == {*METRICS, "ended", "reached", "limited"}
 
 
 def test_the_json_schema_is_current():

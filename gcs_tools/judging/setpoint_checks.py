@@ -1,0 +1,127 @@
+"""Whether the vehicle flew the setpoints that its mission asked for, and reached those that stand.
+
+What is reached is looked at by the truth, and what was flown by what the controller tells: a
+setpoint that it limits or refuses is another one there than the mission's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
+from gcs_tools.judging.metrics import SETTLE_S
+from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
+from gcs_tools.recording.table import Table
+
+_HALF_US = 0.5e-6
+_ROUNDED, _ROUNDED_PART = 1e-3, 2e-7  # what the wire's float32 makes of a number, and of its size
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A setpoint that stood for SETTLE_S or longer, and where the vehicle was in the end."""
+
+    since_s: float
+    until_s: float  # the next setpoint's time, or the end of the flight
+    place: Vec3  # m, E
+    away_m: float  # the true vehicle, at the last tick of that time; infinite: no number
+
+    def __str__(self) -> str:
+        """What a pilot has to know of one that was not reached."""
+        away = f"{self.away_m:.3g} m" if self.away_m < math.inf else "not at any finite distance"
+        return (
+            f"the setpoint of {self.since_s:g} s at {_place(self.place)} was not reached: "
+            f"at {self.until_s:g} s the vehicle was {away} away"
+        )
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A setpoint that the vehicle flew as another one: limited, or refused and the one before kept."""
+
+    at_s: float
+    asked: Setpoint
+    flown: Setpoint
+
+    def __str__(self) -> str:
+        """Which it was, and what it was flown as."""
+        asked, flown = self.asked, self.flown
+        what, made = _place(asked.r_c), f"as {_place(flown.r_c)}"
+        for name, unit in (("v_c", "m/s"), ("a_c", "m/s^2"), ("psi_dot_c", "rad/s")):
+            if not _far(asked.r_c, flown.r_c) and _far(getattr(asked, name), getattr(flown, name)):
+                what, made = (
+                    f"{np.linalg.norm(getattr(setpoint, name)):.3g} {unit}"
+                    for setpoint in (asked, flown)
+                )
+                made = f"at {made}"
+                break
+        return f"the setpoint of {self.at_s:g} s, {what}, was flown {made}"
+
+
+def _place(r: Vec3) -> str:
+    """Coordinates to a centimetre."""
+    return f"({', '.join(f'{round(value, 2) + 0.0:g}' for value in r)}) m"
+
+
+def _far(asked: object, flown: object) -> bool:
+    """Whether two values are not the same one, rounded on its way."""
+    a, b = np.asarray(asked, float), np.asarray(flown, float)
+    return bool((np.abs(a - b) > _ROUNDED + _ROUNDED_PART * np.abs(a)).any())
+
+
+def _places(flight: Flight) -> Iterator[tuple[float, tuple[float, float, float]]]:
+    """Since when which place is asked for: of those that are the same, the first."""
+    before = None
+    for timed in flight.setpoints:
+        if timed.position_m != before:
+            yield timed.at_s, timed.position_m
+        before = timed.position_m
+
+
+def standing(flight: Flight, plant: Table) -> list[Standing]:
+    """Each setpoint of a mission that stood for SETTLE_S in a flight of which `plant` is the truth."""
+    found: list[Standing] = []
+    t, r_E = plant["t"], plant["state.r_E"]
+    if not len(t):
+        return found
+    over_s = float(t[-1]) + 1.0 / flight.rate_hz
+    places = list(_places(flight))
+    for i, (since_s, place) in enumerate(places):
+        until_s = min(places[i + 1][0], over_s) if i + 1 < len(places) else over_s
+        if until_s - since_s < SETTLE_S - _HALF_US:
+            continue
+        last = int(np.searchsorted(t, until_s - _HALF_US)) - 1
+        with np.errstate(invalid="ignore", over="ignore"):
+            away = float(np.linalg.norm(r_E[last] - np.array(place)))
+        away = away if math.isfinite(away) else math.inf
+        found.append(Standing(since_s, round(until_s, 6), Vec3(*place), away))
+    return found
+
+
+def changed(flight: Flight, fcu: Table) -> list[Changed]:
+    """Setpoints that were flown as others; of those for one place, and of a curve, the first.
+
+    fcu : what the controller told, of a law that was flying or not.
+    """
+    told = fcu.take(fcu["engaged"] > 0.5)
+    ticks = np.rint(told["t"] * flight.rate_hz).astype(np.int64)
+    row_of = dict(zip(ticks.tolist(), range(len(ticks)), strict=True))
+    columns = {name: told[f"setpoint.{name}"] for name in ("r_c", "v_c", "a_c", "psi_dot_c")}
+    found: list[Changed] = []
+    for k in setpoint_times(flight):
+        if (i := row_of.get(k)) is None:
+            continue  # in real time it was dropped
+        asked = setpoint_at(flight, k / flight.rate_hz)
+        same_place = found and (flight.curve is not None or found[-1].asked.r_c == asked.r_c)
+        if same_place or not any(_far(getattr(asked, n), rows[i]) for n, rows in columns.items()):
+            continue
+        r_c, v_c, a_c = (Vec3(*columns[name][i].tolist()) for name in ("r_c", "v_c", "a_c"))
+        flown = asked._replace(r_c=r_c, v_c=v_c, a_c=a_c, psi_dot_c=float(columns["psi_dot_c"][i]))
+        found.append(Changed(k / flight.rate_hz, asked, flown))
+    return found
