@@ -5,17 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fcu.interface.status_texts import Code, says
 from gcs_tools.cli.output import is_unread, silence
 from gcs_tools.flight.display import Display
-from gcs_tools.recording.events import logged
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -132,10 +129,8 @@ class Terminal(Display):
             if line.why is not None:
                 no_value = " has no value" if line.value is None else ""
                 self._out.print(Text(f"{line.name}{no_value}: {line.why}"), soft_wrap=True)
-        for event in logged(Path(folder)):
-            _, _, text = event.text.partition(": ")  # who says it
-            if says(text, Code.NOT_AS_BELIEVED):
-                self._out.print(Text(f"{event.t:.1f} s: {text}", style="yellow"), soft_wrap=True)
+        for warned in result.warnings:
+            self._out.print(Text(str(warned), style="yellow"), soft_wrap=True)
         speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
         self._out.print(
             Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),

@@ -317,7 +317,7 @@ class _Run:
         flown = self._left
         return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
-            exit_code=exit_code, error=error, wall_time_s=flown.wall_time_s,
+            exit_code=exit_code, error=error, said=logged(self.folder), wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions={**versions(), "law": self._law.identity},
         )  # fmt: skip

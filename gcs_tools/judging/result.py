@@ -25,8 +25,10 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.judging.setpoint_checks import changed, standing
+from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.missions.trajectory import last_change_s, positions_at
+from gcs_tools.recording.events import Event
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
@@ -60,6 +62,7 @@ class Result:
     expectations: list[Expectation]
     metrics: dict[str, float | None]  # None: without a value
     settle_s: float = SETTLE_S  # from where metrics are settled, and setpoints are to be reached
+    warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
     error: str | None = None  # what ended the flight when the exit code is 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
 
@@ -77,12 +80,12 @@ class Result:
 
 def judge(
     mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, *, ended: str, exit_code: int,
-    error: str | None, **about: Any,
+    error: str | None, said: Iterable[Event] = (), **about: Any,
 ) -> Result:  # fmt: skip
     """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
 
     plant, fcu : rows that begin with a PlantRecord, a Tick.  ended : how the flight ended, if it was not cut short.
-    error : what cut it short, in words.  about : wall times, slips and versions of the Result.
+    error : what cut it short, in words.  said : what both processes logged.  about : wall times, slips and versions of the Result.
     """
     judged: list[Expectation] = []
     measured: dict[str, float | None] = {}
@@ -116,6 +119,7 @@ def judge(
         values=mission.values_in_force(),
         expectations=judged,
         metrics=measured,
+        warnings=warnings(said, sim_time),
         error=error,
         **about,
     )
@@ -192,8 +196,9 @@ def read(path: Path) -> Result:
         known = {f.name for f in fields(Result)}
         values = {name: Value(**entry) for name, entry in content.pop("values").items()}
         expectations = [Expectation(**entry) for entry in content.pop("expectations")]
+        warned = [Warned(**entry) for entry in content.pop("warnings")]
         given = {name: value for name, value in content.items() if name in known}
-        return Result(values=values, expectations=expectations, **given)
+        return Result(values=values, expectations=expectations, warnings=warned, **given)
     except (KeyError, TypeError, AttributeError) as error:
         raise ResultError(f"{path}: not a result ({error})") from error
 

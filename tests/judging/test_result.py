@@ -15,7 +15,9 @@ import pytest
 from fcu.kernel.buffers import columns, size
 from gcs_tools.judging.expectations import Expectation
 from gcs_tools.judging.result import Result, ResultError, junit, read, trajectory_sha256
+from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.mission import Value
+from gcs_tools.recording.events import Event
 from sitl_plant.physics.types import PlantRecord
 
 MET = Expectation("ended", "time or arrived", "time", True, "ended = time or arrived")
@@ -39,6 +41,7 @@ RESULT = Result(
     values={"law.f_m": Value(1.0, "mission"), "plant.mass_kg": Value(8.0, "truth.toml")},
     expectations=[MET],
     metrics={"reference_error_rms_m": 0.02, "reference_error_final_m": None},
+    warnings=[Warned(12.3, "Setpoint 990 m away limited to 100 m", 2)],
 )
 FAILED = replace(
     RESULT, mission="paper_fast", passed=False, exit_code=1, expectations=[MET, MISSED]
@@ -66,8 +69,10 @@ def test_its_keys_are_those_promised(tmp_path: Path) -> None:
     assert set(content) >= {
         "mission", "title", "passed", "exit_code", "ended", "seed", "rate_hz", "sim_time_s",
         "wall_time_s", "real_time_factor", "startup_s", "ticks", "slips", "trajectory_sha256",
-        "versions", "values", "expectations", "metrics",
+        "versions", "values", "expectations", "metrics", "settle_s", "warnings",
     }  # fmt: skip
+    (warned,) = content["warnings"]
+    assert warned == {"time_s": 12.3, "text": "Setpoint 990 m away limited to 100 m", "count": 2}
 
 
 @pytest.mark.parametrize(
@@ -113,12 +118,33 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
         ('{"schema_version": 3}', "of version 3; this program reads version 2"),
         ('{"schema_version": 1}', "of version 1, .*fly the mission again"),
         ('{"schema_version": 2}', "not a result"),
-        ('{"schema_version": 2, "values": {}, "expectations": []}', "not a result .*'mission'"),
+        (
+            '{"schema_version": 2, "values": {}, "expectations": [], "warnings": []}',
+            "not a result .*'mission'",
+        ),
     ):
         if text is not None:
             path.write_text(text)
         with pytest.raises(ResultError, match=f"result.json: .*{reason}"):
             read(path)
+
+
+def test_what_the_vehicle_warned_of_is_kept_once_and_counted() -> None:
+    """In the order in which it came; neither what it merely says, nor the plant, nor after the end."""
+    said = [
+        Event(8.0, "warning", "fcu: Not as believed: rotors"),
+        Event(2.0, "warning", "fcu: Setpoint limited"),
+        Event(3.0, "warning", "fcu: Setpoint limited"),
+        Event(3.5, "warning", "fcu: Setpoint 12.5 m away"),
+        Event(3.6, "warning", "fcu: Setpoint 12.4 m away"),
+        Event(4.0, "info", "fcu: Armed"),
+        Event(5.0, "error", "fcu: The law computed numbers that are not finite: T_c"),
+        Event(6.0, "warning", "plant: crashed"),
+        Event(10.1, "warning", "fcu: Setpoint limited"),
+    ]
+    found = warnings(said, until_s=10.0)
+    assert found[1].text == "Setpoint 12.5 m away"
+    assert [(each.time_s, each.count) for each in found] == [(2.0, 2), (3.5, 2), (5.0, 1), (8.0, 1)]
 
 
 def test_the_hash_is_of_the_first_22_columns() -> None:

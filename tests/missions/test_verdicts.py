@@ -63,3 +63,28 @@ def test_a_setpoint_refused_in_flight_is_missed_and_the_flight_goes_on(flown, mo
     assert "of 6 s, (0, 0, 40) m, was flown as (0, 0, 3) m" in found["limited"].why
     assert found["limited"].value == 1.0
     assert "reached" not in found  # the one after it was flown
+
+
+FAST = "flight.curve.speed_max_m_s=16.0"  # faster than the vehicle flies setpoints: told again and again
+
+
+@pytest.mark.parametrize(
+    ("mission", "settings", "told"),
+    [
+        (FAR, ["plant.mass_change={at_s=3.0, mass_kg=6.0}"],
+         ["Not as believed", "Setpoint 990 m away limited to 100 m"]),
+        ("figure_eight", [FAST], ["Setpoint speed"]),
+    ],
+    ids=["far", "fast"],
+)  # fmt: skip
+def test_the_vehicles_warnings_are_kept_over_the_wire_as_in_process(
+    flown, tmp_path, mission, settings, told
+):
+    here = flown(mission, *settings)
+    (tmp_path / "run").rename(tmp_path / "before")
+    there = flown(mission, *settings, in_process=False)
+    for start in told:
+        assert any(warned.text.startswith(start) for warned in here.warnings), here.warnings
+    assert [(each.time_s, each.text) for each in there.warnings] == [
+        (each.time_s, each.text) for each in here.warnings
+    ]
