@@ -5,6 +5,7 @@
     reference_error_rms_settled_m = 0.03                            # at most
     reference_error_rms_m = { limit = 0.03, from = 12.0, to = 20.0 }  # in a window of time, s
     reference_error_max_m = { at_least = 50.0 }
+    margin_min_n = 0.0                                       # at least: a minimum has a floor
     ended = "diverged"                                       # how the flight must end
     reached = 0.1                                            # m, of setpoints that stand; false: no
     limited = true                                           # the vehicle limits a setpoint
@@ -20,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from gcs_tools.judging.metrics import METRICS, REACHED_M, SETTLE_S
+from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, REACHED_M, SETTLE_S
 from gcs_tools.judging.setpoint_checks import Changed, Standing
 
 MetricFunction = Callable[[str, float | None, float | None], float | None]
@@ -78,10 +79,13 @@ def _number(value: float | str) -> str:
 
 
 def _bound(name: str, entry: Any) -> _Bound:
-    table = dict(entry) if isinstance(entry, Mapping) else {"limit": entry}
+    bare = "at_least" if name in FLOORS else "limit"
+    table = dict(entry) if isinstance(entry, Mapping) else {bare: entry}
     unknown = [key for key in table if key not in _KEYS]
     if unknown:
         raise ExpectError(f"[expect] {name}.{unknown[0]}: expected one of {', '.join(_KEYS)}")
+    if name in FLOORS and "limit" in table:
+        raise ExpectError(f"[expect] {name}.limit: expected at_least ({FLOOR})")
     if ("limit" in table) == ("at_least" in table):
         raise ExpectError(f"[expect] {name}: expected either limit or at_least")
     for key, value in table.items():

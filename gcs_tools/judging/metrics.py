@@ -248,6 +248,10 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
 }
 
 
+# what is wanted of these is a floor: a bare number in [expect] is the least that will do
+FLOOR = "this metric is a minimum: a number is the least that it may be"
+FLOORS = frozenset(name for name in METRICS if "_min_" in name)
+
 RENAMED = {  # the names that result.json of version 1 and missions of its time have
     **{
         f"position_{of}_m": f"reference_error_{of}_m"

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model, model
 from fcu.interface.parameter import Parameter
 from fcu.laws.loader import Law
 from fcu.settings import PARAMETERS
-from gcs_tools.judging.metrics import METRICS, REACHED_M, SETTLE_S
+from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, REACHED_M, SETTLE_S
 from gcs_tools.missions.fields import (
     ZERO,
     NotNegative,
@@ -188,7 +188,10 @@ class Plant(Table):
 
 
 class Bound(Table):
-    """A limit of a metric, over the flight or from a time to a time. A number is its `limit`."""
+    """A limit of a metric, over the flight or from a time to a time.
+
+    A number is its `limit`, and of a metric that is a minimum its `at_least`.
+    """
 
     limit: float | None = optional("at most")
     at_least: float | None = optional("at least")
@@ -213,11 +216,27 @@ def _bound(value: Any) -> Any:
     return {"limit": value}
 
 
+def _floor(value: Any) -> Any:
+    """A number as the table that it is short for, of a metric that is a minimum."""
+    if isinstance(value, dict) and "limit" in value:
+        raise wrong(("limit",), f"at_least ({FLOOR})", value["limit"])
+    table = _bound(value)
+    return table if table is value else {"at_least": value}
+
+
 _Limit = Annotated[Bound, BeforeValidator(_bound, json_schema_input_type=float | Bound)]
+_Floor = Annotated[Bound, BeforeValidator(_floor, json_schema_input_type=float | Bound)]
 _Ending = Literal["time", "arrived", "diverged", "crashed"]
 
 _ended: Any = (_Ending | None, optional("how the flight ends; left out: time or arrived"))
-_limits: dict[str, Any] = {name: (_Limit | None, None) for name in METRICS}
+_limits: dict[str, Any] = {
+    name: (
+        (_Floor | None, optional("a number: at least"))
+        if name in FLOORS
+        else (_Limit | None, optional("a number: at most"))
+    )
+    for name in METRICS
+}
 
 
 def _distance(value: Any) -> Any:

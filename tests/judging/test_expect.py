@@ -32,6 +32,17 @@ def test_limits(entry: object, passed: bool, text: str) -> None:
     assert (judged.passed, str(judged)) == (passed, text)
 
 
+@pytest.mark.parametrize("name", ["margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n"])
+def test_a_number_on_a_minimum_is_a_floor(name: str) -> None:
+    for value, passed in ((-17.65, False), (0.0, True), (3.0, True)):
+        expect = {name: 0.0, "nonfinite_samples": 9.0}
+        _, judged, _ = judge_each(expect, lambda *_, value=value: value, "time")
+        assert judged.passed is passed
+    assert judged.text == f"{name} ≥ 0"
+    with pytest.raises(ExpectError, match=rf"{name}.limit: expected at_least"):
+        judge_each({name: {"limit": 0.0}}, measured, "time")
+
+
 @pytest.mark.parametrize(
     ("ended", "samples", "named", "passed"),
     [

@@ -73,6 +73,8 @@ def test_a_valid_file_gives_typed_values(write):
 
 
 REFUSED = [
+    ("reference_error_max_m = 0.5", "margin_min_n = { limit = 0.0 }", 15,
+     "[expect] margin_min_n.limit: expected at_least (this metric is a minimum: "),
     ("reference_error_max_m = 0.5", "reached = 0.0", 15,
      "[expect] reached: expected true, false, or a distance > 0 in m, got 0.0"),
     ("reference_error_max_m = 0.5", "limited = 1", 15, "[expect] limited: expected true or false, got 1"),
