@@ -113,6 +113,8 @@ class Terminal(Display):
 
     def _verdict(self, result: Result, folder: str) -> None:
         self._out.print(Text(result.title, style="bold"))
+        if result.changes:
+            self._out.print(Text(f"changed: {', '.join(result.changes)}"), soft_wrap=True)
         if result.error:
             self._out.print(Text(result.error, style="red"), soft_wrap=True)
         if result.expectations:
@@ -129,6 +131,8 @@ class Terminal(Display):
             if line.why is not None:
                 no_value = " has no value" if line.value is None else ""
                 self._out.print(Text(f"{line.name}{no_value}: {line.why}"), soft_wrap=True)
+        for sentence in result.causes:
+            self._out.print(Text(sentence), soft_wrap=True)
         for warned in result.warnings:
             self._out.print(Text(str(warned), style="yellow"), soft_wrap=True)
         speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""

@@ -22,6 +22,7 @@ import numpy as np
 
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
+from gcs_tools.judging.causes import causes
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.judging.setpoint_checks import changed, standing
@@ -62,6 +63,8 @@ class Result:
     expectations: list[Expectation]
     metrics: dict[str, float | None]  # None: without a value
     settle_s: float = SETTLE_S  # from where metrics are settled, and setpoints are to be reached
+    changes: list[str] = field(default_factory=list)  # of the mission, from the command line
+    causes: list[str] = field(default_factory=list)  # why it saturated or ended early: sentences
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
     error: str | None = None  # what ended the flight when the exit code is 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
@@ -101,7 +104,9 @@ def judge(
                 mission.expectations(), flight.metric, ended, flight.why_no_value,
                 standing(mission.flight, told[0]), changed(mission.flight, told[1]),
             )  # fmt: skip
+    values = mission.values_in_force()
     passed = exit_code == OK and all(e.passed for e in judged)
+    why = causes(mission, flight, ended, passed, values) if whole else []
     sim_time = float(plant[-1, 0]) if len(plant) else 0.0
     wall_time = about["wall_time_s"]
     return Result(
@@ -116,9 +121,11 @@ def judge(
         real_time_factor=sim_time / wall_time if wall_time else 0.0,
         ticks=len(fcu),
         trajectory_sha256=trajectory_sha256(plant) if len(plant) else "",
-        values=mission.values_in_force(),
+        values=values,
         expectations=judged,
         metrics=measured,
+        changes=mission.changes(),
+        causes=why,
         warnings=warnings(said, sim_time),
         error=error,
         **about,
@@ -236,7 +243,14 @@ def junit(results: Iterable[Result], path: Path) -> None:
             problem = ET.SubElement(case, "failure", message="; ".join(missed) or result.ended)
         else:
             continue
-        problem.text = "\n".join([result.title, *(f"[expect] {line}" for line in missed)])
+        problem.text = "\n".join(
+            [
+                result.title,
+                *result.changes,
+                *(f"[expect] {line}" for line in missed),
+                *result.causes,
+            ]
+        )
     for name, number in count.items():
         suite.set(name, str(number))
     suite.set("time", f"{total_s:.3f}")

@@ -31,7 +31,7 @@ from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_t
 
 __all__ = [
     "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
-    "override", "setpoint_at", "setpoint_times", "with_law",
+    "override", "setpoint_at", "setpoint_times", "with_law", "written",
 ]  # fmt: skip
 
 
@@ -67,6 +67,16 @@ class Mission:
     def expectations(self) -> dict[str, Any]:
         """[expect] as plain values: metric -> { limit or at_least, from, to }, ended -> a word."""
         return self.expect.model_dump(by_alias=True, exclude_none=True)
+
+    def changes(self) -> list[str]:
+        """What was changed from the command line: `law.f_m = 1.5 (--set)`."""
+        found = []
+        for path, option in self.changed.items():
+            value: Any = self.given
+            for key in path:
+                value = value[key]
+            found.append(f"{'.'.join(map(str, path))} = {written(value)} ({option})")
+        return found
 
     def values_in_force(self) -> dict[str, Value]:
         """Dotted key -> value and origin, for all that the flight depends on.
@@ -319,10 +329,19 @@ def _models(kind: Any) -> Iterator[type[BaseModel]]:
         yield from _models(part)
 
 
-def _written(value: Any) -> str:
-    """A value as TOML would have it, cut where it is long."""
+def written(value: Any) -> str:
+    """A value as TOML has it on one line; a table inside braces."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(written, value)) + "]"
     try:
-        text = json.dumps(value)
+        return json.dumps(value, ensure_ascii=False)
     except TypeError:
-        text = str(value)
+        return str(value)
+
+
+def _written(value: Any) -> str:
+    """The same, cut where it is long."""
+    text = written(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import shlex
+from pathlib import Path
+
 import pytest
+from click.testing import CliRunner
 
 import gcs_tools
+from gcs_tools.cli.program import main
 from gcs_tools.flight import run
 
+ROOT = Path(gcs_tools.__file__).parents[1]
 FAR = """title = "A waypoint 1 km away."
 [flight]
 duration_s = 20.0
@@ -88,3 +95,45 @@ def test_the_vehicles_warnings_are_kept_over_the_wire_as_in_process(
     assert [(each.time_s, each.text) for each in there.warnings] == [
         (each.time_s, each.text) for each in here.warnings
     ]
+
+
+@pytest.mark.parametrize(
+    ("mission", "settings", "told"),
+    [
+        ("paper_printed_fast", [],
+         ["diverged at 8.20 s: 100 m", "the tilt command from 1.58 s to the end (81 %",
+          "11.6 m/s, within the 12 m/s believed", "gcs envelope missions/paper_printed_fast.toml"]),
+        ("gust_step", ["plant.mass_kg=25.0"],
+         ["hit the ground", "the thrust command", "The mass was 25 kg; 7 to 9 kg",
+          "gcs envelope missions/gust_step.toml --set plant.mass_kg=25.0"]),
+        ("paper_fast_governed", ["wind.steady_m_s=[20.0, 0.0, 0.0]"],
+         ["the tilt command first at", "28.7 m/s, more than the 12 m/s believed",
+          "--set 'wind.steady_m_s=[20.0, 0.0, 0.0]'"]),
+    ],
+    ids=["diverged", "crashed", "saturated"],
+)  # fmt: skip
+def test_a_flight_that_saturates_or_is_lost_says_why(flown, mission, settings, told, monkeypatch):
+    monkeypatch.chdir(ROOT)  # where missions are named from
+    flight = flown(mission, *settings)
+    text = "\n".join(flight.causes)
+    for part in told:
+        assert part in text
+
+
+@pytest.mark.parametrize("mission", ["gust_step", "paper_fast_governed", "noisy_state"])
+def test_a_flight_that_does_not_says_nothing(flown, mission):
+    assert flown(mission).causes == []
+
+
+def test_the_command_that_is_pointed_at_looks_at_what_was_flown(flown, tmp_path):
+    """With the settings of the flight, quoted as a shell needs them."""
+    setting = "flight.setpoints=[{at_s = 0.0, position_m = [4.0, 7.0, 18.0]}]"
+    flight = flown("paper_fast", setting, "law.f_m=1.5", "expect.reached=0.001", seed=3)
+    assert flight.changes == [
+        "flight.setpoints = [{at_s = 0.0, position_m = [4.0, 7.0, 18.0]}] (--set)",
+        "law.f_m = 1.5 (--set)", "expect.reached = 0.001 (--set)", "flight.seed = 3 (--seed)",
+    ]  # fmt: skip
+    command = shlex.split(flight.causes[-1].partition(": ")[2])
+    done = CliRunner().invoke(main, [*command[1:], "--json"])
+    assert done.exit_code == 1, done.output
+    assert json.loads(done.stdout)["holds"] is False

@@ -1,0 +1,125 @@
+"""Why a flight saturated or ended before its time, in sentences, and which command says more.
+
+Which limit of the actuators, since when and for how long; the wind and the mass of the truth against
+what the guard believes in.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.missions.mission import Mission, Value, written
+from gcs_tools.recording.table import Rows
+
+ALLOCATED = (
+    "torque",
+    "yaw",
+)  # limits of the allocation: of these alone a flight that passes is not told
+_LIMITS = {
+    "thrust": "the thrust command",
+    "tilt": "the tilt command",
+    "torque": "the torque about roll and pitch",
+    "yaw": "the torque about yaw",
+}
+_APART_S = 0.5  # ticks at a limit that are no farther apart are one stretch
+
+
+def causes(
+    mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value]
+) -> list[str]:
+    """Sentences; none of a flight that ended in time and saturated nothing, or next to nothing.
+
+    flight : all of it.  ended : how.  passed : whether its expectations are met.  values : in force.
+    """
+    if not len(flight.t):
+        return []
+    up = {name: flight.told(f"outputs.saturation.{name}") > 0.5 for name in _LIMITS}
+    limited = {name: flags for name, flags in up.items() if flags.any()}
+    early = ended in ("diverged", "crashed")
+    if not early and (not limited or (passed and set(limited) <= set(ALLOCATED))):
+        return []
+    found = [_ending(flight, ended, values)] if early else []
+    if limited:
+        each = "; ".join(_stretch(_LIMITS[name], flight.t, on) for name, on in limited.items())
+        found.append(f"At a limit: {each}.")
+    found.append(_air(flight, values))
+    found += _mass(flight, values)
+    if mission.flown.guard is not None:
+        found.append(f"What uses up the margin: {envelope_command(mission)}")
+    return found
+
+
+def envelope_command(mission: Mission) -> str:
+    """The command that looks at what was flown."""
+    changed = []
+    for path, option in mission.changed.items():
+        value: Any = mission.given
+        for key in path:
+            value = value[key]
+        if option == "--law":
+            changed.append(f"--law {shlex.quote(str(value))}")
+        elif path[0] != "expect":
+            changed.append(f"--set {shlex.quote('.'.join(map(str, path)) + '=' + written(value))}")
+    return " ".join(["gcs envelope", shlex.quote(mission.source), *changed])
+
+
+def _ending(flight: EngagedTicks, ended: str, values: Mapping[str, Value]) -> str:
+    """When and where it was over."""
+    r, over_s = flight.plant["state.r_E"], float(flight.t[-1])
+    if ended == "crashed":
+        return f"The vehicle hit the ground, or lay on its side there, at {over_s:.2f} s."
+    with np.errstate(over="ignore", invalid="ignore"):
+        away = float(np.linalg.norm(r[-1] - r[0]))
+    where = f"{away:.3g} m from its start" if math.isfinite(away) else "nowhere: not a number"
+    arena = values["flight.arena_m"].value
+    return f"The flight diverged at {over_s:.2f} s: {where} (flight.arena_m is {arena:g} m)."
+
+
+def _stretch(what: str, t: Rows, on: Any) -> str:
+    """When a limit was first met, since when to the end, and in what part of the time."""
+    times = t[on]
+    parts = [f"first at {times[0]:.2f} s"]
+    gaps = np.flatnonzero(np.diff(times) > _APART_S)
+    since = float(times[gaps[-1] + 1] if len(gaps) else times[0])
+    if t[-1] - times[-1] <= _APART_S and since < times[-1]:
+        parts = ["" if since == times[0] else parts[0], f"from {since:.2f} s to the end"]
+    part = 100.0 * float(np.mean(on))
+    share = f"{part:.0f} %" if part >= 1.0 else "below 1 %"
+    return f"{what} {', '.join(filter(None, parts))} ({share} of the time)"
+
+
+def _air(flight: EngagedTicks, values: Mapping[str, Value]) -> str:
+    v_air = flight.plant["v_air_E"]
+    greatest = float(np.sqrt((v_air * v_air).sum(axis=1)).max())
+    believed = values.get("law.guard_wind_m_s")
+    if believed is None:
+        return f"The wind reached {greatest:.1f} m/s."
+    within = "within" if greatest <= believed.value else "more than"
+    text = f"The wind reached {greatest:.1f} m/s, {within} the {believed.value:g} m/s believed"
+    dt = np.diff(flight.t)
+    rate = float(
+        np.linalg.norm(np.diff(v_air, axis=0), axis=1).max(initial=0.0) / dt.min(initial=1.0)
+    )
+    rate_believed = values["law.guard_wind_rate_m_s2"].value
+    if rate > rate_believed:
+        text += f"; it changed by up to {rate:.3g} m/s^2 ({rate_believed:g} believed)"
+    return f"{text} (law.guard_wind_m_s)."
+
+
+def _mass(flight: EngagedTicks, values: Mapping[str, Value]) -> list[str]:
+    believed = values.get("law.guard_mass_kg")
+    if believed is None:
+        return []
+    m, (least, most) = flight.plant["m"], believed.value
+    off = [float(value) for value in (m.min(), m.max()) if not least <= value <= most]
+    if not off:
+        return []
+    return [
+        f"The mass was {off[0]:g} kg; {least:g} to {most:g} kg are believed (law.guard_mass_kg)."
+    ]
