@@ -6,6 +6,8 @@ TYPE_CHECKING = False  # importing `typing` for that takes longer than all the r
 if TYPE_CHECKING:
     from typing import Any
 
+    from gcs_tools.flight.run import fly as fly
+
 
 def __getattr__(name: str) -> Any:
     """`fly`, imported when asked for: importing the package stays free."""

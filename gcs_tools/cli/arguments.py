@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from gcs_tools.flight.publisher_process import Zenoh as Publication
 
 Decorator = Callable[[Any], Any]
+
+RECORDED = "flight.mcap"  # in the folder of a run
+SEEDS_MOST = 1000  # flights of a mission in one call
 
 SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Override a value of the mission; may be repeated.")  # fmt: skip
 LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
@@ -46,6 +50,44 @@ def speed(default: str) -> Decorator:
 def as_json(said: str) -> Decorator:
     """--json."""
     return click.option("--json", "as_json", is_flag=True, help=said)
+
+
+def _seeds(
+    _context: click.Context, _option: click.Parameter, value: str | None
+) -> int | range | None:
+    """A callback: N as an int, A..B as a range. Raises BadParameter."""
+    if value is None:
+        return None
+    found = re.fullmatch(r"(\d+)(?:\.\.(\d+))?", value)
+    if found is None:
+        raise click.BadParameter(f"{value!r}: expected a whole number, or a range as 1..20")
+    first, last = int(found[1]), int(found[2] or found[1])
+    if not 0 <= last - first < SEEDS_MOST:
+        raise click.BadParameter(
+            f"{value!r}: expected A..B, with A at most B, and {SEEDS_MOST} at most"
+        )
+    return range(first, last + 1) if found[2] else first
+
+
+SEEDS = click.option("--seed", callback=_seeds, metavar="N|A..B", help="Seed of the noise, or a range: a flight with each; default: the mission's.")  # fmt: skip
+
+
+def recorded(path: Path) -> Path:
+    """A recording by its file, or by the folder of its run. Raises BadParameter."""
+    if not path.is_dir():
+        return path
+    if not (path / RECORDED).is_file():
+        raise click.BadParameter(f"{path}: there is no {RECORDED} in this folder")
+    return path / RECORDED
+
+
+def recording(
+    _context: click.Context, _option: click.Parameter, value: Path | tuple[Path, ...] | None
+) -> Path | tuple[Path, ...] | None:
+    """A callback: the same, of what may be left out or given several times."""
+    if isinstance(value, tuple):
+        return tuple(map(recorded, value))
+    return value and recorded(value)
 
 
 def new_file(

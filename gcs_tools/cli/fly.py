@@ -20,7 +20,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")
-@click.option("--seed", type=click.IntRange(0), help="Seed of the noise; default: the mission's.")
+@arguments.SEEDS
 @click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
@@ -39,7 +39,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.option("--figure", type=click.Choice(["always", "failed", "never"]), help="Flights to draw flight.png of; default: always for one mission, failed for several.")  # fmt: skip
 @click.option("--record", type=click.Choice(["full", "light", "none"]), default="full", show_default=True, help="Ticks in flight.mcap: all, 100 a second, or no file. The verdict is always of all.")  # fmt: skip
 def fly(
-    missions: tuple[str, ...], speed: float | None, seed: int | None, rate_hz: float | None,
+    missions: tuple[str, ...], speed: float | None, seed: int | range | None, rate_hz: float | None,
     out: Path | None, junit: Path | None, law: str | None, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
     jobs: int | None, figure: str | None, record: str,

@@ -1,9 +1,9 @@
-"""`gcs plot`: the standard figures of a recording."""
+"""`gcs plot`: the standard figures of a recording, and the errors of several."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 NAMES = ("flight", "tracking", "limits", "prediction", "estimates", "wind", "timing")
 FORMATS = ("png", "svg", "pdf")
+SEVERAL = "errors"  # the figure of several recordings
 
 
 def _names(
@@ -46,7 +47,7 @@ def _names(
     "Exit codes: 0 drawn, 2 the recording cannot be read, a figure that was asked for by name\n"
     "cannot be drawn of it, or a file cannot be written; 130 interrupted."
 )
-@click.argument("run", type=click.Path(path_type=Path), metavar="RUN.mcap")
+@click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), callback=arguments.recording, metavar="RUN...")  # fmt: skip
 @click.option("--what", callback=_names, metavar="NAME,NAME...", help="Figures to draw; default: all available.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN. A file name if only one figure is drawn.")  # fmt: skip
 @click.option("--from", "t_from", type=float, metavar="S", help="Start of the time window, s.")
@@ -54,12 +55,20 @@ def _names(
 @click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: the suffix of --out, or png.")  # fmt: skip
 @arguments.as_json("Print paths and numbers as JSON.")
 def plot(
-    run: Path, what: tuple[str, ...] | None, out: Path | None, t_from: float | None,
+    runs: tuple[Path, ...], what: tuple[str, ...] | None, out: Path | None, t_from: float | None,
     t_to: float | None, kind: str | None, as_json: bool,
 ) -> int:  # fmt: skip
-    """Draw the standard figures of the recording RUN.mcap, each with its key figure."""
+    """Draw the standard figures of the recording RUN, each with its key figure.
+
+    RUN is a recording or the folder of a run. Of several, one figure is drawn: their errors.
+    """
     from gcs_tools.recording.reader import RecordingError, read
 
+    if len(runs) > 1:
+        if what is not None:
+            raise click.UsageError(f"--what: of several recordings one figure is drawn, {SEVERAL}")
+        return _several(runs, out, (t_from, t_to), kind, as_json)
+    (run,) = runs
     names = what or NAMES
     try:
         place, kind = _places(run, names, out, kind)
@@ -76,6 +85,50 @@ def plot(
     except OSError as error:
         raise Failure(f"{error.filename or 'standard output'}: {error.strerror}", USAGE) from error
     return USAGE if failed else OK
+
+
+def _several(
+    runs: tuple[Path, ...], out: Path | None, window: tuple[float | None, float | None],
+    kind: str | None, as_json: bool,
+) -> int:  # fmt: skip
+    try:
+        place, kind = _places(runs[0], (SEVERAL,), out, kind)
+        path = place(SEVERAL)
+    except OSError as error:
+        raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
+    found = draw_several(runs, path, kind, window)
+    if as_json:
+        print_json({SEVERAL: {"path": str(path), "runs": found}})
+    else:
+        print_line(f"{path}  {SEVERAL} of {len(runs)} flights")
+    return OK
+
+
+def draw_several(
+    runs: Sequence[Path], path: Path, kind: str,
+    window: tuple[float | None, float | None] = (None, None),
+) -> dict[str, dict[str, float | None]]:  # fmt: skip
+    """Draw the errors of recordings to `path` as `kind`; the metrics of each. Raises Failure."""
+    from gcs_tools.judging.recorded_flight import engaged_ticks
+    from gcs_tools.pictures.plot.several import save
+    from gcs_tools.recording.reader import RecordingError, read
+
+    flights, remarks = {}, []
+    names = [
+        run.resolve().parent.name if run.name == arguments.RECORDED else run.stem for run in runs
+    ]
+    try:
+        for name, run in zip(names, runs, strict=True):
+            recording = read(run)
+            _inside(recording, *window)
+            unique = name if names.count(name) == 1 else str(run)
+            flights[unique] = engaged_ticks(recording).window(*window)
+            remarks += [f"{unique}: {remark}" for remark in _remarks(recording)]
+        return save(flights, path, kind, remarks)
+    except RecordingError as error:
+        raise Failure(error, USAGE) from error
+    except OSError as error:
+        raise Failure(f"{path}: {error.strerror}", USAGE) from error
 
 
 def _places(

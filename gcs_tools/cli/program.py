@@ -18,7 +18,7 @@ from gcs_tools.flight import interrupts
 GROUPS = {
     "Flying": ("fly", "up", "setpoint"),
     "Before flight": ("envelope",),
-    "Recordings": ("plot", "view", "recover", "replay"),
+    "Recordings": ("plot", "compare", "view", "recover", "replay"),
     "Live": ("monitor", "record", "topics", "publish"),
 }
 

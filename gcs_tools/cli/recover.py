@@ -12,7 +12,7 @@ from gcs_tools.exit_codes import USAGE
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=click.Path(path_type=Path), callback=arguments.recording)
 @click.option("--out", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Where to write the repaired file; default: replace RECORDING.")  # fmt: skip
 def recover(recording: Path, out: Path | None) -> None:
     """Repair a truncated RECORDING: write the index and footer that a killed recorder left out.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=click.Path(path_type=Path), callback=arguments.recording)
 @arguments.speed("1")
 @click.option("--from", "t_from", type=float, default=0.0, callback=options.time_s, metavar="S", help="Simulation time of the first tick, s.")  # fmt: skip
 @click.option("--to", "t_to", type=float, default=options.LATEST_S, callback=options.time_s, metavar="S", help="Simulation time of the last tick, s.")  # fmt: skip

@@ -101,11 +101,13 @@ class Terminal(Display):
             self._verdict(result, folder)
 
     def closing(
-        self, passed: int, of: int, wall_s: float, cut: Sequence[str], left: Sequence[str]
+        self, passed: int, of: int, wall_s: float, failed: Sequence[str], cut: Sequence[str],
+        left: Sequence[str],
     ) -> None:  # fmt: skip
-        """How many passed, in one line; of an interrupted call which did not fly to their end."""
+        """How many passed and which failed, in one line; of an interrupted call which did not fly."""
         style = "green" if passed == of else "red"
         said = f"{passed} of {of} passed in {wall_s:.0f} s"
+        said += f"; failed: {', '.join(failed)}" if failed else ""
         self._out.print(Text(said, style=style), soft_wrap=True)
         for what, names in (("interrupted", cut), ("not flown", left)):
             if names:

@@ -21,7 +21,9 @@ FIRST_PORT = 8080
 
 
 @click.command()
-@click.argument("recording", required=False, type=click.Path(path_type=Path))
+@click.argument(
+    "recording", required=False, type=click.Path(path_type=Path), callback=arguments.recording
+)
 @click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"TCP port of the page; default: {FIRST_PORT}, or the next free one.")  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
 @arguments.LIVE_INSTANCE

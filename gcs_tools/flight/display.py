@@ -25,6 +25,7 @@ class Display:
         """A flight has been judged."""
 
     def closing(
-        self, passed: int, of: int, wall_s: float, cut: Sequence[str], left: Sequence[str]
+        self, passed: int, of: int, wall_s: float, failed: Sequence[str], cut: Sequence[str],
+        left: Sequence[str],
     ) -> None:  # fmt: skip
-        """Several flights are over. `cut`, `left`: of missions that were interrupted, not begun."""
+        """Several flights are over. `failed`, `cut`, `left`: those that failed, were interrupted, not begun."""

@@ -15,7 +15,7 @@ from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def fly_missions(
     missions: Sequence[str],
     *,
     speed: float | None = None,
-    seed: int | None = None,
+    seed: int | Sequence[int] | None = None,
     rate_hz: float | None = None,
     out: Path | None = None,
     law: str | None = None,
@@ -125,7 +125,7 @@ def fly_missions(
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
 
-    `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
+    `seed`: of the noise; of several, each mission is flown with each.  `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
     not.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
     flight always, of several of those that failed.  `record`: full, light (100 ticks a second) or
@@ -142,7 +142,8 @@ def fly_missions(
                 )
     display = display or Display()
     began = time.monotonic()
-    ready = _admitted(missions, settings, seed, rate_hz, law)
+    seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
+    ready = _admitted(missions, settings, seeds, rate_hz, law)
     many = len(ready) > 1
     if jobs is None:
         in_turn = speed is not None or zenoh is not None or instance is not None
@@ -154,12 +155,13 @@ def fly_missions(
     names: list[str] = []
     runs = []
     for mission, scene in ready:
-        nth = names.count(mission.name)
-        names.append(mission.name)
-        own = out and out / (f"{mission.name}-{nth}" if nth else mission.name)
+        name = mission.name if len(seeds) == 1 else f"{mission.name}-seed-{mission.flight.seed}"
+        nth = names.count(name)
+        names.append(name)
+        own = out and out / (f"{name}-{nth}" if nth else name)
         runs.append(
             _Run(
-                mission, scene, own if many else out, speed, in_process, instance, zenoh,
+                name, mission, scene, own if many else out, speed, in_process, instance, zenoh,
                 figure or (FAILED if many else ALWAYS), many and jobs > 1, record,
             )
         )  # fmt: skip
@@ -169,22 +171,25 @@ def fly_missions(
         results = _fly_in_turn(runs, display)
     if many:
         passed = sum(each.passed for each in results)
-        cut = [each.mission for each in results if each.exit_code == INTERRUPTED]
+        flown = [(run.name, each) for run, each in zip(runs, results, strict=False)]
+        cut = [name for name, each in flown if each.exit_code == INTERRUPTED]
+        failed = [name for name, each in flown if not each.passed and name not in cut]
         left = [run.name for run in runs[len(results) :]]
-        display.closing(passed, len(runs), time.monotonic() - began, cut, left)
+        display.closing(passed, len(runs), time.monotonic() - began, failed, cut, left)
     return results
 
 
 def _admitted(
-    missions: Sequence[str], settings: Sequence[str], seed: int | None, rate_hz: float | None,
-    law: str | None,
+    missions: Sequence[str], settings: Sequence[str], seeds: Sequence[int | None],
+    rate_hz: float | None, law: str | None,
 ) -> list[tuple[Mission, Scenario]]:  # fmt: skip
     """Missions with their changes, none of which a vehicle would refuse. Raises UsageError."""
     with interrupts_wait() as interrupts:
         ready = []
         for name in missions:
-            interrupts.look()
-            ready.append(prepared(name, settings, seed, rate_hz, law))
+            for seed in seeds:
+                interrupts.look()
+                ready.append(prepared(name, settings, seed, rate_hz, law))
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
             for mission, scene in ready:
                 if why := refusal(scene):
@@ -210,21 +215,60 @@ def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:
     return results
 
 
-def fly(mission: str, **options: Any) -> Result:
-    """Fly one mission; options as for `fly_missions`. Raises UsageError."""
-    return fly_missions([mission], **options)[0]
+def fly(
+    mission: str,
+    *,
+    settings: Sequence[str] = (),
+    seed: int | None = None,
+    rate_hz: float | None = None,
+    law: str | None = None,
+    in_process: bool = False,
+    speed: float | None = None,
+    instance: int | None = None,
+    out: Path | str | None = None,
+    record: Literal["full", "light", "none"] = "full",
+    figure: Literal["always", "failed", "never"] = "always",
+    display: Display | None = None,
+    zenoh: Zenoh | None = None,
+) -> Result:
+    """Fly one mission and judge it, as `gcs fly MISSION` does.
+
+    mission : the name of a shipped mission, or a file.
+    settings : TABLE.KEY=VALUE each, as `--set` takes them: "law.f_m=1.4".
+    seed, rate_hz : of the noise; control ticks a second. None: the mission's.
+    law : a name or FILE.py, flown in place of the mission's own (it is executed).
+    in_process : fly controller and simulator in this process, without sockets: the same flight.
+    speed : simulated seconds per second; None: as fast as it goes. Not in process.
+    instance : whose ports to use; None: the first that is free. Not in process.
+    out : an empty or new folder for the run; None: a new one in runs/.
+    record : the ticks in flight.mcap: all, 100 a second, or no file.
+    figure : whether flight.png is drawn.
+    display : told of progress and verdict; None: nobody is.
+    zenoh : how every tick is published; None: not. Not in process.
+
+    Returns the Result: `passed`, `metrics` (name -> number or None), `expectations`, `warnings`,
+    `causes`, `trajectory_sha256`, `folder` and all else that result.json holds. Raises UsageError for a
+    mission, a setting or a folder that cannot be used; what goes wrong in flight is in the Result
+    (`exit_code`, `error`).
+    """
+    (result,) = fly_missions(
+        [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, in_process=in_process,
+        speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
+        figure=figure, display=display, zenoh=zenoh,
+    )  # fmt: skip
+    return result
 
 
 class _Run:
     """One mission, one folder."""
 
     def __init__(
-        self, mission: Mission, scene: Scenario, out: Path | None, speed: float | None,
+        self, name: str, mission: Mission, scene: Scenario, out: Path | None, speed: float | None,
         in_process: bool, instance: int | None, zenoh: Zenoh | None, figure: str, beside: bool,
         record: str,
     ) -> None:  # fmt: skip
-        """`out`: its folder; None: a new one in runs/.  `beside`: other flights of ours go on."""
-        self.name = mission.name
+        """`name`: of its folder; `out`: that; None: a new one in runs/.  `beside`: others fly too."""
+        self.name = name
         self.duration_s = scene.ticks / scene.rate_hz
         self.folder = out or RUNS
         self._mission = mission
@@ -317,7 +361,8 @@ class _Run:
         flown = self._left
         return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
-            exit_code=exit_code, error=error, said=logged(self.folder), wall_time_s=flown.wall_time_s,
+            exit_code=exit_code, error=error, said=logged(self.folder), folder=str(self.folder),
+            wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions={**versions(), "law": self._law.identity},
         )  # fmt: skip

@@ -59,7 +59,8 @@ class Expectation:
         if self.value is None:
             return "no value"
         if self.name == REACHED:
-            return f"{self.value:.{4 if float(self.value) >= 1.0 else 2}g} m at most"
+            value = max(float(self.value), 0.001)  # nobody asks for more
+            return f"{value:.{4 if value >= 1.0 else 2}g} m at most"
         if self.name == LIMITED:
             return f"{self.value:.0f} setpoint{'s' * (self.value != 1.0)}"
         return _number(self.value)

@@ -63,11 +63,19 @@ class Result:
     expectations: list[Expectation]
     metrics: dict[str, float | None]  # None: without a value
     settle_s: float = SETTLE_S  # from where metrics are settled, and setpoints are to be reached
+    folder: str = ""  # of the run, as it was named when it was flown
     changes: list[str] = field(default_factory=list)  # of the mission, from the command line
     causes: list[str] = field(default_factory=list)  # why it saturated or ended early: sentences
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
     error: str | None = None  # what ended the flight when the exit code is 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
+
+    @property
+    def name(self) -> str:
+        """The mission, and the seed where one was asked for."""
+        chosen = self.values.get("flight.seed")
+        seed = f" seed {self.seed}" if chosen is not None and chosen.origin == "--seed" else ""
+        return f"{self.mission}{seed}"
 
     def write(self, path: Path) -> None:
         """Replace `path` by this result, atomically and durably.
@@ -231,7 +239,7 @@ def junit(results: Iterable[Result], path: Path) -> None:
         seconds = result.startup_s + result.wall_time_s
         total_s += seconds
         case = ET.SubElement(
-            suite, "testcase", classname="missions", name=result.mission, time=f"{seconds:.3f}"
+            suite, "testcase", classname="missions", name=result.name, time=f"{seconds:.3f}"
         )
         count["tests"] += 1
         missed = [str(e) for e in result.expectations if not e.passed]

@@ -1,0 +1,115 @@
+"""Several flights side by side: their metrics, and what differs in what they were flown with.
+
+A flight is a run's folder, its result.json, or a recording. The numbers of a folder are those of its
+result.json, which counts every tick; of another version's, or without one, those of its recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_tools.judging import result
+from gcs_tools.judging.metrics import METRICS
+from gcs_tools.judging.recorded_flight import engaged_ticks
+from gcs_tools.recording import reader
+
+RECORDING, RESULT = "flight.mcap", "result.json"
+_TABLES = "flight.", "law.", "wind.", "plant."
+
+
+class CompareError(ValueError):
+    """A flight that cannot be compared: which, and why."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One of the flights."""
+
+    name: str  # of its run; its path, where that is not unique
+    path: Path
+    mission: str
+    passed: bool | None  # None: a recording does not say
+    metrics: dict[str, float | None]
+    values: dict[str, str]  # dotted key -> value in force, as text
+    trajectory_sha256: str  # empty: not known
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One metric of all flights that have a value."""
+
+    least: float
+    mean: float
+    most: float
+    most_of: str  # the flight with the greatest
+
+
+def flown(path: Path) -> Flown:
+    """One flight. Raises CompareError."""
+    found = path / RESULT if path.is_dir() else path
+    if found.suffix == ".json":
+        try:
+            return _of_result(path, found)
+        except result.ResultError as error:
+            if not (path / RECORDING).is_file():
+                raise CompareError(str(error)) from error
+    try:
+        return _of_recording(path, path / RECORDING if path.is_dir() else path)
+    except reader.RecordingError as error:
+        raise CompareError(str(error)) from error
+
+
+def _of_result(path: Path, file: Path) -> Flown:
+    read = result.read(file)
+    values = {key: str(value.value) for key, value in read.values.items()}
+    name = file.resolve().parent.name
+    sha = read.trajectory_sha256
+    return Flown(name, path, read.mission, read.passed, dict(read.metrics), values, sha)
+
+
+def _of_recording(path: Path, file: Path) -> Flown:
+    recording = reader.read(file)
+    told = recording.metadata
+    keys = (key for key in told if key.startswith(_TABLES))
+    values = {key: told[key].rpartition(" (")[0] for key in keys}
+    name = file.resolve().parent.name if file.name == RECORDING else file.stem
+    metrics = engaged_ticks(recording).metrics()
+    return Flown(name, path, told.get("mission", ""), None, metrics, values, "")
+
+
+def all_flown(paths: Sequence[Path]) -> list[Flown]:
+    """Each of them, with a name that no other has. Raises CompareError."""
+    found = [flown(path) for path in paths]
+    names = [each.name for each in found]
+    return [
+        Flown(**{**vars(each), "name": str(each.path)}) if names.count(each.name) > 1 else each
+        for each in found
+    ]
+
+
+def shown(flights: Sequence[Flown]) -> list[str]:
+    """The metrics that one of the flights has a value of."""
+    return [name for name in METRICS if any(f.metrics.get(name) is not None for f in flights)]
+
+
+def difference(name: str, first: Flown, other: Flown) -> float | None:
+    """The other's metric minus the first's; None where one has none."""
+    a, b = first.metrics.get(name), other.metrics.get(name)
+    return None if a is None or b is None else b - a
+
+
+def spread(name: str, flights: Sequence[Flown]) -> Spread:
+    """Of a metric that one has a value of, at least."""
+    known = [(value, f.name) for f in flights if (value := f.metrics.get(name)) is not None]
+    values = [value for value, _ in known]
+    most, of = max(known)
+    return Spread(min(values), sum(values) / len(values), most, of)
+
+
+def unequal(flights: Sequence[Flown]) -> dict[str, list[str]]:
+    """Key -> what each flight was flown with, where that differs; empty: a flight has no such key."""
+    keys = dict.fromkeys(key for f in flights for key in f.values)
+    told = {key: [f.values.get(key, "") for f in flights] for key in keys}
+    return {key: values for key, values in told.items() if len(set(values)) > 1}
