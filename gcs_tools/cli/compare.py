@@ -82,7 +82,7 @@ def _print(flights: list[Flown]) -> None:
     console = PipedConsole(highlight=False)
     first, *others = flights
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("")
+    table.add_column("", no_wrap=True, min_width=max(map(len, shown(flights)), default=0))
     side_by_side = len(flights) <= COLUMNS
     for i, f in enumerate(flights if side_by_side else ()):
         table.add_column(Text(f.name), justify="right", overflow="fold")

@@ -107,3 +107,18 @@ def test_the_example_of_the_docs_reads_the_law(replay, instance, tmp_path):
     assert int(second[0]) == int(first[0]) + 1
     assert float(second[1]) == pytest.approx(float(first[1]) + 0.002)
     assert 4.0 < float(first[3]) < 12.0
+
+
+def test_the_example_of_the_docs_reads_the_wind(replay, instance, tmp_path):
+    text = (ROOT / "docs" / "wind.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "example.py").write_text(code.replace("7447", str(topics.port(instance))))
+    replay("--speed", "1", "--wait").says("replaying")
+    with subprocess.Popen(
+        [sys.executable, "-u", "-W", "error", "example.py"], cwd=tmp_path,
+        stdout=subprocess.PIPE, text=True,
+    ) as example:  # fmt: skip
+        first, second = (example.stdout.readline().split() for _ in range(2))
+        example.kill()
+    assert float(second[0]) == pytest.approx(float(first[0]) + 0.002)
+    assert all(-20.0 < float(number) < 20.0 for number in (first[3], first[6]))
