@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import foreseen, margin, present
+from fcu.guard import arrival, foreseen, margin, present
 from fcu.guard.governor import BRAKING, SLOWEST, shortened, speeds
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
@@ -28,6 +28,8 @@ Way = Sequence[tuple[Setpoint, float]]
 
 LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
+LATE = 0.25  # part of a look, its last
+FADED = 2.0  # time constants of the reference model, in which what was off it has faded
 UNSETTLED = 1e-3  # m/s^2: a reference model that lags so far behind (34) has not settled
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
@@ -61,14 +63,15 @@ def pace_at(params_buffer, law_buffer):
 @kernel
 def ahead(params_buffer, law_buffer, way, beginning, believed=1.0):
     """The least `margin.condition` (N) on a way; arguments as of `tightest`."""
-    worst, _, _, _ = tightest(params_buffer, law_buffer, way, beginning, believed)
+    worst, _, _, _, _ = tightest(params_buffer, law_buffer, way, beginning, believed)
     return worst
 
 
 @kernel
 def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
     """The least `margin.condition` (N) on a way, ungoverned, as `foreseen` looks at one; after how long
-    (s), and the acceleration (m/s^2, E) that is demanded there, and the velocity (m/s, E).
+    (s), and the acceleration (m/s^2, E) that is demanded there, and the velocity (m/s, E); and after how
+    long the vehicle stays within `arrival.ARRIVED_M` of the last setpoint, inf for longer than is looked.
 
     params_buffer : float64[size(GuardParams)].
     law_buffer : float64[size(Params)]; its first, h, is overwritten.
@@ -77,8 +80,8 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
     alone do not: at each point of the way the larger of two margins holds.
     believed : 0 to have what is demanded now count alone, which tells what it is worth.
     Under every policy but to warn the acceleration changes no faster than `foreseen.fastest`. So slow, (34)
-    may swing ever farther: a way that at its end is not flown as it asks has not been seen to an end,
-    and misses the condition by the force that is missing there.
+    may swing ever farther: a way that in the last LATE of the look is not flown as it asks has not been
+    seen to an end, and misses the condition by the force that is missing there.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     settled = foreseen.steps(law) * law.h
@@ -87,6 +90,7 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
     more = select(params.policy == 0.0, foreseen.hurry(law), 1.0)
     worst, zero, begins = math.inf, Vec3(0.0, 0.0, 0.0), _unpack_beginning(beginning)
     began, at, a, v = 0.0, 0.0, zero, zero
+    near, arrives, unsettled = arrival.ARRIVED_M - arrival.off_at_most(params, law), 0.0, 0.0
     course, seen = foreseen.begun(begins.r_m, begins.v_m, begins.a_m), begins.present
     told, since = seen.told > 0.5, present.begun(law, seen, begins.r_m, begins.a_m)
     for i in range(len(way)):
@@ -114,10 +118,14 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
                     )
             if holds < worst:
                 worst, at, a, v = holds, began + k * law.h, more * point.a_d, point.v
+            if norm(course.r_m - now.r_c) > near:
+                arrives = began + (k + 1) * law.h
+            if k >= (1.0 - LATE) * n:
+                unsettled = max(unsettled, point.unsettled)
         began += looked
-        unsettled = -params.m_max * point.unsettled
-        if last and point.unsettled > UNSETTLED and unsettled < worst:
-            worst, at, a, v = unsettled, began, point.a_d, point.v
+        if last and unsettled > UNSETTLED and -params.m_max * unsettled < worst:
+            worst, at, a, v = -params.m_max * unsettled, began, point.a_d, point.v
+        unsettled = 0.0
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
             course = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
@@ -126,7 +134,8 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
             holds = foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds)
             if holds < worst:
                 worst, at, a, v = holds, began, more * setpoint.a_c, end.v_c
-    return worst, at, a, v
+    arrives = arrives + FADED / arrival.slowest(law)
+    return worst, at, a, v, select(arrives < began, arrives, math.inf)
 
 
 @kernel
@@ -171,6 +180,9 @@ class Tightest(NamedTuple):
     at: float  # s, from where the way begins
     a_d: Vec3  # m/s^2, E, acceleration demanded
     v: Vec3  # m/s, E
+    arrives: float = (
+        math.inf
+    )  # s, after which the vehicle stays at the last setpoint; inf: not seen
 
 
 class Look:
@@ -197,8 +209,8 @@ class Look:
         for row, (setpoint, for_s) in zip(rows, way, strict=True):
             row[0], row[1:] = for_s, to_buffer(setpoint)
         self._law[0] = self._h
-        worst, at, a, v = tightest(self._params, self._law, rows, beginning)
-        return Tightest(float(worst), float(at), Vec3(*a), Vec3(*v))
+        worst, at, a, v, arrives = tightest(self._params, self._law, rows, beginning)
+        return Tightest(float(worst), float(at), Vec3(*a), Vec3(*v), float(arrives))
 
 
 class Lack(NamedTuple):

@@ -18,6 +18,9 @@ from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import a_ref, carried
 
 QUICK = 0.6  # of a time constant of the reference model: attitude and rates may lag so much
+QUICKEST = (
+    1.2  # beyond it attitude does not follow what is governed; where that begins was set by flights
+)
 WARN, REFUSE = 0.0, 2.0  # policies
 LONGEST = 300.0  # s, that is looked ahead at most
 SETTLED = 8.0  # time constants of the reference model after which there is nothing to come
@@ -47,15 +50,20 @@ def fastest(params, law, a_z):
 
 
 @kernel
+def lags(law):
+    """2 zeta_m f_m (1/c_theta + 1/c_q): the reference model's rate times the lags of attitude and rates."""
+    return 2.0 * law.zeta_m * law.f_m * (1.0 / law.c_angle.y + 1.0 / law.c_rate.y)
+
+
+@kernel
 def hurry(law):
     """What a demand is multiplied by for a reference model too quick for attitude and rates.
 
-    1 while 2 zeta_m f_m (1/c_theta + 1/c_q) is below QUICK. Above, a step also runs into the torque
+    1 while `lags` is below QUICK. Above, a step also runs into the torque
     of the rotors, which the condition does not know: each per cent more counts as one of demand.
     Where that begins was set by flights.
     """
-    lags = 1.0 / law.c_angle.y + 1.0 / law.c_rate.y
-    return maximum(1.0, 2.0 * law.zeta_m * law.f_m * lags / QUICK)
+    return maximum(1.0, lags(law) / QUICK)
 
 
 @kernel

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
-from fcu.guard.parameters import GOVERN, REFUSE
+from fcu.guard.parameters import GOVERN, REFUSE, WARN
 from fcu.guard.stability import recovers, rotor_lag, unstable
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
@@ -329,8 +329,11 @@ def arrives_s(scene: Scenario) -> float | None:
     law, guard = scene.settings
     far = math.dist(scene.world.start.r_E, scene.sent[0].r_c)
     keeps = margin.condition(margin.known(guard, law), STILL, STILL, 0.0) > 0.0
-    if far < arrival.ARRIVED_M or guard.policy != GOVERN or not keeps:
+    if far < arrival.ARRIVED_M or guard.policy == WARN or not keeps:
         return None
+    if guard.policy == REFUSE:
+        first = next(iter(looks(scene, scene.settings))).tightest
+        return first.arrives if first.margin >= 0.0 and math.isfinite(first.arrives) else None
     speed = math.hypot(*scene.sent[0].v_c)
     down = scene.world.start.r_E.z - scene.sent[0].r_c.z
     found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed, down, -scene.sent[0].v_c.z))
@@ -524,7 +527,12 @@ def envelope(mission: Mission) -> Envelope:
             f"in a wind from below above {guard.w_max + down:.1f} m/s (guard_wind_m_s {guard.w_max:g}) roll"
             " and pitch are unstable with these gains, or nearly",
         )
-    elif not recovers(law, guard.m_min, guard.c_D * guard.w_max**2):
+    if (lags := float(foreseen.lags(law))) > foreseen.QUICKEST and law.achieved > 0.5:
+        remarks += (
+            f"its reference model is too quick for attitude and rates (2 zeta_m f_m (1/c_angle + 1/c_rate) is"
+            f" {lags:.2g}, above {foreseen.QUICKEST:g}): torque of roll and pitch may saturate",
+        )
+    if down >= 0.0 and not recovers(law, guard.m_min, guard.c_D * guard.w_max**2):
         remarks += (
             f"once a rotor has been at a limit, in wind near guard_wind_m_s {guard.w_max:g}, as a take-over"
             " there may bring about, roll and pitch need not settle again with these gains",

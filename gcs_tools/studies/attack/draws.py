@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import governor, margin, noise, stability, wrench
+from fcu.guard import foreseen, governor, margin, noise, stability, wrench
 from fcu.guard.stability import unstable
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
@@ -337,8 +337,10 @@ def settles_s(guard: Any, law: Any, far: float) -> float:
     """How long (s) it may take to get `far` (m), at the speed that is governed, and to settle there."""
     slowest = law.f_m * (law.zeta_m - math.sqrt(max(law.zeta_m**2 - 1.0, 0.0)))
     known = margin.known(guard, law)
-    top = min(governor.speeds(known)[0], max(margin.sinking(known), governor.SLOWEST))
-    return float(math.log(max(far / NEAREST_M, 10.0)) / slowest + far / top)
+    top, brake = governor.speeds(known)
+    top, a = min(top, max(margin.sinking(known), governor.SLOWEST)), brake / governor.BRAKING
+    v = min(top, math.sqrt(a * far))
+    return float(math.log(max(far / NEAREST_M, 10.0)) / slowest + far / v + v / a)
 
 
 # --- a flight
@@ -407,13 +409,14 @@ def noise_of(scene: Scenario, kind: str) -> Array:
 
 
 def flies_there(scene: Scenario) -> bool:
-    """Whether hover leaves force and torque for the gusts that are believed, and tilts steer there."""
+    """Whether hover leaves force and torque for the gusts that are believed, tilts steer there and follow."""
     law, guard = scene.settings
     guard = guard._replace(**noise.NOT_YET)
     still = Vec3(0.0, 0.0, 0.0)
     fits = margin.condition(margin.known(guard, law), still, still, 0.0) >= 0.0
     recovers = stability.recovers(law, guard.m_min, guard.c_D * guard.w_max**2)
-    return bool(fits and wrench.spare(guard, law) >= 0.0 and recovers)
+    follows = foreseen.lags(law) <= foreseen.QUICKEST
+    return bool(fits and wrench.spare(guard, law) >= 0.0 and recovers and follows)
 
 
 def lifted(n: Numbers) -> Numbers:

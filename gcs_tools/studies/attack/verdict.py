@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import arrival, foreseen, margin, noise, wrench
+from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
+from fcu.guard.parameters import REFUSE
 from fcu.interface.airframe import ROTORS
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
@@ -158,18 +160,38 @@ def took(attack: Attack, flown: Flown) -> float:
     behind = column(Tick, rows, "setpoint.v_c")[k] - column(Tick, rows, "outputs.reference.v_m")[k]
     a_m = column(Tick, rows, "guard_state.a_m")[before]
     moves = column(Tick, rows, "setpoint.v_c")[k]
+    if scene.guard.policy == REFUSE:
+        stated = _looked_s(attack, rows, k, accepted[-1] if len(accepted) else 0)
+    else:
+        stated = _stated_s(scene, off, behind, a_m, moves)
+    outside = np.flatnonzero(away(rows[k:]) >= arrival.ARRIVED_M)
+    if not len(outside):
+        return 0.0
+    return float((outside[-1] + 1) / scene.rate_hz / stated)
+
+
+def _looked_s(attack: Attack, rows: Rows, k: int, accepted: int) -> float:
+    """The time (s) that the look ahead at a setpoint, accepted at tick k, sees it reached in."""
+    scene, before = attack.scene, max(k - 1, 0)
+    begins = np.concatenate([
+        column(Tick, rows, "outputs.reference.r_m")[before],
+        column(Tick, rows, "outputs.reference.v_m")[before],
+        column(Tick, rows, "guard_state.a_m")[before],
+    ])  # fmt: skip
+    look = admission.Look(scene.guard, scene.law)
+    return look.tightest([(scene.sent[accepted], math.inf)], begins).arrives
+
+
+def _stated_s(scene: Scenario, off: Rows, behind: Rows, a_m: Rows, moves: Rows) -> float:
+    """The time (s) that is stated for a way that is governed."""
     far, speed, acceleration, fast = (
         float(np.linalg.norm(each)) for each in (off, behind, a_m, moves)
     )
-    stated = float(
+    return float(
         arrival.at_most_s(
             scene.guard, scene.law, far, speed, acceleration, fast, -off[2], -moves[2]
         )
     )
-    outside = np.flatnonzero(away(rows[k:]) >= arrival.ARRIVED_M)
-    if len(outside) and outside[-1] + 1 == len(rows) - k:
-        return np.inf if np.isfinite(stated) else 0.0
-    return float((outside[-1] + 1) / scene.rate_hz / stated) if len(outside) else 0.0
 
 
 def verdict(attack: Attack, flown: Flown, from_s: float | None = None) -> Verdict:
