@@ -222,7 +222,7 @@ def test_noise_that_saturates_a_guard_that_does_not_know_of_it_does_not_where_it
     """The same flight, with the noise of noisy_state, with and without the belief."""
     saturated = {}
     for unknown in (True, False):
-        found = drawn(1, 20, How(noise="bounded", unknown=unknown))
+        found = drawn(1, 21, How(noise="bounded", unknown=unknown))
         saturated[unknown] = verdict(found, flown(found)).saturated
     assert saturated == {True: True, False: False}
 
