@@ -342,7 +342,7 @@ class _Run:
             flight_figure(
                 Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
                 dict(zip(columns(kinds.params), settings, strict=True)),
-                self._mission.title, self.folder / "flight.png",
+                _title(self._mission), self.folder / "flight.png",
             )  # fmt: skip
         except OSError as failed:
             why = f"flight.png: {failed.strerror or failed}"
@@ -474,6 +474,12 @@ def flies(mission: Mission | None, scene: Scenario | None) -> dict[str, Any]:
         "values": {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
         "versions": versions(),
     }
+
+
+def _title(mission: Mission) -> str:
+    """The title, and what was changed from the command line."""
+    changes = mission.changes()
+    return f"{mission.title} ({', '.join(changes)})" if changes else mission.title
 
 
 def _drop(_rows: Rows) -> None:

@@ -60,7 +60,7 @@ class Expectation:
             return "no value"
         if self.name == REACHED:
             value = max(float(self.value), 0.001)  # nobody asks for more
-            return f"{value:.{4 if value >= 1.0 else 2}g} m at most"
+            return f"{value:.{4 if value >= 1.0 else 3}g} m at most"
         if self.name == LIMITED:
             return f"{self.value:.0f} setpoint{'s' * (self.value != 1.0)}"
         return _number(self.value)
@@ -162,7 +162,7 @@ def _judge_limited(entry: Any, changed: Sequence[Changed]) -> Expectation | None
     text = f"{LIMITED}: the vehicle limits or refuses no setpoint"
     if not changed:
         return Expectation(LIMITED, 0.0, n, True, text)
-    more = f", and {len(changed) - 1} others were changed" if len(changed) > 1 else ""
+    more = f" ({len(changed)} setpoints were flown otherwise)" if len(changed) > 1 else ""
     why = f"{changed[0]}{more}. Ask for less, or expect it: [expect] limited = true"
     return Expectation(LIMITED, 0.0, n, False, text, why)
 

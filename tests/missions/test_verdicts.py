@@ -53,6 +53,33 @@ def test_a_waypoint_a_kilometre_away_is_not_reached_and_was_limited(flown):
     assert "(1000, 0, 0) m, was flown as (110, 0, 0) m" in found["limited"].why
 
 
+def test_a_terminal_shows_why_and_what_the_vehicle_warned_of(tmp_path):
+    (tmp_path / "far.toml").write_text(FAR)
+    done = CliRunner().invoke(
+        main,
+        ["fly", str(tmp_path / "far.toml"), "--in-process", "--record", "none", "--figure", "never",
+         "--set", "law.f_m=1.5", "--out", str(tmp_path / "run")],
+    )  # fmt: skip
+    assert done.exit_code == 1
+    lines = done.stdout.splitlines()
+    assert lines[1] == "changed: law.f_m = 1.5 (--set)"
+    for start in (
+        "reached: the setpoint of 10 s at (1000, 0, 0) m was not reached",
+        "limited: the setpoint of 10 s, (1000, 0, 0) m, was flown as (110, 0, 0) m",
+        "10.0 s: Setpoint 990 m away limited to 100 m",
+    ):
+        assert any(line.startswith(start) for line in lines), done.stdout
+
+
+def test_a_figure_is_titled_with_what_was_changed(flown, monkeypatch):
+    from gcs_tools.pictures.plot import overview
+
+    titles = []
+    monkeypatch.setattr(overview, "flight_figure", lambda *given: titles.append(given[3]))
+    flown("gust_step", "flight.duration_s=0.5", figure="always", seed=4)
+    assert titles[0].endswith("only. (flight.duration_s = 0.5 (--set), flight.seed = 4 (--seed))")
+
+
 def test_it_passes_where_the_mission_says_so(flown):
     flight = flown(FAR, "expect.reached=false", "expect.limited=true")
     assert flight.passed
