@@ -47,7 +47,8 @@ def fly(
     """Fly each MISSION and compare it with its expectations.
 
     Starts a flight controller and a simulator, sends the mission over MAVLink as a ground script
-    would, compares the flight with the mission's [expect], and stops both.
+    would, compares the flight with the mission's [expect], and stops both. Setpoints that stand for
+    5 s are expected to be reached, whether [expect] says so or not.
     """
     with interrupts_wait():  # what an interruption has begun is told in full
         from gcs_tools.cli.terminal import Terminal

@@ -84,7 +84,7 @@ def test_at_f_m_1_thrust_and_tilt_are_inside_their_limits_after_a_second(flights
 
 @pytest.mark.parametrize("title", ["as printed", "with Δu", "with the guard"])
 def test_a_wrong_start_is_gone_within_5_s(flights, title):
-    assert number(flights, "wrong_start", title, "position_error_gone_s") < 5.0
+    assert number(flights, "wrong_start", title, "reference_error_gone_s") < 5.0
 
 
 def test_at_f_m_1_4_the_printed_law_saturates_for_good_and_the_repaired_one_does_not(flights):

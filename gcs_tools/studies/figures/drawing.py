@@ -71,9 +71,7 @@ def _limited(group: str, which: str) -> Callable[[Flown], str]:
 def _figures() -> dict[str, Figure]:
     f_m, wrong, fast = "f_m = 1", "f_m = 1, wrong start", "f_m = 1.4"
     tracked = "RMS {reference_error_rms_m}, from 5 s on {reference_error_rms_settled_m}; there from {within_0_5_m_of_setpoint_s}"
-    gone = (
-        "below 5 % of the first from {position_error_gone_s}, last second {reference_error_final_m}"
-    )
+    gone = "below 5 % of the first from {reference_error_gone_s}, last second {reference_error_final_m}"
     predicted = "from 5 s on, off the prediction by {velocity_prediction_rms_settled_mm_s} RMS"
     turning = "from 5 s on, off the prediction by {rate_prediction_rms_settled_mrad_s} RMS"
     made = [

@@ -169,9 +169,9 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("m_hat_final_kg", 4, "mass estimate at the end (the mass is 8 kg)", lambda f: float(f.fcu["state.estimates.m_hat"][-1]), 1, "kg"),
     ),
     "wrong_start": (
-        Quantity("position_error_first_m", 6, "distance from the reference at the start", lambda f: float(f.flight.reference_error[0]), 2, "m"),
-        Quantity("position_error_gone_s", 6, "below 5 % of that from", gone_from, 1, "s"),
-        Quantity("position_max_from_5_s_m", 6, "greatest distance from 5 s on", _metric("reference_error_max_m", SETTLED_S), 2, "m"),
+        Quantity("reference_error_first_m", 6, "distance from the reference at the start", lambda f: float(f.flight.reference_error[0]), 2, "m"),
+        Quantity("reference_error_gone_s", 6, "below 5 % of that from", gone_from, 1, "s"),
+        Quantity("reference_error_max_from_5_s_m", 6, "greatest distance from 5 s on", _metric("reference_error_max_m", SETTLED_S), 2, "m"),
         Quantity("reference_error_final_m", 6, "greatest distance in the last second", _metric("reference_error_final_m"), 2, "m"),
         _there(6),
         _at_limit(7, "thrust", None),
