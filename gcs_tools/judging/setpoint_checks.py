@@ -19,6 +19,10 @@ from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from gcs_tools.recording.table import Table
 
+_COMPARED = (
+    *(f"{vector}.{axis}" for vector in ("r_c", "v_c", "a_c") for axis in "xyz"),
+    "psi_dot_c",
+)
 _HALF_US = 0.5e-6
 _ROUNDED, _ROUNDED_PART = 1e-3, 2e-7  # what the wire's float32 makes of a number, and of its size
 
@@ -69,6 +73,11 @@ def _place(r: Vec3) -> str:
     return f"({', '.join(f'{round(value, 2) + 0.0:g}' for value in r)}) m"
 
 
+def _compared(setpoint: Setpoint) -> list[float]:
+    """The numbers of _COMPARED."""
+    return [*setpoint.r_c, *setpoint.v_c, *setpoint.a_c, setpoint.psi_dot_c]
+
+
 def _far(asked: object, flown: object) -> bool:
     """Whether two values are not the same one, rounded on its way."""
     a, b = np.asarray(asked, float), np.asarray(flown, float)
@@ -109,19 +118,20 @@ def changed(flight: Flight, fcu: Table) -> list[Changed]:
 
     fcu : what the controller told, of a law that was flying or not.
     """
-    told = fcu.take(fcu["engaged"] > 0.5)
-    ticks = np.rint(told["t"] * flight.rate_hz).astype(np.int64)
-    row_of = dict(zip(ticks.tolist(), range(len(ticks)), strict=True))
-    columns = {name: told[f"setpoint.{name}"] for name in ("r_c", "v_c", "a_c", "psi_dot_c")}
+    flies = fcu["engaged"] > 0.5
+    ticks = np.rint(fcu["t"][flies] * flight.rate_hz).astype(np.int64)
+    sent = np.array(setpoint_times(flight))
+    sent = sent[np.isin(sent, ticks)]  # in real time some are dropped
+    asked = [setpoint_at(flight, k / flight.rate_hz) for k in sent.tolist()]
+    wanted = np.array([_compared(setpoint) for setpoint in asked]).reshape(-1, len(_COMPARED))
+    at = np.flatnonzero(flies)[np.searchsorted(ticks, sent)]
+    made = np.stack([fcu[f"setpoint.{name}"][at] for name in _COMPARED], axis=1)
+    off = np.abs(wanted - made) > _ROUNDED + _ROUNDED_PART * np.abs(wanted)
     found: list[Changed] = []
-    for k in setpoint_times(flight):
-        if (i := row_of.get(k)) is None:
-            continue  # in real time it was dropped
-        asked = setpoint_at(flight, k / flight.rate_hz)
-        same_place = found and (flight.curve is not None or found[-1].asked.r_c == asked.r_c)
-        if same_place or not any(_far(getattr(asked, n), rows[i]) for n, rows in columns.items()):
-            continue
-        r_c, v_c, a_c = (Vec3(*columns[name][i].tolist()) for name in ("r_c", "v_c", "a_c"))
-        flown = asked._replace(r_c=r_c, v_c=v_c, a_c=a_c, psi_dot_c=float(columns["psi_dot_c"][i]))
-        found.append(Changed(k / flight.rate_hz, asked, flown))
+    for i in np.flatnonzero(off.any(axis=1)).tolist():
+        again = found and (flight.curve is not None or found[-1].asked.r_c == asked[i].r_c)
+        if not again:
+            r_c, v_c, a_c = (Vec3(*made[i, j : j + 3].tolist()) for j in (0, 3, 6))
+            flown = asked[i]._replace(r_c=r_c, v_c=v_c, a_c=a_c, psi_dot_c=float(made[i, 9]))
+            found.append(Changed(float(sent[i]) / flight.rate_hz, asked[i], flown))
     return found

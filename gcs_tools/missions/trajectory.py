@@ -83,7 +83,10 @@ def positions_at(flight: Flight, t: Rows) -> Rows:
         places: Rows = np.array([timed.position_m for timed in flight.setpoints])[at]
         return places
     curve = flight.curve
-    p = np.array([_phase(curve, each)[0] for each in t.tolist()])
+    steady, rate, _ = _phase(curve, curve.ramp_s)  # from the end of the ramp on it grows evenly
+    p = steady + rate * (t - curve.ramp_s)
+    ramp = t < curve.ramp_s
+    p[ramp] = [_phase(curve, each)[0] for each in t[ramp].tolist()]
     a, b = 0.5 * curve.size_m[0], 0.5 * curve.size_m[1]
     off = np.stack([a * np.sin(p), b * np.sin(2.0 * p), np.zeros(len(p))], axis=1)
     on_curve: Rows = np.array(curve.centre_m) + off

@@ -164,3 +164,10 @@ def test_a_limited_setpoint_fails_unless_it_is_expected(entry, limited, passed) 
     )  # fmt: skip
     lines = {line.name: line for line in found}
     assert (lines["limited"].passed if "limited" in lines else None) == passed
+
+
+def test_of_a_law_that_never_flew_nothing_was_changed() -> None:
+    _, fcu = rows(20.0)
+    put(fcu, "engaged", 0.0)
+    put(fcu, "setpoint.r_c.x", 7.0)
+    assert changed(flight([0.0, 0, 0, 0]), fcu) == []
