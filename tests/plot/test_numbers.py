@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
+from gcs_tools.pictures.plot import estimates, limits, overview, prediction, timing, tracking, wind
 from gcs_tools.pictures.plot.numbers import length, percent, short
 from gcs_tools.pictures.plot.window import Missing, Window
 
@@ -40,6 +40,13 @@ def test_the_setpoint_is_the_one_that_the_mission_asked_for(made: Any) -> None:
         "flight.setpoints": "[{'at_s': 0.0, 'position_m': [1000.0, 0.0, 0.0]}] (mission)",
     }
     assert tracking.numbers(all_of(made))["setpoint_error_final_m"] == pytest.approx(1000.0)
+
+
+def test_the_overview_says_from_what_it_measures(made: Any) -> None:
+    made.set_plant(**{"state.r_E.x": 0.01})
+    made.set_fcu(**{"setpoint.r_c.x": 4.01})
+    said = overview.answer(overview.numbers(all_of(made)))
+    assert said.startswith("settled RMS 1 cm off the reference, at the end 4 m off the setpoint, ")
 
 
 def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:

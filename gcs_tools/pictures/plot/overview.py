@@ -112,8 +112,8 @@ def _overview(figure: Figure, flight: FlightHistory, settled_from_s: float, titl
 def numbers(window: Window) -> Numbers:
     """How the flight went. Raises Missing."""
     names = (
-        "reference_error_rms_settled_m", "reference_error_max_m", "thrust_saturated_fraction",
-        "tilt_saturated_fraction",
+        "reference_error_rms_settled_m", "reference_error_max_m", "setpoint_error_final_m",
+        "thrust_saturated_fraction", "tilt_saturated_fraction",
     )  # fmt: skip
     window.t, window.told  # noqa: B018  what the figure needs
     return {name: window.flight.metric(name) for name in names}
@@ -122,7 +122,8 @@ def numbers(window: Window) -> Numbers:
 def answer(found: Numbers) -> str:
     """In one line."""
     return (
-        f"settled RMS {length(found['reference_error_rms_settled_m'])}, "
+        f"settled RMS {length(found['reference_error_rms_settled_m'])} off the reference, "
+        f"at the end {length(found['setpoint_error_final_m'])} off the setpoint, "
         f"thrust at a limit {percent(found['thrust_saturated_fraction'])} of the time, "
         f"tilt {percent(found['tilt_saturated_fraction'])}"
     )
