@@ -32,6 +32,8 @@ class _Walk:
         self.text = text
         self.at = 0
         self.found: dict[KeyPath, int] = {}
+        self._seen = 0  # up to where lines are counted: a note may be of before it
+        self._line = 1  # of that place
         self.lengths: dict[KeyPath, int] = {}  # of arrays of tables, so far
 
     def take(self, pattern: re.Pattern[str]) -> str:
@@ -48,7 +50,12 @@ class _Walk:
         return True
 
     def note(self, path: KeyPath) -> None:
-        self.found.setdefault(path, self.text.count("\n", 0, self.at) + 1)
+        if self.at >= self._seen:
+            self._line += self.text.count("\n", self._seen, self.at)
+        else:
+            self._line -= self.text.count("\n", self.at, self._seen)
+        self._seen = self.at
+        self.found.setdefault(path, self._line)
 
     def key(self) -> KeyPath:
         names: list[str | int] = []
