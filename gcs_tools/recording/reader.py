@@ -12,20 +12,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import reduce
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
-from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
 
+from fcu.interface.input_file import opened
 from gcs_tools.recording import events, old_names
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import LayoutError, decode, encode
+from gcs_tools.recording.records import MAGIC_BYTES, records, whole_records
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, TOPICS, TRUTH, Topic
 from gcs_tools.recording.table import Rows, Table
 
@@ -40,9 +39,6 @@ LAW_SOURCES = "law_sha256"  # of metadata: the first 16 digits of the hash of it
 OF_A_LAW = ("/fcu/law", "/fcu/internals", "/fcu/guard", "/fcu/guard_state", PARAMS)
 
 Sequence = np.ndarray[Any, np.dtype[np.uint64]]
-
-_MAGIC_BYTES = 8
-_RECORD_HEAD = struct.Struct("<BQ")  # opcode, length
 
 
 class RecordingError(Exception):
@@ -65,20 +61,6 @@ class Recording:
     complete: bool  # False: the recorder did not close it, what it had not written is missing
 
 
-def whole_records(data: bytes) -> tuple[int, bool]:
-    """Where the last whole record ends, and whether the file is complete."""
-    end = _MAGIC_BYTES
-    while end + _RECORD_HEAD.size <= len(data):
-        opcode, length = _RECORD_HEAD.unpack_from(data, end)
-        if end + _RECORD_HEAD.size + length > len(data):
-            break
-        end += _RECORD_HEAD.size + length
-        if opcode == Opcode.FOOTER:
-            whole = end + _MAGIC_BYTES <= len(data)
-            return end + _MAGIC_BYTES if whole else end, whole
-    return end, False
-
-
 class _Contents:
     """The records of a file, sorted."""
 
@@ -89,10 +71,10 @@ class _Contents:
         self.channels: dict[str, Channel] = {}
         self.messages: dict[int, list[Message]] = {}
 
-    def take(self, data: bytes) -> None:
-        """Sort the records of `data`. Raises what mcap raises for damage."""
+    def take(self, file: BinaryIO, end: int) -> None:
+        """Sort the records of the first `end` bytes of a file. Raises what `records` raises."""
         try:
-            for record in StreamReader(BytesIO(data), validate_crcs=True).records:
+            for record in records(file, end):
                 if isinstance(record, Message):
                     self.messages.setdefault(record.channel_id, []).append(record)
                 elif isinstance(record, Schema):
@@ -102,7 +84,7 @@ class _Contents:
                 elif isinstance(record, Metadata) and record.name == METADATA:
                     self.metadata = record.metadata
         except EndOfFile:  # the regular end of what a killed recorder leaves
-            if len(data) < _MAGIC_BYTES:
+            if file.tell() < MAGIC_BYTES:
                 raise
 
     @property
@@ -294,14 +276,10 @@ def _as_present(contents: _Contents, topics: Mapping[str, Topic]) -> dict[str, M
 
 def _opened(path: Path) -> tuple[_Contents, bool]:
     """What is in the file at `path`, and whether it is complete. Raises RecordingError."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}") from error
-    end, complete = whole_records(data)
     contents = _Contents()
-    with _named(path):
-        contents.take(data[:end])
+    with _named(path), opened(path) as file:
+        end, complete = whole_records(file)
+        contents.take(file, end)
         version = contents.metadata.pop(VERSION_KEY, None)
         if version is None:
             raise LayoutError("not a recording of a flight")
@@ -316,6 +294,8 @@ def _named(path: Path) -> Iterator[None]:
     """Name the file in what its contents raise."""
     try:
         yield
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror or error}") from error
     except (McapError, ValueError, RuntimeError, DecodeError, struct.error) as error:
         # LayoutError and bad checksums are ValueErrors, lz4 raises RuntimeError
         raise RecordingError(f"{path}: {str(error) or 'not a recording'}") from error

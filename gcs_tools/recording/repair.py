@@ -10,16 +10,19 @@ import fcntl
 import os
 import struct
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Header, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
-from gcs_tools.recording.reader import RecordingError, whole_records
+from fcu.interface.input_file import opened
+from gcs_tools.recording.reader import RecordingError
+from gcs_tools.recording.records import records, whole_records
 
 
 @dataclass(frozen=True)
@@ -77,49 +80,54 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
     """
     target = path if out is None else out
     try:
-        data = _unwritten(path)
-        end, whole = whole_records(data)
-        handle, name = tempfile.mkstemp(dir=target.absolute().parent, prefix=f".{target.name}.")
-        part = Path(name)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                writer = Writer(stream, chunk_size=256 * 1024, compression=CompressionType.LZ4)
-                copy = _Copy(writer)
-                damage = _copied(data[:end], copy, path)
-                writer.finish()
-                stream.flush()
-                os.fsync(stream.fileno())
-            first, last = (1e-9 * t for t in (copy.times[0], copy.times[-1]))
-            done = Recovered(copy.messages, first, last, whole and not damage, damage)
-            if damage and out is None:
-                raise RecordingError(
-                    f"{path}: damaged after {last:.3f} s ({damage}); "
-                    "what lies before can be had with --out FILE"
-                )
-            if not (done.complete and out is None):
-                os.chmod(part, path.stat().st_mode & 0o777)
-                os.replace(part, target)
-        finally:
-            part.unlink(missing_ok=True)
+        with _unwritten(path) as file:
+            return _mended(file, path, target)
     except OSError as error:
         raise RecordingError(f"{error.filename or path}: {error.strerror}") from error
+
+
+def _mended(file: BinaryIO, path: Path, target: Path) -> Recovered:
+    end, whole = whole_records(file)
+    handle, name = tempfile.mkstemp(dir=target.absolute().parent, prefix=f".{target.name}.")
+    part = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            writer = Writer(stream, chunk_size=256 * 1024, compression=CompressionType.LZ4)
+            copy = _Copy(writer)
+            damage = _copied(records(file, end), copy, path)
+            writer.finish()
+            stream.flush()
+            os.fsync(stream.fileno())
+        first, last = (1e-9 * t for t in (copy.times[0], copy.times[-1]))
+        done = Recovered(copy.messages, first, last, whole and not damage, damage)
+        if damage and target is path:
+            raise RecordingError(
+                f"{path}: damaged after {last:.3f} s ({damage}); "
+                "what lies before can be had with --out FILE"
+            )
+        if not (done.complete and target is path):
+            os.chmod(part, path.stat().st_mode & 0o777)
+            os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)
     return done
 
 
-def _unwritten(path: Path) -> bytes:
-    """What is in a file that nobody writes to. Raises RecordingError, OSError."""
-    with path.open("rb") as file:
+@contextmanager
+def _unwritten(path: Path) -> Iterator[BinaryIO]:
+    """A file that nobody writes to. Raises RecordingError, OSError."""
+    with opened(path) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             raise RecordingError(f"{path}: it is being recorded (end the flight first)") from None
-        return file.read()
+        yield file
 
 
-def _copied(data: bytes, copy: _Copy, path: Path) -> str:
+def _copied(whole: Iterator[McapRecord], copy: _Copy, path: Path) -> str:
     """Copy whole records; the damage that the reading ended at, if it did."""
     try:
-        for record in StreamReader(BytesIO(data), validate_crcs=True).records:
+        for record in whole:
             copy.take(record)
     except EndOfFile:  # the regular end of what a killed recorder leaves
         pass
