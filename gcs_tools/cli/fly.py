@@ -16,7 +16,8 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.command(
     epilog="\b\nExit codes: 0 all expectations met, 1 at least one missed, 2 invalid command line or\n"
     "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM and\n"
-    "SIGHUP). With several missions: the highest. MISSION is a file or the name of a shipped mission."
+    "SIGHUP). With several missions: the highest; one that is invalid does not keep the others from\n"
+    "flying. MISSION is a file or the name of a shipped mission."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")

@@ -123,7 +123,11 @@ def fly_missions(
     figure: str | None = None,
     record: str = light.FULL,
 ) -> list[Result]:
-    """Fly each mission; stops early when interrupted. Raises UsageError before any has flown.
+    """Fly each mission; stops early when interrupted.
+
+    Of several missions, one that cannot be flown does not keep the others from flying: its result
+    is `ended` "rejected", exit code 2, and says why. Raises UsageError before any has flown, also
+    if none can be.
 
     `seed`: of the noise; of several, each mission is flown with each.  `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
     not.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
@@ -143,8 +147,11 @@ def fly_missions(
     display = display or Display()
     began = time.monotonic()
     seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
-    ready = _admitted(missions, settings, seeds, rate_hz, law)
-    many = len(ready) > 1
+    asked = [(name, each) for name in missions for each in seeds]
+    ready, rejected = _admitted(asked, settings, rate_hz, law)
+    many = len(asked) > 1
+    for why in dict.fromkeys(each.error for each in rejected.values()):
+        display.note(f"Error: {why}")
     if jobs is None:
         in_turn = speed is not None or zenoh is not None or instance is not None
         jobs = 1 if in_turn else cores()
@@ -175,26 +182,42 @@ def fly_missions(
         cut = [name for name, each in flown if each.exit_code == INTERRUPTED]
         failed = [name for name, each in flown if not each.passed and name not in cut]
         left = [run.name for run in runs[len(results) :]]
-        display.closing(passed, len(runs), time.monotonic() - began, failed, cut, left)
+        left += dict.fromkeys(each.mission for each in rejected.values())
+        display.closing(passed, len(asked), time.monotonic() - began, failed, cut, left)
+    for place, each in rejected.items():  # ascending: those before it are in already
+        results.insert(place, each)
     return results
 
 
 def _admitted(
-    missions: Sequence[str], settings: Sequence[str], seeds: Sequence[int | None],
-    rate_hz: float | None, law: str | None,
-) -> list[tuple[Mission, Scenario]]:  # fmt: skip
-    """Missions with their changes, none of which a vehicle would refuse. Raises UsageError."""
+    asked: Sequence[tuple[str, int | None]], settings: Sequence[str], rate_hz: float | None,
+    law: str | None,
+) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
+    """Missions, each with a seed, that a vehicle would fly; the others' results, by their places.
+
+    Raises UsageError if all are rejected, or a single one.
+    """
+    ready: dict[int, tuple[Mission, Scenario]] = {}
+    why_not: dict[int, str] = {}
     with interrupts_wait() as interrupts:
-        ready = []
-        for name in missions:
-            for seed in seeds:
-                interrupts.look()
-                ready.append(prepared(name, settings, seed, rate_hz, law))
+        for place, (name, seed) in enumerate(asked):
+            interrupts.look()
+            try:
+                ready[place] = prepared(name, settings, seed, rate_hz, law)
+            except UsageError as error:
+                why_not[place] = str(error)
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
-            for mission, scene in ready:
+            for place, (mission, scene) in list(ready.items()):
                 if why := refusal(scene):
-                    raise UsageError(f'{mission.name}: {why} (law.guard = "refuse")')
-    return ready
+                    why_not[place] = f'{mission.name}: {why} (law.guard = "refuse")'
+                    del ready[place]
+    if not ready:
+        raise UsageError("\n".join(dict.fromkeys(why_not[place] for place in sorted(why_not))))
+    rejected = {
+        place: result.rejected(asked[place][0], why_not[place], versions())
+        for place in sorted(why_not)
+    }
+    return list(ready.values()), rejected
 
 
 def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.rows import column
-from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK
+from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
@@ -48,7 +48,7 @@ class Result:
     title: str
     passed: bool
     exit_code: int
-    ended: str  # time, arrived, diverged, crashed, aborted
+    ended: str  # time, arrived, diverged, crashed, aborted; rejected: it never flew
     seed: int
     rate_hz: float
     sim_time_s: float  # first to last tick
@@ -67,7 +67,7 @@ class Result:
     changes: list[str] = field(default_factory=list)  # of the mission, from the command line
     causes: list[str] = field(default_factory=list)  # why it saturated or ended early: sentences
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
-    error: str | None = None  # what ended the flight when the exit code is 3 or 130
+    error: str | None = None  # what ended the flight when the exit code is 2, 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
 
     @property
@@ -138,6 +138,16 @@ def judge(
         error=error,
         **about,
     )
+
+
+def rejected(mission: str, why: str, versions: dict[str, str]) -> Result:
+    """The result of a mission that cannot be flown. `mission`: its name or file, as it was given."""
+    return Result(
+        mission=mission, title="", passed=False, exit_code=USAGE, ended="rejected", seed=0,
+        rate_hz=0.0, sim_time_s=0.0, wall_time_s=0.0, real_time_factor=0.0, startup_s=0.0, ticks=0,
+        slips=0, trajectory_sha256="", versions=versions, values={}, expectations=[], metrics={},
+        error=why,
+    )  # fmt: skip
 
 
 def _numbers(name: str, content: Any) -> Iterable[tuple[str, float]]:
@@ -243,7 +253,7 @@ def junit(results: Iterable[Result], path: Path) -> None:
         )
         count["tests"] += 1
         missed = [str(e) for e in result.expectations if not e.passed]
-        if result.exit_code >= INFRASTRUCTURE:
+        if result.exit_code >= USAGE:
             count["errors"] += 1
             problem = ET.SubElement(case, "error", message=result.error or result.ended)
         elif not result.passed:
