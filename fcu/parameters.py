@@ -16,7 +16,6 @@ import os
 import re
 import stat
 import tempfile
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +24,7 @@ import numpy as np
 
 from fcu.guard import stability
 from fcu.guard.types import GuardParams
+from fcu.interface import input_file
 from fcu.interface.airframe import OCTO, load
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
 from fcu.kernel.buffers import fields
@@ -38,6 +38,7 @@ __all__ = ["VEHICLE", "Entry", "Parameters", "ParamsFileError", "Refused", "entr
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
+MOST_BYTES = input_file.MIB // 4  # of a file of parameters
 RULE = (
     " (the loop has to be stable in hover, estimates right or 3 dB off:"
     ' fcu/guard/README.md, "Which gains go together")'
@@ -433,8 +434,8 @@ class Parameters:
                 raise ParamsFileError(f"{path}: there is no folder {path.parent}")
             if not stat.S_ISREG(path.stat().st_mode):
                 raise ParamsFileError(f"{path}: not a file")
-            text = path.read_text(encoding="utf-8")
-            given = tomllib.loads(text)
+            text = input_file.text(path, MOST_BYTES)
+            given = input_file.toml(text)
         except FileNotFoundError:
             return
         except OSError as error:

@@ -8,12 +8,14 @@ Frame: body Forward-Left-Up, origin at the centre of mass, rotors in the plane z
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fcu.interface import input_file
+from fcu.interface.input_file import TomlError
 from fcu.kernel.algebra import Rotors, Vec3
 
+MOST_BYTES = input_file.MIB // 4  # of a file
 ROTORS = len(Rotors._fields)  # of every airframe that can be flown
 
 
@@ -121,9 +123,11 @@ def believed_body(path: Path = OCTO) -> tuple[Interval, tuple[Interval, ...]]:
 def load(path: Path) -> dict[str, Any]:
     """The tables of an airframe TOML. Raises AirframeError when it cannot be read."""
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
+        return input_file.toml(input_file.text(path, MOST_BYTES))
     except OSError as error:
         raise AirframeError(f"{path}: {error.strerror}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise AirframeError(f"{path}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise AirframeError(f"{path}: expected UTF-8 text ({error.reason})") from error
+    except TomlError as error:
+        where = path if error.line is None else f"{path}:{error.line}"
+        raise AirframeError(f"{where}: {error}") from error

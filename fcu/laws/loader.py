@@ -34,11 +34,13 @@ from typing import Any
 
 from numba.core.errors import NumbaError
 
+from fcu.interface import input_file
 from fcu.kernel import buffers, compile
 from fcu.laws.allocation import RotorParams
 from fcu.laws.face import Limits
 
 DEFAULT = "mmrac"
+MOST_BYTES = input_file.MIB  # of a FILE
 SHIPPED = {DEFAULT: "fcu.laws.mmrac.law"}  # name -> the module that is the law's face
 UNGUARDED = "fcu.laws.unguarded"
 # Written against the law of the paper and its guard, and bound to whichever law is flown.
@@ -238,7 +240,7 @@ def _sources(file: Path, stem: str, shown: Path) -> dict[str, bytes]:
     while todo:
         name, path = todo.popitem()
         try:
-            found[name] = path.read_bytes()
+            found[name] = input_file.content(path, MOST_BYTES)
             tree = ast.parse(found[name])
         except OSError as error:
             raise LawError(f"{shown}: {error.strerror}") from error

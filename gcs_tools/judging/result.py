@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.rows import column
-from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
+from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
 from gcs_tools.judging.expectations import Expectation, judge_each
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks

@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 
 import zenoh
 
-from fcu.interface import topics
+from fcu.interface import input_file, topics
 from fcu.interface.link import HOST
 from fcu.interface.ports import INSTANCES
 
@@ -29,6 +29,7 @@ CLOSE_S = 2.0  # wall: how long closing may take
 TAKEN_S, AGAIN_S = 2.0, 0.1  # wall: how long a port may be taken, how often to try
 TAKEN = "Address already in use"
 UNCONNECTED = "nobody is there, or one refuses the other (RUST_LOG=warn tells why)"
+MOST_BYTES, DEEPEST = input_file.MIB, 64  # of a configuration
 WAITING = 8192  # samples that a channel holds; when it is full the network waits, and then drops
 
 # Nobody but the publisher puts anything through its session, or answers for it.
@@ -104,10 +105,12 @@ def _configured(values: dict[str, Any]) -> zenoh.Config:
 def _from_file(path: Path, namespace: str | None) -> zenoh.Config:
     """What the file says; what it leaves as Zenoh has it is as without a file."""
     try:
-        path.read_bytes()  # for its error
+        _check_depth(input_file.text(path, MOST_BYTES), path)
         config = zenoh.Config.from_file(str(path))
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: expected UTF-8 text ({error.reason})") from error
     except zenoh.ZError as error:
         raise ConfigError(f"{path}: not a Zenoh configuration: {_short(error)}") from error
     _check_files(path, config)
@@ -127,6 +130,15 @@ def _from_file(path: Path, namespace: str | None) -> zenoh.Config:
     return config
 
 
+def _check_depth(text: str, path: Path) -> None:
+    """Zenoh's own parser would run out of stack. Brackets in strings and comments count too."""
+    depth = 0
+    for bracket in re.findall(r"[\[\]{}]", text):
+        depth += 1 if bracket in "[{" else -1
+        if depth > DEEPEST:
+            raise ConfigError(f"{path}: expected at most {DEEPEST} objects within one another")
+
+
 def _check_files(path: Path, config: zenoh.Config) -> None:
     """Zenoh itself would name none of them, or try again for ever."""
     for key in _FILES:
@@ -134,7 +146,7 @@ def _check_files(path: Path, config: zenoh.Config) -> None:
         if name is None:
             continue
         try:
-            Path(name).open("rb").close()
+            input_file.opened(Path(name)).close()
         except OSError as error:
             where = Path(name).absolute()  # Zenoh begins at the working directory too
             raise ConfigError(f"{path}: {key}: {where}: {error.strerror}") from error

@@ -11,7 +11,6 @@ import copy
 import difflib
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -20,6 +19,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from fcu.interface import input_file
+from fcu.interface.input_file import TomlError
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from gcs_tools.judging.metrics import RENAMED
@@ -33,6 +34,10 @@ __all__ = [
     "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
     "override", "setpoint_at", "setpoint_times", "with_law", "written",
 ]  # fmt: skip
+
+
+MOST_BYTES = 2 * input_file.MIB  # of a file: room for some 40,000 setpoints
+TOLD = 20  # problems of a file at most, each a line
 
 
 class MissionError(ValueError):
@@ -114,7 +119,7 @@ def _shown(path: Path) -> str:
     """`path` from the working directory, where it lies below it."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
-    except ValueError:
+    except (ValueError, RuntimeError, OSError):  # or it is a link to itself
         return str(path)
 
 
@@ -134,16 +139,15 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
     path = _path(str(name_or_path))
     source = _shown(path)
     try:
-        text = path.read_text(encoding="utf-8")
-        given = tomllib.loads(text)
+        text = input_file.text(path, MOST_BYTES)
+        given = input_file.toml(text)
     except OSError as error:
         raise MissionError(f"{source}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise MissionError(f"{source}: expected UTF-8 text ({error.reason})") from error
-    except tomllib.TOMLDecodeError as error:
-        at = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)", str(error))
-        line = (at and at[1]) or len(text.splitlines())
-        raise MissionError(f"{source}:{line}: {str(error)[: at and at.start()]}") from error
+    except TomlError as error:
+        where = source if error.line is None else f"{source}:{error.line}"
+        raise MissionError(f"{where}: {error}") from error
     mission = _checked(path.stem, source, path.parent, given, {}, text)
     for setting in settings:
         mission = override(mission, setting)
@@ -164,14 +168,16 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
     if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key) or not written:
         raise MissionError(f"{option} {setting}: expected TABLE.KEY=VALUE")
     try:
-        value = tomllib.loads(f"value = {written}")["value"]
-    except tomllib.TOMLDecodeError as error:
+        value = input_file.toml(f"value = {written}")["value"]
+    except TomlError as error:
         if not re.fullmatch(r"[A-Za-z_][\w-]*", written):
             raise MissionError(
-                f"{option} {setting}: expected a TOML value, got {written}"
+                f"{option} {_short(setting)}: expected a TOML value, got {_short(written)}"
             ) from error
         value = written
     *tables, last = names = key.split(".")
+    if len(names) > input_file.DEEPEST:
+        raise MissionError(f"{option} {_short(setting)}: expected TABLE.KEY=VALUE")
     given: dict[str, Any] = copy.deepcopy(dict(mission.given))
     table: Any = given
     for name in tables:
@@ -180,7 +186,7 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
             raise MissionError(f"{option} {setting}: {name} is not a table")
     table[last] = value
     changed = {**mission.changed, tuple(names): option}
-    made = _checked(mission.name, f"{option} {setting}", mission.folder, given, changed)
+    made = _checked(mission.name, f"{option} {_short(setting)}", mission.folder, given, changed)
     return replace(made, source=mission.source)
 
 
@@ -189,7 +195,7 @@ def with_law(mission: Mission, law: str) -> Mission:
 
     The [law] values of the mission are those of its own law, and left out. Raises MissionError.
     """
-    given = {**mission.given, "law": {"module": str(Path(law).resolve()) if "." in law else law}}
+    given = {**mission.given, "law": {"module": str(Path(law).absolute()) if "." in law else law}}
     changed = {path: option for path, option in mission.changed.items() if path[0] != "law"}
     changed["law", "module"] = "--law"
     made = _checked(mission.name, f"--law {law}", mission.folder, given, changed)
@@ -211,7 +217,10 @@ def _checked(
         where = source if line is None else f"{source}:{line}"
         raise MissionError(f"{where}: [law] module: {error}") from error
     except ValidationError as error:
-        raise MissionError("\n".join(_problems(error, kind, source, found))) from error
+        told = list(_problems(error, kind, source, found))
+        if more := len(told) - TOLD:
+            told[TOLD:] = [f"{source}: and {more} more"] if more > 0 else []
+        raise MissionError("\n".join(told)) from error
     return Mission(
         name=name,
         source=source,
@@ -253,7 +262,13 @@ def _problems(
 ) -> Iterator[str]:
     """One line for each problem, in the order of the file. `kind_of`: what it should have been."""
     placed = []
-    for problem in error.errors(include_url=False):
+    problems = error.errors(include_url=False)
+    lacking: dict[KeyPath, int] = {}  # by array: the last index that it lacks
+    for problem in problems:
+        if problem["type"] == "missing" and isinstance(last := problem["loc"][-1], int):
+            array = problem["loc"][:-1]
+            lacking[array] = max(last, lacking.get(array, 0))
+    for problem in problems:
         path: KeyPath = problem["loc"]
         context, got = problem.get("ctx", {}), problem["input"]
         kind = problem["type"]
@@ -271,9 +286,8 @@ def _problems(
             if isinstance(path[-1], int):  # one such problem for each number
                 if len(got) < path[-1]:
                     continue
-                length = _length(error, path[:-1], path[-1])
                 path = path[:-1]
-                said = f"expected {length} numbers, got {_written(got)}"
+                said = f"expected {lacking[path] + 1} numbers, got {_written(got)}"
         elif kind == "too_long":
             said = f"expected {context['max_length']} numbers, got {_written(got)}"
         else:
@@ -284,12 +298,6 @@ def _problems(
         where = source if line is None else f"{source}:{line}"
         placed.append((line or 0, f"{where}: {_key(path, got)}: {said}"))
     return (text for _, text in sorted(placed, key=lambda item: item[0]))
-
-
-def _length(error: ValidationError, array: KeyPath, last: int) -> int:
-    """How many numbers an array should have, of which some are missing, the first of them `last`."""
-    missing = (p["loc"] for p in error.errors(include_url=False) if p["type"] == "missing")
-    return 1 + max([last, *(int(loc[-1]) for loc in missing if loc[:-1] == array)])
 
 
 def _key(path: KeyPath, got: Any) -> str:
@@ -343,5 +351,8 @@ def written(value: Any) -> str:
 
 def _written(value: Any) -> str:
     """The same, cut where it is long."""
-    text = written(value)
+    return _short(written(value))
+
+
+def _short(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
