@@ -35,7 +35,8 @@ def view(
     """Show a flight in a browser: a 3-D scene, and estimates against the truth.
 
     With RECORDING (a flight.mcap) it plays that flight; without, it follows the running vehicle,
-    and when that ends the next one. The page is served on this machine only and needs no network.
+    and when that ends the next one. The page is served on this machine only and needs no network. It
+    opens by the link that is printed, which holds a secret: other pages and users cannot read it.
 
     Ctrl-C ends it. Exits 0; 2 when RECORDING or CONFIG cannot be read; 3 when no port is free,
     without Zenoh, or when what the page needs is not installed.
@@ -79,13 +80,14 @@ def _recorded(recording: Path, port: int, no_open: bool) -> None:
 def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) -> None:
     """Until interrupted: one vehicle after the other, on one port, so that pages stay open."""
     from gcs_tools.pictures.follower import Follower
+    from gcs_tools.pictures.view.admission import new_secret
     from gcs_tools.pictures.view.app import App
 
-    said = False
+    said, secret = False, new_secret()
     while True:
         with watched(instance, zenoh) as vehicle:
             follower = Follower(vehicle)
-            with App(follower.flight, port, whole=False) as app:
+            with App(follower.flight, port, whole=False, secret=secret) as app:
                 if not said:
                     _say(app, no_open)
                 said = True

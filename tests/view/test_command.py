@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import urllib.request
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -31,9 +32,11 @@ def _ended(started):
 
 def test_it_serves_this_machine_alone_and_ends_when_told(recording, gcs_view):
     started = gcs_view(recording.path)
-    host, port = started.url.removeprefix("http://").split(":")
+    place = urlsplit(started.url)
+    host, port = place.hostname, place.port
     assert host == "127.0.0.1"
-    with urllib.request.urlopen(started.url) as answer:
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with browser.open(started.url) as answer:
         assert b"<html" in answer.read()
     with pytest.raises(
         ConnectionRefusedError
@@ -50,7 +53,7 @@ def test_the_next_port_is_taken_if_the_first_is_busy_and_said(recording, gcs_vie
     except OSError:
         pass  # it is busy already
     started = gcs_view(recording.path)
-    port = int(started.url.rsplit(":", 1)[1])
+    port = urlsplit(started.url).port
     assert 8080 < port < 8100
     started.process.terminate()
     code, _, err = _ended(started)

@@ -15,10 +15,11 @@ import viser
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.quantities import QUANTITIES
 from gcs_tools.pictures.view import page
+from gcs_tools.pictures.view.admission import Admission, new_secret
 from gcs_tools.pictures.view.charts import Plot
 from gcs_tools.pictures.view.scene import Scene
 
-HOST = "127.0.0.1"  # never another: the page asks nobody who they are
+HOST = "127.0.0.1"  # never another
 PORTS = 20  # that are tried, one after the other, if none is asked for
 FRAME_S = 0.05  # of the scene
 CHARTS_EVERY = 4  # frames, while time runs
@@ -53,15 +54,21 @@ def _busy(port: int) -> NoPort:
 class App:
     """A page that shows one flight, served until `stop`."""
 
-    def __init__(self, flight: FlightHistory, port: int, *, whole: bool) -> None:
-        """whole : the flight is over; the page has a slider of time. Raises NoPort."""
+    def __init__(
+        self, flight: FlightHistory, port: int, *, whole: bool, secret: str | None = None
+    ) -> None:  # fmt: skip
+        """whole : the flight is over; the page has a slider of time.  secret : what `url` holds, and
+        who opens the page must know; None: a new one. Raises NoPort.
+        """
         self._flight, self._whole = flight, whole
-        with redirect_stdout(io.StringIO()):  # it greets, verbose or not
+        secret = secret or new_secret()
+        admission = Admission(port, secret)
+        with redirect_stdout(io.StringIO()), admission.installed():  # it greets, verbose or not
             self._server = viser.ViserServer(HOST, port, verbose=False)
         if self._server.get_port() != port:  # taken since it was free
             self.stop()
             raise _busy(port)
-        self.url = f"http://{HOST}:{port}"
+        self.url = f"http://{HOST}:{port}/?token={secret}"
         self.gone = False  # whether the vehicle of a live flight has left
         self._now = flight.span[0] if flight.span else 0.0
         self._shown: tuple[float, bool, str] | None = None
