@@ -38,6 +38,10 @@ def instance(said: str, **more: Any) -> Decorator:
     )
 
 
+TIMEOUT = click.option(
+    "--timeout", "timeout_s", type=click.FloatRange(min=0.0), metavar="S",
+    help="Seconds to wait for a vehicle; then exit with 3.",
+)  # fmt: skip
 FREE_INSTANCE = instance("the first that is free")
 LIVE_INSTANCE = instance("the first that publishes")
 

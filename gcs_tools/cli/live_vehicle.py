@@ -24,31 +24,50 @@ UNSEEN = "connected, but no vehicle answers, or not to us"
 LOOK_S = 0.05  # wall: between two looks for a publisher
 
 
+MEET_S = 2.0  # wall: how long at least it may take to meet a vehicle that publishes already
+
+
 @contextlib.contextmanager
-def watched(instance: int | None, zenoh: Path | None) -> Iterator[Subscriber]:
+def watched(
+    instance: int | None, zenoh: Path | None, timeout_s: float | None = None
+) -> Iterator[Subscriber]:
     """A Subscriber to the vehicle that is meant, found and named. Raises Failure when there can be none.
 
-    Of an instance that was asked for it takes no other's data.
+    Of an instance that was asked for it takes no other's data. `timeout_s`: how long it waits for a
+    vehicle (wall); one that publishes already has MEET_S at least. None: until there is one.
     """
     from fcu.interface.ports import ports
     from gcs_tools.live import bus
     from gcs_tools.live.subscriber import Subscriber
 
+    due = math.inf if timeout_s is None else time.monotonic() + timeout_s
+    who = "a vehicle" if instance is None else f"instance {instance}"
+    missing = f"{who} did not publish within {timeout_s or 0.0:g} s (start one: gcs up; longer: --timeout S)"
     try:
-        number = instance
+        number, there = instance, list[int]()
         if zenoh is None:
             there = bus.published()
             if number not in there if number is not None else not there:
-                who = "a vehicle" if number is None else f"instance {number}"
                 click.echo(f"waiting for {who} to publish (start one: gcs up) ...", err=True)
             while number is None and not there:
+                if time.monotonic() > due:
+                    raise Failure(missing)
                 time.sleep(LOOK_S)
                 there = bus.published()
             number = there[0] if number is None else number
         with bus.session(bus.for_tool(number or 0, zenoh)) as session:
             vehicle = Subscriber(session, "*" if number is None else str(ports(number).system_id))
             try:
-                vehicle.find(_told_when_alone(session, zenoh, number))
+                told = _told_when_alone(session, zenoh, number)
+                if zenoh is not None or number in there:
+                    due = max(due, time.monotonic() + MEET_S)
+
+                def check() -> None:
+                    told()
+                    if time.monotonic() > due:
+                        raise Failure(missing)
+
+                vehicle.find(check)
                 _name(vehicle, instance)
                 yield vehicle
             finally:

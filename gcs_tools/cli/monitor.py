@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 140, 42  # columns and lines of a single picture: lines at least
 FRAMES_HZ = 5.0
 SPEED_S = 2.0  # wall: over which a single picture measures the speed of the flight
+WAIT_S = 10.0  # wall: for a vehicle, of a single picture
 LOOK_S = 0.02  # wall: between two looks for what has come
 
 
@@ -31,17 +32,18 @@ LOOK_S = 0.02  # wall: between two looks for what has come
 @click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write one picture as SVG and exit.")  # fmt: skip
 @arguments.as_json("Print the numbers of one picture as JSON and exit.")
 @click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Seconds to listen before a single picture.")  # fmt: skip
+@arguments.TIMEOUT
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def monitor(
-    once: bool, svg: Path | None, as_json: bool, seconds: float, instance: int | None,
-    zenoh: Path | None,
+    once: bool, svg: Path | None, as_json: bool, seconds: float, timeout_s: float | None,
+    instance: int | None, zenoh: Path | None,
 ) -> int:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
-    Waits for a vehicle if there is none. When it ends, waits for the next one, until Ctrl-C.
-    Exit codes: 0; 2 FILE cannot be written, 3 no connection to Zenoh, 130 interrupted before a
-    single picture.
+    Waits for a vehicle if there is none: for --timeout, a single picture for 10 s without it. When
+    the vehicle ends, waits for the next one, until Ctrl-C. Exit codes: 0; 2 FILE cannot be written,
+    3 no vehicle or no connection to Zenoh, 130 interrupted before a single picture.
     """
     from rich.console import Console
 
@@ -53,9 +55,11 @@ def monitor(
         raise Failure(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
     console = Console(highlight=False)
     single = once or as_json or svg is not None or not console.is_terminal
+    if timeout_s is None and single:
+        timeout_s = WAIT_S
     try:
         while True:
-            with watched(instance, zenoh) as vehicle:
+            with watched(instance, zenoh, timeout_s) as vehicle:
                 follower = Follower(vehicle)
                 readings = Readings(follower)
                 if single:

@@ -15,16 +15,19 @@ from gcs_tools.exit_codes import USAGE
 @click.command()
 @click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
 @click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to record; default: until the vehicle ends, or Ctrl-C.")  # fmt: skip
+@arguments.TIMEOUT
 @arguments.as_json("Print a summary as JSON.")
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def record(
-    out: Path, seconds: float | None, as_json: bool, instance: int | None, zenoh: Path | None
-) -> None:
+    out: Path, seconds: float | None, timeout_s: float | None, as_json: bool, instance: int | None,
+    zenoh: Path | None,
+) -> None:  # fmt: skip
     """Record everything that a running vehicle publishes into OUT, an MCAP file.
 
-    Waits for a vehicle if there is none. Exit codes: 0 the vehicle ended, the time is up or Ctrl-C
-    was pressed; 2 OUT cannot be written or CONFIG cannot be read; 3 no connection to Zenoh.
+    Waits for a vehicle if there is none: for --timeout, or for the seconds of --for; without either
+    until there is one. Exit codes: 0 the vehicle ended, the time is up or Ctrl-C was pressed; 2 OUT
+    cannot be written or CONFIG cannot be read; 3 no vehicle, or no connection to Zenoh.
     """
     from gcs_tools.cli.terminal import status
     from gcs_tools.live.recorder import RecordingSummary, record_until
@@ -34,9 +37,13 @@ def record(
         raise Failure(f"{out}: it exists already", USAGE)
     if not out.absolute().parent.is_dir():
         raise Failure(f"{out}: there is no folder {out.absolute().parent}", USAGE)
+    wait_s = seconds if timeout_s is None else timeout_s
     done = RecordingSummary()
     try:
-        with watched(instance, zenoh) as vehicle, status("waiting for the first tick") as progress:
+        with (
+            watched(instance, zenoh, wait_s) as vehicle,
+            status("waiting for the first tick") as progress,
+        ):
             record_until(vehicle, out, seconds, done, progress)
     except RecordingError as error:
         raise Failure(f"{error}" + (f"\n{done.summary(out)}" if done.ticks else ""), USAGE) from error  # fmt: skip

@@ -13,18 +13,23 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK
 
 
 @click.command()
-@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="Seconds to listen.")  # fmt: skip
+@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="Seconds to listen, and to wait for a vehicle.")  # fmt: skip
+@arguments.TIMEOUT
 @arguments.as_json("Print the table as JSON.")
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
-def topics(seconds: float, as_json: bool, instance: int | None, zenoh: Path | None) -> int:
+def topics(
+    seconds: float, timeout_s: float | None, as_json: bool, instance: int | None,
+    zenoh: Path | None,
+) -> int:  # fmt: skip
     """List the topics that a vehicle publishes: key, message, measured rate, losses, sizes.
 
-    Exit codes: 0 samples arrived, 3 none arrived, 130 interrupted.
+    Exit codes: 0 samples arrived, 3 none arrived or no vehicle within --timeout (default: the
+    seconds of --for), 130 interrupted.
     """
     from gcs_tools.live.topics import listen, print_table
 
-    with watched(instance, zenoh) as vehicle:
+    with watched(instance, zenoh, seconds if timeout_s is None else timeout_s) as vehicle:
         found = listen(vehicle, seconds)
     if as_json:
         print_json(found)

@@ -26,11 +26,12 @@ FIRST_PORT = 8080
 )
 @click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"TCP port of the page; default: {FIRST_PORT}, or the next free one.")  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
+@arguments.TIMEOUT
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def view(
-    recording: Path | None, port: int | None, no_open: bool, instance: int | None,
-    zenoh: Path | None,
+    recording: Path | None, port: int | None, no_open: bool, timeout_s: float | None,
+    instance: int | None, zenoh: Path | None,
 ) -> None:  # fmt: skip
     """Show a flight in a browser: a 3-D scene, and estimates against the truth.
 
@@ -38,8 +39,8 @@ def view(
     and when that ends the next one. The page is served on this machine only and needs no network. It
     opens by the link that is printed, which holds a secret: other pages and users cannot read it.
 
-    Ctrl-C ends it. Exits 0; 2 when RECORDING or CONFIG cannot be read; 3 when no port is free,
-    without Zenoh, or when what the page needs is not installed.
+    Ctrl-C ends it. Exits 0; 2 when RECORDING or CONFIG cannot be read; 3 when no port is free, no
+    vehicle came within --timeout, without Zenoh, or when what the page needs is not installed.
     """
     if recording is not None and (instance is not None or zenoh is not None):
         raise click.UsageError("--instance and --zenoh are for a live vehicle, not for a RECORDING")
@@ -58,7 +59,7 @@ def view(
         if recording is not None:
             _recorded(recording, at, no_open)
         else:
-            _live(at, no_open, instance, zenoh)
+            _live(at, no_open, instance, zenoh, timeout_s)
     except RecordingError as error:
         raise Failure(error, USAGE) from error
     except NoPort as error:
@@ -77,7 +78,9 @@ def _recorded(recording: Path, port: int, no_open: bool) -> None:
         app.run()
 
 
-def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) -> None:
+def _live(
+    port: int, no_open: bool, instance: int | None, zenoh: Path | None, timeout_s: float | None
+) -> None:
     """Until interrupted: one vehicle after the other, on one port, so that pages stay open."""
     from gcs_tools.pictures.follower import Follower
     from gcs_tools.pictures.view.admission import new_secret
@@ -85,7 +88,7 @@ def _live(port: int, no_open: bool, instance: int | None, zenoh: Path | None) ->
 
     said, secret = False, new_secret()
     while True:
-        with watched(instance, zenoh) as vehicle:
+        with watched(instance, zenoh, timeout_s) as vehicle:
             follower = Follower(vehicle)
             with App(follower.flight, port, whole=False, secret=secret) as app:
                 if not said:
