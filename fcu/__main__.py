@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import math
-import signal
-import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
+try:
+    import math
+    import signal
+    import sys
+    from pathlib import Path
+    from typing import TYPE_CHECKING
 
-import click
+    import click
 
-from fcu.interface import options
-from fcu.interface.ports import ANY_PORTS, INSTANCES, first_free_instance, ports, table
-from fcu.interface.starter import occupy_standard_streams
+    from fcu.interface import options
+    from fcu.interface.ports import ANY_PORTS, INSTANCES, first_free_instance, ports, table
+    from fcu.interface.starter import occupy_standard_streams
+except KeyboardInterrupt:
+    raise SystemExit(130) from None  # interrupted before there is anything to end
 
 if TYPE_CHECKING:
     from fcu.laws.loader import Law
@@ -72,11 +75,10 @@ def main(
     The simulator (`sitl-plant`) sets the pace; start it before or after. Ground stations and
     scripts connect on PX4's ports.
     """
-    from fcu.configuration import ConfigurationError, read_drag, read_settings
-
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
+    from fcu.configuration import ConfigurationError, read_drag, read_settings
     from fcu.interface.link import PortBusy
     from fcu.interface.parameter import ParameterError
     from fcu.interface.publisher_feed import PublisherFeed

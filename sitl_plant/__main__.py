@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import signal
-import sys
-from pathlib import Path
+try:
+    import signal
+    import sys
+    from pathlib import Path
 
-import click
+    import click
 
-from fcu.interface import options
-from fcu.interface.ports import ANY_PORTS, INSTANCES, first_free_instance, ports, table
-from fcu.interface.starter import occupy_standard_streams
+    from fcu.interface import options
+    from fcu.interface.ports import ANY_PORTS, INSTANCES, first_free_instance, ports, table
+    from fcu.interface.starter import occupy_standard_streams
+except KeyboardInterrupt:
+    raise SystemExit(130) from None  # interrupted before there is anything to end
 
 
 @click.command(
