@@ -47,6 +47,10 @@ from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
 
 MOMENT_S = 0.5  # wall: a script that flies a mission holds time for milliseconds
+DROPPED = 1000  # states that a network may lose in a row; beyond, the plant's time has jumped
+LATEST_US = (
+    10_000_000 * 1_000_000
+)  # first time of a plant: exact, and far from 2**53, as all that follow
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 
 _TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
@@ -310,11 +314,15 @@ class Autopilot:
             return self.answer
         if time_us < last_us:
             raise Lost(f"time ran back from {last_us * 1e-6:.6f} s")
+        if last_us < 0 and time_us > LATEST_US:
+            raise Lost(
+                f"time begins at {time_us * 1e-6:.0f} s; expected 0 to {LATEST_US / 1e6:g} s"
+            )
         if last_us >= 0 and time_us - last_us != self.period_us:
             self.figures.refused += 1
             self._jumps += 1
             if self._jumps == JUMPS:
-                raise Lost(f"time jumped from {last_us * 1e-6:.6f} s")
+                raise Lost(self._why_out_of_step(last_us, time_us))
             return None
         self._jumps = 0
         course[_TIME] = time_us
@@ -330,6 +338,19 @@ class Autopilot:
         if not self.fly_decided(time_us, row):
             self.raise_for_law(row)
         return self._answered(row, started)
+
+    def _why_out_of_step(self, last_us: int, time_us: int) -> str:
+        """What has become of time, if JUMPS states in a row have not followed the last tick's."""
+        last, now, period = last_us * 1e-6, time_us * 1e-6, self.period_us
+        first_us = time_us - (JUMPS - 1) * period  # if these follow each other
+        lost = (first_us - last_us) // period - 1
+        if (time_us - last_us) % period == 0 and 0 < lost <= DROPPED:
+            states = "a state was" if lost == 1 else f"{lost} states were"
+            return (
+                f"{states} lost after {last:.6f} s, and the plant went on to {now:.6f} s: "
+                "expected it to send a state again until it is answered"
+            )
+        return f"time jumped from {last:.6f} s to {now:.6f} s; a tick is {period * 1e-6:.6f} s"
 
     def _answered(self, row: Row, started: float) -> bytes:
         now = time.monotonic()

@@ -81,7 +81,9 @@ def flight(
     PositionFilter.  watch : float64[size(Watch)], see `quiet_look`.
     """
     course = Course(
-        system=codec.system, period_us=round(h * 1e6), h=h, time_us=-1.0, armed=0.0, airborne=0.0,
+        system=codec.system, period_us=round(h * 1e6), h=h,
+        time_us=-1.0 - round(h * 1e6),  # which no first time follows
+        armed=0.0, airborne=0.0,
         engaged=IDLE, since_us=0.0, load=0.0, answer_bytes=0.0,
     )  # fmt: skip
     return Flight(

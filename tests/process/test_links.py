@@ -204,6 +204,38 @@ def test_time_that_jumps_and_stays_there_ends_it(fcu, bound, states, standing):
     assert fcu.logged("error", "0.000000 s")
 
 
+@pytest.mark.parametrize("lost", [1, 7])
+def test_states_that_were_lost_are_no_jump_of_time(fcu, bound, states, standing, lost):
+    link = bound("plant", "fcu_plant")
+    link.send(states.pack_state(0, standing))
+    assert answer(link, states) == 0
+    for k in range(10):  # of a plant that does not wait for answers
+        link.send(states.pack_state((1 + lost + k) * MS, standing))
+    assert fcu.wait() == 3
+    assert fcu.logged("error", "lost", "0.000000 s", "until it is answered")
+    assert not fcu.logged("error", "jumped")
+
+
+@pytest.mark.parametrize("first", [1, MS - 1, 123_456_789, 10**13])
+def test_the_first_time_may_be_any_that_fits(fcu, bound, states, standing, first):
+    link, script = bound("plant", "fcu_plant"), bound("script", "fcu_script")
+    for k in range(2000):  # long enough for all telemetry
+        link.send(states.pack_state(first + k * MS, standing))
+        assert answer(link, states) == first + k * MS
+    assert script.wait(PATIENCE_S)
+    assert fcu.interrupted() == 0
+    assert fcu.logged("info", "the plant is there")
+    assert (ended(fcu)["ticks"], ended(fcu)["refused"]) == (2000, 0)
+
+
+@pytest.mark.parametrize("first", [10**13 + 1, 2**53, 2**63, 2**64 - 1])
+def test_a_first_time_that_does_not_fit_is_named(fcu, bound, states, standing, first):
+    bound("plant", "fcu_plant").send(states.pack_state(first, standing))
+    assert fcu.wait() == 3
+    assert fcu.logged("error", "time begins at", "expected 0 to 1e+07 s")
+    assert "Traceback" not in fcu.text()
+
+
 def test_a_plant_that_falls_silent_ends_it_and_ground_stations_are_told(
     fcu, bound, states, standing
 ):
