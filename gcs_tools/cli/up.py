@@ -58,10 +58,8 @@ def up(
     try:
         chosen, scene = (None, None) if mission is None else prepared(mission, law=law)
         flown = loader.load(law or loader.DEFAULT) if scene is None else scene.flown
-        folder = new_folder(None, "up")
     except (UsageError, loader.LawError) as error:
         raise Failure(error, USAGE) from error
-    click.echo("starting (the first start compiles, for up to a minute) ...", err=True)
     code = INTERRUPTED
     published = arguments.publication(publish, zenoh)
     try:
@@ -71,10 +69,14 @@ def up(
             ExitStack() as stack,
         ):
             look = interrupts.look
+            folder = new_folder(None, "up")  # not before: of a port that is busy none is left
+            click.echo("starting (the first start compiles, for up to a minute) ...", err=True)
             pair = Pair(stack, folder, number, flown, published, flies(chosen, scene), look)
             _stand_by(pair, scene, folder, number, "max" if speed is None else str(speed), options,
                       zenoh is not None)  # fmt: skip
             code = OK
+    except UsageError as error:
+        raise Failure(error, USAGE) from error
     except (InfrastructureError, OSError) as error:
         failed = USAGE if isinstance(error, Misused) else INFRASTRUCTURE
         raise Failure(getattr(error, "strerror", None) or error, failed) from error

@@ -25,7 +25,7 @@ from gcs_tools.exit_codes import USAGE
 from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
-READY_S = 120.0  # wall: start-up with a cold compile on a slow machine
+HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
 COMPILED_S = 600.0  # wall: for one that works all the time
 HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
 BEHIND = 32  # batches that may wait to be recorded
@@ -57,14 +57,30 @@ class FlightEnded(InfrastructureError):
     """The vehicle hit the ground or was lost, and the plant has ended: what became of it, when."""
 
 
+def _stat(pid: int) -> list[str]:
+    """What Linux tells of a process from its state on; nothing elsewhere, and of one that is gone."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return []
+
+
 def _worked_s(pid: int) -> float:
     """Processor time that a process has used so far, s; 0 where Linux does not tell."""
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
+    if not (stat := _stat(pid)):
         return 0.0
-    user, system = stat.rpartition(")")[2].split()[11:13]
+    user, system = stat[11:13]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def _is_kept(pid: int) -> bool:
+    """Whether a process would work, and waits for a processor or for a disk."""
+    return _stat(pid)[:1] in (["R"], ["D"])
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether a signal or a debugger has stopped it (SIGSTOP)."""
+    return _stat(pid)[:1] in (["T"], ["t"])
 
 
 class Child:
@@ -113,22 +129,28 @@ class Child:
     def wait_ready(self, check: Callable[[], None]) -> None:
         """Until it says that it is. Raises InfrastructureError. `check` is called meanwhile.
 
-        What it compiles may take long on a busy machine: who works is waited for.
+        What it compiles may take long on a busy machine: who works is waited for. Where Linux does
+        not tell who does, each is.
         """
         self.listen()
+        hangs_s = HANGS_S if _stat(self.process.pid) else COMPILED_S
         began = idle_since = time.monotonic()
         worked = 0.0
-        while time.monotonic() - idle_since < READY_S and time.monotonic() - began < COMPILED_S:
+        while time.monotonic() - idle_since < hangs_s and time.monotonic() - began < COMPILED_S:
             check()
             try:
                 if "ready" in self._lines.get(timeout=0.05):
                     return
             except queue.Empty:
                 pass
-            if (now := _worked_s(self.process.pid)) > worked:
+            now = _worked_s(self.process.pid)
+            if now > worked or _is_kept(self.process.pid):
                 worked, idle_since = now, time.monotonic()
-        waited = time.monotonic() - began
-        raise InfrastructureError(f"the {self.name} was not ready within {waited:.0f} s")
+        waited, idle = time.monotonic() - began, time.monotonic() - idle_since
+        why = f"did nothing for {idle:.0f} s" if idle >= hangs_s else "still works"
+        if _is_stopped(self.process.pid):
+            why = "is stopped (SIGSTOP): continue it, or start again"
+        raise InfrastructureError(f"the {self.name} was not ready within {waited:.0f} s: it {why}")
 
     def check(self) -> None:
         """Raise InfrastructureError if it has ended, FlightEnded if its flight had, Unanswered."""
@@ -385,9 +407,9 @@ def claimed(instance: int | None, *names: str) -> Iterator[int]:
     for number in range(INSTANCES) if instance is None else (instance,):
         try:
             claim = _claim(number)
-        except PortBusy:
+        except PortBusy as error:
             if instance is not None:
-                raise
+                raise _elsewhere(error, names) from error
             continue
         with claim:
             taken = busy(number, *names)
@@ -395,8 +417,20 @@ def claimed(instance: int | None, *names: str) -> Iterator[int]:
                 yield number
                 return
             if instance is not None:
-                raise taken[0]
+                raise _elsewhere(taken[0], names) from None
     raise NoFreeInstance(f"instances 0 to {INSTANCES - 1} all have a port in use")
+
+
+def _elsewhere(error: PortBusy, names: Sequence[str]) -> PortBusy:
+    """The same error, with an instance that would do."""
+    for number in range(INSTANCES):
+        with suppress(PortBusy):
+            _claim(number).close()
+            if not busy(number, *names):
+                error.strerror = f"{error.strerror} (free: --instance {number})"
+                return error
+    error.strerror = f"{error.strerror} (no other instance is free)"
+    return error
 
 
 def _claim(number: int) -> socket.socket:

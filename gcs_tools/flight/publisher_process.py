@@ -12,7 +12,7 @@ from typing import Any
 from fcu.interface import publisher_feed, topics
 from gcs_tools.flight.processes import Child, InfrastructureError
 
-READY_S = 20.0  # wall: after that the flight begins without it
+READY_S = 20.0  # wall: after that the flight begins without it, though it may still work
 
 
 @dataclass(frozen=True)
