@@ -72,8 +72,14 @@ class Pair:
                 Child(name, module, arguments, self._folder / log, fds, self._forks)
             )
         for child in self.children:
-            child.wait_ready(self.check)
+            child.wait_ready(self._check_start)
         return self.publisher.wait_ready() if self.publisher is not None else ""
+
+    def _check_start(self) -> None:
+        """Raise InfrastructureError if one of the two has ended, or hangs before it is ready."""
+        self.check()
+        for child in self.children:
+            child.is_ready()
 
     def check(self) -> None:
         """Raise InfrastructureError if one of the two has ended."""

@@ -99,6 +99,9 @@ class Child:
         self._log: IO[bytes] = log.open("wb")
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
         self._said: dict[str, Any] = {}  # last of itself
+        self._is_ready = False
+        self._began_s = self._idle_since_s = 0.0  # wall: when it was first waited for, last worked
+        self._worked_s = 0.0
         out, said = os.pipe()
         self._out = os.fdopen(out, "rb")
         try:
@@ -127,28 +130,32 @@ class Child:
                 self._lines.put(told)
 
     def wait_ready(self, check: Callable[[], None]) -> None:
-        """Until it says that it is. Raises InfrastructureError. `check` is called meanwhile.
+        """Until it says that it is. Raises InfrastructureError. `check` is called meanwhile."""
+        while not self.is_ready(LOOK_S):
+            check()
+
+    def is_ready(self, timeout_s: float = 0.0) -> bool:
+        """Whether it has said so, within that time. Raises InfrastructureError if it will not.
 
         What it compiles may take long on a busy machine: who works is waited for. Where Linux does
         not tell who does, each is.
         """
         self.listen()
-        hangs_s = HANGS_S if _stat(self.process.pid) else COMPILED_S
-        began = idle_since = time.monotonic()
-        worked = 0.0
-        while time.monotonic() - idle_since < hangs_s and time.monotonic() - began < COMPILED_S:
-            check()
-            try:
-                if "ready" in self._lines.get(timeout=0.05):
-                    return
-            except queue.Empty:
-                pass
-            now = _worked_s(self.process.pid)
-            if now > worked or _is_kept(self.process.pid):
-                worked, idle_since = now, time.monotonic()
-        waited, idle = time.monotonic() - began, time.monotonic() - idle_since
-        why = f"did nothing for {idle:.0f} s" if idle >= hangs_s else "still works"
-        if _is_stopped(self.process.pid):
+        with suppress(queue.Empty):
+            while not self._is_ready:
+                self._is_ready = "ready" in self._lines.get(timeout_s > 0.0, timeout_s)
+        if self._is_ready:
+            return True
+        pid, now, worked = self.process.pid, time.monotonic(), _worked_s(self.process.pid)
+        self._began_s = self._began_s or now
+        if worked > self._worked_s or _is_kept(pid) or not self._idle_since_s:
+            self._worked_s, self._idle_since_s = worked, now
+        idle, waited = now - self._idle_since_s, now - self._began_s
+        hangs = idle >= HANGS_S and bool(_stat(pid))
+        if not hangs and waited < COMPILED_S:
+            return False
+        why = f"did nothing for {idle:.0f} s" if hangs else "still works"
+        if _is_stopped(pid):
             why = "is stopped (SIGSTOP): continue it, or start again"
         raise InfrastructureError(f"the {self.name} was not ready within {waited:.0f} s: it {why}")
 
