@@ -339,7 +339,8 @@ class _Run:
         """
         self._note, self._progress = note, progress
         with interrupts_wait() as interrupts:
-            self._left, exit_code, error = self._recorded()
+            with result.reserved(self.folder):
+                self._left, exit_code, error = self._recorded()
             judged = self._written(self._judged(exit_code, error))
             return self.interrupted(judged) if interrupts.take() else judged
 

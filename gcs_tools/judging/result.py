@@ -12,7 +12,8 @@ import math
 import os
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from pathlib import Path
@@ -34,6 +35,7 @@ from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
 SCHEMA_VERSION = 2  # 1: metrics position_* and command_*; no warnings
+ROOM_BYTES = 1 << 18  # for a result and what its folder takes; one has some 15 kB
 
 
 class ResultError(Exception):
@@ -160,6 +162,20 @@ def _numbers(name: str, content: Any) -> Iterable[tuple[str, float]]:
     elif isinstance(content, list | tuple):
         for i, value in enumerate(content):
             yield from _numbers(f"{name}[{i}]", value)
+
+
+@contextmanager
+def reserved(folder: Path) -> Iterator[None]:
+    """Room on disk for a result, held within the block: whatever else fills the disk meanwhile.
+
+    Nobody else sees it, and it is given back however the block, or the process, ends. Where no room
+    can be held (a full disk, another system) none is.
+    """
+    with ExitStack() as stack:
+        with suppress(OSError, AttributeError):
+            file = stack.enter_context(tempfile.TemporaryFile(dir=folder))
+            os.posix_fallocate(file.fileno(), 0, ROOM_BYTES)
+        yield
 
 
 def _replace(path: Path, text: str) -> None:
