@@ -87,12 +87,13 @@ def _draw(readings: Readings, svg: Path) -> None:
 
     from rich.console import Console
 
+    from gcs_tools.pictures import picture_file
     from gcs_tools.pictures.monitor.screen import screen
 
     canvas = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO(), highlight=False)
     canvas.print(screen(readings, WIDTH, HEIGHT), height=HEIGHT)
     try:
-        svg.write_text(canvas.export_svg(title="gcs monitor"), encoding="utf-8")
+        picture_file.write(svg, canvas.export_svg(title="gcs monitor").encode())
     except OSError as error:
         raise Failure(f"{svg}: {error.strerror}", USAGE) from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from fcu.kernel.algebra import Vec3
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Envelope, step, terms, way
 from gcs_tools.missions.mission import Mission
+from gcs_tools.pictures import picture_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +45,11 @@ def save(mission: Mission, found: Envelope, path: Path) -> None:
     _draw_steps(right, mission)
     says = "holds" if found.holds else "holds with the guard" if found.governed else "fails"
     figure.suptitle(f"{found.mission}: before flight, the condition {says}", fontsize=11)
-    figure.savefig(path, dpi=110, metadata={"Software": None} if path.suffix == ".png" else None)
+    kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
+    figure.savefig(
+        picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
+    )
+    picture_file.write(path, picture.getvalue())
 
 
 def _draw_way(axes: Axes, mission: Mission, found: Envelope) -> None:

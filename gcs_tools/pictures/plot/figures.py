@@ -8,6 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcs_tools.pictures import picture_file
 from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
 from gcs_tools.pictures.plot import overview as flight
 from gcs_tools.pictures.plot.numbers import Numbers
@@ -93,8 +94,5 @@ def save(
         which.draw(figure, window, found)
         picture = BytesIO()
         figure.savefig(picture, format=kind, dpi=DPI)
-    try:
-        path.write_bytes(picture.getvalue())
-    except OSError as error:  # of a full disk: without the name of the file
-        raise OSError(error.errno, error.strerror, str(path)) from error
+    picture_file.write(path, picture.getvalue())
     return found

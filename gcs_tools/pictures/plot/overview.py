@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.pictures import picture_file
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.plot.numbers import Numbers, length, percent, rms
 from gcs_tools.pictures.plot.style import (
@@ -155,4 +157,6 @@ def flight_figure(
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout=ConstrainedLayoutEngine(h_pad=0.09, w_pad=0.12))
         _overview(figure, flight, flown.settle_from_s, title)
-        figure.savefig(path, format="png", dpi=110)
+        picture = BytesIO()
+        figure.savefig(picture, format="png", dpi=110)
+    picture_file.write(path, picture.getvalue())

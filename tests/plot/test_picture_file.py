@@ -1,0 +1,39 @@
+"""Pictures are on file whole, or not at all."""
+
+import os
+import resource
+import signal
+
+import pytest
+
+from gcs_tools.pictures import picture_file
+
+
+@pytest.fixture
+def small_disk():
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    heard = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, heard)
+
+
+def test_of_a_full_disk_there_is_no_part_of_a_picture(tmp_path, small_disk):
+    with pytest.raises(OSError, match=r"x\.png"):
+        picture_file.write(tmp_path / "x.png", b"x" * 2000)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_of_a_full_disk_the_picture_before_stays(tmp_path, small_disk):
+    (tmp_path / "x.png").write_bytes(b"before")
+    with pytest.raises(OSError, match=r"x\.png"):
+        picture_file.write(tmp_path / "x.png", b"x" * 2000)
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("x.png", b"before")]
+
+
+def test_a_picture_is_written_through_a_link(tmp_path):
+    (tmp_path / "link.png").symlink_to("x.png")
+    picture_file.write(tmp_path / "link.png", b"picture")
+    assert os.readlink(tmp_path / "link.png") == "x.png"
+    assert (tmp_path / "x.png").read_bytes() == b"picture"
