@@ -333,3 +333,26 @@ def test_in_the_air_what_is_demanded_now_is_known_too(vehicle):
     flying.fly_script(40_000)
     assert flying.setpoint.level == 1.0
     assert flying.reference.tolist() == [0.0] * 9
+
+
+def test_what_is_admitted_is_reached_in_the_time_that_the_look_states():
+    """With gains for which (34) held to the jerk swings ever farther from 11 m on, and a moving setpoint."""
+    gains = {"f_m": 1.58, "zeta_m": 0.79, "c_angle": (12.1, 12.1, 3.0), "c_rate": (28.7, 28.7, 6.0)}
+    law, guard = settings(
+        *AIRFRAME, 500.0, {"guard": "refuse", "gamma": 2716.0, "guard_wind_m_s": 1.1, **gains}
+    )
+    look, admitted, swings = admission.Look(guard, law), 0, 0
+    for far in np.linspace(0.5, 16.0, 63):
+        for speed in (0.0, 4.0):
+            asked = at(Vec3(float(far), 0.0, 0.0), Vec3(0.0, speed, 0.0))
+            found = look.tightest([(asked, math.inf)], np.zeros(9))
+            reference = np.zeros(9)
+            ticks = round(30.0 / law.h)
+            admission.follow(to_buffer(guard), to_buffer(law), to_buffer(asked), ticks, reference)
+            off = math.hypot(reference[0] - far, reference[1] - speed * 30.0)
+            if found.margin >= 0.0:
+                assert off < 0.01, (far, speed)
+                assert 0.0 < found.arrives < 10.0
+            admitted, swings = admitted + (found.margin >= 0.0), swings + (off > 0.3)
+    assert admitted > 10
+    assert swings > 10
