@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -61,11 +62,22 @@ def test_a_later_setpoint_is_looked_at_from_where_the_reference_is_then() -> Non
     assert back.startswith("setpoint at 1 s refused: 39.")  # still on its way
 
 
-def test_nothing_is_flown_before_it_is_known_of_all(tmp_path: Path) -> None:
-    with pytest.raises(
-        UsageError, match=r'paper_fast: setpoint at 0 s .* \(law.guard = "refuse"\)'
-    ):
-        fly_missions(
-            ["gust_step", "paper_fast"], settings=[REFUSE], in_process=True, out=tmp_path / "runs"
-        )
+REFUSAL = r'paper_fast: setpoint at 0 s .* \(law.guard = "refuse"\)'
+
+
+def test_a_single_mission_that_the_guard_refuses_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=REFUSAL):
+        fly_missions(["paper_fast"], settings=[REFUSE], in_process=True, out=tmp_path / "runs")
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_mission_that_the_guard_refuses_does_not_keep_others_from_flying(tmp_path: Path) -> None:
+    flown, refused = fly_missions(
+        ["gust_step", "paper_fast"], settings=[REFUSE, "flight.duration_s=0.5"], in_process=True,
+        out=tmp_path / "runs", figure="never",
+    )  # fmt: skip
+    assert (flown.mission, flown.ended) == ("gust_step", "time")
+    assert (refused.exit_code, refused.ended) == (2, "rejected")
+    assert refused.error is not None
+    assert re.match(REFUSAL, refused.error)
+    assert [folder.name for folder in (tmp_path / "runs").iterdir()] == ["gust_step"]
