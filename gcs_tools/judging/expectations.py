@@ -133,8 +133,9 @@ def _judge_reached(entry: Any, standing: Sequence[Standing]) -> Expectation | No
     missed = sum(each.away_m > within for each in standing)
     others = f" ({missed} of {len(standing)} setpoints were not)" if len(standing) > 1 else ""
     why = (
-        f"{worst}{others}. Give it more time, ask for a nearer setpoint, or set [expect] reached to "
-        "a greater distance (m) or to false"
+        f"{worst}{others}. What stands below it may say why. If it was still on its way, give it more"
+        " time; else ask for a setpoint that it can reach, or set [expect] reached to a greater distance"
+        " (m) or to false"
     )
     return Expectation(REACHED, within, value, False, text, why)
 
