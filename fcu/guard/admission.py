@@ -91,7 +91,7 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
     worst, zero, begins = math.inf, Vec3(0.0, 0.0, 0.0), _unpack_beginning(beginning)
     began, at, a, v = 0.0, 0.0, zero, zero
     near, arrives, unsettled = arrival.ARRIVED_M - arrival.off_at_most(params, law), 0.0, 0.0
-    course, seen = foreseen.begun(begins.r_m, begins.v_m, begins.a_m), begins.present
+    pursuit, seen = foreseen.begun(begins.r_m, begins.v_m, begins.a_m), begins.present
     told, since = seen.told > 0.5, present.begun(law, seen, begins.r_m, begins.a_m)
     for i in range(len(way)):
         setpoint, for_s = _unpack_setpoint(way[i, 1:]), way[i, 0]
@@ -102,8 +102,8 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
         law = _unpack_law(law_buffer)
         for k in range(n):
             now = carried(setpoint, k * law.h)
-            most = foreseen.fastest(params, law, course.a_m.z)
-            point, course = foreseen.onward(law, course, now, most)
+            most = foreseen.fastest(params, law, pursuit.a_m.z)
+            point, pursuit = foreseen.onward(law, pursuit, now, most)
             holds = foreseen.holds(known, more * point.a_d, more * point.off, point.v, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
@@ -118,7 +118,7 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
                     )
             if holds < worst:
                 worst, at, a, v = holds, began + k * law.h, more * point.a_d, point.v
-            if norm(course.r_m - now.r_c) > near:
+            if norm(pursuit.r_m - now.r_c) > near:
                 arrives = began + (k + 1) * law.h
             if k >= (1.0 - LATE) * n:
                 unsettled = max(unsettled, point.unsettled)
@@ -128,7 +128,7 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
         unsettled = 0.0
         if for_s > settled and not last:  # with it from there on
             end = carried(setpoint, for_s)
-            course = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
+            pursuit = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
             told = False  # of what there was then, nothing is left
             began += for_s - looked
             holds = foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds)

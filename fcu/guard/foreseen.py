@@ -124,7 +124,7 @@ def closing(law, e, e_dot):
     return -2.0 * law.f_m * law.zeta_m * e_dot - (law.f_m * law.f_m) * e
 
 
-class Course(NamedTuple):
+class Pursuit(NamedTuple):
     """A reference model on its way, and the vehicle that follows it behind its lags."""
 
     r_m: Vec3  # m, E
@@ -150,30 +150,30 @@ class Point(NamedTuple):
 
 @kernel
 def begun(r_m, v_m, a_m):
-    """The Course of a reference model at r_m, v_m, a_m (m, m/s, m/s^2, E), the vehicle on it."""
+    """The Pursuit of a reference model at r_m, v_m, a_m (m, m/s, m/s^2, E), the vehicle on it."""
     zero = Vec3(0.0, 0.0, 0.0)
-    return Course(
+    return Pursuit(
         r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m, before=a_m, off=zero,
     )  # fmt: skip
 
 
 @kernel
-def onward(law, course, setpoint, most):
-    """The Point a Course is at, and the Course a step of law.h later.
+def onward(law, pursuit, setpoint, most):
+    """The Point a Pursuit is at, and the Pursuit a step of law.h later.
 
     setpoint : in force.  most : m/s^3, the reference's acceleration changes no faster.
     """
-    r_m, v_m, a_m = course.r_m, course.v_m, course.a_m
+    r_m, v_m, a_m = pursuit.r_m, pursuit.v_m, pursuit.a_m
     asked = a_ref(law, setpoint, r_m, v_m)
     change = shortened(asked - a_m, most * law.h)
     a_m = a_m + change
-    a_d = a_m + closing(law, course.r - r_m, course.v - v_m)
-    off = misjudged(law, course.off, a_d - course.before)
-    r, v, w, a = advanced(law, a_d, course.r, course.v, course.w, course.a)
+    a_d = a_m + closing(law, pursuit.r - r_m, pursuit.v - v_m)
+    off = misjudged(law, pursuit.off, a_d - pursuit.before)
+    r, v, w, a = advanced(law, a_d, pursuit.r, pursuit.v, pursuit.w, pursuit.a)
     v_m = v_m + law.h * a_m
     r_m = r_m + law.h * v_m
-    point = Point(a_d=a_d, off=off, v=course.v, change=change, unsettled=norm(asked - a_m))
-    return point, Course(
+    point = Point(a_d=a_d, off=off, v=pursuit.v, change=change, unsettled=norm(asked - a_m))
+    return point, Pursuit(
         r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, w=w, a=a, before=a_d, off=off,
     )  # fmt: skip
 
@@ -203,11 +203,11 @@ def least(params, law, setpoint, r, v):
     """
     known, worst, at, more = margin.known(params, law), math.inf, 0.0, demanding(params, law)
     zero = Vec3(0.0, 0.0, 0.0)
-    adds, course, a_worst, v_worst = closed(law), begun(r, v, zero), zero, v
+    adds, pursuit, a_worst, v_worst = closed(law), begun(r, v, zero), zero, v
     for k in range(steps(law)):
         t = k * law.h
-        most = as_asked(params, law, course.a_m.z)
-        point, course = onward(law, course, carried(setpoint, t), most)
+        most = as_asked(params, law, pursuit.a_m.z)
+        point, pursuit = onward(law, pursuit, carried(setpoint, t), most)
         now = holds(known, more * point.a_d, more * point.off, point.v, adds)
         if now < worst:
             worst, at, a_worst, v_worst = now, t, more * point.a_d, point.v
@@ -223,14 +223,14 @@ def along(params, law, sent_at, setpoints, r, v, rows):
     """
     known, sent, more = margin.known(params, law), 0, demanding(params, law)
     setpoint = _unpack_setpoint(setpoints[0])
-    adds, course = closed(law), begun(r, v, Vec3(0.0, 0.0, 0.0))
+    adds, pursuit = closed(law), begun(r, v, Vec3(0.0, 0.0, 0.0))
     for k in range(len(rows)):
         t = k * law.h
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
             sent += 1
             setpoint = _unpack_setpoint(setpoints[sent])
-        most = as_asked(params, law, course.a_m.z)
-        point, course = onward(law, course, carried(setpoint, t - sent_at[sent]), most)
+        most = as_asked(params, law, pursuit.a_m.z)
+        point, pursuit = onward(law, pursuit, carried(setpoint, t - sent_at[sent]), most)
         asked, v = more * point.a_d, point.v
         rows[k, 0], rows[k, 1] = t, holds(known, asked, more * point.off, v, adds)
         rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
