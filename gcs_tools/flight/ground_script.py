@@ -54,8 +54,12 @@ class VehicleError(RuntimeError):
     """The vehicle did not answer, or refused: what was asked, and its reason in words."""
 
 
-class SetpointRefused(VehicleError):
-    """The vehicle refuses a setpoint, and flies on: its reason in words."""
+class Refused(VehicleError):
+    """The vehicle refuses what it was asked for, and flies on: its reason in words."""
+
+
+class SetpointRefused(Refused):
+    """It refuses a setpoint."""
 
 
 class Vehicle:
@@ -169,7 +173,7 @@ class Vehicle:
         if result != Result.ACCEPTED:
             self._hear_reason()
             why = "; ".join(self._texts) or Result(result).name
-            raise VehicleError(f"{command.name} refused: {why}")
+            raise Refused(f"{command.name} refused: {why}")
 
     def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
         """Send a setpoint and await its echo: from then on it is what the vehicle flies.
@@ -223,6 +227,14 @@ class Vehicle:
         """Climb by so much from here. Raises VehicleError."""
         nan = math.nan
         self.command(CommandId.TAKEOFF, nan, nan, nan, nan, nan, nan, height_m)
+
+    def land(self) -> None:
+        """Land here. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.LAND)
+
+    def return_home(self) -> None:
+        """Fly home and land there. Raises VehicleError."""
+        self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.RETURN)
 
     def position(self, timeout_s: float = 5.0) -> LocalPosition:
         """The next position it reports. Raises VehicleError."""

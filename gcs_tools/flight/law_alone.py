@@ -62,6 +62,8 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
 
     One that ends early has one of these fewer. Raises LawError.
     """
+    if scene.legs:
+        raise LawError("a mission of items is flown by a whole vehicle, not by a law alone")
     ticks = scene.flown.ticks
     alone, law = flight(scene)
     simulator = Simulator(scene.world, SYSTEM)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, nullcontext, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -84,7 +85,7 @@ class MemoryFlight(ScriptedFlight):
             arrived = self._send_setpoints(vehicle)
             wall = time.monotonic() - first
         flown = self.flown()
-        return Flown(flown.plant, flown.fcu, arrived, first - began, wall)
+        return replace(flown, arrived=arrived, startup_s=first - began, wall_time_s=wall)
 
     def begin(self, stack: ExitStack) -> Vehicle:
         """Make both, and have the vehicle armed and flying the first setpoint: its ground script.

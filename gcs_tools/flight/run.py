@@ -386,7 +386,7 @@ class _Run:
         return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
             exit_code=exit_code, error=error, said=logged(self.folder), folder=str(self.folder),
-            wall_time_s=flown.wall_time_s,
+            begun=flown.begun, refusal=flown.refusal, wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions={**versions(), "law": self._law.identity},
         )  # fmt: skip
@@ -413,6 +413,9 @@ class _Run:
                 except _Cut as cut:
                     flown, exit_code, error = cut.flown, cut.exit_code, cut.error
                 until.finish()
+                for each in flown.begun:
+                    at_s = each.tick / self._scene.rate_hz
+                    recorder.event(at_s, each.told(self._mission.flight))
                 for event in logged(self.folder):
                     recorder.event(event.t, event.text, event.level)
         except RecordingError as failed:

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.airframe import believed
-from fcu.interface.messages import Setpoint
+from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.loader import Law
 from fcu.mavlink.setpoints import setpoint_through_the_wire
+from gcs_tools.judging.metrics import SETTLE_S
+from gcs_tools.missions.asked import Leg, asked, foreseen, legs
+from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission
-from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
 from sitl_plant.physics import tick
 from sitl_plant.physics.world import World, world
 
@@ -33,6 +35,12 @@ class Scenario:
     sent_at: np.ndarray[Any, np.dtype[np.int64]]  # ticks at which setpoints are sent
     sent: tuple[Setpoint, ...]  # what the script sends at them
     arrive: tuple[float, int] | None  # within m of the setpoint, for ticks: the flight is over
+    begin: VehicleState  # where the first setpoint is flown from; of items, after a take-off
+    planned_ticks: (
+        int  # until the setpoints are over; of items as far as is known before the flight
+    )
+    flight: Flight  # the table
+    legs: tuple[Leg, ...] = ()  # of a mission of items: what is sent, and when, is foreseen only
 
     @property
     def law(self) -> Any:
@@ -69,23 +77,34 @@ def scenario(mission: Mission) -> Scenario:
     tops = {row.key.partition(".")[0] for row in rows if row.key}
     chosen = mission.law.model_dump(include=tops, exclude_none=True)
     start = flight.start.model_dump(exclude_none=True)
-    ticks = [int(k) for k in setpoint_times(flight)]
+    if flight.items:
+        begin, sent = foreseen(flight)
+    else:
+        begin, sent = None, list(asked(flight).sent())
+    ticks = round(flight.duration_s * flight.rate_hz)
     arrive = flight.arrive
+    there = world(
+        rate_hz=flight.rate_hz,
+        seed=flight.seed,
+        plant=mission.plant.model_dump(exclude_none=True),
+        wind=mission.wind.model_dump(exclude_none=True),
+        start=start,
+        ground_z_m=flight.ground_z_m,
+        arena_m=flight.arena_m,
+    )
     return Scenario(
         flown=mission.flown,
         settings=mission.flown.settings.settings(*believed(), flight.rate_hz, chosen),
-        world=world(
-            rate_hz=flight.rate_hz,
-            seed=flight.seed,
-            plant=mission.plant.model_dump(exclude_none=True),
-            wind=mission.wind.model_dump(exclude_none=True),
-            start=start,
-            ground_z_m=flight.ground_z_m,
-            arena_m=flight.arena_m,
-        ),
-        ticks=round(flight.duration_s * flight.rate_hz),
+        world=there,
+        ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),
-        sent_at=np.array(ticks, dtype=np.int64),
-        sent=tuple(setpoint_at(flight, k / flight.rate_hz) for k in ticks),
+        sent_at=np.array([each.tick for each in sent], dtype=np.int64),
+        sent=tuple(each.setpoint for each in sent),
         arrive=None if arrive is None else (arrive.within_m, round(arrive.for_s * flight.rate_hz)),
+        begin=there.start if begin is None else there.start._replace(r_E=begin),
+        planned_ticks=max(ticks, sent[-1].tick + round(SETTLE_S * flight.rate_hz))
+        if flight.items
+        else ticks,
+        flight=flight,
+        legs=legs(flight),
     )

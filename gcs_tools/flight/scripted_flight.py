@@ -18,19 +18,22 @@ import numpy as np
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
-from fcu.kernel.rows import column_of
+from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.face import SharedTick
 from gcs_tools.flight.arrival import arrival, stands_from
 from gcs_tools.flight.ground_script import SetpointRefused, Vehicle, VehicleError
+from gcs_tools.flight.item_script import SEND_AGAIN_S, ItemScript, Seen
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.missions.asked import LANDS, Begun
 from gcs_tools.recording.schema import Kinds
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
-SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
-
 _STILL = Vec3(0.0, 0.0, 0.0)
 _ENDED = column_of(PlantRecord, "ended")
+_R_E, _V_E = (slice_of(PlantRecord, f"state.{name}") for name in ("r_E", "v_E"))
+_ENGAGED = column_of(SharedTick, "engaged")
 
 
 @dataclass
@@ -40,13 +43,18 @@ class Flown:
     plant: Rows
     fcu: Rows
     arrived: bool = False
+    begun: tuple[Begun, ...] = ()  # legs of the mission's items
+    done: str = ""  # how a flight ends whose items are done: landed, done; refused; empty: not
+    refusal: str = ""  # what the vehicle would not do
     startup_s: float = 0.0
     wall_time_s: float = 0.0
     said: dict[str, dict[str, Any]] = field(default_factory=dict)  # each process's last words
 
     @property
     def ended(self) -> str:
-        """How the flight ended, if it was not cut short: time, arrived, diverged, crashed."""
+        """How the flight ended, if it was not cut short, as `Result.ended`."""
+        if self.done:
+            return self.done
         how = self.plant[-1, _ENDED] if len(self.plant) else dynamics.FLYING
         words = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}
         return "arrived" if self.arrived else words.get(how, "time")
@@ -66,6 +74,7 @@ class ScriptedFlight(ABC):
         self._progress = progress
         self._kinds = Kinds.of(scene.flown)
         self._on_rows = on_rows
+        self._items: ItemScript | None = None
         self._plant_rows: list[Rows] = []
         self._fcu_rows: list[Rows] = []
 
@@ -87,11 +96,20 @@ class ScriptedFlight(ABC):
         fcu = _joined(self._fcu_rows, size(self._kinds.tick))
         if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
             plant, fcu = in_step(plant, fcu)
-        return Flown(plant, fcu)
+        script = self._items
+        if script is None:
+            return Flown(plant, fcu)
+        lands = self._scene.legs[-1].kind in LANDS
+        done = "refused" if script.refusal else ("landed" if lands else "done") * script.is_done
+        return Flown(plant, fcu, False, tuple(script.begun), done, script.refusal)
 
     def _arm(self, vehicle: Vehicle) -> None:
-        """Armed, and flying the first setpoint. Raises InfrastructureError."""
+        """Armed, and flying the first setpoint; of items on the ground, ready. Raises InfrastructureError."""
         try:
+            if self._scene.legs:
+                self._items = ItemScript(self._scene, vehicle, self._fly_to, self._look_at)
+                self._items.begin()
+                return
             vehicle.wait_ready()
             for _ in range(2):  # one setpoint is not a stream yet
                 vehicle.set_setpoint(self._scene.sent[0])
@@ -104,7 +122,14 @@ class ScriptedFlight(ABC):
         """Let time run up to each setpoint, send it, and on; whether the vehicle arrived.
 
         One that the vehicle refuses is not sent again: the one before is, as long as it would be.
+        Of items: all of them.
         """
+        if self._items is not None:
+            try:
+                self._items.fly()
+            except VehicleError as error:
+                raise InfrastructureError(str(error)) from error
+            return False
         scene, again = self._scene, round(SEND_AGAIN_S * self._scene.rate_hz)
         flown, refused = scene.sent[0], None
         look_at = math.inf if scene.arrive is None else stands_from(scene)
@@ -130,6 +155,13 @@ class ScriptedFlight(ABC):
             except VehicleError as error:
                 raise InfrastructureError(str(error)) from error
         return False
+
+    def _look_at(self, tick: int) -> Seen:
+        """What is so at the last tick before `tick`, or at the last one that was kept."""
+        self._wait_for_rows(tick)
+        plant, fcu = (rows[-1][-1] for rows in (self._plant_rows, self._fcu_rows))
+        r_E, v_E = (Vec3(*plant[each].tolist()) for each in (_R_E, _V_E))
+        return Seen(r_E, v_E, bool(fcu[_ENGAGED] > 0.0))
 
     def _ticks(self, rows: Rows) -> int:
         """The tick after the last of `rows`: their number, if none was dropped."""

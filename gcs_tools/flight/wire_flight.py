@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ class WireFlight(ScriptedFlight):
         if self._collector.error is not None:
             raise InfrastructureError(str(self._collector.error))
         flown = self.flown()
-        return Flown(flown.plant, flown.fcu, arrived, startup, wall, said)
+        return replace(flown, arrived=arrived, startup_s=startup, wall_time_s=wall, said=said)
 
     # --- starting
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.judging.metrics import EngagedTicks, aloft
 from gcs_tools.missions.mission import Mission, Value, written
 from gcs_tools.recording.table import Rows
 
@@ -37,6 +37,7 @@ def causes(
 
     flight : all of it.  ended : how.  passed : whether its expectations are met.  values : in force.
     """
+    flight = aloft(flight)
     if not len(flight.t):
         return []
     up = {name: flight.told(f"outputs.saturation.{name}") > 0.5 for name in _LIMITS}

@@ -160,9 +160,9 @@ def terms(settings: Settings, a: Vec3, v: Vec3, left: float) -> Terms:
 def way(scene: Scenario, settings: Settings | None = None, scale: float = 1.0) -> Rows:
     """The mission's way, ungoverned: rows of `foreseen.along`. `scale`: of its setpoints."""
     guard, law = (settings or scene.settings).guard, (settings or scene.settings).law
-    start = scene.world.start
+    start = scene.begin
     sent = np.array([to_buffer(_scaled(s, start.r_E, scale)) for s in scene.sent])
-    rows = np.empty((math.ceil(scene.ticks * scene.period_us * 1e-6 / LOOK_S), 8))
+    rows = np.empty((math.ceil(scene.planned_ticks * scene.period_us * 1e-6 / LOOK_S), 8))
     foreseen.along(
         guard, law._replace(h=LOOK_S), scene.sent_at / scene.rate_hz, sent,
         start.r_E, start.v_E, rows,
@@ -180,7 +180,7 @@ def tightest(
     """
     settings = settings or scene.settings
     if settings.guard.policy == REFUSE:
-        start = scene.world.start.r_E
+        start = scene.begin.r_E
         least = None
         for each in looks(scene, settings, lambda setpoint: _scaled(setpoint, start, scale)):
             point = each.tightest._replace(at=each.at_s + each.tightest.at)
@@ -250,7 +250,7 @@ def step(settings: Settings, along: tuple[float, float, float], what: str) -> Re
 
 def _steps_of(scene: Scenario) -> tuple[Reach, ...]:
     """The largest step the way of the mission's first, if it has one."""
-    r, to = scene.world.start.r_E, scene.sent[0].r_c
+    r, to = scene.begin.r_E, scene.sent[0].r_c
     jump = (to.x - r.x, to.y - r.y, to.z - r.z)
     far = math.hypot(*jump)
     if far < 0.05:
@@ -327,7 +327,7 @@ def arrives_s(scene: Scenario) -> float | None:
     None: there is no way to go, nobody governs it, or a wind as believed may keep it farther off.
     """
     law, guard = scene.settings
-    far = math.dist(scene.world.start.r_E, scene.sent[0].r_c)
+    far = math.dist(scene.begin.r_E, scene.sent[0].r_c)
     keeps = margin.condition(margin.known(guard, law), STILL, STILL, 0.0) > 0.0
     if far < arrival.ARRIVED_M or guard.policy == WARN or not keeps:
         return None
@@ -335,7 +335,7 @@ def arrives_s(scene: Scenario) -> float | None:
         first = next(iter(looks(scene, scene.settings))).tightest
         return first.arrives if first.margin >= 0.0 and math.isfinite(first.arrives) else None
     speed = math.hypot(*scene.sent[0].v_c)
-    down = scene.world.start.r_E.z - scene.sent[0].r_c.z
+    down = scene.begin.r_E.z - scene.sent[0].r_c.z
     found = float(arrival.at_most_s(guard, law, far, speed, 0.0, speed, down, -scene.sent[0].v_c.z))
     return found if math.isfinite(found) else None
 

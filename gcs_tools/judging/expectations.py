@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, REACHED_M, SETTLE_S
+from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, OF_ITEMS, REACHED_M, SETTLE_S
 from gcs_tools.judging.setpoint_checks import Changed, Standing
 
 MetricFunction = Callable[[str, float | None, float | None], float | None]
@@ -98,11 +98,13 @@ def _bound(name: str, entry: Any) -> _Bound:
     return _Bound(limit, at_least, table.get("from"), table.get("to"))
 
 
-def _judge_metric(
+def judge_metric(
     name: str, entry: Any, metric: MetricFunction, reason: Reason | None = None
 ) -> Expectation:
+    """One metric held against its entry; `reason`: why it has no value. Raises ExpectError."""
     bound = _bound(name, entry)
-    value = metric(name, bound.t_from, bound.t_to) if name in METRICS else None
+    known = name in METRICS or name in OF_ITEMS
+    value = metric(name, bound.t_from, bound.t_to) if known else None
     if value is not None and not math.isfinite(value):
         value = None
     passed = value is not None and (
@@ -175,12 +177,14 @@ def judge_each(
     reason: Reason | None = None,
     standing: Sequence[Standing] = (),
     changed: Sequence[Changed] = (),
+    good: Sequence[str] = GOOD_ENDINGS,
 ) -> list[Expectation]:
     """Each entry of `expect` judged: how the flight ended first, then its setpoints.
 
     metric : value of a metric from and to a time (s); None where there is none.
     ended : how the flight ended. Where nothing else is expected: in time or by arriving. One that
     ended like that, with samples that are not finite, misses an expectation that nobody has to name.
+    good : how a flight ends well, of which any will do where nothing else is expected.
     reason : why a metric has no value, from and to a time, in words.
     standing, changed : setpoints that stood, and that were not flown as asked for. A mission that
     expects a flight to end badly expects nothing of them that it does not name.
@@ -189,10 +193,10 @@ def judge_each(
     wanted = expect.get("ended")
     if wanted is not None and not isinstance(wanted, str):
         raise ExpectError(f"[expect] ended: expected a word, got {wanted!r}")
-    endings = GOOD_ENDINGS if wanted is None else (wanted,)
+    endings = tuple(good) if wanted is None else (wanted,)
     limit = " or ".join(endings)
     first = Expectation("ended", limit, ended, ended in endings, f"ended = {limit}")
-    ends_well = not set(endings).isdisjoint(GOOD_ENDINGS)
+    ends_well = not set(endings).isdisjoint(good)
     checks = []
     if ends_well or REACHED in expect:
         checks.append(_judge_reached(expect.get(REACHED), standing))
@@ -200,9 +204,9 @@ def judge_each(
         checks.append(_judge_limited(expect.get(LIMITED), changed))
     rest = [check for check in checks if check is not None]
     rest += [
-        _judge_metric(n, entry, metric, reason) for n, entry in expect.items() if n not in OTHERS
+        judge_metric(n, entry, metric, reason) for n, entry in expect.items() if n not in OTHERS
     ]
-    if NOT_FINITE not in expect and ended in GOOD_ENDINGS:  # nothing follows from such a flight
-        finite = _judge_metric(NOT_FINITE, 0.0, metric)
+    if NOT_FINITE not in expect and ended in good:  # nothing follows from such a flight
+        finite = judge_metric(NOT_FINITE, 0.0, metric)
         rest += [] if finite.passed or finite.value is None else [finite]
     return [first, *rest]

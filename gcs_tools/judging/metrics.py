@@ -12,15 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from gcs_tools.recording.table import Rows, Table
 
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
 REACHED_M = (
     0.5  # how near a setpoint that stands that long is to be reached, if a mission does not say
 )
+BOUNCE_S = 0.5  # in the air for less, between two contacts with the ground, is no flight
 FINAL_S = 1.0  # length of the last part of a flight that metrics of its end look at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"
@@ -48,6 +52,16 @@ def settle_from(fcu: Table) -> float:
     return float(fcu["t"][last]) + SETTLE_S
 
 
+def on_ground(plant: Table) -> Flags:
+    """Whether the vehicle stood on the ground at each row of a plant's table, or bounced there."""
+    touches = plant["on_ground"] > 0.5 if "on_ground" in plant else np.zeros(len(plant), bool)
+    at, t = np.flatnonzero(touches), plant["t"]
+    bounces = (np.diff(at) > 1) & (np.diff(t[at]) < BOUNCE_S)
+    for i in np.flatnonzero(bounces).tolist():
+        touches[at[i] : at[i + 1]] = True
+    return touches
+
+
 def _flying(fcu: Table) -> Table:
     """The ticks at which the law was flying."""
     return fcu.take(fcu["engaged"] > 0.5)
@@ -61,6 +75,8 @@ class EngagedTicks:
     reference_error: Rows  # m, from the reference model; not finite where either is not
     has_reference: bool
     setpoint_error: Rows  # m, from the setpoint that was asked for
+    is_asked: Flags  # whether a place was asked for: a vehicle that lands has none
+    is_grounded: Flags  # whether it stood on the ground, or bounced there
     plant: Table  # the truth, at the same ticks
     fcu: Table  # what the controller told
     settle_from_s: float
@@ -76,22 +92,27 @@ class EngagedTicks:
         """Join the rows of plant and flight controller that belong to one time.
 
         settle_from_s : from where settled metrics count; by default `settle_from(fcu)`.
-        asked : the position setpoint, float64 (n, 3), m, E, that was asked for at times (n,), s; by
-        default the one that the vehicle flew, which is all that is known without a mission.
+        asked : the position setpoint, float64 (n, 3), m, E, that was asked for at times (n,), s, not
+        a number where none was; by default the one that the vehicle flew, which is all that is known
+        without a mission.
         """
+        grounded = on_ground(plant)
         fcu = _flying(fcu)
         _, of_plant, of_fcu = np.intersect1d(
             np.rint(plant["t"] * 1e6), np.rint(fcu["t"] * 1e6), return_indices=True
         )
-        plant, fcu = plant.take(of_plant), fcu.take(of_fcu)
+        plant, fcu, grounded = plant.take(of_plant), fcu.take(of_fcu), grounded[of_plant]
+        wanted = fcu["setpoint.r_c"] if asked is None else asked(fcu["t"])
+        is_asked: Flags = np.full(len(wanted), asked is None)
+        is_asked |= np.isfinite(wanted).all(axis=1)
         true_r = plant["state.r_E"]
         return cls(
             t=fcu["t"],
             reference_error=_distance(true_r, fcu["outputs.reference.r_m"]),
             has_reference=not np.isnan(fcu["outputs.reference.r_m"]).all(),
-            setpoint_error=_distance(
-                true_r, fcu["setpoint.r_c"] if asked is None else asked(fcu["t"])
-            ),
+            setpoint_error=_distance(true_r, wanted),
+            is_asked=is_asked,
+            is_grounded=grounded,
             plant=plant,
             fcu=fcu,
             settle_from_s=settle_from(fcu) if settle_from_s is None else settle_from_s,
@@ -105,14 +126,19 @@ class EngagedTicks:
         """The ticks from t_from to t_to (s, both included); None: from the start, to the end."""
         low = 0 if t_from is None else np.searchsorted(self.t, t_from - _HALF_US)
         high = len(self.t) if t_to is None else np.searchsorted(self.t, t_to + _HALF_US)
-        inside = slice(int(low), int(high))
+        return self.take(slice(int(low), int(high)))
+
+    def take(self, which: Any) -> EngagedTicks:
+        """Some of the ticks: a slice, or a flag for each."""
         return EngagedTicks(
-            self.t[inside],
-            self.reference_error[inside],
+            self.t[which],
+            self.reference_error[which],
             self.has_reference,
-            self.setpoint_error[inside],
-            self.plant.take(inside),
-            self.fcu.take(inside),
+            self.setpoint_error[which],
+            self.is_asked[which],
+            self.is_grounded[which],
+            self.plant.take(which),
+            self.fcu.take(which),
             self.settle_from_s,
         )
 
@@ -137,6 +163,10 @@ class EngagedTicks:
             return f"no tick{after}" + ("" if t_to is None else f" before {t_to:g} s")
         if name.startswith("reference_error_") and not self.has_reference:
             return "this law has no reference model"
+        if name.startswith("setpoint_error_") and not ticks.is_asked.any():
+            return "no place was asked for"
+        if name in ALOFT and ticks.is_grounded.all():
+            return "the vehicle was on the ground"
         if "_settled_" in name and not len(_settled(ticks).t):
             return f"the flight counts as settled from {self.settle_from_s:g} s"
         if name.startswith(_OF_A_GUARD) and "guard.governed" not in self.fcu:
@@ -189,14 +219,29 @@ def _tilts(flight: EngagedTicks) -> Rows:
     return both
 
 
+def _asked(flight: EngagedTicks) -> EngagedTicks:
+    """The ticks at which a place was asked for."""
+    return flight if flight.is_asked.all() else flight.take(flight.is_asked)
+
+
+def aloft(flight: EngagedTicks) -> EngagedTicks:
+    """The ticks in the air: on the ground motors idle, and a limit means nothing."""
+    return flight.take(~flight.is_grounded) if flight.is_grounded.any() else flight
+
+
 def _settled(flight: EngagedTicks) -> EngagedTicks:
     return flight.window(flight.settle_from_s, None)
 
 
-def _fraction(*names: str) -> Callable[[EngagedTicks], float]:
-    """The part of the ticks at which a flag is up, or one of several; NaN if none is known."""
+def _fraction(*names: str, in_air: bool = False) -> Callable[[EngagedTicks], float]:
+    """The part of the ticks, or of those in the air, at which a flag is up, or one of several.
+
+    NaN if none is known.
+    """
 
     def part(flight: EngagedTicks) -> float:
+        if in_air:
+            flight = aloft(flight)
         flag = np.fmax.reduce([flight.told(name) for name in names])
         known = len(flag) > 0 and not np.isnan(flag).any()
         return float(np.mean(flag > 0.5)) if known else math.nan
@@ -228,25 +273,32 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "reference_error_rms_settled_m": lambda f: _rms(_settled(f).reference_error),
     "reference_error_max_m": lambda f: _greatest(f.reference_error),
     "reference_error_final_m": lambda f: _final(f, f.reference_error),
-    "setpoint_error_rms_m": lambda f: _rms(f.setpoint_error),
-    "setpoint_error_rms_settled_m": lambda f: _rms(_settled(f).setpoint_error),
-    "setpoint_error_max_m": lambda f: _greatest(f.setpoint_error),
-    "setpoint_error_final_m": lambda f: _final(f, f.setpoint_error),
-    "thrust_saturated_fraction": _fraction("outputs.saturation.thrust"),
-    "tilt_saturated_fraction": _fraction("outputs.saturation.tilt"),
-    "torque_saturated_fraction": _fraction("outputs.saturation.torque"),
-    "yaw_saturated_fraction": _fraction("outputs.saturation.yaw"),
-    "rotor_saturated_fraction": _fraction("outputs.saturation.torque", "outputs.saturation.yaw"),
+    "setpoint_error_rms_m": lambda f: _rms(_asked(f).setpoint_error),
+    "setpoint_error_rms_settled_m": lambda f: _rms(_asked(_settled(f)).setpoint_error),
+    "setpoint_error_max_m": lambda f: _greatest(_asked(f).setpoint_error),
+    "setpoint_error_final_m": lambda f: _final(_asked(f), _asked(f).setpoint_error),
+    "thrust_saturated_fraction": _fraction("outputs.saturation.thrust", in_air=True),
+    "tilt_saturated_fraction": _fraction("outputs.saturation.tilt", in_air=True),
+    "torque_saturated_fraction": _fraction("outputs.saturation.torque", in_air=True),
+    "yaw_saturated_fraction": _fraction("outputs.saturation.yaw", in_air=True),
+    "rotor_saturated_fraction": _fraction(
+        "outputs.saturation.torque", "outputs.saturation.yaw", in_air=True
+    ),
     "governed_fraction": _fraction("guard.governed"),
     "contradicted_fraction": _contradicted,
-    "margin_min_n": lambda f: _least(f.told("guard.margin.force")),
-    "margin_tilt_min_deg": lambda f: math.degrees(_least(f.told("guard.margin.tilt"))),
-    "margin_condition_min_n": lambda f: _least(f.told("guard.margin.condition")),
+    "margin_min_n": lambda f: _least(aloft(f).told("guard.margin.force")),
+    "margin_tilt_min_deg": lambda f: math.degrees(_least(aloft(f).told("guard.margin.tilt"))),
+    "margin_condition_min_n": lambda f: _least(aloft(f).told("guard.margin.condition")),
     "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
     "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
     "nonfinite_samples": _nonfinite,
 }
 
+
+OF_ITEMS = ("took_s", "touchdown_m_s", "touchdown_m")  # of items alone: see item_checks
+
+# of the ticks in the air
+ALOFT = frozenset(n for n in METRICS if "_saturated_" in n or n.startswith("margin_"))
 
 # what is wanted of these is a floor: a bare number in [expect] is the least that will do
 FLOOR = "this metric is a minimum: a number is the least that it may be"

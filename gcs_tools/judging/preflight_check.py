@@ -45,7 +45,7 @@ def looks(
     law, guard = settings
     look = admission.Look(guard, law)
     guard_buffer, law_buffer = to_buffer(guard), to_buffer(law)
-    start = through_the_wire(scene.world.start)
+    start = through_the_wire(scene.begin)
     reference = np.array([*start.r_E, *start.v_E, 0.0, 0.0, 0.0])
     before = None
     for k, row in zip(scene.sent_at.tolist(), scene.setpoints, strict=True):

@@ -15,7 +15,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,16 +23,20 @@ import numpy as np
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
-from gcs_tools.judging.expectations import Expectation, judge_each
+from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_each
+from gcs_tools.judging.item_checks import ItemFlown, items_flown, judge_items, unfinished
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.judging.setpoint_checks import changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
+from gcs_tools.missions.asked import Begun, asked, legs
+from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.items import LANDINGS
 from gcs_tools.missions.mission import Mission, Value
-from gcs_tools.missions.trajectory import last_change_s, positions_at
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
+DONE = ("landed", "done")  # how a flight ends whose items are all done
 SCHEMA_VERSION = 2  # 1: metrics position_* and command_*; no warnings
 ROOM_BYTES = 1 << 18  # for a result and what its folder takes; one has some 15 kB
 
@@ -50,7 +53,7 @@ class Result:
     title: str
     passed: bool
     exit_code: int
-    ended: str  # time, arrived, diverged, crashed, aborted; rejected: it never flew
+    ended: str  # time, arrived, landed, done, refused, diverged, crashed, aborted; rejected: it never flew
     seed: int
     rate_hz: float
     sim_time_s: float  # first to last tick
@@ -64,6 +67,7 @@ class Result:
     values: dict[str, Value]  # dotted name -> value in force
     expectations: list[Expectation]
     metrics: dict[str, float | None]  # None: without a value
+    items: list[ItemFlown] = field(default_factory=list)  # of a mission that has items
     settle_s: float = SETTLE_S  # from where metrics are settled, and setpoints are to be reached
     folder: str = ""  # of the run, as it was named when it was flown
     changes: list[str] = field(default_factory=list)  # of the mission, from the command line
@@ -93,31 +97,41 @@ class Result:
 
 def judge(
     mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, *, ended: str, exit_code: int,
-    error: str | None, said: Iterable[Event] = (), **about: Any,
+    error: str | None, said: Iterable[Event] = (), begun: tuple[Begun, ...] = (), refusal: str = "",
+    **about: Any,
 ) -> Result:  # fmt: skip
     """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
 
     plant, fcu : rows that begin with a PlantRecord, a Tick.  ended : how the flight ended, if it was not cut short.
-    error : what cut it short, in words.  said : what both processes logged.  about : wall times, slips and versions of the Result.
+    error : what cut it short, in words.  said : what both processes logged.  begun : the legs of its
+    items.  refusal : which of them the vehicle would not do, in words.  about : wall times, slips and versions of the Result.
     """
     judged: list[Expectation] = []
+    items: list[ItemFlown] = []
+    sim_time = float(plant[-1, 0]) if len(plant) else 0.0
     measured: dict[str, float | None] = {}
-    whole = exit_code == OK and len(plant) > 0 and len(fcu) > 0
-    if len(plant) and len(fcu):
+    whole = exit_code == OK
+    if whole or (len(plant) and len(fcu)):
         told = Table.of(PlantRecord, plant), Table.of(mission.flown.ticks.Tick, fcu)
-        flight = EngagedTicks.of(
-            *told, last_change_s(mission.flight) + SETTLE_S, partial(positions_at, mission.flight)
-        )
+        wanted = asked(mission.flight, begun)
+        flight = EngagedTicks.of(*told, wanted.last_change_s + SETTLE_S, wanted.positions_at)
         measured = flight.metrics()
+        items = items_flown(
+            mission.flight, begun, (round(sim_time * rate_hz) + 1) / rate_hz, ended in DONE
+        )
         if whole:
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value,
-                standing(mission.flight, told[0]), changed(mission.flight, told[1]),
+                standing(wanted, told[0]), changed(wanted, told[1]),
+                good_endings(mission.flight),
             )  # fmt: skip
+            of_items = [item["expect"] for item in mission.items()]
+            judged += judge_items(mission.flight, of_items, items, flight, told[0], begun)
     values = mission.values_in_force()
     passed = exit_code == OK and all(e.passed for e in judged)
     why = causes(mission, flight, ended, passed, values) if whole else []
-    sim_time = float(plant[-1, 0]) if len(plant) else 0.0
+    if whole and mission.flight.items and ended not in DONE:
+        why.insert(0, _not_done(mission.flight, begun, told[0], refusal))
     wall_time = about["wall_time_s"]
     return Result(
         mission=mission.name,
@@ -135,11 +149,27 @@ def judge(
         expectations=judged,
         metrics=measured,
         changes=mission.changes(),
+        items=items,
         causes=why,
         warnings=warnings(said, sim_time),
         error=error,
         **about,
     )
+
+
+def good_endings(flight: Flight) -> tuple[str, ...]:
+    """How a flight ends well, if its mission does not say."""
+    if not flight.items:
+        return GOOD_ENDINGS
+    return ("landed",) if isinstance(flight.items[-1], LANDINGS) else ("done",)
+
+
+def _not_done(flight: Flight, begun: tuple[Begun, ...], plant: Table, refusal: str) -> str:
+    """Which item it is that was not done, and why."""
+    if not refusal:
+        return unfinished(flight, begun, plant)
+    item = legs(flight)[begun[-1].leg].item
+    return f"Item {item + 1} of {len(flight.items)} ({flight.items[item].kind}): {refusal}."
 
 
 def rejected(mission: str, why: str, versions: dict[str, str]) -> Result:
@@ -238,8 +268,11 @@ def read(path: Path) -> Result:
         values = {name: Value(**entry) for name, entry in content.pop("values").items()}
         expectations = [Expectation(**entry) for entry in content.pop("expectations")]
         warned = [Warned(**entry) for entry in content.pop("warnings")]
+        items = [ItemFlown(**entry) for entry in content.pop("items", [])]
         given = {name: value for name, value in content.items() if name in known}
-        return Result(values=values, expectations=expectations, warnings=warned, **given)
+        return Result(
+            values=values, expectations=expectations, warnings=warned, items=items, **given
+        )
     except (KeyError, TypeError, AttributeError) as error:
         raise ResultError(f"{path}: not a result ({error})") from error
 

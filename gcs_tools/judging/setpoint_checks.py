@@ -7,7 +7,6 @@ setpoint that it limits or refuses is another one there than the mission's.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,7 @@ import numpy as np
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S
-from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.trajectory import setpoint_at, setpoint_times
+from gcs_tools.missions.asked import Asked
 from gcs_tools.recording.table import Table
 
 _COMPARED = (
@@ -84,54 +82,45 @@ def _far(asked: object, flown: object) -> bool:
     return bool((np.abs(a - b) > _ROUNDED + _ROUNDED_PART * np.abs(a)).any())
 
 
-def _places(flight: Flight) -> Iterator[tuple[float, tuple[float, float, float]]]:
-    """Since when which place is asked for: of those that are the same, the first."""
-    before = None
-    for timed in flight.setpoints:
-        if timed.position_m != before:
-            yield timed.at_s, timed.position_m
-        before = timed.position_m
-
-
-def standing(flight: Flight, plant: Table) -> list[Standing]:
-    """Each setpoint of a mission that stood for SETTLE_S in a flight of which `plant` is the truth."""
+def standing(asked: Asked, plant: Table) -> list[Standing]:
+    """Each place of a mission that stood for SETTLE_S in a flight of which `plant` is the truth."""
     found: list[Standing] = []
     t, r_E = plant["t"], plant["state.r_E"]
     if not len(t):
         return found
-    over_s = float(t[-1]) + 1.0 / flight.rate_hz
-    places = list(_places(flight))
-    for i, (since_s, place) in enumerate(places):
-        until_s = min(places[i + 1][0], over_s) if i + 1 < len(places) else over_s
+    over_s = float(t[-1]) + 1.0 / asked.flight.rate_hz
+    for since_s, ends_s, place in asked.places():
+        until_s = min(ends_s, over_s)
         if until_s - since_s < SETTLE_S - _HALF_US:
             continue
         last = int(np.searchsorted(t, until_s - _HALF_US)) - 1
         with np.errstate(invalid="ignore", over="ignore"):
             away = float(np.linalg.norm(r_E[last] - np.array(place)))
         away = away if math.isfinite(away) else math.inf
-        found.append(Standing(since_s, round(until_s, 6), Vec3(*place), away))
+        found.append(Standing(since_s, round(until_s, 6), place, away))
     return found
 
 
-def changed(flight: Flight, fcu: Table) -> list[Changed]:
+def changed(asked: Asked, fcu: Table) -> list[Changed]:
     """Setpoints that were flown as others; of those for one place, and of a curve, the first.
 
     fcu : what the controller told, of a law that was flying or not.
     """
-    flies = fcu["engaged"] > 0.5
-    ticks = np.rint(fcu["t"][flies] * flight.rate_hz).astype(np.int64)
-    sent = np.array(setpoint_times(flight))
-    sent = sent[np.isin(sent, ticks)]  # in real time some are dropped
-    asked = [setpoint_at(flight, k / flight.rate_hz) for k in sent.tolist()]
-    wanted = np.array([_compared(setpoint) for setpoint in asked]).reshape(-1, len(_COMPARED))
-    at = np.flatnonzero(flies)[np.searchsorted(ticks, sent)]
+    flies, rate_hz = fcu["engaged"] > 0.5, asked.flight.rate_hz
+    ticks = np.rint(fcu["t"][flies] * rate_hz).astype(np.int64)
+    sent = list(asked.sent())
+    there = np.isin([each.tick for each in sent], ticks)  # in real time some are dropped
+    sent = [each for each, is_there in zip(sent, there.tolist(), strict=True) if is_there]
+    wanted = np.array([_compared(each.setpoint) for each in sent]).reshape(-1, len(_COMPARED))
+    at = np.flatnonzero(flies)[np.searchsorted(ticks, [each.tick for each in sent])]
     made = np.stack([fcu[f"setpoint.{name}"][at] for name in _COMPARED], axis=1)
     off = np.abs(wanted - made) > _ROUNDED + _ROUNDED_PART * np.abs(wanted)
     found: list[Changed] = []
     for i in np.flatnonzero(off.any(axis=1)).tolist():
-        again = found and (flight.curve is not None or found[-1].asked.r_c == asked[i].r_c)
+        tick, setpoint = sent[i]
+        again = found and (asked.flight.curve is not None or found[-1].asked.r_c == setpoint.r_c)
         if not again:
             r_c, v_c, a_c = (Vec3(*made[i, j : j + 3].tolist()) for j in (0, 3, 6))
-            flown = asked[i]._replace(r_c=r_c, v_c=v_c, a_c=a_c, psi_dot_c=float(made[i, 9]))
-            found.append(Changed(float(sent[i]) / flight.rate_hz, asked[i], flown))
+            flown = setpoint._replace(r_c=r_c, v_c=v_c, a_c=a_c, psi_dot_c=float(made[i, 9]))
+            found.append(Changed(tick / rate_hz, setpoint, flown))
     return found

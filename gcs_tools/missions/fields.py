@@ -33,6 +33,11 @@ def wrong(key: tuple[str | int, ...], expected: str, got: Any = None) -> Pydanti
     )
 
 
+def because(key: tuple[str | int, ...], why: str) -> PydanticCustomError:
+    """What a check raises that is told in its own words: the key at fault below the table checked."""
+    return PydanticCustomError("because", "{why}", {"key": key, "why": why})
+
+
 def _whole(value: Any) -> Any:
     """500.0 as 500: a rate on a command line is a float."""
     return int(value) if isinstance(value, float) and value.is_integer() else value

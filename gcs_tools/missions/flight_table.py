@@ -22,6 +22,7 @@ from gcs_tools.missions.fields import (
     optional,
     wrong,
 )
+from gcs_tools.missions.items import Item, check
 
 
 def _timed(value: Any) -> Any:
@@ -97,9 +98,12 @@ class Flight(Table):
     ground_z_m: Coordinate = Field(-10.0, description="height of the ground, m")
     arena_m: Positive = Field(100.0, description="farther from the start the flight has diverged")
     setpoints: Annotated[tuple[Setpoint, ...], Field(strict=False)] = Field(
-        (), description="positions over time, the first at 0; or curve"
+        (), description="positions over time, the first at 0; or curve, or items"
     )
-    curve: FigureEight | None = optional("a moving setpoint; or setpoints")
+    curve: FigureEight | None = optional("a moving setpoint; in place of setpoints")
+    items: Annotated[tuple[Item, ...], Field(strict=False)] = Field(
+        (), description="what the vehicle does, one after the other; in place of setpoints"
+    )
     yaw: Yaw | None = optional("a swing of the yaw command")
     yaw_deg: float | None = optional("yaw command; left out: the yaw of the start")
     stream_hz: Annotated[int, Field(ge=2, le=100)] = Field(
@@ -109,8 +113,8 @@ class Flight(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if bool(self.setpoints) == (self.curve is not None):
-            raise wrong((), "either setpoints or curve")
+        if bool(self.setpoints) + bool(self.items) + (self.curve is not None) != 1:
+            raise wrong((), "one of setpoints, curve and items")
         times = [s.at_s for s in self.setpoints]
         if times and times[0] != 0.0:
             raise wrong(("setpoints", 0, "at_s"), "0 (a flight begins with a setpoint)", times[0])
@@ -126,4 +130,20 @@ class Flight(Table):
         if not self.start.on_ground and height <= self.ground_z_m:
             key = ("start", "position_m", 2)
             raise wrong(key, f"a height above ground_z_m, {self.ground_z_m:g}", height)
+        if self.items:
+            self._check_items()
         return self
+
+    def _check_items(self) -> None:
+        for key in ("arrive", "yaw"):
+            if getattr(self, key) is not None:
+                raise wrong(
+                    (key,), "no such key beside items: they have an end, and a yaw_deg, each"
+                )
+        x, y, height = self.start.position_m
+        if self.start.on_ground:
+            height = self.ground_z_m
+        check(
+            self.items, in_air=not self.start.on_ground, start=(x, y, height),
+            ground=self.ground_z_m, arena=self.arena_m, duration=self.duration_s,
+        )  # fmt: skip

@@ -24,6 +24,7 @@ from fcu.interface.input_file import TomlError
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from gcs_tools.judging.metrics import RENAMED
+from gcs_tools.missions import items
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.tables import Document, Plant, Wind, document
@@ -72,6 +73,10 @@ class Mission:
     def expectations(self) -> dict[str, Any]:
         """[expect] as plain values: metric -> { limit or at_least, from, to }, ended -> a word."""
         return self.expect.model_dump(by_alias=True, exclude_none=True)
+
+    def items(self) -> list[dict[str, Any]]:
+        """[[flight.items]] as plain values, each with its `expect`."""
+        return [item.model_dump(by_alias=True, exclude_none=True) for item in self.flight.items]
 
     def changes(self) -> list[str]:
         """What was changed from the command line: `law.f_m = 1.5 (--set)`."""
@@ -211,7 +216,7 @@ def _checked(
     try:
         flown = loader.load(module if isinstance(module, str) else loader.DEFAULT, folder)
         kind = document(flown)
-        tables = kind.model_validate(given)
+        tables = kind.model_validate(given, context={items.FOLDER: folder})
     except LawError as error:
         line = nearest(found, ("law", "module"))
         where = source if line is None else f"{source}:{line}"
@@ -252,6 +257,7 @@ _EXPECTED = {
     "less_than": "a number < {lt:g}",
     "less_than_equal": "a number <= {le:g}",
     "literal_error": "{expected}",
+    "too_short": "{min_length} elements or more",
     "mission": "{expected}",
 }
 _NOTHING = object()
@@ -272,8 +278,8 @@ def _problems(
         path: KeyPath = problem["loc"]
         context, got = problem.get("ctx", {}), problem["input"]
         kind = problem["type"]
-        if kind == "mission":
-            path, got = (*path, *context["key"]), context["got"]
+        if kind in ("mission", "because"):
+            path, got = (*path, *context["key"]), context.get("got")
             got = _NOTHING if got is None else got
         if kind == "extra_forbidden":
             if path[0] == "expect" and (now := RENAMED.get(str(path[-1]))) is not None:
@@ -289,11 +295,15 @@ def _problems(
                 path = path[:-1]
                 said = f"expected {lacking[path] + 1} numbers, got {_written(got)}"
         elif kind == "too_long":
-            said = f"expected {context['max_length']} numbers, got {_written(got)}"
+            what = "numbers" if context["max_length"] <= 10 else "elements at most"
+            said = f"expected {context['max_length']} {what}, got {_written(got)}"
+        elif kind == "because":
+            said = context["why"]
         else:
             expected = _EXPECTED.get(kind, problem["msg"]).format(**context)
             said = f"expected {expected}"
             said += "" if got is _NOTHING else f", got {_written(got)}"
+        path = _untagged(path)
         line = nearest(found, path)
         where = source if line is None else f"{source}:{line}"
         placed.append((line or 0, f"{where}: {_key(path, got)}: {said}"))
@@ -323,10 +333,28 @@ def _elsewhere(path: KeyPath, kind: type[Document]) -> str:
 def _known(path: KeyPath, kind: type[Document]) -> list[str]:
     """The keys of the table at `path`."""
     model: Any = kind
+    several: list[Any] = []
     for name in path:
         if isinstance(name, str):
-            model = next(iter(_models(model.model_fields[name].annotation)))
+            tagged = [each for each in several if name in _kinds(each)]
+            if tagged:
+                model = tagged[0]
+                continue
+            several = list(_models(model.model_fields[name].annotation))
+            model = several[0]
     return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _kinds(model: Any) -> tuple[str, ...]:
+    """The kinds of a table that is one of several."""
+    kind = model.model_fields.get("kind")
+    return () if kind is None else getattr(kind.annotation, "__args__", ())
+
+
+def _untagged(path: KeyPath) -> KeyPath:
+    """A path without the kind that stands between an item and its key."""
+    tagged = len(path) > 3 and path[:2] == ("flight", "items") and path[3] in items.KINDS
+    return (*path[:3], *path[4:]) if tagged else path
 
 
 def _models(kind: Any) -> Iterator[type[BaseModel]]:

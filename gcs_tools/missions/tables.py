@@ -17,7 +17,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model, model
 from fcu.interface.parameter import Parameter
 from fcu.laws.loader import Law
 from fcu.settings import PARAMETERS
-from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, REACHED_M, SETTLE_S
+from gcs_tools.judging.metrics import REACHED_M, SETTLE_S
+from gcs_tools.missions.bounds import LIMITS
 from gcs_tools.missions.fields import (
     ZERO,
     NotNegative,
@@ -26,11 +27,13 @@ from gcs_tools.missions.fields import (
     Positive,
     Positives,
     Table,
+    because,
     optional,
     three,
     wrong,
 )
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.items import LANDINGS
 
 # --- [law]
 
@@ -187,56 +190,12 @@ class Plant(Table):
 # --- [expect]
 
 
-class Bound(Table):
-    """A limit of a metric, over the flight or from a time to a time.
+_Ending = Literal["time", "arrived", "landed", "done", "refused", "diverged", "crashed"]
 
-    A number is its `limit`, and of a metric that is a minimum its `at_least`.
-    """
-
-    limit: float | None = optional("at most")
-    at_least: float | None = optional("at least")
-    t_from: NotNegative | None = Field(None, alias="from", description="s")
-    t_to: NotNegative | None = Field(None, alias="to", description="s")
-
-    @model_validator(mode="after")
-    def _one_limit(self) -> Self:
-        if (self.limit is None) == (self.at_least is None):
-            raise wrong((), "either limit or at_least")
-        if (self.t_to or math.inf) <= (self.t_from or 0.0):
-            raise wrong(("to",), f"a time after from, {self.t_from or 0.0:g}", self.t_to)
-        return self
-
-
-def _bound(value: Any) -> Any:
-    """A number as the table that it is short for."""
-    if isinstance(value, dict):
-        return value
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise wrong((), "a number, or a table { limit or at_least, from, to }", value)
-    return {"limit": value}
-
-
-def _floor(value: Any) -> Any:
-    """A number as the table that it is short for, of a metric that is a minimum."""
-    if isinstance(value, dict) and "limit" in value:
-        raise wrong(("limit",), f"at_least ({FLOOR})", value["limit"])
-    table = _bound(value)
-    return table if table is value else {"at_least": value}
-
-
-_Limit = Annotated[Bound, BeforeValidator(_bound, json_schema_input_type=float | Bound)]
-_Floor = Annotated[Bound, BeforeValidator(_floor, json_schema_input_type=float | Bound)]
-_Ending = Literal["time", "arrived", "diverged", "crashed"]
-
-_ended: Any = (_Ending | None, optional("how the flight ends; left out: time or arrived"))
-_limits: dict[str, Any] = {
-    name: (
-        (_Floor | None, optional("a number: at least"))
-        if name in FLOORS
-        else (_Limit | None, optional("a number: at most"))
-    )
-    for name in METRICS
-}
+_ended: Any = (
+    _Ending | None,
+    optional("how the flight ends; left out: time or arrived, of items landed or done"),
+)
 
 
 def _distance(value: Any) -> Any:
@@ -265,7 +224,7 @@ Expect: type[Table] = create_model(
     ended=_ended,
     reached=_reached,
     limited=_limited,
-    **_limits,
+    **LIMITS,
 )
 
 
@@ -287,6 +246,21 @@ class Document(Table):
     wind: Wind = Wind()
     plant: Plant = Plant()
     expect: Expect = Expect()
+
+    @model_validator(mode="after")
+    def _can_end_so(self) -> Self:
+        ended, items = self.expect.ended, self.flight.items  # type: ignore[attr-defined]
+        lands = bool(items) and isinstance(items[-1], LANDINGS)
+        lacks = {
+            "arrived": self.flight.arrive is None and "[flight] arrive says when it has arrived",
+            "landed": not lands and "the last of [[flight.items]] is land or return",
+            "done": (lands or not items) and "the last of [[flight.items]] does not land",
+            "refused": not items and "there are [[flight.items]]",
+        }
+        if lack := lacks.get(ended):
+            key = ("expect", "ended")
+            raise because(key, f"a flight ends {ended} only where {lack}: this end can never come")
+        return self
 
 
 @cache

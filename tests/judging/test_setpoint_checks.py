@@ -13,6 +13,7 @@ from fcu.kernel.buffers import columns, size
 from fcu.tick import Tick
 from gcs_tools.judging.expectations import ExpectError, judge_each
 from gcs_tools.judging.setpoint_checks import Standing, changed, standing
+from gcs_tools.missions.asked import Asked, asked
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
@@ -21,9 +22,11 @@ RATE = 100
 EIGHT = {"kind": "figure_eight", "size_m": [16.0, 8.0], "speed_max_m_s": 5.0}
 
 
-def flight(*setpoints: list[float], **keys: Any) -> Flight:
-    return Flight.model_validate(
-        {"duration_s": 20.0, "rate_hz": RATE, "setpoints": list(setpoints), **keys}
+def flight(*setpoints: list[float], **keys: Any) -> Asked:
+    return asked(
+        Flight.model_validate(
+            {"duration_s": 20.0, "rate_hz": RATE, "setpoints": list(setpoints), **keys}
+        )
     )
 
 
@@ -52,8 +55,8 @@ def reached(standing: list[Standing], entry: Any = None, ended: str = "time") ->
 )
 def test_a_setpoint_counts_that_stands_for_five_seconds(seconds, times) -> None:
     """Setpoints of one place are one; the last one stands until the flight has ended."""
-    asked = flight([0.0, 0, 0, 0], [3.0, 0, 0, 0], [5.0, 1, 0, 0], [9.0, 2, 0, 0], [10.0, 2, 0, 0])
-    found = standing(asked, rows(seconds)[0])
+    told = flight([0.0, 0, 0, 0], [3.0, 0, 0, 0], [5.0, 1, 0, 0], [9.0, 2, 0, 0], [10.0, 2, 0, 0])
+    found = standing(told, rows(seconds)[0])
     assert [(each.since_s, each.until_s) for each in found] == times
 
 
@@ -132,8 +135,8 @@ def test_a_setpoint_that_is_flown_as_another_one_is_told_once(column, value, sai
     _, fcu = rows(20.0)
     put(fcu, "setpoint.r_c.x", 1000.0, from_s=10.0)
     put(fcu, f"setpoint.{column}", value, from_s=10.0)
-    asked = flight([0.0, 0, 0, 0], [10.0, 1000, 0, 0])
-    (found,) = changed(asked, fcu)
+    told = flight([0.0, 0, 0, 0], [10.0, 1000, 0, 0])
+    (found,) = changed(told, fcu)
     assert said in str(found)
     swinging = flight(
         [0.0, 0, 0, 0], [10.0, 1000, 0, 0], yaw={"amplitude_rad": 0.0, "frequency_rad_s": 1.0}

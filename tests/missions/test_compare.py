@@ -57,7 +57,7 @@ def test_every_seed_is_flown_counted_and_named(tmp_path: Path) -> None:
 def test_those_that_failed_are_named(tmp_path: Path) -> None:
     done = called(
         "fly", "noisy_state", "--seed", "2..3", "--in-process", "--record", "none", "--figure",
-        "never", "--set", "flight.duration_s=1", "--set", "expect.ended=arrived",
+        "never", "--set", "flight.duration_s=1", "--set", "expect.ended=crashed",
         "--out", tmp_path / "runs",
     )  # fmt: skip
     assert done.exit_code == 1

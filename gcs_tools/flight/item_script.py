@@ -1,0 +1,164 @@
+"""The items of a mission, flown one after the other as a ground script would have them flown.
+
+Simulation time stands while the script says something, and runs to its next look: ten a second. It
+sees where the vehicle is by the truth, as the verdict does, and whether it flies by what the controller
+tells. Over the wire and in one process the looks fall on the same ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
+from gcs_tools.flight.ground_script import SLOW_M_S, Refused, Vehicle
+from gcs_tools.flight.scenario import Scenario
+from gcs_tools.missions.asked import LANDS, Begun, Leg, at_rest, on_path, path_ticks
+
+LOOK_S = 0.1  # simulation time between two looks
+SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
+
+
+class Seen(NamedTuple):
+    """What a look sees of the last tick that was flown."""
+
+    r_E: Vec3  # m, true
+    v_E: Vec3  # m/s, true
+    flies: bool  # the controller is armed, and flies the law
+
+
+class ItemScript:
+    """Has one vehicle do the items of a mission.
+
+    After `fly`: `begun`, the legs that were begun; `is_done`, whether all are; `refusal`, in words,
+    what the vehicle would not do (empty: nothing).
+    """
+
+    def __init__(
+        self, scene: Scenario, vehicle: Vehicle, fly_to: Callable[[int], bool],
+        look: Callable[[int], Seen],
+    ) -> None:  # fmt: skip
+        """`fly_to`: lets time run to a tick; False if the flight has ended. `look`: at the last tick."""
+        self._scene, self._vehicle = scene, vehicle
+        self._fly_to, self._look = fly_to, look
+        self._tick = 0
+        self._setpoint: Setpoint | None = None  # that is streamed; None: the vehicle leads itself
+        self._sent_at = 0
+        self.begun: list[Begun] = []
+        self.is_done = False
+        self.refusal = ""
+
+    def begin(self) -> None:
+        """Ready; one that starts in the air is armed, and holds where it is. Raises VehicleError."""
+        self._vehicle.wait_ready()
+        if not self._scene.flight.start.on_ground:
+            self._stream(at_rest(self._scene.begin.r_E, self._scene.sent[0].psi_c))
+            self._vehicle.arm()
+
+    def fly(self) -> None:
+        """All of them, or until the flight ends or its time is over. Raises VehicleError."""
+        for number, leg in enumerate(self._scene.legs):
+            try:
+                self._begin(number, leg)
+                if not self._do(leg):
+                    return
+            except Refused as error:
+                self.refusal = str(error)
+                return
+        self.is_done = True
+
+    def _begin(self, number: int, leg: Leg) -> None:
+        place = leg.place
+        if leg.kind == "take_off":
+            here = self._seen().r_E
+            place = Vec3(*(round(x, 3) for x in (here.x, here.y, here.z + leg.height)))
+        elif leg.kind == "hold" and place is None and self.begun:
+            place = self.begun[-1].place  # of the take-off before
+        self.begun.append(Begun(number, self._tick, place))
+        if leg.kind == "take_off":
+            self._setpoint = None
+            self._vehicle.arm()
+            self._vehicle.take_off(leg.height)
+        elif leg.kind == "land":
+            self._setpoint = None
+            self._vehicle.land()
+        elif leg.kind == "return":
+            self._setpoint = None
+            self._vehicle.return_home()
+        elif leg.path is not None:
+            self._stream(on_path(leg, 0.0))
+        elif leg.kind == "go_to":
+            assert place is not None
+            self._stream(at_rest(place, leg.psi))
+
+    def _do(self, leg: Leg) -> bool:
+        """Until a leg is done; False: the flight has ended before."""
+        begin = self.begun[-1]
+        rate = self._scene.rate_hz
+        moves = (
+            iter(()) if leg.path is None else iter(path_ticks(leg, begin.tick, self._scene.flight))
+        )
+        rests_from = begin.tick
+        if leg.path is not None:
+            rests_from += math.ceil(leg.path.duration_s * rate)
+        ends = begin.tick + round(leg.for_s * rate)
+        for tick in _looks(begin.tick, moves, ends if leg.for_s else None, round(LOOK_S * rate)):
+            if tick > begin.tick:
+                last = min(tick, self._scene.ticks)
+                if not self._fly_to(last):
+                    return False
+                self._tick = last
+            if self._is_done(leg, begin, rests_from, ends):
+                return True
+            if self._tick >= self._scene.ticks:
+                return False
+            if leg.path is not None and begin.tick < tick <= rests_from:
+                self._stream(on_path(leg, (tick - begin.tick) / rate))
+            elif self._setpoint is not None and self._tick - self._sent_at >= SEND_AGAIN_S * rate:
+                self._stream(self._setpoint)
+        raise AssertionError("looks have no end")
+
+    def _is_done(self, leg: Leg, begin: Begun, rests_from: int, ends: int) -> bool:
+        if leg.kind == "hold":
+            return self._tick >= ends
+        if self._tick < rests_from or self._tick == begin.tick == 0:
+            return False
+        seen = self._seen()
+        if leg.kind in LANDS:
+            return not seen.flies
+        assert begin.place is not None
+        near = math.dist(seen.r_E, begin.place) <= leg.within
+        return near and seen.flies and math.hypot(*seen.v_E) <= SLOW_M_S
+
+    def _seen(self) -> Seen:
+        if self._tick == 0:
+            start = self._scene.world.start
+            return Seen(start.r_E, start.v_E, False)
+        return self._look(self._tick)
+
+    def _stream(self, setpoint: Setpoint) -> None:
+        """Send it, and have it flown."""
+        begins = self._setpoint is None
+        for _ in range(1 + begins):  # one setpoint is not a stream yet
+            self._vehicle.set_setpoint(setpoint, self._tick / self._scene.rate_hz)
+        if begins:
+            self._vehicle.offboard()
+        self._setpoint, self._sent_at = setpoint, self._tick
+
+
+def _looks(begin: int, moves: Iterable[int], ends: int | None, every: int) -> Iterator[int]:
+    """The ticks of a leg at which something is sent or looked at: begin, those of a path, its end, and
+    then one in so many.
+    """  # fmt: skip
+    yield begin
+    last = begin
+    for last in moves:
+        if last > begin:
+            yield last
+    while True:
+        last += every
+        if ends is not None and last - every < ends < last:
+            yield ends
+        yield last

@@ -1,0 +1,144 @@
+"""How each item of a mission went: when it began and ended, and what was expected of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fcu.kernel.algebra import Vec3
+from gcs_tools.judging.expectations import Expectation, judge_metric
+from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, on_ground
+from gcs_tools.missions.asked import LANDS, Begun, legs
+from gcs_tools.missions.flight_table import Flight
+from gcs_tools.recording.table import Table
+
+
+@dataclass(frozen=True)
+class ItemFlown:
+    """One item of a flight."""
+
+    item: int  # from 1, as a person counts
+    kind: str
+    began_s: float | None  # None: it never began
+    ended_s: float | None  # None: it had not ended when the flight had
+
+    @property
+    def name(self) -> str:
+        """As a person calls it."""
+        return f"item {self.item} ({self.kind})"
+
+
+def items_flown(
+    flight: Flight, begun: tuple[Begun, ...], over_s: float, done: bool
+) -> list[ItemFlown]:  # fmt: skip
+    """Each item of a mission.
+
+    begun : its legs, as they were begun.  over_s : when the flight was over.  done : all items are.
+    """
+    since: dict[int, float] = {}
+    for each in begun:
+        since.setdefault(legs(flight)[each.leg].item, each.tick / flight.rate_hz)
+    return [
+        ItemFlown(i + 1, item.kind, since.get(i), since.get(i + 1, over_s if done else None))
+        for i, item in enumerate(flight.items)
+    ]
+
+
+def unfinished(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> str:
+    """Which item had not ended when the flight was over, and where the vehicle was."""
+    if not begun:
+        return ""
+    leg = legs(flight)[begun[-1].leg]
+    kind, place = flight.items[leg.item].kind, begun[-1].place
+    text = f"Item {leg.item + 1} of {len(flight.items)} ({kind}) had not ended"
+    r, v = plant["state.r_E"][-1], plant["state.v_E"][-1]
+    if place is None or leg.kind in LANDS or not np.isfinite(r).all():
+        return f"{text}."
+    away, speed = math.dist(r, place), float(np.linalg.norm(v))
+    return f"{text}: the vehicle was {away:.3g} m away at {speed:.2g} m/s (within_m is {leg.within:g})."
+
+
+def judge_items(
+    flight: Flight, expected: Iterable[Mapping[str, Any]], flown: Iterable[ItemFlown],
+    ticks: EngagedTicks, plant: Table, begun: tuple[Begun, ...],
+) -> list[Expectation]:  # fmt: skip
+    """What was expected of each item, judged in its own time.
+
+    expected : an item's [expect] as plain values, each.  ticks, plant : of the flight.
+    """
+    found = []
+    for entries, item in zip(expected, flown, strict=True):
+        own = None if item.began_s is None else ticks.window(item.began_s, item.ended_s)
+        if own is not None and item.began_s is not None:
+            own = replace(own, settle_from_s=item.began_s + SETTLE_S)
+        landing = _landing(flight, item, begun, plant) if item.kind in LANDS else {}
+
+        def metric(
+            name: str, t_from: float | None, t_to: float | None,
+            item: ItemFlown = item, own: EngagedTicks | None = own,
+            landing: Mapping[str, float | None] = landing,
+        ) -> float | None:  # fmt: skip
+            if item.began_s is None or own is None:
+                return None
+            if name == "took_s":
+                return None if item.ended_s is None else item.ended_s - item.began_s
+            if name in landing:
+                return landing[name]
+            return own.metric(name, *_shifted(item.began_s, t_from, t_to))
+
+        def reason(
+            name: str, t_from: float | None, t_to: float | None,
+            item: ItemFlown = item, own: EngagedTicks | None = own,
+            landing: Mapping[str, float | None] = landing,
+        ) -> str:  # fmt: skip
+            if item.began_s is None or own is None:
+                return "the item never began"
+            if name == "took_s":
+                return "the item had not ended"
+            if name in landing:
+                return "the vehicle has not touched the ground"
+            return own.why_no_value(name, *_shifted(item.began_s, t_from, t_to))
+
+        for name, entry in entries.items():
+            judged = judge_metric(name, entry, metric, reason)
+            found.append(replace(judged, text=f"{item.name}: {judged.text}"))
+    return found
+
+
+def _shifted(
+    began_s: float, t_from: float | None, t_to: float | None
+) -> tuple[float | None, float | None]:
+    """A window of an item as one of the flight."""
+    return (
+        None if t_from is None else began_s + t_from, None if t_to is None else began_s + t_to,
+    )  # fmt: skip
+
+
+def _landing(
+    flight: Flight, item: ItemFlown, begun: tuple[Begun, ...], plant: Table
+) -> dict[str, float | None]:
+    """How fast it touched the ground first, m/s, and how far across from where it should, m."""
+    nothing: dict[str, float | None] = {"touchdown_m_s": None, "touchdown_m": None}
+    if item.began_s is None:
+        return nothing
+    since = int(np.searchsorted(plant["t"], item.began_s - 0.5e-6))
+    after = np.flatnonzero(on_ground(plant)[since:])
+    if not len(after):
+        return nothing
+    first = since + int(after[0])
+    r, v = plant["state.r_E"], plant["state.v_E"]
+    where = Vec3(*r[since].tolist()) if item.kind == "land" else _home(flight, begun, plant)
+    across = math.dist(r[first][:2], (where.x, where.y))
+    speed = float(np.linalg.norm(v[max(first - 1, 0)]))  # of the last tick in the air
+    return {"touchdown_m_s": speed, "touchdown_m": across}
+
+
+def _home(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> Vec3:
+    """Where it armed last: at the last take-off, or where the flight began."""
+    at = [each for each in begun if legs(flight)[each.leg].kind == "take_off"]
+    k = int(np.searchsorted(plant["t"], at[-1].tick / flight.rate_hz)) if at else 0
+    return Vec3(*plant["state.r_E"][min(k, len(plant) - 1)].tolist())

@@ -1,0 +1,160 @@
+"""Missions of items: flown as a ground script would, to their end, over the wire and in process alike."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gcs_tools
+from gcs_tools.flight.run import UsageError
+from gcs_tools.judging.recorded_flight import engaged_ticks
+from gcs_tools.judging.result import Result
+from gcs_tools.recording.reader import read
+
+HEAD = """title = "Items."
+[flight]
+duration_s = 60.0
+ground_z_m = 0.0
+"""
+GROUND = "start = { on_ground = true }\n"
+UP = '{ kind = "take_off", height_m = 3.0 }'
+
+
+def flown(
+    folder: Path, *items: str, start: str = GROUND, more: str = "", **options: object
+) -> Result:
+    listed = "".join(f"    {item},\n" for item in items)
+    mission = folder / "items.toml"
+    mission.write_text(f"{HEAD}{start}items = [\n{listed}]\n{more}")
+    options = {"in_process": True, "figure": "never", "record": "none", **options}
+    return gcs_tools.fly(str(mission), out=folder / "run", **options)  # type: ignore[arg-type]
+
+
+def by_text(result: Result) -> dict[str, object]:
+    return {line.text.partition(" ≤")[0].partition(" ≥")[0]: line for line in result.expectations}
+
+
+@pytest.mark.slow
+def test_the_square_lands_and_is_the_same_over_the_wire(tmp_path: Path) -> None:
+    results = [
+        gcs_tools.fly("square_and_land", in_process=alone, out=tmp_path / name, figure="never")
+        for name, alone in (("alone", True), ("wire", False))
+    ]
+    for result in results:
+        assert result.passed, result.expectations
+        assert result.ended == "landed"
+        assert [each.kind for each in result.items] == [
+            "take_off",
+            "go_to",
+            "follow",
+            "hold",
+            "land",
+        ]
+        begins = [each.began_s for each in result.items]
+        assert begins[1:] == [each.ended_s for each in result.items[:-1]]
+        assert result.items[-1].ended_s == result.ticks / result.rate_hz
+    alone, wire = results
+    assert alone.trajectory_sha256 == wire.trajectory_sha256
+    assert alone.items == wire.items
+    assert alone.metrics == wire.metrics
+
+
+@pytest.mark.slow
+def test_a_recording_tells_the_same_errors_as_its_flight(tmp_path: Path) -> None:
+    result = gcs_tools.fly("square_and_land", in_process=True, out=tmp_path / "run", figure="never")
+    recording = read(tmp_path / "run" / "flight.mcap")
+    assert engaged_ticks(recording).metrics() == pytest.approx(result.metrics, rel=1e-12)
+    told = [event.text for event in recording.events if event.text.startswith("item ")]
+    assert told == [
+        "item 1 of 5, take_off: to (0.0, 0.0, 5.295) m",
+        "item 2 of 5, go_to: to (10.0, 0.0, 6.0) m",
+        "item 3 of 5, follow, to its begin: to (10.0, 0.0, 6.0) m",
+        "item 3 of 5, follow: to (0.0, 0.0, 6.0) m",
+        "item 4 of 5, hold: to (0.0, 0.0, 6.0) m",
+        "item 5 of 5, land",
+    ]
+
+
+def test_it_returns_to_where_it_took_off_and_takes_off_again(tmp_path: Path) -> None:
+    result = flown(
+        tmp_path, UP, '{ kind = "go_to", position_m = [8.0, 6.0, 4.0] }',
+        '{ kind = "return", expect = { touchdown_m = 0.1, touchdown_m_s = 0.8 } }',
+        '{ kind = "take_off", height_m = 4.0, expect = { took_s = 6.0 } }',
+        '{ kind = "land", expect = { took_s = 12.0 } }',
+        start=f"{GROUND[:-3]}, position_m = [2.0, 1.0, 0.0] }}\n",
+    )  # fmt: skip
+    assert result.passed, result.expectations
+    assert len(by_text(result)) == 6
+    assert result.ended == "landed"
+
+
+def test_in_the_air_it_begins_where_it_is_and_ends_once_all_is_done(tmp_path: Path) -> None:
+    start = "start = { position_m = [1.0, 2.0, 9.0], yaw_deg = 90.0 }\n"
+    hold = '{ kind = "hold", for_s = 3.0, expect = { setpoint_error_max_m = 0.05 } }'
+    result = flown(tmp_path, hold, start=start)
+    assert result.passed, result.expectations
+    assert (result.ended, result.items[0].ended_s) == ("done", 3.0)
+    assert result.sim_time_s == pytest.approx(3.0, abs=0.003)
+
+
+def test_a_recorded_track_is_flown(tmp_path: Path) -> None:
+    t = np.arange(0.0, 12.01, 0.1)
+    p = (
+        2.0 * np.pi * (t / 12.0 - np.sin(2.0 * np.pi * t / 12.0) / (2.0 * np.pi))
+    )  # from rest to rest
+    rows = np.stack([t, 3.0 * np.cos(p) - 3.0, 3.0 * np.sin(p), 4.0 + 0.0 * t], axis=1)
+    np.savetxt(
+        tmp_path / "track.csv", rows, delimiter=",", header="t_s,x_m,y_m,z_m", comments="", fmt="%.4f"
+    )  # fmt: skip
+    follow = '{ kind = "follow", file = "track.csv", acceleration_m_s2 = 3.5'
+    result = flown(tmp_path, UP, follow + ", expect = { setpoint_error_final_m = 0.2 } }")
+    assert result.passed, result.expectations
+    assert result.items[1].ended_s == pytest.approx(result.items[1].began_s + 12.0 + 3.0, abs=2.0)
+
+
+def test_an_item_without_an_end_in_time_is_named(tmp_path: Path) -> None:
+    far = '{ kind = "go_to", position_m = [60.0, 0.0, 4.0] }'
+    land = '{ kind = "land", expect = { took_s = 20.0 } }'
+    result = flown(tmp_path, UP, far, land, settings=["flight.duration_s=8"])
+    assert (result.ended, result.exit_code) == ("time", 1)
+    assert "Item 2 of 3 (go_to) had not ended: the vehicle was " in result.causes[0]
+    missed = {line.name: line for line in result.expectations if not line.passed}
+    assert missed["ended"].limit == "landed"
+    assert missed["took_s"].why == "the item never began"
+    assert [each.ended_s is None for each in result.items] == [False, True, True]
+
+
+def test_what_the_vehicle_refuses_ends_the_flight_with_its_reason(tmp_path: Path) -> None:
+    empty = "[plant]\nbattery_remaining = 0.01\n"
+    result = flown(tmp_path, UP, '{ kind = "land" }', more=empty)
+    assert (result.ended, result.exit_code) == ("refused", 1)
+    assert result.causes[0].startswith("Item 1 of 2 (take_off): ARM_DISARM refused: ")
+    assert "battery" in result.causes[0].lower()
+
+
+def test_a_refusal_may_be_what_is_expected(tmp_path: Path) -> None:
+    empty = '[plant]\nbattery_remaining = 0.01\n[expect]\nended = "refused"\n'
+    assert flown(tmp_path, UP, '{ kind = "land" }', more=empty).passed
+
+
+def test_what_a_guard_would_refuse_is_known_before_the_flight(tmp_path: Path) -> None:
+    far = '{ kind = "go_to", position_m = [9.0, 0.0, 4.0] }'
+    with pytest.raises(UsageError, match="refused"):
+        flown(tmp_path, UP, far, more='[law]\nguard = "refuse"\n')
+
+
+def test_time_on_the_ground_counts_in_no_margin(tmp_path: Path) -> None:
+    """On the ground motors idle at their least thrust, which is no margin at all."""
+    result = flown(
+        tmp_path, UP, '{ kind = "land" }', record="full",
+        more="[expect]\nmargin_min_n = 10.0\nthrust_saturated_fraction = 0.0\n",
+    )  # fmt: skip
+    assert result.passed, result.expectations
+    recording = read(tmp_path / "run" / "flight.mcap")
+    flies = recording.fcu["engaged"] > 0.5
+    margin = recording.fcu["guard.margin.force"][flies]
+    assert np.nanmin(margin) < 10.0
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["items"][1]["kind"] == "land"
