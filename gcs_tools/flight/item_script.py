@@ -73,14 +73,16 @@ class ItemScript:
         place = leg.place
         if leg.kind == "take_off":
             here = self._seen().r_E
-            place = Vec3(*(round(x, 3) for x in (here.x, here.y, here.z + leg.height)))
+            to_z = self._scene.flight.ground_z_m + leg.height
+            place = Vec3(*(round(x, 3) for x in (here.x, here.y, to_z)))
         elif leg.kind == "hold" and place is None and self.begun:
             place = self.begun[-1].place  # of the take-off before
         self.begun.append(Begun(number, self._tick, place))
         if leg.kind == "take_off":
             self._setpoint = None
             self._vehicle.arm()
-            self._vehicle.take_off(leg.height)
+            assert place is not None
+            self._vehicle.take_off(place.z - self._seen().r_E.z)
         elif leg.kind == "land":
             self._setpoint = None
             self._vehicle.land()
@@ -110,13 +112,13 @@ class ItemScript:
                 if not self._fly_to(last):
                     return False
                 self._tick = last
+            if leg.path is not None and begin.tick < self._tick <= rests_from:
+                self._stream(on_path(leg, (self._tick - begin.tick) / rate))  # at its end, at rest
             if self._is_done(leg, begin, rests_from, ends):
                 return True
             if self._tick >= self._scene.ticks:
                 return False
-            if leg.path is not None and begin.tick < tick <= rests_from:
-                self._stream(on_path(leg, (tick - begin.tick) / rate))
-            elif self._setpoint is not None and self._tick - self._sent_at >= SEND_AGAIN_S * rate:
+            if self._setpoint is not None and self._tick - self._sent_at >= SEND_AGAIN_S * rate:
                 self._stream(self._setpoint)
         raise AssertionError("looks have no end")
 

@@ -110,7 +110,7 @@ class Leg(NamedTuple):
         None  # m, E: where to be at its end; None: where it began, or on the ground
     )
     path: Path | None = None
-    height: float = 0.0  # m, of a take-off
+    height: float = 0.0  # m, of a take-off, above the ground
     within: float = 0.0  # m
     for_s: float = 0.0
 
@@ -289,7 +289,9 @@ def foreseen(flight: Flight) -> tuple[Vec3, list[Sent]]:
     found: list[Sent] = []
     k = 0
     for leg in legs(flight):
-        place = here + Vec3(0.0, 0.0, leg.height) if leg.kind == "take_off" else leg.place
+        place = leg.place
+        if leg.kind == "take_off":
+            place = Vec3(here.x, here.y, flight.ground_z_m + leg.height)
         if leg.path is not None:
             found += [Sent(t, on_path(leg, (t - k) / rate)) for t in path_ticks(leg, k, flight)]
             k += math.ceil((leg.path.duration_s + SETTLE_S) * rate)

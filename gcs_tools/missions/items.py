@@ -58,7 +58,7 @@ class TakeOff(Table):
     """Arm, and climb straight up: the vehicle's own take-off (MAVLink NAV_TAKEOFF)."""
 
     kind: Literal["take_off"]
-    height_m: Annotated[float, Field(gt=0.0, le=1000.0)] = Field(description="from where it stands")
+    height_m: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(description="above the ground")
     within_m: Within = Field(_WITHIN_M, description="so near, and at rest, it has taken off")
     expect: ItemExpect = _expect
 

@@ -29,7 +29,7 @@ def blocks(page: str, kind: str) -> list[str]:
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """The mission of the page, flown in its folder."""
     folder = tmp_path_factory.mktemp("page")
-    (mission,) = blocks("missions.md", "toml")
+    mission, _ = blocks("missions.md", "toml")
     (folder / "two_points.toml").write_text(mission)
     result = gcs_tools.fly(
         str(folder / "two_points.toml"), in_process=True, out=folder / "run", figure="never"
@@ -46,10 +46,20 @@ def run(folder: Path, script: str) -> str:
     return done.stdout
 
 
+def test_the_items_of_the_page_pass_with_the_verdict_that_is_printed_there(tmp_path):
+    (tmp_path / "square.toml").write_text(blocks("missions.md", "toml")[1])
+    result = gcs_tools.fly(
+        str(tmp_path / "square.toml"), in_process=True, out=tmp_path / "run", figure="never"
+    )
+    is_printed(result, blocks("missions.md", "")[1])
+
+
 def test_the_mission_of_the_page_passes_with_the_verdict_that_is_printed_there(flown):
-    _, result = flown
+    is_printed(flown[1], blocks("missions.md", "")[0])
+
+
+def is_printed(result: Result, printed: str) -> None:
     assert result.passed
-    (printed,) = blocks("missions.md", "")
     for line in result.expectations:
         assert re.search(rf"^met +{re.escape(line.text)} +{re.escape(line.shown)}$", printed, re.M)
 

@@ -69,7 +69,7 @@ def test_a_recording_tells_the_same_errors_as_its_flight(tmp_path: Path) -> None
     assert engaged_ticks(recording).metrics() == pytest.approx(result.metrics, rel=1e-12)
     told = [event.text for event in recording.events if event.text.startswith("item ")]
     assert told == [
-        "item 1 of 5, take_off: to (0.0, 0.0, 5.295) m",
+        "item 1 of 5, take_off: to (0.0, 0.0, 5.0) m",
         "item 2 of 5, go_to: to (10.0, 0.0, 6.0) m",
         "item 3 of 5, follow, to its begin: to (10.0, 0.0, 6.0) m",
         "item 3 of 5, follow: to (0.0, 0.0, 6.0) m",
