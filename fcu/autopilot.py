@@ -24,6 +24,7 @@ from fcu.burst import (
     tick,
     what_was_raised,
 )
+from fcu.guard.parameters import GOVERN, REFUSE
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardState
 from fcu.interface.link import exclusive_socket
@@ -112,6 +113,11 @@ class Autopilot:
         self.ground = Station(ports, identity, params, self.vehicle, file, self.say, bind)
         self.figures = Figures()
         self._settings = params.settings
+        self._is_looked_at = (
+            True  # what is flown, since a parameter of a guard that refuses was set
+        )
+        kind: Any = type(self._settings)
+        self._policy_at = column_of(kind, "guard.policy") if params.flown.guard is not None else -1
         self._flown: Setpoint | None = None
         self._filter = PositionFilter()
         self._compiled: Pointer | None = None  # the law, once it is
@@ -226,7 +232,10 @@ class Autopilot:
             self._settings = self._params.settings
             self.flight.settings[:] = to_buffer(self._settings)
             course[_H] = self._settings.law.h
+            self._is_looked_at = not vehicle.feasibility.refuses
         setpoint = vehicle.setpoint
+        if not self._is_looked_at:
+            self._look_again()
         if setpoint is None:
             course[_ENGAGED] = IDLE
             if self._flown is not None:  # what is recorded of nobody's setpoint stands still
@@ -240,6 +249,14 @@ class Autopilot:
         course[_ARMED] = vehicle.armed
         course[_AIRBORNE] = vehicle.armed and not vehicle.on_ground
         vehicle.arm_watch()
+
+    def _look_again(self) -> None:
+        """What was accepted before a parameter was set: governed until the guard accepts what is flown.
+
+        A vehicle that refuses follows what it has accepted, and nothing else keeps that inside.
+        """
+        self._is_looked_at = self.vehicle.flies_what_fits(max(self.time_us, 0))
+        self.flight.settings[self._policy_at] = REFUSE if self._is_looked_at else GOVERN
 
     def completed(self, rows: Row, times: Row) -> None:
         """Some ticks were flown: their rows, and their times as `burst.serve` writes them.

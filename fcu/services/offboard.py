@@ -93,12 +93,11 @@ class OffboardProtocol:
         vehicle = self._vehicle
         if vehicle.is_flown(setpoint):
             return False
-        check, reference = vehicle.feasibility, vehicle.reference
-        short = check.short(setpoint, reference)
+        check, short = vehicle.feasibility, vehicle.short_of(setpoint)
         if short == 0.0:
             return False
         if now >= self._short_due:  # to find what to say takes longer than to look
-            told = check.complaint(setpoint, short, reference)
+            told = check.complaint(setpoint, short, vehicle.reference)
             if told is not None:
                 self._short_due = now + COMPLAIN_S
                 if self.complain(told, now):

@@ -538,6 +538,17 @@ class StateMachine:
         self.script.keep(t_us, wall_s)
         return self.fly_script(t_us)
 
+    def short_of(self, setpoint: Setpoint) -> float:
+        """By how much (N) the way to a setpoint misses the guard's condition; 0: it does not."""
+        return self.feasibility.short(setpoint, self.reference)
+
+    def flies_what_fits(self, t_us: int) -> bool:
+        """Whether the way to what is flown now meets the guard's condition, or nothing is flown."""
+        if self.setpoint is None:
+            return True
+        now = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
+        return self.short_of(now) == 0.0
+
     def is_flown(self, setpoint: Setpoint) -> bool:
         """Whether it is the script's that is flown already, but for its yaw."""
         asked = self.script.setpoint
