@@ -110,8 +110,9 @@ def main(
                 say(-1, "info", "compiling the law, once for this version (up to a minute)")
             sim_only = link_clock == "sim"
             loop = Loop(
-                ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file
-            )
+                ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file,
+                resets=record_fd is None,  # a recording is of one flight
+            )  # fmt: skip
             loop.warm_up()
     except PortBusy as error:
         say(-1, "error", str(error.strerror))

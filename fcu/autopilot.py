@@ -38,7 +38,7 @@ from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference, SharedTick
 from fcu.laws.mmrac.types import State
 from fcu.mavlink.definitions import Severity
-from fcu.mavlink.plant_link import LONGEST, PlantCodec, WireError
+from fcu.mavlink.plant_link import LONGEST, Ending, PlantCodec, WireError
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter
 from fcu.services.ground_port import GroundPort
@@ -97,11 +97,13 @@ class Autopilot:
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
         sim_only: bool = False, file: Path | None = None, bind: Bind = exclusive_socket,
-        write: Callable[[str], None] = log,
+        write: Callable[[str], None] = log, resets: bool = False, before: Autopilot | None = None,
     ) -> None:  # fmt: skip
         """`sim_only`: simulation time alone decides. `file`: where parameters are saved.
 
-        `bind`: opens the ports of ground stations. `write`: takes a line of log. Raises PortBusy.
+        `bind`: opens the ports of ground stations. `write`: takes a line of log. `resets`: who asks
+        for a reset is heard. `before`: the one before a reset, whose ports and figures go on; of
+        what it knew nothing does. Raises PortBusy.
         """
         self._params = params
         self._write = write
@@ -110,8 +112,11 @@ class Autopilot:
         self.codec = PlantCodec(ports.system_id)
         self.vehicle = StateMachine(params, sim_only)
         self._sim_only = sim_only
-        self.ground = Station(ports, identity, params, self.vehicle, file, self.say, bind)
-        self.figures = Figures()
+        self.ground: Station = Station(
+            ports, identity, params, self.vehicle, file, self.say, bind, resets,
+            None if before is None else before.ground,
+        )  # fmt: skip
+        self.figures: Figures = Figures() if before is None else before.figures
         self._settings = params.settings
         self._is_looked_at = (
             True  # what is flown, since a parameter of a guard that refuses was set
@@ -324,6 +329,8 @@ class Autopilot:
                     self.vehicle.reference_model[:] = self._measured[_R_AND_V]
                 self.vehicle.battery = self.codec.battery
                 self._tell(self.vehicle.observe(self._measured, 0, self.clock(wall_s)))
+            if self.codec.ending and self.vehicle.ended is None:
+                self._end(self.codec.ending, received)
             self.reporter.tape.flush()  # time stands: what was flown so far is due
             return None
         if time_us == last_us:  # our answer was lost
@@ -355,6 +362,14 @@ class Autopilot:
         if not self.fly_decided(time_us, row):
             self.raise_for_law(row)
         return self._answered(row, started)
+
+    def _end(self, ending: Ending, received: Row) -> None:
+        """The plant's flight has ended: the vehicle lies where it says."""
+        told = Told(Code.CRASHED if ending is Ending.CRASHED else Code.DIVERGED)
+        self._filter.take(received)
+        self.vehicle.end(told, self._measured, self.next_us)
+        self.prepare()
+        self._tell([told])
 
     def _why_out_of_step(self, last_us: int, time_us: int) -> str:
         """What has become of time, if JUMPS states in a row have not followed the last tick's."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import gc
 import select
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +26,15 @@ from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import LONGEST
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter
+from fcu.services.ground_port import GroundPort
 from fcu.services.streams import Identity
+from fcu.vehicle.state_machine import StateMachine
 
 __all__ = ["INFRASTRUCTURE", "OK", "Loop", "say"]
 
 WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
 PATIENCE_S = 0.02  # wall: how long a burst waits for a state
+RESET_AGAIN_S, RESET_S = 0.1, 2.0  # wall: a plant is asked to reset so often, for so long
 OK, INFRASTRUCTURE = 0, 3
 
 
@@ -40,20 +44,23 @@ class Loop:
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
         lifeline: int | None, sim_only: bool = False, file: Path | None = None,
-        burst_ticks: int | None = None,
+        burst_ticks: int | None = None, resets: bool = False,
     ) -> None:  # fmt: skip
         """`lifeline`: a file descriptor whose end of file ends the loop.
 
         `sim_only`: simulation time alone decides. `file`: where parameters are saved.
         `burst_ticks`: the most ticks of a burst; None: as many as the recorder takes at once.
-        Raises PortBusy.
+        `resets`: ground stations may reset the vehicle and its plant. Raises PortBusy.
         """
         self._lifeline = lifeline
         self._reporter = reporter
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
-        self._autopilot = Autopilot(ports, identity, params, reporter, sim_only, file)
+        self._make = partial(
+            Autopilot, ports, identity, params, sim_only=sim_only, file=file, resets=resets
+        )
+        self._autopilot = self._make(reporter)
         self._most = burst_ticks
-        self.vehicle = self._autopilot.vehicle
+        self._reset_since = self._reset_due = 0.0  # wall: the plant was asked to; 0: it was not
         self.figures = self._autopilot.figures
         self.stopping = False
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
@@ -74,14 +81,23 @@ class Loop:
                 link=np.array([self._plant.fileno()]), others=system.polled(*others),
                 datagram=self._datagram, due=np.zeros(1), scratch=np.zeros(2, dtype=np.int64),
             )  # fmt: skip
+        self._warm_up()
+
+    @property
+    def vehicle(self) -> StateMachine:
+        """The vehicle: another one after a reset."""
+        return self._autopilot.vehicle
+
+    def _warm_up(self) -> None:
+        if self._wire is not None:
             self._autopilot.fly_decided = self._fly_decided  # type: ignore[method-assign]
         self._autopilot.warm_up()
 
     def run(self) -> int:
         """Fly until told to stop; returns the exit code."""
         poll = select.poll()
-        plant_fd, ground = self._plant.fileno(), self._autopilot.ground
-        by_fd = {port.fileno(): port for port in ground.ports}
+        plant_fd, ground_ports = self._plant.fileno(), self._autopilot.ground.ports
+        by_fd = {port.fileno(): port for port in ground_ports}  # for good
         for fd in (plant_fd, *by_fd):
             poll.register(fd, select.POLLIN)
         if self._lifeline is not None:
@@ -91,19 +107,21 @@ class Loop:
         gc.disable()
         warned = False
         while not self.stopping:
-            waiting = ground.is_waiting
+            waiting = self._autopilot.ground.is_waiting
             for fd, _ in poll.poll(0 if waiting else 20):
                 if fd == plant_fd:
                     self._fly()
                 elif fd not in by_fd:
                     self.stopping = True  # whoever started us is gone
                 elif not by_fd[fd].is_waiting:
-                    self._autopilot.serve(by_fd[fd], time.monotonic())
+                    self._listen(by_fd[fd])
             if waiting:  # what they took in before comes first, a time for each port
-                for port in ground.ports:
+                for port in ground_ports:
                     if port.is_waiting:
-                        self._autopilot.serve(port, time.monotonic())
+                        self._listen(port)
             now = time.monotonic()
+            if self._autopilot.ground.reset_asked:
+                self._ask_for_reset(now)
             self._autopilot.idle(now)
             if self._autopilot.heard_s:
                 silent = now - self._autopilot.heard_s
@@ -117,11 +135,53 @@ class Loop:
         self._close()
         return self._exit
 
+    def _listen(self, port: GroundPort) -> None:
+        """What waits on a port; during a reset it goes on waiting."""
+        if not self._autopilot.ground.reset_asked:
+            self._autopilot.serve(port, time.monotonic())
+
+    # --- a reset
+
+    def _ask_for_reset(self, now: float) -> None:
+        """Ask the plant to begin again, and again; if it does not, go on as before.
+
+        Until it says that it has, its states are of before, and have no answer.
+        """
+        if not self._reset_since:
+            self._reset_since = now
+        if now - self._reset_since > RESET_S:
+            self._reset_since = self._reset_due = 0.0
+            self._autopilot.ground.forget_reset()
+            self._autopilot.ground.tell(Told(Code.NOT_RESET))
+        elif now >= self._reset_due:
+            self._reset_due = now + RESET_AGAIN_S
+            self._plant.send(self._autopilot.codec.pack_reset())
+
+    def _await_reset(self) -> None:
+        while (datagram := self._plant.receive()) is not None:
+            if self._autopilot.codec.is_reset_done(datagram):
+                self._begin_again()
+                return
+
+    def _begin_again(self) -> None:
+        """As after the start, but for the parameters that were set, and the links."""
+        self._reset_since = self._reset_due = self._answered_s = 0.0
+        self._quick = True
+        self._reporter.tape.flush()
+        self._reporter = self._autopilot.reporter.renewed()
+        self._autopilot = self._make(self._reporter, before=self._autopilot)
+        self._warm_up()
+        gc.collect()  # what a reset has left: the objects of before the first flight are frozen
+        self._autopilot.ground.tell(Told(Code.RESET))
+
     # --- the plant
 
     def _fly(self) -> None:
         """What the plant has sent: a burst of ticks, and what it has ended with."""
         try:
+            if self._autopilot.ground.reset_asked:
+                self._await_reset()
+                return
             if self._wire is None:
                 # one datagram a call: whether there is another, poll says for less than a read
                 datagram = self._plant.receive()
@@ -176,6 +236,8 @@ class Loop:
     def _decide(self, datagram: bytes, filtered: bool | None) -> None:
         """One datagram; `filtered`: as a burst has left it; None: no burst has seen it."""
         autopilot, now = self._autopilot, time.monotonic()
+        if autopilot.codec.is_reset_done(datagram):
+            return  # once more: it was asked more than once
         if filtered is None:
             answer = autopilot.take(datagram, now)
         else:

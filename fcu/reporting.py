@@ -90,6 +90,7 @@ class Reporter:
 
     def __init__(self, law: Law, tape: Tape, feed: PublisherFeed, drag: Vec3) -> None:
         """`drag`: believed, N/(m/s)^2, body axes."""
+        self._law = law
         self.width = row_width(law)
         self._at = size(law.ticks.Tick)
         self._tells_wind = law.tells("state", State)
@@ -101,6 +102,11 @@ class Reporter:
         self._seen: tuple[Any, ...] = ()
         self._counted: tuple[int, ...] = ()
         self._told: Any = None
+
+    def renewed(self) -> Reporter:
+        """One for a flight that begins after this one: its rows begin again."""
+        self.feed.reset()
+        return Reporter(self._law, self.tape, self.feed, Vec3(*self._drag.tolist()))
 
     @property
     def cycle_max_s(self) -> float:

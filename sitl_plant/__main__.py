@@ -24,6 +24,7 @@ except KeyboardInterrupt:
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes the world (default: an S1000 on the ground in still air).")  # fmt: skip
 @click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate in Hz; ignored with --world.")  # fmt: skip
 @click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds per wall-clock second, or max.")  # fmt: skip
+@click.option("--stay/--end", default=False, show_default=True, help="After a crash: hold time until a reset, or end.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--control-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
@@ -33,6 +34,7 @@ def main(
     world_file: Path | None,
     rate_hz: float,
     speed: float | None,
+    stay: bool,
     record_fd: int | None,
     control_fd: int | None,
     lifeline_fd: int | None,
@@ -71,7 +73,10 @@ def main(
             if not is_cached("physics.tick.advance"):
                 say(0.0, "info", "compiling the simulator, once per version (about half a minute)")
             feed = PublisherFeed(number, "plant")
-            server = Server(ports(number), world, tape, feed, pacer, control_fd, lifeline_fd)
+            server = Server(
+                ports(number), world, tape, feed, pacer, control_fd, lifeline_fd,
+                stays=stay, announce=announce,
+            )  # fmt: skip
             server.warm_up()
     except PortBusy as error:
         say(0.0, "error", str(error.strerror))

@@ -3,7 +3,8 @@
 The loop sends a state, waits for the command computed from that state, and then integrates. If
 no answer comes, the loop sends the state again, then ends the run and logs the cause; it never
 substitutes zeros. The process that started the simulator may hold time: it writes run-until
-grants to a pipe.
+grants to a pipe. When the controller asks for a reset, another simulator begins, at the start and
+at time 0: whatever happens in a world happens again.
 
 At full speed compiled code flies bursts of ticks (`burst`), and returns here for everything else.
 Here a tick is flown with the same kernels: in real time, while the controller is slow, where
@@ -17,12 +18,14 @@ import os
 import select
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from fcu.interface.diagnostics import PlantTiming
-from fcu.interface.handover import GRANT
+from fcu.interface.handover import GRANT, granted
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
 from fcu.interface.publisher_feed import PublisherFeed
@@ -56,11 +59,12 @@ class Figures:
     unanswered: bool = False  # it ended because the flight controller was silent
     flight_ended: str = ""  # how the flight ended, if the vehicle crashed or diverged
     time_s: float = 0.0  # simulation time at the end
+    resets: int = 0
     unpublished: int = 0  # rows dropped because the publisher's buffer was full
 
 
 class Server:
-    """One simulator, from its first datagram to its end."""
+    """One vehicle's simulator, and after a reset the next, from the first datagram to the end."""
 
     def __init__(
         self,
@@ -72,30 +76,41 @@ class Server:
         control: int | None = None,
         lifeline: int | None = None,
         burst_ticks: int = sys.maxsize,
+        stays: bool = False,
+        announce: Callable[[dict[str, Any]], None] = lambda said: None,
     ) -> None:
         """`control`: file descriptor of the grants, or None to let time run freely.
 
         `lifeline`: a file descriptor; its end of file ends the flight. `burst_ticks`: ticks that
-        compiled code flies at once, at most what is left of the recorder's batch. Raises PortBusy.
+        compiled code flies at once, at most what is left of the recorder's batch. `stays`: when a
+        flight ends it holds time until a reset. `announce`: told of resets, and of such an end.
+        Raises PortBusy.
         """
         self._lifeline = lifeline
-        self._simulator = Simulator(world, ports.system_id)
-        self._plant = self._simulator.plant
+        self._world, self._system = world, ports.system_id
+        self._stays = stays
+        self._announce = announce
         self._tape = tape
         self._feed = feed
         self.pacer = pacer
         self._control = control
         self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
-        self._timing = column(Progress, self._plant.progress, "timing")
         others = tuple(fd for fd in (control, lifeline) if fd is not None)
         self._wire = burst.wire(self._link.fileno(), -1, others)
-        self._granted = 0 if control is not None else sys.maxsize
         self._burst_ticks = burst_ticks
         self._bursts = system.HAS_LIBC and not pacer.paced
-        self._quick = self._bursts  # whether compiled code is to fly the next tick
-        self._unusable = ""  # why the last answer to this tick's state was rejected
         self.figures = Figures()
         self.stopping = False
+        self._begin_flight()
+
+    def _begin_flight(self) -> None:
+        self._simulator = Simulator(self._world, self._system)
+        self._plant = self._simulator.plant
+        self._timing = column(Progress, self._plant.progress, "timing")
+        self._granted = 0 if self._control is not None else sys.maxsize
+        self._quick = self._bursts  # whether compiled code is to fly the next tick
+        self._unusable = ""  # why the last answer to this tick's state was rejected
+        self._reset_asked = False
 
     def warm_up(self) -> None:
         """Compile the functions that a tick calls."""
@@ -120,7 +135,10 @@ class Server:
             self._link.let_wait(WAIT_S)
         try:
             while not self.stopping:
-                if self._simulator.tick >= self._granted:
+                if self._reset_asked:
+                    self._reset()
+                    continue
+                if self._is_held:
                     self._hold(poll)
                     continue
                 self._feed.find(time.monotonic())
@@ -130,6 +148,8 @@ class Server:
                 self.figures.ticks = self._simulator.tick
                 if flown.why == burst.ENDED:
                     self._end(flown.status)
+                    if self._stays:
+                        continue
                     break
                 if flown.why == burst.OTHERS:
                     self._look(poll)
@@ -194,7 +214,22 @@ class Server:
 
     def _end(self, status: int) -> None:
         self._say("warning", self._simulator.end(status))
-        self.figures.flight_ended = self._simulator.flight_ended
+        self.figures.flight_ended = how = self._simulator.flight_ended
+        if self._stays:
+            self._announce({"flight_ended": how, "time_s": self._simulator.time_s})
+
+    def _reset(self) -> None:
+        """Begin again, and then say so: what is sent after that is of the new flight."""
+        self._tape.flush()
+        self._begin_flight()
+        self._simulator.warm_up()
+        self.pacer.restart()
+        self.figures.resets += 1
+        self.figures.flight_ended = ""
+        self._feed.reset()
+        self._say("info", "reset: at the start again")
+        self._link.send(self._simulator.codec.pack_reset_done())
+        self._announce({"reset": self.figures.resets})
 
     def _look(self, poll: select.poll) -> None:
         """Read what has come for others than the link."""
@@ -214,7 +249,7 @@ class Server:
             self._is_answer(self._wire.inbox[: begun.received].tobytes())
         waiting = asked = begun.asked
         warned, first = False, self._simulator.tick == 0
-        while not self.stopping:
+        while not (self.stopping or self._reset_asked):
             for fd, _ in poll.poll(RESEND_S * 1000):
                 if fd == self._lifeline:
                     self.stopping = True
@@ -242,7 +277,7 @@ class Server:
                 self._say("error", self._what_is_wrong(END_S))
                 self.figures.unanswered = not self._unusable
                 return False
-        return False
+        return self._reset_asked
 
     def _what_is_wrong(self, seconds: float) -> str:
         if self._unusable:
@@ -262,7 +297,10 @@ class Server:
         return bool(verdict == burst.FLOWN)
 
     def _refuse(self, datagram: bytes) -> None:
-        """Count a datagram that is no answer, and remember why."""
+        """Count a datagram that is no answer, and remember why; or hear that a reset is asked for."""
+        if self._simulator.codec.is_reset(datagram):
+            self._reset_asked = True
+            return
         try:
             self._simulator.codec.parse_controls(datagram, self._plant.command)
         except WireError as error:
@@ -271,16 +309,21 @@ class Server:
                 self._say("warning", f"plant link: {error}")
             self._unusable = str(error)
 
+    @property
+    def _is_held(self) -> bool:
+        """Whether time stands: until more is granted, or, once the flight has ended, a reset."""
+        return bool(self._simulator.flight_ended) or self._simulator.tick >= self._granted
+
     def _hold(self, poll: select.poll) -> None:
         """Hold time: flush the recorder, send keep-alives to the controller, wait for a grant."""
         self._tape.flush()
         self.pacer.restart()
-        while not self.stopping and self._simulator.tick >= self._granted:
+        while self._is_held and not (self.stopping or self._reset_asked):
             self._feed.find(time.monotonic())
             self._link.send(self._simulator.hold())
             self._link.count_strangers()
             until = time.monotonic() + RESEND_S
-            while self._simulator.tick >= self._granted and not self.stopping:
+            while self._is_held and not (self.stopping or self._reset_asked):
                 left = until - time.monotonic()
                 if left <= 0.0:
                     break
@@ -289,8 +332,8 @@ class Server:
                         self._read_grants()
                     elif fd == self._lifeline:
                         self.stopping = True
-                    else:
-                        self._link.receive()
+                    elif (datagram := self._link.receive()) is not None:
+                        self._reset_asked |= self._simulator.codec.is_reset(datagram)
 
     def _read_grants(self) -> None:
         assert self._control is not None
@@ -301,5 +344,7 @@ class Server:
         if not data:
             self.stopping = True  # the process that held time has ended
             return
-        for (granted,) in GRANT.iter_unpack(data[: len(data) // GRANT.size * GRANT.size]):
-            self._granted = granted
+        for (number,) in GRANT.iter_unpack(data[: len(data) // GRANT.size * GRANT.size]):
+            flight, ticks = granted(number)
+            if flight == self.figures.resets:  # else it came too late for its flight
+                self._granted = ticks

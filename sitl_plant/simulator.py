@@ -9,16 +9,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fcu.interface.messages import Battery
+from fcu.interface.messages import Battery, VehicleState
 from fcu.interface.starter import log
 from fcu.kernel.buffers import from_buffer
-from fcu.mavlink.plant_link import LONGEST, PlantCodec
+from fcu.kernel.rows import slice_of
+from fcu.mavlink.plant_link import LONGEST, Ending, PlantCodec
 from sitl_plant import burst
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.world import World
 
 ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
+_MOVING = np.r_[tuple(slice_of(VehicleState, name) for name in ("v_E", "w_B", "Omega"))]
 
 
 class Simulator:
@@ -32,6 +34,7 @@ class Simulator:
         self.plant = burst.plant(world, system_id, self.codec.desk)
         self._random = np.random.default_rng(int(world.seed))
         self.flight_ended = ""  # how, if the vehicle crashed or diverged
+        self.ending = Ending.NOT_ENDED  # the same, for the flight controller
 
     def warm_up(self) -> None:
         """Compile the functions that a tick calls."""
@@ -65,15 +68,20 @@ class Simulator:
     def hold(self) -> bytes:
         """What is sent while time stands: the last report."""
         plant = self.plant
-        if self.tick == 0:
+        if self.tick == 0 and not self.ending:
             plant.reported[:] = plant.state
         return self.codec.pack_hold(
-            self.time_us, plant.reported, from_buffer(Battery, plant.battery)
+            self.time_us, plant.reported, from_buffer(Battery, plant.battery), self.ending
         )
 
     def end(self, status: int) -> str:
-        """The flight has ended; what is to be said of it."""
+        """The flight has ended, and the vehicle lies where it was; what is to be said of it."""
         self.flight_ended = ENDINGS[status]
+        self.ending = Ending.CRASHED if status == dynamics.CRASHED else Ending.DIVERGED
+        plant = self.plant
+        if np.isfinite(plant.state).all():
+            plant.reported[:] = plant.state
+        plant.reported[_MOVING] = 0.0
         return f"the flight ended: the vehicle {self.flight_ended}"
 
     def say(self, level: str, text: str) -> None:

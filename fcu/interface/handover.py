@@ -15,11 +15,22 @@ from fcu.kernel.buffers import columns, from_buffer, to_buffer
 
 T = TypeVar("T")
 
-GRANT = struct.Struct("<q")  # on the plant's control pipe: ticks that may be flown in all
+GRANT = struct.Struct("<q")  # on the plant's control pipe: a `grant`
+_FLIGHTS = 1 << 40  # ticks: more than a flight has
 
 
 class HandoverError(ValueError):
     """A file that does not hold the value it should: which, and what is wrong."""
+
+
+def grant(ticks: int, flight: int = 0) -> bytes:
+    """Ticks that may be flown in all, of the flight of that number; a reset begins the next one."""
+    return GRANT.pack(flight * _FLIGHTS + min(ticks, _FLIGHTS - 1))
+
+
+def granted(number: int) -> tuple[int, int]:
+    """(flight, ticks) of a grant that was unpacked."""
+    return divmod(number, _FLIGHTS)
 
 
 def save(path: Path, value: Any) -> None:

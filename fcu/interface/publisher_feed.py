@@ -5,7 +5,7 @@ a while when it does not. A datagram for which there is no room is dropped and c
 listens, stalls or dies makes no difference to the flight.
 
 A datagram that is a whole number of float64 is a row; any other is JSON, something said:
-`hello` first, then what happened, `bye` at the end.
+`hello` first, then what happened, `reset` where rows begin again, `bye` at the end.
 
 The socket is a SOCK_SEQPACKET in Linux's abstract namespace: whole datagrams, in order, an end
 that shows, no file to clean up, and like a port it belongs to a network namespace. A send costs
@@ -164,6 +164,10 @@ class PublisherFeed:
     def event(self, t: float, level: str, text: str) -> None:
         """Something happened at simulation time t (s)."""
         self.say({"event": text, "t": t, "level": level})
+
+    def reset(self) -> None:
+        """The rows that follow begin again, at time 0."""
+        self.say({"reset": self._hello["hello"]})
 
     def _keep_for_words(self, size: int) -> None:
         assert self._socket is not None

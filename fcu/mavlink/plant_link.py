@@ -1,8 +1,10 @@
 """The plant link: vehicle states and rotor commands as MAVLink 2 datagrams, and back.
 
 Plant to controller: ODOMETRY and ACTUATOR_OUTPUT_STATUS in one datagram, now and then followed
-by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held. Controller to plant:
-HIL_ACTUATOR_CONTROLS. The numbers are packed by kernels, straight from and to buffers.
+by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held, which also tells how the
+flight has ended. Controller to plant: HIL_ACTUATOR_CONTROLS. The numbers are packed by kernels,
+straight from and to buffers. To reset the plant the controller sends PREFLIGHT_REBOOT_SHUTDOWN; the
+plant acknowledges it, and all that it sends from then on is of the new flight.
 
 A battery arrives coarser than it was sent: charge as mA h, energy as hJ, voltage as mV, current
 as cA, what is left as percent. Its voltage is that of the whole pack, which MAVLink has in the
@@ -13,6 +15,7 @@ sent as the field's "unknown", and refused at the other end.
 from __future__ import annotations
 
 import struct
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,8 +30,11 @@ from fcu.mavlink.definitions import (
     AUTOPILOT,
     LOCKSTEP,
     NO_AUTOPILOT,
+    CommandId,
+    Definition,
     Frame,
     ModeFlag,
+    Result,
     SystemStatus,
     definition,
     message,
@@ -37,7 +43,7 @@ from fcu.mavlink.frame_kernels import HEADER, copy, get, get_signed, put
 from fcu.mavlink.frames import StateOnWire, command_through_the_wire, state_from_wire, state_to_wire
 from fcu.mavlink.framing import WireError, expected, framed
 
-__all__ = ["PlantCodec", "WireError"]
+__all__ = ["Ending", "PlantCodec", "WireError"]
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
@@ -75,9 +81,9 @@ _TAIL_AT = _TIME + _ODOMETRY_BYTES
 _FRAMES_AT = _TAIL_AT + 2 * len(_COVARIANCE)
 _MODE_AT = _CONTROLS.offset("mode")
 _CUSTOM, _ARMED, _LOCKSTEP = int(ModeFlag.CUSTOM), int(ModeFlag.ARMED), int(LOCKSTEP)
-_HOLD = message(
-    "HEARTBEAT", autopilot=NO_AUTOPILOT, system_status=SystemStatus.ACTIVE, mavlink_version=3
-).payload
+_COMMAND, _ACK = definition("COMMAND_LONG"), definition("COMMAND_ACK")
+_ENDING_AT = _HEARTBEAT.offset("custom_mode")
+_RESET_DONE = message("COMMAND_ACK", command=CommandId.REBOOT, result=Result.ACCEPTED).payload
 
 _unpack_state = unpacker(VehicleState)
 _pack_state = packer(VehicleState)
@@ -100,6 +106,31 @@ _FAULTS = {
     _NOT_EIGHT: "ACTUATOR_OUTPUT_STATUS is not of eight rotors",
     _NO_BATTERY: "BATTERY_STATUS has a field unknown or out of range",
 }
+
+
+class Ending(IntEnum):
+    """How a flight has ended: HEARTBEAT.custom_mode of a plant that holds time."""
+
+    NOT_ENDED = 0
+    DIVERGED = 1  # it has left the arena, or its state is not finite
+    CRASHED = 2
+
+
+def _hold(ending: Ending) -> bytes:
+    """The payload of the HEARTBEAT of a keep-alive."""
+    status = SystemStatus.EMERGENCY if ending else SystemStatus.ACTIVE
+    return message(
+        "HEARTBEAT", autopilot=NO_AUTOPILOT, system_status=status, custom_mode=int(ending),
+        mavlink_version=3,
+    ).payload  # fmt: skip
+
+
+def _reset(system: int) -> bytes:
+    """The payload of the command that resets the plant of a system."""
+    return message(
+        "COMMAND_LONG", command=CommandId.REBOOT, param1=1.0, target_system=system,
+        target_component=AUTOPILOT,
+    ).payload  # fmt: skip
 
 
 def fault_in_words(fault: int) -> str:
@@ -408,12 +439,48 @@ class PlantCodec:
         )  # fmt: skip
         return self._datagram[:length].tobytes()
 
-    def pack_hold(self, time_usec: int, buffer: Buffer, battery: Battery | None = None) -> bytes:
-        """A keep-alive while simulation time is held: the state, behind a HEARTBEAT."""
+    def _framed(self, of: Definition, payload: bytes) -> bytes:
         sequence = int(self.desk.sequence[0])
         self.desk.sequence[0] = (sequence + 1) & 0xFF
-        heartbeat = framed(_HEARTBEAT, _HOLD, sequence, self.system, AUTOPILOT)
+        return framed(of, payload, sequence, self.system, AUTOPILOT)
+
+    def pack_hold(
+        self, time_usec: int, buffer: Buffer, battery: Battery | None = None,
+        ending: Ending = Ending.NOT_ENDED,
+    ) -> bytes:  # fmt: skip
+        """A keep-alive while simulation time is held: the state, behind a HEARTBEAT."""
+        heartbeat = self._framed(_HEARTBEAT, _hold(ending))
         return heartbeat + self.pack_state(time_usec, buffer, battery)
+
+    @property
+    def ending(self) -> Ending:
+        """What the last keep-alive that was parsed told of the end of the flight."""
+        told = int.from_bytes(self.desk.heartbeat[_ENDING_AT : _ENDING_AT + 4].tobytes(), "little")
+        return Ending(min(told, Ending.CRASHED))
+
+    def pack_reset(self) -> bytes:
+        """From the controller: begin again, at the start."""
+        return self._framed(_COMMAND, _reset(self.system))
+
+    def is_reset(self, datagram: bytes) -> bool:
+        """Whether it is what `pack_reset` packs."""
+        return self._is(_COMMAND, datagram, _reset(self.system))
+
+    def pack_reset_done(self) -> bytes:
+        """From the plant: what comes from now on is of the new flight."""
+        return self._framed(_ACK, _RESET_DONE)
+
+    def is_reset_done(self, datagram: bytes) -> bool:
+        """Whether it is what `pack_reset_done` packs."""
+        return self._is(_ACK, datagram, _RESET_DONE)
+
+    def _is(self, of: Definition, datagram: bytes, payload: bytes) -> bool:
+        """Whether a datagram is one message, with this payload."""
+        try:
+            found, end = expected(of, datagram, 0, self.system, AUTOPILOT)
+        except WireError:
+            return False
+        return found == payload.ljust(of.size, b"\0") and end == len(datagram)
 
     @staticmethod
     def is_hold(datagram: bytes) -> bool:

@@ -35,6 +35,8 @@ from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import Answer, StateMachine
 
 FORCE = 21196.0  # COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
+FORCE_REBOOT = 20190226.0  # PREFLIGHT_REBOOT_SHUTDOWN, parameter 6: in flight too
+_SCALES = 1e7, 1e4  # of parameter 6 in COMMAND_INT, by its frame
 FARTHEST, LOWEST = 20_000.0, 100.0  # m from here, and below home: nobody flies there
 TAKEOFF_ASIDE = 10.0  # m: a take-off that names a place farther away is not a take-off
 REMEMBERED, REPEAT_S = 8, 5.0  # acknowledgements of a link, for so long (wall), for repetitions
@@ -100,9 +102,12 @@ class Spec(NamedTuple):
 class Commands:
     """The flight commands of one vehicle; the ground services add theirs to `table`."""
 
-    def __init__(self, vehicle: StateMachine, origin: Origin) -> None:
+    def __init__(self, vehicle: StateMachine, origin: Origin, resets: bool = False) -> None:
+        """`resets`: whoever asks about `reset_asked` then resets vehicle and plant."""
         self._vehicle = vehicle
         self._origin = origin
+        self._resets = resets
+        self.reset_asked = False  # and granted
         # of a command that is being done: asked until it tells what became of it
         self.in_progress: Callable[[], Verdict | None] | None = None
         arm = Spec(self._arm, (1, 2), (1,), to_all=False, what="Arming")
@@ -123,6 +128,7 @@ class Commands:
                 self._terminate, (1,), (1,), to_all=False, what="Termination"
             ),
             CommandId.RUN_PREARM_CHECKS: Spec(self._checks, what="Checks"),
+            CommandId.REBOOT: Spec(self._reset, (1, 6), (1,), to_all=False, what="Reset"),
         }
 
     def answer(self, request: Request) -> Verdict:
@@ -288,10 +294,29 @@ class Commands:
             return Verdict(Result.ACCEPTED)
         return _verdict("Termination", self._vehicle.terminate(request.t_us))
 
+    def _reset(self, request: Request) -> Verdict:
+        if request.parameter(1) == 0.0:  # do nothing, as PX4 accepts it
+            return Verdict(Result.ACCEPTED)
+        if request.parameter(1) != 1.0:
+            return denied("Reset", Code.RESETS_ONLY)
+        if not self._resets:
+            return denied("Reset", Code.ONE_FLIGHT)
+        if self._vehicle.armed and not _forces_reset(request):
+            return denied("Reset", Code.ARMED_NOT_RESET)
+        self.reset_asked = True
+        return Verdict(Result.ACCEPTED)
+
     def _checks(self, request: Request) -> Verdict:
         why = self._vehicle.why_not_arm(request.t_us, request.wall_s)
         told = Told(Code.READY_TO_ARM) if why is None else Told(Code.NOT_READY_TO_ARM, (why,))
         return Verdict(Result.ACCEPTED, told)
+
+
+def _forces_reset(request: Request) -> bool:
+    force = request.given(6, 0.0)
+    if request.command.frame is None:
+        return force == FORCE_REBOOT
+    return any(round(force * scale) == FORCE_REBOOT for scale in _SCALES)
 
 
 def _wrong_frame(what: str, frame: int) -> Verdict:

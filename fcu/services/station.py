@@ -53,6 +53,10 @@ SEVERITIES = {  # of what happens by itself; else INFO
     Code.OFFBOARD_LOST_MODE: Severity.CRITICAL,
     Code.OFFBOARD_LOST_STOPPED: Severity.CRITICAL,
     Code.POSITION_JUMPED: Severity.CRITICAL,
+    Code.CRASHED: Severity.CRITICAL,
+    Code.DIVERGED: Severity.CRITICAL,
+    Code.RESET: Severity.NOTICE,
+    Code.NOT_RESET: Severity.WARNING,
 }
 NOT_TAKEN = {  # messages that ask for what this vehicle does not do
     "SET_GPS_GLOBAL_ORIGIN": Code.NOT_TAKEN_ORIGIN,
@@ -66,22 +70,18 @@ class Station:
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, vehicle: StateMachine,
-        file: Path | None, say: Callable[[str, str], None], bind: Bind,
+        file: Path | None, say: Callable[[str, str], None], bind: Bind, resets: bool = False,
+        before: Station | None = None,
     ) -> None:  # fmt: skip
         """`file`: where parameters are saved. `say`: a line of log (level, text).
 
-        `bind`: opens a port, given its number and name. Raises PortBusy.
+        `bind`: opens a port, given its number and name. `resets`: as for Commands. `before`: the
+        one before a reset, whose ports and links this one takes over. Raises PortBusy.
         """
-        system = ports.system_id
-        script = bind(ports.fcu_script, owner("fcu_script"))
-        try:
-            station = bind(ports.fcu_station, owner("fcu_station"))
-        except OSError:
-            script.close()
-            raise
-        self.script = GroundPort(script, ports.script, system)
-        self.station = GroundPort(station, ports.station, system)
-        self.ports = (self.script, self.station)
+        self.ports: tuple[GroundPort, GroundPort] = (
+            _opened(ports, bind) if before is None else before.ports
+        )
+        self.script, self.station = self.ports
         self._identity = identity
         self._params = params
         self._vehicle = vehicle
@@ -89,7 +89,7 @@ class Station:
         self.streams = Streams(
             self.station, self.script, vehicle, int(params["MAV_TYPE"]), identity.autopilot
         )
-        self._commands = Commands(vehicle, identity.origin)
+        self._commands = Commands(vehicle, identity.origin, resets)
         self._parameters = ParameterProtocol(params, file, vehicle, self._commands)
         self._information = Information(self.streams, self._commands.table)
         self._wind = Wind(identity.drag)
@@ -146,6 +146,15 @@ class Station:
         return self._protocol.is_pending
 
     @property
+    def reset_asked(self) -> bool:
+        """Whether somebody has asked for a reset, and was told that it comes."""
+        return self._commands.reset_asked
+
+    def forget_reset(self) -> None:
+        """It does not come."""
+        self._commands.reset_asked = False
+
+    @property
     def is_waiting(self) -> bool:
         """Whether messages wait that were received, and did not fit between two ticks."""
         return self.script.is_waiting or self.station.is_waiting
@@ -187,6 +196,8 @@ class Station:
             if isinstance(message, Command):
                 self._information.about(port, link, self.view())
                 self._protocol.take(port, link, message, t_us, now)
+                if self.reset_asked:  # what comes behind it is for the vehicle that is then there
+                    return
             elif isinstance(message, SetpointMessage | AttitudeSetpointMessage):
                 self._offboard.take(port, link, message, t_us, now)
             elif isinstance(message, SetMode):
@@ -238,6 +249,18 @@ class Station:
         """Give the ports back."""
         for port in self.ports:
             port.close()
+
+
+def _opened(ports: Ports, bind: Bind) -> tuple[GroundPort, GroundPort]:
+    """The ports of scripts and of ground stations. Raises PortBusy."""
+    system = ports.system_id
+    script = bind(ports.fcu_script, owner("fcu_script"))
+    try:
+        station = bind(ports.fcu_station, owner("fcu_station"))
+    except OSError:
+        script.close()
+        raise
+    return GroundPort(script, ports.script, system), GroundPort(station, ports.station, system)
 
 
 def _as_command(message: SetMode) -> Command:

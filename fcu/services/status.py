@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fcu.interface.status_texts import Code
 from fcu.mavlink import px4_modes
 from fcu.mavlink.definitions import LandedState, SystemStatus
 from fcu.mavlink.px4_modes import AutoMode, MainMode
@@ -80,8 +81,11 @@ def custom_mode(mode: Mode) -> int:
 
 
 def system_status(vehicle: StateMachine) -> SystemStatus:
-    """BOOT until the plant was heard, then STANDBY, ACTIVE, or CRITICAL in a failsafe."""
-    if vehicle.terminated:
+    """BOOT until the plant was heard, then STANDBY, ACTIVE, or CRITICAL in a failsafe.
+
+    EMERGENCY once it was terminated, has crashed or is lost.
+    """
+    if vehicle.terminated or vehicle.ended is not None:
         return SystemStatus.EMERGENCY
     if vehicle.state is None:
         return SystemStatus.BOOT
@@ -94,6 +98,9 @@ def landed_state(vehicle: StateMachine) -> LandedState:
     """From the detector, and the mode."""
     if vehicle.state is None:
         return LandedState.UNDEFINED
+    if vehicle.ended is not None:
+        crashed = vehicle.ended.code is Code.CRASHED
+        return LandedState.ON_GROUND if crashed else LandedState.UNDEFINED
     if vehicle.on_ground:
         return LandedState.ON_GROUND
     if vehicle.mode is Mode.TAKEOFF:

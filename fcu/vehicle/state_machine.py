@@ -73,6 +73,7 @@ class StateMachine:
         self.home: Vec3 | None = None
         self.home_changed = 0  # how often
         self.terminated = False
+        self.ended: Told | None = None  # how the plant's flight has ended, if it has
         self.failsafe: Told | None = None  # why the vehicle is not where it was told to be
         self.battery: Battery | None = None
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
@@ -338,6 +339,8 @@ class StateMachine:
         m = self.measured
         if m is None:
             return Told(Code.NO_STATE)
+        if self.ended is not None:
+            return Told(Code.HAS_ENDED)
         if self.terminated:
             return Told(Code.WAS_TERMINATED)
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
@@ -359,6 +362,14 @@ class StateMachine:
         self.terminated = True
         self._disarm(t_us)
         return Answer(True, Told(Code.TERMINATED))
+
+    def end(self, how: Told, state: Row, t_us: int) -> None:
+        """The plant's flight has ended: the rotors stop, and the vehicle lies at `state`.
+
+        `how`: CRASHED or DIVERGED.  state : VehicleState, its buffer.
+        """
+        self.state, self.ended = state, how
+        self._disarm(t_us)
 
     def select(self, wanted: Mode, t_us: int, wall_s: float) -> Answer:
         """Another mode; to be asked for `later` while a script's stream is all that is missing."""

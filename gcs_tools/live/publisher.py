@@ -93,6 +93,7 @@ class Source:
         self.who = ""  # fcu or plant, as it says
         self.ended = False
         self.next = -1  # number of the row that comes next
+        self._begins_again = False  # its rows do: it was reset
         self.lost = 0  # rows that did not reach us since it said hello
         self._dropped = 0  # rows for which it had no room before that
         self._width = 0  # float64 in one of its rows
@@ -101,7 +102,12 @@ class Source:
         self._bytes = bytearray(publisher_feed.GREATEST_BYTES)
 
     def take(self) -> Taken:
-        """All that is there, at most AT_ONCE datagrams. Raises FeedError: then hang up."""
+        """All that is there, at most AT_ONCE datagrams, and at most to where its rows begin again.
+
+        Raises FeedError: then hang up.
+        """
+        if self._begins_again:
+            self.next, self._begins_again = -1, False
         n = 0
         said: list[dict[str, Any]] = []
         params: Rows | None = None
@@ -118,6 +124,9 @@ class Source:
                 break
             if got % 8:
                 said.append(self._word(bytes(self._bytes[:got])))
+                if "reset" in said[-1]:
+                    self._begins_again = True
+                    break
             elif got == 8 * width:
                 self._buffer[n, :width] = np.frombuffer(self._bytes, "<f8", width)
                 n += 1
@@ -160,7 +169,7 @@ class Source:
             self.next += missing
 
     def _word(self, data: bytes) -> dict[str, Any]:
-        """What is said, if it is one of the three things that are."""
+        """What is said, if it is one of the four things that are."""
         try:
             word: dict[str, Any] = json.loads(data)
             if "hello" in word:
@@ -173,6 +182,8 @@ class Source:
                     )
                 self.who, self._dropped = word["hello"], _count(word["dropped"])
                 self._width = size(self._rows[self.who])
+            elif "reset" in word and self.who:
+                pass
             elif "bye" in word:
                 word["dropped"] = _count(word["dropped"])
             else:

@@ -177,6 +177,7 @@ class RecordingSummary:
     unusable: int = 0
     end_seen: bool = False  # it was told what there was to record
     _spans: dict[str, tuple[float, float]] = field(default_factory=dict)  # by topic
+    _before: dict[str, float] = field(default_factory=dict)  # s, of flights before a reset
     replayed: bool = False  # its ticks were published long ago
     latency: Latency = field(default_factory=lambda: Latency(TOPICS[TIMING]))
 
@@ -188,7 +189,11 @@ class RecordingSummary:
         first, last = float(times[0]) * 1e-9, float(times[-1]) * 1e-9
         self.first_s = first if self.first_s is None else self.first_s
         self.last_s = max(self.last_s or 0.0, last)
-        self._spans[topic] = (self._spans.get(topic, (first, last))[0], last)
+        began, until = self._spans.get(topic, (first, last))
+        if first < until:  # time begins again: the vehicle was reset
+            self._before[topic] = self._before.get(topic, 0.0) + until - began
+            began = first
+        self._spans[topic] = began, last
         if topic == TIMING:
             self.ticks += len(times)
             if not self.replayed:
@@ -197,7 +202,11 @@ class RecordingSummary:
     @property
     def least_s(self) -> float:
         """Simulation time that is recorded of every topic."""
-        return min((last - first for first, last in self._spans.values()), default=0.0)
+        lasted = (
+            last - first + self._before.get(topic, 0.0)
+            for topic, (first, last) in self._spans.items()
+        )
+        return min(lasted, default=0.0)
 
     @property
     def lost(self) -> dict[str, int]:

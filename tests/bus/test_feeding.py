@@ -30,7 +30,8 @@ from tests.patience import PATIENCE_S, until
 T, SEQUENCE = (column_of(FcuRow, name) for name in ("t", "timing.sequence"))
 LAW = loader.load()
 HELLO = json.dumps({"hello": "fcu", "dropped": 3, "law": LAW.identity}).encode()
-assert len(HELLO) % 8
+RESET = json.dumps({"reset": "fcu"}).encode() + b" "
+assert len(HELLO) % 8 and len(RESET) % 8
 
 
 def row(number, t=0.0):
@@ -93,6 +94,7 @@ LIES = {
     "a time too large": [HELLO, row(0, 1e300)],
     "a number twice": [HELLO, row(5), row(5)],
     "a number that goes back": [HELLO, row(5), row(4)],
+    "a reset of nobody": [RESET],
     "parameters at no time": [HELLO, params(np.nan, 0.002)],
     "parameters at too large a time": [HELLO, params(1e300, 0.002)],
     "parameters without a period": [HELLO, params(0.0, 0.0)],
@@ -117,6 +119,14 @@ def test_lies_are_refused(publisher, connected, capfd, datagrams):
     honest.send(b"{}")
     publisher.pass_on()
     assert is_hung_up_on(honest)  # only now
+
+
+def test_rows_begin_again_after_a_reset_and_none_is_lost(publisher, connected):
+    connected(HELLO, row(0), row(1, 0.002), RESET, row(0), RESET, row(0), row(1, 0.002))
+    while publisher.pass_on():
+        pass
+    assert publisher.published["fcu"] == 5
+    assert publisher.lost["fcu"] == 0
 
 
 def test_a_second_of_a_kind_is_refused(publisher, connected, capfd):

@@ -152,6 +152,36 @@ def test_a_keep_alive_is_told_from_a_tick_and_carries_the_state():
     assert [m.get_type() for m in rest] == ["ODOMETRY", "ACTUATOR_OUTPUT_STATUS"]
 
 
+@pytest.mark.parametrize(
+    ("ending", "status"),
+    [
+        (wire.Ending.NOT_ENDED, mavlink.MAV_STATE_ACTIVE),
+        (wire.Ending.DIVERGED, mavlink.MAV_STATE_EMERGENCY),
+        (wire.Ending.CRASHED, mavlink.MAV_STATE_EMERGENCY),
+    ],
+)
+def test_a_keep_alive_tells_how_the_flight_has_ended(ending, status):
+    hold = CODEC.pack_hold(TIME, to_buffer(FLYING), ending=ending)
+    heartbeat, *_ = mavlink.MAVLink(None).parse_buffer(bytearray(hold))
+    assert (heartbeat.custom_mode, heartbeat.system_status) == (ending, status)
+    controller = PlantCodec(SYSTEM)
+    controller.parse_state(hold, untouched(21))
+    assert controller.ending is ending
+
+
+def test_a_reset_and_its_acknowledgement_are_pymavlinks():
+    command, done = CODEC.pack_reset(), CODEC.pack_reset_done()
+    (asked,) = mavlink.MAVLink(None).parse_buffer(bytearray(command))
+    assert (asked.command, asked.param1, asked.target_system) == (246, 1.0, SYSTEM)
+    (ack,) = mavlink.MAVLink(None).parse_buffer(bytearray(done))
+    assert (ack.command, ack.result) == (246, mavlink.MAV_RESULT_ACCEPTED)
+    others = [b"", CODEC.pack_state(TIME, to_buffer(FLYING)), command + done]
+    others += [PlantCodec(SYSTEM + 1, SPIN).pack_reset(), PlantCodec(SYSTEM + 1).pack_reset_done()]
+    for datagram in (command, done, *others):
+        assert CODEC.is_reset(datagram) is (datagram is command)
+        assert CODEC.is_reset_done(datagram) is (datagram is done)
+
+
 def test_fields_of_a_battery_computed_by_hand():
     datagram = PlantCodec(SYSTEM, SPIN).pack_state(TIME, to_buffer(FLYING), FLOWN_FOR)
     state = PlantCodec(SYSTEM, SPIN).pack_state(TIME, to_buffer(FLYING))
