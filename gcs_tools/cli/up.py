@@ -14,16 +14,15 @@ from gcs_tools.cli.output import Failure
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 
 if TYPE_CHECKING:
+    from gcs_tools.flight.live_vehicle import LiveVehicle
     from gcs_tools.flight.pair import Pair
-    from gcs_tools.flight.processes import Child
     from gcs_tools.flight.scenario import Scenario
-
-TELL_S = 2.0  # wall: a flight controller tells after one that its plant is silent
 
 
 @click.command(
     epilog="\b\nExit codes: 0 Ctrl-C, SIGTERM or SIGHUP once the vehicle was up, 2 invalid command line, mission\n"
-    "or law, 3 a process died or stalled, a port was busy or the flight ended, 130 interrupted before."
+    "or law, 3 a process died or stalled, a port was busy or the vehicle did not arm in the air,\n"
+    "130 interrupted before."
 )
 @click.argument("mission", required=False)
 @arguments.speed("1")
@@ -43,7 +42,8 @@ def up(
     """Start flight controller and simulator, and keep them running until Ctrl-C.
 
     For a ground station or a script. With MISSION they start with its law, world and start point;
-    without, an S1000 stands on the ground in still air.
+    without, an S1000 stands on the ground in still air. A vehicle whose start is in the air is
+    armed and holds there (mode Hold). After a crash it lies there until `gcs reset` puts it back.
     """
     given = {
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
@@ -51,6 +51,7 @@ def up(
     options = [word for name, value in given.items() if value for word in (name, value)]
     from fcu.laws import loader
     from gcs_tools.flight.interrupts import interrupts_wait
+    from gcs_tools.flight.live_vehicle import LiveVehicle
     from gcs_tools.flight.pair import Pair
     from gcs_tools.flight.processes import InfrastructureError, Misused, claimed
     from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
@@ -72,8 +73,10 @@ def up(
             folder = new_folder(None, "up")  # not before: of a port that is busy none is left
             click.echo("starting (the first start compiles, for up to a minute) ...", err=True)
             pair = Pair(stack, folder, number, flown, published, flies(chosen, scene), look)
-            _stand_by(pair, scene, folder, number, "max" if speed is None else str(speed), options,
-                      zenoh is not None)  # fmt: skip
+            in_the_air = chosen is not None and not chosen.flight.start.on_ground
+            vehicle = LiveVehicle(pair, stack, number, in_the_air)
+            _stand_by(vehicle, pair, scene, folder, number, "max" if speed is None else str(speed),
+                      options, zenoh is not None)  # fmt: skip
             code = OK
     except UsageError as error:
         raise Failure(error, USAGE) from error
@@ -87,8 +90,8 @@ def up(
 
 
 def _stand_by(
-    pair: Pair, scene: Scenario | None, folder: Path, number: int, speed: str, options: list[str],
-    configured: bool,
+    vehicle: LiveVehicle, pair: Pair, scene: Scenario | None, folder: Path, number: int, speed: str,
+    options: list[str], configured: bool,
 ) -> None:  # fmt: skip
     """Run both until interrupted; say what to connect to once both are ready.
 
@@ -97,11 +100,9 @@ def _stand_by(
     from fcu.interface.link import HOST
     from fcu.interface.ports import ports
     from fcu.interface.topics import port
-    from gcs_tools.flight.processes import FlightEnded
 
-    life, at = pair.lifeline(), ports(number)
-    plant = ["--speed", speed, "--lifeline-fd", str(life)]
-    why = pair.start(scene, options, plant, plant_fds=(life,))
+    at = ports(number)
+    why = vehicle.start(scene, options, speed)
     try:
         click.echo(
             f"ready: instance {number}, MAVLink system {at.system_id}\n"
@@ -113,21 +114,10 @@ def _stand_by(
             where = "as configured" if configured else f"tcp/{HOST}:{port(number)}"
             click.echo(f"  diagnostics     {why or f'Zenoh, {where} (gcs monitor)'}")
         while True:
-            pair.check()
+            for event in vehicle.events():
+                click.echo(event, err=True)
             if pair.publisher is not None and pair.publisher.has_died():
                 click.echo(f"  diagnostics     ended (again with: gcs publish --instance {number})")
             time.sleep(0.1)
     except KeyboardInterrupt:
         return
-    except FlightEnded:
-        _let_it_tell(pair.children[0])
-        raise
-
-
-def _let_it_tell(fcu: Child) -> None:
-    """Wait until the flight controller has told its ground stations that there is no plant."""
-    until = time.monotonic() + TELL_S
-    while time.monotonic() < until and fcu.process.poll() is None:
-        if "silent" in fcu.last_words():
-            return
-        time.sleep(0.05)

@@ -35,6 +35,7 @@ from fcu.mavlink.setpoints import PositionTarget
 from fcu.mavlink.telemetry import ExtendedState, Heartbeat, LocalPosition, ground_heartbeat
 from gcs_tools.flight.interrupts import interrupts_wait
 
+FORCE_REBOOT = 20190226.0  # MAVLink's REBOOT_SHUTDOWN_CONDITIONS_FORCE
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
 TOGETHER = 256  # messages of one datagram: others' vehicles may send all they have in one
 ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
@@ -84,10 +85,14 @@ class Vehicle:
         """Give the port back."""
         self._link.close()
 
+    def greet(self) -> None:
+        """Send a heartbeat: who sends them hears telemetry."""
+        self._link.send(self._codec.framed(ground_heartbeat()))
+
     def wait_ready(self, timeout_s: float = 60.0) -> None:
         """Until the vehicle says that it could arm. Raises VehicleError."""
         until = time.monotonic() + timeout_s
-        self._link.send(self._codec.framed(ground_heartbeat()))
+        self.greet()
         while time.monotonic() < until:
             for message in self.messages(0.2):
                 if isinstance(message, Heartbeat) and message.status >= SystemStatus.STANDBY:
@@ -218,6 +223,11 @@ class Vehicle:
     def offboard(self) -> None:
         """Fly the setpoints sent. Raises VehicleError."""
         self.command(CommandId.SET_MODE, 1.0, MainMode.OFFBOARD, AutoMode.NONE)
+
+    def reset(self, force: bool = False, tries: int = TRIES) -> None:
+        """Put vehicle and simulator back to the start; forced: in flight too. Raises VehicleError."""
+        unused = (0.0,) * 4
+        self.command(CommandId.REBOOT, 1.0, *unused, FORCE_REBOOT if force else 0.0, tries=tries)
 
     def hold(self, tries: int = TRIES) -> None:
         """Stay where it is; asked so often, half a second apart. Raises VehicleError."""
@@ -359,3 +369,42 @@ def _wait_until_at(
             raise VehicleError(f"not there: the vehicle {watch.why}, {away:.1f} m away")
         if here.time_boot_ms - began.time_boot_ms > TIMEOUT_S * 1000:
             raise VehicleError(f"not there after {TIMEOUT_S:.0f} s: still {away:.1f} m away")
+
+
+def put_back(vehicle: Vehicle, force: bool, timeout_s: float) -> None:
+    """Reset a vehicle, and wait until time runs at its start. Raises VehicleError.
+
+    `force`: in flight too. `timeout_s`: wall, for all of it.
+    """
+    until, due = time.monotonic() + timeout_s, 0.0
+    watch = _Beginning()
+    vehicle.on_message = watch.see
+    vehicle.greet()  # to hear its telemetry
+    vehicle.reset(force, max(1, math.ceil(timeout_s / ANSWER_S)))
+    while not watch.time_runs:
+        now = time.monotonic()
+        if watch.refusal or now >= until:
+            late = f"not at its start within {timeout_s:g} s (longer: --timeout S)"
+            raise VehicleError(watch.refusal or late)
+        if now >= due:
+            due = now + ANSWER_S
+            vehicle.greet()
+        vehicle.messages(min(ANSWER_S, until - now))
+
+
+class _Beginning:
+    """Whether a vehicle that was to be reset is at its start, and time runs."""
+
+    def __init__(self) -> None:
+        self.time_runs = False
+        self.refusal = ""  # why it is not reset after all
+        self._is_reset = False
+
+    def see(self, message: GroundMessage) -> None:
+        """Whatever the vehicle sends."""
+        if isinstance(message, StatusText):
+            self._is_reset |= says(message.text, Code.RESET)
+            if says(message.text, Code.NOT_RESET):
+                self.refusal = message.text
+        elif self._is_reset and isinstance(message, LocalPosition):
+            self.time_runs |= message.time_boot_ms > 0

@@ -228,13 +228,22 @@ class Child:
             self._out.close()
         return said
 
+    def heard(self) -> list[dict[str, Any]]:
+        """What it has said since it was ready, or since the last call."""
+        said = []
+        while not self._lines.empty():
+            line = self._lines.get_nowait()
+            if "ended" in line:
+                self._said = line
+            else:
+                said.append(line)
+        return said
+
     def _last_said(self) -> dict[str, Any]:
         """What a process that has ended said last of itself."""
         self.listen()
         self._reader.join(STOP_S)
-        while not self._lines.empty():
-            line = self._lines.get_nowait()
-            self._said = line if "ended" in line else self._said
+        self.heard()
         return self._said
 
 

@@ -16,6 +16,7 @@ import pytest
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import INSTANCES, busy, ports
 from tests.patience import PATIENCE_S, until
+from tests.process.script import Script
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun by a shell in the background:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # programs would not hear Ctrl-C
@@ -193,6 +194,21 @@ def _until():
 @pytest.fixture(name="alive")
 def _alive():
     return alive
+
+
+@pytest.fixture
+def script(instance):
+    one = Script(instance)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def gone(until, alive):
+    def check(pids):
+        until(lambda: not any(map(alive, pids.values())), "no orphan")
+
+    return check
 
 
 SPIN = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"

@@ -5,92 +5,14 @@ from __future__ import annotations
 import json
 import math
 import os
-import select
 import signal
 import socket
-import time
 
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
 from fcu.interface.ports import ports
-from tests.patience import PATIENCE_S
-
-POSITION_AND_YAW = 0b100111111000  # type mask: velocity, acceleration and yaw rate out of use
-OFFBOARD = 6  # PX4's main mode
-HOLD = 4 << 16 | 3 << 24  # HEARTBEAT.custom_mode
-
-
-class Script:
-    """What a user writes: pymavlink's codec on a socket that listens on 14540 + N."""
-
-    def __init__(self, instance: int) -> None:
-        at = ports(instance)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", at.script))
-        self._to = ("127.0.0.1", at.fcu_script)
-        self._target = (at.system_id, 1)
-        self._codec = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
-
-    def close(self) -> None:
-        self._socket.close()
-
-    def messages(self):
-        """Messages as they come, for as long as anybody waits."""
-        end = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end:
-            if select.select([self._socket], [], [], 0.5)[0]:
-                yield from self._codec.parse_buffer(self._socket.recv(4096)) or []
-        pytest.fail(f"what was waited for did not come within {PATIENCE_S:g} s")
-
-    def first(self, kind, which=lambda message: True):
-        return next(m for m in self.messages() if m.get_type() == kind and which(m))
-
-    def send(self, message) -> None:
-        self._socket.sendto(message.pack(self._codec), self._to)
-
-    def command(self, command, *params) -> int:
-        """Its MAV_RESULT."""
-        padded = [*params, *[0.0] * (7 - len(params))]
-        self.send(mavlink.MAVLink_command_long_message(*self._target, command, 0, *padded))
-        return self.first("COMMAND_ACK", lambda m: m.command == command).result
-
-    def go(self, north, east, down, yaw=0.0) -> None:
-        where, unused = (north, east, down), (0.0,) * 6
-        setpoint = mavlink.MAVLink_set_position_target_local_ned_message(
-            0, *self._target, mavlink.MAV_FRAME_LOCAL_NED, POSITION_AND_YAW,
-            *where, *unused, yaw, 0.0,
-        )  # fmt: skip
-        self.send(setpoint)
-        self.first("POSITION_TARGET_LOCAL_NED", lambda m: (m.x, m.y, m.z) == where)
-
-    def at(self, north, east, down, within):
-        def near(m):
-            return math.dist((m.x, m.y, m.z), (north, east, down)) < within
-
-        return self.first("LOCAL_POSITION_NED", near)
-
-    def fly(self, north, east, down, yaw, within):
-        """Stream a setpoint until it is there: one that is sent once is soon lost."""
-        position = self.first("LOCAL_POSITION_NED")
-        while math.dist((position.x, position.y, position.z), (north, east, down)) > within:
-            self.go(north, east, down, yaw)
-            position = self.first("LOCAL_POSITION_NED")
-
-
-@pytest.fixture
-def script(instance):
-    one = Script(instance)
-    yield one
-    one.close()
-
-
-@pytest.fixture
-def gone(until, alive):
-    def check(pids):
-        until(lambda: not any(map(alive, pids.values())), "no orphan")
-
-    return check
+from tests.process.script import HOLD, OFFBOARD, Script
 
 
 def test_setpoint_brings_a_vehicle_that_is_up_somewhere(start, instance, gone):
@@ -181,38 +103,6 @@ def test_a_killed_up_leaves_nobody(start, instance, gone):
     pids = up.started()
     up.process.kill()
     up.wait()
-    gone(pids)
-
-
-FALLS = """
-title = "Rotors stand until it is armed: it falls from where it begins."
-
-[flight]
-duration_s = 60.0
-start = {{ position_m = [0.0, 0.0, 10.0] }}
-setpoints = [{{ at_s = 0.0, position_m = [0.0, 0.0, 10.0] }}]
-ground_z_m = {ground_z_m}
-arena_m = {arena_m}
-"""
-
-
-@pytest.mark.parametrize(
-    ("ground_z_m", "arena_m", "ending"),
-    [(0.0, 100.0, ("ground", "1.5 s")), (-100.0, 9.0, ("arena", "1.4 s"))],
-)
-def test_what_became_of_the_vehicle_is_told_here_and_on_mavlink(
-    start, instance, script, tmp_path, gone, ground_z_m, arena_m, ending
-):
-    mission = tmp_path / "falls.toml"
-    mission.write_text(FALLS.format(ground_z_m=ground_z_m, arena_m=arena_m))
-    up = start("gcs_tools", "up", mission, "--instance", instance)
-    up.says("ready")
-    pids = up.started()
-    told = script.first("STATUSTEXT", lambda m: "1 s" in m.text)
-    assert told.severity == mavlink.MAV_SEVERITY_CRITICAL
-    assert up.wait() == 3
-    last = up.err.read_text().splitlines()[-1]
-    assert all(part in last for part in ending), last
     gone(pids)
 
 
