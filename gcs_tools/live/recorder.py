@@ -189,7 +189,7 @@ class RecordingSummary:
         first, last = float(times[0]) * 1e-9, float(times[-1]) * 1e-9
         self.first_s = first if self.first_s is None else self.first_s
         self.last_s = max(self.last_s or 0.0, last)
-        began, until = self._spans.get(topic, (first, last))
+        began, until = self._spans.get(topic, (first, first))
         if first < until:  # time begins again: the vehicle was reset
             self._before[topic] = self._before.get(topic, 0.0) + until - began
             began = first

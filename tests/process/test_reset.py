@@ -233,14 +233,14 @@ def test_a_flight_after_a_reset_is_the_same_to_the_bit_and_is_recorded(
     """Of a vehicle with noise; `gcs record` goes on."""
     up(mission(), "--speed", 3)
     file = tmp_path / "lives.mcap"
-    record = start("gcs_tools", "record", file, "--instance", instance, "--for", 12)
+    record = start("gcs_tools", "record", file, "--instance", instance)
     record.says("met vehicle")
     for _ in range(2):
         code, said = reset("--force")
         assert code == 0, said
         script.forget()
         script.first("LOCAL_POSITION_NED", lambda m: m.time_boot_ms > 3000)
-    assert record.wait() == 0, record.text()
+    assert record.interrupted() == 0, record.text()
     fcu = read(file).fcu
     begins = np.flatnonzero(np.diff(fcu["t"]) < 0.0) + 1
     assert len(begins) == 2
@@ -287,5 +287,4 @@ def test_a_plant_that_cannot_reset_is_flown_on(start, instance, bound, script):
 
     until(is_answered, "an answer")
     assert asked == {True, False}
-    told = script.first("STATUSTEXT", lambda m: m.severity == mavlink.MAV_SEVERITY_WARNING)
-    assert "eset" in told.text
+    assert fcu.logged("warning", "Not reset")
