@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import arrival, foreseen, margin, present
-from fcu.guard.governor import BRAKING, SLOWEST, shortened, speeds
+from fcu.guard import arrival, foreseen, margin, present, wrench
+from fcu.guard.governor import BRAKING, SLOWEST, inside, shortened, speeds, wanted
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint
@@ -142,18 +142,23 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
 def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
     """Bring `reference` (float64[9]: r_m, v_m, a_m) on by as many ticks as the setpoint is flown.
 
-    Under every policy but to govern, which gives the reference way.
+    Governed, as it goes with the vehicle on it, at the least thrust that hover takes.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
-    setpoint = _unpack_setpoint(setpoint_buffer)
+    setpoint, known = _unpack_setpoint(setpoint_buffer), margin.known(params, law)
+    zero, j = Vec3(0.0, 0.0, 0.0), wrench.jerk(params, law, params.m_min * law.g)
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
     a_m = Vec3(reference[6], reference[7], reference[8])
     for k in range(ticks):
         now = carried(setpoint, k * law.h)
         plain = a_ref(law, now, r_m, v_m)
-        most = foreseen.fastest(params, law, a_m.z) * law.h
-        a_m = a_m + shortened(plain - a_m, most)
+        if params.policy == foreseen.GOVERN:
+            a = wanted(law, known, now, r_m, v_m, j)
+            a_m = inside(known, v_m, 0.0, a_m + shortened(a - a_m, j * law.h), zero)
+        else:
+            most = foreseen.fastest(params, law, a_m.z) * law.h
+            a_m = a_m + shortened(plain - a_m, most)
         given = Setpoint(
             r_c=now.r_c + (a_m - plain) / (law.f_m * law.f_m),
             v_c=now.v_c, a_c=now.a_c, psi_c=now.psi_c, psi_dot_c=now.psi_dot_c,

@@ -21,7 +21,7 @@ QUICK = 0.6  # of a time constant of the reference model: attitude and rates may
 QUICKEST = (
     1.2  # beyond it attitude does not follow what is governed; where that begins was set by flights
 )
-WARN, REFUSE = 0.0, 2.0  # policies
+WARN, GOVERN, REFUSE = 0.0, 1.0, 2.0  # policies
 LONGEST = 300.0  # s, that is looked ahead at most
 SETTLED = 8.0  # time constants of the reference model after which there is nothing to come
 

@@ -254,6 +254,11 @@ def _falls(pose):
     return AHEAD_S * maximum(-pose.v_E.z, 0.0)
 
 
+def is_below(r: Vec3, pose: Pose, ground: float) -> bool:
+    """Whether a place (m, E) is below a ground (m) that is known (not NaN) where the vehicle is."""
+    return r.z < ground + CLEAR and pose.r_E.z >= ground - VALLEY
+
+
 def landing_from(asked: Setpoint, pose: Pose, ground: float) -> Pose:
     """Where a landing begins: over a place that has all but been reached, else where it is."""
     if asked.v_c != STILL or pose.r_E.z < ground + TOUCHING or not _over(asked, pose):

@@ -15,6 +15,7 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.laws.mmrac import reference_model
+from fcu.parameters import Parameters
 from fcu.vehicle.plans import STILL, Pose, at, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
@@ -34,6 +35,18 @@ class SetpointLimits(NamedTuple):
     down: float  # m/s
     yaw_rate: float  # rad/s
     acceleration: float = STANDARD_GRAVITY  # m/s^2: a tilt of 45 degrees
+
+
+def script_limits(params: Parameters) -> SetpointLimits:
+    """Those of a vehicle with these parameters."""
+    return SetpointLimits(
+        away=params["MR_SP_DIST"],
+        below_home=params["MR_SP_BELOW"],
+        across=params["MPC_XY_VEL_MAX"],
+        up=params["MPC_Z_VEL_MAX_UP"],
+        down=params["MPC_Z_VEL_MAX_DN"],
+        yaw_rate=params.pace.yaw_rate_max,
+    )
 
 
 @dataclass

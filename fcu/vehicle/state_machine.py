@@ -35,7 +35,7 @@ from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.plans import NEVER_US, Leader, Piece, PlanLimits, Pose
-from fcu.vehicle.setpoints import Script, SetpointLimits, anchored, of_attitude, of_position
+from fcu.vehicle.setpoints import Script, anchored, of_attitude, of_position, script_limits
 from fcu.vehicle.watch import LOOK_US, Given, Watch, warm_up
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -522,19 +522,15 @@ class StateMachine:
         flown = self.flown(t_us, here)
         if isinstance(asked, AttitudeRequest):
             return of_attitude(asked, flown, self._params.law.limits.T_max)
-        return of_position(asked, here, self.home or here.r_E, flown, self._script_limits())
+        limits = script_limits(self._params)
+        made, told = of_position(asked, here, self.home or here.r_E, flown, limits)
+        if told is not None and told.code is Code.SETPOINT_LOW and self._lands_at(made.r_c, here):
+            return made, None  # as for any below the ground, the landing is told
+        return made, told
 
-    def _script_limits(self) -> SetpointLimits:
-        """Above which a script's setpoint is flown at the limit."""
-        p = self._params
-        return SetpointLimits(
-            away=p["MR_SP_DIST"],
-            below_home=p["MR_SP_BELOW"],
-            across=p["MPC_XY_VEL_MAX"],
-            up=p["MPC_Z_VEL_MAX_UP"],
-            down=p["MPC_Z_VEL_MAX_DN"],
-            yaw_rate=p.pace.yaw_rate_max,
-        )
+    def _lands_at(self, r: Vec3, here: Pose) -> bool:
+        """Whether a place (m, E) is below the ground that the vehicle knows."""
+        return landing.is_below(r, here, self._landed.ground)
 
     def fly_script(self, t_us: int) -> Told | None:
         """The script has a new setpoint: it is flown in offboard mode. What is to be said of it."""

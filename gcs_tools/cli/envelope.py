@@ -59,7 +59,9 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
     "(31)        the paper's condition, repaired, evaluated at the target\n\n"
     "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
     "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
-    "it fails, or hover has no room for the noise that is believed; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
+    "it fails, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"
+    "written (too far away or too fast, beyond arena_m, below the ground) and [expect] does not say\n"
+    "so; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
 )
 @click.argument("mission")
 @arguments.SETTINGS
@@ -104,7 +106,8 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
         at = error.filename or figure or "standard output"
         raise Failure(f"{at}: {error.strerror}", USAGE) from error
     drowned = found.noise is not None and bool(found.noise.lack)
-    return OK if (found.holds or found.governed) and not drowned else DOES_NOT_HOLD
+    flyable = all(each.expected for each in found.unflyable)
+    return OK if (found.holds or found.governed) and flyable and not drowned else DOES_NOT_HOLD
 
 
 def _show(found: Envelope, console: Console) -> None:
@@ -114,6 +117,9 @@ def _show(found: Envelope, console: Console) -> None:
     colour = "green" if found.holds else "yellow"
     console.print(Text(found.mission, style="bold"), Text(f"guard {found.guard}", style="dim"))
     _show_headline(found, console)
+    for each in found.unflyable:
+        expected = " (expected)" if each.expected else ""
+        console.print(Text(f"Not flown as written{expected}: {each.text}.", style="yellow"))
     for remark in found.remarks:
         console.print(Text(f"Not covered: {remark}.", style="yellow"))
     console.print()

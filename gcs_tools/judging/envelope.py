@@ -25,7 +25,7 @@ from fcu.kernel.buffers import to_buffer
 from fcu.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.judging.preflight_check import looks
+from gcs_tools.judging.preflight_check import Unflyable, looks, unflyable
 from gcs_tools.missions.mission import Mission
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -126,6 +126,7 @@ class Envelope:
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
     remarks: tuple[str, ...]
+    unflyable: tuple[Unflyable, ...]  # setpoints that cannot be flown as written
     beliefs: tuple[Belief, ...]
     noise: Noise | None  # None: none is believed
 
@@ -558,6 +559,7 @@ def envelope(mission: Mission) -> Envelope:
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
         remarks=remarks,
+        unflyable=unflyable(mission, scene),
         beliefs=beliefs(mission, settings),
         noise=noise_of(settings),
     )

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.algebra import Vec3
-from gcs_tools.judging.expectations import Expectation, judge_metric
+from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_metric
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, on_ground
 from gcs_tools.missions.asked import LANDS, Begun, legs
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.items import LANDINGS
 from gcs_tools.recording.table import Table
 
 
@@ -46,6 +47,13 @@ def items_flown(
         ItemFlown(i + 1, item.kind, since.get(i), since.get(i + 1, over_s if done else None))
         for i, item in enumerate(flight.items)
     ]
+
+
+def good_endings(flight: Flight) -> tuple[str, ...]:
+    """How a flight ends well, if its mission does not say."""
+    if not flight.items:
+        return GOOD_ENDINGS
+    return ("landed",) if isinstance(flight.items[-1], LANDINGS) else ("done",)
 
 
 def unfinished(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> str:

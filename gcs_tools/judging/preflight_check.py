@@ -1,24 +1,36 @@
-"""Whether a vehicle whose guard refuses would fly a mission's setpoints, known before it flies.
+"""Whether a vehicle would fly a mission's setpoints as they are written, known before it flies.
 
 Looked at as the vehicle looks at each when it arrives: from where the reference model (34) is
-then, which under that policy is the mission's alone to say. What the vehicle will demand by then is the
-air's to say, so it counts for nothing here: in the air more may be admitted.
+then, which is the mission's alone to say where the guard refuses; governed, also the mass's and the
+air's to say, by a little. What the vehicle will demand by then is the air's to say, so it counts for
+nothing here: in the air more may be admitted.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcu.guard import admission
 from fcu.guard.parameters import REFUSE
-from fcu.interface.messages import Setpoint
-from fcu.interface.status_texts import lacks, words
+from fcu.interface.messages import PositionRequest, Setpoint
+from fcu.interface.status_texts import Code, Told, lacks, words
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.mavlink.frames import through_the_wire
+from fcu.parameters import Parameters
+from fcu.vehicle.plans import Pose
+from fcu.vehicle.setpoints import of_position, script_limits
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.item_script import SEND_AGAIN_S
+from gcs_tools.judging.expectations import LIMITED
+from gcs_tools.judging.item_checks import good_endings
+from gcs_tools.judging.setpoint_checks import coordinates, grounded
+from gcs_tools.missions.mission import Mission
 
 
 class Looked(NamedTuple):
@@ -59,6 +71,82 @@ def looks(
         if before is None:  # it takes over there
             reference[:3] += law.initial.r_m_offset
         before = k, setpoint
+
+
+@dataclass(frozen=True)
+class Unflyable:
+    """A setpoint that no vehicle flies as it is written."""
+
+    at_s: float
+    position_m: Vec3
+    why: str  # far, low, fast, hard, turns: of LIMITS; ground, arena
+    text: str  # a sentence
+    expected: bool  # [expect] says so
+
+
+LIMITS = {  # of the vehicle: why, and what sets it
+    Code.SETPOINT_FAR: ("far", "MR_SP_DIST"),
+    Code.SETPOINT_LOW: ("low", "MR_SP_BELOW"),
+    Code.SETPOINT_FAST: ("fast", "MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP, MPC_Z_VEL_MAX_DN"),
+    Code.SETPOINT_HARD: ("hard", "1 g"),
+    Code.SETPOINT_TURNS: ("turns", "law.yaw_rate_max"),
+}
+
+
+def unflyable(mission: Mission, scene: Scenario) -> tuple[Unflyable, ...]:
+    """Setpoints of a mission that cannot be flown as written, each for one reason.
+
+    Of those for one place, and of a curve, the first for each reason. How far away one is depends on
+    where the vehicle is then: on its reference model, in still air.
+    """
+    found: dict[tuple[str, Vec3 | None], Unflyable] = {}
+    start, flight = scene.world.start.r_E, mission.flight
+    expect = mission.expectations()
+    badly = expect.get("ended") not in (None, *good_endings(flight))  # then nothing else is expected
+    limited = expect.get(LIMITED) is True or (badly and LIMITED not in expect)
+    for at_s, asked, told in _received(scene):
+        r = asked.r_c
+        here = f"setpoint at {at_s:g} s, {coordinates(r)}"
+        reasons = []
+        if (away := math.dist(r, start)) > flight.arena_m:
+            text = (
+                f"{away:.4g} m from the start: a flight ends as diverged beyond {flight.arena_m:g} m"
+                " (raise flight.arena_m)"
+            )
+            reasons.append(("arena", text, badly))
+        if below := grounded(flight, r):
+            reasons.append(("ground", below, limited))
+        elif told is not None:
+            which, sets = LIMITS[told.code]
+            reasons.append((which, f'limited: "{words(told)}" ({sets})', limited))
+        for why, text, expected in reasons:
+            once = why, None if flight.curve is not None else r
+            found.setdefault(once, Unflyable(at_s, r, why, f"{here}, {text}", expected))
+    return tuple(found.values())
+
+
+def _received(scene: Scenario) -> Iterator[tuple[float, Setpoint, Told | None]]:
+    """Each setpoint that a script sends: when (s), as asked for, and what the vehicle limits of it."""
+    law, guard = scene.settings
+    guard_buffer, law_buffer = to_buffer(guard), to_buffer(law)
+    limits = script_limits(Parameters(scene.settings, 1, None, scene.flown))
+    start = through_the_wire(scene.begin)
+    home = scene.world.start.r_E
+    reference = np.array([*start.r_E, *start.v_E, 0.0, 0.0, 0.0])
+    again = max(1, round(SEND_AGAIN_S * scene.rate_hz))
+    for begins, ends, row in zip(
+        scene.sent_at.tolist(), [*scene.sent_at.tolist()[1:], scene.planned_ticks], scene.setpoints, strict=True
+    ):  # fmt: skip
+        asked = from_buffer(Setpoint, row)
+        request = PositionRequest(asked.r_c, asked.v_c, asked.a_c, asked.psi_c, asked.psi_dot_c)
+        for k in range(begins, ends, again):
+            r, v = (Vec3(*reference[i : i + 3].tolist()) for i in (0, 3))
+            made, told = of_position(request, Pose(r, v, asked.psi_c), home, asked, limits)
+            yield k / scene.rate_hz, asked, told
+            ticks = min(again, ends - k)
+            admission.follow(guard_buffer, law_buffer, to_buffer(made), ticks, reference)
+            if k == 0:  # it takes over there
+                reference[:3] += law.initial.r_m_offset
 
 
 def refusal(scene: Scenario) -> str:

@@ -23,14 +23,19 @@ import numpy as np
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
-from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_each
-from gcs_tools.judging.item_checks import ItemFlown, items_flown, judge_items, unfinished
+from gcs_tools.judging.expectations import Expectation, judge_each
+from gcs_tools.judging.item_checks import (
+    ItemFlown,
+    good_endings,
+    items_flown,
+    judge_items,
+    unfinished,
+)
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.judging.setpoint_checks import changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.items import LANDINGS
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.table import Rows, Table
@@ -155,13 +160,6 @@ def judge(
         error=error,
         **about,
     )
-
-
-def good_endings(flight: Flight) -> tuple[str, ...]:
-    """How a flight ends well, if its mission does not say."""
-    if not flight.items:
-        return GOOD_ENDINGS
-    return ("landed",) if isinstance(flight.items[-1], LANDINGS) else ("done",)
 
 
 def _not_done(flight: Flight, begun: tuple[Begun, ...], plant: Table, refusal: str) -> str:

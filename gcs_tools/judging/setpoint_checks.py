@@ -22,6 +22,7 @@ _COMPARED = (
     "psi_dot_c",
 )
 _HALF_US = 0.5e-6
+CLEAR = 0.05  # m above the ground: a vehicle that is told to go lower lands
 _ROUNDED, _ROUNDED_PART = 1e-3, 2e-7  # what the wire's float32 makes of a number, and of its size
 
 
@@ -33,12 +34,14 @@ class Standing:
     until_s: float  # the next setpoint's time, or the end of the flight
     place: Vec3  # m, E
     away_m: float  # the true vehicle, at the last tick of that time; infinite: no number
+    grounded: str = ""  # `grounded`
 
     def __str__(self) -> str:
         """What a pilot has to know of one that was not reached."""
         away = f"{self.away_m:.3g} m" if self.away_m < math.inf else "not at any finite distance"
+        why = f", {self.grounded}," if self.grounded else ""
         return (
-            f"the setpoint of {self.since_s:g} s at {_place(self.place)} was not reached: "
+            f"the setpoint of {self.since_s:g} s at {coordinates(self.place)}{why} was not reached: "
             f"at {self.until_s:g} s the vehicle was {away} away"
         )
 
@@ -50,11 +53,12 @@ class Changed:
     at_s: float
     asked: Setpoint
     flown: Setpoint
+    grounded: str = ""  # `grounded`
 
     def __str__(self) -> str:
         """Which it was, and what it was flown as."""
         asked, flown = self.asked, self.flown
-        what, made = _place(asked.r_c), f"as {_place(flown.r_c)}"
+        what, made = coordinates(asked.r_c), f"as {coordinates(flown.r_c)}"
         for name, unit in (("v_c", "m/s"), ("a_c", "m/s^2"), ("psi_dot_c", "rad/s")):
             if not _far(asked.r_c, flown.r_c) and _far(getattr(asked, name), getattr(flown, name)):
                 what, made = (
@@ -63,12 +67,22 @@ class Changed:
                 )
                 made = f"at {made}"
                 break
-        return f"the setpoint of {self.at_s:g} s, {what}, was flown {made}"
+        why = f"{self.grounded}, " if self.grounded else ""
+        return f"the setpoint of {self.at_s:g} s, {what}, {why}was flown {made}"
 
 
-def _place(r: Vec3) -> str:
+def coordinates(r: Vec3) -> str:
     """Coordinates to a centimetre."""
     return f"({', '.join(f'{round(value, 2) + 0.0:g}' for value in r)}) m"
+
+
+def grounded(flight: Flight, r: Vec3) -> str:
+    """What is told of a place (m, E) that is on or below the ground of a mission; empty above it."""
+    if r.z >= flight.ground_z_m + CLEAR:
+        return ""
+    where = "below" if r.z < flight.ground_z_m else "on"
+    lands = ": the vehicle lands" if flight.start.on_ground else ""
+    return f"which is {where} the ground (flight.ground_z_m is {flight.ground_z_m:g} m{lands})"
 
 
 def _compared(setpoint: Setpoint) -> list[float]:
@@ -97,7 +111,8 @@ def standing(asked: Asked, plant: Table) -> list[Standing]:
         with np.errstate(invalid="ignore", over="ignore"):
             away = float(np.linalg.norm(r_E[last] - np.array(place)))
         away = away if math.isfinite(away) else math.inf
-        found.append(Standing(since_s, round(until_s, 6), place, away))
+        why = grounded(asked.flight, place)
+        found.append(Standing(since_s, round(until_s, 6), place, away, why))
     return found
 
 
@@ -122,5 +137,6 @@ def changed(asked: Asked, fcu: Table) -> list[Changed]:
         if not again:
             r_c, v_c, a_c = (Vec3(*made[i, j : j + 3].tolist()) for j in (0, 3, 6))
             flown = setpoint._replace(r_c=r_c, v_c=v_c, a_c=a_c, psi_dot_c=float(made[i, 9]))
-            found.append(Changed(tick / rate_hz, setpoint, flown))
+            why = grounded(asked.flight, setpoint.r_c)
+            found.append(Changed(tick / rate_hz, setpoint, flown, why))
     return found

@@ -9,7 +9,7 @@ import pytest
 
 import gcs_tools
 from gcs_tools.flight.run import UsageError, fly_missions, prepared
-from gcs_tools.judging.preflight_check import refusal
+from gcs_tools.judging.preflight_check import refusal, unflyable
 
 REFUSE = 'law.guard="refuse"'
 SLOW = "law.f_m=0.8"
@@ -60,6 +60,49 @@ def test_a_later_setpoint_is_looked_at_from_where_the_reference_is_then() -> Non
     assert why("gust_step", REFUSE, SLOW, steps(near, (10.0, 0.0, 0.0, 8.0))) == ""
     back = why("gust_step", REFUSE, SLOW, steps(near, (1.0, 0.0, 0.0, 40.0)))
     assert back.startswith("setpoint at 1 s refused: 39.")  # still on its way
+
+
+def unflyable_of(*settings: str) -> list[tuple[float, str, bool]]:
+    """When each setpoint is sent that cannot be flown as written, why, and whether that is expected."""
+    found = unflyable(*prepared("gust_step", settings))
+    return [(each.at_s, each.why, each.expected) for each in found]
+
+
+HERE, WIDE = (0.0, 0.0, 0.0, 3.0), "flight.arena_m=1000"
+ON_GROUND = "flight.start={on_ground=true}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ([steps(HERE, (9.0, 90.0, 0.0, 3.0))], []),
+        ([steps(HERE, (9.0, 99.0, 0.0, 25.0))], [(9.0, "arena"), (9.0, "far")]),
+        ([steps(HERE, (9.0, 101.0, 0.0, 3.0)), WIDE], [(9.0, "far")]),
+        ([steps((0.0, 101.0, 0.0, 0.0)), WIDE], [(0.0, "far")]),
+        ([steps(HERE, (9.0, 0.0, 0.0, -2.0))], [(9.0, "low")]),
+        ([steps(HERE, (9.0, 0.0, 0.0, -11.0))], [(9.0, "ground")]),
+        ([steps(HERE, (9.0, 0.0, 0.0, 0.0)), ON_GROUND, "flight.ground_z_m=0"], [(9.0, "ground")]),
+        ([steps(HERE, (9.0, 0.0, 0.0, 0.1)), ON_GROUND, "flight.ground_z_m=0"], []),
+        ([steps(HERE), "flight.yaw={amplitude_rad=1.0, frequency_rad_s=3.0}"], [(0.0, "turns")]),
+    ],
+    ids=["near", "arena", "far", "at once", "low", "below", "on", "above", "turning"],
+)  # fmt: skip
+def test_setpoints_that_cannot_be_flown_as_written_are_known_before(settings, expected) -> None:
+    assert unflyable_of(*settings) == [(*each, False) for each in expected]
+    limited = [each for each in unflyable_of(*settings, "expect.limited=true") if not each[2]]
+    assert limited == [(at_s, why, False) for at_s, why in expected if why == "arena"]
+    assert all(each[2] for each in unflyable_of(*settings, "expect.ended='diverged'"))
+
+
+def test_how_far_away_a_setpoint_is_depends_on_how_the_guard_has_led_the_vehicle() -> None:
+    """A second after the one before it the vehicle has not come far; it is there in the end."""
+    late, early = (
+        steps(HERE, (2.0, 90.0, 0.0, 3.0), (at_s, 180.0, 0.0, 3.0)) for at_s in (60.0, 4.0)
+    )
+    for policy, far in (("govern", True), ("warn", False)):
+        chosen = "flight.duration_s=70", WIDE, f"law.guard='{policy}'", "law.f_m=2.0"
+        assert unflyable_of(*chosen, late) == []
+        assert bool(unflyable_of(*chosen, early)) is far
 
 
 REFUSAL = r'paper_fast: setpoint at 0 s .* \(law.guard = "refuse"\)'

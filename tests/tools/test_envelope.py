@@ -76,10 +76,31 @@ def test_noise_that_hover_has_no_room_for_fails_a_mission_that_is_governed():
     assert gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.0002").exit_code == 0
 
 
+FAR = "flight.setpoints=[[0.0, 0.0, 0.0, 3.0], [9.0, 0.0, 120.0, 3.0]]"
+
+
+def test_a_setpoint_that_cannot_be_flown_as_written_fails_a_mission_that_does_not_expect_it():
+    chosen = "gust_step", "--set", FAR, "--set", "flight.arena_m=500", "--set", "law.f_m=0.3"
+    governed = *chosen, "--set", "law.guard=govern"
+    done = gcs(*governed)
+    assert done.exit_code == 1
+    said = " ".join(done.stdout.split())
+    assert "With the guard the condition holds" in said
+    assert 'setpoint at 9 s, (0, 120, 3) m, limited: "Setpoint 120 m away limited to 100 m"' in said
+    expected = gcs(*governed, "--set", "expect.limited=true")
+    assert expected.exit_code == 0
+    assert "Not flown as written (expected)" in expected.stdout
+    outside = gcs("gust_step", "--set", "flight.arena_m=0.5", "--set", "law.guard=govern",
+                  "--set", "flight.setpoints=[[0.0, 0.0, 0.0, 0.6]]", "--json")  # fmt: skip
+    assert outside.exit_code == 1
+    assert [each["why"] for each in json.loads(outside.stdout)["unflyable"]] == ["arena"]
+
+
 def test_every_key_of_its_json_is_explained():
     said = json.loads(
-        gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002", "--json").stdout
-    )
+        gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002", "--set",
+            "flight.arena_m=1", "--json").stdout
+    )  # fmt: skip
     readme = (Path(__file__).parents[2] / "gcs_tools/judging/README.md").read_text()
     rows = readme.partition("`gcs envelope --json`")[2]
     inner = [said["terms"], said["noise"], *(said[k][0] for k in ("reach", "changes", "beliefs"))]
