@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.judging.metrics import EngagedTicks, aloft
+from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value, written
+from gcs_tools.missions.trajectory import positions_at
 from gcs_tools.recording.table import Rows
 
 ALLOCATED = (
@@ -27,6 +29,7 @@ _LIMITS = {
     "torque": "the torque about roll and pitch",
     "yaw": "the torque about yaw",
 }
+FOLLOWS_M = 5.0  # from its reference model: so near a vehicle follows its setpoint
 _APART_S = 0.5  # ticks at a limit that are no farther apart are one stretch
 
 
@@ -45,7 +48,9 @@ def causes(
     early = ended in ("diverged", "crashed")
     if not early and (not limited or (passed and set(limited) <= set(ALLOCATED))):
         return []
-    found = [_ending(flight, ended, values)] if early else []
+    if ended == "diverged" and not limited and (far := _beyond(mission.flight, flight)):
+        return [far]
+    found = [_ending(mission.flight, flight, ended)] if early else []
     if limited:
         each = "; ".join(_stretch(_LIMITS[name], flight.t, on) for name, on in limited.items())
         found.append(f"At a limit: {each}.")
@@ -70,16 +75,38 @@ def envelope_command(mission: Mission) -> str:
     return " ".join(["gcs envelope", shlex.quote(mission.source), *changed])
 
 
-def _ending(flight: EngagedTicks, ended: str, values: Mapping[str, Value]) -> str:
+def _ending(asked: Flight, flight: EngagedTicks, ended: str) -> str:
     """When and where it was over."""
     r, over_s = flight.plant["state.r_E"], float(flight.t[-1])
     if ended == "crashed":
         return f"The vehicle hit the ground, or lay on its side there, at {over_s:.2f} s."
     with np.errstate(over="ignore", invalid="ignore"):
         away = float(np.linalg.norm(r[-1] - r[0]))
+    if far := _beyond(asked, flight):
+        return far
     where = f"{away:.3g} m from its start" if math.isfinite(away) else "nowhere: not a number"
-    arena = values["flight.arena_m"].value
-    return f"The flight diverged at {over_s:.2f} s: {where} (flight.arena_m is {arena:g} m)."
+    return (
+        f"The flight diverged at {over_s:.2f} s: {where} (flight.arena_m is {asked.arena_m:g} m)."
+    )
+
+
+def _beyond(asked: Flight, flight: EngagedTicks) -> str:
+    """Of a flight that passed the end of its arena, while the vehicle did as it was told; else empty."""
+    start, over_s = flight.plant["state.r_E"][0], float(flight.t[-1])
+    far = float(np.linalg.norm(positions_at(asked, flight.t[-1:])[0] - start))
+    if far <= asked.arena_m or not flight.reference_error[-1] <= FOLLOWS_M:
+        return ""
+    return (
+        f"The flight ended as diverged at {over_s:.2f} s, since it left its arena: the vehicle followed its"
+        f" setpoint, {far:.4g} m from the start, and flight.arena_m is {asked.arena_m:g} m. To fly there,"
+        f" raise it: --set flight.arena_m={_above(far):g}"
+    )
+
+
+def _above(far: float) -> float:
+    """A round number (m) with a tenth to spare."""
+    step = 10.0 ** (math.floor(math.log10(far)) - 1)
+    return math.ceil(1.1 * far / step) * step
 
 
 def _stretch(what: str, t: Rows, on: Any) -> str:

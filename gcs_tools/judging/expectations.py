@@ -119,7 +119,7 @@ def judge_metric(
     return Expectation(name, bound.limit, value, passed, text, why)
 
 
-def _judge_reached(entry: Any, standing: Sequence[Standing]) -> Expectation | None:
+def _judge_reached(entry: Any, standing: Sequence[Standing], ended: str) -> Expectation | None:
     """Whether the vehicle came near each setpoint that stood; None where nothing is expected."""
     if entry is False or (entry is None and not standing):
         return None
@@ -134,10 +134,11 @@ def _judge_reached(entry: Any, standing: Sequence[Standing]) -> Expectation | No
         return Expectation(REACHED, within, value, True, text)
     missed = sum(each.away_m > within for each in standing)
     others = f" ({missed} of {len(standing)} setpoints were not)" if len(standing) > 1 else ""
+    on_its_way = ended in GOOD_ENDINGS and not worst.grounded
+    late = "If it was still on its way, give it more time; else ask" if on_its_way else "Ask"
     why = (
-        f"{worst}{others}. What stands below it may say why. If it was still on its way, give it more"
-        " time; else ask for a setpoint that it can reach, or set [expect] reached to a greater distance"
-        " (m) or to false"
+        f"{worst}{others}. What stands below it may say why. {late} for a setpoint that it can reach,"
+        " or set [expect] reached to a greater distance (m) or to false"
     )
     return Expectation(REACHED, within, value, False, text, why)
 
@@ -199,7 +200,7 @@ def judge_each(
     ends_well = not set(endings).isdisjoint(good)
     checks = []
     if ends_well or REACHED in expect:
-        checks.append(_judge_reached(expect.get(REACHED), standing))
+        checks.append(_judge_reached(expect.get(REACHED), standing, ended))
     if ends_well or LIMITED in expect:
         checks.append(_judge_limited(expect.get(LIMITED), changed))
     rest = [check for check in checks if check is not None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 import gcs_tools
 from gcs_tools.cli.program import main
 from gcs_tools.flight import run
+from gcs_tools.judging.preflight_check import unflyable
 
 ROOT = Path(gcs_tools.__file__).parents[1]
 FAR = """title = "A waypoint 1 km away."
@@ -33,7 +35,7 @@ def flown(tmp_path):
             name = str(tmp_path / "mission.toml")
             (tmp_path / "mission.toml").write_text(mission)
         options = {"in_process": True, "figure": "never", "record": "none", **options}
-        return gcs_tools.fly(name, settings=settings, out=tmp_path / "run", **options)
+        return gcs_tools.fly(name, settings=settings, **{"out": tmp_path / "run", **options})
 
     return fly
 
@@ -51,6 +53,43 @@ def test_a_waypoint_a_kilometre_away_is_not_reached_and_was_limited(flown):
     assert found.keys() == {"reached", "limited"}
     assert "of 10 s at (1000, 0, 0) m was not reached" in found["reached"].why
     assert "(1000, 0, 0) m, was flown as (110, 0, 0) m" in found["limited"].why
+
+
+def test_what_is_limited_in_flight_is_told_before_it_in_the_same_words(flown):
+    """Governed, in wind: the vehicle is not at the setpoint before it."""
+    places = (
+        "flight.setpoints=[[0.0, 0.0, 0.0, 0.0], [5.0, 90.0, 0.0, 0.0], [11.0, 180.0, 0.0, 20.0]]"
+    )
+    chosen = places, "flight.arena_m=1000", "law.guard='govern'", "wind.steady_m_s=[8.0, 2.0, 0.0]"
+    (each,) = unflyable(*run.prepared("gust_step", chosen))
+    (warned,) = [line for line in flown("gust_step", *chosen).warnings if "away" in line.text]
+    assert (each.at_s, each.why) == (11.0, "far")
+    assert warned.time_s == pytest.approx(11.0, abs=0.01)
+    assert f'"{warned.text}"' in each.text
+
+
+def test_a_flight_that_leaves_its_arena_as_told_says_so_and_how_to_raise_it(flown, tmp_path):
+    out = FAR.replace("1000.0", "90.0")
+    settings = "flight.arena_m=30", "flight.duration_s=40", "law.f_m=0.5"
+    flight = flown(out, *settings)
+    assert flight.ended == "diverged"
+    (cause,) = flight.causes
+    assert "flight.arena_m is 30 m" in cause
+    assert "more time" not in missed(flight)["reached"].why
+    (raised,) = re.findall(r"--set (flight\.arena_m=\S+)", cause)
+    assert flown(out, *settings, raised, out=tmp_path / "higher").ended == "time"
+
+
+def test_a_setpoint_below_the_ground_is_told_in_one_way(flown):
+    below = FAR.replace("10.0, 0.0, 0.0]", "0.0, 0.0, 3.0]").replace(
+        "1000.0, 0.0, 0.0]", "0.0, 0.0, -20.0]"
+    )
+    flight = flown(below, "flight.start={on_ground=true}", "flight.ground_z_m=0.0")
+    found = missed(flight)
+    for line in (found["reached"], found["limited"]):
+        assert "(0, 0, -20) m, which is below the ground (flight.ground_z_m is 0 m" in line.why
+    assert "more time" not in found["reached"].why
+    assert not any("limited" in warned.text for warned in flight.warnings)
 
 
 def test_a_terminal_shows_why_and_what_the_vehicle_warned_of(tmp_path):
