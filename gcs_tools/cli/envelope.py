@@ -184,6 +184,8 @@ def _show_headline(found: Envelope, console: Console) -> None:
         )
     elif not found.holds and found.guard == GOVERN:
         console.print("The guard cannot help: hover alone leaves no margin for what is believed.")
+    if found.refused:
+        console.print(f"The vehicle refuses it: {found.refused}.")
     if not found.holds:
         console.print(Text(NOT_NECESSARY, style="dim"))
     if (found.holds or found.governed) and found.noise is not None and found.noise.lack:
@@ -258,4 +260,5 @@ def _down(value: float) -> str:
 def _sentence(found: Envelope) -> str:
     how = "left" if found.holds else "short"
     size = math.ceil(-10.0 * found.margin_n) / 10.0 if found.margin_n < 0.0 else found.margin_n
-    return f"{size:.1f} N {how} at {found.at_s:.1f} s, its tightest moment."
+    where = " on the way to a setpoint that is refused" if found.refused else ""
+    return f"{size:.1f} N {how} at {found.at_s:.1f} s, its tightest moment{where}."

@@ -37,6 +37,7 @@ from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
 from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.judging import result
+from gcs_tools.judging.expectations import LIMITED
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
 from gcs_tools.missions import mission as mission_file
@@ -208,7 +209,7 @@ def _admitted(
                 why_not[place] = str(error)
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
             for place, (mission, scene) in list(ready.items()):
-                if why := refusal(scene):
+                if why := refusal(scene, mission.expectations().get(LIMITED) is True):
                     why_not[place] = f'{mission.name}: {why} (law.guard = "refuse")'
                     del ready[place]
     if not ready:

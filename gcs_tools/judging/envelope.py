@@ -25,7 +25,7 @@ from fcu.kernel.buffers import to_buffer
 from fcu.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.judging.preflight_check import Unflyable, looks, unflyable
+from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
 from gcs_tools.missions.mission import Mission
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -125,6 +125,7 @@ class Envelope:
     )  # from rest at its first setpoint at most; None: no way to go, or no guard
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
+    refused: str  # the setpoint that the vehicle would refuse, as `gcs fly` says it; empty: none
     remarks: tuple[str, ...]
     unflyable: tuple[Unflyable, ...]  # setpoints that cannot be flown as written
     beliefs: tuple[Belief, ...]
@@ -558,6 +559,7 @@ def envelope(mission: Mission) -> Envelope:
         arrives_s=arrives_s(scene),
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
+        refused=refusal(scene),
         remarks=remarks,
         unflyable=unflyable(mission, scene),
         beliefs=beliefs(mission, settings),

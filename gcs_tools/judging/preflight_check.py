@@ -104,6 +104,8 @@ def unflyable(mission: Mission, scene: Scenario) -> tuple[Unflyable, ...]:
     expect = mission.expectations()
     badly = expect.get("ended") not in (None, *good_endings(flight))  # then nothing else is expected
     limited = expect.get(LIMITED) is True or (badly and LIMITED not in expect)
+    refused = first_refused(scene)
+    seen_until_s = math.inf if refused is None else refused.at_s
     for at_s, asked, told in _received(scene):
         r = asked.r_c
         here = f"setpoint at {at_s:g} s, {coordinates(r)}"
@@ -116,7 +118,7 @@ def unflyable(mission: Mission, scene: Scenario) -> tuple[Unflyable, ...]:
             reasons.append(("arena", text, badly))
         if below := grounded(flight, r):
             reasons.append(("ground", below, limited))
-        elif told is not None:
+        elif told is not None and at_s <= seen_until_s:
             which, sets = LIMITS[told.code]
             reasons.append((which, f'limited: "{words(told)}" ({sets})', limited))
         for why, text, expected in reasons:
@@ -149,13 +151,24 @@ def _received(scene: Scenario) -> Iterator[tuple[float, Setpoint, Told | None]]:
                 reference[:3] += law.initial.r_m_offset
 
 
-def refusal(scene: Scenario) -> str:
-    """Which of its setpoints would be refused, and why; empty if none."""
+def first_refused(scene: Scenario) -> Looked | None:
+    """The first setpoint that the vehicle would refuse; what comes after it is another flight."""
     if scene.flown.guard is None or scene.guard.policy != REFUSE:
+        return None
+    return next((each for each in looks(scene, scene.settings) if each.tightest.margin < 0.0), None)
+
+
+def refusal(scene: Scenario, expected: bool = False) -> str:
+    """Which of its setpoints would be refused, and why; empty if none.
+
+    expected : whether the mission says that one is; then only of the first, without which no flight
+    begins.
+    """
+    found = first_refused(scene)
+    if found is None or (expected and found.at_s > 0.0):
         return ""
-    for at_s, setpoint, tightest, reference in looks(scene, scene.settings):
-        if tightest.margin < 0.0:
-            look = admission.Look(scene.guard, scene.law)
-            lack = admission.lack_of(look, setpoint, -tightest.margin, reference)
-            return f"setpoint at {at_s:g} s refused: {words(lacks(*lack))}"
-    return ""
+    at_s, setpoint, tightest, reference = found
+    look = admission.Look(scene.guard, scene.law)
+    lack = admission.lack_of(look, setpoint, -tightest.margin, reference)
+    why = f"setpoint at {at_s:g} s refused: {words(lacks(*lack))}"
+    return f"{why}; no flight begins with a refused setpoint" if expected else why

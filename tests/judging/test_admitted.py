@@ -105,6 +105,19 @@ def test_how_far_away_a_setpoint_is_depends_on_how_the_guard_has_led_the_vehicle
         assert bool(unflyable_of(*chosen, early)) is far
 
 
+def test_who_expects_a_refusal_is_flown_unless_it_is_the_first(tmp_path: Path) -> None:
+    far, expected = steps(HERE, (6.0, 0.0, 0.0, 40.0)), "expect.limited=true"
+    found = gcs_tools.fly(
+        "gust_step", settings=[REFUSE, SLOW, far, "expect.reached=false", expected],
+        in_process=True, out=tmp_path / "run", figure="never", record="none",
+    )  # fmt: skip
+    lines = {line.name: line for line in found.expectations}
+    assert lines["limited"].passed and found.ended == "time"
+    assert any(warned.text.startswith("Setpoint rejected: 37.0 m") for warned in found.warnings)
+    with pytest.raises(UsageError, match="no flight begins with a refused setpoint"):
+        gcs_tools.fly("paper_fast", settings=[REFUSE, expected], in_process=True)
+
+
 REFUSAL = r'paper_fast: setpoint at 0 s .* \(law.guard = "refuse"\)'
 
 

@@ -127,7 +127,7 @@ def test_it_passes_where_the_mission_says_so(flown):
 
 def test_a_setpoint_refused_in_flight_is_missed_and_the_flight_goes_on(flown, monkeypatch):
     """Nobody has looked at it before flight: the vehicle itself refuses it."""
-    monkeypatch.setattr(run, "refusal", lambda scene: "")
+    monkeypatch.setattr(run, "refusal", lambda scene, expected: "")
     far = "flight.setpoints=[[0.0, 0.0, 0.0, 3.0], [6.0, 0.0, 0.0, 40.0], [9.0, 0.0, 0.0, 8.0]]"
     flight = flown("gust_step", 'law.guard="refuse"', "law.f_m=0.8", far)
     assert (flight.exit_code, flight.ended) == (1, "time")

@@ -243,6 +243,10 @@ def test_what_would_be_refused_is_short_of_the_number_that_the_vehicle_says(miss
     assert asked is not None, said
     assert float(asked[2]) == math.ceil(-found.margin_n)
     assert found.at_s >= float(asked[1])
+    assert found.refused == said
+    printed = " ".join(gcs(mission, "--set", "law.guard=refuse").stdout.split())
+    assert f"The vehicle refuses it: {said}." in printed
+    assert "limited:" not in printed  # what comes after a refused setpoint is another flight
 
 
 def test_the_exact_set_reaches_farther_than_the_ball_and_that_farther_than_31():
