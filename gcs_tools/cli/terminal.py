@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
     from gcs_tools.judging.result import Result
 
+INDENT = "  "  # of a sentence's second line and those after it
+COMMAND = ": gcs "  # what begins a command at the end of a sentence
 DRAW_S = 0.1  # wall: between two looks of a bar
 
 
@@ -132,16 +135,30 @@ class Terminal(Display):
         for line in result.expectations:
             if line.why is not None:
                 no_value = " has no value" if line.value is None else ""
-                self._out.print(Text(f"{line.name}{no_value}: {line.why}"), soft_wrap=True)
+                self._say(f"{line.name}{no_value}: {line.why}")
         for sentence in result.causes:
-            self._out.print(Text(sentence), soft_wrap=True)
+            self._say(sentence)
         for warned in result.warnings:
-            self._out.print(Text(str(warned), style="yellow"), soft_wrap=True)
+            self._say(str(warned), "yellow")
         speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
         self._out.print(
             Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),
             soft_wrap=True,
         )
+
+    def _say(self, text: str, style: str = "") -> None:
+        """A sentence, its further lines indented; a command at its end on a line of its own, to copy."""
+        sentence, command = text, ""
+        if COMMAND in text:
+            sentence, _, command = text.partition(COMMAND)
+            sentence, command = f"{sentence}:", f"{INDENT}gcs {command}"
+        for line in textwrap.wrap(
+            sentence, self._out.width, subsequent_indent=INDENT, break_long_words=False,
+            break_on_hyphens=False,
+        ):  # fmt: skip
+            self._out.print(Text(line, style=style), soft_wrap=True)
+        if command:
+            self._out.print(Text(command, style=style), soft_wrap=True)
 
 
 @contextmanager

@@ -102,6 +102,9 @@ def test_a_terminal_shows_why_and_what_the_vehicle_warned_of(tmp_path):
     assert done.exit_code == 1
     lines = done.stdout.splitlines()
     assert lines[1] == "changed: law.f_m = 1.5 (--set)"
+    command = "  gcs envelope "  # in one piece, to copy
+    assert max(len(line) for line in lines[:-1] if not line.startswith(command)) <= 80
+    assert sum(line.startswith("  ") for line in lines) > 3  # what follows a sentence's first line
     for start in (
         "reached: the setpoint of 10 s at (1000, 0, 0) m was not reached",
         "limited: the setpoint of 10 s, (1000, 0, 0) m, was flown as (110, 0, 0) m",
