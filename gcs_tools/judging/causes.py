@@ -1,7 +1,7 @@
 """Why a flight saturated or ended before its time, in sentences, and which command says more.
 
 Which limit of the actuators, since when and for how long; the wind and the mass of the truth against
-what the guard believes in.
+what the guard believes in; and whether the guard held it back on its way to a setpoint that it missed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import EngagedTicks, aloft
+from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.judging.setpoint_checks import Standing
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value, written
 from gcs_tools.missions.trajectory import positions_at
@@ -30,22 +31,46 @@ _LIMITS = {
     "yaw": "the torque about yaw",
 }
 FOLLOWS_M = 5.0  # from its reference model: so near a vehicle follows its setpoint
+EARLY = ("diverged", "crashed")  # endings
+LITTLE = 0.01  # of the ticks that a setpoint stands: so few are no cause
 _APART_S = 0.5  # ticks at a limit that are no farther apart are one stretch
 
 
 def causes(
-    mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value]
-) -> list[str]:
-    """Sentences; none of a flight that ended in time and saturated nothing, or next to nothing.
+    mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value],
+    missed: Standing | None = None,
+) -> list[str]:  # fmt: skip
+    """Sentences; none of a flight that ended in time, saturated next to nothing and missed no setpoint.
 
     flight : all of it.  ended : how.  passed : whether its expectations are met.  values : in force.
+    missed : the setpoint that was missed by most.
     """
-    flight = aloft(flight)
     if not len(flight.t):
         return []
-    up = {name: flight.told(f"outputs.saturation.{name}") > 0.5 for name in _LIMITS}
+    slowed = [] if missed is None or ended in EARLY else _slowed(mission, flight, missed)
+    return slowed + _limits_and_ending(mission, flight, ended, passed, values)
+
+
+def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[str]:
+    """That the guard held the vehicle back on its way to a setpoint that it did not reach."""
+    part = flight.metric("governed_fraction", missed.since_s, missed.until_s)
+    if part is None or part < LITTLE:
+        return []
+    return [
+        f"The guard flew the setpoint of {missed.since_s:g} s more gently in {100.0 * part:.0f} % of the"
+        f" ticks while it stood. How long it may take: {envelope_command(mission)}"
+    ]
+
+
+def _limits_and_ending(
+    mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value]
+) -> list[str]:
+    on_ground = flight.is_grounded
+    up = {
+        name: (flight.told(f"outputs.saturation.{name}") > 0.5) & ~on_ground for name in _LIMITS
+    }
     limited = {name: flags for name, flags in up.items() if flags.any()}
-    early = ended in ("diverged", "crashed")
+    early = ended in EARLY
     if not early and (not limited or (passed and set(limited) <= set(ALLOCATED))):
         return []
     if ended == "diverged" and not limited and (far := _beyond(mission.flight, flight)):

@@ -26,6 +26,8 @@ from fcu.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
+from gcs_tools.missions.asked import asked
+from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -84,6 +86,16 @@ class Change:
 
 
 @dataclass(frozen=True)
+class Arrival:
+    """How long the way to a setpoint takes at most, from rest at the one before it, while beliefs hold."""
+
+    at_s: float
+    position_m: Vec3
+    stands_s: float  # until the next one, or the end
+    within_s: float | None  # of arrival.ARRIVED_M; None: not stated
+
+
+@dataclass(frozen=True)
 class Belief:
     """Something that is believed, while which the condition means what it says."""
 
@@ -123,6 +135,7 @@ class Envelope:
     arrives_s: (
         float | None
     )  # from rest at its first setpoint at most; None: no way to go, or no guard
+    arrivals: tuple[Arrival, ...]  # of setpoints that stand still, where the guard governs
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
     refused: str  # the setpoint that the vehicle would refuse, as `gcs fly` says it; empty: none
@@ -342,6 +355,22 @@ def arrives_s(scene: Scenario) -> float | None:
     return found if math.isfinite(found) else None
 
 
+def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
+    """Of each setpoint that stands still, where the guard governs and hover has room to."""
+    law, guard = scene.settings
+    keeps = margin.condition(margin.known(guard, law), STILL, STILL, 0.0) > 0.0
+    if guard.policy != GOVERN or not keeps:
+        return ()
+    found, before = [], scene.begin.r_E
+    for at_s, until_s, r in asked(flight).places():
+        far, down = math.dist(before, r), before.z - r.z
+        within = float(arrival.at_most_s(guard, law, far, 0.0, 0.0, 0.0, down, 0.0))
+        stands_s = min(until_s, flight.duration_s) - at_s
+        found.append(Arrival(at_s, r, stands_s, within if math.isfinite(within) else None))
+        before = r
+    return tuple(found)
+
+
 def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
     """All that the guard counts on, as it stands."""
     (law, guard), rotors = settings, settings.law.rotors
@@ -557,6 +586,7 @@ def envelope(mission: Mission) -> Envelope:
         changes=() if holds else changes(scene),
         transient_s=float(foreseen.transient_s(guard, law)),
         arrives_s=arrives_s(scene),
+        arrivals=arrivals(mission.flight, scene),
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
         refused=refusal(scene),

@@ -23,7 +23,7 @@ import numpy as np
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
-from gcs_tools.judging.expectations import Expectation, judge_each
+from gcs_tools.judging.expectations import REACHED, Expectation, judge_each
 from gcs_tools.judging.item_checks import (
     ItemFlown,
     good_endings,
@@ -32,7 +32,7 @@ from gcs_tools.judging.item_checks import (
     unfinished,
 )
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
-from gcs_tools.judging.setpoint_checks import changed, standing
+from gcs_tools.judging.setpoint_checks import Standing, changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
@@ -115,6 +115,7 @@ def judge(
     items: list[ItemFlown] = []
     sim_time = float(plant[-1, 0]) if len(plant) else 0.0
     measured: dict[str, float | None] = {}
+    missed: Standing | None = None
     whole = exit_code == OK
     if whole or (len(plant) and len(fcu)):
         told = Table.of(PlantRecord, plant), Table.of(mission.flown.ticks.Tick, fcu)
@@ -125,16 +126,18 @@ def judge(
             mission.flight, begun, (round(sim_time * rate_hz) + 1) / rate_hz, ended in DONE
         )
         if whole:
+            stood = standing(wanted, told[0])
             judged = judge_each(
-                mission.expectations(), flight.metric, ended, flight.why_no_value,
-                standing(wanted, told[0]), changed(wanted, told[1]),
-                good_endings(mission.flight),
+                mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
+                changed(wanted, told[1]), good_endings(mission.flight),
             )  # fmt: skip
+            if any(each.name == REACHED and not each.passed for each in judged) and stood:
+                missed = max(stood, key=lambda each: each.away_m)
             of_items = [item["expect"] for item in mission.items()]
             judged += judge_items(mission.flight, of_items, items, flight, told[0], begun)
     values = mission.values_in_force()
     passed = exit_code == OK and all(e.passed for e in judged)
-    why = causes(mission, flight, ended, passed, values) if whole else []
+    why = causes(mission, flight, ended, passed, values, missed) if whole else []
     if whole and mission.flight.items and ended not in DONE:
         why.insert(0, _not_done(mission.flight, begun, told[0], refusal))
     wall_time = about["wall_time_s"]

@@ -92,6 +92,17 @@ def test_a_setpoint_below_the_ground_is_told_in_one_way(flown):
     assert not any("limited" in warned.text for warned in flight.warnings)
 
 
+def test_a_setpoint_that_was_missed_since_the_guard_governed_says_so(flown, tmp_path):
+    """And points at the command that states how long the way may take."""
+    late = FAR.replace("1000.0", "60.0")
+    (cause,) = flown(late, "law.guard='govern'").causes
+    assert "setpoint of 10 s more gently in 100 % of the ticks" in cause
+    assert cause.partition(": ")[2].startswith("gcs envelope")
+    warned = flown(late, "law.guard='warn'", "law.f_m=0.3", out=tmp_path / "warn")
+    assert "reached" in missed(warned)
+    assert not any("more gently" in each for each in warned.causes)
+
+
 def test_a_terminal_shows_why_and_what_the_vehicle_warned_of(tmp_path):
     (tmp_path / "far.toml").write_text(FAR)
     done = CliRunner().invoke(

@@ -96,6 +96,20 @@ def test_a_setpoint_that_cannot_be_flown_as_written_fails_a_mission_that_does_no
     assert [each["why"] for each in json.loads(outside.stdout)["unflyable"]] == ["arena"]
 
 
+def test_a_setpoint_that_stands_too_short_for_the_stated_time_is_told():
+    chosen = "--set", FAR, "--set", "law.guard=govern", "--set", "flight.arena_m=500"
+    said = json.loads(gcs("gust_step", *chosen, "--json").stdout)
+    first, second = said["arrivals"]
+    assert first["within_s"] == pytest.approx(said["arrives_s"])
+    assert (second["at_s"], second["stands_s"]) == (9.0, 6.0)
+    assert second["within_s"] > first["within_s"]
+    told = " ".join(gcs("gust_step", *chosen).stdout.split())
+    within = math.ceil(second["within_s"])
+    assert f"setpoint of 9 s stands for 6 s; to be within 0.3 m of it, from rest at the one before, may take {within} s" in told  # fmt: skip
+    warns = json.loads(gcs("gust_step", "--set", "law.guard=warn", "--json").stdout)
+    assert warns["arrivals"] == []
+
+
 def test_every_key_of_its_json_is_explained():
     said = json.loads(
         gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002", "--set",
