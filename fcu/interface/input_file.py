@@ -48,7 +48,9 @@ def opened(path: Path) -> BinaryIO:
             raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         if not stat.S_ISREG(mode):
             raise OSError(
-                errno.EINVAL, "expected a regular file, not a device or a pipe", str(path)
+                errno.EINVAL,
+                "expected a regular file, not a device or a pipe, which may never end: save it as a file",
+                str(path),
             )
         return os.fdopen(fd, "rb")
     except BaseException:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import sys
 from importlib import import_module
@@ -36,6 +37,17 @@ class Program(click.Group):
             return None
         command: click.Command = getattr(import_module(f"gcs_tools.cli.{name}"), name)
         return command
+
+    def resolve_command(
+        self, context: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is named; of a name that is none, which one it is close to."""
+        names = self.list_commands(context)
+        if args and args[0] not in names and not args[0].startswith("-"):
+            close = difflib.get_close_matches(args[0], names, n=1)
+            meant = f" (did you mean {close[0]}?)" if close else f"; there are {', '.join(names)}"
+            context.fail(f"No such command {args[0]!r}{meant}")
+        return super().resolve_command(context, args)
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
         """For --help: a list for each group."""

@@ -98,9 +98,11 @@ def new_folder(out: Path | None, name: str) -> Path:
                 except FileExistsError:
                     continue
         assert out is not None
+        if out.exists() and not out.is_dir():
+            raise UsageError(f"--out {out}: this is a file (name a new or an empty folder)")
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise UsageError(f"--out {out}: the folder is not empty")
+            raise UsageError(f"--out {out}: the folder is not empty (name a new or an empty one)")
         return out
     except OSError as error:
         where = RUNS if out is None else out
@@ -153,6 +155,12 @@ def fly_missions(
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
         display.note(f"Error: {why}")
+    if len(seeds) > 1:
+        for same in sorted({m.name for m, scene in ready if not scene.world.noise_scale.any()}):
+            display.note(
+                f"{same}: nothing is drawn from the seed (no [plant.noise]): its {len(seeds)} flights"
+                " are the same"
+            )
     if jobs is None:
         in_turn = speed is not None or zenoh is not None or instance is not None
         jobs = 1 if in_turn else cores()

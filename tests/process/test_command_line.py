@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -114,6 +115,42 @@ def test_a_bad_mission_is_refused_with_its_line(refused, tmp_path, text, expecte
 )
 def test_a_bad_command_line_is_refused(refused, arguments, expected):
     assert expected in refused("fly", *arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("envelop", "(did you mean envelope?)"), ("monitr", "(did you mean monitor?)"), ("xyzzy", "there are fly, up")],
+)  # fmt: skip
+def test_a_command_that_there_is_not_is_told_with_the_one_that_was_meant(refused, name, said):
+    assert f"No such command '{name}'" in (told := refused(name, "paper_nominal"))
+    assert said in told
+
+
+def test_that_flights_of_several_seeds_are_the_same_is_told_once(gcs, tmp_path):
+    (tmp_path / "hover.toml").write_text(MISSION)
+    for noise, told in ((0.0, 1), (0.01, 0)):
+        of = f"plant.noise.position_m={noise}"
+        code, out, err = gcs(
+            "fly", "hover.toml", "--seed", "1..3", *QUICK, "--set", of, "--out", of
+        )
+        assert (code, out.count("nothing is drawn")) == (0, 0)
+        assert err.count("hover: nothing is drawn from the seed") == told
+    assert "nothing is drawn" not in gcs("fly", "hover.toml", "--seed", "2", *QUICK)[2]
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(refused, tmp_path):
+    (tmp_path / "run").write_text("mine")
+    assert "run: " in (told := refused("fly", "paper_nominal", "--out", "run", *QUICK))
+    assert "a file" in told
+    assert (tmp_path / "run").read_text() == "mine"
+
+
+def test_a_pipe_is_refused_with_what_to_do(refused, tmp_path):
+    """Also one that nobody writes to: it is not waited for."""
+    os.mkfifo(tmp_path / "pipe")
+    assert "pipe, which may never end: save it as a file" in " ".join(
+        refused("fly", "./pipe").split()
+    )
 
 
 def test_a_folder_with_something_in_it_is_refused(refused, tmp_path):
