@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable
@@ -24,6 +25,7 @@ WIDTH, HEIGHT = 140, 42  # columns and lines of a single picture: lines at least
 FRAMES_HZ = 5.0
 SPEED_S = 2.0  # wall: over which a single picture measures the speed of the flight
 WAIT_S = 10.0  # wall: for a vehicle, of a single picture
+GONE_S = 2.0  # wall: a vehicle that is back within it has not left
 LOOK_S = 0.02  # wall: between two looks for what has come
 
 
@@ -31,19 +33,21 @@ LOOK_S = 0.02  # wall: between two looks for what has come
 @click.option("--once", is_flag=True, help="Print one picture and exit; needs no terminal.")
 @click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write one picture as SVG and exit.")  # fmt: skip
 @arguments.as_json("Print the numbers of one picture as JSON and exit.")
+@click.option("--for", "for_s", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to watch, or to listen before a single picture; default: until Ctrl-C, or --after.")  # fmt: skip
 @click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Seconds to listen before a single picture.")  # fmt: skip
 @arguments.TIMEOUT
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH
 def monitor(
-    once: bool, svg: Path | None, as_json: bool, seconds: float, timeout_s: float | None,
-    instance: int | None, zenoh: Path | None,
+    once: bool, svg: Path | None, as_json: bool, for_s: float | None, seconds: float,
+    timeout_s: float | None, instance: int | None, zenoh: Path | None,
 ) -> int:  # fmt: skip
     """Watch a vehicle in this terminal: tracking, limits, estimates against truth, wind, losses.
 
-    Waits for a vehicle if there is none: for --timeout, a single picture for 10 s without it. When
-    the vehicle ends, waits for the next one, until Ctrl-C. Exit codes: 0; 2 FILE cannot be written,
-    3 no vehicle or no connection to Zenoh, 130 interrupted before a single picture.
+    Waits for a vehicle if there is none: for --timeout, or for the seconds of --for; a single picture
+    for 10 s without either. When the vehicle ends, waits for the next one, until Ctrl-C; with --for it
+    ends then. Exit codes: 0; 2 FILE cannot be written, 3 no vehicle or no connection to Zenoh, 130
+    interrupted before a single picture.
     """
     from rich.console import Console
 
@@ -55,19 +59,27 @@ def monitor(
         raise Failure(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
     console = Console(highlight=False)
     single = once or as_json or svg is not None or not console.is_terminal
-    if timeout_s is None and single:
-        timeout_s = WAIT_S
+    if timeout_s is None:
+        timeout_s = for_s if for_s is not None else WAIT_S if single else None
     try:
         while True:
             with watched(instance, zenoh, timeout_s) as vehicle:
                 follower = Follower(vehicle)
                 readings = Readings(follower)
+                span = None if for_s is None else _Span(readings, for_s)
+                if single and span is not None:
+                    while not span.is_over():
+                        _listen(follower.take, LOOK_S)
+                        readings.speed()
+                    break
                 if single:
                     _listen(follower.take, seconds - min(SPEED_S, 0.5 * seconds))
                     readings.speed()
                     _listen(follower.take, min(SPEED_S, 0.5 * seconds))
                     break
-                _live(console, readings)
+                _live(console, readings, span)
+                if span is not None:
+                    break
     except KeyboardInterrupt:
         return INTERRUPTED if single else OK
     if as_json:
@@ -105,8 +117,26 @@ def _listen(take: Callable[[], bool], seconds: float) -> None:
             time.sleep(LOOK_S)
 
 
-def _live(console: Console, readings: Readings) -> None:
-    """Until the vehicle is gone and another is there."""
+class _Span:
+    """The seconds of simulation time for which a vehicle is watched."""
+
+    def __init__(self, readings: Readings, seconds: float) -> None:
+        self._readings, self._seconds = readings, seconds
+        self._first = math.nan  # s
+        self._gone_at: float | None = None  # wall
+
+    def is_over(self) -> bool:
+        """Whether they have passed, or the vehicle has ended, or is out of sight."""
+        vehicle, t, now = self._readings.follower.vehicle, self._readings.t, time.monotonic()
+        self._first = t if math.isnan(self._first) else self._first
+        self._gone_at = (self._gone_at or now) if vehicle.gone else None
+        ended = vehicle.has_ended and not vehicle.missing()
+        lost = self._gone_at is not None and now - self._gone_at > GONE_S
+        return ended or lost or t - self._first >= self._seconds
+
+
+def _live(console: Console, readings: Readings, span: _Span | None) -> None:
+    """Until the vehicle is gone and another is there, or the span is over."""
     from rich.live import Live
 
     from gcs_tools.pictures.monitor.screen import screen
@@ -117,5 +147,5 @@ def _live(console: Console, readings: Readings) -> None:
             _listen(follower.take, 1.0 / FRAMES_HZ)
             size = console.size
             live.update(screen(readings, size.width, size.height), refresh=True)
-            if follower.vehicle.succeeded:
+            if span.is_over() if span is not None else follower.vehicle.succeeded:
                 return

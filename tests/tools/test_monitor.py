@@ -57,6 +57,19 @@ def test_a_picture_on_file(replay, start, instance, tmp_path):
     assert "Estimates" in (tmp_path / "m.svg").read_text()
 
 
+@pytest.mark.parametrize(("seconds", "least", "most"), [(1, 1.0, 2.9), (10, 2.9, 3.0)])
+def test_it_watches_so_much_of_the_flight_or_until_that_ends(replay, tool, seconds, least, most):
+    """Seconds of simulation time, of a flight that ends at 3 s."""
+    replay("--speed", "1", "--wait", "--to", "3")
+    assert least <= tool("monitor", "--for", seconds)["time_s"] <= most
+
+
+def test_it_waits_for_a_vehicle_as_long_as_it_is_to_watch(start, instance):
+    program = start("gcs_tools", "monitor", "--for", "0.2", "--instance", instance)
+    assert program.wait() == 3
+    program.says("did not publish within 0.2 s")
+
+
 def test_it_waits_for_a_vehicle_and_ends_on_request(start, instance):
     program = start("gcs_tools", "monitor", "--instance", instance)
     program.says(f"waiting for instance {instance} to publish")
