@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 NAMES = ("flight", "tracking", "limits", "prediction", "estimates", "wind", "timing")
 FORMATS = ("png", "svg", "pdf")
 SEVERAL = "errors"  # the figure of several recordings
+MOST_NAMED = 3  # of them, in the figure's name
 
 
 def _names(
@@ -49,7 +50,7 @@ def _names(
 )
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), callback=arguments.recording, metavar="RUN...")  # fmt: skip
 @click.option("--what", callback=_names, metavar="NAME,NAME...", help="Figures to draw; default: all available.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN. A file name if only one figure is drawn.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN; of several, a new errors-<RUN>-<RUN>.png in the working directory. A file name if only one figure is drawn.")  # fmt: skip
 @click.option("--from", "t_from", type=float, metavar="S", help="Start of the time window, s.")
 @click.option("--to", "t_to", type=float, metavar="S", help="End of the time window, s.")
 @click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: the suffix of --out, or png.")  # fmt: skip
@@ -60,7 +61,8 @@ def plot(
 ) -> int:  # fmt: skip
     """Draw the standard figures of the recording RUN, each with its key figure.
 
-    RUN is a recording or the folder of a run. Of several, one figure is drawn: their errors.
+    RUN is a recording or the folder of a run. Of several, one figure is drawn: their errors. Prints
+    where each figure is.
     """
     from gcs_tools.recording.reader import RecordingError, read
 
@@ -93,7 +95,8 @@ def _several(
 ) -> int:  # fmt: skip
     try:
         place, kind = _places(runs[0], (SEVERAL,), out, kind)
-        path = place(SEVERAL)
+        is_named = out is not None and not out.is_dir()
+        path = place(SEVERAL) if is_named else _free(out or Path(), _stem(runs), kind)
     except OSError as error:
         raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
     found = draw_several(runs, path, kind, window)
@@ -102,6 +105,26 @@ def _several(
     else:
         print_line(f"{path}  {SEVERAL} of {len(runs)} flights")
     return OK
+
+
+def _name(run: Path) -> str:
+    """What a run is called: by its folder, or by its recording."""
+    return run.resolve().parent.name if run.name == arguments.RECORDED else run.stem
+
+
+def _stem(runs: Sequence[Path]) -> str:
+    """The name of the figure of several runs."""
+    more = (
+        "-".join(map(_name, runs[1:])) if len(runs) <= MOST_NAMED else f"and-{len(runs) - 1}-more"
+    )
+    return f"{SEVERAL}-{_name(runs[0])}-{more}"
+
+
+def _free(folder: Path, stem: str, kind: str) -> Path:
+    """A file that is not there yet."""
+    numbers = ("", *(f"-{n}" for n in range(1, 1000)))
+    paths = [folder / f"{stem}{number}.{kind}" for number in numbers]
+    return next((path for path in paths if not path.exists()), paths[0])
 
 
 def draw_several(
@@ -114,9 +137,7 @@ def draw_several(
     from gcs_tools.recording.reader import RecordingError, read
 
     flights, remarks = {}, []
-    names = [
-        run.resolve().parent.name if run.name == arguments.RECORDED else run.stem for run in runs
-    ]
+    names = [_name(run) for run in runs]
     try:
         for name, run in zip(names, runs, strict=True):
             recording = read(run)

@@ -185,3 +185,18 @@ def test_flying_from_python_is_typed_and_documented() -> None:
 def test_a_run_is_found_by_its_result(runs) -> None:
     left = result.read(runs[0] / "result.json")
     assert reader.read(Path(left.folder) / "flight.mcap").complete
+
+
+def test_where_their_figure_is_is_told_and_none_is_overwritten(runs, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = "-".join(run.name for run in runs[:2])
+    for end in ("", "-1"):
+        path = tmp_path / f"errors-{names}{end}.svg"
+        assert not path.exists()
+        done = called("plot", *runs[:2], "--format", "svg")
+        assert done.exit_code == 0, done.output
+        assert done.stdout.startswith(f"{path.name}  errors of 2 flights")
+        assert path.is_file()
+    (tmp_path / "figures").mkdir()
+    done = called("plot", *runs[:2], *runs[:2], "--out", "figures", "--format", "svg")
+    assert done.stdout.startswith(f"figures/errors-{runs[0].name}-and-3-more.svg")
