@@ -41,6 +41,8 @@ ALONE = {  # by what is changed
     "f_m": "a lower f_m",
     "guard_wind_m_s": "less wind (guard_wind_m_s)",
     MASS: "a mass known exactly (guard_mass_kg)",
+    "flight.curve.speed_max_m_s": "a slower curve (flight.curve.speed_max_m_s)",
+    "flight.curve.period_s": "a slower curve (flight.curve.period_s)",
 }
 
 
@@ -237,10 +239,13 @@ def _show_changes(found: Envelope, console: Console) -> None:
 def _change(change: Change, would_do: float) -> str:
     """A change that is enough."""
     if change.what == DISTANCES:
-        return f"setpoint distances scaled to {_down(100.0 * would_do)} %"
+        of_curve = [setting for setting in change.settings if "curve" in setting]
+        how = ", ".join(of_curve) or "flight.setpoints"
+        return f"setpoint distances scaled to {_down(100.0 * would_do)} % ({how})"
     if change.what == MASS:
         return ALONE[MASS]
-    return f"{change.what} {change.now:.3g} -> {_down(would_do)} {change.unit}".rstrip()
+    to = _down(would_do) if would_do < change.now else _up(would_do)
+    return f"{change.what} {change.now:.3g} -> {to} {change.unit}".rstrip()
 
 
 def _tenths(value: float) -> str:
@@ -258,6 +263,12 @@ def _down(value: float) -> str:
     """Three digits, rounded down: so much still holds."""
     step = 10.0 ** (math.floor(math.log10(value)) - 2) if value > 0.0 else 1.0
     return f"{math.floor(value / step) * step:.3g}"
+
+
+def _up(value: float) -> str:
+    """Three digits, rounded up."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return f"{math.ceil(value / step) * step:.3g}"
 
 
 def _sentence(found: Envelope) -> str:

@@ -9,8 +9,8 @@ sufficient: that one fails predicts nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
 from gcs_tools.missions.asked import asked
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.mission import Mission, setpoint_at, written
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -83,6 +83,9 @@ class Change:
     now: float
     would_do: float | None  # None: no value of it alone would
     unit: str
+    settings: tuple[
+        str, ...
+    ] = ()  # with which it is made, as --set takes them; none: no value would
 
 
 @dataclass(frozen=True)
@@ -309,31 +312,89 @@ def wind(settings: Settings) -> Reach:
     return Reach("wind, in hover", "m/s", most, most)  # of a point, the ball is the set
 
 
-def changes(scene: Scenario) -> tuple[Change, ...]:
+def changes(flight: Flight, scene: Scenario) -> tuple[Change, ...]:
     """What, changed alone, would make the condition hold for the mission."""
     settings, (law, guard) = scene.settings, scene.settings
 
     middle = 0.5 * (guard.m_min + guard.m_max)
     known = derived(with_guard(settings, m_min=middle, m_max=middle))
 
-    def slower(f_m: float) -> tuple[Settings, float]:
-        return derived(settings._replace(law=law._replace(f_m=max(f_m, 0.05)))), 1.0
+    def slower(f_m: float) -> Flown:
+        return scene, derived(settings._replace(law=law._replace(f_m=max(f_m, 0.05)))), 1.0
 
-    def most(changed: Callable[[float], tuple[Settings, float]], now: float) -> float | None:
+    def most(changed: Callable[[float], Flown], now: float) -> float | None:
         """By the whole way, which is quick; what that finds has to hold for each look along it."""
-        value = largest(lambda x: way(scene, *changed(x))[:, 1].min() >= 0.0, now)
-        while value and tightest(scene, *changed(value)).margin < 0.0:
+        value = largest(lambda x: way(*changed(x))[:, 1].min() >= 0.0, now)
+        while value and tightest(*changed(value)).margin < 0.0:
             value = SMALLER * value if value > CLOSE * now else None
         return value
 
-    return (
-        Change("setpoint distances, factor", 1.0, most(lambda k: (settings, k), 1.0), ""),
-        Change("f_m", law.f_m, most(slower, law.f_m), "rad/s"),
-        Change("guard_wind_m_s", guard.w_max,
-               most(lambda w: (with_guard(settings, w_max=w), 1.0), guard.w_max), "m/s"),
-        Change("width of guard_mass_kg", guard.m_max - guard.m_min,
-               0.0 if tightest(scene, known).margin >= 0.0 else None, "kg"),
+    def change(what: str, now: float, would_do: float | None, unit: str, *keys: tuple[str, Any]) -> Change:  # fmt: skip
+        made = () if would_do is None else tuple(f"{key}={written(value)}" for key, value in keys)
+        return Change(what, now, would_do, unit, made)
+
+    part = most(lambda k: (scene, settings, k), 1.0)
+    f_m = most(slower, law.f_m)
+    wind = most(lambda w: (scene, with_guard(settings, w_max=w), 1.0), guard.w_max)
+    mass = 0.0 if tightest(scene, known).margin >= 0.0 else None
+    found = (
+        change("setpoint distances, factor", 1.0, part, "",
+               *_nearer(flight, scene, math.floor(1000.0 * (part or 0.0)) / 1000.0)),
+        change("f_m", law.f_m, f_m, "rad/s", ("law.f_m", f_m)),
+        change("guard_wind_m_s", guard.w_max, wind, "m/s", ("law.guard_wind_m_s", wind)),
+        change("width of guard_mass_kg", guard.m_max - guard.m_min, mass, "kg",
+               ("law.guard_mass_kg", [middle, middle])),
     )  # fmt: skip
+    curve = flight.curve
+    if curve is None:
+        return found
+    pace = most(lambda k: (_paced(flight, scene, k), settings, 1.0), 1.0)
+    key, now = "speed_max_m_s", curve.speed_max_m_s
+    would_do = pace and now and pace * now
+    unit = "m/s"
+    if curve.period_s is not None:
+        key, now, unit = "period_s", curve.period_s, "s"
+        would_do = pace and now / pace
+    assert now is not None  # the table has one of the two
+    named = f"flight.curve.{key}"
+    return (*found, change(named, now, would_do or None, unit, (named, would_do)))
+
+
+Flown = tuple[Scenario, Settings, float]  # what is flown, by which settings, and its scale
+
+
+def _nearer(flight: Flight, scene: Scenario, part: float) -> list[tuple[str, Any]]:
+    """The keys of a mission, and their values, whose setpoints are nearer to the start.
+
+    part : of their distances, and of the speed of those that move.
+    """
+    start = scene.world.start.r_E
+
+    def moved(place: Iterable[float]) -> list[float]:
+        return [round(r + part * (x - r), 6) for r, x in zip(start, place, strict=True)]
+
+    curve = flight.curve
+    if curve is None:
+        each = [[timed.at_s, *moved(timed.position_m)] for timed in flight.setpoints]
+        return [("flight.setpoints", each)]
+    found: list[tuple[str, Any]] = [
+        ("flight.curve.size_m", [round(part * x, 6) for x in curve.size_m])
+    ]
+    if curve.speed_max_m_s is not None:
+        found.append(("flight.curve.speed_max_m_s", round(part * curve.speed_max_m_s, 6)))
+    if curve.centre_m != tuple(start):
+        found.append(("flight.curve.centre_m", moved(curve.centre_m)))
+    return found
+
+
+def _paced(flight: Flight, scene: Scenario, pace: float) -> Scenario:
+    """The same with its curve flown at `pace` of its speed, above 0."""
+    assert flight.curve is not None
+    speed, period = flight.curve.speed_max_m_s, flight.curve.period_s
+    made = {"speed_max_m_s": speed and pace * speed, "period_s": period and period / pace}
+    paced = flight.model_copy(update={"curve": flight.curve.model_copy(update=made)})
+    times = (k / scene.rate_hz for k in scene.sent_at.tolist())
+    return replace(scene, sent=tuple(setpoint_at(paced, t) for t in times))
 
 
 def arrives_s(scene: Scenario) -> float | None:
@@ -583,7 +644,7 @@ def envelope(mission: Mission) -> Envelope:
             *(speed(settings, along, f"steady speed {name}") for name, along in WAYS.items()),
             wind(settings),
         ),
-        changes=() if holds else changes(scene),
+        changes=() if holds else changes(mission.flight, scene),
         transient_s=float(foreseen.transient_s(guard, law)),
         arrives_s=arrives_s(scene),
         arrivals=arrivals(mission.flight, scene),

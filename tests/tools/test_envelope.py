@@ -231,6 +231,35 @@ def test_what_would_do_does():
     assert not envelope(override(load("paper_nominal"), f"law.f_m={1.05 * f_m!r}")).holds
 
 
+SIZE, SPEED, CENTRE, PERIOD = (
+    f"flight.curve.{key}" for key in ("size_m", "speed_max_m_s", "centre_m", "period_s")
+)
+
+
+@pytest.mark.parametrize(
+    ("mission", "settings", "nearer", "slower"),
+    [
+        ("paper_nominal", [], ["flight.setpoints"], []),
+        ("figure_eight", [], [SIZE, SPEED], [SPEED]),
+        ("figure_eight", [f"{SPEED}=4.0", f"{CENTRE}=[2.0, 0.0, 1.0]"], [SIZE, SPEED, CENTRE], []),
+        ("figure_eight", ["flight.curve={kind='figure_eight', size_m=[9.0, 3.0], period_s=6.0}"],
+         [SIZE], [PERIOD]),
+    ],
+    ids=["steps", "curve", "elsewhere", "by its period"],
+)  # fmt: skip
+def test_the_settings_it_names_do(mission, settings, nearer, slower):
+    """Of a curve too: its keys are named, and not distances that no file has."""
+    given = load(mission, settings)
+    found = [each for each in envelope(given).changes if each.would_do is not None]
+    for change in found:
+        changed = given
+        for setting in change.settings:
+            changed = override(changed, setting)
+        assert envelope(changed).holds, change
+    assert [setting.partition("=")[0] for setting in found[0].settings] == nearer
+    assert [each.what for each in found if "curve" in each.what] == slower
+
+
 def test_the_terms_add_up_to_the_condition():
     settings = scenario(load("paper_nominal")).settings
     a, v = Vec3(1.0, -0.5, 0.7), Vec3(2.0, 1.0, -1.0)
