@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fcu.interface.ports import busy, first_running_instance, ports
+from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json
 
@@ -53,6 +53,8 @@ def setpoint(
     began = time.monotonic()
     try:
         _meet(vehicle, number)
+        if instance is None and (others := not_met(number)):
+            click.echo(f"not met, but there: {'; '.join(others)}", err=True)
         here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True))
     except VehicleError as error:
         raise Failure(error) from error
@@ -69,16 +71,33 @@ def setpoint(
 
 def _meet(vehicle: Vehicle, instance: int) -> None:
     """Wait for the vehicle, and name it. Raises VehicleError, Failure if it is not this instance."""
+    from gcs_tools.flight.ground_script import VehicleError
+
     asked, met = ports(instance).system_id, set[int]()
 
     def hear(message: Any) -> None:
         if getattr(message, "autopilot", NO_AUTOPILOT) != NO_AUTOPILOT:  # a vehicle's heartbeat
             met.add(message.source.system)
 
+    def check() -> None:
+        if others := sorted(met - {asked}):
+            named = ", ".join(f"system {other}" for other in others)
+            raise Failure(
+                f"met {named} on the link of instance {instance}, which is system {asked}"
+            )
+
     vehicle.on_message = hear
-    vehicle.wait_ready()
+    try:
+        vehicle.wait_ready()
+    except VehicleError:
+        check()
+        raise
     vehicle.on_message = lambda _message: None
-    if others := sorted(met - {asked}):
-        named = ", ".join(f"system {other}" for other in others)
-        raise Failure(f"met {named} on the link of instance {instance}, which is system {asked}")
+    check()
     click.echo(f"met system {asked} (instance {instance})", err=True)
+
+
+def not_met(instance: int) -> list[str]:
+    """Each other vehicle that runs on this machine, and the option that means it."""
+    others = (n for n in range(INSTANCES) if n != instance and busy(n, "fcu_script"))
+    return [f"system {ports(n).system_id} (--instance {n})" for n in others]

@@ -11,7 +11,8 @@ import socket
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
-from fcu.interface.ports import ports
+from fcu.interface.ports import INSTANCES, ports
+from gcs_tools.cli.setpoint import not_met
 from tests.process.script import HOLD, OFFBOARD, Script
 
 
@@ -36,6 +37,17 @@ def test_setpoint_brings_a_vehicle_that_is_up_somewhere(start, instance, gone):
     assert again.out.read_text().startswith("there: (")
     assert up.interrupted() == 0
     gone(pids)
+
+
+def test_a_vehicle_that_was_not_met_is_named_with_its_option(instance):
+    at = ports(instance)
+    other = (instance + 1) % INSTANCES
+    said = f"system {at.system_id} (--instance {instance})"
+    assert said not in not_met(other)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.bind(("127.0.0.1", at.fcu_script))
+        assert said in not_met(other)
+        assert said not in not_met(instance)
 
 
 @pytest.fixture
