@@ -66,9 +66,7 @@ def _limits_and_ending(
     mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value]
 ) -> list[str]:
     on_ground = flight.is_grounded
-    up = {
-        name: (flight.told(f"outputs.saturation.{name}") > 0.5) & ~on_ground for name in _LIMITS
-    }
+    up = {name: (flight.told(f"outputs.saturation.{name}") > 0.5) & ~on_ground for name in _LIMITS}
     limited = {name: flags for name, flags in up.items() if flags.any()}
     early = ended in EARLY
     if not early and (not limited or (passed and set(limited) <= set(ALLOCATED))):
@@ -117,6 +115,8 @@ def _ending(asked: Flight, flight: EngagedTicks, ended: str) -> str:
 
 def _beyond(asked: Flight, flight: EngagedTicks) -> str:
     """Of a flight that passed the end of its arena, while the vehicle did as it was told; else empty."""
+    if asked.items:  # all of them lie within it
+        return ""
     start, over_s = flight.plant["state.r_E"][0], float(flight.t[-1])
     far = float(np.linalg.norm(positions_at(asked, flight.t[-1:])[0] - start))
     if far <= asked.arena_m or not flight.reference_error[-1] <= FOLLOWS_M:

@@ -25,8 +25,8 @@ from fcu.mavlink.frames import through_the_wire
 from fcu.parameters import Parameters
 from fcu.vehicle.plans import Pose
 from fcu.vehicle.setpoints import of_position, script_limits
-from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.item_script import SEND_AGAIN_S
+from gcs_tools.flight.scenario import Scenario
 from gcs_tools.judging.expectations import LIMITED
 from gcs_tools.judging.item_checks import good_endings
 from gcs_tools.judging.setpoint_checks import coordinates, grounded
@@ -102,7 +102,10 @@ def unflyable(mission: Mission, scene: Scenario) -> tuple[Unflyable, ...]:
     found: dict[tuple[str, Vec3 | None], Unflyable] = {}
     start, flight = scene.world.start.r_E, mission.flight
     expect = mission.expectations()
-    badly = expect.get("ended") not in (None, *good_endings(flight))  # then nothing else is expected
+    badly = expect.get("ended") not in (
+        None,
+        *good_endings(flight),
+    )  # then nothing else is expected
     limited = expect.get(LIMITED) is True or (badly and LIMITED not in expect)
     refused = first_refused(scene)
     seen_until_s = math.inf if refused is None else refused.at_s

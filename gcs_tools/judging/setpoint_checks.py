@@ -15,6 +15,7 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.asked import Asked
+from gcs_tools.missions.flight_table import Flight
 from gcs_tools.recording.table import Table
 
 _COMPARED = (
