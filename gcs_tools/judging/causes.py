@@ -54,7 +54,7 @@ def causes(
 def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[str]:
     """That the guard held the vehicle back on its way to a setpoint that it did not reach."""
     part = flight.metric("governed_fraction", missed.since_s, missed.until_s)
-    if part is None or part < LITTLE:
+    if part is None or part < LITTLE or missed.grounded:
         return []
     return [
         f"The guard flew the setpoint of {missed.since_s:g} s more gently in {100.0 * part:.0f} % of the"

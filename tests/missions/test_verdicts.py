@@ -89,6 +89,7 @@ def test_a_setpoint_below_the_ground_is_told_in_one_way(flown):
     for line in (found["reached"], found["limited"]):
         assert "(0, 0, -20) m, which is below the ground (flight.ground_z_m is 0 m" in line.why
     assert "more time" not in found["reached"].why
+    assert not any("more gently" in cause for cause in flight.causes)
     assert not any("limited" in warned.text for warned in flight.warnings)
 
 
