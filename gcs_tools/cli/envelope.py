@@ -240,8 +240,9 @@ def _change(change: Change, would_do: float) -> str:
     """A change that is enough."""
     if change.what == DISTANCES:
         of_curve = [setting for setting in change.settings if "curve" in setting]
-        how = ", ".join(of_curve) or "flight.setpoints"
-        return f"setpoint distances scaled to {_down(100.0 * would_do)} % ({how})"
+        how = ", ".join(of_curve) or ("flight.setpoints" if change.settings else "flight.items")
+        about = "" if change.settings else "about "
+        return f"setpoint distances scaled to {about}{_down(100.0 * would_do)} % ({how})"
     if change.what == MASS:
         return ALONE[MASS]
     to = _down(would_do) if would_do < change.now else _up(would_do)

@@ -364,7 +364,7 @@ Flown = tuple[Scenario, Settings, float]  # what is flown, by which settings, an
 
 
 def _nearer(flight: Flight, scene: Scenario, part: float) -> list[tuple[str, Any]]:
-    """The keys of a mission, and their values, whose setpoints are nearer to the start.
+    """The keys of a mission, and their values, whose setpoints are nearer to the start; none of items.
 
     part : of their distances, and of the speed of those that move.
     """
@@ -373,6 +373,8 @@ def _nearer(flight: Flight, scene: Scenario, part: float) -> list[tuple[str, Any
     def moved(place: Iterable[float]) -> list[float]:
         return [round(r + part * (x - r), 6) for r, x in zip(start, place, strict=True)]
 
+    if flight.items:  # when each begins depends on how far it is: not the same factor
+        return []
     curve = flight.curve
     if curve is None:
         each = [[timed.at_s, *moved(timed.position_m)] for timed in flight.setpoints]
@@ -420,7 +422,7 @@ def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
     """Of each setpoint that stands still, where the guard governs and hover has room to."""
     law, guard = scene.settings
     keeps = margin.condition(margin.known(guard, law), STILL, STILL, 0.0) > 0.0
-    if guard.policy != GOVERN or not keeps:
+    if guard.policy != GOVERN or not keeps or flight.items:  # an item waits for its end
         return ()
     found, before = [], scene.begin.r_E
     for at_s, until_s, r in asked(flight).places():
@@ -599,6 +601,11 @@ def envelope(mission: Mission) -> Envelope:
     worst = tightest(scene)
     holds = worst.margin >= 0.0
     remarks = beyond(mission, scene)
+    if scene.legs:
+        remarks += (
+            "each item is looked at from rest where the one before ends, at times that are foreseen; take-off,"
+            " landing and the way home, which the vehicle leads itself, are not",
+        )
     if law.achieved < 0.5:
         remarks += (
             "it flies the printed law, which winds up when it saturates: the condition is that of"

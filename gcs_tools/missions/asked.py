@@ -191,8 +191,8 @@ class Itinerary:
     def _spans(self) -> Iterable[tuple[Leg, Begun, int | None]]:
         """Each leg that was begun, and the tick at which the next one was."""
         all_legs = legs(self.flight)
-        ends = [*(each.tick for each in self.begun[1:]), None]
-        for each, end in zip(self.begun, ends, strict=True):
+        for i, each in enumerate(self.begun, start=1):
+            end = self.begun[i].tick if i < len(self.begun) else None
             yield all_legs[each.leg], each, end
 
     def positions_at(self, t: Rows) -> Rows:
@@ -283,27 +283,22 @@ def foreseen(flight: Flight) -> tuple[Vec3, list[Sent]]:
     Each leg is given the time to settle. What the vehicle leads itself, take-off, landing and the way
     home, is not looked at before a flight: from a take-off it goes on in its place, at rest.
     """
-    rate = flight.rate_hz
+    rate, all_legs = flight.rate_hz, legs(flight)
     x, y, z = flight.start.position_m
     here = begin = Vec3(x, y, flight.ground_z_m if flight.start.on_ground else z)
-    found: list[Sent] = []
+    begun: list[Begun] = []
     k = 0
-    for leg in legs(flight):
+    for i, leg in enumerate(all_legs):
         place = leg.place
         if leg.kind == "take_off":
             place = Vec3(here.x, here.y, flight.ground_z_m + leg.height)
-        if leg.path is not None:
-            found += [Sent(t, on_path(leg, (t - k) / rate)) for t in path_ticks(leg, k, flight)]
-            k += math.ceil((leg.path.duration_s + SETTLE_S) * rate)
-        elif place is not None and leg.kind != "hold":
-            if leg.kind == "take_off":
-                begin = place if not found else begin
-            found.append(Sent(k, at_rest(place, leg.psi)))
-            k += math.ceil((SETTLE_S + math.dist(place, here) / _CRUISE) * rate)
-        else:
-            k += math.ceil((leg.for_s or SETTLE_S) * rate)
-        here = here if place is None else place
-    if not found or found[0].tick > 0:
-        psi = legs(flight)[0].psi
-        found.insert(0, Sent(0, at_rest(begin, psi)))
-    return begin, found
+            begin = begin if i else place
+        begun.append(Begun(i, k, place))
+        to = here if place is None else place
+        moves_s = math.dist(to, here) / _CRUISE if leg.path is None else leg.path.duration_s
+        k += math.ceil((leg.for_s or moves_s + SETTLE_S) * rate)
+        here = to
+    sent = list(Itinerary(flight, tuple(begun)).sent())
+    if not sent or sent[0].tick > 0:
+        sent.insert(0, Sent(0, at_rest(begin, all_legs[0].psi)))
+    return begin, sent

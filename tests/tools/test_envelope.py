@@ -15,9 +15,10 @@ from fcu.guard import margin
 from fcu.kernel.algebra import Vec3
 from fcu.settings import Settings
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.judging.envelope import Terms, envelope, largest, terms, with_guard
+from gcs_tools.judging.envelope import Terms, envelope, largest, terms, tightest, with_guard
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.missions.mission import load, override
+from gcs_tools.pictures.plot.envelope import save
 from gcs_tools.studies.envelope_map import PAPER, WAYS, saturates
 from gcs_tools.studies.guard_check import check, holds
 from tests import command_line
@@ -338,3 +339,26 @@ def test_the_example_of_the_guards_readme(tmp_path):
     assert flown.exit_code == 0, flown.output
     file.write_text(mission.replace("bounds =", "# bounds ="))
     assert "the mass estimate is kept in [7, 9] kg" in " ".join(gcs(file).stdout.split())
+
+
+def test_items_are_looked_at_where_the_vehicle_does_not_lead_itself():
+    """From the take-off on; a path as it is streamed, which is gentler than a step to its end."""
+    given = load("square_and_land")
+    found = envelope(given)
+    assert any("take-off" in remark for remark in found.remarks)
+    assert found.governed and found.unflyable == () and found.arrivals == ()
+    up, land = '{ kind = "take_off", height_m = 6.0 }', '{ kind = "land" }'
+    along = '{ kind = "follow", speed_m_s = 1.0, acceleration_m_s2 = 0.3, points_m = [[0, 0, 6], [9, 0, 6]] }'
+    there = '{ kind = "go_to", position_m = [9, 0, 6] }'
+    path, step = (
+        scenario(load("square_and_land", [f"flight.items=[{up}, {item}, {land}]"]))
+        for item in (along, there)
+    )
+    assert tightest(path).margin > 0.0 > tightest(step).margin
+    assert path.begin.r_E == (0.0, 0.0, 6.0)
+
+
+def test_the_figure_of_a_mission_of_items_is_drawn(tmp_path):
+    mission = load("square_and_land")
+    save(mission, envelope(mission), tmp_path / "room.png")
+    assert (tmp_path / "room.png").stat().st_size > 10_000

@@ -12,6 +12,7 @@ import numpy as np
 from fcu.kernel.algebra import Vec3
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Envelope, step, terms, way
+from gcs_tools.missions.asked import legs
 from gcs_tools.missions.mission import Mission
 from gcs_tools.pictures import picture_file
 
@@ -105,6 +106,8 @@ def _draw_steps(axes: Axes, mission: Mission) -> None:
 
 
 def _jumps(mission: Mission) -> list[float]:
-    """Lengths (m) of the mission's steps; none for a curve."""
+    """Lengths (m) of the mission's steps, of items from place to place; none for a curve."""
+    stands = [leg.place for leg in legs(mission.flight) if leg.kind == "go_to" and leg.place]
     places = [mission.flight.start.position_m, *(s.position_m for s in mission.flight.setpoints)]
+    places += stands
     return [float(np.linalg.norm(np.subtract(b, a))) for a, b in pairwise(places)]
