@@ -47,6 +47,11 @@ def run_name(text: str) -> str:
     return re.sub(r"[^\w.-]+", "-", text).strip("-") or "run"
 
 
+def is_topic(text: str) -> bool:
+    """Whether `text` can be a topic: names of letters, digits, `_`, `.` and `-` with / between."""
+    return re.fullmatch(r"/?[\w.-]+(/[\w.-]+)*", text) is not None
+
+
 def relative(vehicle: str, topic: str) -> str:
     """The key of a topic inside the namespace of its run."""
     return f"{vehicle}/{topic.strip('/')}"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface import topics as keys
 from gcs_tools.live import bus
 from gcs_tools.live.publisher import LOOK_S, PublishedVehicle
 from gcs_tools.recording import events
@@ -37,6 +38,11 @@ class Replay:
     def __init__(self, path: Path, t_from: float, t_to: float) -> None:
         """t_from, t_to : simulation time, s, of what is replayed. Raises RecordingError."""
         self.metadata, self.topics, found = messages(path)
+        wrong = [topic for topic in self.topics if not keys.is_topic(topic)]
+        if wrong:
+            raise RecordingError(
+                f"{path}: topic {wrong[0][:80]!r}: expected names of letters, digits, _, . and -, with / between"
+            )
         known = {*self.topics, events.TOPIC}
         self._messages = {t: m for t, m in found.items() if t in known and len(m.data)}
         moving = [m.time_ns for t, m in self._messages.items() if len(m.data) > 1]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from gcs_tools.recording.reader import read
 from tests.command_line import gcs
@@ -62,6 +64,24 @@ def test_a_time_that_it_does_not_have_is_named(replay):
     program = replay("--from", "100")
     assert program.wait() == 2
     assert "nothing from 100" in program.text()
+
+
+@pytest.mark.parametrize("name", ["", "/", "fcu//law", "/fcu/*", "fcu/law/"])
+def test_a_topic_that_is_no_key_is_named(recording, tmp_path, name):
+    path = tmp_path / "renamed.mcap"
+    with recording.path.open("rb") as file, path.open("wb") as out:
+        found, writer = make_reader(file), Writer(out)
+        writer.start()
+        for each in found.iter_metadata():
+            writer.add_metadata(each.name, each.metadata)
+        schema, channel, message = next(found.iter_messages(topics=["/fcu/law"]))
+        number = writer.register_schema(schema.name, schema.encoding, schema.data)
+        to = writer.register_channel(name, channel.message_encoding, number, channel.metadata)
+        writer.add_message(to, message.log_time, message.data, message.publish_time)
+        writer.finish()
+    done = gcs("replay", path)
+    assert done.exit_code == 2
+    assert f"{path}: topic {name!r}" in done.stderr
 
 
 def test_it_is_interrupted(replay, until):
