@@ -10,16 +10,19 @@ import hashlib
 import json
 import math
 import os
+import sys
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from fcu.interface import input_file
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
@@ -44,6 +47,7 @@ from sitl_plant.physics.types import PlantRecord
 DONE = ("landed", "done")  # how a flight ends whose items are all done
 SCHEMA_VERSION = 2  # 1: metrics position_* and command_*; no warnings
 ROOM_BYTES = 1 << 18  # for a result and what its folder takes; one has some 15 kB
+MOST_BYTES = input_file.MIB  # of a result that is read
 
 
 class ResultError(Exception):
@@ -247,10 +251,10 @@ def read(path: Path) -> Result:
     Raises ResultError if it cannot be read, is no result, or is of another version.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(input_file.text(path, MOST_BYTES))
     except OSError as error:
         raise ResultError(f"{path}: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ResultError(f"{path}: not JSON ({error})") from error
     version = content.get("schema_version") if isinstance(content, dict) else None
     if not isinstance(version, int):
@@ -271,11 +275,36 @@ def read(path: Path) -> Result:
         warned = [Warned(**entry) for entry in content.pop("warnings")]
         items = [ItemFlown(**entry) for entry in content.pop("items", [])]
         given = {name: value for name, value in content.items() if name in known}
-        return Result(
+        found = Result(
             values=values, expectations=expectations, warnings=warned, items=items, **given
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise ResultError(f"{path}: not a result ({error})") from error
+    for name, hint in get_type_hints(Result).items():
+        if not _fits(getattr(found, name), hint):
+            raise ResultError(f"{path}: not a result (the value of {name} is of another type)")
+    return found
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is what a field is declared as; numbers are finite."""
+    if hint is Any:
+        return True
+    if is_dataclass(hint):
+        hints = get_type_hints(hint).items()
+        return all(_fits(getattr(value, name), each) for name, each in hints)
+    of = get_args(hint)
+    match get_origin(hint):
+        case None if hint is float:
+            return type(value) in (int, float) and abs(value) <= sys.float_info.max
+        case None:
+            return type(value) is hint
+        case kind if kind is UnionType:
+            return any(_fits(value, each) for each in of)
+        case kind if kind is list:
+            return type(value) is list and all(_fits(each, of[0]) for each in value)
+        case _:
+            return type(value) is dict and all(_fits(each, of[1]) for each in value.values())
 
 
 def trajectory_sha256(plant: Rows) -> str:

@@ -6,8 +6,9 @@ import math
 import os
 import struct
 import xml.etree.ElementTree as ET
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,6 +128,49 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
             path.write_text(text)
         with pytest.raises(ResultError, match=f"result.json: .*{reason}"):
             read(path)
+
+
+VALUES = ('"x"', "[]", "{}", "null", "true", "NaN", "1e999", "9" * 400)
+
+
+@pytest.mark.parametrize(
+    "key", ["ticks", "rate_hz", "ended", "metrics", "limit", "time_s", "changes"]
+)
+def test_a_value_of_another_type_is_no_result(tmp_path: Path, key: str) -> None:
+    """Or it would be met where it is printed, or subtracted."""
+    whole = asdict(RESULT)
+    path = tmp_path / "result.json"
+    allowed = {
+        "ticks": {"9" * 400}, "ended": {'"x"'}, "metrics": {"{}"}, "limit": {'"x"'}, "changes": {"[]"},
+    }.get(key, set())  # fmt: skip
+    text = json.dumps(_with(whole, key, "here"))
+    for value in VALUES:
+        path.write_text(text.replace('"here"', value))
+        if value in allowed:
+            read(path)
+            continue
+        with pytest.raises(ResultError, match=r"result\.json: not"):
+            read(path)
+
+
+def _with(content: Any, key: str, value: str) -> Any:
+    """The same with another value of a key, wherever it is."""
+    if isinstance(content, list):
+        return [_with(each, key, value) for each in content]
+    if not isinstance(content, dict):
+        return content
+    return {k: value if k == key else _with(v, key, value) for k, v in content.items()}
+
+
+@pytest.mark.parametrize("what", ["deep", "large", "pipe"])
+def test_what_would_exhaust_its_reader_is_no_result(tmp_path: Path, what: str) -> None:
+    path = tmp_path / "result.json"
+    if what == "pipe":
+        os.mkfifo(path)
+    else:
+        path.write_text("[" * 100_000 if what == "deep" else " " * 2_000_000 + "{}")
+    with pytest.raises(ResultError, match=r"result\.json"):
+        read(path)
 
 
 def test_what_the_vehicle_warned_of_is_kept_once_and_counted() -> None:
