@@ -12,13 +12,14 @@ import numpy as np
 
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.status_texts import words
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.loader import Law
-from fcu.mavlink.setpoints import setpoint_through_the_wire
+from fcu.mavlink.setpoints import nonsense, setpoint_through_the_wire
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.asked import Leg, asked, foreseen, legs
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.mission import Mission, MissionError
 from sitl_plant.physics import tick
 from sitl_plant.physics.world import World, world
 
@@ -71,7 +72,11 @@ class Scenario:
 
 
 def scenario(mission: Mission) -> Scenario:
-    """What a mission flies. Raises ParameterError or AirframeError for what cannot be flown."""
+    """What a mission flies.
+
+    Raises ParameterError or AirframeError for what cannot be flown, MissionError for a setpoint that
+    no vehicle takes.
+    """
     flight = mission.flight
     rows = mission.flown.settings.PARAMETERS
     tops = {row.key.partition(".")[0] for row in rows if row.key}
@@ -83,6 +88,11 @@ def scenario(mission: Mission) -> Scenario:
         begin, sent = None, list(asked(flight).sent())
     ticks = round(flight.duration_s * flight.rate_hz)
     arrive = flight.arrive
+    for each in sent:
+        if why := nonsense(each.setpoint):
+            raise MissionError(
+                f"{mission.source}: [flight] {words(why)}, at {each.tick / flight.rate_hz:g} s"
+            )
     there = world(
         rate_hz=flight.rate_hz,
         seed=flight.seed,

@@ -218,3 +218,28 @@ def test_the_command_that_is_pointed_at_looks_at_what_was_flown(flown, tmp_path)
     done = CliRunner().invoke(main, [*command[1:], "--json"])
     assert done.exit_code == 1, done.output
     assert json.loads(done.stdout)["holds"] is False
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (
+            "setpoints = [[0, 0, 0, 0]]\nyaw = { amplitude_rad = 3.0, frequency_rad_s = 4.0 }",
+            "yaw rate is above 10 rad/s, at 0 s",
+        ),
+        (
+            "curve = { kind = 'figure_eight', size_m = [50, 50], speed_max_m_s = 300, ramp_s = 1 }",
+            "acceleration is above 100 m/s^2, at 0.",
+        ),
+    ],
+)
+def test_a_setpoint_that_no_vehicle_takes_is_named_before_flight(tmp_path, asked, said):
+    """A mistake in the mission, not of what flies it."""
+    path = tmp_path / "turning.toml"
+    path.write_text(f'title = "It turns."\n[flight]\nduration_s = 5.0\n{asked}\n')
+    done = CliRunner().invoke(
+        main, ["fly", str(path), "--in-process", "--out", str(tmp_path / "run")]
+    )
+    assert done.exit_code == 2
+    assert f"{path}: [flight] {said}" in done.stderr
+    assert not (tmp_path / "run").exists()
