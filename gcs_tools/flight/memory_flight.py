@@ -230,12 +230,11 @@ class MemoryFlight(ScriptedFlight):
     # --- rows
 
     def _keep(self, which: int, rows: Rows) -> None:
-        kept = (self._plant_rows, self._fcu_rows)[which]
-        kept.append(rows.copy())
+        (self._plant_rows, self._fcu_rows)[which].append(rows)
         if self._failed:
             return
         try:
-            self._on_rows[which](kept[-1])
+            self._on_rows[which](rows.copy())
         except Exception as error:
             self._failed = True
             raise InfrastructureError(str(error)) from error

@@ -22,6 +22,7 @@ import numpy as np
 from fcu.interface.link import HOST, PortBusy
 from fcu.interface.ports import INSTANCES, NoFreeInstance, busy, ports
 from gcs_tools.exit_codes import USAGE
+from gcs_tools.flight.flown_rows import FlownRows
 from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
@@ -298,8 +299,8 @@ class Collector(threading.Thread):
     pipes make the processes wait: in lockstep nothing is lost.
     """
 
-    def __init__(self, sources: dict[int, tuple[int, list[Rows], Take]]) -> None:
-        """`sources`: file descriptor -> float64 in a row, where batches are kept, who records them.
+    def __init__(self, sources: dict[int, tuple[int, FlownRows, Take]]) -> None:
+        """`sources`: file descriptor -> float64 in a row, where rows are kept, who records them.
 
         What is recorded has been kept, and whoever waits for it told: recording takes its time.
         """

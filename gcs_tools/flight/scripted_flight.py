@@ -21,6 +21,7 @@ from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import SharedTick
 from gcs_tools.flight.arrival import arrival, stands_from
+from gcs_tools.flight.flown_rows import FlownRows
 from gcs_tools.flight.ground_script import SetpointRefused, Vehicle, VehicleError
 from gcs_tools.flight.item_script import SEND_AGAIN_S, ItemScript, Seen
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
@@ -75,8 +76,8 @@ class ScriptedFlight(ABC):
         self._kinds = Kinds.of(scene.flown)
         self._on_rows = on_rows
         self._items: ItemScript | None = None
-        self._plant_rows: list[Rows] = []
-        self._fcu_rows: list[Rows] = []
+        self._plant_rows = FlownRows(size(PlantRecord))
+        self._fcu_rows = FlownRows(size(self._kinds.tick))
 
     @abstractmethod
     def fly(self) -> Flown:
@@ -92,8 +93,7 @@ class ScriptedFlight(ABC):
 
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
-        plant = _joined(self._plant_rows, size(PlantRecord))
-        fcu = _joined(self._fcu_rows, size(self._kinds.tick))
+        plant, fcu = self._plant_rows.rows, self._fcu_rows.rows
         if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
             plant, fcu = in_step(plant, fcu)
         script = self._items
@@ -159,7 +159,7 @@ class ScriptedFlight(ABC):
     def _look_at(self, tick: int) -> Seen:
         """What is so at the last tick before `tick`, or at the last one that was kept."""
         self._wait_for_rows(tick)
-        plant, fcu = (rows[-1][-1] for rows in (self._plant_rows, self._fcu_rows))
+        plant, fcu = (rows.last[0] for rows in (self._plant_rows, self._fcu_rows))
         r_E, v_E = (Vec3(*plant[each].tolist()) for each in (_R_E, _V_E))
         return Seen(r_E, v_E, bool(fcu[_ENGAGED] > 0.0))
 
@@ -169,16 +169,11 @@ class ScriptedFlight(ABC):
 
     def _flown_ticks(self) -> int:
         """Ticks that the plant has flown, each with the controller's answer."""
-        return self._ticks(self._plant_rows[-1]) if self._plant_rows else 0
+        return self._ticks(self._plant_rows.last)
 
     def _is_over(self) -> bool:
         """Whether the plant's last row says that the flight has ended."""
-        return bool(self._plant_rows) and self._plant_rows[-1][-1, _ENDED] != dynamics.FLYING
-
-
-def _joined(batches: list[Rows], width: int) -> Rows:
-    """The first `width` columns of all rows: what was flown, without what was reported of it."""
-    return np.concatenate([np.zeros((0, width)), *(rows[:, :width] for rows in batches)])
+        return bool((self._plant_rows.last[:, _ENDED] != dynamics.FLYING).any())
 
 
 def _goes_on(setpoint: Setpoint, refused: Setpoint) -> bool:

@@ -148,7 +148,7 @@ class WireFlight(ScriptedFlight):
 
     def _wait_for_rows(self, tick: int) -> None:
         def are_here() -> bool:
-            return bool(self._fcu_rows) and self._ticks(self._fcu_rows[-1]) >= tick
+            return self._ticks(self._fcu_rows.last) >= tick
 
         # in real time they may have been dropped
         until = time.monotonic() + (STALL_S if self._speed is None else DRAIN_S)

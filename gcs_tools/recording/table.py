@@ -61,7 +61,11 @@ class Table:
         return np.stack([self[name] for name in columns(kind)], axis=1)
 
     def take(self, which: Any) -> Table:
-        """Some of the rows: a slice, indices or bool (n,)."""
+        """Some of the rows: a slice, indices or bool (n,). Consecutive ones are not copied."""
+        if isinstance(which, np.ndarray):
+            at = np.flatnonzero(which) if which.dtype == bool else which
+            if len(at) and (np.diff(at) == 1).all():
+                which = slice(int(at[0]), int(at[-1]) + 1)
         return Table(self.rows[which], self.names)
 
     def axes(self, name: str, of: str = "xyz") -> list[Rows]:

@@ -58,7 +58,7 @@ def test_the_controllers_rows_are_waited_for(flight, monkeypatch):
         width, kept, _ = self._sources[fd]
         of_fcu = width == max(width for width, *_ in self._sources.values())
         with one_at_a_time:
-            late = kept and kept[-1][-1, 0] > LATE_FROM_S
+            late = len(kept) and kept.last[-1, 0] > LATE_FROM_S
             if of_fcu and late and not (waiting.is_set() and not held):
                 held.append((self, fd, data))
             else:
