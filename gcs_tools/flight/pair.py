@@ -82,11 +82,12 @@ class Pair:
             child.is_ready()
 
     def check(self) -> None:
-        """Raise InfrastructureError if one of the two has ended."""
+        """Raise InfrastructureError if one of the two has ended, or is suspended."""
         self._look()
         try:
             for child in self.children:
                 child.check()
+                child.check_suspended()
         except Unanswered as error:
             if not self.children[0].is_computing():
                 raise

@@ -27,6 +27,7 @@ from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
 HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
+SUSPENDED = "is stopped (SIGSTOP): continue it, or start again"
 COMPILED_S = 600.0  # wall: for one that works all the time
 HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
 BEHIND = 32  # batches that may wait to be recorded
@@ -103,6 +104,7 @@ class Child:
         self._is_ready = False
         self._began_s = self._idle_since_s = 0.0  # wall: when it was first waited for, last worked
         self._worked_s = 0.0
+        self._stopped_since_s: float | None = None  # wall
         out, said = os.pipe()
         self._out = os.fdopen(out, "rb")
         try:
@@ -157,7 +159,7 @@ class Child:
             return False
         why = f"did nothing for {idle:.0f} s" if hangs else "still works"
         if _is_stopped(pid):
-            why = "is stopped (SIGSTOP): continue it, or start again"
+            why = SUSPENDED
         raise InfrastructureError(f"the {self.name} was not ready within {waited:.0f} s: it {why}")
 
     def check(self) -> None:
@@ -177,6 +179,16 @@ class Child:
             how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
             kind = Unanswered if said.get("unanswered") else InfrastructureError
             raise kind(f"the {self.name} {how}: {self.last_words()}")
+
+    def check_suspended(self) -> None:
+        """Raise InfrastructureError if it has been so for HANGS_S, as far as anybody has looked."""
+        now = time.monotonic()
+        if not _is_stopped(self.process.pid):
+            self._stopped_since_s = None
+        elif self._stopped_since_s is None:
+            self._stopped_since_s = now
+        elif now - self._stopped_since_s > HANGS_S:
+            raise InfrastructureError(f"the {self.name} {SUSPENDED}")
 
     def is_computing(self) -> bool:
         """Whether it lives and works now, and does not wait for anybody."""

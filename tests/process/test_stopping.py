@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 
 import pytest
 
-from gcs_tools.flight.processes import Child
+from gcs_tools.flight import processes
+from gcs_tools.flight.processes import Child, InfrastructureError
 
 BUSY_S = 2.0  # of processor time
 WORKS = f"""
@@ -59,3 +61,38 @@ def test_who_does_nothing_is_ended(child):
     ignores = child(IGNORES)
     assert ignores.stop() == {}
     assert ignores.process.returncode == -signal.SIGKILL
+
+
+def is_named(child):
+    """Whether a look at it raises, and says why."""
+    try:
+        child.check_suspended()
+    except InfrastructureError as error:
+        return "SIGSTOP" in str(error)
+    return False
+
+
+def test_who_is_suspended_is_named_to_whoever_waits_for_another_thing(child, monkeypatch, until):
+    """A vehicle that is to become ready, an echo, a tick: none of them comes."""
+    monkeypatch.setattr(processes, "HANGS_S", 0.2)
+    suspended = child("")
+    assert not is_named(suspended)
+    os.kill(suspended.process.pid, signal.SIGSTOP)
+    until(lambda: is_named(suspended), "who is suspended")
+    os.kill(suspended.process.pid, signal.SIGCONT)
+    until(lambda: not is_named(suspended), "one that goes on again")
+    suspended.stop()
+
+
+def test_a_moment_of_suspension_is_nothing(child, monkeypatch):
+    brief = child("")
+    with monkeypatch.context() as patch:
+        for at_s, stopped, named in (
+            (0.0, True, False), (0.9, False, False), (1.8, True, False), (2.7, True, False),
+            (2.9, True, True), (3.0, False, False),
+        ):  # fmt: skip
+            patch.setattr(processes, "_is_stopped", lambda pid, stopped=stopped: stopped)
+            now = 100.0 + at_s * processes.HANGS_S
+            patch.setattr(processes.time, "monotonic", lambda now=now: now)
+            assert is_named(brief) == named
+    brief.stop()
