@@ -4,14 +4,16 @@ Telemetry goes to one configured address from the start (ground tools listen, th
 and to whoever has sent a heartbeat. Whoever sends anything readable gets answers. Every message is
 a datagram of its own: clients read with buffers of 300 to 512 bytes, and lose what does not fit.
 Nobody can take more of the loop's time than AT_ONCE_S, nor the place of one who still beats: when
-all are taken, a newcomer is answered and no more. What a client has asked for ends with it: when
-its port refuses a datagram, or when it has beaten and was silent for GONE_S.
+all are taken, a newcomer is answered and no more. The listener and those who beat are read in turns,
+a datagram each, and all others have one turn together: a flood keeps nobody else waiting for long.
+What a client has asked for ends with it: when its port refuses a datagram, or when it has beaten and
+was silent for GONE_S.
 """
 
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -23,7 +25,9 @@ from fcu.mavlink.telemetry import Heartbeat
 PEERS = 8  # beside the configured listener
 GONE_S = 10.0  # wall: one who has not been heard for so long may be replaced
 AT_ONCE_S = 0.3e-3  # wall: between two ticks a port takes so long, and the message in hand
+TAKING_IN = 0.5  # part of that: how long datagrams are put where they wait for their turn
 RATE, BURST = 2000.0, 400.0  # datagrams of one sender a second, wall; and at once
+WAITING_BYTES = 1 << 17  # of datagrams of one sender that wait for their turn
 _LONGEST = 65535
 
 
@@ -41,6 +45,36 @@ class Bucket:
             return False
         self._left -= 1.0
         return True
+
+
+class Queue:
+    """Datagrams of one sender, or of all strangers, that wait for their turn."""
+
+    def __init__(self) -> None:
+        self._datagrams: deque[tuple[bytes, Address]] = deque()
+        self._bytes = 0
+        self.senders: Counter[Address] = Counter()  # how many of each
+
+    def __len__(self) -> int:
+        return len(self._datagrams)
+
+    def put(self, datagram: bytes, address: Address) -> bool:
+        """Whether there is room for one more."""
+        if len(self._datagrams) >= BURST or self._bytes + len(datagram) > WAITING_BYTES:
+            return False
+        self._datagrams.append((datagram, address))
+        self._bytes += len(datagram)
+        self.senders[address] += 1
+        return True
+
+    def get(self) -> tuple[bytes, Address]:
+        """The first of them."""
+        datagram, address = self._datagrams.popleft()
+        self._bytes -= len(datagram)
+        self.senders[address] -= 1
+        if not self.senders[address]:
+            del self.senders[address]
+        return datagram, address
 
 
 class Acknowledged(NamedTuple):
@@ -70,6 +104,7 @@ class Link:
         self.is_met = False  # has sent anything since it was new
         self.heard = now
         self.spoken = Bucket(RATE, BURST)
+        self.unread = Queue()
 
     def renew(self) -> None:
         """Whoever was there has gone: the next one finds what they would find on a new link."""
@@ -93,6 +128,8 @@ class GroundPort:
         self.listener = Link((HOST, listener_port), GroundCodec(system_id), 0.0)
         self.listener.hears_telemetry = True
         self._peers: dict[Address, Link] = {}  # the least recent first
+        self._strangers = Queue()
+        self._turns: deque[Queue] = deque()  # those in which something waits, the next first
         self._waiting: deque[tuple[GroundMessage, Link]] = deque()  # of the last datagram
         self.dropped = self._parser.dropped  # by reason; also `over rate`
 
@@ -103,22 +140,25 @@ class GroundPort:
     @property
     def is_waiting(self) -> bool:
         """Whether there are messages to `receive`, of which `poll` does not know."""
-        return bool(self._waiting)
+        return bool(self._waiting or self._turns)
 
     def receive(self, now: float) -> Iterator[tuple[GroundMessage, Link]]:
         """Messages that are waiting, with their links, for at most AT_ONCE_S and one message more.
 
         The time is that of whoever takes them, too. What is left waits for the next call.
         """
-        until = time.monotonic() + AT_ONCE_S
+        began = time.monotonic()
+        until = began + AT_ONCE_S
+        while self._take_in(now) and time.monotonic() < began + TAKING_IN * AT_ONCE_S:
+            pass
         while self._waiting or self._read(now):
             if self._waiting:
                 yield self._waiting.popleft()
             if time.monotonic() >= until:
                 return
 
-    def _read(self, now: float) -> bool:
-        """Take the messages of a datagram; whether there was one."""
+    def _take_in(self, now: float) -> bool:
+        """Put a datagram where it waits for its turn; whether there was one."""
         try:
             datagram, address = self._socket.recvfrom(_LONGEST)
         except BlockingIOError:
@@ -126,14 +166,37 @@ class GroundPort:
         except OSError:  # a peer's port is closed: an ICMP refusal, not a datagram
             self._see_refusals()
             return True
-        known = self.listener if address == self.listener.address else self._peers.get(address)
-        if known is not None and not known.spoken.take(now):
+        known = self._known(address)
+        is_stranger = known is None or not known.hears_telemetry
+        if (
+            is_stranger or address in self._strangers.senders
+        ):  # what it has sent first is read first
+            queue = self._strangers
+        else:
+            assert known is not None
+            queue = known.unread
+        is_first = not queue
+        if (known is not None and not known.spoken.take(now)) or not queue.put(datagram, address):
             self.dropped["over rate"] += 1
-            return True
+        elif is_first:
+            self._turns.append(queue)
+        return True
+
+    def _known(self, address: Address) -> Link | None:
+        return self.listener if address == self.listener.address else self._peers.get(address)
+
+    def _read(self, now: float) -> bool:
+        """Take the messages of the datagram whose turn it is; whether there was one."""
+        if not self._turns:
+            return False
+        queue = self._turns.popleft()
+        datagram, address = queue.get()
+        if queue:
+            self._turns.append(queue)
         messages = self._parser.parse(datagram)
         if not messages:
             return True
-        link = known or self._meet(address, now)
+        link = self._known(address) or self._meet(address, now)
         if link.beats and now - link.heard > GONE_S:
             link.renew()
         if any(isinstance(message, Heartbeat) for message in messages):

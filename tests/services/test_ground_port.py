@@ -163,3 +163,81 @@ def test_between_two_ticks_messages_take_a_time_and_not_a_number(monkeypatch, cl
     assert read == list(range(40))
     assert not list(made.receive(0.0))
     made.close()
+
+
+def crowded(made, client, n):
+    """Clients that beat, and one of them that is there already when the others send a lot."""
+    true, *others = [client() for _ in range(n)]
+    for each in (true, *others):
+        speak(made, each, BEAT)
+    return true, others
+
+
+def numbered(made, sock, numbers):
+    for n in numbers:
+        ping = said(mavlink.MAVLink_ping_message(7, n, 0, 0))
+        sock.sendto(ping, ("127.0.0.1", made._socket.getsockname()[1]))
+
+
+@pytest.mark.parametrize("who", ["strangers", "peers"])
+def test_a_flood_keeps_nobody_else_waiting(monkeypatch, port, client, who):
+    """One message fits between two ticks: those who beat have a turn each, strangers one in all."""
+    made, _ = port
+    true, others = crowded(made, client, 4)
+    if who == "strangers":
+        others = [client() for _ in range(30)]
+    for k in range(3):
+        for each in others:
+            numbered(made, each, [1000 + k])
+    numbered(made, true, [1, 2])
+    clock = Clock(0.0)
+    monkeypatch.setattr(ground_port, "time", clock)
+    read = []
+    while {1, 2} - set(read):
+        for each, _ in made.receive(0.0):
+            read.append(each.sequence)
+            clock.at += ground_port.AT_ONCE_S
+    turns = 2 if who == "strangers" else 4
+    assert len(read) <= 2 * turns
+
+
+def test_what_a_newcomer_sends_is_read_in_its_order(monkeypatch, port, client):
+    """Also what it sent while it was a stranger, and has not been read yet."""
+    made, _ = port
+    newcomer = client()
+    clock = Clock(0.0)
+    monkeypatch.setattr(ground_port, "time", clock)
+
+    def taken():
+        got = []
+        for each, _ in made.receive(0.0):
+            got.append(getattr(each, "sequence", "beat"))
+            clock.at += ground_port.AT_ONCE_S
+        return got
+
+    newcomer.sendto(BEAT, ("127.0.0.1", made._socket.getsockname()[1]))
+    numbered(made, newcomer, [1, 2])
+    assert taken() == ["beat"]
+    numbered(made, newcomer, [3])
+    assert [*taken(), *taken(), *taken()] == [1, 2, 3]
+    numbered(made, newcomer, [4])
+    assert taken() == [4]
+    assert not made.is_waiting
+
+
+@pytest.mark.parametrize("size", [40, 60_000])
+def test_what_waits_for_its_turn_takes_no_more_than_its_room(monkeypatch, port, client, size):
+    made, _ = port
+    clock = Clock(0.0)
+    monkeypatch.setattr(ground_port, "time", clock)
+    monkeypatch.setattr(ground_port, "AT_ONCE_S", 1e-9)
+    sender = client()
+    sender.sendto(b"\0" * size, made._socket.getsockname())
+    for _ in range(2000):
+        clock.at = 0.0
+        made._take_in(0.0)
+        sender.sendto(b"\0" * size, made._socket.getsockname())
+    waiting = made._strangers
+    assert len(waiting) <= ground_port.BURST
+    assert len(waiting) * size <= ground_port.WAITING_BYTES
+    assert made.dropped["over rate"] >= 1500
