@@ -16,6 +16,7 @@ settings.load_profile("project")
 # The whole of these takes real processes, a browser or the clients of others; of the other
 # folders `--quick` leaves out what is marked `slow`: processes, and seconds of computing.
 SLOW_FOLDERS = {
+    "attacks",
     "bad_input",
     "bus",
     "clients",
