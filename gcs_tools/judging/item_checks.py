@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.algebra import Vec3
+from gcs_tools.judging.causes import LITTLE
 from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_metric
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, on_ground
 from gcs_tools.missions.asked import LANDS, Begun, legs
@@ -114,6 +115,23 @@ def judge_items(
         for name, entry in entries.items():
             judged = judge_metric(name, entry, metric, reason)
             found.append(replace(judged, text=f"{item.name}: {judged.text}"))
+    return found
+
+
+def slowed(
+    flown: Iterable[ItemFlown], judged: Iterable[Expectation], ticks: EngagedTicks
+) -> list[str]:
+    """Which items the guard flew more gently, of those that missed what was expected of them."""
+    missed = [line.text for line in judged if not line.passed]
+    found = []
+    for item in flown:
+        if item.began_s is None or not any(text.startswith(f"{item.name}: ") for text in missed):
+            continue
+        part = ticks.metric("governed_fraction", item.began_s, item.ended_s)
+        if part is not None and part >= LITTLE:
+            found.append(
+                f"The guard flew {item.name} more gently in {100.0 * part:.0f} % of its ticks."
+            )
     return found
 
 

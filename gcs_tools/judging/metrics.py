@@ -163,7 +163,8 @@ class EngagedTicks:
             return f"no tick{after}" + ("" if t_to is None else f" before {t_to:g} s")
         if name.startswith("reference_error_") and not self.has_reference:
             return "this law has no reference model"
-        if name.startswith("setpoint_error_") and not ticks.is_asked.any():
+        of = _settled(ticks) if "_settled_" in name else ticks
+        if name.startswith("setpoint_error_") and len(of.t) and not of.is_asked.any():
             return "no place was asked for"
         if name in ALOFT and ticks.is_grounded.all():
             return "the vehicle was on the ground"
@@ -258,6 +259,7 @@ def _contradicted(flight: EngagedTicks) -> float:
 def _nonfinite(flight: EngagedTicks) -> float:
     """Ticks at which the error is not finite, or what the law commands and tells of itself."""
     error = flight.reference_error if flight.has_reference else flight.setpoint_error
+    error = np.where(flight.is_asked | flight.has_reference, error, 0.0)
     told = [i for i, name in enumerate(flight.fcu.names) if _is_always_a_number(name)]
     finite = np.isfinite(error) & np.isfinite(flight.fcu.rows[:, told]).all(axis=1)
     return float(np.sum(~finite))

@@ -32,6 +32,7 @@ from gcs_tools.judging.item_checks import (
     good_endings,
     items_flown,
     judge_items,
+    slowed,
     unfinished,
 )
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
@@ -142,6 +143,8 @@ def judge(
     values = mission.values_in_force()
     passed = exit_code == OK and all(e.passed for e in judged)
     why = causes(mission, flight, ended, passed, values, missed) if whole else []
+    if whole:
+        why = slowed(items, judged, flight) + why
     if whole and mission.flight.items and ended not in DONE:
         why.insert(0, _not_done(mission.flight, begun, told[0], refusal))
     wall_time = about["wall_time_s"]

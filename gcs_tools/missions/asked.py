@@ -223,7 +223,7 @@ class Itinerary:
             since = begun.tick / rate + (0.0 if leg.path is None else leg.path.duration_s)
             if begun.place is None or since > until:
                 continue
-            if found and found[-1].r == begun.place and found[-1].until_s == begun.tick / rate:
+            if found and found[-1].r == begun.place and found[-1].until_s == since:
                 found[-1] = found[-1]._replace(until_s=until)
             else:
                 found.append(Place(since, until, begun.place))
@@ -262,8 +262,11 @@ def path_ticks(leg: Leg, begin: int, flight: Flight) -> Iterable[int]:
     """The ticks at which the setpoints of a path are sent: its begin, each period, its end."""
     assert leg.path is not None
     end = begin + math.ceil(leg.path.duration_s * flight.rate_hz)
-    every = flight.rate_hz / flight.stream_hz
-    yield from (begin + math.ceil(i * every) for i in range(math.ceil((end - begin) / every)))
+    rate, every = flight.rate_hz, flight.stream_hz
+    periods = range(-(-(end - begin) * every // rate))
+    yield from (
+        begin - (-i * rate // every) for i in periods
+    )  # whole numbers: the first at or after
     yield end
 
 

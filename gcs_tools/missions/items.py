@@ -58,7 +58,7 @@ class TakeOff(Table):
     """Arm, and climb straight up: the vehicle's own take-off (MAVLink NAV_TAKEOFF)."""
 
     kind: Literal["take_off"]
-    height_m: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(description="above the ground")
+    height_m: Annotated[float, Field(ge=0.5, le=400.0)] = Field(description="above the ground")
     within_m: Within = Field(_WITHIN_M, description="so near, and at rest, it has taken off")
     expect: ItemExpect = _expect
 
@@ -84,7 +84,9 @@ class Follow(Table):
     corners: Literal["rounded", "spline"] = Field(
         "rounded", description="straight lines with rounded corners, or a spline through all points"
     )
-    corner_m: Positive = Field(0.5, description="how far from its point a rounded corner may pass")
+    corner_m: Annotated[float, Field(ge=0.01)] = Field(
+        0.5, description="how far from its point a rounded corner may pass"
+    )
     speed_m_s: Annotated[float, Field(gt=0.0, le=20.0)] = Field(3.0, description="at most")
     acceleration_m_s2: Annotated[float, Field(gt=0.0, le=20.0)] = Field(
         2.0, description="at most, along and across together"
@@ -206,6 +208,7 @@ def check(
         if isinstance(item, Hold):
             least += item.for_s
         elif isinstance(item, Follow) and item._path is not None:
+            _check_path(i, item, start, ground, arena)
             least += item.path.duration_s
     if least >= duration:
         raise wrong(
@@ -219,7 +222,18 @@ def _places(item: Any) -> list[tuple[tuple[str | int, ...], tuple[float, float, 
         return [(("position_m",), item.position_m)]
     if isinstance(item, Follow) and item.points_m is not None:
         return [(("points_m", k), point) for k, point in enumerate(item.points_m)]
-    if isinstance(item, Follow) and item._path is not None:
-        r = item.path.at(np.linspace(0.0, item.path.duration_s, 200)).r
-        return [(("file",), tuple(point)) for point in r.tolist()]
     return []
+
+
+def _check_path(i: int, item: Follow, start: Any, ground: float, arena: float) -> None:
+    """As its points: a curve may leave them."""
+    r = item.path.at(np.linspace(0.0, item.path.duration_s, 1000)).r
+    key = ("items", i, "file" if item.points_m is None else "points_m")
+    lowest, farthest = r[r[:, 2].argmin()], r[np.linalg.norm(r - start, axis=1).argmax()]
+    for place, lies, bound in (
+        (lowest, lowest[2] <= ground, f"below ground_z_m, {ground:g}"),
+        (farthest, math.dist(farthest, start) > arena, f"beyond arena_m, {arena:g}, of the start"),
+    ):
+        if lies:
+            at = ", ".join(f"{x:.4g}" for x in place)
+            raise because(key, f"the path leads to ({at}) m, which is {bound}")

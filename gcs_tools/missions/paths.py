@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,10 @@ SMOOTH_S = 0.5  # over which the place along a path is averaged
 REVERSAL_DEG = 150.0  # a corner that turns farther is a stop
 CLOSE_M = 1e-6  # two points that are no farther apart are one
 
-_PER_PIECE = 200  # places at which a piece of a curve is looked at
+_TURNS_BACK = 2.0 * math.sin(math.radians(0.5 * REVERSAL_DEG))  # between directions of length 1
+_SLOWEST = 0.02  # of what a curve's parameter moves by on average: below it turns on a point
+_LOOKS, _MOST_LOOKS = 200, 40_000  # places at which a piece of a curve, and all of it, is looked at
+_REPAIRS = 8  # of a speed that the mean takes into a bend
 _STEP_S = 0.01  # between instants at which the place along a path is known
 # A corner is a curve of degree five between points on either line, CUT apart of the way to the
 # corner: no curvature at its ends. Half way it passes the corner at SAGITTA of that way times
@@ -75,7 +79,7 @@ def rounded(points: Rows, corner_m: float, speed: float, acceleration: float) ->
     cuts = np.zeros(len(points))  # how far from a point its corner begins
     stops = np.zeros(len(points), bool)
     for i, turn in enumerate(turns.tolist(), start=1):
-        if turn > 2.0 * math.sin(math.radians(0.5 * REVERSAL_DEG)):
+        if turn > _TURNS_BACK:
             stops[i] = True
         elif turn > 1e-9:
             cuts[i] = min(corner_m / (_SAGITTA * turn), 0.5 * lengths[i - 1], 0.5 * lengths[i])
@@ -100,15 +104,24 @@ def rounded(points: Rows, corner_m: float, speed: float, acceleration: float) ->
         if stops[i + 1]:
             stands.append(len(pieces))
     curve = BPoly(np.stack(pieces, axis=1), np.array(knots))
-    return _timed(curve, len(pieces), stands, speed, acceleration)
+    return _timed(curve, stands, speed, acceleration)
 
 
 def spline(points: Rows, speed: float, acceleration: float) -> Path:
-    """A smooth curve through all points: cubic, twice differentiable. As `rounded`."""
-    from scipy.interpolate import CubicSpline
+    """A smooth curve through all points: cubic, twice differentiable. As `rounded`.
 
-    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(_lengths(points)))])  # centripetal: no loops
-    return _timed(CubicSpline(knots, points), len(points) - 1, [], speed, acceleration)
+    Where it turns back it stands: a curve ends there, and another begins.
+    """
+    from scipy.interpolate import CubicSpline, PPoly
+
+    steps = np.sqrt(_lengths(points))  # centripetal: no loops
+    knots = np.concatenate([[0.0], np.cumsum(steps)])
+    along = np.diff(points, axis=0) / _lengths(points)[:, None]
+    turns = np.linalg.norm(np.diff(along, axis=0), axis=1)
+    stands = (1 + np.flatnonzero(turns > _TURNS_BACK)).tolist()
+    ends = [0, *stands, len(points) - 1]
+    parts = [CubicSpline(knots[i : j + 1], points[i : j + 1]).c for i, j in pairwise(ends)]
+    return _timed(PPoly(np.concatenate(parts, axis=1), knots), stands, speed, acceleration)
 
 
 def recorded(t: Rows, points: Rows, off_m: float, acceleration: float) -> Path:
@@ -153,33 +166,55 @@ def _lengths(points: Rows) -> Rows:
     return lengths
 
 
-def _timed(curve: Any, pieces: int, stands: list[int], speed: float, acceleration: float) -> Path:
-    """A curve r(u), of so many pieces, flown from rest to rest; it stands after pieces `stands`."""
+def _timed(curve: Any, stands: list[int], speed: float, acceleration: float) -> Path:
+    """A curve r(u) in pieces, flown from rest to rest; it stands after pieces `stands`."""
     from scipy.interpolate import CubicHermiteSpline
 
     first, second = curve.derivative(1), curve.derivative(2)
     knots = curve.x
-    within = np.arange(_PER_PIECE) / _PER_PIECE
+    looks = max(20, min(_LOOKS, _MOST_LOOKS // (len(knots) - 1)))
+    within = np.arange(looks) / looks
     u = np.append((knots[:-1, None] + within * np.diff(knots)[:, None]).ravel(), knots[-1])
     middle = 0.5 * (u[1:] + u[:-1])
-    rate, half = (np.maximum(np.linalg.norm(first(at), axis=1), 1e-9) for at in (u, middle))
+    rate, half = (np.linalg.norm(first(at), axis=1) for at in (u, middle))
     s = np.append(0.0, np.cumsum(np.diff(u) * (rate[1:] + 4.0 * half + rate[:-1]) / 6.0))  # Simpson
+    _check_rate(rate, s, u, looks)
 
     bends = np.linalg.norm(_across(first(u), second(u)), axis=1)  # 1/m
-    most = np.minimum(speed, np.sqrt(acceleration / np.maximum(bends, 1e-12)))
-    still = [_PER_PIECE * k for k in stands]
-    most[[0, *still, -1]] = 0.0
-    v = _slower_before(most, bends, s, acceleration)
-    v = _slower_before(v[::-1], bends[::-1], (s[-1] - s)[::-1], acceleration)[::-1]
+    allowed = np.minimum(speed, np.sqrt(acceleration / np.maximum(bends, 1e-12)))
+    still = [looks * k for k in stands]
+    most = allowed.copy()
+    for _ in range(_REPAIRS):
+        most[[0, *still, -1]] = 0.0
+        v = _slower_before(most, bends, s, acceleration)
+        v = _slower_before(v[::-1], bends[::-1], (s[-1] - s)[::-1], acceleration)[::-1]
+        law = _averaged(np.insert(s, still, s[still]), np.insert(v, still, 0.0))
+        t = np.arange(0.0, law.x[-1], _STEP_S)
+        part = np.interp(s, law(t), law(t, 1)) / allowed
+        if part.max() < 1.01:
+            break
+        most = most / np.maximum(part, 1.0)  # the mean takes speed into a bend
 
-    law = _averaged(np.insert(s, still, s[still]), np.insert(v, still, 0.0))
+    u_of_s = CubicHermiteSpline(s, u, 1.0 / rate)
     slower = 1.0
-    for _ in range(2):  # the mean may be faster where the path bends than what was allowed there
-        whole = _along(curve, (first, second), CubicHermiteSpline(s, u, 1.0 / rate), law, slower)
-        found = whole.at(np.linspace(0.0, whole.duration_s, 4 * len(u)))
+    for _ in range(2):
+        whole = _along(curve, (first, second), u_of_s, law, slower)
+        reached = np.interp(s, law(t), t) * slower
+        found = whole.at(np.append(reached, np.linspace(0.0, whole.duration_s, 4 * len(t))))
         fastest, strongest = (np.linalg.norm(x, axis=1).max() for x in (found.v, found.a))
         slower *= max(1.0, fastest / speed, math.sqrt(strongest / acceleration))
     return whole
+
+
+def _check_rate(rate: Rows, s: Rows, u: Rows, looks: int) -> None:
+    """Raise PathError where a curve turns on a point: there it has no direction."""
+    pieces = np.maximum(np.diff(s[::looks]) / np.diff(u[::looks]), 1e-12)
+    least = np.minimum(rate[:-1].reshape(-1, looks).min(axis=1), rate[looks::looks])
+    slow = np.flatnonzero(least < _SLOWEST * pieces)
+    if len(slow):
+        raise PathError(
+            'the curve turns on a point here: take corners = "rounded"', int(slow[0]) + 1
+        )
 
 
 def _across(r_u: Rows, r_uu: Rows) -> Rows:
@@ -225,7 +260,7 @@ def _along(curve: Any, derivatives: tuple[Any, Any], u_of_s: Any, law: Any, slow
 
     def at(times: Rows) -> Moving:
         t = times / slower
-        u = u_of_s(np.clip(law(t), 0.0, length))
+        u = np.clip(u_of_s(np.clip(law(t), 0.0, length)), curve.x[0], curve.x[-1])
         v, a = law(t, 1) / slower, law(t, 2) / slower**2
         r_u = first(u)
         ahead = r_u / np.maximum(np.linalg.norm(r_u, axis=1, keepdims=True), 1e-12)

@@ -61,6 +61,7 @@ def test_in_the_air_none_has_to_take_off(tmp_path: Path) -> None:
         ((UP, THERE.replace("3.0]", "-1.0]")), 8, "expected a height above ground_z_m, 0, got -1.0"),
         ((UP, THERE.replace("5.0,", "500.0,")), 8, "expected a place within arena_m, 100, of the start"),
         ((UP, HOLD.replace("5.0", "60.0")), 3, "duration_s: expected more than 60 s"),
+        ((UP, '{ kind = "follow", corners = "spline", points_m = [[0, 0, 20], [5, 0, 1], [25, 0, 1], [30, 0, 20]] }'), 8, "items[1].points_m: the path leads to"),
         ((UP, '{ kind = "follow" }'), 8, "items[1]: expected either points_m or file"),
         ((UP, '{ kind = "follow", points_m = [[0, 0, 3]] }'), 8, "expected 2 elements or more"),
         ((UP, '{ kind = "follow", points_m = [[0, 0, 3], [0, 0, 3]] }'), 8, "points_m[1]: expected another"),
@@ -130,7 +131,7 @@ def test_a_track_lies_beside_its_mission(tmp_path: Path) -> None:
         (TRACK.replace("3.2,", "8.0,"), "more than acceleration_m_s2, 2; smooth_m"),
         (TRACK.replace("3.2,", "1e300,"), "track.csv:10: expected four finite numbers"),
         ("t_s,x_m,y_m,z_m\n\x00\n", "track.csv"),
-        (TRACK.replace("0,3\n", "0,-3\n"), "expected a height above ground_z_m, 0"),
+        (TRACK.replace("0,3\n", "0,-3\n"), "the path leads to (0, 0, -3) m, which is below ground_z_m, 0"),
     ],
 )  # fmt: skip
 def test_a_track_that_cannot_be_flown_is_an_error(tmp_path: Path, track: str, said: str) -> None:

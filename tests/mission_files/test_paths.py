@@ -23,9 +23,17 @@ def times(path: Path, n: int = 20001) -> np.ndarray:
     return np.linspace(0.0, path.duration_s, n)
 
 
+COLLINEAR = np.array([[0, 0, 3], [10, 0, 3], [0, 0, 3], [10, 0, 3]], dtype=np.float64)
+NEARLY_BACK = np.array([[0, 0, 3], [10, 0, 3], [0, 0.001, 3]], dtype=np.float64)
+
+
 @pytest.mark.parametrize(
-    ("kind", "points"), [("rounded", SQUARE), ("spline", SQUARE), ("rounded", THERE_AND_BACK)]
-)
+    ("kind", "points"),
+    [
+        ("rounded", SQUARE), ("spline", SQUARE), ("rounded", THERE_AND_BACK),
+        ("spline", THERE_AND_BACK), ("spline", COLLINEAR), ("spline", NEARLY_BACK),
+    ],
+)  # fmt: skip
 class TestOfAnyPath:
     def test_velocity_and_acceleration_are_those_of_its_place(self, kind, points) -> None:
         path = made(kind, points)
@@ -67,6 +75,29 @@ def test_a_rounded_corner_takes_half_of_a_short_way_at_most() -> None:
     r = path.at(times(path)).r
     assert r[:, 0].max() <= 10.0
     assert np.linalg.norm(r - [10, 0.1, 3], axis=1).min() < 0.02
+
+
+@pytest.mark.parametrize("corner_m", [0.01, 0.02, 0.05])
+def test_a_narrow_corner_is_passed_slowly_and_slows_nothing_else(corner_m: float) -> None:
+    path = paths.rounded(SQUARE, corner_m, SPEED, ACCELERATION)
+    t = times(path, 100_001)
+    v, a = path.at(t)[1:]
+    assert np.linalg.norm(v, axis=1).max() > 0.95 * SPEED
+    assert np.linalg.norm(a, axis=1).max() <= 1.01 * ACCELERATION
+    steps = np.linalg.norm(np.diff(v, axis=0), axis=1) / np.diff(t)
+    assert steps.max() <= 1.01 * ACCELERATION
+    assert path.duration_s < 21.0  # 18.8 s of four lines with stops between them, and the means
+
+
+def test_a_curve_that_turns_on_a_point_is_an_error() -> None:
+    """Far to one point and hardly on to the next: the curve overshoots, and has to come back."""
+    points = np.array(
+        [[0.247, 0.207, 49.768], [-11.085, -0.443, 44.978], [-11.082, -0.443, 44.978]]
+    )
+    with pytest.raises(PathError, match="rounded") as raised:
+        paths.spline(points, SPEED, ACCELERATION)
+    assert raised.value.at == 1
+    assert paths.rounded(points, 0.5, SPEED, ACCELERATION).duration_s < 10.0
 
 
 def test_a_wider_corner_is_faster() -> None:
