@@ -119,7 +119,7 @@ class Autopilot:
         self.figures: Figures = Figures() if before is None else before.figures
         self._settings = params.settings
         self._is_looked_at = (
-            True  # what is flown, since a parameter of a guard that refuses was set
+            True  # what is flown, by a guard that refuses
         )
         kind: Any = type(self._settings)
         self._policy_at = column_of(kind, "guard.policy") if params.flown.guard is not None else -1
@@ -239,7 +239,10 @@ class Autopilot:
             course[_H] = self._settings.law.h
             self._is_looked_at = not vehicle.feasibility.refuses
         setpoint = vehicle.setpoint
-        if not self._is_looked_at:
+        if vehicle.leads_itself and vehicle.feasibility.refuses:
+            self._is_looked_at = False
+            self.flight.settings[self._policy_at] = GOVERN
+        elif not self._is_looked_at:
             self._look_again()
         if setpoint is None:
             course[_ENGAGED] = IDLE
@@ -256,7 +259,8 @@ class Autopilot:
         vehicle.arm_watch()
 
     def _look_again(self) -> None:
-        """What was accepted before a parameter was set: governed until the guard accepts what is flown.
+        """What was accepted before a parameter was set, or what the vehicle has led itself to: governed
+        until the guard accepts what is flown.
 
         A vehicle that refuses follows what it has accepted, and nothing else keeps that inside.
         """

@@ -164,6 +164,12 @@ class StateMachine:
         """Whether it comes down, for itself or for a script."""
         return self.mode is Mode.LAND or self._approach is Approach.DOWN
 
+    @property
+    def leads_itself(self) -> bool:
+        """Whether it flies a way of its own, which no guard was asked about."""
+        own = self.mode in modes.UNASKED or self._approach is not Approach.AS_ASKED
+        return self.armed and own
+
     def _from(self, t_us: int) -> Pose:
         """Where a plan begins: the setpoint flown now, so that the law's input does not jump."""
         now = self.flown(t_us)
