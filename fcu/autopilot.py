@@ -118,9 +118,7 @@ class Autopilot:
         )  # fmt: skip
         self.figures: Figures = Figures() if before is None else before.figures
         self._settings = params.settings
-        self._is_looked_at = (
-            True  # what is flown, by a guard that refuses
-        )
+        self._is_looked_at = True  # what is flown, by a guard that refuses
         kind: Any = type(self._settings)
         self._policy_at = column_of(kind, "guard.policy") if params.flown.guard is not None else -1
         self._flown: Setpoint | None = None

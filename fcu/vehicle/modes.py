@@ -58,9 +58,6 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     **{(mode, Event.DISARMED): Mode.HOLD for mode in Mode},
 }
 
-# What they fly is laid down within the vehicle's limits, and no guard is asked whether it fits.
-UNASKED = (Mode.TAKEOFF, Mode.POSITION, Mode.LAND, Mode.RETURN, Mode.FIGURE_EIGHT)
-
 # COM_OBL_RC_ACT: what is done when a script's stream of setpoints ends. None: not a mode.
 ON_LOSS: dict[int, Mode | None] = {
     0: Mode.POSITION,

@@ -166,8 +166,8 @@ class StateMachine:
 
     @property
     def leads_itself(self) -> bool:
-        """Whether it flies a way of its own, which no guard was asked about."""
-        own = self.mode in modes.UNASKED or self._approach is not Approach.AS_ASKED
+        """Whether it flies a plan of its own, of which the guard was asked about the begin at most."""
+        own = self.mode is not Mode.OFFBOARD or self._approach is not Approach.AS_ASKED
         return self.armed and own
 
     def _from(self, t_us: int) -> Pose:
