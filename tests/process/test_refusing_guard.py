@@ -85,9 +85,9 @@ def test_sticks_lead_it_away_and_it_stops() -> None:
     with ExitStack() as stack:
         flight, vehicle = hovering(stack, 25.0)
         vehicle.command(CommandId.SET_MODE, 1.0, MainMode.POSITION, 0.0)
-        for k in range(50, 115):  # full ahead for 5 s, and hands off
+        for k in range(50, 125):  # full ahead for 7 s, and hands off
             assert flight._fly_to(k * RATE // 5 - 9 * RATE)
-            ahead = 1000 if k < 75 else 0
+            ahead = 1000 if k < 85 else 0
             stick = mavlink.MAVLink_manual_control_message(1, ahead, 0, 500, 0, 0)
             vehicle._link.send(stick.pack(codec))
             vehicle.messages(0.0)
