@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import os
 import sys
 from importlib import import_module
@@ -12,7 +13,7 @@ import click
 
 from fcu.interface.ports import table
 from gcs_tools.cli.output import is_unread, silence, write_anywhere
-from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight import interrupts
 
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
@@ -95,8 +96,15 @@ class Program(click.Group):
                 for stream in (sys.stdout, sys.stderr):
                     silence(stream)
                 return INTERRUPTED
+            if error.errno == errno.ENAMETOOLONG:  # of what a person typed
+                click.echo(f"Error: {error.filename}: {error.strerror}", err=True)
+                return USAGE
             click.echo(f"Error: {error.strerror or error}", err=True)
             os._exit(INFRASTRUCTURE)  # what is still buffered would fail again
+        except Exception:
+            if not interrupts.is_heard():
+                raise
+            return INTERRUPTED  # matplotlib's C++ makes another error of an interruption
         return code if isinstance(code, int) else OK
 
 

@@ -4,6 +4,8 @@ import signal
 
 import pytest
 
+from gcs_tools.cli.plot import plot
+from gcs_tools.cli.program import main
 from gcs_tools.flight import interrupts as hearing
 from gcs_tools.flight.interrupts import interrupts_wait
 
@@ -121,3 +123,24 @@ def test_whose_exit_code_is_known_hears_nothing_more():
     hearing.ignore()
     for number in hearing.SIGNALS:
         signal.raise_signal(number)
+
+
+@pytest.mark.parametrize("comes", [True, False])
+def test_an_interruption_of_which_other_code_made_an_error_is_one(monkeypatch, comes):
+    """As matplotlib's C++ does: it says "Invalid bounding box"."""
+
+    def draws(**_options):
+        try:
+            if comes:
+                signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            pass
+        raise ValueError("Invalid bounding box")
+
+    hearing.install()
+    monkeypatch.setattr(plot, "callback", draws)
+    if comes:
+        assert main._code(args=["plot", "x.mcap"]) == 130
+    else:
+        with pytest.raises(ValueError, match="bounding box"):
+            main._code(args=["plot", "x.mcap"])

@@ -113,6 +113,17 @@ def test_what_is_no_such_file_is_named_soon_and_in_little_memory(tmp_path, kind,
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize(
+    "words", ["fly", "replay", "plot", "view", "recover", "record", "recover x.mcap --out",
+              "envelope", "fly gust_step --junit", "up --params"],
+)  # fmt: skip
+def test_a_name_that_no_file_can_have_is_named(words):
+    name = "a" * 5000
+    done = gcs(*words.split(), name)
+    assert done.exit_code == 2
+    assert name in done.stderr
+
+
 @pytest.mark.parametrize("kind", TEXTS)
 def test_a_mission_that_would_exhaust_its_reader_is_rejected(tmp_path, kind):
     path = tmp_path / "bad.toml"
