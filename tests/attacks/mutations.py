@@ -42,6 +42,7 @@ CODES = {
     "compare": READ, "view": {0, 2, 3}, "recover": READ, "replay": {0, 2, 3},
     "monitor": {0, 2, 3}, "record": {0, 2, 3}, "topics": {0, 2, 3}, "publish": {0, 2, 3},
 }  # fmt: skip
+EACH_ANEW = 20  # of so many command lines one is a Python of its own
 SERVES_S = 4.0  # wall: after so long a program that waits for somebody is interrupted
 HEADER = "| what | number | exit codes | most memory, MB | most processor time, s | findings | took, s |"  # fmt: skip
 
@@ -181,7 +182,8 @@ def command_lines(base: Path, begin_with: Sequence[bytes], seed: int, instance: 
             if rng.random() < 0.1:
                 program = rng.choice(("fcu", "sitl-plant"))
                 words = [program, *rng.choices(generators.WORDS, k=rng.randrange(4))]
-            done = run([os.fsdecode(os.fsencode(w)) for w in words], here, SERVES_S)
+            anew = number % EACH_ANEW == 0
+            done = run(words, here, 2 * SERVES_S if anew else SERVES_S, anew=anew)
             codes = CODES.get(words[1] if len(words) > 1 else "", {0, 2})
             if words[0] != "gcs":
                 codes = {0, 2, 3} | ({-signal.SIGINT} if done.interrupted else set())

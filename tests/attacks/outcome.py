@@ -1,7 +1,8 @@
 """Programs of the project run again and again, each in a copy of this process.
 
 A copy costs a tenth of a start of Python, its memory is its own, and what it ends with is what the
-program would end with: the same entry point, the same exit code, the same standard error.
+program would end with: the same entry point, the same exit code, the same standard error. Some are
+started anew all the same.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ PATIENCE_S = 120.0  # wall: a machine may be busy
 INTERRUPTED_S = 10.0  # wall: a program that waits for a vehicle, or serves, is interrupted
 TRACES = ("Traceback (most recent call last)", "Fatal Python error", "Exception ignored")
 PROGRAMS = {"gcs": "gcs_tools.cli.program", "fcu": "fcu.__main__", "sitl-plant": "sitl_plant.__main__"}  # fmt: skip
+MODULES = {"gcs": "gcs_tools", "fcu": "fcu", "sitl-plant": "sitl_plant"}
 
 
 class Outcome(NamedTuple):
@@ -52,11 +54,11 @@ class Outcome(NamedTuple):
 
 def run(
     arguments: Sequence[str], folder: Path, interrupt_s: float = INTERRUPTED_S,
-    most_s: float = WITHIN_S + 10.0,
+    most_s: float = WITHIN_S + 10.0, anew: bool = False,
 ) -> Outcome:  # fmt: skip
     """What a command line does, its program first; in `folder`, interrupted after so long (wall).
 
-    most_s : of processor time; then it is ended.
+    most_s : of processor time; then it is ended.  anew : in a Python of its own, not in a copy.
     """
     program, *others = arguments
     entry = import_module(PROGRAMS[program]).main
@@ -66,6 +68,8 @@ def run(
         signal.signal(signal.SIGINT, signal.default_int_handler)
         os.chdir(folder)
         resource.setrlimit(resource.RLIMIT_CPU, (int(most_s), int(most_s)))
+        if anew:
+            os.execv(sys.executable, [sys.executable, "-m", MODULES[program], *others])
         entry(prog_name=program)
 
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
