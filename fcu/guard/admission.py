@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import arrival, foreseen, margin, present, wrench
-from fcu.guard.governor import BRAKING, SLOWEST, inside, shortened, speeds, wanted
+from fcu.guard.governor import BRAKING, SLOWEST, inside, speeds, wanted
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardParams
 from fcu.interface.messages import Setpoint
@@ -53,7 +53,7 @@ def pace_at(params_buffer, law_buffer):
     known = margin.known(params, law)
     top, brake = speeds(known)
     down = maximum(margin.sinking(known), SLOWEST)
-    jerk = foreseen.fastest(params, law, -brake / BRAKING)
+    jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING))
     return (
         jerk,
         select(params.policy == 0.0, math.inf, brake / BRAKING),
@@ -103,8 +103,8 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
         law = _unpack_law(law_buffer)
         for k in range(n):
             now = carried(setpoint, k * law.h)
-            most = foreseen.fastest(params, law, pursuit.a_m.z)
-            point, pursuit = foreseen.onward(law, pursuit, now, most)
+            most, aside = foreseen.fastest(params, law, pursuit.a_m)
+            point, pursuit = foreseen.onward(law, pursuit, now, most, aside)
             holds = foreseen.holds(known, more * point.a_d, more * point.off, point.v, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
@@ -147,19 +147,21 @@ def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     setpoint, known = _unpack_setpoint(setpoint_buffer), margin.known(params, law)
-    zero, j = Vec3(0.0, 0.0, 0.0), wrench.jerk(params, law, params.m_min * law.g)
+    zero = Vec3(0.0, 0.0, 0.0)
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
     a_m = Vec3(reference[6], reference[7], reference[8])
     for k in range(ticks):
         now = carried(setpoint, k * law.h)
         plain = a_ref(law, now, r_m, v_m)
+        most, aside = foreseen.fastest(params, law, a_m)
+        up = Vec3(a_m.x, a_m.y, a_m.z + law.g)
         if params.policy == foreseen.GOVERN:
-            a = wanted(law, known, now, r_m, v_m, j)
-            a_m = inside(known, v_m, 0.0, a_m + shortened(a - a_m, j * law.h), zero)
+            change = wanted(law, known, now, r_m, v_m, most) - a_m
+            a = a_m + wrench.turned_to(change, up, most * law.h, aside * law.h)
+            a_m = inside(known, v_m, 0.0, a, zero)
         else:
-            most = foreseen.fastest(params, law, a_m.z) * law.h
-            a_m = a_m + shortened(plain - a_m, most)
+            a_m = a_m + wrench.turned_to(plain - a_m, up, most * law.h, aside * law.h)
         given = Setpoint(
             r_c=now.r_c + (a_m - plain) / (law.f_m * law.f_m),
             v_c=now.v_c, a_c=now.a_c, psi_c=now.psi_c, psi_dot_c=now.psi_dot_c,

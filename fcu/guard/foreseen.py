@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import margin, wrench
-from fcu.guard.governor import shortened
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import unpacker
@@ -36,17 +35,19 @@ def steps(law):
 
 
 @kernel
-def fastest(params, law, a_z):
+def fastest(params, law, a):
     """Fastest change (m/s^3) of the reference's acceleration, as far as it can be known before.
 
-    a_z : m/s^2, upwards, of the reference.
+    And the fastest across the demand.  a : m/s^2, E, of the reference.
     """
     governed = select(
         params.policy == REFUSE,
-        wrench.jerk_ahead(params, law, a_z),
+        wrench.jerk_ahead(params, law, a.z),
         wrench.jerk(params, law, math.inf),
     )
-    return select(params.policy == WARN, math.inf, governed)
+    across = wrench.across_ahead(params, law, a, governed)
+    warns = params.policy == WARN
+    return select(warns, math.inf, governed), select(warns, math.inf, across)
 
 
 @kernel
@@ -158,14 +159,16 @@ def begun(r_m, v_m, a_m):
 
 
 @kernel
-def onward(law, pursuit, setpoint, most):
+def onward(law, pursuit, setpoint, most, aside):
     """The Point a Pursuit is at, and the Pursuit a step of law.h later.
 
-    setpoint : in force.  most : m/s^3, the reference's acceleration changes no faster.
+    setpoint : in force.  most, aside : m/s^3, the reference's acceleration changes no faster, and across
+    the demand.
     """
     r_m, v_m, a_m = pursuit.r_m, pursuit.v_m, pursuit.a_m
     asked = a_ref(law, setpoint, r_m, v_m)
-    change = shortened(asked - a_m, most * law.h)
+    up = Vec3(a_m.x, a_m.y, a_m.z + law.g)
+    change = wrench.turned_to(asked - a_m, up, most * law.h, aside * law.h)
     a_m = a_m + change
     a_d = a_m + closing(law, pursuit.r - r_m, pursuit.v - v_m)
     off = misjudged(law, pursuit.off, a_d - pursuit.before)
@@ -179,9 +182,11 @@ def onward(law, pursuit, setpoint, most):
 
 
 @kernel
-def as_asked(params, law, a_z):
+def as_asked(params, law, a):
     """`fastest` of a way that is flown as it is asked for: held to a jerk only by one that refuses."""
-    return select(params.policy == REFUSE, fastest(params, law, a_z), math.inf)
+    most, aside = fastest(params, law, a)
+    refuses = params.policy == REFUSE
+    return select(refuses, most, math.inf), select(refuses, aside, math.inf)
 
 
 @kernel
@@ -190,7 +195,7 @@ def demanding(params, law):
 
     Nothing on a way that keeps to a jerk.
     """
-    return select(as_asked(params, law, 0.0) == math.inf, hurry(law), 1.0)
+    return select(params.policy == REFUSE, 1.0, hurry(law))
 
 
 @kernel
@@ -206,8 +211,8 @@ def least(params, law, setpoint, r, v):
     adds, pursuit, a_worst, v_worst = closed(law), begun(r, v, zero), zero, v
     for k in range(steps(law)):
         t = k * law.h
-        most = as_asked(params, law, pursuit.a_m.z)
-        point, pursuit = onward(law, pursuit, carried(setpoint, t), most)
+        most, aside = as_asked(params, law, pursuit.a_m)
+        point, pursuit = onward(law, pursuit, carried(setpoint, t), most, aside)
         now = holds(known, more * point.a_d, more * point.off, point.v, adds)
         if now < worst:
             worst, at, a_worst, v_worst = now, t, more * point.a_d, point.v
@@ -229,8 +234,9 @@ def along(params, law, sent_at, setpoints, r, v, rows):
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
             sent += 1
             setpoint = _unpack_setpoint(setpoints[sent])
-        most = as_asked(params, law, pursuit.a_m.z)
-        point, pursuit = onward(law, pursuit, carried(setpoint, t - sent_at[sent]), most)
+        most, aside = as_asked(params, law, pursuit.a_m)
+        now = carried(setpoint, t - sent_at[sent])
+        point, pursuit = onward(law, pursuit, now, most, aside)
         asked, v = more * point.a_d, point.v
         rows[k, 0], rows[k, 1] = t, holds(known, asked, more * point.off, v, adds)
         rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z

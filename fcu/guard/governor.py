@@ -155,17 +155,22 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
     plain = a_ref(law, setpoint, r_m, v_m)  # (34)
     if params.policy == 0.0:  # all lanes of a campaign share it
         return setpoint, plain, 0.0
+    up = Vec3(state.a_m.x, state.a_m.y, state.a_m.z + law.g)
     if params.policy == 2.0:  # as `admission` looked ahead
-        most = wrench.jerk_ahead(params, law, state.a_m.z) * law.h
-        a_g = state.a_m + shortened(plain - state.a_m, most)
+        j = wrench.jerk_ahead(params, law, state.a_m.z)
+        across = wrench.across_ahead(params, law, state.a_m, j)
+        change = plain - state.a_m
+        a_g = state.a_m + wrench.turned_to(change, up, j * law.h, across * law.h)
     else:
         j = wrench.jerk(params, law, T)
-        a_wanted = wanted(law, known, setpoint, r_m, v_m, j)
-        a = state.a_m + shortened(a_wanted - state.a_m, j * law.h)
+        change = wanted(law, known, setpoint, r_m, v_m, j) - state.a_m
+        rising = clip(dot(change, up) / (norm(up) * law.h + 1e-30), -j, j)
+        most, aside = j * law.h, wrench.jerk_across(params, law, T, j, rising) * law.h
+        a = state.a_m + wrench.turned_to(change, up, most, aside)
         closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
         # beta grows with each change of a_m: room for it is made within the jerk, or it feeds itself
         a = inside(known, v_m, state.beta, a, closing)
-        a = state.a_m + shortened(a - state.a_m, j * law.h)
+        a = state.a_m + wrench.turned_to(a - state.a_m, up, most, aside)
         a_g = inside(known, v_m, 0.0, a, closing)
     limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)
     r_c, v_c, a_c = setpoint.r_c, setpoint.v_c, setpoint.a_c

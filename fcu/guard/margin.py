@@ -34,7 +34,7 @@ class Known(NamedTuple):
 
     T_min: float  # N
     T_max: float  # N
-    T_top: float  # N, so much of that with noise, which grows with the thrust, counted as in hover
+    T_top: float  # N, so much of that as leaves torque, and room for noise, counted as in hover
     T_z_min: float  # N, floor of the vertical force
     sin: float  # of phi_star
     cos: float
@@ -62,12 +62,13 @@ def known(params, law):
     # noise grows from hover to full thrust, along a chord that lies above it
     noise, hover = params.noise_force, params.m_max * law.g
     more = (params.noise_top - noise) / maximum(law.limits.T_max - hover, 1.0)
+    top = (law.limits.T_max + more * (hover + noise)) / (1.0 + more)
     weight = params.m_min * law.g
     k = maximum(params.lift, NEAR_NOTHING) / maximum(weight - params.lift, NEAR_NOTHING)
     return Known(
         T_min=law.limits.T_min,
         T_max=law.limits.T_max,
-        T_top=(law.limits.T_max + more * (hover + noise)) / (1.0 + more),
+        T_top=minimum(top, params.T_turns),
         T_z_min=select(law.achieved > 0.5, law.T_dz_min, 0.0),
         sin=math.sin(law.limits.phi_star),
         cos=math.cos(law.limits.phi_star),

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import stability
-from fcu.guard.stability import Hover, Loop
+from fcu.guard.stability import NOISE, Hover, Loop
 from fcu.guard.types import GuardParams
 from fcu.interface.airframe import ROTORS
 from fcu.laws.mmrac.types import Params
@@ -57,9 +57,9 @@ def amounts(params: GuardParams) -> Array:
 
 
 class Response(NamedTuple):
-    """What one sample of noise makes of the demand."""
+    """What one sample of an input makes of the demand."""
 
-    h: Array  # float64[ticks, 2, 4]: the demand after one sample of each noise
+    h: Array  # float64[ticks, 2, 5]: the demand after one sample of each of INPUTS
     lasts: float  # of the slowest mode, what is left of it over the second half of those ticks
 
 
@@ -77,7 +77,7 @@ def response(loop: Loop) -> Response | None:
 
 
 def sums(found: Response, gaussian: bool) -> Array:
-    """float64[2, 4]: what the demand moves by for each noise of 1: a sum, or a root of one of squares.
+    """float64[2, 5]: what the demand moves by for each input of 1: a sum, or a root of one of squares.
 
     What comes after the ticks of the response is counted as its second half over and over, each time as
     much smaller as the slowest mode is by then.
@@ -120,7 +120,7 @@ def _of(params: GuardParams, law: Params, m: float, m_hat: float, T_0: float) ->
         answer = response(loop)
         if answer is None or answer.lasts >= 1.0:
             return None
-        found.append(sums(answer, gaussian) * given)
+        found.append(sums(answer, gaussian)[:, : len(NOISE)] * given)
     height, *tilts = found
     across = [float(together(tilt[0], gaussian)) for tilt in tilts]
     along = float(together(height[0], gaussian))

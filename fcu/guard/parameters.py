@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fcu.guard import noise, stability
+from fcu.guard import noise, stability, torque
 from fcu.guard.types import GuardParams
 from fcu.interface.parameter import (
     Parameter,
@@ -76,8 +76,9 @@ def guard_params(
     given = values(PARAMETERS, airframe, chosen or {}, {} if law.achieved else PRINTED)
     J = [greatest for _, greatest in airframe["vehicle"]["inertia_kg_m2"]]
     empty = blank(
-        GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]), lift=0.0, **noise.NOT_YET
-    )
+        GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]), lift=0.0, **noise.NOT_YET,
+        **torque.NOT_YET,
+    )  # fmt: skip
     params = filled(empty, PARAMETERS, given)
     check(params, law)
     return derived(params, law)
@@ -86,7 +87,7 @@ def guard_params(
 def derived(params: GuardParams, law: Params) -> GuardParams:
     """GuardParams with what is worked out from the others and from the law, once they are chosen."""
     params = params._replace(lift=stability.lift(law, params.m_min, params.J_tilt, params.delay_s))
-    return noise.derived(params, law)
+    return torque.derived(noise.derived(params, law), law)
 
 
 def followed(params: GuardParams, before: Params, law: Params) -> GuardParams:

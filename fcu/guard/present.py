@@ -146,9 +146,9 @@ def least(known, since, more, per_kg, fixed, radius):
         T = m * per_kg + fixed
         below = T + more * (since.light - m * since.plain)
         above = T + more * (since.heavy - m * since.plain)
-        worst = minimum(
-            worst, minimum(margin.distance(known, below), margin.distance(known, above))
-        )
+        top = known.T_top - maximum(norm(below), norm(above))
+        inside = minimum(margin.distance(known, below), margin.distance(known, above))
+        worst = minimum(worst, minimum(inside, top))
     return worst - radius
 
 

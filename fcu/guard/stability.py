@@ -39,6 +39,7 @@ CARRIED, HALVINGS = 0.95, 8  # part of the weight that drag carries at most; of 
 # What is left of the inverted lag when its command is cut. Set by flights: with 2, combinations pass
 # that fail even in small steps; with 1, combinations that settle after large ones do not.
 KAPPA_CUT = 1.5
+LAGS = (0.4, 1.6)  # of the believed lag of a rotor, between which the true one is believed to lie
 NEAR_NOTHING = 1e-3  # N
 
 
@@ -52,9 +53,9 @@ class Fade(NamedTuple):
     fourfold: float
 
 
-def fade(params: Params) -> Fade:
-    """Of e^(-t/lag) over a tick."""
-    h, lag = params.h, rotor_lag(params)
+def fade(params: Params, part: float = 1.0) -> Fade:
+    """Of e^(-t/lag) over a tick.  part : of the believed lag, that the rotors have."""
+    h, lag = params.h, part * rotor_lag(params)
     left = math.exp(-h / lag) if lag > 0.0 else 0.0
     once = lag * (1.0 - left)
     twice = lag * (h - once)
@@ -83,36 +84,37 @@ MIDDLE = Hover()
 
 
 class Loop(NamedTuple):
-    """One tick of a channel: x' = A x + B n, y = C x + D n, n the noise of NOISE, y the demand.
+    """One tick of a channel: x' = A x + B n, y = C x + D n, n of INPUTS, y the demand.
 
     x begins with what is measured, as it is; then what the law remembers; then, for a delay, what
     was measured at the ticks before, the last first.
     """
 
     A: Matrix  # n x n
-    B: Matrix  # n x 4
+    B: Matrix  # n x 5
     C: Matrix  # 2 x n
-    D: Matrix  # 2 x 4
+    D: Matrix  # 2 x 5
 
 
 NOISE = ("position", "velocity", "attitude", "rate")  # m, m/s, rad, rad/s, of what is measured
+INPUTS = (*NOISE, "reference")  # and m/s^2, acceleration of the reference model, of a tilt alone
 
 
 def _basis(own: int, seen: int, ticks: int) -> tuple[Matrix, list[Row], Matrix]:
-    """Rows of the state of a channel, of what is reported of it `ticks` late, and of the noise.
+    """Rows of the state of a channel, of what is reported of it `ticks` late, and of the INPUTS.
 
     own : how many numbers it has without a delay, of which the first `seen` are reported.
     """
-    rows = np.eye(own + seen * ticks + len(NOISE))
+    rows = np.eye(own + seen * ticks + len(INPUTS))
     late = rows[own : own + seen * ticks]
     reported = late[-seen:] if ticks else rows[:seen]
-    return rows[:own], list(reported), rows[-len(NOISE) :]
+    return rows[:own], list(reported), rows[-len(INPUTS) :]
 
 
 def _loop(own: Matrix, seen: int, ticks: int, after: list[Row], demand: list[Row]) -> Loop:
     """A Loop of a tick: what is `after` it, and what is demanded in it, over the rows of `_basis`."""
     n = len(own) + seen * ticks
-    late = np.eye(n, n + len(NOISE))[len(own) : n - seen]
+    late = np.eye(n, n + len(INPUTS))[len(own) : n - seen]
     whole = np.vstack([after, own[:seen], late]) if ticks else np.array(after)
     told = np.array(demand)
     return Loop(A=whole[:, :n], B=whole[:, n:], C=told[:, :n], D=told[:, n:])
@@ -158,8 +160,8 @@ def tilt(
     """One tick of a tilt and the way it leads to (12 numbers, 5 measured), axis 0 roll, 1 pitch.
 
     State: way, its rate, tilt, body rate, torque, tilt and torque a tick ago, v_hat, s_v_hat,
-    w_hat, s_w_hat, tilt filter. m_hat = off * m, J_hat = off_J * J, or off * J. Signs are those of
-    pitch.
+    w_hat, s_w_hat, tilt filter; way, rate and v_hat less those of the reference model. m_hat = off * m,
+    J_hat = off_J * J, or off * J. Signs are those of pitch.
     Demanded: force along the way, N, and torque, N m.
     """
     h, w, J = params.h, params.rotors.mean, here.J[axis]
@@ -167,6 +169,7 @@ def tilt(
     own, reported, noise = _basis(12, 5, ticks)
     x, v, a, q, tau, a_prev, tau_prev, v_hat, s_v, w_hat, s_w, a_filter = own
     x_seen, v_seen, a_seen, q_seen = (reported[i] + noise[i] for i in range(4))
+    a_m = noise[INPUTS.index("reference")]
     tau_seen = reported[4]
     T_0 = here.thrust(params.g)
     m_hat, pull = off * here.m, here.pull(params.g)
@@ -178,7 +181,7 @@ def tilt(
     known = (w * tau_prev + (1.0 - w) * tau_seen) / J_hat
     e_w, s_w = _rate(params, q_seen, w_hat, s_w, known)
 
-    a_d = _a_ref(params, x_seen, v_seen) - s_v
+    a_d = a_m + _a_ref(params, x_seen, v_seen) - s_v
     a_c = a_d / lift
     b = params.tilt_rate_bandwidth
     a_filter = (a_filter + h * b * a_c) / (1.0 + h * b)
@@ -190,12 +193,12 @@ def tilt(
     jerk = aim * (h * h * h / 6.0) + gap * lag.thrice
     snap = aim * (h * h * h * h / 24.0) + gap * lag.fourfold
     after = [
-        x + h * v + pull * (a * (h * h / 2.0) + q * (h * h * h / 6.0) + snap / J),
-        v + pull * (h * a + q * (h * h / 2.0) + jerk / J),
+        x + h * v + pull * (a * (h * h / 2.0) + q * (h * h * h / 6.0) + snap / J) - a_m * (h * h / 2.0),
+        v + pull * (h * a + q * (h * h / 2.0) + jerk / J) - h * a_m,
         a + h * q + (aim * (h * h / 2.0) + gap * lag.twice) / J,
         q + (aim * h + gap * lag.once) / J,
         aim + gap * lag.left,
-        a_seen, tau_seen, v_seen - e_v, s_v, q_seen - e_w, s_w, a_filter,
+        a_seen, tau_seen, v_seen - e_v - h * a_m, s_v, q_seen - e_w, s_w, a_filter,
     ]  # fmt: skip
     return _loop(own, 5, ticks, after, [m_hat * a_d, tau_c])
 
@@ -303,7 +306,7 @@ def radius(params: Params, channel: str, off: float = 1.0, ticks: int = 0) -> fl
 def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     """Whether a channel is, with the gain margin, and with a cut rotor command.
 
-    An inertia that is not learnt has to be right enough from the start. `delay_s`: what is believed
+    Of a tilt the margin has to be there with a lag of either end of LAGS too. An inertia that is not learnt has to be right enough from the start. `delay_s`: what is believed
     to pass between measurement and rotor.
     """
     ticks = late(params, delay_s)
@@ -313,8 +316,11 @@ def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     margin = all(radius(params, channel, off, ticks) < 1.0 for off in offs)
     if channel in TILTS:  # the mass alone may be off, which the gain of a tilt is in proportion to
         axis = ROTATION.index(channel)
-        margin = margin and _settles(
-            tilt(params, fade(params), HEAVIER, axis, ticks=ticks, off_J=1.0)
+        doubts = ((HEAVIER, 1.0), *((off, off) for off in offs))
+        margin = margin and all(
+            _settles(tilt(params, fade(params, part), off, axis, ticks=ticks, off_J=off_J))
+            for part in (1.0, *LAGS)
+            for off, off_J in doubts
         )
     return margin and radius(_cut(params), channel, ticks=ticks) < 1.0
 
@@ -331,7 +337,7 @@ def lift(params: Params, m: float, J: float, delay_s: float = 0.0) -> float:
     weight, ticks = m * params.g, late(params, delay_s)
     if params.achieved < 0.5:
         return weight
-    most, axes = OFF[2], (1,) if _alike(params) else (0, 1)
+    most, axes = OFF[2], (1,) if alike(params) else (0, 1)
     offs_J = [most]
     if params.gamma_LambdaJ < LEARNT:
         offs_J.append(params.initial.J_hat_0 / J)
@@ -362,7 +368,7 @@ def recovers(params: Params, m: float, drag: float) -> bool:
     if params.achieved < 0.5:
         return True
     here = Hover(m=m, T_0=max(m * params.g - drag, NEAR_NOTHING), turns=True)
-    axes = (1,) if _alike(params) else (0, 1)
+    axes = (1,) if alike(params) else (0, 1)
     return all(_settles(tilt(_cut(params), fade(params), 1.0, axis, here)) for axis in axes)
 
 
@@ -377,7 +383,7 @@ def _settles(loop: Loop) -> bool:
     return float(np.abs(np.linalg.eigvals(loop.A)).max()) < 1.0
 
 
-def _alike(params: Params) -> bool:
+def alike(params: Params) -> bool:
     """Whether roll is pitch: both have the same gains."""
     c, a = params.c_rate, params.c_angle
     return bool(c.x == c.y and a.x == a.y and INERTIA[0] == INERTIA[1])
@@ -412,6 +418,6 @@ def unstable(params: Params, delay_s: float = 0.0) -> str:
     if params.achieved < 0.5:
         return ""
     for channel in CHANNELS:
-        if not (_alike(params) and channel == "roll") and not stable(params, channel, delay_s):
+        if not (alike(params) and channel == "roll") and not stable(params, channel, delay_s):
             return channel
     return ""

@@ -30,6 +30,9 @@ class GuardParams(NamedTuple):
     noise_torque: float  # N m, of the torque about a level axis
     noise_turning: float  # N m N, and over the thrust
     lift: float  # N, greatest drag from below under which a tilt steers (`stability.lift`)
+    swinging: float  # 1/s, angular acceleration over the rate of the demand, at most (`torque`)
+    spread: float  # 1/m, thrust of the rotor that gives most of it for a torque about a level axis
+    T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
 
 
 class Signs(NamedTuple):

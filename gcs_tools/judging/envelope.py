@@ -484,7 +484,7 @@ def noise_of(settings: Settings) -> Noise | None:
         )
         * law.g
     )
-    there, taken = float(wrench.tilting(law.rotors, T)), float(wrench.disturbed(guard, T))
+    there, taken = float(wrench.tilting(guard, law.rotors, T)), float(wrench.disturbed(guard, T))
     left = float(wrench.spare(guard, law))
     held = fits(settings)
     white = guard.gaussian > 0.5
