@@ -163,9 +163,10 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         a_g = state.a_m + wrench.turned_to(change, up, j * law.h, across * law.h)
     else:
         j = wrench.jerk(params, law, T)
-        change = wanted(law, known, setpoint, r_m, v_m, j) - state.a_m
-        rising = clip(dot(change, up) / (norm(up) * law.h + 1e-30), -j, j)
-        most, aside = j * law.h, wrench.jerk_across(params, law, T, j, rising) * law.h
+        most = j * law.h
+        change = shortened(wanted(law, known, setpoint, r_m, v_m, j) - state.a_m, most)
+        rising = dot(change, up) / (norm(up) * law.h + 1e-30)
+        aside = wrench.jerk_across(params, law, T, j, rising) * law.h
         a = state.a_m + wrench.turned_to(change, up, most, aside)
         closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
         # beta grows with each change of a_m: room for it is made within the jerk, or it feeds itself

@@ -102,16 +102,16 @@ def jerk_across(params, law, T_now, j, rising):
 def turned_to(change, up, along, across):
     """A change (m/s^2, E) of the reference's acceleration, or as much of it as the rotors turn to.
 
+    Its direction is kept, but for what is cut across the demand.
     up : m/s^2, E, along what is demanded.  along, across : m/s^2, at most at all, and across that.
     """
+    length = norm(change)
+    x = select3(length > along, (along / (length + 1e-30)) * change, change)
     n = (1.0 / (norm(up) + 1e-30)) * up
-    rises = dot(change, n)
-    aside = change - rises * n
+    rises = dot(x, n)
+    aside = x - rises * n
     size = norm(aside)
-    cut = (across / (size + 1e-30)) * aside + rises * n
-    x = select3(size > across, cut, change)
-    length = norm(x)
-    return select3(length > along, (along / (length + 1e-30)) * x, x)
+    return select3(size > across, (across / (size + 1e-30)) * aside + rises * n, x)
 
 
 @kernel

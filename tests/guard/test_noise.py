@@ -11,7 +11,7 @@ from scipy import stats
 from fcu.guard import margin, noise, stability, wrench
 from fcu.guard.noise import NOTHING, SIGMAS, response, sums, taken
 from fcu.guard.stability import Hover, fade
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.rows import column
 from fcu.tick import Tick
 from gcs_tools.flight.scenario import scenario
@@ -64,7 +64,7 @@ def predicted(law, gaussian, ticks=0, **here):
         stability.height(law, fade(law), 1.0, Hover(**here), ticks),
         stability.tilt(law, fade(law), 1.0, 1, Hover(**here), ticks),
     ]
-    both = [sums(response(loop), gaussian) * AMOUNTS for loop in loops]
+    both = [sums(response(loop), gaussian)[:, : len(AMOUNTS)] * AMOUNTS for loop in loops]
     return np.array([noise.together(of, gaussian) for of in both])
 
 
@@ -154,18 +154,21 @@ def test_without_noise_every_bit_is_as_without_the_belief(settings_of):
     told, random = settings_of(), np.random.default_rng(1)
     guard, law = told.guard, told.law
     known = margin.known(guard, law)
-    assert (known.T_top, known.noise) == (law.limits.T_max, 0.0)
+    assert (known.T_top, known.noise) == (guard.T_turns, 0.0)
     for _ in range(200):
         a, f_v = (Vec3(*(size * random.normal(size=3)).tolist()) for size in (8.0, 10.0))
         up = Vec3(a.x, a.y, a.z + law.g)
-        apart = [margin.distance(known, m * up + f_v) for m in (guard.m_min, guard.m_max)]
-        assert margin.room(known, a, f_v) == min(apart)
+        demands = [m * up + f_v for m in (guard.m_min, guard.m_max)]
+        apart = [margin.distance(known, T) for T in demands]
+        top = guard.T_turns - max(map(norm, demands))
+        assert margin.room(known, a, f_v) == min(*apart, top)
     for T in (30.0, 60.0, 90.0):
         gust, rates = wrench.FOLLOWS * guard.c_D * guard.w_max * guard.w_dot_max, []
         for m in (guard.m_min, guard.m_max):
             there = min(m * law.g, T)
-            rate = wrench.tilting(law.rotors, there) / (guard.J_tilt * wrench.turning(law))
-            rates.append((there * rate - gust) / m)
+            rate = there * wrench.tilting(guard, law.rotors, there) / guard.J_tilt
+            rates.append((rate / wrench.turning(law) - gust) / m)
+            rates.append(rate / guard.swinging / m)
         assert wrench.jerk(guard, law, T) == max(min(guard.jerk, *rates), wrench.LEAST)
         torque = law.rotors.k_Q * max(T - 8.0 * law.rotors.f_min, 0.0)
         yaw = min(law.yaw_acceleration, wrench.PART * torque / guard.J_yaw)

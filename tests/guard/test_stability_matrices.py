@@ -11,7 +11,7 @@ import pytest
 
 import fcu
 from fcu.guard import guard
-from fcu.guard.stability import CHANNELS, INERTIA, MASS, OFF, fade, rotor_lag
+from fcu.guard.stability import CHANNELS, INERTIA, INPUTS, MASS, OFF, fade, rotor_lag
 from fcu.interface.airframe import load as airframe_file
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
@@ -29,7 +29,6 @@ from tests.laws.values import with_fields
 
 OCTO = airframe_file(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
 ZERO = Vec3(0.0, 0.0, 0.0)
-AT_REST = to_buffer(Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0))
 
 
 class Vehicle(NamedTuple):
@@ -114,14 +113,15 @@ def of_pitch(law: Params, off: float, x: list[float]) -> Vehicle:
 
 
 def to_pitch(law: Params, off: float, vehicle: Vehicle) -> list[float]:
-    m, (_, predicted, found, s) = vehicle
+    m, (reference, predicted, found, s) = vehicle
+    r, v, v_hat = m.r_E - reference.r_m, m.v_E - reference.v_m, predicted.v_hat - reference.v_m
 
     def torque(Omega: Rotors) -> float:
         return -law.rotors.c_T * sum(x * o * o for x, o in zip(law.rotors.x, Omega, strict=True))
 
     return [
-        m.r_E.x, m.v_E.x, euler(matrix(m.q_EB)).y, m.w_B.y, torque(m.Omega),
-        math.asin(s.e3.x), torque(s.Omega), predicted.v_hat.x, found.s_v_hat.x, predicted.w_hat.y,
+        r.x, v.x, euler(matrix(m.q_EB)).y, m.w_B.y, torque(m.Omega),
+        math.asin(s.e3.x), torque(s.Omega), v_hat.x, found.s_v_hat.x, predicted.w_hat.y,
         found.s_w_hat.y, s.tilt_filter.y,
     ]  # fmt: skip
 
@@ -148,14 +148,15 @@ def of_roll(law: Params, off: float, x: list[float]) -> Vehicle:
 
 
 def to_roll(law: Params, off: float, vehicle: Vehicle) -> list[float]:
-    m, (_, predicted, found, s) = vehicle
+    m, (reference, predicted, found, s) = vehicle
+    r, v, v_hat = m.r_E - reference.r_m, m.v_E - reference.v_m, predicted.v_hat - reference.v_m
 
     def torque(Omega: Rotors) -> float:
         return law.rotors.c_T * sum(y * o * o for y, o in zip(law.rotors.y, Omega, strict=True))
 
     return [
-        -m.r_E.y, -m.v_E.y, euler(matrix(m.q_EB)).x, m.w_B.x, torque(m.Omega),
-        -math.asin(s.e3.y), torque(s.Omega), -predicted.v_hat.y, -found.s_v_hat.y, predicted.w_hat.x,
+        -r.y, -v.y, euler(matrix(m.q_EB)).x, m.w_B.x, torque(m.Omega),
+        -math.asin(s.e3.y), torque(s.Omega), -v_hat.y, -found.s_v_hat.y, predicted.w_hat.x,
         found.s_w_hat.x, s.tilt_filter.x,
     ]  # fmt: skip
 
@@ -234,6 +235,10 @@ NOISY = {
 }
 
 
+# where the reference model accelerates, of the channels that look at it
+ALONG = {"height": ZERO, "roll": Vec3(0.0, -1.0, 0.0), "pitch": Vec3(1.0, 0.0, 0.0), "yaw": ZERO}
+
+
 def demanded(channel: str, row: np.ndarray) -> list[float]:
     """The two numbers that a channel demands, of a row of Tick."""
     force, torque = (
@@ -265,20 +270,22 @@ def is_linearised(settings_of, channel, chosen, off, ticks=0):
     seen = (n - own) // ticks if ticks else 0
 
     def one_tick(x: np.ndarray) -> np.ndarray:
-        """State, 4 of noise -> state a tick later, 2 of the demand."""
+        """State, INPUTS -> state a tick later, 2 of the demand."""
         start, late = of(params, off, x[:own].tolist()), x[own:n]
         body = to_buffer(start.measured)
         shown = body
         if ticks:
             shown = to_buffer(of(params, off, [*late[-seen:], *[0.0] * (own - seen)]).measured)
         noise, reported = np.zeros(12), np.zeros_like(body)
-        for amount, at in zip(x[n:], NOISY[channel], strict=True):
+        *noises, a_m = x[n:]
+        for amount, at in zip(noises, NOISY[channel], strict=True):
             if at is not None:
                 noise[at[0]] = at[1] * amount
+        setpoint = to_buffer(Setpoint(ZERO, ZERO, float(a_m) * ALONG[channel], 0.0, 0.0))
         tick.sense(shown, noise, reported)
         at_rest, _ = guard.idle(start.measured)
         remembered = to_buffer(Remembered(start.law, at_rest))
-        law_tick(0.0, FLYING, remembered, told, AT_REST, 0.0, reported, row)
+        law_tick(0.0, FLYING, remembered, told, setpoint, 0.0, reported, row)
         command = column(Tick, row, "command")
         tick.advance(plant, body, drawn, command, 0.0, steps_per_tick(rate_hz))
         after = from_buffer(State, column(Tick, row, "state"))
@@ -286,7 +293,7 @@ def is_linearised(settings_of, channel, chosen, off, ticks=0):
         shifted = [*x[:seen], *late[:-seen]] if ticks else []
         return np.array([*own_after, *shifted, *demanded(channel, row)])
 
-    eps, inputs = 1e-4, n + 4
+    eps, inputs = 1e-4, n + len(INPUTS)
     flown = np.column_stack(
         [(one_tick(eps * e) - one_tick(-eps * e)) / (2.0 * eps) for e in np.eye(inputs)]
     )

@@ -14,9 +14,10 @@ from fcu.laws import allocation
 
 
 @pytest.mark.parametrize("T", [20.0, 40.0, 78.0, 120.0, 180.0])
-def test_such_a_torque_moves_no_thrust_whatever_its_axis_and_more_does(law, T):
-    rotors = law().rotors
-    most = wrench.tilting(rotors, T)
+def test_such_a_torque_moves_no_thrust_whatever_its_axis_and_more_does(settings_of, T):
+    law, guard = settings_of()
+    rotors = law.rotors
+    most = wrench.tilting(guard, rotors, T)
     worst = 0.0
     for axis in np.linspace(0.0, 2.0 * math.pi, 145):
         tau = Vec3(math.cos(axis), math.sin(axis), 0.0)
@@ -76,7 +77,7 @@ def test_in_hover_jerk_and_gust_together_take_the_torque_there_is(settings_of):
     j, m = wrench.jerk(guard, law, math.inf), guard.m_min
     gust = wrench.FOLLOWS * guard.c_D * guard.w_max * guard.w_dot_max
     tau = guard.J_tilt * wrench.turning(law) * (m * j + gust) / (m * law.g)
-    assert tau == pytest.approx(wrench.tilting(law.rotors, m * law.g))
+    assert tau == pytest.approx(wrench.tilting(guard, law.rotors, m * law.g))
 
 
 def test_less_thrust_turns_slower(settings_of):

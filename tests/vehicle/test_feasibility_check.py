@@ -61,8 +61,13 @@ def flown_out(guard, law, way, reference):
         for k in range(n):
             now = carried(setpoint, k * law.h)
             change = np.array(a_ref(law, now, Vec3(*r_m.tolist()), Vec3(*v_m.tolist()))) - a_m
-            most = law.h * foreseen.fastest(guard, law, float(a_m[2]))
-            a_m = a_m + change * min(1.0, most / max(np.linalg.norm(change), 1e-30))
+            most, aside = foreseen.fastest(guard, law, Vec3(*a_m.tolist()))
+            up = a_m + np.array([0.0, 0.0, law.g])
+            n = up / np.linalg.norm(up)
+            across = change - (change @ n) * n
+            if (size := float(np.linalg.norm(across))) > law.h * aside:
+                change = change - (1.0 - law.h * aside / size) * across
+            a_m = a_m + change * min(1.0, law.h * most / max(np.linalg.norm(change), 1e-30))
             a_d = a_m - 2.0 * law.f_m * law.zeta_m * (v - v_m) - law.f_m**2 * (r - r_m)
             off = fades * off + margin.FORGOTTEN * (a_d - before)
             worst = min(worst, condition(a_d + off), condition(a_d - off))
