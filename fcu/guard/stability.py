@@ -306,8 +306,9 @@ def radius(params: Params, channel: str, off: float = 1.0, ticks: int = 0) -> fl
 def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     """Whether a channel is, with the gain margin, and with a cut rotor command.
 
-    Of a tilt the margin has to be there with a lag of either end of LAGS too. An inertia that is not learnt has to be right enough from the start. `delay_s`: what is believed
-    to pass between measurement and rotor.
+    Of a tilt the margin has to be there with the greatest lag of LAGS too. An inertia that is not
+    learnt has to be right enough from the start. `delay_s`: what is believed to pass between
+    measurement and rotor.
     """
     ticks = late(params, delay_s)
     offs = list(OFF)
@@ -316,11 +317,11 @@ def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
     margin = all(radius(params, channel, off, ticks) < 1.0 for off in offs)
     if channel in TILTS:  # the mass alone may be off, which the gain of a tilt is in proportion to
         axis = ROTATION.index(channel)
-        doubts = ((HEAVIER, 1.0), *((off, off) for off in offs))
+        doubts = [(1.0, HEAVIER, 1.0), (max(LAGS), HEAVIER, 1.0)]
+        doubts += [(max(LAGS), off, off) for off in offs]
         margin = margin and all(
             _settles(tilt(params, fade(params, part), off, axis, ticks=ticks, off_J=off_J))
-            for part in (1.0, *LAGS)
-            for off, off_J in doubts
+            for part, off, off_J in doubts
         )
     return margin and radius(_cut(params), channel, ticks=ticks) < 1.0
 

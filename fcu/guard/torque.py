@@ -61,7 +61,8 @@ def norm(params: Params, loop: Loop, here: Hover, axis: int) -> float:
 def swinging(params: GuardParams, law: Params) -> float:
     """The greatest `norm` about hover, over LAGS, and the estimates that the rule on gains allows for.
 
-    m_hat at either end of the believed masses with the mass at the other, and m_hat and J_hat right or 3 dB off.
+    m_hat at either end of the believed masses with the mass at the other, and m_hat and J_hat right or 3 dB
+    off. It grows with the lag: the greatest is taken.
     """
     if law.achieved < 0.5:
         return wrench.turning(law)  # of the printed prediction there is no rule
@@ -70,13 +71,11 @@ def swinging(params: GuardParams, law: Params) -> float:
     here = Hover(m=params.m_min, J=(J, J, J))
     wide = params.m_max / params.m_min
     doubts = ((wide, 1.0), (1.0 / wide, 1.0), *((off, off) for off in OFF))
-    worst = 0.0
+    lag, worst = stability.fade(law, max(LAGS)), 0.0
     for axis in (1,) if stability.alike(law) else (0, 1):
-        for part in LAGS:
-            lag = stability.fade(law, part)
-            for off, off_J in doubts:
-                loop = stability.tilt(law, lag, off, axis, here, ticks, off_J)
-                worst = max(worst, norm(law, loop, here, axis))
+        for off, off_J in doubts:
+            loop = stability.tilt(law, lag, off, axis, here, ticks, off_J)
+            worst = max(worst, norm(law, loop, here, axis))
     return worst
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
 from fcu.guard.parameters import GOVERN, REFUSE, WARN
-from fcu.guard.stability import recovers, rotor_lag, unstable
+from fcu.guard.stability import LAGS, recovers, rotor_lag, unstable
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
@@ -436,7 +436,7 @@ def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
 
 def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
     """All that the guard counts on, as it stands."""
-    (law, guard), rotors = settings, settings.law.rotors
+    (law, guard), rotors, lag = settings, settings.law.rotors, rotor_lag(settings.law)
     kind = "Gaussian, sigma" if guard.gaussian > 0.5 else "a bound"
     told = dict(zip(_NOISES, noise.amounts(guard).tolist(), strict=True))
     return (
@@ -447,7 +447,7 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
         Belief("drag of any body axis", f"{guard.c_D:g}", "N/(m/s)^2", "guard_drag"),
         Belief("wind", f"{guard.w_max:g}", "m/s", "guard_wind_m_s"),
         Belief("its rate", f"{guard.w_dot_max:g}", "m/s^2", "guard_wind_rate_m_s2"),
-        Belief("rotor lag", f"{rotor_lag(law):.3g}", "s", "rotor_lag_s"),
+        Belief("rotor lag", f"{LAGS[0] * lag:.3g} to {LAGS[1] * lag:.3g}", "s", "rotor_lag_s"),
         Belief("delay to the rotor", f"{guard.delay_s:g}", "s", "guard_delay_s"),
         Belief("noise, its amounts are", kind, "", "guard_noise"),
         *(Belief(f"noise of {what}", f"{told[key]:.3g}", unit, key)
@@ -615,7 +615,14 @@ def envelope(mission: Mission) -> Envelope:
         late = f" with guard_delay_s {guard.delay_s:g}" if guard.delay_s > 0.0 else ""
         remarks += (f"{channel} is unstable with these gains{late}: a vehicle would refuse them",)
     spare = float(wrench.spare(guard, law))
-    if spare < 0.0 and not noise.amounts(guard).any():
+    calm = float(wrench.spare(guard._replace(w_max=0.0), law))
+    if calm < 0.0 and not noise.amounts(guard).any():
+        remarks += (
+            f"with rotor lags up to {LAGS[1] * rotor_lag(law):.3g} s and the masses of guard_mass_kg these"
+            " gains leave roll and pitch no torque for the slowest change of the reference: torque may"
+            " saturate",
+        )
+    elif spare < 0.0 and not noise.amounts(guard).any():
         remarks += (
             f"the gusts that are believed (guard_wind_m_s, guard_wind_rate_m_s2) take {-spare:.1f} N m"
             " more than roll and pitch have in hover",

@@ -106,10 +106,11 @@ LATE = [
     ({}, 6, True, True),
     ({}, 8, False, True),  # refused for its margin
     ({}, 10, False, False),
-    ({"law.rotor_response_s": 0.03}, 4, True, True),
+    ({"law.rotor_response_s": 0.03}, 4, False, True),  # for rotors with the greatest lag
     ({"law.rotor_response_s": 0.03}, 7, False, True),  # for an m_hat at its greatest
     ({"law.rotor_response_s": 0.03}, 15, False, False),
-    (SOFT, 13, True, True),
+    (SOFT, 4, True, True),
+    (SOFT, 13, False, True),  # for rotors with the greatest lag
     (SOFT, 15, False, True),
     (SOFT, 25, False, False),
 ]

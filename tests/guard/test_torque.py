@@ -50,7 +50,11 @@ def test_a_jerk_that_is_timed_for_it_asks_for_the_norm_and_no_other_for_more(set
         assert low * bound <= asked <= high * bound * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize("gains", [SOFT, {**SOFT, "c_angle": 12.0, "c_rate": 28.0}, {}], ids=str)
+@pytest.mark.parametrize(
+    "gains",
+    [SOFT, {**SOFT, "c_angle": 12.0, "c_rate": 28.0}, {}, {**SOFT, "rate_hz": 250.0}],
+    ids=str,
+)
 def test_between_the_ends_of_what_is_believed_nothing_asks_for_more(settings_of, gains):
     told = settings_of(**gains)
     guard, wide = told.guard, told.guard.m_max / told.guard.m_min
