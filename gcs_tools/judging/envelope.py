@@ -436,7 +436,7 @@ def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
 
 def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
     """All that the guard counts on, as it stands."""
-    (law, guard), rotors, lag = settings, settings.law.rotors, rotor_lag(settings.law)
+    guard, rotors, lag = settings.guard, settings.law.rotors, rotor_lag(settings.law)
     kind = "Gaussian, sigma" if guard.gaussian > 0.5 else "a bound"
     told = dict(zip(_NOISES, noise.amounts(guard).tolist(), strict=True))
     return (
