@@ -44,8 +44,8 @@ def stepped(loop: Loop, column: int) -> Response | None:
         else:
             columns = np.hstack([columns, power @ columns])
         power = power @ power
-    h = (rows @ columns).reshape(-1, len(loop.C), columns.shape[1])
-    h = h.transpose(2, 0, 1).reshape(-1, len(loop.C))
+    each = (rows @ columns).reshape(-1, len(loop.C), columns.shape[1])
+    h = each.transpose(2, 0, 1).reshape(-1, len(loop.C))
     return Response(h, radius ** (len(h) // 2))
 
 
@@ -65,7 +65,7 @@ def swinging(params: GuardParams, law: Params) -> float:
     off. It grows with the lag: the greatest is taken.
     """
     if law.achieved < 0.5:
-        return wrench.turning(law)  # of the printed prediction there is no rule
+        return float(wrench.turning(law))  # of the printed prediction there is no rule
     ticks = stability.late(law, params.delay_s)
     J = params.J_tilt
     here = Hover(m=params.m_min, J=(J, J, J))
