@@ -49,7 +49,7 @@ def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_sa
     headline, given = " ".join(done.stdout.split()).split("For the setpoints as given it fails")
     assert "With the guard the condition holds" in headline
     assert "fail" not in headline
-    assert re.match(r": 36\d\.\d N short", given)
+    assert re.match(r": 37\d\.\d N short", given)
     beyond = gcs("gust_step", "--set", "wind.steady_m_s=[30, 0, 0]", "--set", "plant.mass_kg=12")
     assert "is beyond guard_wind_m_s 12" in beyond.stdout
     assert "12 kg, is not in guard_mass_kg" in beyond.stdout
