@@ -144,7 +144,8 @@ def test_everything_is_drawn_within_the_beliefs():
         found = drawn(1, k, How())
         scene = found.scene
         plant, guard, initial = scene.world.params, scene.guard, scene.law.initial
-        told = {"policy": 0.0, "lift": 0.0, "w_max": 0.0}  # the gains', and what is drawn
+        # the gains', and what is drawn
+        told = {"policy": 0.0, "lift": 0.0, "swinging": 0.0, "T_turns": 0.0, "w_max": 0.0}
         assert guard._replace(**told) == shipped.guard._replace(**told)
         assert guard.m_min <= min(plant.m, initial.m_hat_0)
         assert guard.m_max >= max(plant.m, initial.m_hat_0)
