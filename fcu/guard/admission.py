@@ -45,9 +45,8 @@ _unpack_beginning = unpacker(Beginning)
 def pace_at(params_buffer, law_buffer):
     """What a plan has to keep to so that the reference follows it: the fields of Pace.
 
-    Governed, as a plan is by a guard that refuses, too, the reference gets no faster than
-    `governor.speeds` has it. All that is left there to brake with is a plan's, whose acceleration is fed
-    forward.
+    Governed, the reference gets no faster than `governor.speeds` has it. All that is left there to
+    brake with is a plan's, whose acceleration is fed forward.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     known = margin.known(params, law)
@@ -57,7 +56,7 @@ def pace_at(params_buffer, law_buffer):
     return (
         jerk,
         select(params.policy == 0.0, math.inf, brake / BRAKING),
-        select(params.policy == 0.0, math.inf, minimum(top, down)),
+        select(params.policy == 1.0, minimum(top, down), math.inf),
     )
 
 

@@ -81,7 +81,7 @@ def judge_items(
     """
     found = []
     for entries, item in zip(expected, flown, strict=True):
-        own = None if item.began_s is None else ticks.window(item.began_s, item.ended_s)
+        own = None if item.began_s is None else ticks.window(item.began_s, _last(flight, item))
         if own is not None and item.began_s is not None:
             own = replace(own, settle_from_s=item.began_s + SETTLE_S)
         landing = _landing(flight, item, begun, plant) if item.kind in LANDS else {}
@@ -105,17 +105,23 @@ def judge_items(
             landing: Mapping[str, float | None] = landing,
         ) -> str:  # fmt: skip
             if item.began_s is None or own is None:
-                return "the item never began"
+                return "it never began"
             if name == "took_s":
-                return "the item had not ended"
+                return "it had not ended"
             if name in landing:
                 return "the vehicle has not touched the ground"
             return own.why_no_value(name, *_shifted(item.began_s, t_from, t_to))
 
         for name, entry in entries.items():
             judged = judge_metric(name, entry, metric, reason)
-            found.append(replace(judged, text=f"{item.name}: {judged.text}"))
+            why = None if judged.why is None else f"of {item.name}: {judged.why}"
+            found.append(replace(judged, text=f"{item.name}: {judged.text}", why=why))
     return found
+
+
+def _last(flight: Flight, item: ItemFlown) -> float | None:
+    """The last tick of an item, s: at its end the next one begins."""
+    return None if item.ended_s is None else item.ended_s - 1.0 / flight.rate_hz
 
 
 def slowed(

@@ -23,7 +23,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.mavlink.frames import through_the_wire
 from fcu.parameters import Parameters
-from fcu.vehicle.plans import Pose
+from fcu.vehicle.plans import STILL, Pose
 from fcu.vehicle.setpoints import of_position, script_limits
 from gcs_tools.flight.item_script import SEND_AGAIN_S
 from gcs_tools.flight.scenario import Scenario
@@ -125,7 +125,8 @@ def unflyable(mission: Mission, scene: Scenario) -> tuple[Unflyable, ...]:
             which, sets = LIMITS[told.code]
             reasons.append((which, f'limited: "{words(told)}" ({sets})', limited))
         for why, text, expected in reasons:
-            once = why, None if flight.curve is not None else r
+            moves = asked.v_c != STILL or asked.a_c != STILL  # along a curve or a path
+            once = why, None if moves else r
             found.setdefault(once, Unflyable(at_s, r, why, f"{here}, {text}", expected))
     return tuple(found.values())
 

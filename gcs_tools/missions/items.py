@@ -192,6 +192,8 @@ def check(
             if in_air:
                 raise wrong(("items", i, "kind"), "an item for a vehicle in the air", item.kind)
             in_air = True
+            if item.height_m > arena:
+                raise wrong(("items", i, "height_m"), f"within arena_m, {arena:g}", item.height_m)
             continue
         if not in_air:
             raise wrong(("items", i, "kind"), "take_off, for a vehicle on the ground", item.kind)

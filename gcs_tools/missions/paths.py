@@ -151,7 +151,7 @@ def recorded(t: Rows, points: Rows, off_m: float, acceleration: float) -> Path:
         when = float(since[-1]) * worst / (len(sizes) - 1)
         raise PathError(
             f"the track accelerates by {sizes[worst]:.3g} m/s^2 at {t[0] + when:.4g} s, more than "
-            f"acceleration_m_s2, {acceleration:g}; smooth_m lets the path miss noisy samples",
+            f"acceleration_m_s2, {acceleration:g}: raise that, or if its samples are noisy set smooth_m",
             int(np.searchsorted(since, when)),
         )
     return Path(float(since[-1]), at)

@@ -53,6 +53,7 @@ def test_in_the_air_none_has_to_take_off(tmp_path: Path) -> None:
     [
         ((THERE,), 7, "items[0].kind: expected take_off, for a vehicle on the ground"),
         ((UP, UP), 8, "items[1].kind: expected an item for a vehicle in the air"),
+        ((UP.replace("3.0", "200.0"),), 7, "items[0].height_m: expected within arena_m, 100, got 200.0"),
         ((UP, LAND, THERE), 9, "items[2].kind: expected take_off"),
         ((UP, '{ kind = "fly" }'), 8, "items[1].kind: expected one of take_off, go_to, follow"),
         ((UP, "3"), 8, "items[1]: expected a table with a kind, got 3"),
@@ -128,7 +129,7 @@ def test_a_track_lies_beside_its_mission(tmp_path: Path) -> None:
         (TRACK.replace("\n4,", "\nnan,"), "track.csv:6: expected four finite numbers"),
         (TRACK.replace("\n4,", "\n3,"), "expected a time after 3 s, got 3"),
         (TRACK[:46], "expected four samples or more"),
-        (TRACK.replace("3.2,", "8.0,"), "more than acceleration_m_s2, 2; smooth_m"),
+        (TRACK.replace("3.2,", "8.0,"), "more than acceleration_m_s2, 2: raise that"),
         (TRACK.replace("3.2,", "1e300,"), "track.csv:10: expected four finite numbers"),
         ("t_s,x_m,y_m,z_m\n\x00\n", "track.csv"),
         (TRACK.replace("0,3\n", "0,-3\n"), "which is below ground_z_m, 0"),

@@ -100,6 +100,19 @@ def test_in_the_air_it_begins_where_it_is_and_ends_once_all_is_done(tmp_path: Pa
     assert result.sim_time_s == pytest.approx(3.0, abs=0.003)
 
 
+def test_what_comes_after_an_item_is_no_part_of_it(tmp_path: Path) -> None:
+    """At the tick at which a hold ends the next setpoint is sent, 6 m away."""
+    hold = '{ kind = "hold", for_s = 3.0, expect = { setpoint_error_max_m = 0.05 } }'
+    there = '{ kind = "go_to", position_m = [6.0, 0.0, 5.0] }'
+    result = flown(
+        tmp_path, hold, there, hold, start="start = { position_m = [0.0, 0.0, 5.0] }\n",
+        more="[expect]\nsetpoint_error_max_m = { at_least = 5.9 }\n",
+    )  # fmt: skip
+    first, second = (line for line in result.expectations if line.text.startswith("item "))
+    assert first.passed and first.value < 1e-3
+    assert second.value < 0.3
+
+
 def test_a_recorded_track_is_flown(tmp_path: Path) -> None:
     t = np.arange(0.0, 12.01, 0.1)
     p = (
@@ -123,7 +136,7 @@ def test_an_item_without_an_end_in_time_is_named(tmp_path: Path) -> None:
     assert "Item 2 of 3 (go_to) had not ended: the vehicle was " in result.causes[0]
     missed = {line.name: line for line in result.expectations if not line.passed}
     assert missed["ended"].limit == "landed"
-    assert missed["took_s"].why == "the item never began"
+    assert missed["took_s"].why == "of item 3 (land): it never began"
     assert [each.ended_s is None for each in result.items] == [False, True, True]
 
 
