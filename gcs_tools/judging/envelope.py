@@ -425,7 +425,7 @@ def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
     if guard.policy != GOVERN or not keeps or flight.items:  # an item waits for its end
         return ()
     found, before = [], scene.begin.r_E
-    for at_s, until_s, r in asked(flight).places():
+    for at_s, until_s, r, _ in asked(flight).places():
         far, down = math.dist(before, r), before.z - r.z
         within = float(arrival.at_most_s(guard, law, far, 0.0, 0.0, 0.0, down, 0.0))
         stands_s = min(until_s, flight.duration_s) - at_s

@@ -29,7 +29,7 @@ _ROUNDED, _ROUNDED_PART = 1e-3, 2e-7  # what the wire's float32 makes of a numbe
 
 @dataclass(frozen=True)
 class Standing:
-    """A setpoint that stood for SETTLE_S or longer, and where the vehicle was in the end."""
+    """A setpoint that stood for SETTLE_S or longer, or was to be held, and where the vehicle was in the end."""
 
     since_s: float
     until_s: float  # the next setpoint's time, or the end of the flight
@@ -98,15 +98,15 @@ def _far(asked: object, flown: object) -> bool:
 
 
 def standing(asked: Asked, plant: Table) -> list[Standing]:
-    """Each place of a mission that stood for SETTLE_S in a flight of which `plant` is the truth."""
+    """Each place of a mission that stood for SETTLE_S, or was to be held, in a flight of which `plant` is the truth."""
     found: list[Standing] = []
     t, r_E = plant["t"], plant["state.r_E"]
     if not len(t):
         return found
     over_s = float(t[-1]) + 1.0 / asked.flight.rate_hz
-    for since_s, ends_s, place in asked.places():
+    for since_s, ends_s, place, held in asked.places():
         until_s = min(ends_s, over_s)
-        if until_s - since_s < SETTLE_S - _HALF_US:
+        if until_s - since_s < SETTLE_S - _HALF_US and not held:
             continue
         last = int(np.searchsorted(t, until_s - _HALF_US)) - 1
         with np.errstate(invalid="ignore", over="ignore"):

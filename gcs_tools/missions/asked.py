@@ -38,6 +38,7 @@ class Place(NamedTuple):
     since_s: float
     until_s: float  # infinite: to the end
     r: Vec3
+    held: bool = False  # it was an item's to stay there
 
 
 class Sent(NamedTuple):
@@ -223,10 +224,11 @@ class Itinerary:
             since = begun.tick / rate + (0.0 if leg.path is None else leg.path.duration_s)
             if begun.place is None or since > until:
                 continue
+            held = leg.kind == "hold"
             if found and found[-1].r == begun.place and found[-1].until_s == since:
-                found[-1] = found[-1]._replace(until_s=until)
+                found[-1] = found[-1]._replace(until_s=until, held=held or found[-1].held)
             else:
-                found.append(Place(since, until, begun.place))
+                found.append(Place(since, until, begun.place, held))
         return found
 
     def sent(self) -> Sequence[Sent]:

@@ -171,3 +171,25 @@ def test_time_on_the_ground_counts_in_no_margin(tmp_path: Path) -> None:
     margin = recording.fcu["guard.margin.force"][flies]
     assert np.nanmin(margin) < 10.0
     assert json.loads((tmp_path / "run" / "result.json").read_text())["items"][1]["kind"] == "land"
+
+
+def test_what_is_told_of_no_item_asks_for_no_place() -> None:
+    """A recording that was cut short may tell of no item."""
+    flight = load("square_and_land").flight
+    assert np.isnan(asked(flight).positions_at(np.array([0.0, 5.0]))).all()
+    assert list(asked(flight).places()) == list(asked(flight).sent()) == []
+
+
+DEAD = "".join(
+    f"[[plant.rotor_loss]]\nrotor = {i}\nat_s = 0.0\neffectiveness = 0.0\n" for i in range(1, 9)
+)
+HIGH = "start = { position_m = [0.0, 0.0, 60.0] }\n"
+
+
+@pytest.mark.parametrize("for_s", [1.0, 2.5])
+def test_a_vehicle_that_falls_does_not_hold(tmp_path: Path, for_s: float) -> None:
+    result = flown(tmp_path, f'{{ kind = "hold", for_s = {for_s} }}', start=HIGH, more=DEAD)
+    assert (result.ended, result.passed) == ("done", False)
+    (missed,) = (line for line in result.expectations if not line.passed)
+    assert missed.name == "reached"
+    assert float(missed.value or 0.0) == pytest.approx(0.5 * 9.81 * for_s**2, rel=0.2)
