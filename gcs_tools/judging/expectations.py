@@ -28,6 +28,7 @@ MetricFunction = Callable[[str, float | None, float | None], float | None]
 Reason = Callable[[str, float | None, float | None], str]
 
 GOOD_ENDINGS = ("time", "arrived")
+BAD_ENDINGS = ("diverged", "crashed", "refused")  # after which nothing is asked for any more
 NOT_FINITE = "nonfinite_samples"
 ENDED, REACHED, LIMITED = OTHERS = ("ended", "reached", "limited")  # entries that are no metric
 _KEYS = ("limit", "at_least", "from", "to")
@@ -197,7 +198,7 @@ def judge_each(
     endings = tuple(good) if wanted is None else (wanted,)
     limit = " or ".join(endings)
     first = Expectation("ended", limit, ended, ended in endings, f"ended = {limit}")
-    ends_well = not set(endings).isdisjoint(good)
+    ends_well = set(endings).isdisjoint(BAD_ENDINGS)
     checks = []
     if ends_well or REACHED in expect:
         checks.append(_judge_reached(expect.get(REACHED), standing, ended))

@@ -193,3 +193,9 @@ def test_a_vehicle_that_falls_does_not_hold(tmp_path: Path, for_s: float) -> Non
     (missed,) = (line for line in result.expectations if not line.passed)
     assert missed.name == "reached"
     assert float(missed.value or 0.0) == pytest.approx(0.5 * 9.81 * for_s**2, rel=0.2)
+
+
+def test_where_time_is_to_run_out_the_vehicle_is_where_it_was_sent(tmp_path: Path) -> None:
+    heavy = '[plant]\nmass_kg = 40.0\n[expect]\nended = "time"\n'
+    result = flown(tmp_path, UP, '{ kind = "land" }', more=heavy, settings=["flight.duration_s=8"])
+    assert [line.name for line in result.expectations if not line.passed] == ["reached"]
