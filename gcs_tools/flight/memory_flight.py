@@ -225,7 +225,8 @@ class MemoryFlight(ScriptedFlight):
     def _hold(self) -> None:
         """Time stands: what was flown is handed over, and the controller told."""
         self._plant_tape.flush()
-        self._autopilot.decide(self._simulator.hold(), False, time.monotonic())
+        if not self._has_ended:  # the simulator of a mission is gone then, and tells nothing more
+            self._autopilot.decide(self._simulator.hold(), False, time.monotonic())
 
     # --- rows
 

@@ -199,3 +199,24 @@ def test_where_time_is_to_run_out_the_vehicle_is_where_it_was_sent(tmp_path: Pat
     heavy = '[plant]\nmass_kg = 40.0\n[expect]\nended = "time"\n'
     result = flown(tmp_path, UP, '{ kind = "land" }', more=heavy, settings=["flight.duration_s=8"])
     assert [line.name for line in result.expectations if not line.passed] == ["reached"]
+
+
+def test_the_next_items_place_is_none_of_this_items_errors(tmp_path: Path) -> None:
+    hold = '{ kind = "hold", for_s = 3.0, expect = { setpoint_error_final_m = 0.1 } }'
+    far = '{ kind = "go_to", position_m = [8.0, 0.0, 3.0] }'
+    result = flown(tmp_path, UP, hold, far)
+    assert result.passed, result.expectations
+
+
+def test_a_law_without_a_reference_model_does_items(tmp_path: Path) -> None:
+    law = Path(__file__).parents[1] / "own_law" / "plain_cascade.py"
+    result = flown(tmp_path, UP, '{ kind = "land" }', law=str(law))
+    assert result.passed, result.expectations
+
+
+def test_in_process_a_crash_warns_of_no_more_than_over_the_wire(tmp_path: Path) -> None:
+    crash = DEAD + '[expect]\nended = "crashed"\n'
+    low = "start = { position_m = [0.0, 0.0, 4.0] }\n"
+    result = flown(tmp_path, '{ kind = "hold", for_s = 5.0 }', start=low, more=crash)
+    assert result.passed, result.expectations
+    assert not [each for each in result.warnings if "gcs reset" in each.text]
