@@ -61,6 +61,7 @@ class Loop:
         self._autopilot = self._make(reporter)
         self._most = burst_ticks
         self._reset_since = self._reset_due = 0.0  # wall: the plant was asked to; 0: it was not
+        self._reset_late = False  # it was asked to, and did not answer in time: it may yet
         self.figures = self._autopilot.figures
         self.stopping = False
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
@@ -143,7 +144,7 @@ class Loop:
     # --- a reset
 
     def _ask_for_reset(self, now: float) -> None:
-        """Ask the plant to begin again, and again; if it does not, go on as before.
+        """Ask the plant to begin again, and again; if it does not, go on as before, until it does.
 
         Until it says that it has, its states are of before, and have no answer.
         """
@@ -151,6 +152,7 @@ class Loop:
             self._reset_since = now
         if now - self._reset_since > RESET_S:
             self._reset_since = self._reset_due = 0.0
+            self._reset_late = True
             self._autopilot.ground.forget_reset()
             self._autopilot.ground.tell(Told(Code.NOT_RESET))
         elif now >= self._reset_due:
@@ -166,6 +168,7 @@ class Loop:
     def _begin_again(self) -> None:
         """As after the start, but for the parameters that were set, and the links."""
         self._reset_since = self._reset_due = self._answered_s = 0.0
+        self._reset_late = False
         self._quick = True
         self._reporter.tape.flush()
         self._reporter = self._autopilot.reporter.renewed()
@@ -237,7 +240,9 @@ class Loop:
         """One datagram; `filtered`: as a burst has left it; None: no burst has seen it."""
         autopilot, now = self._autopilot, time.monotonic()
         if autopilot.codec.is_reset_done(datagram):
-            return  # once more: it was asked more than once
+            if self._reset_late:  # else once more: it was asked more than once
+                self._begin_again()
+            return
         if filtered is None:
             answer = autopilot.take(datagram, now)
         else:

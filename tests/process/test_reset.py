@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
 
 import numpy as np
 import pymavlink.dialects.v20.common as mavlink
@@ -248,6 +250,23 @@ def test_a_flight_after_a_reset_is_the_same_to_the_bit_and_is_recorded(
     shared, in_one, in_other = np.intersect1d(one[:, 0], other[:, 0], return_indices=True)
     assert len(shared) > 1000
     assert one[in_one].tobytes() == other[in_other].tobytes()
+
+
+def test_a_plant_that_resets_too_late_does_not_end_the_vehicle(up, script, reset):
+    """It was asked, was silent for longer than that is waited for, and then did as it was asked."""
+    program = up("--speed", 3, "--no-publish")
+    plant = program.started()["sitl_plant"]
+    script.first("LOCAL_POSITION_NED", lambda m: m.time_boot_ms >= 1000)
+    os.kill(plant, signal.SIGSTOP)
+    try:
+        code, said = reset("--force")
+    finally:
+        os.kill(plant, signal.SIGCONT)
+    assert (code, "plant does not answer" in said) == (3, True)
+    program.says("reset: the vehicle stands at the start")
+    code, said = reset("--force")
+    assert code == 0, said
+    script.first("LOCAL_POSITION_NED", lambda m: m.time_boot_ms >= 1000)
 
 
 def test_no_vehicle_is_up(start, instance):
