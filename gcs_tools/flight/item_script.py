@@ -27,6 +27,7 @@ class Seen(NamedTuple):
     r_E: Vec3  # m, true
     v_E: Vec3  # m/s, true
     flies: bool  # the controller is armed, and flies the law
+    stands: bool  # on the ground, truly
 
 
 class ItemScript:
@@ -132,12 +133,13 @@ class ItemScript:
             return not seen.flies
         assert begin.place is not None
         near = math.dist(seen.r_E, begin.place) <= leg.within
-        return near and seen.flies and math.hypot(*seen.v_E) <= SLOW_M_S
+        aloft = seen.flies and not seen.stands
+        return near and aloft and math.hypot(*seen.v_E) <= SLOW_M_S
 
     def _seen(self) -> Seen:
         if self._tick == 0:
             start = self._scene.world.start
-            return Seen(start.r_E, start.v_E, False)
+            return Seen(start.r_E, start.v_E, False, self._scene.flight.start.on_ground)
         return self._look(self._tick)
 
     def _stream(self, setpoint: Setpoint) -> None:

@@ -32,7 +32,7 @@ from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 _STILL = Vec3(0.0, 0.0, 0.0)
-_ENDED = column_of(PlantRecord, "ended")
+_ENDED, _ON_GROUND = (column_of(PlantRecord, name) for name in ("ended", "on_ground"))
 _R_E, _V_E = (slice_of(PlantRecord, f"state.{name}") for name in ("r_E", "v_E"))
 _ENGAGED = column_of(SharedTick, "engaged")
 
@@ -161,7 +161,7 @@ class ScriptedFlight(ABC):
         self._wait_for_rows(tick)
         plant, fcu = (rows.last[0] for rows in (self._plant_rows, self._fcu_rows))
         r_E, v_E = (Vec3(*plant[each].tolist()) for each in (_R_E, _V_E))
-        return Seen(r_E, v_E, bool(fcu[_ENGAGED] > 0.0))
+        return Seen(r_E, v_E, bool(fcu[_ENGAGED] > 0.0), bool(plant[_ON_GROUND] > 0.5))
 
     def _ticks(self, rows: Rows) -> int:
         """The tick after the last of `rows`: their number, if none was dropped."""

@@ -220,3 +220,14 @@ def test_in_process_a_crash_warns_of_no_more_than_over_the_wire(tmp_path: Path) 
     result = flown(tmp_path, '{ kind = "hold", for_s = 5.0 }', start=low, more=crash)
     assert result.passed, result.expectations
     assert not [each for each in result.warnings if "gcs reset" in each.text]
+
+
+@pytest.mark.parametrize("more", ["height_m = 0.5", "height_m = 3.0, within_m = 5.0"])
+def test_what_never_leaves_the_ground_has_not_taken_off(tmp_path: Path, more: str) -> None:
+    """It stands on its gear 0.3 m above the ground: so near is near enough for a low take-off."""
+    up, hold = f'{{ kind = "take_off", {more} }}', '{ kind = "hold", for_s = 3.0 }'
+    result = flown(
+        tmp_path, up, hold, more="[plant]\nmass_kg = 40.0\n", settings=["flight.duration_s=6"]
+    )
+    assert (result.ended, result.passed) == ("time", False)
+    assert result.items[0].ended_s is None
