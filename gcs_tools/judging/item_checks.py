@@ -12,7 +12,7 @@ import numpy as np
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.causes import LITTLE
 from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_metric
-from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, on_ground
+from gcs_tools.judging.metrics import REACHED_M, SETTLE_S, EngagedTicks, on_ground
 from gcs_tools.missions.asked import LANDS, Begun, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import LANDINGS
@@ -73,11 +73,12 @@ def unfinished(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> str:
 
 def judge_items(
     flight: Flight, expected: Iterable[Mapping[str, Any]], flown: Iterable[ItemFlown],
-    ticks: EngagedTicks, plant: Table, begun: tuple[Begun, ...],
+    ticks: EngagedTicks, plant: Table, begun: tuple[Begun, ...], followed: bool,
 ) -> list[Expectation]:  # fmt: skip
     """What was expected of each item, judged in its own time.
 
-    expected : an item's [expect] as plain values, each.  ticks, plant : of the flight.
+    expected : an item's [expect] as plain values, each.  ticks, plant : of the flight.  followed :
+    whether paths are to be, of which nothing is written.
     """
     found = []
     for entries, item in zip(expected, flown, strict=True):
@@ -116,7 +117,27 @@ def judge_items(
             judged = judge_metric(name, entry, metric, reason)
             why = None if judged.why is None else f"of {item.name}: {judged.why}"
             found.append(replace(judged, text=f"{item.name}: {judged.text}", why=why))
+        written = any(name.startswith("setpoint_error_") for name in entries)
+        if followed and item.kind == "follow" and not written:
+            found += _followed(flight, item, ticks, begun)
     return found
+
+
+def _followed(
+    flight: Flight, item: ItemFlown, ticks: EngagedTicks, begun: tuple[Begun, ...]
+) -> list[Expectation]:
+    """Whether the vehicle was where its path led it; nothing of one that it never came to."""
+    all_legs = legs(flight)
+    along = [
+        each for each in begun
+        if all_legs[each.leg].item == item.item - 1 and all_legs[each.leg].path is not None
+    ]  # fmt: skip
+    if not along:
+        return []
+    window = ticks.window(along[0].tick / flight.rate_hz, _last(flight, item))
+    name = "setpoint_error_max_m"
+    judged = judge_metric(name, REACHED_M, window.metric, window.why_no_value)
+    return [replace(judged, text=f"{item.name}: {judged.text} along its path")]
 
 
 def _last(flight: Flight, item: ItemFlown) -> float | None:

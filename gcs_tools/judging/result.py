@@ -139,7 +139,8 @@ def judge(
             if any(each.name == REACHED and not each.passed for each in judged) and stood:
                 missed = max(stood, key=lambda each: each.away_m)
             of_items = [item["expect"] for item in mission.items()]
-            judged += judge_items(mission.flight, of_items, items, flight, told[0], begun)
+            followed = mission.expectations().get(REACHED) is not False
+            judged += judge_items(mission.flight, of_items, items, flight, told[0], begun, followed)
     values = mission.values_in_force()
     passed = exit_code == OK and all(e.passed for e in judged)
     why = causes(mission, flight, ended, passed, values, missed) if whole else []

@@ -87,8 +87,8 @@ class Follow(Table):
     corner_m: Annotated[float, Field(ge=0.01)] = Field(
         0.5, description="how far from its point a rounded corner may pass"
     )
-    speed_m_s: Annotated[float, Field(gt=0.0, le=20.0)] = Field(3.0, description="at most")
-    acceleration_m_s2: Annotated[float, Field(gt=0.0, le=20.0)] = Field(
+    speed_m_s: Annotated[float, Field(ge=0.01, le=20.0)] = Field(3.0, description="at most")
+    acceleration_m_s2: Annotated[float, Field(ge=0.01, le=20.0)] = Field(
         2.0, description="at most, along and across together"
     )
     file: str | None = optional(

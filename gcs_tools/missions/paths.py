@@ -19,6 +19,7 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 SMOOTH_S = 0.5  # over which the place along a path is averaged
 REVERSAL_DEG = 150.0  # a corner that turns farther is a stop
+LONGEST_S = 3600.0
 CLOSE_M = 1e-6  # two points that are no farther apart are one
 
 _TURNS_BACK = 2.0 * math.sin(math.radians(0.5 * REVERSAL_DEG))  # between directions of length 1
@@ -243,6 +244,8 @@ def _averaged(s: Rows, v: Rows) -> Any:
 
     ds, mean = np.diff(s), np.maximum(0.5 * (v[1:] + v[:-1]), 1e-9)
     t = np.append(0.0, np.cumsum(np.where(ds > 0.0, ds / mean, SMOOTH_S)))
+    if t[-1] > LONGEST_S:
+        raise PathError(f"it takes {t[-1]:.3g} s, more than any flight has")
     before = round(SMOOTH_S / _STEP_S)
     grid = np.arange(-before, math.ceil(t[-1] / _STEP_S) + before + 1) * _STEP_S
     i = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)

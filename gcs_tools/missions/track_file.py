@@ -15,7 +15,7 @@ from gcs_tools.missions.paths import PathError
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 COLUMNS = ("t_s", "x_m", "y_m", "z_m")  # time, and East, North, Up
-MOST_SAMPLES = 20_000
+MOST_SAMPLES = 5_000  # smoothing them takes seconds
 
 
 def read(path: Path) -> tuple[Rows, Rows]:

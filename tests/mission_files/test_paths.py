@@ -160,6 +160,8 @@ def test_what_is_no_path_is_said_to_be_none() -> None:
     for of, at in (
         (lambda: paths.rounded(SQUARE[[0, 1, 1]], 0.5, 3.0, 2.0), 2),
         (lambda: paths.spline(SQUARE[[0, 0]], 3.0, 2.0), 1),
+        (lambda: paths.rounded(1e5 * SQUARE, 0.5, 0.01, 2.0), None),
+        (lambda: paths.spline(SQUARE, 3.0, 1e-7), None),
         (lambda: paths.recorded(t[::-1], points, 0.0, 5.0), 1),
         (lambda: paths.recorded(t[:3], points[:3], 0.0, 5.0), 2),
     ):

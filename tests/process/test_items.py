@@ -12,6 +12,8 @@ import gcs_tools
 from gcs_tools.flight.run import UsageError
 from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.judging.result import Result
+from gcs_tools.missions.asked import asked
+from gcs_tools.missions.mission import load
 from gcs_tools.recording.reader import read
 
 HEAD = """title = "Items."
@@ -201,10 +203,27 @@ def test_where_time_is_to_run_out_the_vehicle_is_where_it_was_sent(tmp_path: Pat
     assert [line.name for line in result.expectations if not line.passed] == ["reached"]
 
 
-def test_the_next_items_place_is_none_of_this_items_errors(tmp_path: Path) -> None:
-    hold = '{ kind = "hold", for_s = 3.0, expect = { setpoint_error_final_m = 0.1 } }'
-    far = '{ kind = "go_to", position_m = [8.0, 0.0, 3.0] }'
-    result = flown(tmp_path, UP, hold, far)
+FAST = (
+    '{ kind = "follow", speed_m_s = 11.0, acceleration_m_s2 = 9.0,'
+    " points_m = [[0, 0, 3], [10, 0, 3], [10, 10, 3], [0, 10, 3]]"
+)
+
+
+def test_a_path_is_to_be_followed_without_being_written(tmp_path: Path) -> None:
+    """The guard flies it more gently, and the vehicle cuts what it cannot follow."""
+    result = flown(tmp_path, UP, FAST + " }", '{ kind = "land" }')
+    (missed,) = (line for line in result.expectations if not line.passed)
+    assert missed.text == "item 2 (follow): setpoint_error_max_m ≤ 0.5 along its path"
+    assert missed.value > 2.0
+    assert any("The guard flew item 2 (follow) more gently" in cause for cause in result.causes)
+
+
+@pytest.mark.parametrize(
+    ("expect", "more"),
+    [(", expect = { setpoint_error_max_m = 20.0 }", ""), ("", "[expect]\nreached = false\n")],
+)
+def test_who_expects_less_of_a_path_writes_it(tmp_path: Path, expect: str, more: str) -> None:
+    result = flown(tmp_path, UP, FAST + expect + " }", '{ kind = "land" }', more=more)
     assert result.passed, result.expectations
 
 
