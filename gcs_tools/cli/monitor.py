@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gcs_tools.cli import arguments
-from gcs_tools.cli.live_vehicle import watched
+from gcs_tools.cli.live_vehicle import stands_s, watched
 from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import INTERRUPTED, OK, USAGE
 
@@ -46,8 +46,9 @@ def monitor(
 
     Waits for a vehicle if there is none: for --timeout, or for the seconds of --for; a single picture
     for 10 s without either. When the vehicle ends, waits for the next one, until Ctrl-C; with --for it
-    ends then. Exit codes: 0; 2 FILE cannot be written, 3 no vehicle or no connection to Zenoh, 130
-    interrupted before a single picture.
+    ends then, and also when simulation time stands, as after a crash, for --timeout (default 10 s, at
+    least 2 s). Exit codes: 0; 2 FILE cannot be written, 3 no vehicle, simulation time stands or no
+    connection to Zenoh, 130 interrupted before a single picture.
     """
     from rich.console import Console
 
@@ -59,6 +60,7 @@ def monitor(
         raise Failure(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
     console = Console(highlight=False)
     single = once or as_json or svg is not None or not console.is_terminal
+    still_s, stands = stands_s(timeout_s), ""
     if timeout_s is None:
         timeout_s = for_s if for_s is not None else WAIT_S if single else None
     try:
@@ -66,19 +68,19 @@ def monitor(
             with watched(instance, zenoh, timeout_s) as vehicle:
                 follower = Follower(vehicle)
                 readings = Readings(follower)
-                span = None if for_s is None else _Span(readings, for_s)
+                span = None if for_s is None else _Span(readings, for_s, still_s)
                 if single and span is not None:
                     while not span.is_over():
                         _listen(follower.take, LOOK_S)
                         readings.speed()
-                    break
-                if single:
+                elif single:
                     _listen(follower.take, seconds - min(SPEED_S, 0.5 * seconds))
                     readings.speed()
                     _listen(follower.take, min(SPEED_S, 0.5 * seconds))
-                    break
-                _live(console, readings, span)
-                if span is not None:
+                else:
+                    _live(console, readings, span)
+                stands = "" if span is None else span.stands
+                if single or span is not None:
                     break
     except KeyboardInterrupt:
         return INTERRUPTED if single else OK
@@ -91,6 +93,8 @@ def monitor(
         told = console.is_terminal or "COLUMNS" in os.environ
         width = console.size.width if told else WIDTH
         Console(width=width, highlight=False).print(screen(readings, width, height), height=height)
+    if stands:
+        raise Failure(stands)
     return OK
 
 
@@ -120,19 +124,29 @@ def _listen(take: Callable[[], bool], seconds: float) -> None:
 class _Span:
     """The seconds of simulation time for which a vehicle is watched."""
 
-    def __init__(self, readings: Readings, seconds: float) -> None:
+    def __init__(self, readings: Readings, seconds: float, still_s: float) -> None:
+        """`still_s`: how long (wall) simulation time may stand."""
+        from gcs_tools.live.standstill import Standstill
+
         self._readings, self._seconds = readings, seconds
+        self._still = Standstill(still_s)
+        self.stands = ""  # that simulation time stands, and why; empty: it does not
         self._first = math.nan  # s
         self._gone_at: float | None = None  # wall
 
     def is_over(self) -> bool:
-        """Whether they have passed, or the vehicle has ended, or is out of sight."""
+        """Whether they have passed, time stands, or the vehicle has ended, or is out of sight."""
+        from gcs_tools.live.standstill import end_told, why
+
         vehicle, t, now = self._readings.follower.vehicle, self._readings.t, time.monotonic()
         self._first = t if math.isnan(self._first) else self._first
         self._gone_at = (self._gone_at or now) if vehicle.gone else None
         ended = vehicle.has_ended and not vehicle.missing()
         lost = self._gone_at is not None and now - self._gone_at > GONE_S
-        return ended or lost or t - self._first >= self._seconds
+        over = ended or lost or t - self._first >= self._seconds
+        if not over and self._still.see(t):
+            self.stands = why(end_told(self._readings.follower.events))
+        return over or bool(self.stands)
 
 
 def _live(console: Console, readings: Readings, span: _Span | None) -> None:

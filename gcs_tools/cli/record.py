@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from gcs_tools.cli import arguments
-from gcs_tools.cli.live_vehicle import watched
+from gcs_tools.cli.live_vehicle import stands_s, watched
 from gcs_tools.cli.output import Failure, print_json
-from gcs_tools.exit_codes import USAGE
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 
 @click.command()
@@ -22,12 +22,14 @@ from gcs_tools.exit_codes import USAGE
 def record(
     out: Path, seconds: float | None, timeout_s: float | None, as_json: bool, instance: int | None,
     zenoh: Path | None,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """Record everything that a running vehicle publishes into OUT, an MCAP file.
 
     Waits for a vehicle if there is none: for --timeout, or for the seconds of --for; without either
-    until there is one. Exit codes: 0 the vehicle ended, the time is up or Ctrl-C was pressed; 2 OUT
-    cannot be written or CONFIG cannot be read; 3 no vehicle, or no connection to Zenoh.
+    until there is one. With --for it ends also when simulation time stands, as after a crash, for
+    --timeout (default 10 s, at least 2 s). Exit codes: 0 the vehicle ended, the time is up or Ctrl-C
+    was pressed; 2 OUT cannot be written or CONFIG cannot be read; 3 no vehicle, simulation time
+    stands (what came is kept), or no connection to Zenoh.
     """
     from gcs_tools.cli.terminal import status
     from gcs_tools.live.recorder import RecordingSummary, record_until
@@ -44,7 +46,7 @@ def record(
             watched(instance, zenoh, wait_s) as vehicle,
             status("waiting for the first tick") as progress,
         ):
-            record_until(vehicle, out, seconds, done, progress)
+            record_until(vehicle, out, seconds, done, progress, stands_s(timeout_s))
     except RecordingError as error:
         raise Failure(f"{error}" + (f"\n{done.summary(out)}" if done.ticks else ""), USAGE) from error  # fmt: skip
     except KeyboardInterrupt:
@@ -53,3 +55,4 @@ def record(
         print_json(done.as_dict(out))
     else:
         click.echo(done.summary(out))
+    return INFRASTRUCTURE if done.stands else OK

@@ -7,6 +7,7 @@ lost on the way is missing in the file, and its sequence numbers say so.
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 
 from gcs_tools.live.samples import Sample
+from gcs_tools.live.standstill import Standstill, end_in, why
 from gcs_tools.live.subscriber import LOOK_S, Subscriber
 from gcs_tools.recording import events
 from gcs_tools.recording.layout import LayoutError, decode
@@ -176,6 +178,8 @@ class RecordingSummary:
     counted: dict[str, Any] = field(default_factory=dict)  # by topic: subscriber.Counted
     unusable: int = 0
     end_seen: bool = False  # it was told what there was to record
+    stands: bool = False  # it ended because simulation time stands
+    end: str = ""  # of the flight, as the vehicle told it
     _spans: dict[str, tuple[float, float]] = field(default_factory=dict)  # by topic
     _before: dict[str, float] = field(default_factory=dict)  # s, of flights before a reset
     replayed: bool = False  # its ticks were published long ago
@@ -184,6 +188,8 @@ class RecordingSummary:
     def see(self, topic: str, sample: Sample) -> None:
         """A sample that was recorded; what is rarely said may be of long before."""
         times = sample.time_ns
+        if topic == events.TOPIC:
+            self.end = end_in(sample, self.end)
         if topic in SELDOM:
             return
         first, last = float(times[0]) * 1e-9, float(times[-1]) * 1e-9
@@ -267,15 +273,19 @@ def record_until(
     seconds: float | None,
     done: RecordingSummary,
     progress: Progress,
+    stands_s: float = math.inf,
 ) -> None:
     """Record until the vehicle is gone, or for `seconds` of simulation time.
 
-    `done` is kept current, also when this ends by an exception. Raises RecordingError.
+    `stands_s`: with `seconds`, how long (wall) simulation time may stand before it ends. `done` is kept current, also when this ends by an exception. Raises RecordingError.
     """
     done.counted, done.replayed = vehicle.counted, "replay_of" in vehicle.about
     with BusRecorder(out, vehicle.about, vehicle.topics) as recorder:
         for topic, sample in vehicle.latest():
             recorder.before(topic, sample)
+            if topic == events.TOPIC:
+                done.see(topic, sample)
+        still = Standstill(math.inf if seconds is None else stands_s)
         left: float | None = None
         while True:
             came = False
@@ -288,6 +298,9 @@ def record_until(
             progress(done.line())
             if seconds is not None and done.least_s >= seconds:
                 done.why = f"{seconds:g} s are recorded"
+                return
+            if still.see(done.least_s):
+                done.why, done.stands = why(done.end), True
                 return
             now = time.monotonic()
             left = (left or now) if vehicle.gone and not came else None

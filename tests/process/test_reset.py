@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import signal
@@ -138,6 +139,30 @@ def test_a_crash_does_not_end_it_and_a_reset_puts_it_back(
     assert is_armed(script.first("HEARTBEAT"))
     assert holds(script, 1000, begins_ms=1) < 0.1
     assert vehicle.interrupted() == 0
+
+
+def test_what_counts_seconds_of_simulation_ends_where_time_stands(up, start, script, mission, instance, tmp_path):  # fmt: skip
+    """Over a crashed vehicle, from which nothing new comes, and over one that crashes meanwhile."""
+    up(mission(), "--speed", 3)
+    script.first("HEARTBEAT", is_armed)
+    file = tmp_path / "crash.mcap"
+    counts = "--for", 1000, "--timeout", 2, "--instance", instance
+    meanwhile = start("gcs_tools", "record", file, *counts)
+    meanwhile.says("met vehicle")
+    script.first("LOCAL_POSITION_NED")
+    assert script.command(ARM, 0, KILL) == ACCEPTED
+    script.first("STATUSTEXT", lambda m: m.severity == mavlink.MAV_SEVERITY_CRITICAL)
+    monitor = start("gcs_tools", "monitor", "--json", *counts)
+    afterwards = start("gcs_tools", "record", tmp_path / "lies.mcap", *counts, "--json")
+    for program in (meanwhile, monitor, afterwards):
+        assert program.wait() == 3, program.text()
+        assert "simulation time stands: Crashed: hit the ground" in program.text()
+    recorded = read(file)
+    assert len(recorded.fcu["t"]) > 100
+    assert any("Crashed" in event.text for event in recorded.events)
+    assert json.loads(monitor.out.read_text())["time_s"] > 0.0
+    assert json.loads(afterwards.out.read_text())["ended"].startswith("simulation time stands")
+    assert any("Crashed" in event.text for event in read(tmp_path / "lies.mcap").events)
 
 
 def climb(script, to_z):
