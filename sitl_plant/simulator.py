@@ -11,6 +11,7 @@ import numpy as np
 
 from fcu.interface.messages import Battery, VehicleState
 from fcu.interface.starter import log
+from fcu.interface.status_texts import FLIGHT_ENDED
 from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rows import slice_of
 from fcu.mavlink.plant_link import LONGEST, Ending, PlantCodec
@@ -82,7 +83,7 @@ class Simulator:
         if np.isfinite(plant.state).all():
             plant.reported[:] = plant.state
         plant.reported[_MOVING] = 0.0
-        return f"the flight ended: the vehicle {self.flight_ended}"
+        return f"{FLIGHT_ENDED}: the vehicle {self.flight_ended}"
 
     def say(self, level: str, text: str) -> None:
         """A line of log."""

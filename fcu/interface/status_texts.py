@@ -13,6 +13,7 @@ from enum import Enum, unique
 from functools import cache
 from typing import Any, NamedTuple
 
+FLIGHT_ENDED = "the flight ended"  # what the simulator logs, before how
 GREAT = 1e6  # m, N: above it a number is only told to be so
 
 

@@ -27,14 +27,6 @@ LOOK_S = 0.05  # wall: between two looks for a publisher
 MEET_S = 2.0  # wall: how long at least it may take to meet a vehicle that publishes already
 
 
-STANDS_S = 10.0  # wall: how long simulation time may stand for who counts its seconds
-
-
-def stands_s(timeout_s: float | None) -> float:
-    """The same by --timeout: no shorter than it may take until the first tick comes."""
-    return STANDS_S if timeout_s is None else max(timeout_s, MEET_S)
-
-
 @contextlib.contextmanager
 def watched(
     instance: int | None, zenoh: Path | None, timeout_s: float | None = None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gcs_tools.cli import arguments
-from gcs_tools.cli.live_vehicle import stands_s, watched
+from gcs_tools.cli.live_vehicle import watched
 from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import INTERRUPTED, OK, USAGE
 
@@ -60,7 +60,7 @@ def monitor(
         raise Failure(f"--svg {svg}: there is no folder {svg.absolute().parent}", USAGE)
     console = Console(highlight=False)
     single = once or as_json or svg is not None or not console.is_terminal
-    still_s, stands = stands_s(timeout_s), ""
+    still_s, stands = timeout_s, ""
     if timeout_s is None:
         timeout_s = for_s if for_s is not None else WAIT_S if single else None
     try:
@@ -124,8 +124,8 @@ def _listen(take: Callable[[], bool], seconds: float) -> None:
 class _Span:
     """The seconds of simulation time for which a vehicle is watched."""
 
-    def __init__(self, readings: Readings, seconds: float, still_s: float) -> None:
-        """`still_s`: how long (wall) simulation time may stand."""
+    def __init__(self, readings: Readings, seconds: float, still_s: float | None) -> None:
+        """`still_s`: how long (wall) simulation time may stand, as for Standstill."""
         from gcs_tools.live.standstill import Standstill
 
         self._readings, self._seconds = readings, seconds
@@ -144,8 +144,9 @@ class _Span:
         ended = vehicle.has_ended and not vehicle.missing()
         lost = self._gone_at is not None and now - self._gone_at > GONE_S
         over = ended or lost or t - self._first >= self._seconds
-        if not over and self._still.see(t):
-            self.stands = why(end_told(self._readings.follower.events))
+        if not over:
+            end = end_told(self._readings.follower.events)
+            self.stands = why(end) if self._still.see(t, end) else ""
         return over or bool(self.stands)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gcs_tools.cli import arguments
-from gcs_tools.cli.live_vehicle import stands_s, watched
+from gcs_tools.cli.live_vehicle import watched
 from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
@@ -46,7 +46,7 @@ def record(
             watched(instance, zenoh, wait_s) as vehicle,
             status("waiting for the first tick") as progress,
         ):
-            record_until(vehicle, out, seconds, done, progress, stands_s(timeout_s))
+            record_until(vehicle, out, seconds, done, progress, timeout_s)
     except RecordingError as error:
         raise Failure(f"{error}" + (f"\n{done.summary(out)}" if done.ticks else ""), USAGE) from error  # fmt: skip
     except KeyboardInterrupt:

@@ -273,11 +273,11 @@ def record_until(
     seconds: float | None,
     done: RecordingSummary,
     progress: Progress,
-    stands_s: float = math.inf,
+    stands_s: float | None = None,
 ) -> None:
     """Record until the vehicle is gone, or for `seconds` of simulation time.
 
-    `stands_s`: with `seconds`, how long (wall) simulation time may stand before it ends. `done` is kept current, also when this ends by an exception. Raises RecordingError.
+    `stands_s`: with `seconds`, how long (wall) simulation time may stand, as for Standstill. `done` is kept current, also when this ends by an exception. Raises RecordingError.
     """
     done.counted, done.replayed = vehicle.counted, "replay_of" in vehicle.about
     with BusRecorder(out, vehicle.about, vehicle.topics) as recorder:
@@ -285,7 +285,7 @@ def record_until(
             recorder.before(topic, sample)
             if topic == events.TOPIC:
                 done.see(topic, sample)
-        still = Standstill(math.inf if seconds is None else stands_s)
+        still = None if seconds is None else Standstill(stands_s)
         left: float | None = None
         while True:
             came = False
@@ -299,7 +299,8 @@ def record_until(
             if seconds is not None and done.least_s >= seconds:
                 done.why = f"{seconds:g} s are recorded"
                 return
-            if still.see(done.least_s):
+            t = math.nan if done.last_s is None else done.least_s
+            if still is not None and still.see(t, done.end):
                 done.why, done.stands = why(done.end), True
                 return
             now = time.monotonic()

@@ -6,29 +6,41 @@ import math
 import time
 from collections.abc import Iterable
 
-from fcu.interface.status_texts import Code
+from fcu.interface.status_texts import FLIGHT_ENDED, Code
 from gcs_tools.live.samples import Sample
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
 
 STANDS = "simulation time stands"
-_ENDS = Code.CRASHED, Code.DIVERGED  # time stands after these, until the vehicle is reset
+STANDS_S = 10.0  # wall: how long time may stand, unless told
+LEAST_S = 2.0  # wall: as long it may take until the first tick comes
+START_S = 100.0  # wall: and until the first of a vehicle that compiles, unless told
+_ENDS = (
+    Code.CRASHED.value,
+    Code.DIVERGED.value,
+    FLIGHT_ENDED,
+)  # time stands after these, until the vehicle is reset
 
 
 class Standstill:
     """Watches a simulation time: it stands once it has not changed for long enough."""
 
-    def __init__(self, after_s: float) -> None:
-        """`after_s`: wall; inf: it never counts as standing."""
-        self._after_s = after_s
+    def __init__(self, after_s: float | None) -> None:
+        """`after_s`: wall, LEAST_S at least; None: STANDS_S, or START_S for the first tick."""
+        self._after_s = STANDS_S if after_s is None else max(after_s, LEAST_S)
+        self._start_s = START_S if after_s is None else self._after_s
         self._last, self._since = math.nan, time.monotonic()
 
-    def see(self, t: float) -> bool:
-        """Whether time stands, which is `t` now (s; nan: nothing has come yet)."""
+    def see(self, t: float, end: str) -> bool:
+        """Whether time stands, which is `t` now (s; nan: nothing has come yet).
+
+        `end`: of the flight, as the vehicle told it; empty: it told none.
+        """
         now = time.monotonic()
         if t != self._last and not math.isnan(t):
             self._last, self._since = t, now
-        return now - self._since >= self._after_s
+        starts = math.isnan(self._last) and not end
+        return now - self._since >= (self._start_s if starts else self._after_s)
 
 
 def why(end: str) -> str:
@@ -44,7 +56,8 @@ def end_told(told: Iterable[Event], before: str = "") -> str:
     for event in told:
         if Code.RESET.value in event.text:
             before = ""
-        before = next((end.value for end in _ENDS if end.value in event.text), before)
+        elif any(end in event.text for end in _ENDS):
+            before = event.text
     return before
 
 

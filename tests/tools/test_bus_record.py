@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
+from gcs_tools.live import standstill
 from gcs_tools.live.recorder import BusRecorder
 from gcs_tools.live.samples import Sample
+from gcs_tools.live.standstill import Standstill, end_in, end_told
 from gcs_tools.recording import events
 from gcs_tools.recording.events import Event
 from gcs_tools.recording.reader import read
@@ -45,3 +49,41 @@ def test_what_is_late_to_a_chunk_that_has_it_is_left_out(tmp_path, monkeypatch):
         recorder.flush_if_due()
         recorder.add(events.TOPIC, said(3, 4, 5))
     assert [event.t for event in read(path).events] == [4, 5]
+
+
+CRASHED = "fcu: Crashed: hit the ground (gcs reset puts it back)"
+
+
+@pytest.mark.parametrize(
+    ("texts", "end"),
+    [
+        ([], ""),
+        (["fcu: Armed", CRASHED, "fcu: Arming denied"], CRASHED),
+        (["plant: the flight ended: the vehicle left the arena"], "plant: the flight ended: the vehicle left the arena"),
+        ([CRASHED, "fcu: Reset: at the start, time begins again"], ""),
+    ],
+)  # fmt: skip
+def test_how_the_flight_ended_is_known_until_the_vehicle_is_reset(texts, end):
+    assert end_told(Event(1.0, "warning", text) for text in texts) == end
+    sample = said(*range(len(texts)))
+    told = [events.encode(Event(1.0, "warning", text)) for text in texts]
+    assert end_in(Sample(sample.sequence, sample.time_ns, told), "") == end
+    assert end_in(Sample(sample.sequence, sample.time_ns, [b"\xff"]), end) == end
+
+
+def test_time_stands_once_it_has_not_changed_for_long_enough(monkeypatch):
+    """The first tick of a vehicle that compiles may be long to come, unless a time is asked for."""
+    now = [0.0]
+    monkeypatch.setattr(standstill.time, "monotonic", lambda: now[0])
+    still, asked = Standstill(None), Standstill(3.0)
+    now[0] = 20.0
+    assert not still.see(math.nan, "") and asked.see(math.nan, "")
+    assert still.see(math.nan, CRASHED)
+    assert not still.see(0.0, "") and not asked.see(0.0, "")
+    now[0] = 22.9
+    assert not asked.see(0.0, CRASHED) and not still.see(1.0, "")
+    now[0] = 23.0
+    assert asked.see(0.0, "")
+    assert not asked.see(0.1, "")  # time runs again
+    now[0] = 33.0
+    assert still.see(1.0, "")
