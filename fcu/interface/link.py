@@ -15,6 +15,7 @@ import struct
 import sys
 import time
 from collections import deque
+from pathlib import Path
 from typing import Protocol
 
 Address = tuple[str, int]
@@ -73,6 +74,20 @@ def exclusive_socket(port: int, link: str) -> socket.socket:
             raise PortBusy(port, link) from error
         raise
     return sock
+
+
+def bound_ports() -> set[int] | None:
+    """The UDP ports on loopback that are bound, by the kernel's table; None where it has none (Linux has).
+
+    Nobody who is about to bind one of them notices.
+    """
+    try:
+        lines = Path("/proc/net/udp").read_text().splitlines()[1:]
+    except OSError:
+        return None
+    locals_ = (line.split()[1].split(":") for line in lines)
+    ours = {socket.inet_aton(address) for address in (HOST, "0.0.0.0")}
+    return {int(port, 16) for ip, port in locals_ if struct.pack("=I", int(ip, 16)) in ours}
 
 
 def hear_refusals(sock: Datagrams) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fcu.interface import topics
-from fcu.interface.link import PortBusy, exclusive_socket
+from fcu.interface.link import PortBusy, bound_ports, exclusive_socket
 
 INSTANCES = 10
 
@@ -82,9 +82,15 @@ def first_free_instance(*names: str) -> int:
     raise NoFreeInstance(f"instances 0 to {INSTANCES - 1} all have a port in use")
 
 
-def first_running_instance() -> int | None:
-    """The lowest instance that has a flight controller; None if none has."""
-    return next((n for n in range(INSTANCES) if busy(n, "fcu_script")), None)
+def running_instances() -> list[int]:
+    """The instances that have a flight controller, the lowest first.
+
+    Where the kernel tells which ports are bound none is touched: who starts meanwhile gets them all.
+    """
+    bound = bound_ports()
+    if bound is None:
+        return [n for n in range(INSTANCES) if busy(n, "fcu_script")]
+    return [n for n in range(INSTANCES) if ports(n).fcu_script in bound]
 
 
 def busy(instance: int, *names: str) -> list[PortBusy]:

@@ -42,6 +42,10 @@ TIMEOUT = click.option(
     "--timeout", "timeout_s", type=click.FloatRange(min=0.0), metavar="S",
     help="Seconds to wait for a vehicle; then exit with 3.",
 )  # fmt: skip
+UP_TIMEOUT = click.option(
+    "--timeout", "timeout_s", type=click.FloatRange(min=0.0), default=10.0, show_default=True, metavar="S",
+    help="Seconds to wait until a vehicle is up and ready; then exit with 3.",
+)  # fmt: skip
 FREE_INSTANCE = instance("the first that is free")
 LIVE_INSTANCE = instance("the first that publishes")
 

@@ -1,4 +1,4 @@
-"""The live vehicle that a command means: found on the bus, or waited for."""
+"""The live vehicle that a command means: found on the bus or at its ports, or waited for."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from gcs_tools.cli.output import Failure
 if TYPE_CHECKING:
     from zenoh import Session
 
+    from gcs_tools.flight.ground_script import Vehicle
     from gcs_tools.live.subscriber import Subscriber
 
 ALONE_S = 3.0  # wall: after that who waits with a file of their own is told what for
 UNSEEN = "connected, but no vehicle answers, or not to us"
 
-LOOK_S = 0.05  # wall: between two looks for a publisher
+LOOK_S = 0.05  # wall: between two looks for a publisher, or for a flight controller
+GREET_S = 1.0  # wall: between two greetings of a vehicle that is not ready
 
 
 MEET_S = 2.0  # wall: how long at least it may take to meet a vehicle that publishes already
@@ -74,6 +76,43 @@ def watched(
                 vehicle.close()
     except bus.BusError as error:
         raise Failure(error, error.exit_code) from error
+
+
+def up_by(instance: int | None, timeout_s: float) -> tuple[int, float]:
+    """The instance that is meant, once it is up, and until when (time.monotonic) it may take to be ready.
+
+    None: the first that runs. `timeout_s`: wall, for both; one that is up has MEET_S at least to be
+    ready. Raises Failure when none is up in time.
+    """
+    from fcu.interface.ports import running_instances
+
+    due, told = time.monotonic() + timeout_s, False
+    which = "" if instance is None else f" as instance {instance}"
+    while not (there := [n for n in running_instances() if instance in (None, n)]):
+        if time.monotonic() >= due:
+            raise Failure(
+                f"no vehicle is up on this machine{which}"
+                f" after {timeout_s:g} s (start one: gcs up; longer: --timeout S)"
+            )
+        if not told:
+            told = True
+            click.echo(f"waiting for a vehicle to be up{which} (start one: gcs up) ...", err=True)
+        time.sleep(LOOK_S)
+    return there[0], max(due, time.monotonic() + MEET_S)
+
+
+def wait_ready(vehicle: Vehicle, due: float) -> None:
+    """Greet a vehicle that is up until it is ready. Raises VehicleError if not before `due`."""
+    from gcs_tools.flight.ground_script import VehicleError
+
+    while True:
+        try:
+            return vehicle.wait_ready(min(GREET_S, max(due - time.monotonic(), 0.0)))
+        except VehicleError:
+            if time.monotonic() >= due:
+                raise VehicleError(
+                    "a flight controller is up, but no vehicle is ready (longer: --timeout S)"
+                ) from None
 
 
 def _name(vehicle: Subscriber, asked: int | None) -> None:

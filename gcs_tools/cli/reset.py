@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import time
+
 import click
 
-from fcu.interface.ports import busy, first_running_instance, ports
+from fcu.interface.ports import ports
 from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import MEET_S, up_by, wait_ready
 from gcs_tools.cli.output import Failure
-
-WAIT_S = 10.0
 
 
 @click.command(
     epilog="\b\nExit codes: 0 the vehicle is at its start and time runs, 2 invalid command line,\n"
-    "3 no vehicle, no reply within --timeout, or rejected: it is armed."
+    "3 no vehicle ready or no reply within --timeout, or rejected: it is armed."
 )
 @click.option("--force", is_flag=True, help="Reset an armed vehicle too, also in flight.")
-@click.option("--timeout", "timeout_s", type=click.FloatRange(min=0.0), default=WAIT_S, show_default=True, metavar="S", help="Seconds to wait for the vehicle; then exit with 3.")  # fmt: skip
+@arguments.UP_TIMEOUT
 @arguments.instance("the first that runs")
 def reset(force: bool, timeout_s: float, instance: int | None) -> None:
     """Put a vehicle that is up back to its start, simulator and flight controller.
@@ -28,14 +29,12 @@ def reset(force: bool, timeout_s: float, instance: int | None) -> None:
     from fcu.interface.link import UdpLink
     from gcs_tools.flight.ground_script import Vehicle, VehicleError, put_back
 
-    number = first_running_instance() if instance is None else instance
-    if number is None or not busy(number, "fcu_script"):
-        which = "" if number is None else f" as instance {number}"
-        raise Failure(f"no vehicle is up on this machine{which} (start one: gcs up)")
+    number, due = up_by(instance, timeout_s)
     # from a port of its own: a script may have the vehicle's
     vehicle = Vehicle(number, UdpLink(0, ports(number).fcu_station))
     try:
-        put_back(vehicle, force, timeout_s)
+        wait_ready(vehicle, due)
+        put_back(vehicle, force, max(due - time.monotonic(), MEET_S))
     except VehicleError as error:
         raise Failure(error) from error
     finally:

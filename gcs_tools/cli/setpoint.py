@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fcu.interface.ports import INSTANCES, busy, first_running_instance, ports
+from fcu.interface.ports import ports, running_instances
 from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import up_by, wait_ready
 from gcs_tools.cli.output import Failure, print_json
 
 if TYPE_CHECKING:
@@ -25,15 +26,17 @@ NO_AUTOPILOT = 8  # HEARTBEAT.autopilot of who is no vehicle
 @click.option(
     "--yaw-deg", type=float, help="Yaw from East, counter-clockwise, deg; default: unchanged."
 )
+@arguments.UP_TIMEOUT
 @arguments.as_json("Print the final position as JSON.")
 @arguments.instance("the first that runs")
 def setpoint(
-    x: float, y: float, z: float, yaw_deg: float | None, as_json: bool, instance: int | None
-) -> None:
+    x: float, y: float, z: float, yaw_deg: float | None, timeout_s: float, as_json: bool,
+    instance: int | None,
+) -> None:  # fmt: skip
     """Arm a running vehicle, take off, and fly to East X, North Y, Up Z (m).
 
     The vehicle holds there, and also when you interrupt the command. Exit codes: 0 arrived, 3 not
-    arrived: rejected, no reply, landed, or one minute is over.
+    arrived: no vehicle ready within --timeout, rejected, no reply, landed, or one minute is over.
     """
     from fcu.interface.link import PortBusy
     from fcu.kernel.algebra import Vec3
@@ -41,10 +44,7 @@ def setpoint(
 
     if not all(math.isfinite(v) and abs(v) <= 1e5 for v in (x, y, z, yaw_deg or 0.0)):
         raise click.UsageError("X, Y, Z and --yaw-deg must be finite numbers, at most 1e5")
-    number = first_running_instance() if instance is None else instance
-    if number is None or not busy(number, "fcu_script"):
-        which = "" if number is None else f" as instance {number}"
-        raise Failure(f"no vehicle is up on this machine{which} (start one: gcs up)")
+    number, due = up_by(instance, timeout_s)
     try:
         vehicle = Vehicle(number)
     except PortBusy as error:
@@ -52,7 +52,7 @@ def setpoint(
     target = Vec3(x, y, z)
     began = time.monotonic()
     try:
-        _meet(vehicle, number)
+        _meet(vehicle, number, due)
         if instance is None and (others := not_met(number)):
             click.echo(f"not met, but there: {'; '.join(others)}", err=True)
         here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True))
@@ -69,8 +69,8 @@ def setpoint(
         click.echo(f"there: ({here.r_E.x:.2f}, {here.r_E.y:.2f}, {here.r_E.z:.2f}) m, {away:.2f} m off")  # fmt: skip
 
 
-def _meet(vehicle: Vehicle, instance: int) -> None:
-    """Wait for the vehicle, and name it. Raises VehicleError, Failure if it is not this instance."""
+def _meet(vehicle: Vehicle, instance: int, due: float) -> None:
+    """Wait for the vehicle until `due`, and name it. Raises VehicleError, Failure if it is not this instance."""
     from gcs_tools.flight.ground_script import VehicleError
 
     asked, met = ports(instance).system_id, set[int]()
@@ -88,7 +88,7 @@ def _meet(vehicle: Vehicle, instance: int) -> None:
 
     vehicle.on_message = hear
     try:
-        vehicle.wait_ready()
+        wait_ready(vehicle, due)
     except VehicleError:
         check()
         raise
@@ -99,5 +99,5 @@ def _meet(vehicle: Vehicle, instance: int) -> None:
 
 def not_met(instance: int) -> list[str]:
     """Each other vehicle that runs on this machine, and the option that means it."""
-    others = (n for n in range(INSTANCES) if n != instance and busy(n, "fcu_script"))
+    others = (n for n in running_instances() if n != instance)
     return [f"system {ports(n).system_id} (--instance {n})" for n in others]

@@ -11,9 +11,9 @@ from fcu.interface.ports import (
     Ports,
     busy,
     first_free_instance,
-    first_running_instance,
     owner,
     ports,
+    running_instances,
     table,
 )
 
@@ -89,10 +89,14 @@ def test_a_busy_port_is_named(monkeypatch):
     assert busy(0) == []
 
 
-def test_the_running_instance_is_the_one_with_a_flight_controller(monkeypatch):
+@pytest.mark.parametrize("has_table", [True, False])
+def test_the_instances_that_run_are_those_with_a_flight_controller(monkeypatch, has_table):
+    """By the kernel's table of ports, without which they are tried."""
     machine = Machine({14582, 14584})
     monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
-    assert first_running_instance() == 2
+    monkeypatch.setattr(module, "bound_ports", lambda: machine.busy if has_table else None)
+    assert running_instances() == [2, 4]
+    assert bool(machine.bound) is not has_table
 
 
 def test_no_free_instance_is_an_error(monkeypatch):

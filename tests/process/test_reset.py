@@ -296,16 +296,26 @@ def test_a_plant_that_resets_too_late_does_not_end_the_vehicle(up, script, reset
 
 
 def test_no_vehicle_is_up(start, instance):
-    program = start("gcs_tools", "reset", "--instance", instance)
+    program = start("gcs_tools", "reset", "--instance", instance, "--timeout", 0.5)
     assert program.wait() == 3
-    assert f"instance {instance}" in program.text()
+    assert f"instance {instance} after 0.5 s" in program.text()
+
+
+def test_it_waits_for_a_vehicle_that_is_yet_to_come_up(start, instance):
+    program = start("gcs_tools", "reset", "--instance", instance, "--timeout", PATIENCE_S)
+    program.says("waiting for a vehicle to be up")
+    up = start("gcs_tools", "up", "--instance", instance)
+    assert program.wait() == 0, program.text()
+    assert "at its start" in program.text()
+    up.says("ready")
+    assert up.interrupted() == 0
 
 
 def test_a_vehicle_that_does_not_answer_ends_with_3(start, instance, bound):
     bound("fcu_script", "script"), bound("fcu_station", "station")
     program = start("gcs_tools", "reset", "--instance", instance, "--timeout", 1)
     assert program.wait() == 3
-    assert "silent" in program.text()
+    assert "no vehicle is ready" in program.text()
 
 
 def test_a_plant_that_cannot_reset_is_flown_on(start, instance, bound, script):

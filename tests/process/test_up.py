@@ -13,6 +13,7 @@ import pytest
 
 from fcu.interface.ports import INSTANCES, ports
 from gcs_tools.cli.setpoint import not_met
+from tests.patience import PATIENCE_S
 from tests.process.script import HOLD, OFFBOARD, Script
 
 
@@ -128,9 +129,26 @@ def test_up_says_which_process_ended(start, instance, gone):
 
 
 def test_no_vehicle_is_up(start, instance):
-    go = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance)
+    go = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance, "--timeout", 0.5)
     assert go.wait() == 3
-    assert f"instance {instance}" in go.text()
+    assert f"instance {instance} after 0.5 s" in go.text()
+
+
+def test_setpoint_waits_for_a_vehicle_that_is_yet_to_come_up(start, instance):
+    patient = "--instance", instance, "--timeout", PATIENCE_S
+    go = start("gcs_tools", "setpoint", 1, 2, 3, *patient)
+    go.says("waiting for a vehicle to be up")
+    up = start("gcs_tools", "up", "--instance", instance, "--speed", 4)
+    assert go.wait() == 0, go.text()
+    assert go.out.read_text().startswith("there: (")
+    assert up.interrupted() == 0
+
+
+def test_setpoint_says_when_the_vehicle_is_not_ready_in_time(start, instance, bound):
+    bound("fcu_script", "script")
+    go = start("gcs_tools", "setpoint", 1, 2, 3, "--instance", instance, "--timeout", 0)
+    assert go.wait() == 3
+    assert "no vehicle is ready" in go.text()
 
 
 def test_a_plain_script_flies_and_lands(start, instance, script):
