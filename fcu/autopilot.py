@@ -281,7 +281,7 @@ class Autopilot:
         if not_finite is not None and self._was_finite:
             self._was_finite = False
             self._tell_not_finite(not_finite)
-        for at_us, told in self._beliefs.see(rows, self._settings):
+        for at_us, told in self._beliefs.see(rows, self._settings, bool(self._course[_AIRBORNE])):
             self._tell_of_tick(Severity.WARNING, "warning", told, at_us)
 
     def _tell_not_finite(self, row: Row) -> None:

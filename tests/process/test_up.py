@@ -187,6 +187,16 @@ def test_a_plain_script_flies_and_lands(start, instance, script):
     assert fcu.interrupted() == 0
 
 
+def test_standing_armed_on_the_ground_contradicts_no_belief(start, instance, script):
+    """In Hold with its motors idling, until it disarms because nobody takes off."""
+    start("gcs_tools", "up", "--instance", instance, "--speed", "max")
+    script.first("HEARTBEAT", lambda m: m.system_status == mavlink.MAV_STATE_STANDBY)
+    assert script.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+    said = []
+    script.first("STATUSTEXT", lambda m: said.append(m.text) or "no takeoff" in m.text)
+    assert not [text for text in said if "believed" in text]
+
+
 def test_interrupted_before_it_is_up_it_ends_with_130(start, instance, tmp_path, gone):
     cold = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
     up = start("gcs_tools", "up", "--instance", instance, env=cold)
