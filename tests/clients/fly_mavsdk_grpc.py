@@ -21,7 +21,8 @@ async def until(stream, condition):
 
 
 async def fly(port):
-    drone = System(port=50051 + port % 100)  # of its own server: the default is one for all
+    # of its own server: the default is one for all, and those above 32768 are given to anybody
+    drone = System(port=20051 + port % 100)
     await drone.connect(system_address=f"udpin://127.0.0.1:{port}")
     await until(drone.core.connection_state(), lambda s: s.is_connected)
     await until(drone.telemetry.health_all_ok(), bool)

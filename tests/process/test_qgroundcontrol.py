@@ -40,7 +40,7 @@ class Ground(Script):
 
     def guided_mode_goto_location(self, lat, lon, altitude):
         message = mavlink.MAVLink_command_int_message(
-            *self._target, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_DO_REPOSITION, 0, 0,
+            *self.target, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_DO_REPOSITION, 0, 0,
             -1, CHANGE_MODE, 0, NAN, lat, lon, altitude,
         )  # fmt: skip
         self.send(message)
