@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import mmap
 from typing import Any
 
 import numpy as np
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
-ROOM = 1 << 14  # rows to begin with: memory is taken when it is written to
+ROOM = 1 << 18  # rows to begin with, at most: memory is taken when it is written to
+
+
+def _room(rows: int, width: int) -> Rows:
+    """An array of so many rows, whose memory comes page by page.
+
+    NumPy asks for huge pages for what is large, and the kernel may stop a flight for as long again to
+    find them.
+    """
+    pages = mmap.mmap(-1, rows * width * 8, access=mmap.ACCESS_COPY)
+    return np.frombuffer(pages).reshape(rows, width)
 
 
 class FlownRows:
     """Rows of one process; one thread appends them while others look."""
 
-    def __init__(self, width: int) -> None:
-        """`width`: columns that are kept; the first of each row."""
-        self._all: Rows = np.empty((ROOM, width))
+    def __init__(self, width: int, expected: int) -> None:
+        """`width`: columns that are kept; the first of each row. `expected`: so many rows, or fewer."""
+        self._all = _room(max(1, min(expected, ROOM)), width)
         self._n = 0
 
     def __len__(self) -> int:
@@ -37,7 +48,7 @@ class FlownRows:
         """Keep the first columns of some more, (k, at least width)."""
         n, width = self._n + len(rows), self._all.shape[1]
         if n > len(self._all):
-            larger: Rows = np.empty((max(n, 2 * len(self._all)), width))
+            larger = _room(max(n, 2 * len(self._all)), width)
             larger[: self._n] = self._all[: self._n]
             self._all = larger
         self._all[self._n : n] = rows[:, :width]

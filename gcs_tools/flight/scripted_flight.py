@@ -76,8 +76,8 @@ class ScriptedFlight(ABC):
         self._kinds = Kinds.of(scene.flown)
         self._on_rows = on_rows
         self._items: ItemScript | None = None
-        self._plant_rows = FlownRows(size(PlantRecord))
-        self._fcu_rows = FlownRows(size(self._kinds.tick))
+        self._plant_rows = FlownRows(size(PlantRecord), scene.ticks + 1)  # and how it ended
+        self._fcu_rows = FlownRows(size(self._kinds.tick), scene.ticks)
 
     @abstractmethod
     def fly(self) -> Flown:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from gcs_tools.flight.flown_rows import ROOM, FlownRows
 from gcs_tools.recording.table import Table
@@ -12,8 +13,9 @@ WIDTH = 3
 FLIGHT = "gcs", "fly", "paper_nominal", "--in-process", "--figure", "never", "--record", "none"
 
 
-def test_rows_are_kept_in_order_beyond_the_first_room_and_seen_ones_stay():
-    kept = FlownRows(WIDTH)
+@pytest.mark.parametrize("expected", [0, 1, 100, 10**6])
+def test_rows_are_kept_in_order_beyond_the_first_room_and_seen_ones_stay(expected):
+    kept = FlownRows(WIDTH, expected)
     assert len(kept.rows) == len(kept.last) == 0
     wide = np.arange(5.0 * (2 * ROOM + 7)).reshape(-1, 5)
     parts = np.array_split(wide, 300)
@@ -38,7 +40,7 @@ def test_consecutive_rows_of_a_table_are_not_copied():
 
 
 def test_a_flight_takes_no_more_memory_than_what_was_flown_twice(tmp_path):
-    """A tick is 233 numbers of 8 bytes; where there is no more room for them they are copied once."""
+    """A tick is 233 numbers of 8 bytes; what is judged of them is copied once, at most."""
 
     def memory(duration_s):
         setting = f"flight.duration_s={duration_s}"
