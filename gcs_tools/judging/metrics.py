@@ -251,9 +251,9 @@ def _fraction(*names: str, in_air: bool = False) -> Callable[[EngagedTicks], flo
 
 
 def _contradicted(flight: EngagedTicks) -> float:
-    """The part of the ticks at which something contradicts what the guard believes."""
+    """The part of the ticks in the air at which something contradicts what the guard believes."""
     signs = [name for name in flight.fcu.names if name.startswith(_CONTRADICTED)]
-    return _fraction(*signs)(flight) if signs else math.nan
+    return _fraction(*signs, in_air=True)(flight) if signs else math.nan
 
 
 def _nonfinite(flight: EngagedTicks) -> float:
@@ -300,7 +300,9 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
 OF_ITEMS = ("took_s", "touchdown_m_s", "touchdown_m")  # of items alone: see item_checks
 
 # of the ticks in the air
-ALOFT = frozenset(n for n in METRICS if "_saturated_" in n or n.startswith("margin_"))
+ALOFT = frozenset(
+    n for n in METRICS if "_saturated_" in n or n.startswith(("margin_", "contradicted_"))
+)
 
 # what is wanted of these is a floor: a bare number in [expect] is the least that will do
 FLOOR = "this metric is a minimum: a number is the least that it may be"

@@ -107,9 +107,7 @@ class Leg(NamedTuple):
     item: int  # of [[flight.items]], from 0
     kind: str  # take_off, go_to, path, hold, land, return
     psi: float  # yaw command, rad; of what the vehicle leads itself that of before
-    place: Vec3 | None = (
-        None  # m, E: where to be at its end; None: where it began, or on the ground
-    )
+    place: Vec3 | None = None  # m, E, at its end; None: where it began, or on the ground
     path: Path | None = None
     height: float = 0.0  # m, of a take-off, above the ground
     within: float = 0.0  # m
@@ -265,10 +263,8 @@ def path_ticks(leg: Leg, begin: int, flight: Flight) -> Iterable[int]:
     assert leg.path is not None
     end = begin + math.ceil(leg.path.duration_s * flight.rate_hz)
     rate, every = flight.rate_hz, flight.stream_hz
-    periods = range(-(-(end - begin) * every // rate))
-    yield from (
-        begin - (-i * rate // every) for i in periods
-    )  # whole numbers: the first at or after
+    for i in range(-(-(end - begin) * every // rate)):
+        yield begin - (-i * rate // every)  # in whole numbers, the first tick at or after
     yield end
 
 

@@ -19,7 +19,7 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 SMOOTH_S = 0.5  # over which the place along a path is averaged
 REVERSAL_DEG = 150.0  # a corner that turns farther is a stop
-LONGEST_S = 3600.0
+LONGEST_S = 3600.0  # as a flight lasts, at most
 CLOSE_M = 1e-6  # two points that are no farther apart are one
 
 _TURNS_BACK = 2.0 * math.sin(math.radians(0.5 * REVERSAL_DEG))  # between directions of length 1
@@ -181,6 +181,7 @@ def _timed(curve: Any, stands: list[int], speed: float, acceleration: float) -> 
     s = np.append(0.0, np.cumsum(np.diff(u) * (rate[1:] + 4.0 * half + rate[:-1]) / 6.0))  # Simpson
     _check_rate(rate, s, u, looks)
 
+    # the greatest speed at each place: of the path, where it bends, and to slow down before that
     bends = np.linalg.norm(_across(first(u), second(u)), axis=1)  # 1/m
     allowed = np.minimum(speed, np.sqrt(acceleration / np.maximum(bends, 1e-12)))
     still = [looks * k for k in stands]
@@ -196,6 +197,7 @@ def _timed(curve: Any, stands: list[int], speed: float, acceleration: float) -> 
             break
         most = most / np.maximum(part, 1.0)  # the mean takes speed into a bend
 
+    # what is left above the limits, looked at where the curve bends and evenly in time, slows all of it
     u_of_s = CubicHermiteSpline(s, u, 1.0 / rate)
     slower = 1.0
     for _ in range(2):

@@ -37,6 +37,7 @@ from gcs_tools.flight.forking import fork
 from tests.attacks.outcome import TRACES
 from tests.patience import PATIENCE_S, until
 from tests.process.conftest import Program, alive, claimed_instance
+from tests.process.script import Script
 
 PORTS, RATE = 300, 20_000
 ASKS_PER_S = 20.0
@@ -137,24 +138,15 @@ class Heard(NamedTuple):
     rates: dict[str, float]  # messages a second, by name
 
 
-class Client:
-    """A ground script that knows its vehicle."""
+class Client(Script):
+    """A script that knows its vehicle."""
 
-    def __init__(self, at: Ports) -> None:
-        self._system = at.system_id
-        self._codec = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    def __init__(self, instance: int) -> None:
+        super().__init__(instance)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
-        self._socket.bind(("127.0.0.1", at.script))
-        self._to = ("127.0.0.1", at.fcu_script)
 
-    def close(self) -> None:
-        self._socket.close()
-
-    def _long(self, number: int, *params: float) -> None:
-        seven = [*params, *[0.0] * (7 - len(params))]
-        message = mavlink.MAVLink_command_long_message(self._system, 1, number, 0, *seven)
-        self._socket.sendto(message.pack(self._codec), self._to)
+    def _ask(self, command: int, *params: float) -> None:
+        self.command_to(self.target[0], command, *params)
 
     def _heard(self, within_s: float) -> list[mavlink.MAVLink_message]:
         if not select.select([self._socket], [], [], max(within_s, 0.0))[0]:
@@ -167,8 +159,8 @@ class Client:
         while time.monotonic() < end:
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
-                self._long(400, 1)
-                self._long(22, 0, 0, 0, *[float("nan")] * 3, 3.0)
+                self._ask(400, 1)
+                self._ask(22, 0, 0, 0, *[float("nan")] * 3, 3.0)
             for each in self._heard(0.5):
                 if each.get_type() == "LOCAL_POSITION_NED":
                     top = each.z if top is None else top
@@ -187,7 +179,7 @@ class Client:
             if now >= due and (not open_since or now - open_since > 1.0):
                 if open_since:
                     acks.append(float("inf"))
-                self._long(512, 148)
+                self._ask(512, 148)
                 open_since, due = time.monotonic(), max(due + 1.0 / ASKS_PER_S, now)
             for each in self._heard(min(due - now, 0.05) if not open_since else 0.05):
                 kind = each.get_type()
@@ -236,7 +228,7 @@ def in_real_time(
         stack.callback(program.kill)
         program.says("ready: ")
         pids = program.started()
-        client = Client(at)
+        client = Client(instance)
         stack.callback(client.close)
         client.take_off()
         quiet = client.measure(BASELINE_S)

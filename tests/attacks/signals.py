@@ -12,11 +12,10 @@ from __future__ import annotations
 import os
 import select
 import signal
-import socket
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from itertools import product
@@ -26,13 +25,13 @@ from typing import NamedTuple
 import click
 import pymavlink.dialects.v20.common as mavlink
 
-from fcu.interface.ports import ports
 from fcu.interface.status_texts import Code, Told, words
 from gcs_tools.judging import result
 from gcs_tools.recording import reader
 from tests.attacks.outcome import TRACES
-from tests.patience import PATIENCE_S, until
+from tests.patience import until
 from tests.process.conftest import Program, alive, claimed_instance
+from tests.process.script import Script
 
 NUMBERS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 PROGRAMS, VICTIMS = ("fly", "up"), ("runner", "fcu", "sitl_plant", "publisher")
@@ -74,50 +73,29 @@ class Ended(NamedTuple):
         return f"{self.code}, {self.took_s:.1f} s"
 
 
-class GroundScript:
-    """Arms, takes off and lands: pymavlink's codec on a socket."""
-
-    def __init__(self, instance: int) -> None:
-        at = ports(instance)
-        self._system = at.system_id
-        self._codec = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", at.script))
-        self._to = ("127.0.0.1", at.fcu_script)
-
-    def close(self) -> None:
-        self._socket.close()
-
-    def command(self, number: int, *params: float) -> None:
-        seven = [*params, *[0.0] * (7 - len(params))]
-        message = mavlink.MAVLink_command_long_message(self._system, 1, number, 0, *seven)
-        self._socket.sendto(message.pack(self._codec), self._to)
-
-    def hears(self, kind: str) -> Iterator[mavlink.MAVLink_message]:
-        """Messages of a kind as they come."""
-        end = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end:
-            if select.select([self._socket], [], [], 0.5)[0]:
-                for each in self._codec.parse_buffer(self._socket.recv(4096)) or []:
-                    if each.get_type() == kind:
-                        yield each
-        raise AssertionError(f"no {kind}")
+class GroundScript(Script):
+    """Arms, takes off and lands."""
 
     def reach(self, phase: str) -> None:
         """Bring a vehicle that is up to a phase, from the ground."""
         if phase in ("start-up", "closing"):
             return
-        next(m for m in self.hears("HEARTBEAT") if m.system_status == mavlink.MAV_STATE_STANDBY)
-        self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        standby = mavlink.MAV_STATE_STANDBY
+        self.first("HEARTBEAT", lambda m: m.system_status == standby)
+        self._ask(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         if phase == "arming":
             return
-        start = next(self.hears("LOCAL_POSITION_NED")).z
-        self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, *[float("nan")] * 3, 2.0)
-        next(m for m in self.hears("LOCAL_POSITION_NED") if m.z < start - 1.0)
+        start = self.first("LOCAL_POSITION_NED").z
+        self._ask(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, *[float("nan")] * 3, 2.0)
+        self.first("LOCAL_POSITION_NED", lambda m: m.z < start - 1.0)
         if phase == "landing":
-            self.command(mavlink.MAV_CMD_NAV_LAND)
+            self._ask(mavlink.MAV_CMD_NAV_LAND)
             landing = mavlink.MAV_LANDED_STATE_LANDING
-            next(m for m in self.hears("EXTENDED_SYS_STATE") if m.landed_state == landing)
+            self.first("EXTENDED_SYS_STATE", lambda m: m.landed_state == landing)
+
+    def _ask(self, command: int, *params: float) -> None:
+        """A command whose answer nobody waits for: what follows shows that it was taken."""
+        self.command_to(self.target[0], command, *params)
 
 
 def _pids(program: Program) -> dict[str, int]:
