@@ -29,6 +29,7 @@ PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a 
 HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
 SUSPENDED = "is stopped (SIGSTOP): continue it, or start again"
 COMPILED_S = 600.0  # wall: for one that works all the time
+LOOK_S = 0.25  # wall: between two looks at whether a process is suspended
 HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
 BEHIND = 32  # batches that may wait to be recorded
 AT_A_TIME = 64  # rows that are recorded without looking whether somebody is in a hurry
@@ -105,6 +106,7 @@ class Child:
         self._began_s = self._idle_since_s = 0.0  # wall: when it was first waited for, last worked
         self._worked_s = 0.0
         self._stopped_since_s: float | None = None  # wall
+        self._look_again_s = 0.0  # wall: whether it is stopped
         out, said = os.pipe()
         self._out = os.fdopen(out, "rb")
         try:
@@ -183,6 +185,9 @@ class Child:
     def check_suspended(self) -> None:
         """Raise InfrastructureError if it has been so for HANGS_S, as far as anybody has looked."""
         now = time.monotonic()
+        if now < self._look_again_s:  # a look costs as much as a setpoint
+            return
+        self._look_again_s = now + LOOK_S
         if not _is_stopped(self.process.pid):
             self._stopped_since_s = None
         elif self._stopped_since_s is None:
