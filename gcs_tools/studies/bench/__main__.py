@@ -185,6 +185,8 @@ def listeners(instance: int, wanted: bool) -> Iterator[None]:
     arguments = [sys.executable, "-m", "gcs_tools.studies.bench.clients", str(instance)]
     pipe = subprocess.PIPE
     with subprocess.Popen(arguments, stdin=pipe, stdout=pipe, text=True) as clients:
+        assert clients.stdout is not None
+        clients.stdout.readline()  # they listen: a flight is shorter than a start of Python
         yield
         heard, _ = clients.communicate()
     if "0" in heard.split()[-2:]:
