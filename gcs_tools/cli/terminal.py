@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gcs_tools.cli.output import is_unread, silence
+from gcs_tools.exit_codes import MISSED, OK
 from gcs_tools.flight.display import Display
 
 if TYPE_CHECKING:
@@ -141,8 +142,10 @@ class Terminal(Display):
         for warned in result.warnings:
             self._say(str(warned), "yellow")
         speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
+        verdict = {OK: Text("passed: ", "green"), MISSED: Text("failed: ", "red")}
         self._out.print(
-            Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),
+            verdict.get(result.exit_code, Text())
+            + Text(f"{result.sim_time_s:.2f} s at {result.rate_hz:g} Hz{speed}; run in {folder}"),
             soft_wrap=True,
         )
 

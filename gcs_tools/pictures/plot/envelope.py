@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from fcu.kernel.algebra import Vec3
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Envelope, step, terms, way
-from gcs_tools.missions.asked import legs
+from gcs_tools.missions.asked import foreseen, legs
 from gcs_tools.missions.mission import Mission
 from gcs_tools.pictures import picture_file
 
@@ -106,8 +107,14 @@ def _draw_steps(axes: Axes, mission: Mission) -> None:
 
 
 def _jumps(mission: Mission) -> list[float]:
-    """Lengths (m) of the mission's steps, of items from place to place; none for a curve."""
-    stands = [leg.place for leg in legs(mission.flight) if leg.kind == "go_to" and leg.place]
-    places = [mission.flight.start.position_m, *(s.position_m for s in mission.flight.setpoints)]
-    places += stands
-    return [float(np.linalg.norm(np.subtract(b, a))) for a, b in pairwise(places)]
+    """Lengths (m) of the mission's steps; none for a curve, nor for the path of an item."""
+    flight = mission.flight
+    places = [flight.start.position_m, *(s.position_m for s in flight.setpoints)]
+    found = [math.dist(a, b) for a, b in pairwise(places)]
+    if flight.items:
+        here, _ = foreseen(flight)
+        for leg in legs(flight):
+            if leg.kind == "go_to" and leg.place is not None:
+                found.append(math.dist(here, leg.place))
+            here = leg.place or here
+    return found
