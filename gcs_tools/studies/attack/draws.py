@@ -36,7 +36,7 @@ STREAM_S = 0.05  # between two setpoints of a stream
 NEAREST_M = 0.1  # of the last setpoint: a reference model that is so near has settled
 TRIES = 1000  # draws of one flight, all refused by the rule of gains: nothing to fly
 WIND_M_S, WIND_M_S2 = 12.0, 20.0  # the greatest guard_wind_m_s, guard_wind_rate_m_s2
-MORE_S = 8.0  # given to each flight beyond that: what is governed may overshoot
+MORE_S = 16.0  # s: given to each flight beyond that; what is governed may overshoot, what was swept along settles late
 
 
 class NoFlightError(ValueError):
