@@ -47,7 +47,7 @@ class Parameter(NamedTuple):
 
     key: str  # in a mission's [law], a dot for a table in it; empty: not of missions
     mavlink: str | tuple[Part, ...]  # at most 16 characters; empty: not of MAVLink
-    default: Value | None  # None: of the airframe file
+    default: Value | None  # None: of the airframe
     low: float = -math.inf  # of each number
     high: float = math.inf
     unit: str = ""
@@ -59,6 +59,7 @@ class Parameter(NamedTuple):
     values: Numbers | None = None  # if only these are allowed
     airframe: str = ""  # where the default stands in the airframe file: "limits.thrust_min_n"
     of_several: Callable[[Any], float] = max  # of the numbers that stand there, for a row of one
+    rule: Callable[[Mapping[str, Any]], Value] | None = None  # or how it follows from those tables
     below: str = ""  # key (or MAVLink name) of a parameter that must be greater
     degrees: bool = False  # what is in radians is in degrees over MAVLink
     group: str = ""  # in the docs
@@ -66,6 +67,7 @@ class Parameter(NamedTuple):
     disarmed_only: bool = False
     leads: bool = False  # the defaults of others depend on it
     integer: bool = False  # over MAVLink an INT32, as PX4 has it; else a REAL32
+    gain: bool = False  # what a procedure that tunes a law is free to choose
 
     @property
     def name(self) -> str:
@@ -118,6 +120,8 @@ class Parameter(NamedTuple):
     def described(self) -> str:
         """The sentence, with its unit and where its default is from."""
         unit = f", {self.unit}" if self.unit else ""
+        if self.rule is not None:
+            return f"{self.sentence}{unit}; follows from the airframe"
         given = self.airframe if self.default is None else self.default
         of = "of the airframe file: " if self.default is None else "default "
         return f"{self.sentence}{unit}; {of}{_written(given)}"
@@ -189,6 +193,8 @@ def default(row: Parameter, airframe: Mapping[str, Any]) -> Value:
     """
     if row.default is not None:
         return row.default
+    if row.rule is not None:
+        return row.rule(airframe)
     found: Any = airframe
     for name in row.airframe.split("."):
         if name not in found:

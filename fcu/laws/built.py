@@ -51,7 +51,7 @@ def check_table() -> None:
                 raise ParameterError(f"{where}: {path} is filled in, from rate and airframe")
             if field_type(Params, path) is not float:
                 raise ParameterError(f"{where}: expected Params.{path} to be a float")
-        if row.default is None and not row.airframe:
+        if row.default is None and not row.airframe and row.rule is None:
             raise ParameterError(f"{where}: expected a default")
         if not row.low <= row.high:
             raise ParameterError(f"{where}: expected a range, got {row.low} to {row.high}")

@@ -41,7 +41,9 @@ from fcu.laws.face import Limits
 
 DEFAULT = "mmrac"
 MOST_BYTES = input_file.MIB  # of a FILE
-SHIPPED = {DEFAULT: "fcu.laws.mmrac.law"}  # name -> the module that is the law's face
+FACE = "fcu.laws.mmrac.law"  # of the default: what is around a law is written against it
+# Name -> file of the laws that are here. But for the default each is loaded as a user's own is.
+SHIPPED = {file.parent.name: file for file in sorted(Path(__file__).resolve().parent.glob("*/law.py"))}
 UNGUARDED = "fcu.laws.unguarded"
 # Written against the law of the paper and its guard, and bound to whichever law is flown.
 _LAW = ("fcu.laws.mmrac.law", "fcu.laws.mmrac.types")
@@ -80,14 +82,14 @@ class Law:
     digest: str  # of its sources: what is compiled of it depends on ours, and on numba, too
     package: str  # the root of its modules' names
     face: ModuleType
-    file: Path | None = None  # of a user's own
+    file: Path | None = None  # of any but the default
     guard: ModuleType | None = None
     _instead: dict[str, str] = field(default_factory=dict)  # our module -> the same for this law
 
     @property
     def source(self) -> str:
         """By what it is loaded, from wherever: its name, or the whole path of its FILE.py."""
-        return str(self.file) if self.file else self.name
+        return self.name if self.file in (None, SHIPPED.get(self.name)) else str(self.file)
 
     @property
     def identity(self) -> str:
@@ -131,8 +133,10 @@ class Law:
 
 def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
     """The law of a name, or of a FILE.py (if relative: to `folder`). Raises LawError."""
+    if str(name) == DEFAULT:
+        return _default()
     if str(name) in SHIPPED:
-        return _shipped(str(name))
+        return _own(SHIPPED[str(name)], str(name))
     if not str(name).endswith(".py"):
         close = difflib.get_close_matches(str(name), SHIPPED, n=1)
         meant = f" (did you mean {close[0]}?)" if close else ""
@@ -143,12 +147,12 @@ def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
 
 
 @cache
-def _shipped(name: str) -> Law:
-    face = importlib.import_module(SHIPPED[name])
-    return Law(name, compile.digest("fcu/laws", "fcu/guard"), "fcu", face, guard=_guard(face))
+def _default() -> Law:
+    face = importlib.import_module(FACE)
+    return Law(DEFAULT, compile.digest("fcu/laws", "fcu/guard"), "fcu", face, guard=_guard(face))
 
 
-def _own(path: Path) -> Law:
+def _own(path: Path, called: str = "") -> Law:
     try:
         file = path.resolve()
         if file.exists() and not file.is_file():
@@ -193,7 +197,7 @@ def _own(path: Path) -> Law:
         instead.update(dict.fromkeys(_GUARD, UNGUARDED if guard is None else guard.__name__))
     instead.update({name: _bind(name, package, instead) for name in _AROUND})
     instead[_PARAMETERS] = instead["fcu.laws.built"]
-    law = Law(file.stem, hashed, package, face, file, guard, instead)
+    law = Law(called or file.stem, hashed, package, face, file, guard, instead)
     with _blamed(path):
         importlib.import_module(instead[_PARAMETERS]).check_table()
     if not hasattr(face, "idle"):
