@@ -72,7 +72,9 @@ def at_most_s(params, law, far, speed, acceleration, moves, down, moves_down):
     # down: what is slower there than the rest of the way
     lower = minimum(maximum(down, 0.0) + drift + v_0 * t_1, way)
     t_2 += lower * maximum(1.0 / maximum(sinks, NOTHING) - 1.0 / v, 0.0)
-    # near the setpoint: from where `approach` is linear, with a time constant to spare
+    # near the setpoint: from where `approach` is linear, with a time constant to spare; braking that
+    # cannot be taken back as fast as (34) has it swings about the setpoint, and that fades with j / a
     knee = a * (2.0 * law.zeta_m / law.f_m) * (2.0 * law.zeta_m / law.f_m)
-    t_3 = math.log(10.0 * maximum(knee / maximum(near, NOTHING), 1.0)) / slowest(law)
+    fades = minimum(slowest(law), j / a)
+    t_3 = math.log(10.0 * maximum(knee / maximum(near, NOTHING), 1.0)) / fades
     return select((top > 0.0) & (sinks > 0.0) & (near > 0.0), t_0 + t_1 + t_2 + t_3, math.inf)
