@@ -43,7 +43,9 @@ DEFAULT = "mmrac"
 MOST_BYTES = input_file.MIB  # of a FILE
 FACE = "fcu.laws.mmrac.law"  # of the default: what is around a law is written against it
 # Name -> file of the laws that are here. But for the default each is loaded as a user's own is.
-SHIPPED = {file.parent.name: file for file in sorted(Path(__file__).resolve().parent.glob("*/law.py"))}
+SHIPPED = {
+    file.parent.name: file for file in sorted(Path(__file__).resolve().parent.glob("*/law.py"))
+}
 UNGUARDED = "fcu.laws.unguarded"
 # Written against the law of the paper and its guard, and bound to whichever law is flown.
 _LAW = ("fcu.laws.mmrac.law", "fcu.laws.mmrac.types")
@@ -246,6 +248,7 @@ def _sources(file: Path, stem: str, shown: Path) -> dict[str, bytes]:
         try:
             found[name] = input_file.content(path, MOST_BYTES)
             tree = ast.parse(found[name])
+            _refuse_print(tree, shown if path == file else path)
         except OSError as error:
             raise LawError(f"{shown}: {error.strerror}") from error
         except SyntaxError as error:
@@ -266,6 +269,21 @@ def _sources(file: Path, stem: str, shown: Path) -> dict[str, bytes]:
                     )
                 todo[part] = at
     return found
+
+
+def _refuse_print(tree: ast.Module, shown: Path) -> None:
+    """Raise LawError for a kernel that prints: what the cache keeps of it hangs at the next start."""
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        if "kernel" not in map(ast.unparse, function.decorator_list):
+            continue
+        for node in ast.walk(function):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "print":
+                raise LawError(
+                    f"{shown}:{node.lineno}: {function.name}: a kernel cannot print; put what you"
+                    " want to see into Internals, which is recorded, plotted and published"
+                )
 
 
 def _imports(tree: ast.Module, name: str, is_package: bool) -> Iterator[tuple[str, int]]:

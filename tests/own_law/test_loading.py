@@ -126,6 +126,11 @@ def test_a_law_that_nobody_knows_is_refused():
         ("    h: float", "    hh: float", ["Params", "h: float"]),
         ("    limits: Limits\n", "    limits: float\n", ["Params", "limits: Limits"]),
         ("    v_dot: Vec3", "    v_dot: str", ["State", "v_dot"]),
+        (
+            "    limits, v, angles =",
+            "    print(1.0); limits, v, angles =",
+            ["{line}: step", "Internals"],
+        ),
     ],
 )
 def test_a_law_without_the_face_of_one_is_refused(own_law, old, new, said):
