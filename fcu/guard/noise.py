@@ -18,7 +18,6 @@ import numpy as np
 from fcu.guard import stability
 from fcu.guard.stability import NOISE, Hover, Loop
 from fcu.guard.types import GuardParams
-from fcu.interface.airframe import ROTORS
 from fcu.laws.mmrac.types import Params
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -143,7 +142,7 @@ def taken(params: GuardParams, law: Params) -> Taken:
 
     def of_rotor(torque: Array, thrust: float) -> float:
         """N m about a level axis that asks as much of a rotor as torque about both, and thrust."""
-        parts = np.vstack([torque[:, None] * B, np.full((1, ROTORS), thrust / ROTORS)])
+        parts = np.vstack([torque[:, None] * B, np.full((1, B.shape[1]), thrust / rotors.W)])
         return float(together(parts.T, gaussian).max()) / spread
 
     worst = NOTHING
@@ -189,4 +188,4 @@ def probability(law: Params, seconds: float) -> float:
 
     The union bound, over the ticks of so many seconds.
     """
-    return min(1.0, seconds / law.h * beyond(ROTORS, SIGMAS))
+    return min(1.0, seconds / law.h * beyond(law.rotors.n, SIGMAS))

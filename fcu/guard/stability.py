@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from fcu.interface.airframe import believed_body
-from fcu.laws.mmrac.parameters import rotor_lag as rotor_lag
+from fcu.laws.actuation import rotor_lag as rotor_lag
 from fcu.laws.mmrac.types import Params
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]

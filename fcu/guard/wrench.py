@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 
-from fcu.interface.airframe import ROTORS
 from fcu.kernel.algebra import Vec3, dot, maximum, minimum, norm, select, select3
 from fcu.kernel.compile import kernel
 
@@ -24,7 +23,7 @@ HALVINGS = 30  # of a search for a thrust
 @kernel
 def tilting(params, rotors, T):
     """Torque (N m) about any level axis that a total thrust T (N) holds without being moved."""
-    share = T / ROTORS
+    share = T / rotors.W
     room = minimum(share - rotors.f_min, rotors.f_max - share)
     return maximum(room, 0.0) / params.spread
 
@@ -174,7 +173,7 @@ def across_ahead(params, law, a, j):
 def yaw_acceleration(params, law, T):
     """How fast (rad/s^2) yaw may gather speed at a total thrust T (N): by PART of what is there."""
     rotors = law.rotors
-    there = maximum(T - ROTORS * rotors.f_min, 0.0)
-    noise = ROTORS * params.spread * disturbed(params, T)
+    there = maximum(T - rotors.W * rotors.f_min, 0.0)
+    noise = rotors.W * params.spread * disturbed(params, T)
     torque = rotors.k_Q * maximum(there - noise, KEPT * there)
     return minimum(law.yaw_acceleration, PART * torque / params.J_yaw)

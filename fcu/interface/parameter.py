@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from fcu.interface.airframe import AirframeError
+from fcu.interface.airframe import PINNED, AirframeError
 from fcu.kernel.buffers import from_buffer, size
 
 Value = float | str | tuple[float, ...]
@@ -189,8 +189,13 @@ def flat(chosen: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]
 def default(row: Parameter, airframe: Mapping[str, Any]) -> Value:
     """The default of a row; `airframe`: the tables of an airframe file.
 
-    Of several numbers in the file `of_several`, for a row of one. Raises AirframeError.
+    What the file pins for the law that is flown comes first (`PINNED`). Of several numbers
+    in the file `of_several`, for a row of one. Raises AirframeError.
     """
+    pinned = airframe.get(PINNED, {})
+    if row.key and row.key in pinned:
+        value = pinned[row.key]
+        return tuple(value) if isinstance(value, list) else value
     if row.default is not None:
         return row.default
     if row.rule is not None:

@@ -304,6 +304,21 @@ def greatest(a):
 
 
 @kernel
+def inverse8(a):
+    """1 over each of the eight; 0 where it is 0, of a rotor that is absent."""
+    return Rotors(
+        inverse1(a.r1), inverse1(a.r2), inverse1(a.r3), inverse1(a.r4),
+        inverse1(a.r5), inverse1(a.r6), inverse1(a.r7), inverse1(a.r8),
+    )  # fmt: skip
+
+
+@kernel
+def inverse1(a):
+    """The same of one."""
+    return 1.0 / select(a == 0.0, math.inf, a)
+
+
+@kernel
 def sqrt8(a):
     """Square roots, rotor by rotor."""
     return Rotors(

@@ -1,7 +1,13 @@
-"""From total thrust and torque to eight rotor speeds, and back from speeds to what they achieve.
+"""From total thrust and torque to rotor speeds, and back from speeds to what they achieve.
 
 When not everything fits, torque about roll and pitch comes first (it keeps the vehicle
 upright), then total thrust, then torque about yaw.
+
+Rotors need not be alike, and a vehicle need not have eight. Each has a weight w, its share of a
+hover without torque over the greatest such share: 1 of every rotor of a symmetric vehicle, 0 of one
+that is absent. What is allocated is g, in N, and w g is what a rotor gives: so one least and one
+greatest g hold for all, a rotor that carries less in hover keeps its share, and one that is absent is
+never at a limit. The price is that a rotor of little weight is not used to its own full thrust.
 """
 
 from __future__ import annotations
@@ -11,13 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.interface.airframe import ROTORS, Airframe
+from fcu.interface.airframe import Airframe, effect, shares
 from fcu.kernel.algebra import (
     Rotors,
     Vec3,
     clip,
     clip8,
     greatest,
+    inverse8,
     least,
     minimum,
     select,
@@ -32,17 +39,25 @@ class RotorParams(NamedTuple):
 
     x: Rotors  # positions forward of the centre of mass, m
     y: Rotors  # positions left of it, m
-    spin: Rotors  # +1 counter-clockwise from above, -1 clockwise
-    c_T: float  # thrust coefficient, N/(rad/s)^2
+    spin: Rotors  # +1 counter-clockwise from above, -1 clockwise, 0 absent
+    c_T: Rotors  # thrust coefficient, N/(rad/s)^2
     k_Q: float  # drag torque over thrust, m
-    Omega_max: float  # full speed, rad/s
-    f_min: float  # N, least thrust allocated to a rotor
-    f_max: float  # N, greatest thrust allocated to a rotor
+    Omega_max: Rotors  # full speed, rad/s
+    w: Rotors  # weight: share of a hover without torque over the greatest share; 0 absent
+    W: float  # sum of the weights: the number of rotors, where these are alike
+    f_min: float  # N, least thrust allocated to a rotor of weight 1
+    f_max: float  # N, greatest thrust allocated to a rotor of weight 1
+    safe: float  # 1: what does not fit is given up in order; 0: each rotor is cut by itself
     kappa: float  # speed command over wanted change of speed: h^-1 of (7)
     mean: float  # weight of the earlier sample in a tick's mean of speed or its square
-    B_x: Rotors  # thrusts for one N m about body x, N
+    B_x: Rotors  # thrusts over weights for one N m about body x, N
     B_y: Rotors  # about body y
     B_z: Rotors  # about body z
+
+    @property
+    def n(self) -> int:
+        """How many rotors there are."""
+        return sum(spin != 0.0 for spin in self.spin)
 
 
 def rotor_mean(h: float, lag: float) -> float:
@@ -57,13 +72,18 @@ def rotor_mean(h: float, lag: float) -> float:
 
 
 def believed_rotors(
-    believed: Airframe, h: float, lag: float, f_min: float, kappa: float
+    believed: Airframe, h: float, lag: float, f_min: float, kappa: float, safe: float = 1.0
 ) -> RotorParams:
-    """RotorParams of an airframe. h : control period, s.  lag : of the rotors, s."""
-    x, y, spin = (np.array(row) for row in (believed.x, believed.y, believed.spin))
-    effect = np.stack([np.ones(ROTORS), y, -x, -believed.k_Q * spin])
-    inverse = np.linalg.pinv(effect)  # so that torque does not change the total thrust
-    B_x, B_y, B_z = (Rotors(*inverse[:, i].tolist()) for i in (1, 2, 3))
+    """RotorParams of an airframe. h : control period, s.  lag : of the rotors, s.
+
+    f_min : N, of a rotor of weight 1.
+    """
+    w, n = shares(believed), believed.n
+    weights = np.array(w)[:n]
+    inverse = np.linalg.pinv(effect(believed) * weights)  # torque does not change total thrust
+    absent = [0.0] * (len(w) - n)
+    B_x, B_y, B_z = (Rotors(*inverse[:, i].tolist(), *absent) for i in (1, 2, 3))
+    full = [c_T * Omega**2 for c_T, Omega in zip(believed.c_T, believed.Omega_max, strict=True)]
     return RotorParams(
         x=believed.x,
         y=believed.y,
@@ -71,8 +91,11 @@ def believed_rotors(
         c_T=believed.c_T,
         k_Q=believed.k_Q,
         Omega_max=believed.Omega_max,
+        w=w,
+        W=float(weights.sum()),
         f_min=f_min,
-        f_max=believed.c_T * believed.Omega_max**2,
+        f_max=min(f / share for f, share in zip(full, w, strict=True) if share > 0.0),
+        safe=safe,
         kappa=kappa,
         mean=rotor_mean(h, lag),
         B_x=B_x,
@@ -110,6 +133,14 @@ class GaveUp(NamedTuple):
 @kernel
 def allocate(rotors, T, tau):
     """Rotor thrusts (N) for a total thrust (N) and torque (N m, B), and what was GaveUp."""
+    if rotors.safe > 0.5:
+        return safe_allocation(rotors, T, tau)
+    return plain_allocation(rotors, T, tau)
+
+
+@kernel
+def safe_allocation(rotors, T, tau):
+    """As `allocate`: roll and pitch first, then thrust, then yaw."""
     low, high = rotors.f_min, rotors.f_max
 
     # roll and pitch: scaled together, only if their spread alone does not fit
@@ -119,19 +150,48 @@ def allocate(rotors, T, tau):
     tilting = k_tilt * tilting
 
     # thrust: moved as little as it takes for roll and pitch to fit
-    share = T / ROTORS
+    share = T / rotors.W
     kept = clip(share, low - k_tilt * bottom, high - k_tilt * top)
-    f = Rotors(kept, kept, kept, kept, kept, kept, kept, kept) + tilting
+    g = alike(kept) + tilting
 
     # yaw: what room is left
     yawing = tau.z * rotors.B_z
-    k_yaw = minimum(1.0, room(f, yawing, low, high))
-    f = clip8(f + k_yaw * yawing, low, high)
+    k_yaw = minimum(1.0, room(g, yawing, low, high))
+    g = clip8(g + k_yaw * yawing, low, high)
 
     moved = abs(kept - clip(share, low, high)) > 1e-9
-    return f, GaveUp(
+    return rotors.w * g, GaveUp(
         torque=select((k_tilt < 1.0) or moved, 1.0, 0.0), yaw=select(k_yaw < 1.0, 1.0, 0.0)
     )  # departure 8
+
+
+@kernel
+def plain_allocation(rotors, T, tau):
+    """As `allocate`: the pseudo-inverse, then each rotor cut to its limits by itself.
+
+    GaveUp: whether a rotor was cut without the torque about yaw, and whether all of that is there.
+    """
+    low, high = rotors.f_min, rotors.f_max
+    g = alike(T / rotors.W) + tau.x * rotors.B_x + tau.y * rotors.B_y
+    yawing = tau.z * rotors.B_z
+    before, cut = clip8(g, low, high), clip8(g + yawing, low, high)
+    return rotors.w * cut, GaveUp(
+        torque=select(differs(rotors.w, before, g), 1.0, 0.0),
+        yaw=select(differs(rotors.w, cut - before, yawing), 1.0, 0.0),
+    )
+
+
+@kernel
+def alike(f):
+    """The same of every rotor."""
+    return Rotors(f, f, f, f, f, f, f, f)
+
+
+@kernel
+def differs(w, a, b):
+    """Whether a rotor that is there has another value in a than in b."""
+    off = w * (a - b)
+    return greatest(off) > 1e-9 or least(off) < -1e-9
 
 
 @kernel
@@ -161,9 +221,9 @@ def speed_command(rotors, thrusts, Omega):
     The lag is inverted: a first-order rotor told Omega + kappa (wanted - Omega) gets there
     kappa times sooner. h^-1 of (7).
     """
-    wanted = sqrt8((1.0 / rotors.c_T) * thrusts)
+    wanted = sqrt8(inverse8(rotors.c_T) * thrusts)
     command = Omega + rotors.kappa * (wanted - Omega)  # (7) departure 8
-    return clip8((1.0 / rotors.Omega_max) * command, 0.0, 1.0)
+    return clip8(inverse8(rotors.Omega_max) * command, 0.0, 1.0)
 
 
 @kernel

@@ -13,28 +13,39 @@ from typing import Any
 
 from fcu.interface import airframe as airframes
 from fcu.interface.airframe import Airframe, AirframeError
-from fcu.interface.parameter import Parameter, ParameterError, Value, blank, filled, flat, values
+from fcu.interface.parameter import (
+    Parameter,
+    ParameterError,
+    Value,
+    blank,
+    filled,
+    flat,
+    values,
+    with_field,
+)
 from fcu.interface.parameter import check as check_rows
 from fcu.kernel.buffers import field_type, fields
+from fcu.laws import actuation
 from fcu.laws.allocation import believed_rotors
 from fcu.laws.face import Limits, Pace
 from fcu.laws.mmrac import law as face
 from fcu.laws.mmrac.types import Params
 
-RESPONSE = 0.01  # s, what the inverted rotor lag is made to look like
 G = 9.81  # m/s^2
 MOST = 16  # characters in a name of MAVLink
 TAKEN = ("module", "guard")  # keys of [law] that are not the law's
 FILLED = ("h", "limits", "rotors")  # fields of Params that are no rows of the table
 
-PARAMETERS: tuple[Parameter, ...] = tuple(getattr(face, "PARAMETERS", ()))
+OWN: tuple[Parameter, ...] = tuple(getattr(face, "PARAMETERS", ()))
+SHARED = actuation.rows("CA_ROTOR_RESP")
+PARAMETERS: tuple[Parameter, ...] = (*OWN, *SHARED)
 
 
 def check_table() -> None:
     """Raise ParameterError for a table that no mission, or no ground station, could use."""
     names = [part.name for row in PARAMETERS for part in row.parts]
     keys = [row.key for row in PARAMETERS]
-    for row in PARAMETERS:
+    for row in OWN:
         where = f"PARAMETERS: {row.key or row.mavlink!r}"
         bad = [
             n for n in (part.name for part in row.parts) if not _is_name(n) or names.count(n) > 1
@@ -83,10 +94,14 @@ def law_params(
     """
     given = dict(flat(chosen or {}))
     if hasattr(face, "params"):
+        of_all = {row.key for row in SHARED}
+        own = {key: value for key, value in given.items() if key not in of_all}
         with _blamed("params"):
-            law = face.params(believed, airframe, rate_hz, given)
+            law = face.params(believed, airframe, rate_hz, own)
         if not isinstance(law, Params):
             raise ParameterError(f"{face.__file__}: params: expected Params, got {law!r}")
+        given = {key: value for key, value in given.items() if key in of_all}
+        law = filled(law, SHARED, values(SHARED, airframe, given))
     else:
         law = _from_the_table(believed, airframe, rate_hz, given)
     check(law)
@@ -109,10 +124,15 @@ def _from_the_table(
         T_max=float(table["thrust_max_n"]),
         phi_star=math.radians(table["tilt_max_deg"]),
     )
-    h, f_min = 1.0 / rate_hz, limits.T_min / len(believed.spin)
-    rotors = believed_rotors(believed, h, lag, f_min, kappa=max(1.0, lag / RESPONSE))
-    law: Any = blank(kind, h=h, limits=limits, rotors=rotors)
-    return filled(law, PARAMETERS, values(PARAMETERS, airframe, given))
+    value, h = values(PARAMETERS, airframe, given), 1.0 / rate_hz
+    rotors = believed_rotors(believed, h, lag, f_min=math.nan, kappa=math.nan)
+    law = filled(
+        blank(kind, h=h, limits=limits, rotors=rotors._replace(f_min=limits.T_min / rotors.W)),
+        PARAMETERS,
+        value,
+    )
+    (response,) = value["rotor_response_s"]
+    return with_field(law, "rotors.kappa", actuation.kappa(lag, response))
 
 
 def pace(law: Any) -> Pace:

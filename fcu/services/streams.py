@@ -183,8 +183,8 @@ class View:
     @cached_property
     def throttle(self) -> float:
         """Achieved total thrust over full thrust, 0 to 1, by the believed coefficient."""
-        Omega = self.measured.Omega
-        T: float = self.law.rotors.c_T * sum(float(w) * float(w) for w in Omega)
+        Omega, c_T = self.measured.Omega, self.law.rotors.c_T
+        T: float = sum(float(c) * float(w) * float(w) for c, w in zip(c_T, Omega, strict=True))
         T_max: float = self.law.limits.T_max
         return T / T_max
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.interface.messages import Setpoint, VehicleState
-from fcu.kernel.algebra import Vec3, dot, hypot, maximum, norm, select
+from fcu.kernel.algebra import Rotors, Vec3, dot, hypot, maximum, norm, select, total
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of
@@ -79,14 +79,10 @@ _unpack_touchdown, _pack_touchdown = unpacker(TouchdownState), packer(TouchdownS
 def stands(was, c_T, measured, t_us):
     """The LandedState after a look at a VehicleState, some 50 times a second.
 
-    c_T : believed thrust coefficient, N s^2.  t_us : simulation time, us, a float.
+    c_T : believed thrust coefficients, N s^2, a Rotors.  t_us : simulation time, us, a float.
     """
     Omega, v, height = measured.Omega, measured.v_E, measured.r_E.z
-    squares = Omega * Omega
-    T = c_T * (
-        squares.r1 + squares.r2 + squares.r3 + squares.r4
-        + squares.r5 + squares.r6 + squares.r7 + squares.r8
-    )  # fmt: skip
+    T = total(c_T * (Omega * Omega))
     still = dot(v, v) < STANDS * STANDS
     carried = LIGHT * was.T_flight < T  # by its rotors
     T_flight, since_us, stood_at = was.T_flight, was.since_us, was.stood_at
@@ -131,8 +127,8 @@ def _see_landed(buffer, c_T, row, t_us):
 class LandedDetector:
     """Whether it stands on the ground. Unknown (taken for landed) until the first state was seen."""
 
-    def __init__(self, c_T: float, T_first: float, buffer: Row | None = None) -> None:
-        """`c_T`: believed thrust coefficient. `T_first`: thrust (N) expected in flight before one.
+    def __init__(self, c_T: Rotors, T_first: float, buffer: Row | None = None) -> None:
+        """`c_T`: believed thrust coefficients. `T_first`: thrust (N) expected in flight before one.
 
         `buffer`: float64[size(LandedState)], to remember in.
         """

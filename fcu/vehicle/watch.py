@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcu.interface.messages import Setpoint, VehicleState
-from fcu.kernel.algebra import minimum
+from fcu.kernel.algebra import Rotors, minimum
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.mmrac.reference_model import carried
@@ -41,7 +41,7 @@ class Given(NamedTuple):
     asked: Setpoint  # by the script
     asked_us: float  # when that took effect
     limits: PlanLimits
-    c_T: float  # thrust coefficient, N s^2, believed
+    c_T: Rotors  # thrust coefficients, N s^2, believed
     anywhere_us: float  # as in `landing.touches`
 
 
@@ -108,7 +108,7 @@ def warm_up(limits: PlanLimits) -> None:
     """Compile what looks call one by one; what flies in bursts compiles `quiet_look` in itself."""
     measured, asked = np.zeros(size(VehicleState)), at(STILL, 0.0)
     pose = pose_at(measured)
-    LandedDetector(1.0, 1.0).see(measured, 0)
+    LandedDetector(Rotors(*[1.0] * 8), 1.0).see(measured, 0)
     TouchdownDetector().see(asked, pose, 0.0, 0)
     landing.approach_at(0, to_buffer(asked), 0.0, measured, 0.0, to_buffer(limits))
     landing.raised(asked, pose, 0.0)

@@ -21,6 +21,7 @@ from pydantic import BaseModel, ValidationError
 
 from fcu.interface import input_file
 from fcu.interface.input_file import TomlError
+from fcu.interface.toml_lines import KeyPath, lines, nearest
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from gcs_tools.judging.metrics import RENAMED
@@ -28,7 +29,6 @@ from gcs_tools.missions import items
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.tables import Document, Plant, Wind, document
-from gcs_tools.missions.toml_lines import KeyPath, lines, nearest
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [

@@ -1,8 +1,8 @@
 """The tables of a mission file, as frozen models: what may be written, in which unit and range.
 
 A key's unit is in its name where it is not obvious. Frames: Earth East-North-Up, body
-Forward-Left-Up. A key left out of [law] or [plant] is the law's own default, or the truth of
-sitl_plant/truth.toml.
+Forward-Left-Up. A key left out of [law] or [plant] is the law's own default, or what is true of the
+airframe.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class Noise(Table):
 
 
 class Plant(Table):
-    """How the truth differs from sitl_plant/truth.toml, and what the plant reports of it."""
+    """How the truth differs from that of the airframe, and what the plant reports of it."""
 
     mass_kg: Positive | None = optional("kg")
     inertia_kg_m2: Positives | None = optional("principal moments, body axes")

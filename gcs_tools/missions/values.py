@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
-from fcu.interface.airframe import OCTO, load
+from fcu.interface.airframe import OCTO, load, read
 from fcu.interface.parameter import default
+from fcu.interface.toml_lines import KeyPath
 from gcs_tools.missions.mission import Mission, Value
-from gcs_tools.missions.toml_lines import KeyPath
+from sitl_plant.physics.truth import truth
 
 
 def values_in_force(mission: Mission) -> dict[str, Value]:
@@ -63,13 +62,11 @@ def _of_law(mission: Mission) -> dict[KeyPath, Value]:
 
 
 def _true() -> dict[KeyPath, Value]:
-    tables = load(Path(str(files("sitl_plant") / "truth.toml")))
+    true = truth(read(OCTO))
     given: dict[KeyPath, Value] = {
-        ("plant", name): Value(v, "truth.toml") for name, v in tables["vehicle"].items()
+        ("plant", name): Value(v, true.origins["vehicle", name]) for name, v in true.vehicle.items()
     }
-    given["plant", "rotor_lag_s"] = Value(load(OCTO)["rotors"]["lag_s"], OCTO.name)
-    if "lag_s" in tables["rotors"]:
-        given["plant", "rotor_lag_s"] = Value(tables["rotors"]["lag_s"], "truth.toml")
+    given["plant", "rotor_lag_s"] = Value(true.rotors["lag_s"], true.origins["rotors", "lag_s"])
     return given
 
 

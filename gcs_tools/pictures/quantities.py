@@ -38,7 +38,7 @@ class Limits(NamedTuple):
     T_min: float
     T_max: float
     phi_star: float  # of roll and of pitch
-    Omega_max: float
+    Omega_max: float  # of the fastest rotor
     gravity: float  # that s_v_hat has to find: none, but for the prediction as printed
 
     @classmethod
@@ -50,7 +50,7 @@ class Limits(NamedTuple):
 
         return cls(
             T_min=told("limits.T_min"), T_max=told("limits.T_max"),
-            phi_star=told("limits.phi_star"), Omega_max=told("rotors.Omega_max"),
+            phi_star=told("limits.phi_star"), Omega_max=fastest(params),
             gravity=told("g") if told("achieved") < 0.5 else 0.0,
         )  # fmt: skip
 
@@ -61,8 +61,23 @@ class Limits(NamedTuple):
         limits = tables["limits"]
         return cls(
             float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
-            math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max, 0.0,
+            math.radians(float(limits["tilt_max_deg"])), max(rotors.Omega_max), 0.0,
         )  # fmt: skip
+
+
+def of_rotor(params: Mapping[str, float], name: str) -> tuple[float, ...]:
+    """A parameter of each of the rotors there are, by name; of an older recording, of all the same.
+
+    Nothing, of a law that does not tell its rotors.
+    """
+    there = [r for r in ROTORS if params.get(f"law.rotors.spin.{r}", 0.0) != 0.0]
+    one = params.get(f"law.rotors.{name}", math.nan)
+    return tuple(params.get(f"law.rotors.{name}.{r}", one) for r in there)
+
+
+def fastest(params: Mapping[str, float]) -> float:
+    """Full speed (rad/s) of the fastest rotor that is believed to be there."""
+    return max(of_rotor(params, "Omega_max"), default=math.nan)
 
 
 Ends = tuple[()] | tuple[float, float]  # the least and the greatest, of what has limits

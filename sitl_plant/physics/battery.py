@@ -41,7 +41,7 @@ class BatteryState(NamedTuple):
 @kernel
 def power(params, airframe, Omega, left):
     """Electrical power (W) at rotor speeds Omega (rad/s); `left`: remaining effectiveness."""
-    blades = (airframe.k_Q * airframe.c_T) * total(left * (Omega * Omega * Omega))
+    blades = airframe.k_Q * total(airframe.c_T * left * (Omega * Omega * Omega))
     return blades / params.efficiency + params.avionics
 
 

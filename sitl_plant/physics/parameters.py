@@ -1,25 +1,23 @@
-"""Builds PlantParams from truth.toml and the [plant] and [wind] tables of a mission."""
+"""Builds PlantParams from what is true of a vehicle, and the [plant] and [wind] tables of a mission."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from fcu.interface.airframe import ROTORS, airframe, load
+from fcu.interface.airframe import ROTORS, AirframeError, airframe, shares
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.rotations import from_euler
 from sitl_plant.physics.battery import BatteryParams
+from sitl_plant.physics.truth import Truth
 from sitl_plant.physics.types import GroundParams, PlantParams, WindParams
 from sitl_plant.physics.wind.field import Phases, phases
 
 G = 9.81  # m/s^2
 NEVER = 1e18  # s: time of an event that does not happen (finite, so that JSON can hold it)
 STEP = 0.001  # s: the longest integration step
-
-TRUTH = Path(__file__).resolve().parents[1] / "truth.toml"
 
 
 def _vec(row: Any) -> Vec3:
@@ -54,41 +52,44 @@ def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
 
 
 def _chosen_battery(plant: Mapping[str, Any]) -> dict[str, Any]:
-    """Battery settings of a mission's [plant] table, with the keys of [battery] in truth.toml."""
+    """Battery settings of a mission's [plant] table, with the keys of a truth's [battery]."""
     keys = {"battery_ah": "capacity_ah", "battery_remaining": "remaining"}
     return {key: plant[of] for of, key in keys.items() if plant.get(of) is not None}
 
 
 def plant_params(
-    believed_rotors: Mapping[str, Any],
+    truth: Truth,
     rate_hz: float,
     plant: Mapping[str, Any] | None = None,
     wind: Mapping[str, Any] | None = None,
     ground_z_m: float = 0.0,
     arena_m: float = 1000.0,
-    truth: Path = TRUTH,
 ) -> PlantParams:
     """PlantParams for a control rate.
 
-    believed_rotors : the `[rotors]` table of the controller's airframe file; `truth` overrides it.
     plant, wind : tables of a mission; they override `truth`.  Raises AirframeError.
     """
-    tables, plant = load(truth), plant or {}
-    vehicle = {**tables["vehicle"], **{k: v for k, v in plant.items() if v is not None}}
-    rotors = {**believed_rotors, **tables.get("rotors", {})}
+    plant = plant or {}
+    vehicle = {**truth.vehicle, **{k: v for k, v in plant.items() if v is not None}}
+    rotors = dict(truth.rotors)
     if plant.get("rotor_lag_s") is not None:
         rotors["lag_s"] = plant["rotor_lag_s"]
-    true = airframe(rotors, str(truth))
+    true = airframe(rotors, truth.source)
 
     loss_time, left = [NEVER] * ROTORS, [1.0] * ROTORS
-    for loss in plant.get("rotor_loss") or ():
+    for i, loss in enumerate(plant.get("rotor_loss") or ()):
+        if not 1 <= loss["rotor"] <= true.n:
+            raise AirframeError(
+                f"[plant] rotor_loss[{i}].rotor: expected 1 to {true.n}, the rotors of this airframe,"
+                f" got {loss['rotor']}"
+            )
         loss_time[loss["rotor"] - 1] = float(loss["at_s"])
         left[loss["rotor"] - 1] = float(loss["effectiveness"])
 
     h = 1.0 / (rate_hz * steps_per_tick(rate_hz))
     lag = true.rotor_lag
     change = plant.get("mass_change") or {}
-    ground, battery = tables["ground"], {**tables["battery"], **_chosen_battery(plant)}
+    ground, battery = truth.ground, {**truth.battery, **_chosen_battery(plant)}
     return PlantParams(
         h=h,
         g=G,
@@ -134,16 +135,21 @@ def start_state(params: PlantParams, start: Mapping[str, Any] | None = None) -> 
     start = start or {}
     x, y, z = (float(v) for v in start.get("position_m", (0.0, 0.0, 0.0)))
     weight = params.m * params.g
-    Omega = math.sqrt(weight / ROTORS / params.airframe.c_T)
+    share = shares(params.airframe)
+    whole = sum(share)
+    Omega = [
+        math.sqrt(weight * w / whole / c_T) if w > 0.0 else 0.0
+        for w, c_T in zip(share, params.airframe.c_T, strict=True)
+    ]
     ground = params.ground
     if start.get("on_ground"):
         z = ground.z + ground.gear - weight / ground.stiffness
-        Omega = 0.0
+        Omega = [0.0] * ROTORS
     q: Quat = from_euler(0.0, 0.0, math.radians(float(start.get("yaw_deg", 0.0))))
     return VehicleState(
         r_E=Vec3(x, y, z),
         v_E=_vec(start.get("velocity_m_s", (0.0, 0.0, 0.0))),
         q_EB=q,
         w_B=Vec3(0.0, 0.0, 0.0),
-        Omega=Rotors(*[Omega] * ROTORS),
+        Omega=Rotors(*Omega),
     )

@@ -8,14 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface.airframe import load
+from fcu.interface.airframe import AirframeFile, read
 from fcu.interface.messages import VehicleState
-from sitl_plant.physics.parameters import TRUTH, plant_params, start_state, steps_per_tick
+from sitl_plant.physics.parameters import plant_params, start_state, steps_per_tick
+from sitl_plant.physics.truth import truth
 from sitl_plant.physics.types import PlantParams
-
-BELIEVED = (
-    TRUTH.parents[1] / "fcu" / "airframes" / "s1000.toml"
-)  # truth.toml lists differences from this file
 
 
 class Noise(NamedTuple):
@@ -56,13 +53,16 @@ def world(
     start: Mapping[str, Any] | None = None,
     ground_z_m: float = 0.0,
     arena_m: float = 1000.0,
+    airframe: AirframeFile | None = None,
 ) -> World:
-    """A World from the tables of a mission (default: an S1000 on the ground in still air).
+    """A World from the tables of a mission (default: on the ground in still air).
+
+    airframe : what is believed of the vehicle, by which its truth is found; None: an S1000.
 
     Raises AirframeError.
     """
     plant = plant or {}
-    params = plant_params(load(BELIEVED)["rotors"], rate_hz, plant, wind, ground_z_m, arena_m)
+    params = plant_params(truth(airframe or read()), rate_hz, plant, wind, ground_z_m, arena_m)
     noise = plant.get("noise") or {}
     return World(
         params=params,

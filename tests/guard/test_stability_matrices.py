@@ -13,6 +13,7 @@ import fcu
 from fcu.guard import guard
 from fcu.guard.stability import CHANNELS, INERTIA, INPUTS, MASS, OFF, fade, rotor_lag
 from fcu.interface.airframe import load as airframe_file
+from fcu.interface.airframe import read
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import from_buffer, size, to_buffer
@@ -25,6 +26,7 @@ from fcu.tick import tick as law_tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.parameters import plant_params, steps_per_tick
+from sitl_plant.physics.truth import truth
 from tests.laws.values import with_fields
 
 OCTO = airframe_file(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
@@ -259,7 +261,7 @@ def is_linearised(settings_of, channel, chosen, off, ticks=0):
     settings, rate_hz = settings_of(guard="warn", **chosen), 500.0
     params, of, to = settings.law, *WAYS[channel]
     plant = to_buffer(plant_params(
-        OCTO["rotors"], rate_hz,
+        truth(read()), rate_hz,
         {"rotor_lag_s": rotor_lag(params), "drag": [0.0] * 3, "drag_torque": [0.0] * 3},
         ground_z_m=-1e4,
     ))  # fmt: skip

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import fcu
-from fcu.interface.airframe import load
+from fcu.interface.airframe import read
 from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rows import view
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params
+from sitl_plant.physics.truth import truth
 from sitl_plant.physics.types import PlantParams, PlantRecord
 
-BELIEVED = load(Path(fcu.__file__).with_name("airframes") / "s1000.toml")["rotors"]
+TRUTH = truth(read())
 
 
 @pytest.fixture(scope="session")
@@ -29,7 +28,7 @@ def plant() -> Callable[..., PlantParams]:
     def build(
         wind: Any = None, ground_z_m: float = -1e5, arena_m: float = 1e6, **differs: Any
     ) -> PlantParams:
-        return plant_params(BELIEVED, 1000.0, differs, wind, ground_z_m, arena_m)
+        return plant_params(TRUTH, 1000.0, differs, wind, ground_z_m, arena_m)
 
     return build
 

@@ -13,7 +13,7 @@ import pytest
 
 import fcu
 from fcu import tick as control
-from fcu.interface.airframe import airframe, load
+from fcu.interface.airframe import airframe, load, read
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size, to_buffer
@@ -22,6 +22,7 @@ from fcu.settings import settings
 from fcu.tick import Remembered, Tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params, start_state, steps_per_tick
+from sitl_plant.physics.truth import truth
 from tests.patience import PATIENCE_S
 
 ROOT = Path(fcu.__file__).parents[1]
@@ -40,7 +41,7 @@ def inputs(rate_hz, lag, **law):
     """Law, plant, and start, in the paper's wind from r = 0 with the ground far below."""
     believed = airframe(OCTO["rotors"])
     params = plant_params(
-        OCTO["rotors"], rate_hz, {"rotor_lag_s": lag}, WIND, ground_z_m=-1e4, arena_m=1e4
+        truth(read()), rate_hz, {"rotor_lag_s": lag}, WIND, ground_z_m=-1e4, arena_m=1e4
     )
     told = settings(believed, OCTO, rate_hz, {"rotor_lag_s": lag, **law})
     return [to_buffer(value) for value in (told, params, start_state(params))]

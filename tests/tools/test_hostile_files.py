@@ -17,12 +17,12 @@ from mcap.writer import CompressionType, Writer
 
 from fcu.interface import input_file
 from fcu.interface.airframe import believed
+from fcu.interface.toml_lines import lines
 from fcu.laws.loader import LawError
 from fcu.laws.loader import load as load_law
 from fcu.parameters import Parameters, ParamsFileError
 from fcu.settings import settings
 from gcs_tools.missions.mission import MissionError, load
-from gcs_tools.missions.toml_lines import lines
 from gcs_tools.recording import records
 from gcs_tools.recording.reader import RecordingError, read
 from gcs_tools.recording.repair import recover

@@ -23,7 +23,7 @@ def state(z, thrust, v=STILL):
 
 @pytest.fixture
 def detector():
-    return LandedDetector(C_T, 49.0)
+    return LandedDetector(Rotors(*[C_T] * 8), 49.0)
 
 
 def looks(detector, n, *what, since_us=0):
@@ -33,7 +33,7 @@ def looks(detector, n, *what, since_us=0):
 def test_it_starts_where_it_stands_or_flies(detector):
     assert detector.see(state(0.3, 0.0), 0)
     assert not detector.has_flown
-    flying = LandedDetector(C_T, 49.0)
+    flying = LandedDetector(Rotors(*[C_T] * 8), 49.0)
     assert not flying.see(state(20.0, WEIGHT), 0)
     assert flying.has_flown
 
@@ -43,7 +43,7 @@ def test_the_ground_is_where_it_has_stood_not_where_it_falls(detector):
         t = k * LOOK_US * 1e-6
         detector.see(state(20.0 - 4.9 * t * t, 0.0, Vec3(0.0, 0.0, -9.8 * t)), k * LOOK_US)
     assert math.isnan(detector.ground)
-    standing = LandedDetector(C_T, 49.0)
+    standing = LandedDetector(Rotors(*[C_T] * 8), 49.0)
     looks(standing, 6, 0.3, 0.0)
     assert standing.ground == 0.3
 

@@ -23,7 +23,8 @@ from fcu.interface.parameter import (
     with_field,
 )
 from fcu.interface.parameter import check as check_rows
-from fcu.laws.allocation import believed_rotors, rotor_mean
+from fcu.laws import actuation
+from fcu.laws.allocation import believed_rotors
 from fcu.laws.face import Pace
 from fcu.laws.mmrac.types import Params
 
@@ -83,33 +84,8 @@ def _put_prediction(law: Params, achieved: float) -> Params:
     return law._replace(achieved=achieved)
 
 
-def rotor_lag(law: Params) -> float:
-    """The lag (s) that a rotor is believed to have: the inverse of `rotor_mean`.
-
-    A lag beyond 10 000 periods reads as that.
-    """
-    weight = law.rotors.mean
-    if weight <= 0.0:
-        return 0.0
-    low, high = 0.0, 1e4 * law.h
-    while low < (middle := 0.5 * (low + high)) < high:
-        if rotor_mean(law.h, middle) < weight:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
-RESPONSE = 0.01  # s
-
-
-def _get_response(law: Params) -> float:
-    lag, kappa = rotor_lag(law), law.rotors.kappa
-    return lag / kappa if kappa > 1.0 else max(lag, RESPONSE)
-
-
 def _put_least_thrust(law: Params, T_min: float) -> Params:
-    f_min = T_min / len(law.rotors.spin)
+    f_min = T_min / law.rotors.W
     return law._replace(
         limits=law.limits._replace(T_min=T_min), rotors=law.rotors._replace(f_min=f_min)
     )
@@ -121,9 +97,6 @@ LEAST_THRUST = Conversion(lambda law: law.limits.T_min, _put_least_thrust)
 TILT = Conversion(
     lambda law: math.degrees(law.limits.phi_star),
     lambda law, degrees: with_field(law, "limits.phi_star", math.radians(degrees)),
-)
-ROTOR_RESPONSE = Conversion(
-    _get_response, lambda law, s: with_field(law, "rotors.kappa", max(1.0, rotor_lag(law) / s))
 )
 RATE = Conversion(lambda law: 1.0 / law.h, lambda law, rate_hz: law._replace(h=1.0 / rate_hz))
 
@@ -190,7 +163,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         P("trim_rate", "MR_TRIM_RATE", 3.0, 0.0, 20.0, "1/s", "rate of the trim of thrust"),
         P("trim_max", "MR_TRIM_MAX", 30.0, 0.0, 100.0, "N", "limit of that trim"),
         P("rotor_lag_s", "", None, 0.0, 10.0, "s", "believed lag of the rotors' speed", (), airframe="rotors.lag_s"),
-        P("rotor_response_s", "MR_ROTOR_RESP", RESPONSE, 0.0001, 1.0, "s", "what the rotors' lag is made to look like", "rotors.kappa", ROTOR_RESPONSE),
+        *actuation.rows("MR_ROTOR_RESP"),
     ),
     # Sets that hold every S1000 (6 to 11 kg take-off mass) with room; inertia after J_hat_0
     *group(
@@ -239,7 +212,7 @@ def law_params(
     h, (lag,), (response,) = 1.0 / rate_hz, value["rotor_lag_s"], value["rotor_response_s"]
     rotors = believed_rotors(believed, h, lag, f_min=math.nan, kappa=math.nan)  # both below
     law = filled(blank(Params, h=h, g=G, rotors=rotors), PARAMETERS, value)
-    law = with_field(law, "rotors.kappa", max(1.0, lag / response))
+    law = with_field(law, "rotors.kappa", actuation.kappa(lag, response))
     if not law.achieved:
         law = with_field(law, "initial.J_hat_0", 0.0)  # whatever was chosen
     check(law)

@@ -9,7 +9,6 @@ import numpy as np
 
 from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
 from fcu.guard.parameters import REFUSE
-from fcu.interface.airframe import ROTORS
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
 from fcu.tick import Tick
@@ -116,14 +115,16 @@ def room(scene: Scenario, rows: Rows) -> Rows:
     Below zero the allocation has moved it, or has given up torque (`allocation.allocate`).
     """
     rotors, n = scene.law.rotors, len(rows)
-    share = (column(Tick, rows, "outputs.T_c") + column(Tick, rows, "state.memory.T_trim")) / ROTORS
+    share = (
+        column(Tick, rows, "outputs.T_c") + column(Tick, rows, "state.memory.T_trim")
+    ) / rotors.W
     tau = column(Tick, rows, "internals.demand.tau_d")
     spread = np.outer(tau[:, 0], np.array(rotors.B_x)) + np.outer(tau[:, 1], np.array(rotors.B_y))
     if n == 0:
         return np.zeros(0)
     low = share + spread.min(axis=1) - rotors.f_min
     high = rotors.f_max - share - spread.max(axis=1)
-    return np.asarray(ROTORS * np.minimum(low, high))
+    return np.asarray(rotors.W * np.minimum(low, high))
 
 
 def limits(scene: Scenario, rows: Rows) -> Limits:
