@@ -47,12 +47,14 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     help="Control rate, Hz.",
 )
 @click.option("--law", "law_name", metavar="NAME|FILE.py", default="mmrac", show_default=True, help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
-@click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON; replaces s1000.toml and --rate.")  # fmt: skip
+@options.AIRFRAME
+@click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON; replaces the airframe's defaults and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="Autopilot type to report. Both use PX4's mode numbers.")  # fmt: skip
 @click.option("--origin", callback=_origin, default=",".join(map(str, options.ORIGIN)), show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
 @click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
 @click.option("--law-sha256", help="Refuse a law of other sources.", hidden=True)
+@click.option("--airframe-sha256", help="Refuse an airframe file of another text.", hidden=True)
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
@@ -60,12 +62,14 @@ def main(
     instance: int | None,
     rate_hz: float,
     law_name: str,
+    airframe: str | None,
     handover: Path | None,
     autopilot: str,
     origin: tuple[float, float, float],
     link_clock: str,
     params_file: Path | None,
     law_sha256: str | None,
+    airframe_sha256: str | None,
     record_fd: int | None,
     lifeline_fd: int | None,
     drop: bool,
@@ -78,7 +82,7 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
-    from fcu.configuration import ConfigurationError, read_drag, read_settings
+    from fcu.configuration import ConfigurationError, read_airframe, read_settings
     from fcu.interface.link import PortBusy
     from fcu.interface.parameter import ParameterError
     from fcu.interface.publisher_feed import PublisherFeed
@@ -98,10 +102,13 @@ def main(
         law = loader.load(law_name)
         if law_sha256 not in (None, law.digest):
             raise loader.LawError(f"{law_name}: has changed since it was loaded for this flight")
-        settings = read_settings(law, handover, rate_hz)
-        params = Parameters(settings, ports(number).system_id, params_file, law)
+        vehicle = read_airframe(law, airframe)
+        if airframe_sha256 not in (None, vehicle.sha256):
+            raise ConfigurationError(f"{airframe}: has changed since it was read for this flight")
+        settings = read_settings(law, handover, rate_hz, vehicle)
+        params = Parameters(settings, ports(number).system_id, params_file, law, vehicle)
         shown_as = Autopilot[autopilot.upper()]
-        identity = Identity(ports(number).system_id, shown_as, Origin(*origin), read_drag())
+        identity = Identity(ports(number).system_id, shown_as, Origin(*origin), vehicle.drag)
         batch = BATCH if drop else FULL_SPEED_BATCH
         tape = RecorderPipe(row_width(law), record_fd, wait=not drop, batch=batch)
         reporter = Reporter(law, tape, PublisherFeed(number, "fcu", law.identity), identity.drag)
@@ -142,7 +149,7 @@ def load(law: Law) -> None:
 
     A loop is made, on ports of its own, and stopped before it has begun.
     """
-    from fcu.configuration import read_drag, read_settings
+    from fcu.configuration import read_airframe, read_settings
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.loop import Loop
@@ -152,8 +159,9 @@ def load(law: Law) -> None:
     from fcu.reporting import Reporter, row_width
     from fcu.services.streams import Identity
 
-    identity = Identity(1, Autopilot.PX4, Origin(0.0, 0.0, 0.0), read_drag())
-    params = Parameters(read_settings(law, None, 500.0), 1, None, law)
+    vehicle = read_airframe(law)
+    identity = Identity(1, Autopilot.PX4, Origin(0.0, 0.0, 0.0), vehicle.drag)
+    params = Parameters(read_settings(law, None, 500.0, vehicle), 1, None, law, vehicle)
     tape, feed = RecorderPipe(row_width(law)), PublisherFeed(0, "fcu", law.identity)
     loop = Loop(ANY_PORTS, identity, params, Reporter(law, tape, feed, identity.drag), None)
     loop.warm_up()

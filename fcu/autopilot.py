@@ -109,7 +109,7 @@ class Autopilot:
         self._write = write
         self._law = params.flown
         self.reporter = reporter
-        self.codec = PlantCodec(ports.system_id)
+        self.codec = PlantCodec(ports.system_id, rotors=params.law.rotors.n)
         self.vehicle = StateMachine(params, sim_only)
         self._sim_only = sim_only
         self.ground: Station = Station(

@@ -1,14 +1,16 @@
-"""What the flight controller is started with: s1000.toml, or Settings somebody has prepared."""
+"""What the flight controller is started with: an airframe file, or Settings somebody has prepared."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fcu.interface.airframe import OCTO, AirframeError, believed, believed_drag
+from fcu.interface import airframe as airframes
+from fcu.interface.airframe import LAW, PINNED, AirframeError, AirframeFile, meant
 from fcu.interface.handover import HandoverError, load
-from fcu.interface.parameter import ParameterError
-from fcu.kernel.algebra import Vec3
+from fcu.interface.parameter import ParameterError, flat
+from fcu.interface.toml_lines import nearest
 from fcu.laws.loader import Law
 
 
@@ -16,22 +18,62 @@ class ConfigurationError(ValueError):
     """A file or a value that the controller cannot fly: which, and what was expected."""
 
 
-def read_drag(path: Path = OCTO) -> Vec3:
-    """Believed drag coefficients, N/(m/s)^2, body axes. Raises ConfigurationError."""
+def read_airframe(
+    law: Law, name_or_file: str | None = None, folder: Path | None = None
+) -> AirframeFile:
+    """An airframe, with what its file pins for a law; None: an S1000. Raises ConfigurationError.
+
+    name_or_file : of a shipped one, or a file relative to `folder` or the working directory.
+    """
     try:
-        return believed_drag(path)
+        path = airframes.OCTO if name_or_file is None else airframes.find(name_or_file, folder)
+        return pinned(airframes.read(path), law)
     except AirframeError as error:
         raise ConfigurationError(str(error)) from error
 
 
-def read_settings(law: Law, path: Path | None, rate_hz: float) -> Any:
-    """Settings of a law, from a file, or of s1000.toml at a control rate (Hz).
+def pinned(file: AirframeFile, law: Law) -> AirframeFile:
+    """An airframe file with what its [law.NAME] pins for the law of that name.
 
-    Raises ConfigurationError.
+    Raises AirframeError for a parameter that the law does not have, or a value that it cannot have.
+    """
+    laws = file.tables.get(LAW, {})
+    said = laws.get(law.name, {})
+
+    def where(*at: str) -> str:
+        line = nearest(file.lines, (LAW, law.name, *at))
+        return f"{file.path}:{line}: [law.{law.name}]" if line else f"{file.path}: [law.{law.name}]"
+
+    for name, table in laws.items():
+        if not isinstance(table, dict):
+            line = nearest(file.lines, (LAW, name))
+            raise AirframeError(
+                f"{file.path}:{line}: [law] {name}: expected a table [law.NAME] of a law's parameters"
+            )
+    rows = {row.key: row for row in law.settings.PARAMETERS if row.key}
+    values = dict(flat(said))
+    for key, value in values.items():
+        at = where(*key.split("."))
+        if key not in rows:
+            raise AirframeError(f"{at} {key}: no such law parameter{meant(key, tuple(rows), 1)}")
+        try:
+            rows[key].numbers(value)
+        except ParameterError as error:
+            raise AirframeError(f"{at} {error}") from error
+    return replace(file, tables={**file.tables, PINNED: values})
+
+
+def read_settings(
+    law: Law, path: Path | None, rate_hz: float, airframe: AirframeFile | None = None
+) -> Any:
+    """Settings of a law, from a file, or of an airframe at a control rate (Hz).
+
+    `airframe`: None: an S1000. Raises ConfigurationError.
     """
     try:
         if path is None:
-            return law.settings.settings(*believed(), rate_hz)
+            file = airframe or read_airframe(law)
+            return law.settings.settings(file.rotors, file.tables, rate_hz)
         handed = load(path, law.settings.Settings)
         law.settings.check(handed)
         return handed

@@ -22,10 +22,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.configuration import read_airframe
 from fcu.guard import stability
 from fcu.guard.types import GuardParams
 from fcu.interface import input_file
-from fcu.interface.airframe import OCTO, load
+from fcu.interface.airframe import AirframeFile
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
 from fcu.kernel.buffers import fields
 from fcu.laws import loader
@@ -212,18 +213,18 @@ class Parameters:
         system_id: int,
         file: Path | None = None,
         flown: Law | None = None,
-        airframe: Path = OCTO,
+        airframe: AirframeFile | None = None,
     ) -> None:
         """`file`: read now, if it is there; its folder must be. Raises ParamsFileError.
 
-        `flown`: the law that they are of; None: that of the paper. Raises ParameterError if one of
-        its names is the vehicle's.
+        `flown`: the law that they are of; None: that of the paper.  `airframe`: with what it pins for
+        that law; None: an S1000. Raises ParameterError if one of the law's names is the vehicle's.
         """
         self.flown = flown = flown or loader.load()
         self._module = flown.settings
         # which values go together is known of the law of the paper alone
         self._rule = stability if fields(self._module.Settings)["law"] is Params else None
-        tables = load(airframe)
+        tables = (airframe or read_airframe(flown)).tables
         self._of_law = entries(self._module.PARAMETERS, tables)  # in the order of `put`
         of_vehicle = entries(VEHICLE, tables)
         if both := of_vehicle.keys() & self._of_law.keys():

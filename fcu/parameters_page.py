@@ -12,8 +12,9 @@ from typing import Any
 
 import click
 
-from fcu.interface.airframe import OCTO, load
+from fcu.configuration import read_airframe
 from fcu.interface.parameter import Parameter, default
+from fcu.laws import loader
 from fcu.parameters import VEHICLE, entries
 from fcu.settings import PARAMETERS
 
@@ -29,7 +30,7 @@ TITLES = "\n## {}\n\n| `[law]` | MAVLink | default | may be | |\n|---|---|---|--
 
 def page(law: Iterable[Parameter] = PARAMETERS) -> str:
     """The text of the page, for the default airframe; `law`: the table of a law."""
-    airframe = load(OCTO)
+    airframe = read_airframe(loader.load()).tables
     text, of = HEAD, ""
     for row in (*law, *VEHICLE):
         text += TITLES.format(row.group) if row.group != of else ""

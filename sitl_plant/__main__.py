@@ -21,7 +21,8 @@ except KeyboardInterrupt:
 )
 @click.version_option(package_name="m-mrac")
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Instance number (default: first free).")  # fmt: skip
-@click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes the world (default: an S1000 on the ground in still air).")  # fmt: skip
+@click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes vehicle and world (default: the airframe on the ground in still air).")  # fmt: skip
+@options.AIRFRAME
 @click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate in Hz; ignored with --world.")  # fmt: skip
 @click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds per wall-clock second, or max.")  # fmt: skip
 @click.option("--stay/--end", default=False, show_default=True, help="After a crash: hold time until a reset, or end.")  # fmt: skip
@@ -32,6 +33,7 @@ except KeyboardInterrupt:
 def main(
     instance: int | None,
     world_file: Path | None,
+    airframe: str | None,
     rate_hz: float,
     speed: float | None,
     stay: bool,
@@ -40,7 +42,7 @@ def main(
     lifeline_fd: int | None,
     drop: bool,
 ) -> None:
-    """Simulate the octocopter: send its state to a flight controller by UDP, apply the reply.
+    """Simulate a vehicle: send its state to a flight controller by UDP, apply the reply.
 
     This process owns simulation time and waits for the controller at every tick, so the
     flight is the same at any speed. Start the controller (`fcu`) before or after it.
@@ -48,7 +50,7 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # a signal ends it at once until the flight
 
-    from fcu.interface.airframe import AirframeError
+    from fcu.interface.airframe import AirframeError, find, read
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
     from fcu.interface.publisher_feed import PublisherFeed
@@ -61,7 +63,14 @@ def main(
     from sitl_plant.physics.world import world as still_air
 
     try:
-        world = load(world_file, World) if world_file else still_air(rate_hz)
+        if world_file is not None and airframe is not None:
+            raise click.UsageError(
+                "--world and --airframe: a world has its vehicle; leave out one of them"
+            )
+        if world_file is not None:
+            world = load(world_file, World)
+        else:
+            world = still_air(rate_hz, airframe=read(find(airframe)) if airframe else None)
     except (AirframeError, HandoverError) as error:
         raise click.UsageError(str(error)) from error
     try:

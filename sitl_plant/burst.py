@@ -142,7 +142,7 @@ def plant(world: World, system_id: int, shared: Desk | None = None) -> Plant:
         battery=np.zeros(size(Battery)),
         command=np.zeros(size(RotorCommand)),
         told=np.zeros(3, dtype=np.int64),
-        desk=desk() if shared is None else shared,
+        desk=desk(world.params.airframe.n) if shared is None else shared,
     )
 
 

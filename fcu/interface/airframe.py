@@ -367,10 +367,12 @@ def checked(tables: dict[str, Any], source: str) -> tuple[Airframe, dict[str, An
     return made, {**tables, "mavlink": {"type": kind, "autostart": autostart, **mavlink}}
 
 
-def meant(word: Any, known: tuple[str, ...]) -> str:
-    """What to say after a word that is none of those that are known."""
+def meant(word: Any, known: tuple[str, ...], most: int = 20) -> str:
+    """What to say after a word that is none of those that are known; of more than `most` not all."""
     close = difflib.get_close_matches(str(word), known, n=1)
-    return f" (did you mean {close[0]}?)" if close else f"; there are {', '.join(known)}"
+    if close:
+        return f" (did you mean {close[0]}?)"
+    return f"; there are {', '.join(known)}" if len(known) <= most else ""
 
 
 @dataclass(frozen=True)
@@ -392,6 +394,16 @@ class AirframeFile:
     def source(self) -> str:
         """By what it is found from anywhere: its name, or its whole path."""
         return self.name if self.path == SHIPPED.get(self.name) else str(self.path)
+
+    @property
+    def identity(self) -> str:
+        """Its name and the first digits of the hash of its text."""
+        return f"{self.name} {self.sha256[:16]}"
+
+    @property
+    def drag(self) -> Vec3:
+        """Believed drag coefficients, N/(m/s)^2, body axes."""
+        return drag(self.tables, str(self.path))
 
     @cached_property
     def lines(self) -> dict[KeyPath, int]:
@@ -427,7 +439,16 @@ def read(path: Path = OCTO) -> AirframeFile:
             raise
         said = str(error).removeprefix(str(path))
         raise AirframeError(f"{path}:{line}{said}", error.at) from error
-    return AirframeFile(path, hashlib.sha256(text.encode()).hexdigest(), made, tables, text)
+    return AirframeFile(path, _digest(text), made, tables, text)
+
+
+def digest(path: Path) -> str:
+    """The hash of the text of a file, in hex. Raises AirframeError."""
+    return _digest(_text(path))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def believed(path: Path = OCTO) -> tuple[Airframe, dict[str, Any]]:

@@ -6,6 +6,7 @@ import click
 
 SLOWEST_HZ, FASTEST_HZ = 50.0, 2000.0
 LATEST_S = 1e7  # of simulation time: four months
+AIRFRAME = click.option("--airframe", metavar="NAME|FILE.toml", help="Vehicle: the name of a shipped airframe, or a file of yours; default: the mission's, or s1000.")  # fmt: skip
 ORIGIN = (47.397742, 8.545594, 489.4)  # latitude, longitude (deg), m above the sea: PX4's home
 
 

@@ -19,7 +19,7 @@ def rotor_lag(law: Any) -> float:
     weight = law.rotors.mean
     if weight <= 0.0:
         return 0.0
-    low, high = 0.0, 1e4 * law.h
+    low, high = 0.0, 1e4 * float(law.h)
     while low < (middle := 0.5 * (low + high)) < high:
         if rotor_mean(law.h, middle) < weight:
             low = middle

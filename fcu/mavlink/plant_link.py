@@ -55,7 +55,6 @@ _FLOATS = size(StateOnWire)
 _FIRST_ROTOR = _FLOATS - ROTORS
 _ODOMETRY_BYTES = 4 * _FIRST_ROTOR
 _STATE_BYTES = 4 * _FLOATS
-_ACTIVE = 0xFF  # ACTUATOR_OUTPUT_STATUS.active: outputs 1 to 8 are in use
 
 _ODOMETRY = definition("ODOMETRY")
 _ROTOR_STATUS = definition("ACTUATOR_OUTPUT_STATUS")
@@ -94,7 +93,7 @@ _pack_command = packer(RotorCommand)
 _unpack_battery = unpacker(Battery)
 _pack_battery = packer(Battery)
 
-_NOT_A_FRAME, _NOT_FINITE, _NOT_UNIT, _OUT_OF_RANGE, _FRAMES, _TIMES, _NOT_EIGHT, _NO_BATTERY = (
+_NOT_A_FRAME, _NOT_FINITE, _NOT_UNIT, _OUT_OF_RANGE, _FRAMES, _TIMES, _OTHERS, _NO_BATTERY = (
     1, 2, 3, 4, 5, 6, 7, 8,
 )  # fmt: skip
 _FAULTS = {
@@ -103,7 +102,7 @@ _FAULTS = {
     _OUT_OF_RANGE: "a rotor command is not between 0 and 1",
     _FRAMES: "ODOMETRY is not in LOCAL_NED and BODY_FRD",
     _TIMES: "ODOMETRY and ACTUATOR_OUTPUT_STATUS are of different times",
-    _NOT_EIGHT: "ACTUATOR_OUTPUT_STATUS is not of eight rotors",
+    _OTHERS: "ACTUATOR_OUTPUT_STATUS is of other rotors than the airframe's (see --airframe)",
     _NO_BATTERY: "BATTERY_STATUS has a field unknown or out of range",
 }
 
@@ -150,10 +149,11 @@ class Desk(NamedTuple):
     fields: np.ndarray[Any, np.dtype[np.float32]]  # the same
     numbers: Buffer  # the same, as float64
     sequence: np.ndarray[Any, np.dtype[np.int64]]  # of the next frame
+    active: np.ndarray[Any, np.dtype[np.int64]]  # ACTUATOR_OUTPUT_STATUS.active: a bit a rotor
 
 
-def desk() -> Desk:
-    """A new one."""
+def desk(rotors: int = ROTORS) -> Desk:
+    """A new one. `rotors`: how many there are; the first outputs are in use."""
     raw = np.zeros(_STATE_BYTES, dtype=np.uint8)
     odometry, rotors, controls, battery, heartbeat = (
         np.zeros(of.size, dtype=np.uint8)
@@ -162,7 +162,7 @@ def desk() -> Desk:
     return Desk(
         odometry=odometry, rotors=rotors, controls=controls, battery=battery,
         heartbeat=heartbeat, raw=raw, fields=raw.view("<f4"), numbers=np.zeros(_FLOATS),
-        sequence=np.zeros(1, dtype=np.int64),
+        sequence=np.zeros(1, dtype=np.int64), active=np.array([2**rotors - 1]),
     )  # fmt: skip
 
 
@@ -198,7 +198,7 @@ def pack_state(desk, system, time_us, state, spin, battery, with_battery, datagr
     )  # fmt: skip
     body = end + HEADER
     put(datagram, body, time_us, _TIME)
-    put(datagram, body + _TIME, _ACTIVE, 4)
+    put(datagram, body + _TIME, desk.active[0], 4)
     copy(raw, _ODOMETRY_BYTES, datagram, body + _TIME + 4, _STATE_BYTES - _ODOMETRY_BYTES)
     end = frame_kernels.frame(
         datagram, end, _TIME + 4 + _STATE_BYTES - _ODOMETRY_BYTES, _next(desk), system, AUTOPILOT,
@@ -257,8 +257,8 @@ def parse_state(desk, system, datagram, length, state, battery, told):
     time_us = get(odometry, 0, _TIME)
     if get(rotors, 0, _TIME) != time_us:
         return _TIMES
-    if get(rotors, _TIME, 4) != _ACTIVE:
-        return _NOT_EIGHT
+    if get(rotors, _TIME, 4) != desk.active[0]:
+        return _OTHERS
     raw = desk.raw
     copy(odometry, _TIME, raw, 0, _ODOMETRY_BYTES)
     copy(rotors, _TIME + 4, raw, _ODOMETRY_BYTES, _STATE_BYTES - _ODOMETRY_BYTES)
@@ -396,10 +396,13 @@ class PlantCodec:
     frames and units of `messages`.
     """
 
-    def __init__(self, system_id: int, spin: Rotors | None = None) -> None:
-        """`spin` (+1 counter-clockwise, -1) signs rotor speeds; only the plant needs it."""
+    def __init__(self, system_id: int, spin: Rotors | None = None, rotors: int = ROTORS) -> None:
+        """`spin` (+1 counter-clockwise, -1, 0 absent) signs rotor speeds; only the plant needs it.
+
+        `rotors`: how many the controller expects of the plant.
+        """
         self.system = system_id
-        self.desk = desk()
+        self.desk = desk(rotors if spin is None else sum(each != 0.0 for each in spin))
         self.spin = np.array([] if spin is None else spin, dtype=np.float64)
         self.battery_buffer = np.zeros(size(Battery))
         self.has_battery = np.zeros(1, dtype=np.int64)  # whether one was received, with a state

@@ -239,11 +239,12 @@ def rc_channels(t: float) -> Packed:
 def rotors(t: float, Omega: Rotors, spin: Rotors) -> Packed:
     """ACTUATOR_OUTPUT_STATUS: rotor speeds (rad/s), signed by the rotors' spin."""
     speeds = [o * s for o, s in zip(Omega, spin, strict=True)]
-    return _message("ACTUATOR_OUTPUT_STATUS", time_usec=_us(t), active=0xFF, actuator=speeds)
+    active = sum(1 << i for i, s in enumerate(spin) if s != 0.0)
+    return _message("ACTUATOR_OUTPUT_STATUS", time_usec=_us(t), active=active, actuator=speeds)
 
 
 def servo_output_raw(t: float, u: Sequence[float]) -> Packed:
-    """SERVO_OUTPUT_RAW: eight commands of 0 to 1 as 1000 to 2000 us."""
+    """SERVO_OUTPUT_RAW: commands of 0 to 1, eight at most, as 1000 to 2000 us; 0 of what is absent."""
     raw = {f"servo{i}_raw": 1000.0 + 1000.0 * each for i, each in enumerate(u, start=1)}
     return _message("SERVO_OUTPUT_RAW", time_usec=_us(t), **raw)
 

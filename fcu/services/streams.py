@@ -327,18 +327,24 @@ def _wind(v: View) -> Sequence[Packed]:
 
 
 def _esc_status(v: View) -> Sequence[Packed]:
-    Omega, spin = v.measured.Omega, v.law.rotors.spin
+    Omega, spin, n = v.measured.Omega, v.law.rotors.spin, v.law.rotors.n
     rpm = [o * s * 30.0 / math.pi for o, s in zip(Omega, spin, strict=True)]
     volts, total = (v.battery.voltage, v.battery.current) if v.battery else (math.nan, math.nan)
-    power = [o * o * o for o in Omega]  # a rotor's share of the current
+    # a rotor's share of the current
+    power = [c * o * o * o for c, o in zip(v.law.rotors.c_T, Omega, strict=True)]
     whole = sum(power) or 1.0
     amperes = [total * p / whole for p in power]
-    return [tm.esc_status(v.t, i, rpm[i : i + 4], [volts] * 4, amperes[i : i + 4]) for i in (0, 4)]
+    each = [volts] * n + [0.0] * (len(rpm) - n)
+    return [
+        tm.esc_status(v.t, i, rpm[i : i + 4], each[i : i + 4], amperes[i : i + 4])
+        for i in range(0, n, 4)
+    ]
 
 
 def _esc_info(v: View) -> Sequence[Packed]:
     counter = int(v.t) & 0xFFFF
-    return [tm.esc_info(v.t, i, counter, 8, 0xFF) for i in (0, 4)]
+    n = v.law.rotors.n
+    return [tm.esc_info(v.t, i, counter, n, 2**n - 1) for i in range(0, n, 4)]
 
 
 def _rotors(v: View) -> Sequence[Packed]:
@@ -346,7 +352,7 @@ def _rotors(v: View) -> Sequence[Packed]:
 
 
 def _servos(v: View) -> Sequence[Packed]:
-    return [tm.servo_output_raw(v.t, v.commanded)]
+    return [tm.servo_output_raw(v.t, v.commanded[: v.law.rotors.n])]
 
 
 def _attitude_target(v: View) -> Sequence[Packed]:

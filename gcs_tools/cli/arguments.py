@@ -22,6 +22,7 @@ SEEDS_MOST = 1000  # flights of a mission in one call
 
 SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Override a value of the mission; may be repeated.")  # fmt: skip
 LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
+AIRFRAME = options.AIRFRAME
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
     help="Zenoh configuration (docs/zenoh); default: loopback, no router.",

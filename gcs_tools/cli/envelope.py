@@ -66,10 +66,13 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
     "so; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
 )
 @click.argument("mission")
+@arguments.AIRFRAME
 @arguments.SETTINGS
 @click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
 @arguments.as_json("Print the result as JSON (keys: gcs_tools/judging/README.md).")
-def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_json: bool) -> int:
+def envelope(
+    mission: str, airframe: str | None, settings: tuple[str, ...], figure: Path | None, as_json: bool
+) -> int:  # fmt: skip
     """Check before flight whether MISSION keeps thrust and tilt inside their limits.
 
     Prints the largest step, speed and wind for which that is certain, which term uses up the
@@ -82,10 +85,14 @@ def envelope(mission: str, settings: tuple[str, ...], figure: Path | None, as_js
     from fcu.theory.responses import UnstableError
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.judging.envelope import envelope as envelope_of
-    from gcs_tools.missions.mission import MissionError, load
+    from gcs_tools.missions.mission import MissionError, load, override, with_airframe
 
     try:
-        chosen = load(mission, settings)
+        chosen = load(mission)
+        if airframe is not None:
+            chosen = with_airframe(chosen, airframe)
+        for setting in settings:
+            chosen = override(chosen, setting)
         if not is_cached("foreseen.along"):
             click.echo("compiling, once for this version (for 10 s or so) ...", err=True)
         try:

@@ -26,6 +26,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
 @arguments.LAW
+@arguments.AIRFRAME
 @arguments.SETTINGS
 @click.option(
     "--in-process",
@@ -41,7 +42,8 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.option("--record", type=click.Choice(["full", "light", "none"]), default="full", show_default=True, help="Ticks in flight.mcap: all, 100 a second, or no file. The verdict is always of all.")  # fmt: skip
 def fly(
     missions: tuple[str, ...], speed: float | None, seed: int | range | None, rate_hz: float | None,
-    out: Path | None, junit: Path | None, law: str | None, settings: tuple[str, ...], in_process: bool,
+    out: Path | None, junit: Path | None, law: str | None, airframe: str | None,
+    settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
     jobs: int | None, figure: str | None, record: str,
 ) -> int:  # fmt: skip
@@ -59,7 +61,7 @@ def fly(
 
         try:
             results = fly_missions(
-                missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law,
+                missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
                 settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
                 zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
                 jobs=jobs, figure=figure, record=record,

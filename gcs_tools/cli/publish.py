@@ -18,30 +18,36 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True)
 @click.option("--run", metavar="NAME", help="Run name in the Zenoh keys; default: the time.")
 @arguments.LAW
+@arguments.AIRFRAME
 @arguments.ZENOH
 @click.option("--about", type=click.Path(path_type=Path), hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 def publish(
-    instance: int, run: str | None, law: str | None, zenoh: Path | None, about: Path | None,
+    instance: int, run: str | None, law: str | None, airframe: str | None, zenoh: Path | None, about: Path | None,
     lifeline_fd: int | None,
 ) -> int:  # fmt: skip
     """Publish the ticks of fcu and sitl-plant processes that you started by hand.
 
     `gcs up` and `gcs fly` publish by themselves. Can be started, stopped and killed at any time.
     """
+    from fcu.configuration import ConfigurationError, read_airframe
     from fcu.interface.link import PortBusy
     from fcu.interface.starter import occupy_standard_streams
     from fcu.interface.topics import run_name
     from fcu.laws import loader
     from gcs_tools.live import bus, publisher
+    from gcs_tools.live.publisher import flies_with
 
     occupy_standard_streams()
     name = run_name(run or time.strftime("%Y%m%d-%H%M%S"))
     try:
         flown = loader.load(law or loader.DEFAULT)
-        flies = json.loads(about.read_text()) if about else {}
+        if about is not None:
+            flies = json.loads(about.read_text())
+        else:
+            flies = flies_with(read_airframe(flown, airframe))
         publisher.publish(instance, flown, name, flies, zenoh, lifeline_fd)
-    except loader.LawError as error:
+    except (loader.LawError, ConfigurationError) as error:
         raise Failure(error, USAGE) from error
     except PortBusy:
         publisher.say("error", f"instance {instance} has a publisher already")

@@ -31,24 +31,26 @@ if TYPE_CHECKING:
 @click.option("--link-clock", type=click.Choice(["both", "sim"]), help="Clock used for the setpoint timeout; default both.")  # fmt: skip
 @click.option("--params", type=click.Path(dir_okay=False), metavar="FILE", help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
 @arguments.LAW
+@arguments.AIRFRAME
 @click.option("--publish/--no-publish", default=True, show_default=True, help="Publish every tick on Zenoh.")  # fmt: skip
 @arguments.ZENOH
 @arguments.FREE_INSTANCE
 def up(
     mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
-    link_clock: str | None, params: str | None, law: str | None, publish: bool, zenoh: Path | None,
+    link_clock: str | None, params: str | None, law: str | None, airframe: str | None, publish: bool, zenoh: Path | None,
     instance: int | None,
 ) -> int:  # fmt: skip
     """Start flight controller and simulator, and keep them running until Ctrl-C.
 
     For a ground station or a script. With MISSION they start with its law, world and start point;
-    without, an S1000 stands on the ground in still air. A vehicle whose start is in the air is
+    without, the vehicle stands on the ground in still air. A vehicle whose start is in the air is
     armed and holds there (mode Hold). After a crash it lies there until `gcs reset` puts it back.
     """
     given = {
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
+    from fcu.configuration import ConfigurationError, read_airframe
     from fcu.laws import loader
     from gcs_tools.flight.interrupts import interrupts_wait
     from gcs_tools.flight.live_vehicle import LiveVehicle
@@ -57,9 +59,12 @@ def up(
     from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
 
     try:
-        chosen, scene = (None, None) if mission is None else prepared(mission, law=law)
+        chosen, scene = (
+            (None, None) if mission is None else prepared(mission, law=law, airframe=airframe)
+        )
         flown = loader.load(law or loader.DEFAULT) if scene is None else scene.flown
-    except (UsageError, loader.LawError) as error:
+        carried = read_airframe(flown, airframe) if scene is None else scene.airframe
+    except (UsageError, loader.LawError, ConfigurationError) as error:
         raise Failure(error, USAGE) from error
     code = INTERRUPTED
     published = arguments.publication(publish, zenoh)
@@ -72,7 +77,16 @@ def up(
             look = interrupts.look
             folder = new_folder(None, "up")  # not before: of a port that is busy none is left
             click.echo("starting (the first start compiles, for up to a minute) ...", err=True)
-            pair = Pair(stack, folder, number, flown, published, flies(chosen, scene), look)
+            pair = Pair(
+                stack,
+                folder,
+                number,
+                flown,
+                carried,
+                published,
+                flies(chosen, scene, carried),
+                look,
+            )
             in_the_air = chosen is not None and not chosen.flight.start.on_ground
             vehicle = LiveVehicle(pair, stack, number, in_the_air)
             _stand_by(vehicle, pair, scene, folder, number, "max" if speed is None else str(speed),

@@ -48,7 +48,7 @@ def flight(scene: Scenario) -> tuple[Flight, Pointer]:
     watch = np.zeros(size(Watch))
     watch[_WAKE] = np.inf  # nothing is looked for
     alone = burst.flight(
-        PlantCodec(SYSTEM), to_buffer(scene.settings), scene.law.h, size(ticks.Remembered),
+        PlantCodec(SYSTEM, rotors=scene.law.rotors.n), to_buffer(scene.settings), scene.law.h, size(ticks.Remembered),
         np.zeros(size(Filtered)), watch,
     )  # fmt: skip
     alone.course[_ARMED], alone.course[_ENGAGED] = 1.0, TAKE_OVER

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from fcu.autopilot import TIMES, Autopilot, Lost
-from fcu.configuration import read_drag
 from fcu.interface import options
 from fcu.interface.diagnostics import PlantTiming
 from fcu.interface.link import MemoryNetwork
@@ -111,7 +110,7 @@ class MemoryFlight(ScriptedFlight):
 
     def _make(self, stack: ExitStack) -> None:
         scene, law, at = self._scene, self._scene.flown, self._at
-        identity = Identity(at.system_id, ShownAs.PX4, Origin(*options.ORIGIN), read_drag())
+        identity = Identity(at.system_id, ShownAs.PX4, Origin(*options.ORIGIN), scene.airframe.drag)
         self._fcu_tape = Tape(row_width(law), BATCH, partial(self._keep, 1))
         self._plant_tape = Tape(WIDTH, BATCH, partial(self._keep, 0))
         stack.callback(self._flush)
@@ -119,7 +118,7 @@ class MemoryFlight(ScriptedFlight):
             law, self._fcu_tape, PublisherFeed(None, "fcu", law.identity), identity.drag
         )
         self._autopilot = Autopilot(
-            at, identity, Parameters(scene.settings, at.system_id, None, law), reporter,
+            at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe), reporter,
             sim_only=True, bind=self._network.socket, write=self._log(stack, "fcu.log"),
         )  # fmt: skip
         stack.callback(self._autopilot.close)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fcu.interface import handover
+from fcu.interface.airframe import AirframeFile
 from fcu.laws.loader import Law
 from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import Child, Unanswered, stop_all
@@ -20,15 +21,17 @@ class Pair:
     """The processes of one vehicle, which end with whoever has started them."""
 
     def __init__(
-        self, stack: ExitStack, folder: Path, instance: int, law: Law, zenoh: Zenoh | None,
+        self, stack: ExitStack, folder: Path, instance: int, law: Law,
+        airframe: AirframeFile, zenoh: Zenoh | None,
         flies: dict[str, Any], look: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
-        """`stack`: stops them. `law`: that is flown. `zenoh`: how they are published, None: not;
+        """`stack`: stops them. `law`: that is flown. `airframe`: with which. `zenoh`: how they are published, None: not;
         `flies`: what is then said of them. `look`: called by every check; may raise.
         """
         self.children: list[Child] = []  # flight controller, plant
         self.publisher: PublisherProcess | None = None
         self._folder, self._instance, self._law = folder, instance, law
+        self._airframe = airframe
         self._look = look
         self._forks = can_fork() and load(law)
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
@@ -50,13 +53,13 @@ class Pair:
     ) -> str:  # fmt: skip
         """Start both with these arguments; why nothing is published, or "".
 
-        `scene`: whose settings and world to fly; None: s1000.toml's, standing on the ground.
-        Raises InfrastructureError when one of them ends, OSError.
+        `scene`: whose settings and world to fly; None: the airframe's, standing on the ground. Raises InfrastructureError when one of them ends, OSError.
         """
         own = ["--instance", str(self._instance)]
         settings, world = self._folder / "settings.json", self._folder / "world.json"
         life = self.lifeline()
         fcu = [*own, "--law", self._law.source, "--law-sha256", self._law.digest, *fcu]
+        fcu += ["--airframe", self._airframe.source, "--airframe-sha256", self._airframe.sha256]
         fcu += ["--lifeline-fd", str(life)]
         plant = [*own, *plant]
         if scene is not None:
@@ -64,6 +67,8 @@ class Pair:
             handover.save(world, scene.world)
             fcu += ["--handover", str(settings)]
             plant += ["--world", str(world)]
+        else:
+            plant += ["--airframe", self._airframe.source]
         for name, module, arguments, log, fds in (
             ("flight controller", "fcu", fcu, "fcu.log", (*fcu_fds, life)),
             ("plant", "sitl_plant", plant, "plant.log", plant_fds),

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fcu.interface.airframe import AirframeError, believed_drag
+from fcu.interface.airframe import AirframeError, AirframeFile
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import columns, to_buffer
 from fcu.kernel.compile import is_cached
@@ -40,13 +40,15 @@ from gcs_tools.judging import result
 from gcs_tools.judging.expectations import LIMITED
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
+from gcs_tools.live.publisher import flies_with
 from gcs_tools.missions import mission as mission_file
-from gcs_tools.missions.mission import Mission, MissionError, override, with_law
+from gcs_tools.missions.mission import Mission, MissionError, override, with_airframe, with_law
 from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
-from gcs_tools.recording.reader import LAW, LAW_SOURCES, RecordingError
+from gcs_tools.recording.reader import AIRFRAME, AIRFRAME_SHA256, LAW, LAW_SOURCES, RecordingError
 from gcs_tools.recording.schema import Kinds
 from gcs_tools.recording.table import Rows, Table
+from sitl_plant.physics.truth import truth
 
 RUNS = Path("runs")
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
@@ -63,15 +65,19 @@ def prepared(
     seed: int | None = None,
     rate_hz: float | None = None,
     law: str | None = None,
+    airframe: str | None = None,
 ) -> tuple[Mission, Scenario]:
     """A mission with its changes, and what it flies. Raises UsageError.
 
     `law`: a name or FILE.py, flown in place of the mission's own; `settings` are of that.
+    `airframe`: a name or FILE.toml, in place of the mission's own.
     """
     try:
         mission = mission_file.load(name)
         if law is not None:
             mission = with_law(mission, law)
+        if airframe is not None:
+            mission = with_airframe(mission, airframe)
         for setting in settings:
             mission = override(mission, setting)
         if seed is not None:
@@ -81,8 +87,10 @@ def prepared(
         return mission, scenario(mission)
     except MissionError as error:
         raise UsageError(str(error)) from error
-    except (ParameterError, AirframeError) as error:
+    except ParameterError as error:
         raise UsageError(f"{name}: [law] {error}") from error
+    except AirframeError as error:
+        raise UsageError(f"{name}: {error}") from error
 
 
 def new_folder(out: Path | None, name: str) -> Path:
@@ -117,6 +125,7 @@ def fly_missions(
     rate_hz: float | None = None,
     out: Path | None = None,
     law: str | None = None,
+    airframe: str | None = None,
     settings: Sequence[str] = (),
     in_process: bool = False,
     instance: int | None = None,
@@ -132,7 +141,8 @@ def fly_missions(
     is `ended` "rejected", exit code 2, and says why. Raises UsageError before any has flown, also
     if none can be.
 
-    `seed`: of the noise; of several, each mission is flown with each.  `law`: a name or FILE.py, in place of each mission's own.  `zenoh`: how it is published; None:
+    `seed`: of the noise; of several, each mission is flown with each.  `law`: a name or FILE.py, in place of each mission's own.
+    `airframe`: a name or FILE.toml, in place of each mission's own.  `zenoh`: how it is published; None:
     not.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
     flight always, of several of those that failed.  `record`: full, light (100 ticks a second) or
@@ -151,7 +161,7 @@ def fly_missions(
     began = time.monotonic()
     seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
     asked = [(name, each) for name in missions for each in seeds]
-    ready, rejected = _admitted(asked, settings, rate_hz, law)
+    ready, rejected = _admitted(asked, settings, rate_hz, law, airframe)
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
         display.note(f"Error: {why}")
@@ -200,7 +210,7 @@ def fly_missions(
 
 def _admitted(
     asked: Sequence[tuple[str, int | None]], settings: Sequence[str], rate_hz: float | None,
-    law: str | None,
+    law: str | None, airframe: str | None,
 ) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
     """Missions, each with a seed, that a vehicle would fly; the others' results, by their places.
 
@@ -212,7 +222,7 @@ def _admitted(
         for place, (name, seed) in enumerate(asked):
             interrupts.look()
             try:
-                ready[place] = prepared(name, settings, seed, rate_hz, law)
+                ready[place] = prepared(name, settings, seed, rate_hz, law, airframe)
             except UsageError as error:
                 why_not[place] = str(error)
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
@@ -254,6 +264,7 @@ def fly(
     seed: int | None = None,
     rate_hz: float | None = None,
     law: str | None = None,
+    airframe: str | None = None,
     in_process: bool = False,
     speed: float | None = None,
     instance: int | None = None,
@@ -269,6 +280,7 @@ def fly(
     settings : TABLE.KEY=VALUE each, as `--set` takes them: "law.f_m=1.4".
     seed, rate_hz : of the noise; control ticks a second. None: the mission's.
     law : a name or FILE.py, flown in place of the mission's own (it is executed).
+    airframe : a name or FILE.toml, flown in place of the mission's own.
     in_process : fly controller and simulator in this process, without sockets: the same flight.
     speed : simulated seconds per second; None: as fast as it goes. Not in process.
     instance : whose ports to use; None: the first that is free. Not in process.
@@ -284,8 +296,8 @@ def fly(
     (`exit_code`, `error`).
     """
     (result,) = fly_missions(
-        [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, in_process=in_process,
-        speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
+        [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
+        in_process=in_process, speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
         figure=figure, display=display, zenoh=zenoh,
     )  # fmt: skip
     return result
@@ -397,7 +409,7 @@ class _Run:
             exit_code=exit_code, error=error, said=logged(self.folder), folder=str(self.folder),
             begun=flown.begun, refusal=flown.refusal, wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
-            versions={**versions(), "law": self._law.identity},
+            versions=_flown_versions(self._mission),
         )  # fmt: skip
 
     def _written(self, judged: Result) -> Result:
@@ -465,7 +477,7 @@ class _Run:
             self._note(f"published as instance {instance} (gcs monitor --instance {instance})")
         flight = WireFlight(
             self._scene, self.folder, instance, self._speed, on_rows, self._progress, self._zenoh,
-            flies(self._mission, self._scene), self._note,
+            flies(self._mission, self._scene, self._scene.airframe), self._note,
         )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
@@ -492,17 +504,23 @@ class _Run:
             "title": mission.title,
             "seed": str(mission.flight.seed),
             "rate_hz": str(self._scene.rate_hz),
-            "believed_drag": str(list(believed_drag())),
+            AIRFRAME: mission.airframe.name,
+            AIRFRAME_SHA256: mission.airframe.sha256,
+            "believed_drag": str(list(mission.airframe.drag)),
             **{f"version.{k}": v for k, v in versions().items()},
             **{k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
         }
 
 
-def flies(mission: Mission | None, scene: Scenario | None) -> dict[str, Any]:
+def flies(
+    mission: Mission | None, scene: Scenario | None, airframe: AirframeFile
+) -> dict[str, Any]:
     """What a vehicle that is published says of what it flies."""
+    vehicle = flies_with(airframe)
     if mission is None or scene is None:
-        return {"mission": None, "versions": versions()}
+        return {"mission": None, **vehicle, "versions": versions()}
     return {
+        **vehicle,
         "mission": mission.name,
         "title": mission.title,
         "seed": mission.flight.seed,
@@ -544,6 +562,12 @@ def _spoilt(judged: Result, exit_code: int, error: str) -> Result:
     """A result of which something could not be kept; what went wrong first stays its error."""
     worst = max(exit_code, judged.exit_code)
     return replace(judged, passed=False, exit_code=worst, error=judged.error or error)
+
+
+def _flown_versions(mission: Mission) -> dict[str, str]:
+    """`versions`, and of law, airframe and truth."""
+    own = {"law": mission.flown.identity, "airframe": mission.airframe.identity}
+    return {**versions(), **own, "truth": truth(mission.airframe).identity}
 
 
 def versions() -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface.airframe import believed
+from fcu.interface.airframe import AirframeFile
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import words
 from fcu.kernel.buffers import to_buffer
@@ -29,6 +29,7 @@ class Scenario:
     """One flight, ready to be flown."""
 
     flown: Law
+    airframe: AirframeFile  # as it is believed
     settings: Any  # of the law, and of its guard
     world: World
     ticks: int
@@ -101,10 +102,15 @@ def scenario(mission: Mission) -> Scenario:
         start=start,
         ground_z_m=flight.ground_z_m,
         arena_m=flight.arena_m,
+        airframe=mission.airframe,
     )
+    vehicle = mission.airframe
     return Scenario(
         flown=mission.flown,
-        settings=mission.flown.settings.settings(*believed(), flight.rate_hz, chosen),
+        airframe=vehicle,
+        settings=mission.flown.settings.settings(
+            vehicle.rotors, vehicle.tables, flight.rate_hz, chosen
+        ),
         world=there,
         ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),

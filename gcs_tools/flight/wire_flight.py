@@ -95,8 +95,8 @@ class WireFlight(ScriptedFlight):
         self._plant_fd = plant_out
         stack.callback(self._collector.finish, DRAIN_S)  # takes what they have still handed over
         self._pair = Pair(
-            stack, self._folder, self._instance, self._scene.flown, self._zenoh, self._flies,
-            look,
+            stack, self._folder, self._instance, self._scene.flown,
+            self._scene.airframe, self._zenoh, self._flies, look,
         )  # fmt: skip
         why = self._pair.start(
             self._scene,

@@ -9,7 +9,7 @@ sufficient: that one fails predicts nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
@@ -443,7 +443,7 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
         Belief("mass", f"{guard.m_min:g} to {guard.m_max:g}", "kg", "guard_mass_kg"),
         Belief("inertia, level; yaw", f"{guard.J_tilt:g}; {guard.J_yaw:g}", "kg m^2",
                "vehicle.inertia_kg_m2"),
-        Belief("thrust coefficient", f"{rotors.c_T:g}", "N/(rad/s)^2", "rotors.thrust_coefficient"),
+        Belief("thrust coefficient", _spread(rotors.c_T[: rotors.n]), "N/(rad/s)^2", "rotors.thrust_coefficient"),
         Belief("drag of any body axis", f"{guard.c_D:g}", "N/(m/s)^2", "guard_drag"),
         Belief("wind", f"{guard.w_max:g}", "m/s", "guard_wind_m_s"),
         Belief("its rate", f"{guard.w_dot_max:g}", "m/s^2", "guard_wind_rate_m_s2"),
@@ -454,6 +454,12 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
           for key, (what, unit) in _NOISES.items()),
         Belief("control rate", f"{mission.flight.rate_hz:g}", "Hz", "flight.rate_hz"),
     )  # fmt: skip
+
+
+def _spread(values: Sequence[float]) -> str:
+    """One number, or the least and the greatest."""
+    least, most = min(values), max(values)
+    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
 
 
 _NOISES = {

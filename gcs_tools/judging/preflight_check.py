@@ -135,7 +135,7 @@ def _received(scene: Scenario) -> Iterator[tuple[float, Setpoint, Told | None]]:
     """Each setpoint that a script sends: when (s), as asked for, and what the vehicle limits of it."""
     law, guard = scene.settings
     guard_buffer, law_buffer = to_buffer(guard), to_buffer(law)
-    limits = script_limits(Parameters(scene.settings, 1, None, scene.flown))
+    limits = script_limits(Parameters(scene.settings, 1, None, scene.flown, scene.airframe))
     start = through_the_wire(scene.begin)
     home = scene.world.start.r_E
     reference = np.array([*start.r_E, *start.v_E, 0.0, 0.0, 0.0])

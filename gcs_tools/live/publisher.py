@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 import zenoh
 
+from fcu.interface import airframe as airframes
 from fcu.interface import publisher_feed
 from fcu.interface import topics as keys
-from fcu.interface.airframe import believed_drag
+from fcu.interface.airframe import AirframeFile
 from fcu.interface.ports import ports
 from fcu.interface.starter import announce, log
 from fcu.kernel.buffers import columns, size
@@ -38,7 +39,7 @@ from gcs_tools.live.samples import Numbers, Packer
 from gcs_tools.live.subscriber import printable
 from gcs_tools.recording import events
 from gcs_tools.recording.events import LEVELS, Event
-from gcs_tools.recording.reader import LAW, LAW_SOURCES, SCHEMA_VERSION
+from gcs_tools.recording.reader import AIRFRAME, AIRFRAME_SHA256, LAW, LAW_SOURCES, SCHEMA_VERSION
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, Kinds, Topic
 from gcs_tools.recording.table import Rows
 
@@ -587,10 +588,19 @@ def about(run: str, instance: int, law: Law, flies: dict[str, Any]) -> dict[str,
         LAW_SOURCES: law.digest,
         "version": version("m-mrac"),
         "started": time.time(),
-        "believed_drag": list(believed_drag()),
         "processes": {},
         "mission": None,
+        **({} if AIRFRAME in flies else flies_with(airframes.read())),
         **flies,
+    }
+
+
+def flies_with(airframe: AirframeFile) -> dict[str, Any]:
+    """What a vehicle says of its airframe."""
+    return {
+        AIRFRAME: airframe.name,
+        AIRFRAME_SHA256: airframe.sha256,
+        "believed_drag": list(airframe.drag),
     }
 
 

@@ -19,7 +19,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from fcu.configuration import ConfigurationError, read_airframe
 from fcu.interface import input_file
+from fcu.interface.airframe import AirframeFile
 from fcu.interface.input_file import TomlError
 from fcu.interface.toml_lines import KeyPath, lines, nearest
 from fcu.laws import loader
@@ -33,7 +35,7 @@ from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_t
 
 __all__ = [
     "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
-    "override", "setpoint_at", "setpoint_times", "with_law", "written",
+    "override", "setpoint_at", "setpoint_times", "with_airframe", "with_law", "written",
 ]  # fmt: skip
 
 
@@ -47,7 +49,7 @@ class MissionError(ValueError):
 
 @dataclass(frozen=True)
 class Value:
-    """A value in force, and where it came from (s1000.toml, mission, --set)."""
+    """A value in force, and where it came from (an airframe file, mission, --set)."""
 
     value: Any
     origin: str
@@ -62,6 +64,7 @@ class Mission:
     folder: Path  # where relative names in it begin
     title: str
     flown: Law  # the law that it flies
+    airframe: AirframeFile  # the vehicle that it flies with, as believed; with what it pins
     flight: Flight
     law: Any  # the table of the law's parameters
     wind: Wind
@@ -91,7 +94,7 @@ class Mission:
     def values_in_force(self) -> dict[str, Value]:
         """Dotted key -> value and origin, for all that the flight depends on.
 
-        Origins: default, s1000.toml, truth.toml, mission, or the option that changed it.
+        Origins: default, the airframe's file, that of its truth, mission, or the option that changed it.
         """
         from gcs_tools.missions.values import values_in_force
 
@@ -207,6 +210,18 @@ def with_law(mission: Mission, law: str) -> Mission:
     return mission if made.flown is mission.flown else replace(made, source=mission.source)
 
 
+def with_airframe(mission: Mission, airframe: str) -> Mission:
+    """`mission` flown with another vehicle: a name, or a FILE.toml from the working directory.
+
+    Raises MissionError.
+    """
+    found = str(Path(airframe).absolute()) if airframe.endswith(".toml") else airframe
+    given = {**mission.given, "airframe": found}
+    changed = {**mission.changed, ("airframe",): "--airframe"}
+    made = _checked(mission.name, f"--airframe {airframe}", mission.folder, given, changed)
+    return replace(made, source=mission.source)
+
+
 def _checked(
     name: str, source: str, folder: Path, given: dict[str, Any], changed: Mapping[KeyPath, str],
     text: str = "",
@@ -217,6 +232,19 @@ def _checked(
         flown = loader.load(module if isinstance(module, str) else loader.DEFAULT, folder)
         kind = document(flown)
         tables = kind.model_validate(given, context={items.FOLDER: folder})
+        airframe = read_airframe(flown, tables.airframe, folder)
+        for i, loss in enumerate(tables.plant.rotor_loss):
+            if loss.rotor > airframe.rotors.n:
+                line = nearest(found, ("plant", "rotor_loss", i, "rotor"))
+                where = source if line is None else f"{source}:{line}"
+                raise MissionError(
+                    f"{where}: [plant] rotor_loss[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
+                    f" rotors of {airframe.name}, got {loss.rotor}"
+                )
+    except ConfigurationError as error:
+        line = nearest(found, ("airframe",))
+        where = source if line is None else f"{source}:{line}"
+        raise MissionError(f"{where}: airframe: {error}") from error
     except LawError as error:
         line = nearest(found, ("law", "module"))
         where = source if line is None else f"{source}:{line}"
@@ -232,6 +260,7 @@ def _checked(
         folder=folder,
         title=tables.title,
         flown=flown,
+        airframe=airframe,
         flight=tables.flight,
         law=tables.law,
         wind=tables.wind,

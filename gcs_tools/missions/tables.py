@@ -241,6 +241,9 @@ class Document(Table):
     """A mission of the M-MRAC flight stack."""
 
     title: Annotated[str, AfterValidator(_sentence)] = Field(description="a sentence")
+    airframe: str | None = optional(
+        "the vehicle: a name (s1000), or an airframe file of yours (relative to the mission)"
+    )
     flight: Flight
     law: LawTable = LawTable()  # type: ignore[valid-type]
     wind: Wind = Wind()

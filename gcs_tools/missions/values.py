@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from fcu.interface.airframe import OCTO, load, read
+from fcu.interface.airframe import PINNED
 from fcu.interface.parameter import default
 from fcu.interface.toml_lines import KeyPath
 from gcs_tools.missions.mission import Mission, Value
@@ -15,9 +15,9 @@ from sitl_plant.physics.truth import truth
 
 
 def values_in_force(mission: Mission) -> dict[str, Value]:
-    """Dotted key -> Value, of [flight], [law], [wind], [plant]; without keys that have no value."""
-    underneath = {**_of_law(mission), **_true()}
-    found = {}
+    """Dotted key -> Value, of `airframe`, [flight], [law], [wind], [plant]; without keys that have no value."""
+    underneath = {**_of_law(mission), **_true(mission)}
+    found = {"airframe": Value(mission.airframe.source, _origin(mission, ("airframe",)))}
     for table in ("flight", "law", "wind", "plant"):
         for path, value in _leaves((table,), getattr(mission, table)):
             own = Value(value, _origin(mission, path))
@@ -51,18 +51,20 @@ def _origin(mission: Mission, path: KeyPath) -> str:
 def _of_law(mission: Mission) -> dict[KeyPath, Value]:
     """The defaults of the law's parameters."""
     found: dict[KeyPath, Value] = {("law", "module"): Value(mission.flown.name, "default")}
-    tables, settings = load(OCTO), mission.flown.settings
+    tables, settings = mission.airframe.tables, mission.flown.settings
+    file = mission.airframe.path.name
     instead = settings.printed(mission.given.get("law", {}))
     for row in settings.PARAMETERS:
         if row.key:
-            origin = "default" if row.default is not None else OCTO.name
+            of_file = row.default is None or row.key in tables[PINNED]
             value = instead.get(row.key, default(row, tables))
+            origin = file if of_file and row.key not in instead else "default"
             found["law", *row.key.split(".")] = Value(value, origin)
     return found
 
 
-def _true() -> dict[KeyPath, Value]:
-    true = truth(read(OCTO))
+def _true(mission: Mission) -> dict[KeyPath, Value]:
+    true = truth(mission.airframe)
     given: dict[KeyPath, Value] = {
         ("plant", name): Value(v, true.origins["vehicle", name]) for name, v in true.vehicle.items()
     }

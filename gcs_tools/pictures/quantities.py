@@ -33,12 +33,14 @@ def parts(name: str, of: Sequence[str] = XYZ) -> tuple[str, ...]:
 
 
 class Limits(NamedTuple):
-    """What the controller keeps to, or believes it does. SI units, rad."""
+    """What the controller keeps to, or believes it does, and its rotors. SI units, rad."""
 
     T_min: float
     T_max: float
     phi_star: float  # of roll and of pitch
-    Omega_max: float  # of the fastest rotor
+    Omega_max: tuple[float, ...]  # of each of the rotors there are
+    x: tuple[float, ...]  # where they are, m, forward of the centre of mass
+    y: tuple[float, ...]  # left of it
     gravity: float  # that s_v_hat has to find: none, but for the prediction as printed
 
     @classmethod
@@ -50,7 +52,8 @@ class Limits(NamedTuple):
 
         return cls(
             T_min=told("limits.T_min"), T_max=told("limits.T_max"),
-            phi_star=told("limits.phi_star"), Omega_max=fastest(params),
+            phi_star=told("limits.phi_star"), Omega_max=of_rotor(params, "Omega_max"),
+            x=of_rotor(params, "x"), y=of_rotor(params, "y"),
             gravity=told("g") if told("achieved") < 0.5 else 0.0,
         )  # fmt: skip
 
@@ -58,26 +61,24 @@ class Limits(NamedTuple):
     def believed(cls) -> Limits:
         """Those of the airframe file, as long as a flight has not said others."""
         rotors, tables = believed()
-        limits = tables["limits"]
+        limits, n = tables["limits"], rotors.n
         return cls(
             float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
-            math.radians(float(limits["tilt_max_deg"])), max(rotors.Omega_max), 0.0,
+            math.radians(float(limits["tilt_max_deg"])), rotors.Omega_max[:n],
+            rotors.x[:n], rotors.y[:n], 0.0,
         )  # fmt: skip
 
 
 def of_rotor(params: Mapping[str, float], name: str) -> tuple[float, ...]:
-    """A parameter of each of the rotors there are, by name; of an older recording, of all the same.
-
-    Nothing, of a law that does not tell its rotors.
-    """
-    there = [r for r in ROTORS if params.get(f"law.rotors.spin.{r}", 0.0) != 0.0]
+    """A parameter of each of the rotors there are, by name; of an older recording, of all the same."""
     one = params.get(f"law.rotors.{name}", math.nan)
-    return tuple(params.get(f"law.rotors.{name}.{r}", one) for r in there)
+    return tuple(params.get(f"law.rotors.{name}.{r}", one) for r in rotors_of(params))
 
 
-def fastest(params: Mapping[str, float]) -> float:
-    """Full speed (rad/s) of the fastest rotor that is believed to be there."""
-    return max(of_rotor(params, "Omega_max"), default=math.nan)
+def rotors_of(params: Mapping[str, float]) -> tuple[str, ...]:
+    """The names of the rotors there are; of a law that does not tell, of all that there may be."""
+    there = tuple(r for r in ROTORS if params.get(f"law.rotors.spin.{r}", 0.0) != 0.0)
+    return there or ROTORS
 
 
 Ends = tuple[()] | tuple[float, float]  # the least and the greatest, of what has limits

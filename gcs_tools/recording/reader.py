@@ -34,6 +34,7 @@ SOURCE, BUS = "recorded_from", "bus"  # of metadata: a bus, unlike a flight, may
 METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
 LAW, OUR_LAW = "law", "mmrac"  # of metadata: which law was flown; without it, ours
+AIRFRAME, AIRFRAME_SHA256 = "airframe", "airframe_sha256"  # of metadata: name, hash of the file
 LAW_SOURCES = "law_sha256"  # of metadata: the first 16 digits of the hash of its sources
 # Topics whose fields are another law's own, or that of its guard, if it has one.
 OF_A_LAW = ("/fcu/law", "/fcu/internals", "/fcu/guard", "/fcu/guard_state", PARAMS)

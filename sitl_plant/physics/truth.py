@@ -18,6 +18,7 @@ from fcu.interface.airframe import (
     AirframeError,
     AirframeFile,
     airframe,
+    digest,
     drag,
     is_number,
     load,
@@ -73,6 +74,7 @@ class Truth(NamedTuple):
     battery: Mapping[str, float]
     origins: Mapping[tuple[str, str], str]  # (table, key) -> what a result calls its file
     source: str
+    identity: str  # of its file, with the first digits of the hash of its text
 
 
 def path_of(believed: AirframeFile) -> Path:
@@ -114,7 +116,9 @@ def truth(believed: AirframeFile) -> Truth:
     for key in rotors:
         from_file = key in said.get("rotors", {})
         origins["rotors", key] = shown(path) if from_file else believed.path.name
-    return Truth(rotors=rotors, origins=origins, source=str(path), **given)
+    hashed = f" {digest(path)[:16]}" if there else ""
+    identity = f"{shown(path) if there else middle}{hashed}"
+    return Truth(rotors=rotors, origins=origins, source=str(path), identity=identity, **given)
 
 
 def _like(

@@ -39,7 +39,10 @@ RESULT = Result(
     slips=0,
     trajectory_sha256="0" * 64,
     versions={"m-mrac": "0.1.0"},
-    values={"law.f_m": Value(1.0, "mission"), "plant.mass_kg": Value(8.0, "truth.toml")},
+    values={
+        "law.f_m": Value(1.0, "mission"),
+        "plant.mass_kg": Value(8.0, "sitl_plant/airframes/s1000.toml"),
+    },
     expectations=[MET],
     metrics={"reference_error_rms_m": 0.02, "reference_error_final_m": None},
     warnings=[Warned(12.3, "Setpoint 990 m away limited to 100 m", 2)],

@@ -209,7 +209,7 @@ def test_projection_keeps_every_estimate_in_its_set(
     params, law_ticks, rng, n = settings.law, ticks(settings), np.random.default_rng(seed), 1000
     measured = size * rng.normal(size=(n, 21))
     measured[:, 6:10] = Rotation.random(n, rng=rng).as_quat(scalar_first=True)
-    measured[:, 13:] = rng.uniform(0.0, params.rotors.Omega_max, (n, 8))
+    measured[:, 13:] = rng.uniform(0.0, params.rotors.Omega_max.r1, (n, 8))
     setpoint = to_buffer(fixed(size * rng.normal(size=3)))
     rows = np.empty((n, len(law_ticks.row)))
     for k in range(n):

@@ -218,7 +218,7 @@ def test_the_values_in_force_say_where_they_came_from():
     assert values["law.guard_drag"] == Value(0.15, "s1000.toml")
     assert values["law.rotor_lag_s"] == Value(0.05, "s1000.toml")
     assert values["law.tilt_max_deg"] == Value(45.0, "s1000.toml")
-    assert values["plant.mass_kg"] == Value(8.0, "truth.toml")
+    assert values["plant.mass_kg"] == Value(8.0, "sitl_plant/airframes/s1000.toml")
     assert values["flight.setpoints"].origin == "mission"
     json.dumps({key: value.value for key, value in values.items()}, allow_nan=False)
 

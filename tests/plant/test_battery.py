@@ -52,7 +52,7 @@ def test_hovering_empties_it_in_fifteen_to_twenty_minutes(plant):
     params = plant()
     buffer, drawn = to_buffer(start_state(params)), np.zeros(2)
     given, row = to_buffer(params), np.zeros(size(PlantRecord))
-    u = np.full(8, start_state(params).Omega.r1 / params.airframe.Omega_max)
+    u = np.full(8, start_state(params).Omega.r1 / params.airframe.Omega_max.r1)
     at = columns(PlantRecord).index("battery.voltage")
     seen, t = [], 0.0
     while not seen or seen[-1].remaining > 0.0:

@@ -138,7 +138,7 @@ def test_at_hover_trim_the_vehicle_stays(plant, fly, truth):
     start = start_state(params, {"position_m": [1.0, 2.0, 3.0], "yaw_deg": 30.0})
     thrust = truth(params, start).T
     assert thrust == pytest.approx(8.0 * 9.81, rel=1e-12)
-    u = start.Omega.r1 / params.airframe.Omega_max
+    u = start.Omega.r1 / params.airframe.Omega_max.r1
     end = fly(params, start, u, 5.0)
     np.testing.assert_allclose(end.r_E, (1.0, 2.0, 3.0), atol=1e-9)
     np.testing.assert_allclose(end.w_B, (0.0, 0.0, 0.0), atol=1e-9)
@@ -164,7 +164,7 @@ def test_the_vehicle_drifts_and_turns_with_the_air(plant, fly, truth):
     start = start_state(params)
     assert truth(params, start).v_air_E == (6.0, 0.0, 0.0)
     np.testing.assert_allclose(truth(params, start).f_D_E, (0.15 * 36.0, 0.0, 0.0), atol=1e-12)
-    end = fly(params, start, start.Omega.r1 / params.airframe.Omega_max, 1.0)
+    end = fly(params, start, start.Omega.r1 / params.airframe.Omega_max.r1, 1.0)
     assert end.v_E.x == pytest.approx(0.15 * 36.0 / 8.0, rel=0.15)
     assert end.w_B.z > 0.05
 
@@ -201,7 +201,7 @@ def test_a_rotor_without_lag_follows_its_command_throughout_the_step(plant, fly)
     start = start_state(params)._replace(Omega=STOPPED)
     end = fly(params, start, 0.7, 0.001)
     Omega = 0.7 * 552.2
-    assert end.Omega == Rotors(*[params.airframe.Omega_max * 0.7] * 8)
+    assert end.Omega == Rotors(*[params.airframe.Omega_max.r1 * 0.7] * 8)
     lift = 8.0 * 8.2e-5 * Omega**2 / 8.0 - 9.81
     assert end.v_E.z == pytest.approx(0.001 * lift, rel=1e-12)
 
@@ -209,7 +209,7 @@ def test_a_rotor_without_lag_follows_its_command_throughout_the_step(plant, fly)
 def test_a_mass_change_takes_effect_at_its_time(plant, fly, truth):
     params = plant(mass_change={"at_s": 1.0, "mass_kg": 6.0}, **AIRLESS)
     start = start_state(params)
-    u = start.Omega.r1 / params.airframe.Omega_max
+    u = start.Omega.r1 / params.airframe.Omega_max.r1
     before = fly(params, start, u, 1.0)
     assert before.v_E.z == pytest.approx(0.0, abs=1e-9)
     assert truth(params, before, 0.999).m == 8.0
@@ -227,7 +227,7 @@ def test_a_weak_rotor_loses_thrust_and_torque_at_its_time(plant, fly, truth):
     assert after.tau_B.x == pytest.approx(0.5225 * math.sin(math.radians(67.5)) * lost, rel=1e-9)
     assert after.tau_B.y == pytest.approx(0.5225 * math.cos(math.radians(67.5)) * lost, rel=1e-9)
     assert after.tau_B.z == pytest.approx(0.0159 * lost, rel=1e-9)
-    u = start.Omega.r1 / params.airframe.Omega_max
+    u = start.Omega.r1 / params.airframe.Omega_max.r1
     np.testing.assert_allclose(fly(params, start, u, 0.5).w_B, (0.0, 0.0, 0.0), atol=1e-9)
     assert fly(params, start, u, 0.6).w_B.x > 0.05
 

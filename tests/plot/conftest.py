@@ -24,8 +24,8 @@ RATE_HZ = 500.0
 METADATA = {
     "mission": "made_up",
     "title": "A flight made up.",
-    "plant.drag_torque": "[0.05, 0.06, 0.07] (truth.toml)",
-    "plant.drag": "[0.15, 0.15, 0.15] (truth.toml)",
+    "plant.drag_torque": "[0.05, 0.06, 0.07] (sitl_plant/airframes/s1000.toml)",
+    "plant.drag": "[0.15, 0.15, 0.15] (sitl_plant/airframes/s1000.toml)",
 }
 
 

@@ -113,7 +113,7 @@ def tracking(r: Readings, width: int) -> Panel:
 def limits(r: Readings, width: int) -> Panel:
     """How far is it from what its actuators can do?"""
     limits = r.flight.limits
-    u = [r.last(name) for name in parts("command.u", ROTORS)]
+    u = [r.last(name) for name in parts("command.u", ROTORS[: len(limits.x)])]
     greatest = max((x for x in u if math.isfinite(x)), default=math.nan)
     blocks = " ".join(bar(x) if math.isfinite(x) else "·" for x in u)
     style = BAD if greatest > 0.98 else GOOD

@@ -9,7 +9,7 @@ import numpy as np
 from gcs_tools.pictures.plot.numbers import Numbers, finite, percent, rms, said
 from gcs_tools.pictures.plot.style import DASHED, INK, MUTED, THREE, TIME, WIDE, legend, line, zoom
 from gcs_tools.pictures.plot.window import Window
-from gcs_tools.pictures.quantities import BY_TITLE, ROTORS, parts
+from gcs_tools.pictures.quantities import BY_TITLE, of_rotor, parts, rotors_of
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -58,12 +58,11 @@ def angular(window: Window) -> list[Estimate]:
 
 def _believed_torque(window: Window) -> Rows:
     """Torque (N m, B), (n, 3), of the true rotor speeds with the coefficients the law was told."""
-    x, y, spin = (
-        np.array([window.told[f"law.rotors.{of}.{r}"] for r in ROTORS]) for of in ("x", "y", "spin")
-    )
-    Omega = np.stack([window.plant[name] for name in parts("state.Omega", ROTORS)], axis=1)
+    x, y, spin, c_T = (np.array(of_rotor(window.told, of)) for of in ("x", "y", "spin", "c_T"))
+    there = rotors_of(window.told)
+    Omega = np.stack([window.plant[name] for name in parts("state.Omega", there)], axis=1)
     effect = np.stack([y, -x, -window.told["law.rotors.k_Q"] * spin])
-    torque: Rows = (window.told["law.rotors.c_T"] * Omega * Omega) @ effect.T
+    torque: Rows = (c_T * Omega * Omega) @ effect.T
     return torque
 
 

@@ -24,7 +24,7 @@ from gcs_tools.pictures.plot.style import (
     note,
 )
 from gcs_tools.pictures.plot.window import Window
-from gcs_tools.pictures.quantities import BY_TITLE, ROTORS, parts
+from gcs_tools.pictures.quantities import BY_TITLE, parts, rotors_of
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -40,9 +40,15 @@ MARGINS = ("margin_min_n", "margin_tilt_min_deg", "margin_condition_min_n", "gov
 CUT = {"thrust": ("thrust",), "tilt": ("tilt",), "torque": ("torque",), "yaw": ("yaw",), "rotor": ("torque", "yaw")}  # fmt: skip
 
 
+NUMBERS = {4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
+
+
 def _rotors(window: Window) -> Rows:
-    """Allocated thrusts, N, (8, n)."""
-    return np.stack([window.fcu[name] for name in parts("outputs.thrusts", ROTORS)])
+    """Allocated thrusts, N, (rotors, n), each over its weight: as the limits of all rotors are."""
+    there = rotors_of(window.told)
+    weights = [window.told.get(f"law.rotors.w.{r}", 1.0) for r in there]
+    thrusts = [window.fcu[name] for name in parts("outputs.thrusts", there)]
+    return np.stack([f / w for f, w in zip(thrusts, weights, strict=True)])
 
 
 def _room(values: Rows, low: float, high: float) -> float | None:
@@ -113,11 +119,25 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
     chart(tilt, BY_TITLE["Commanded tilt"], window.history, window.flight.settle_from_s)
     _flag(tilt, window, "tilt", "at the limit")
 
-    rotors.set_title("Thrust of the eight rotors as allocated, N")
     each = _rotors(window)
-    line(rotors, t, each.max(axis=0), color=THREE[1], linewidth=0.9, label="greatest of eight")
+    rotors.set_title(f"Thrust of the {NUMBERS[len(each)]} rotors as allocated, N")
+    line(
+        rotors,
+        t,
+        each.max(axis=0),
+        color=THREE[1],
+        linewidth=0.9,
+        label=f"greatest of {NUMBERS[len(each)]}",
+    )
     line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
-    line(rotors, t, each.min(axis=0), color=THREE[0], linewidth=0.9, label="least of eight")
+    line(
+        rotors,
+        t,
+        each.min(axis=0),
+        color=THREE[0],
+        linewidth=0.9,
+        label=f"least of {NUMBERS[len(each)]}",
+    )
     limits(rotors, told["law.rotors.f_min"], told["law.rotors.f_max"])
     rotors.plot([], [], label="limit", **DASHED)
     _flag(rotors, window, "rotor", "gives up torque or thrust")

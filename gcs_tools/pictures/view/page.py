@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from html import escape
 
 from gcs_tools.pictures.history import FlightHistory
-from gcs_tools.pictures.view.octocopter import SHARES, Colour
+from gcs_tools.pictures.view.multicopter import SHARES, Colour
 from gcs_tools.pictures.view.scene import AIR, FLOWN, REFERENCE, SETPOINT, TRUE_AIR
 
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcu.interface.airframe import believed
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.quantities import ROTORS
-from gcs_tools.pictures.view.octocopter import Colour, Octocopter
+from gcs_tools.pictures.view.multicopter import Colour, Multicopter
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -84,7 +83,6 @@ class Scene:
     def __init__(self, scene: viser.SceneApi, flight: FlightHistory, *, whole: bool) -> None:
         """whole : the flight is over, and the reference is drawn to its end."""
         self._flight, self._whole = flight, whole
-        self._rotors = believed()[0]
         scene.set_background_image(_sky())
         # dimmer than usual, so that colours are those of the key
         scene.configure_environment_map("city", environment_intensity=0.35)
@@ -95,7 +93,8 @@ class Scene:
             section_thickness=1.2, fade_distance=160.0, plane_color=(240, 242, 245),
             plane_opacity=0.6, shadow_opacity=0.25, visible=False,
         )  # fmt: skip
-        self._vehicle = Octocopter(scene, "/world/vehicle", self._rotors)
+        self._scene = scene
+        self._vehicle = Multicopter(scene, "/world/vehicle", flight.limits)
         nowhere = segments(np.zeros((0, 3)))
         self._reference = scene.add_line_segments(
             "/world/reference", nowhere, REFERENCE, thickness=1.6, thickness_units="screen"
@@ -131,8 +130,12 @@ class Scene:
         r_E = flight.vector("state.r_E", now)
         if not (np.abs(r_E) < AROUND_M).all():
             return
-        speeds = flight.vector("state.Omega", now, ROTORS)
-        shares = (speeds / flight.limits.Omega_max) ** 2
+        limits = flight.limits
+        if not self._vehicle.is_of(limits):  # told only now, or of another flight
+            self._vehicle.remove()
+            self._vehicle = Multicopter(self._scene, "/world/vehicle", limits)
+        speeds = flight.vector("state.Omega", now, ROTORS[: len(limits.x)])
+        shares = (speeds / np.array(limits.Omega_max)) ** 2
         self._vehicle.show(r_E, flight.vector("state.q_EB", now, "wxyz"), shares)
         if follow:
             self._world.position = -r_E

@@ -56,7 +56,7 @@ def _reports(instance: int) -> float:
     """Median of a Reporter.report, s; with a publisher if there is one."""
     import numpy as np
 
-    from fcu.configuration import read_drag, read_settings
+    from fcu.configuration import read_airframe, read_settings
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.laws import loader
@@ -67,7 +67,7 @@ def _reports(instance: int) -> float:
     law = loader.load()
     params = Parameters(read_settings(law, None, 500.0), instance + 1, None)
     vehicle, feed = StateMachine(params), PublisherFeed(instance, "fcu", law.identity)
-    reporter = Reporter(law, RecorderPipe(row_width(law)), feed, read_drag())
+    reporter = Reporter(law, RecorderPipe(row_width(law)), feed, read_airframe(law).drag)
     reporter.warm_up(np.zeros(reporter.width))
     reporter.idle(0.0, params.settings, time.monotonic())
     taken, times = [], np.zeros((1, 3))
