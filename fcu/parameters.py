@@ -224,7 +224,7 @@ class Parameters:
         self._module = flown.settings
         # which values go together is known of the law of the paper alone
         self._rule = stability if fields(self._module.Settings)["law"] is Params else None
-        tables = (airframe or read_airframe(flown)).tables
+        tables = self._tables = (airframe or read_airframe(flown)).tables
         self._of_law = entries(self._module.PARAMETERS, tables)  # in the order of `put`
         of_vehicle = entries(VEHICLE, tables)
         if both := of_vehicle.keys() & self._of_law.keys():
@@ -255,7 +255,7 @@ class Parameters:
     @property
     def pace(self) -> Pace:
         """What modes that lead the vehicle have to know of the law."""
-        pace: Pace = self._module.pace(self.settings)
+        pace: Pace = self._module.pace(self.settings, self._tables)
         return pace
 
     @property

@@ -54,9 +54,9 @@ def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
     return {**mmrac.printed(chosen), **guard.printed(chosen)}
 
 
-def pace(settings: Settings) -> Pace:
-    """What modes that lead the vehicle have to know of the law."""
-    told: Pace = mmrac.pace(settings.law)
+def pace(settings: Settings, airframe: Mapping[str, Any]) -> Pace:
+    """What modes that lead the vehicle have to know of the law; `airframe`: the tables of its file."""
+    told: Pace = mmrac.pace(settings.law, airframe)
     return told
 
 

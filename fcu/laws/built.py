@@ -8,10 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from typing import Any
 
-from fcu.interface import airframe as airframes
 from fcu.interface.airframe import Airframe, AirframeError
 from fcu.interface.parameter import (
     Parameter,
@@ -135,10 +133,19 @@ def _from_the_table(
     return with_field(law, "rotors.kappa", actuation.kappa(lag, response))
 
 
-def pace(law: Any) -> Pace:
-    """What modes that lead the vehicle have to know of the law: if it does not say, gentle."""
+def pace(law: Any, airframe: Mapping[str, Any]) -> Pace:
+    """What modes that lead the vehicle have to know of the law: if it does not say, gentle.
+
+    `airframe`: the tables of its file, with the vehicle's weight.
+    """
+    hover = G * 0.5 * float(sum(airframe["vehicle"]["mass_kg"]))
+    return _told(law) or Pace(f_m=1.0, yaw_rate_max=1.0, T_hover=hover)
+
+
+def _told(law: Any) -> Pace | None:
+    """What the law says of its pace, if it does."""
     if not hasattr(face, "pace"):
-        return Pace(f_m=1.0, yaw_rate_max=1.0, T_hover=_hover())
+        return None
     with _blamed("pace"):
         told: Pace = face.pace(law)
     if not isinstance(told, Pace) or not all(0.0 < number < math.inf for number in told):
@@ -146,18 +153,10 @@ def pace(law: Any) -> Pace:
     return told
 
 
-@cache
-def _hover() -> float:
-    """Weight of the vehicle as believed, N."""
-    _, tables = airframes.believed()
-    least, most = tables["vehicle"]["mass_kg"]
-    return G * 0.5 * float(least + most)
-
-
 def check(law: Any) -> None:
     """Raise ParameterError for values that the law cannot fly with."""
     check_rows(law, PARAMETERS)
-    pace(law)
+    _told(law)
     if not hasattr(face, "check"):
         return
     with _blamed("check"):

@@ -152,8 +152,8 @@ class Desk(NamedTuple):
     active: np.ndarray[Any, np.dtype[np.int64]]  # ACTUATOR_OUTPUT_STATUS.active: a bit a rotor
 
 
-def desk(rotors: int = ROTORS) -> Desk:
-    """A new one. `rotors`: how many there are; the first outputs are in use."""
+def desk(n: int = ROTORS) -> Desk:
+    """A new one. `n`: how many rotors there are; the first outputs are in use."""
     raw = np.zeros(_STATE_BYTES, dtype=np.uint8)
     odometry, rotors, controls, battery, heartbeat = (
         np.zeros(of.size, dtype=np.uint8)
@@ -162,7 +162,7 @@ def desk(rotors: int = ROTORS) -> Desk:
     return Desk(
         odometry=odometry, rotors=rotors, controls=controls, battery=battery,
         heartbeat=heartbeat, raw=raw, fields=raw.view("<f4"), numbers=np.zeros(_FLOATS),
-        sequence=np.zeros(1, dtype=np.int64), active=np.array([2**rotors - 1]),
+        sequence=np.zeros(1, dtype=np.int64), active=np.array([2**n - 1]),
     )  # fmt: skip
 
 

@@ -203,7 +203,7 @@ def test_what_is_no_file_is_refused(tmp_path):
 def test_hover_is_taken_for_that_of_the_airframe(own_law):
     law = loader.load(own_law)
     _, tables = believed()
-    pace = law.settings.pace(law.settings.settings(*believed(), 500.0))
+    pace = law.settings.pace(law.settings.settings(*believed(), 500.0), tables)
     assert pace.T_hover == pytest.approx(9.81 * np.mean(tables["vehicle"]["mass_kg"]))
 
 

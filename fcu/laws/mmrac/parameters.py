@@ -219,8 +219,8 @@ def law_params(
     return law
 
 
-def pace(law: Params) -> Pace:
-    """What modes that lead the vehicle have to know of the law."""
+def pace(law: Params, airframe: Mapping[str, Any]) -> Pace:
+    """What modes that lead the vehicle have to know of the law, which estimates its mass itself."""
     return Pace(f_m=law.f_m, yaw_rate_max=law.yaw_rate_max, T_hover=law.initial.m_hat_0 * law.g)
 
 
