@@ -70,7 +70,7 @@ def main(
         if world_file is not None:
             world = load(world_file, World)
         else:
-            world = still_air(rate_hz, airframe=read(find(airframe)) if airframe else None)
+            world = still_air(rate_hz, airframe=None if airframe is None else read(find(airframe)))
     except (AirframeError, HandoverError) as error:
         raise click.UsageError(str(error)) from error
     try:

@@ -504,11 +504,11 @@ class _Run:
             "title": mission.title,
             "seed": str(mission.flight.seed),
             "rate_hz": str(self._scene.rate_hz),
-            AIRFRAME: mission.airframe.name,
-            AIRFRAME_SHA256: mission.airframe.sha256,
-            "believed_drag": str(list(mission.airframe.drag)),
             **{f"version.{k}": v for k, v in versions().items()},
             **{k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
+            AIRFRAME: mission.airframe.name,  # not where it is
+            AIRFRAME_SHA256: mission.airframe.sha256,
+            "believed_drag": str(list(mission.airframe.drag)),
         }
 
 

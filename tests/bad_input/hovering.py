@@ -31,7 +31,7 @@ HOLD, OFFBOARD, POSITION = 4 << 16 | 3 << 24, 6 << 16, 3 << 16
 class Flight:
     """A flight controller process, the plant it believes in (it hovers), and a ground script."""
 
-    def __init__(self, start, instance, *options, streams=None):
+    def __init__(self, start, instance, *options, streams=None, airframe=None):
         self.at = ports(instance)
         self.program = start(
             "fcu", "--instance", instance, "--link-clock", "sim", *options, **(streams or {})
@@ -41,7 +41,8 @@ class Flight:
         self.plant.bind(("127.0.0.1", self.at.plant))
         self.plant.connect(("127.0.0.1", self.at.fcu_plant))
         self.plant.settimeout(PATIENCE_S)
-        self.codec = PlantCodec(self.at.system_id, believed()[0].spin)
+        rotors = airframe or believed()[0]
+        self.codec = PlantCodec(self.at.system_id, rotors.spin)
         self.script = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.script.bind(("127.0.0.1", self.at.script))
         self.script.settimeout(PATIENCE_S)
@@ -50,7 +51,13 @@ class Flight:
         self.parser.robust_parsing = True
         q = from_euler(0.0, 0.0, 0.0)
         self.state = to_buffer(
-            VehicleState(Vec3(0.0, 0.0, 20.0), STILL, q, STILL, Rotors(*[HOVER] * 8))
+            VehicleState(
+                Vec3(0.0, 0.0, 20.0),
+                STILL,
+                q,
+                STILL,
+                Rotors(*[HOVER * abs(s) for s in rotors.spin]),
+            )
         )
         self.inbox = []
         self.command = np.zeros(8)

@@ -15,10 +15,10 @@ from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rows import view
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params
-from sitl_plant.physics.truth import truth
+from sitl_plant.physics.truth import truth as true_of
 from sitl_plant.physics.types import PlantParams, PlantRecord
 
-TRUTH = truth(read())
+TRUTH = true_of(read())
 
 
 @pytest.fixture(scope="session")
