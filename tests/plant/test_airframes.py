@@ -64,7 +64,7 @@ def test_the_plant_gives_what_was_allocated(vehicle, asked):
     Omega = [math.sqrt(each / c) if c else 0.0 for each, c in zip(f, full, strict=True)]
     T, tau = physics.thrust_and_torque(params, Rotors(*Omega), STILL)
     assert gave_up == (0.0, 0.0)
-    assert T == pytest.approx(14.0, rel=1e-12)
+    assert pytest.approx(14.0, rel=1e-12) == T
     np.testing.assert_allclose(tau, asked, atol=1e-12)
 
 
@@ -88,7 +88,7 @@ def test_it_starts_in_a_hover_without_torque(vehicle):
     _, params = vehicle
     start = start_state(params)
     T, tau = physics.thrust_and_torque(params, start.Omega, STILL)
-    assert T == pytest.approx(params.m * params.g, rel=1e-12)
+    assert pytest.approx(params.m * params.g, rel=1e-12) == T
     np.testing.assert_allclose(tau, (0.0, 0.0, 0.0), atol=1e-12)
     absent = np.array(params.airframe.spin) == 0.0
     assert (np.array(start.Omega)[absent] == 0.0).all()
