@@ -44,7 +44,12 @@ __all__ = ["INFRASTRUCTURE", "WIDTH", "Figures", "Server", "say"]
 
 RESEND_S, WARN_S, END_S = 0.1, 1.0, 5.0  # wall-clock timeouts for an answer from the controller
 WAIT_S = 0.02  # of these, what compiled code waits before it returns here
+AT_ONCE = 256  # datagrams that are read without a look at the clock: a flood delays nothing else
 OK, INFRASTRUCTURE = 0, 3
+ANSWERED_HOLD = (
+    "the flight controller has answered a keep-alive: what begins with a HEARTBEAT is no tick, and is"
+    " not answered"
+)
 
 
 @dataclass
@@ -94,6 +99,7 @@ class Server:
         self._feed = feed
         self.pacer = pacer
         self._control = control
+        self._controller_port = ports.fcu_plant
         self._link = UdpLink(ports.plant, ports.fcu_plant, owner("plant"))
         others = tuple(fd for fd in (control, lifeline) if fd is not None)
         self._wire = burst.wire(self._link.fileno(), -1, others)
@@ -110,7 +116,9 @@ class Server:
         self._granted = 0 if self._control is not None else sys.maxsize
         self._quick = self._bursts  # whether compiled code is to fly the next tick
         self._unusable = ""  # why the last answer to this tick's state was rejected
+        self._elsewhere = 0  # answers to other states that have come instead of this tick's
         self._reset_asked = False
+        self._misled = False  # whether a keep-alive was answered
 
     def warm_up(self) -> None:
         """Compile the functions that a tick calls."""
@@ -140,6 +148,10 @@ class Server:
                     continue
                 if self._is_held:
                     self._hold(poll)
+                    if self._misled:
+                        self._say("error", ANSWERED_HOLD)
+                        code = INFRASTRUCTURE
+                        break
                     continue
                 self._feed.find(time.monotonic())
                 self.pacer.wait()
@@ -155,9 +167,12 @@ class Server:
                     self._look(poll)
                 elif flown.why == burst.SLOW:
                     self._quick = False
-                elif flown.why in burst.WAITING and not self._exchange(poll, flown):
-                    code = OK if self.stopping else INFRASTRUCTURE
-                    break
+                elif flown.why in burst.WAITING:
+                    is_over = not self._exchange(poll, flown)
+                    self._tape.done()  # not before: who reads a row may rely on its answer
+                    if is_over:
+                        code = OK if self.stopping else INFRASTRUCTURE
+                        break
             self._tape.flush()
         except BrokenPipeError:
             self._say("error", "the recorder has closed its pipe")
@@ -192,8 +207,8 @@ class Server:
         flown: burst.Burst = burst.serve(self._plant, self._wire, rows, self._burst_ticks)
         if flown.unpublished:
             self._feed.missed(flown.unpublished, rows[flown.rows - 1] if flown.unsent else None)
-        if flown.rows:
-            self._tape.done(flown.rows)
+        if complete := flown.rows - (flown.why in burst.WAITING):
+            self._tape.done(complete)
         return flown
 
     def _begin(self) -> burst.Burst:
@@ -202,10 +217,11 @@ class Server:
         row = self._tape.row()
         length, status = burst.begin(self._plant, row, self._wire.outbox)
         self._feed.send(row)
-        self._tape.done()
         asked = time.monotonic()
         ended = status != dynamics.FLYING
-        if not ended:
+        if ended:
+            self._tape.done()
+        else:
             self._link.send(self._wire.outbox[:length].tobytes())
         return burst.Burst(
             why=burst.ENDED if ended else burst.BEGUN, rows=1, status=status, length=length,
@@ -242,7 +258,7 @@ class Server:
     def _exchange(self, poll: select.poll, begun: burst.Burst) -> bool:
         """Finish a tick with the answer to its state; False if none will come."""
         datagram = self._wire.outbox[: begun.length].tobytes()
-        self._unusable = ""
+        self._unusable, self._elsewhere = "", 0
         if begun.why == burst.NOT_SENT:
             self._link.send(datagram)
         elif begun.why == burst.UNEXPECTED:
@@ -256,7 +272,9 @@ class Server:
                 elif fd == self._control:
                     self._read_grants()
                     continue
-                while (answer := self._link.receive()) is not None:
+                for _ in range(AT_ONCE):
+                    if (answer := self._link.receive()) is None:
+                        break
                     if self._is_answer(answer):
                         took = time.monotonic() - waiting
                         self._quick = self._bursts and took < burst.QUICK_S
@@ -282,7 +300,15 @@ class Server:
     def _what_is_wrong(self, seconds: float) -> str:
         if self._unusable:
             return f"no valid answer for {seconds:.0f} s; rejected the last one: {self._unusable}"
-        return f"the flight controller has been silent for {seconds:.0f} s"
+        if self._elsewhere:
+            return (
+                f"no answer for {seconds:.0f} s to the state of {self._simulator.time_us} us, and"
+                f" {self._elsewhere} to others"
+            )
+        silent = f"the flight controller has been silent for {seconds:.0f} s"
+        if strangers := self._link.count_strangers():
+            silent += f"; {strangers} datagrams came from other ports than {self._controller_port}"
+        return silent
 
     def _is_answer(self, datagram: bytes) -> bool:
         """Fly to the next tick if this is the answer to the state of this one; else count it."""
@@ -291,6 +317,7 @@ class Server:
         verdict = burst.finish(self._plant, inbox, len(datagram))
         if verdict == burst.STALE:
             self.figures.stale += 1
+            self._elsewhere += 1
         elif verdict != burst.FLOWN:
             self._refuse(datagram)
         self.figures.ticks = self._simulator.tick
@@ -318,12 +345,12 @@ class Server:
         """Hold time: flush the recorder, send keep-alives to the controller, wait for a grant."""
         self._tape.flush()
         self.pacer.restart()
-        while self._is_held and not (self.stopping or self._reset_asked):
+        while self._is_held and not self._is_called:
             self._feed.find(time.monotonic())
             self._link.send(self._simulator.hold())
             self._link.count_strangers()
             until = time.monotonic() + RESEND_S
-            while self._is_held and not (self.stopping or self._reset_asked):
+            while self._is_held and not self._is_called:
                 left = until - time.monotonic()
                 if left <= 0.0:
                     break
@@ -334,6 +361,24 @@ class Server:
                         self.stopping = True
                     elif (datagram := self._link.receive()) is not None:
                         self._reset_asked |= self._simulator.codec.is_reset(datagram)
+                        self._misled = self._misled or self._is_early(datagram)
+
+    @property
+    def _is_called(self) -> bool:
+        """Whether something else is to be done than to hold time."""
+        return self.stopping or self._reset_asked or self._misled
+
+    def _is_early(self, datagram: bytes) -> bool:
+        """Whether it answers the state of the tick that comes next, which has not been sent yet.
+
+        Were it taken for that answer when time goes on, wall time would be part of the flight.
+        """
+        try:
+            time_us, _, _ = self._simulator.codec.parse_controls(datagram, self._plant.command)
+        except WireError:
+            return False
+        of_next = time_us == self._simulator.time_us and not self._simulator.flight_ended
+        return of_next and not self.figures.resets  # after one it may be of the flight before
 
     def _read_grants(self) -> None:
         assert self._control is not None
