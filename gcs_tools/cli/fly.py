@@ -27,6 +27,8 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
 @arguments.LAW
 @arguments.AIRFRAME
+@click.option("--controller", metavar="COMMAND", help="Run COMMAND in place of the flight controller (docs/flight-controller-of-your-own.md).")  # fmt: skip
+@click.option("--controller-timeout", "controller_timeout_s", type=click.FloatRange(min=0.0, min_open=True), default=30.0, show_default=True, metavar="S", help="Seconds within which COMMAND opens its port.")  # fmt: skip
 @arguments.SETTINGS
 @click.option(
     "--in-process",
@@ -43,7 +45,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 def fly(
     missions: tuple[str, ...], speed: float | None, seed: int | range | None, rate_hz: float | None,
     out: Path | None, junit: Path | None, law: str | None, airframe: str | None,
-    settings: tuple[str, ...], in_process: bool,
+    controller: str | None, controller_timeout_s: float, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
     jobs: int | None, figure: str | None, record: str,
 ) -> int:  # fmt: skip
@@ -59,12 +61,14 @@ def fly(
         from gcs_tools.flight.run import UsageError, fly_missions
         from gcs_tools.judging import result
 
+        published = speed is not None and controller is None
         try:
             results = fly_missions(
                 missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
                 settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
-                zenoh=arguments.publication(speed is not None if publish is None else publish, zenoh),
-                jobs=jobs, figure=figure, record=record,
+                zenoh=arguments.publication(published if publish is None else publish, zenoh),
+                jobs=jobs, figure=figure, record=record, controller=controller,
+                controller_timeout_s=controller_timeout_s,
             )  # fmt: skip
         except UsageError as error:
             raise Failure(error, USAGE) from error

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from fcu.kernel.rows import column
-from fcu.laws.face import SharedTick
 from gcs_tools.flight.processes import Rows, Take
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.physics.types import PlantRecord
@@ -24,6 +23,7 @@ class Arrival:
 
     def __init__(self, scene: Scenario) -> None:
         self._rate_hz = scene.rate_hz
+        self._tick = scene.kinds.tick
         self._within_m, self._held = scene.arrive or (-1.0, 0)  # nothing is nearer than that
         self._there = np.array(scene.sent[-1].r_c)
         self._last = stands_from(scene)
@@ -36,7 +36,7 @@ class Arrival:
         """
         t, of_plant, of_fcu = np.intersect1d(plant[:, 0], fcu[:, 0], return_indices=True)
         r_E = column(PlantRecord, plant[of_plant], "state.r_E")
-        flies = column(SharedTick, fcu[of_fcu], "engaged") > 0.0
+        flies = column(self._tick, fcu[of_fcu], "engaged") > 0.0
         ticks = np.rint(t * self._rate_hz).astype(np.int64)
         near = np.linalg.norm(r_E - self._there, axis=1) <= self._within_m
         near &= flies & (ticks >= self._last)

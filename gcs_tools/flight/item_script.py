@@ -9,16 +9,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from gcs_tools.flight.ground_script import SLOW_M_S, Refused, Vehicle
+from gcs_tools.flight.ground_script import SLOW_M_S, Refused
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.missions.asked import LANDS, Begun, Leg, at_rest, on_path, path_ticks
 
 LOOK_S = 0.1  # simulation time between two looks
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
+
+
+class Flyer(Protocol):
+    """What a script tells: a Vehicle, or a controller that is sent setpoints and nothing else."""
+
+    def wait_ready(self) -> None:
+        """Until it could fly. Raises VehicleError; the others too."""
+
+    def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, /) -> None:
+        """Have it flown, from then on."""
+
+    def offboard(self) -> None:
+        """Fly the setpoints sent."""
+
+    def arm(self) -> None:
+        """Arm."""
+
+    def take_off(self, height_m: float) -> None:
+        """Climb by so much from here."""
+
+    def land(self) -> None:
+        """Land here."""
+
+    def return_home(self) -> None:
+        """Fly home and land there."""
 
 
 class Seen(NamedTuple):
@@ -38,7 +63,7 @@ class ItemScript:
     """
 
     def __init__(
-        self, scene: Scenario, vehicle: Vehicle, fly_to: Callable[[int], bool],
+        self, scene: Scenario, vehicle: Flyer, fly_to: Callable[[int], bool],
         look: Callable[[int], Seen],
     ) -> None:  # fmt: skip
         """`fly_to`: lets time run to a tick; False if the flight has ended. `look`: at the last tick."""

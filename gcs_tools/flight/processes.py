@@ -15,14 +15,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 
 from fcu.interface.link import HOST, PortBusy
 from fcu.interface.ports import INSTANCES, NoFreeInstance, busy, ports
 from gcs_tools.exit_codes import USAGE
-from gcs_tools.flight.flown_rows import FlownRows
 from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
@@ -42,6 +41,13 @@ LOOK_S = 0.05  # wall: between two looks whether it works
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]
+
+
+class Keeper(Protocol):
+    """Who keeps rows: FlownRows, or what stands before one."""
+
+    def append(self, rows: Rows, /) -> None:
+        """Keep some more, (k, n)."""
 
 
 class InfrastructureError(RuntimeError):
@@ -81,7 +87,7 @@ def _is_kept(pid: int) -> bool:
     return _stat(pid)[:1] in (["R"], ["D"])
 
 
-def _is_stopped(pid: int) -> bool:
+def is_stopped(pid: int) -> bool:
     """Whether a signal or a debugger has stopped it (SIGSTOP)."""
     return _stat(pid)[:1] in (["T"], ["t"])
 
@@ -160,7 +166,7 @@ class Child:
         if not hangs and waited < COMPILED_S:
             return False
         why = f"did nothing for {idle:.0f} s" if hangs else "still works"
-        if _is_stopped(pid):
+        if is_stopped(pid):
             why = SUSPENDED
         raise InfrastructureError(f"the {self.name} was not ready within {waited:.0f} s: it {why}")
 
@@ -188,7 +194,7 @@ class Child:
         if now < self._look_again_s:  # a look costs as much as a setpoint
             return
         self._look_again_s = now + LOOK_S
-        if not _is_stopped(self.process.pid):
+        if not is_stopped(self.process.pid):
             self._stopped_since_s = None
         elif self._stopped_since_s is None:
             self._stopped_since_s = now
@@ -285,6 +291,18 @@ def stop_all(children: Sequence[Child]) -> dict[str, dict[str, Any]]:
     return {child.name: child.stop() for child in children}
 
 
+class Started(Protocol):
+    """The processes of a vehicle."""
+
+    children: list[Child]  # controller, plant
+
+    def check(self) -> None:
+        """Raise InfrastructureError if one of them has ended."""
+
+    def stop(self) -> dict[str, dict[str, Any]]:
+        """Stop them; returns what each said last, by name."""
+
+
 @contextmanager
 def one_core(core: int, children: Sequence[Child], collector: Collector) -> Iterator[None]:
     """The children and the calling thread on one core, the collector on the others; where it can be.
@@ -316,8 +334,8 @@ class Collector(threading.Thread):
     pipes make the processes wait: in lockstep nothing is lost.
     """
 
-    def __init__(self, sources: dict[int, tuple[int, FlownRows, Take]]) -> None:
-        """`sources`: file descriptor -> float64 in a row, where rows are kept, who records them.
+    def __init__(self, sources: dict[int, tuple[int, Keeper, Take]]) -> None:
+        """`sources`: file descriptor -> float64 in a row, who keeps rows, who records them.
 
         What is recorded has been kept, and whoever waits for it told: recording takes its time.
         """

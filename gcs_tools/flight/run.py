@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
@@ -27,6 +28,13 @@ from fcu.laws.loader import LawError
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight.arrival import UntilArrival, arrival
 from gcs_tools.flight.display import Display
+from gcs_tools.flight.foreign_flight import (
+    OPENS_S,
+    CommandError,
+    ForeignFlight,
+    command,
+    names_instance,
+)
 from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.memory_flight import MemoryFlight, is_compiled
@@ -37,16 +45,30 @@ from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
 from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.judging import result
-from gcs_tools.judging.expectations import LIMITED
+from gcs_tools.judging.expectations import LIMITED, untold
+from gcs_tools.judging.metrics import OF_THE_TRUTH
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
 from gcs_tools.live.publisher import flies_with
 from gcs_tools.missions import mission as mission_file
-from gcs_tools.missions.mission import Mission, MissionError, override, with_airframe, with_law
+from gcs_tools.missions.mission import (
+    Mission,
+    MissionError,
+    override,
+    with_airframe,
+    with_controller,
+    with_law,
+)
 from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
-from gcs_tools.recording.reader import AIRFRAME, AIRFRAME_SHA256, LAW, LAW_SOURCES, RecordingError
-from gcs_tools.recording.schema import Kinds
+from gcs_tools.recording.reader import (
+    AIRFRAME,
+    AIRFRAME_SHA256,
+    CONTROLLER,
+    LAW,
+    LAW_SOURCES,
+    RecordingError,
+)
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.truth import truth
 
@@ -66,11 +88,13 @@ def prepared(
     rate_hz: float | None = None,
     law: str | None = None,
     airframe: str | None = None,
+    controller: tuple[str, ...] = (),
 ) -> tuple[Mission, Scenario]:
     """A mission with its changes, and what it flies. Raises UsageError.
 
     `law`: a name or FILE.py, flown in place of the mission's own; `settings` are of that.
     `airframe`: a name or FILE.toml, in place of the mission's own.
+    `controller`: the command of a process in place of fcu.
     """
     try:
         mission = mission_file.load(name)
@@ -84,6 +108,9 @@ def prepared(
             mission = override(mission, f"flight.seed={seed}", "--seed")
         if rate_hz is not None:
             mission = override(mission, f"flight.rate_hz={rate_hz:g}", "--rate")
+        if controller:
+            mission = with_controller(mission, controller)
+            _judged_by_the_truth(mission)
         return mission, scenario(mission)
     except MissionError as error:
         raise UsageError(str(error)) from error
@@ -91,6 +118,17 @@ def prepared(
         raise UsageError(f"{name}: [law] {error}") from error
     except AirframeError as error:
         raise UsageError(f"{name}: {error}") from error
+
+
+def _judged_by_the_truth(mission: Mission) -> None:
+    """Raises MissionError where a mission expects what only a controller of ours tells."""
+    expected = [mission.expectations(), *(item["expect"] for item in mission.items())]
+    if names := [name for expect in expected for name in untold(expect)]:
+        raise MissionError(
+            f"{mission.source}: [expect] {', '.join(names)}: cannot be judged, since a controller of"
+            " your own tells nothing of itself. Expect what the truth tells: ended, reached,"
+            f" {', '.join(sorted(OF_THE_TRUTH))}"
+        )
 
 
 def new_folder(out: Path | None, name: str) -> Path:
@@ -134,6 +172,8 @@ def fly_missions(
     jobs: int | None = None,
     figure: str | None = None,
     record: str = light.FULL,
+    controller: str | None = None,
+    controller_timeout_s: float = OPENS_S,
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted.
 
@@ -143,7 +183,8 @@ def fly_missions(
 
     `seed`: of the noise; of several, each mission is flown with each.  `law`: a name or FILE.py, in place of each mission's own.
     `airframe`: a name or FILE.toml, in place of each mission's own.  `zenoh`: how it is published; None:
-    not.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
+    not.  `controller`: the command of a process that flies in place of fcu; `controller_timeout_s`:
+    wall time within which it opens its port.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
     flight always, of several of those that failed.  `record`: full, light (100 ticks a second) or
     none; hash and verdict are of all ticks in any case.
@@ -157,11 +198,14 @@ def fly_missions(
                 raise UsageError(
                     f"{option}: a flight in process has none; leave out one of the two"
                 )
+    words = _command(controller, law, in_process, zenoh)
+    if words and not names_instance(words):
+        instance = instance or 0  # of which it knows nothing
     display = display or Display()
     began = time.monotonic()
     seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
     asked = [(name, each) for name in missions for each in seeds]
-    ready, rejected = _admitted(asked, settings, rate_hz, law, airframe)
+    ready, rejected = _admitted(asked, settings, rate_hz, law, airframe, words)
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
         display.note(f"Error: {why}")
@@ -189,6 +233,7 @@ def fly_missions(
             _Run(
                 name, mission, scene, own if many else out, speed, in_process, instance, zenoh,
                 figure or (FAILED if many else ALWAYS), many and jobs > 1, record,
+                controller_timeout_s,
             )
         )  # fmt: skip
     if many and can_fork():
@@ -210,7 +255,7 @@ def fly_missions(
 
 def _admitted(
     asked: Sequence[tuple[str, int | None]], settings: Sequence[str], rate_hz: float | None,
-    law: str | None, airframe: str | None,
+    law: str | None, airframe: str | None, controller: tuple[str, ...],
 ) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
     """Missions, each with a seed, that a vehicle would fly; the others' results, by their places.
 
@@ -222,11 +267,12 @@ def _admitted(
         for place, (name, seed) in enumerate(asked):
             interrupts.look()
             try:
-                ready[place] = prepared(name, settings, seed, rate_hz, law, airframe)
+                ready[place] = prepared(name, settings, seed, rate_hz, law, airframe, controller)
             except UsageError as error:
                 why_not[place] = str(error)
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
-            for place, (mission, scene) in list(ready.items()):
+            ours = {} if controller else ready  # of another's guard nothing is known
+            for place, (mission, scene) in list(ours.items()):
                 if why := refusal(scene, mission.expectations().get(LIMITED) is True):
                     why_not[place] = f'{mission.name}: {why} (law.guard = "refuse")'
                     del ready[place]
@@ -237,6 +283,21 @@ def _admitted(
         for place in sorted(why_not)
     }
     return list(ready.values()), rejected
+
+
+def _command(
+    text: str | None, law: str | None, in_process: bool, zenoh: Zenoh | None
+) -> tuple[str, ...]:
+    """The words of a controller's command; none without one. Raises UsageError."""
+    if text is None:
+        return ()
+    for option, chosen in (("law", law), ("in-process", in_process), ("publish", zenoh)):
+        if chosen:
+            raise UsageError(f"--{option}: not with --controller, which flies in place of fcu")
+    try:
+        return command(text)
+    except CommandError as error:
+        raise UsageError(f"--controller: {error}") from error
 
 
 def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:
@@ -273,6 +334,8 @@ def fly(
     figure: Literal["always", "failed", "never"] = "always",
     display: Display | None = None,
     zenoh: Zenoh | None = None,
+    controller: str | None = None,
+    controller_timeout_s: float = OPENS_S,
 ) -> Result:
     """Fly one mission and judge it, as `gcs fly MISSION` does.
 
@@ -289,6 +352,8 @@ def fly(
     figure : whether flight.png is drawn.
     display : told of progress and verdict; None: nobody is.
     zenoh : how every tick is published; None: not. Not in process.
+    controller : the command of a process that flies in place of fcu (it is executed).
+    controller_timeout_s : wall time within which it opens its port.
 
     Returns the Result: `passed`, `metrics` (name -> number or None), `expectations`, `warnings`,
     `causes`, `trajectory_sha256`, `folder` and all else that result.json holds. Raises UsageError for a
@@ -298,7 +363,8 @@ def fly(
     (result,) = fly_missions(
         [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
         in_process=in_process, speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
-        figure=figure, display=display, zenoh=zenoh,
+        figure=figure, display=display, zenoh=zenoh, controller=controller,
+        controller_timeout_s=controller_timeout_s,
     )  # fmt: skip
     return result
 
@@ -309,7 +375,7 @@ class _Run:
     def __init__(
         self, name: str, mission: Mission, scene: Scenario, out: Path | None, speed: float | None,
         in_process: bool, instance: int | None, zenoh: Zenoh | None, figure: str, beside: bool,
-        record: str,
+        record: str, controller_timeout_s: float,
     ) -> None:  # fmt: skip
         """`name`: of its folder; `out`: that; None: a new one in runs/.  `beside`: others fly too."""
         self.name = name
@@ -326,6 +392,7 @@ class _Run:
         self._figure = figure
         self._beside = beside
         self._record = record
+        self._opens_s = controller_timeout_s
         self._left = _nothing()
         self._note: Callable[[str], None] = lambda text: None
         self._progress: Callable[[float], None] = lambda time_s: None
@@ -339,12 +406,16 @@ class _Run:
         """Whether it compiles before it flies."""
         if self._in_process:
             return not is_compiled(self._law)
+        if self._scene.controller:
+            return not is_cached("begin")
         return not (is_cached("tick_at", self._law.package) and is_cached("begin"))
 
     def load(self) -> None:
         """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
         if self._figure == ALWAYS:
             import gcs_tools.pictures.plot.overview  # noqa: F401
+        if self._scene.controller:
+            return
         if not self._in_process:
             load(self._law)
         elif not self.is_cold:
@@ -383,10 +454,12 @@ class _Run:
         try:
             from gcs_tools.pictures.plot.overview import flight_figure
 
-            kinds, settings = Kinds.of(self._law), to_buffer(self._scene.settings).tolist()
+            kinds, params = self._scene.kinds, {}
+            if kinds.tells:
+                settings = to_buffer(self._scene.settings).tolist()
+                params = dict(zip(columns(kinds.params), settings, strict=True))
             flight_figure(
-                Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu),
-                dict(zip(columns(kinds.params), settings, strict=True)),
+                Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu), params,
                 _title(self._mission), self.folder / "flight.png",
             )  # fmt: skip
         except OSError as failed:
@@ -424,10 +497,11 @@ class _Run:
         flown, exit_code, error = _nothing(), OK, None
         try:
             with light.recorder(
-                self._record, self.folder / "flight.mcap", self._metadata(), Kinds.of(self._law),
+                self._record, self.folder / "flight.mcap", self._metadata(), self._scene.kinds,
                 self._scene.rate_hz,
             ) as recorder:  # fmt: skip
-                recorder.set_params(to_buffer(self._scene.settings))
+                if self._scene.kinds.tells:
+                    recorder.set_params(to_buffer(self._scene.settings))
                 until = UntilArrival(self._scene, (recorder.add_plant, recorder.add_fcu))
                 try:
                     flown = self._flown((until.add_plant, until.add_fcu))
@@ -475,10 +549,17 @@ class _Run:
     def _fly_pair(self, instance: int, on_rows: tuple[Take, Take]) -> Flown:
         if self._zenoh is not None:
             self._note(f"published as instance {instance} (gcs monitor --instance {instance})")
-        flight = WireFlight(
-            self._scene, self.folder, instance, self._speed, on_rows, self._progress, self._zenoh,
-            flies(self._mission, self._scene, self._scene.airframe), self._note,
-        )  # fmt: skip
+        flight: WireFlight
+        if self._scene.controller:
+            flight = ForeignFlight(
+                self._scene, self._opens_s, self.folder, instance, self._speed, on_rows,
+                self._progress,
+            )  # fmt: skip
+        else:
+            flight = WireFlight(
+                self._scene, self.folder, instance, self._speed, on_rows, self._progress, self._zenoh,
+                flies(self._mission, self._scene, self._scene.airframe), self._note,
+            )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
         except Misused as error:
@@ -497,9 +578,9 @@ class _Run:
 
     def _metadata(self) -> dict[str, str]:
         mission = self._mission
+        law = {LAW: self._law.name, LAW_SOURCES: self._law.digest}
         return {
-            LAW: self._law.name,
-            LAW_SOURCES: self._law.digest,
+            **({CONTROLLER: shlex.join(mission.controller)} if mission.controller else law),
             "mission": mission.name,
             "title": mission.title,
             "seed": str(mission.flight.seed),
@@ -565,8 +646,9 @@ def _spoilt(judged: Result, exit_code: int, error: str) -> Result:
 
 
 def _flown_versions(mission: Mission) -> dict[str, str]:
-    """`versions`, and of law, airframe and truth."""
-    own = {"law": mission.flown.identity, "airframe": mission.airframe.identity}
+    """`versions`, and of law, airframe and truth; of a controller of somebody else's nothing is known."""
+    law = {} if mission.controller else {"law": mission.flown.identity}
+    own = {**law, "airframe": mission.airframe.identity}
     return {**versions(), **own, "truth": truth(mission.airframe).identity}
 
 

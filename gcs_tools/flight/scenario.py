@@ -20,6 +20,7 @@ from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.asked import Leg, asked, foreseen, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, MissionError
+from gcs_tools.recording.schema import UNTOLD, Kinds
 from sitl_plant.physics import tick
 from sitl_plant.physics.world import World, world
 
@@ -30,7 +31,7 @@ class Scenario:
 
     flown: Law
     airframe: AirframeFile  # as it is believed
-    settings: Any  # of the law, and of its guard
+    settings: Any  # of the law, and of its guard; None: a controller of somebody else's flies
     world: World
     ticks: int
     period_us: int
@@ -43,6 +44,14 @@ class Scenario:
     )
     flight: Flight  # the table
     legs: tuple[Leg, ...] = ()  # of a mission of items: what is sent, and when, is foreseen only
+    controller: tuple[
+        str, ...
+    ] = ()  # command of a process in place of fcu; empty: fcu flies `flown`
+
+    @property
+    def kinds(self) -> Kinds:
+        """What is told of the flight."""
+        return UNTOLD if self.controller else Kinds.of(self.flown)
 
     @property
     def law(self) -> Any:
@@ -108,7 +117,9 @@ def scenario(mission: Mission) -> Scenario:
     return Scenario(
         flown=mission.flown,
         airframe=vehicle,
-        settings=mission.flown.settings.settings(
+        settings=None
+        if mission.controller
+        else mission.flown.settings.settings(
             vehicle.rotors, vehicle.tables, flight.rate_hz, chosen
         ),
         world=there,
@@ -123,4 +134,5 @@ def scenario(mission: Mission) -> Scenario:
         else ticks,
         flight=flight,
         legs=legs(flight),
+        controller=mission.controller,
     )

@@ -19,22 +19,19 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.face import SharedTick
 from gcs_tools.flight.arrival import arrival, stands_from
 from gcs_tools.flight.flown_rows import FlownRows
-from gcs_tools.flight.ground_script import SetpointRefused, Vehicle, VehicleError
-from gcs_tools.flight.item_script import SEND_AGAIN_S, ItemScript, Seen
+from gcs_tools.flight.ground_script import SetpointRefused, VehicleError
+from gcs_tools.flight.item_script import SEND_AGAIN_S, Flyer, ItemScript, Seen
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.missions.asked import LANDS, Begun
-from gcs_tools.recording.schema import Kinds
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 _STILL = Vec3(0.0, 0.0, 0.0)
 _ENDED, _ON_GROUND = (column_of(PlantRecord, name) for name in ("ended", "on_ground"))
 _R_E, _V_E = (slice_of(PlantRecord, f"state.{name}") for name in ("r_E", "v_E"))
-_ENGAGED = column_of(SharedTick, "engaged")
 
 
 @dataclass
@@ -73,7 +70,8 @@ class ScriptedFlight(ABC):
         """
         self._scene = scene
         self._progress = progress
-        self._kinds = Kinds.of(scene.flown)
+        self._kinds = scene.kinds
+        self._engaged = column_of(self._kinds.tick, "engaged")
         self._on_rows = on_rows
         self._items: ItemScript | None = None
         self._plant_rows = FlownRows(size(PlantRecord), scene.ticks + 1)  # and how it ended
@@ -103,7 +101,7 @@ class ScriptedFlight(ABC):
         done = "refused" if script.refusal else ("landed" if lands else "done") * script.is_done
         return Flown(plant, fcu, False, tuple(script.begun), done, script.refusal)
 
-    def _arm(self, vehicle: Vehicle) -> None:
+    def _arm(self, vehicle: Flyer) -> None:
         """Armed, and flying the first setpoint; of items on the ground, ready. Raises InfrastructureError."""
         try:
             if self._scene.legs:
@@ -118,7 +116,7 @@ class ScriptedFlight(ABC):
         except VehicleError as error:
             raise InfrastructureError(str(error)) from error
 
-    def _send_setpoints(self, vehicle: Vehicle) -> bool:
+    def _send_setpoints(self, vehicle: Flyer) -> bool:
         """Let time run up to each setpoint, send it, and on; whether the vehicle arrived.
 
         One that the vehicle refuses is not sent again: the one before is, as long as it would be.
@@ -161,7 +159,7 @@ class ScriptedFlight(ABC):
         self._wait_for_rows(tick)
         plant, fcu = (rows.last[0] for rows in (self._plant_rows, self._fcu_rows))
         r_E, v_E = (Vec3(*plant[each].tolist()) for each in (_R_E, _V_E))
-        return Seen(r_E, v_E, bool(fcu[_ENGAGED] > 0.0), bool(plant[_ON_GROUND] > 0.5))
+        return Seen(r_E, v_E, bool(fcu[self._engaged] > 0.0), bool(plant[_ON_GROUND] > 0.5))
 
     def _ticks(self, rows: Rows) -> int:
         """The tick after the last of `rows`: their number, if none was dropped."""

@@ -15,8 +15,9 @@ from fcu.interface.link import PortBusy
 from fcu.kernel.buffers import size
 from gcs_tools.flight.ground_script import Vehicle
 from gcs_tools.flight.interrupts import interrupts_wait
+from gcs_tools.flight.item_script import Flyer
 from gcs_tools.flight.pair import Pair
-from gcs_tools.flight.processes import Collector, InfrastructureError, Take, one_core
+from gcs_tools.flight.processes import Collector, InfrastructureError, Started, Take, one_core
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
@@ -94,11 +95,12 @@ class WireFlight(ScriptedFlight):
         )
         self._plant_fd = plant_out
         stack.callback(self._collector.finish, DRAIN_S)  # takes what they have still handed over
-        self._pair = Pair(
+        self._pair: Started
+        self._pair = pair = Pair(
             stack, self._folder, self._instance, self._scene.flown,
             self._scene.airframe, self._zenoh, self._flies, look,
         )  # fmt: skip
-        why = self._pair.start(
+        why = pair.start(
             self._scene,
             ["--link-clock", "sim", keep, "--record-fd", str(fcu_in)],
             ["--speed", speed, keep, "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
@@ -109,12 +111,12 @@ class WireFlight(ScriptedFlight):
             self._note(f"flown without diagnostics: {why}")
         if self._speed is None:
             core = self._instance % (os.cpu_count() or 1)
-            if self._pair.publisher is not None:
-                self._pair.publisher.keep_off(core)
-            stack.enter_context(one_core(core, self._pair.children, self._collector))
+            if pair.publisher is not None:
+                pair.publisher.keep_off(core)
+            stack.enter_context(one_core(core, pair.children, self._collector))
         return grants_in
 
-    def _meet(self, stack: ExitStack) -> Vehicle:
+    def _meet(self, stack: ExitStack) -> Flyer:
         try:
             vehicle = Vehicle(self._instance)
         except PortBusy as error:

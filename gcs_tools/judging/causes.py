@@ -79,7 +79,7 @@ def _limits_and_ending(
         found.append(f"At a limit: {each}.")
     found.append(_air(flight, values))
     found += _mass(flight, values)
-    if mission.flown.guard is not None:
+    if mission.flown.guard is not None and not mission.controller:
         found.append(f"What uses up the margin: {envelope_command(mission)}")
     return found
 

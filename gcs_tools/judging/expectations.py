@@ -21,7 +21,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, OF_ITEMS, REACHED_M, SETTLE_S
+from gcs_tools.judging.metrics import (
+    FLOOR,
+    FLOORS,
+    METRICS,
+    OF_ITEMS,
+    OF_THE_TRUTH,
+    REACHED_M,
+    SETTLE_S,
+)
 from gcs_tools.judging.setpoint_checks import Changed, Standing
 
 MetricFunction = Callable[[str, float | None, float | None], float | None]
@@ -74,6 +82,12 @@ class _Bound(NamedTuple):
     at_least: bool
     t_from: float | None
     t_to: float | None
+
+
+def untold(expect: Mapping[str, Any]) -> list[str]:
+    """Its entries that need what a controller tells of itself."""
+    inside = METRICS.keys() - OF_THE_TRUTH | {LIMITED}
+    return [name for name in expect if name in inside]
 
 
 def _number(value: float | str) -> str:

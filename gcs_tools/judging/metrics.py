@@ -106,10 +106,12 @@ class EngagedTicks:
         is_asked: Flags = np.full(len(wanted), asked is None)
         is_asked |= np.isfinite(wanted).all(axis=1)
         true_r = plant["state.r_E"]
+        told = "outputs.reference.r_m" in fcu  # of a controller that tells of itself
+        reference = fcu["outputs.reference.r_m"] if told else np.full(true_r.shape, math.nan)
         return cls(
             t=fcu["t"],
-            reference_error=_distance(true_r, fcu["outputs.reference.r_m"]),
-            has_reference=not np.isnan(fcu["outputs.reference.r_m"]).all(),
+            reference_error=_distance(true_r, reference),
+            has_reference=not np.isnan(reference).all(),
             setpoint_error=_distance(true_r, wanted),
             is_asked=is_asked,
             is_grounded=grounded,
@@ -161,6 +163,8 @@ class EngagedTicks:
         if not len(ticks.t):
             after = "" if t_from is None else f" after {t_from:g} s"
             return f"no tick{after}" + ("" if t_to is None else f" before {t_to:g} s")
+        if name not in OF_THE_TRUTH and "outputs.T_c" not in self.fcu:
+            return "the controller tells nothing of itself"
         if name.startswith("reference_error_") and not self.has_reference:
             return "this law has no reference model"
         of = _settled(ticks) if "_settled_" in name else ticks
@@ -256,6 +260,12 @@ def _contradicted(flight: EngagedTicks) -> float:
     return _fraction(*signs, in_air=True)(flight) if signs else math.nan
 
 
+def _energy(flight: EngagedTicks) -> float:
+    """What the battery gave from the first tick to the last, J."""
+    drawn = flight.plant["battery.energy_J"] if "battery.energy_J" in flight.plant else np.empty(0)
+    return float(drawn[-1] - drawn[0]) if len(drawn) else math.nan
+
+
 def _nonfinite(flight: EngagedTicks) -> float:
     """Ticks at which the error is not finite, or what the law commands and tells of itself."""
     error = flight.reference_error if flight.has_reference else flight.setpoint_error
@@ -293,11 +303,17 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "margin_condition_min_n": lambda f: _least(aloft(f).told("guard.margin.condition")),
     "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
     "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
+    "energy_j": _energy,
     "nonfinite_samples": _nonfinite,
 }
 
 
 OF_ITEMS = ("took_s", "touchdown_m_s", "touchdown_m")  # of items alone: see item_checks
+
+# which need the plant and the mission alone, whatever a controller tells of itself
+OF_THE_TRUTH = frozenset(name for name in METRICS if name.startswith("setpoint_error_")) | {
+    "energy_j", "nonfinite_samples",
+}  # fmt: skip
 
 # of the ticks in the air
 ALOFT = frozenset(

@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 import os
+import shlex
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
@@ -42,6 +43,7 @@ from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.recording.events import Event
+from gcs_tools.recording.schema import UNTOLD
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
@@ -83,6 +85,7 @@ class Result:
     changes: list[str] = field(default_factory=list)  # of the mission, from the command line
     causes: list[str] = field(default_factory=list)  # why it saturated or ended early: sentences
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
+    controller: str = ""  # command of a controller in place of fcu, judged by the truth alone
     error: str | None = None  # what ended the flight when the exit code is 2, 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
 
@@ -123,7 +126,8 @@ def judge(
     missed: Standing | None = None
     whole = exit_code == OK
     if whole or (len(plant) and len(fcu)):
-        told = Table.of(PlantRecord, plant), Table.of(mission.flown.ticks.Tick, fcu)
+        tick = UNTOLD.tick if mission.controller else mission.flown.ticks.Tick
+        told = Table.of(PlantRecord, plant), Table.of(tick, fcu)
         wanted = asked(mission.flight, begun)
         flight = EngagedTicks.of(*told, wanted.last_change_s + SETTLE_S, wanted.positions_at)
         measured = flight.metrics()
@@ -168,6 +172,7 @@ def judge(
         items=items,
         causes=why,
         warnings=warnings(said, sim_time),
+        controller=shlex.join(mission.controller),
         error=error,
         **about,
     )

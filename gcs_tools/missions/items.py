@@ -159,6 +159,7 @@ class Return(Table):
 
 KINDS = ("take_off", "go_to", "follow", "hold", "land", "return")
 LANDINGS = (Land, Return)
+OF_AN_AUTOPILOT = ("take_off", "land", "return")  # the others are setpoints
 
 
 def _of_a_kind(value: Any) -> Any:

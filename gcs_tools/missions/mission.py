@@ -35,7 +35,8 @@ from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_t
 
 __all__ = [
     "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
-    "override", "setpoint_at", "setpoint_times", "with_airframe", "with_law", "written",
+    "override", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
+    "written",
 ]  # fmt: skip
 
 
@@ -72,6 +73,9 @@ class Mission:
     expect: Table
     given: Mapping[str, Any]  # the tables as written, with what was changed since
     changed: Mapping[KeyPath, str]  # key -> the option that changed it
+    controller: tuple[
+        str, ...
+    ] = ()  # command of a process in place of fcu; empty: fcu flies `flown`
 
     def expectations(self) -> dict[str, Any]:
         """[expect] as plain values: metric -> { limit or at_least, from, to }, ended -> a word."""
@@ -220,6 +224,29 @@ def with_airframe(mission: Mission, airframe: str) -> Mission:
     changed = {**mission.changed, ("airframe",): "--airframe"}
     made = _checked(mission.name, f"--airframe {airframe}", mission.folder, given, changed)
     return replace(made, source=mission.source)
+
+
+def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
+    """`mission` flown by a process of somebody else's in place of fcu: its command.
+
+    Its [law] is that of fcu, and left out. Raises MissionError for one that is set from the command
+    line, and for items that only an autopilot does.
+    """
+    for path, option in mission.changed.items():
+        if path[0] == "law":
+            key = ".".join(map(str, path))
+            raise MissionError(
+                f"{option} {key}: a controller of your own has no [law] (leave it out)"
+            )
+    for i, item in enumerate(mission.flight.items):
+        if item.kind in items.OF_AN_AUTOPILOT:
+            raise MissionError(
+                f"{mission.source}: [flight] items[{i}]: {item.kind} is done by an autopilot; a"
+                f" controller of your own is sent setpoints (go_to, follow, hold)"
+            )
+    given = {name: table for name, table in mission.given.items() if name != "law"}
+    made = _checked(mission.name, mission.source, mission.folder, given, mission.changed)
+    return replace(made, controller=command)
 
 
 def _checked(

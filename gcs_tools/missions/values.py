@@ -16,9 +16,10 @@ from sitl_plant.physics.truth import truth
 
 def values_in_force(mission: Mission) -> dict[str, Value]:
     """Dotted key -> Value, of `airframe`, [flight], [law], [wind], [plant]; without keys that have no value."""
+    law = () if mission.controller else ("law",)  # it knows nothing of ours
     underneath = {**_of_law(mission), **_true(mission)}
     found = {"airframe": Value(mission.airframe.source, _origin(mission, ("airframe",)))}
-    for table in ("flight", "law", "wind", "plant"):
+    for table in ("flight", *law, "wind", "plant"):
         for path, value in _leaves((table,), getattr(mission, table)):
             own = Value(value, _origin(mission, path))
             used = underneath.get(path) if value is None else own

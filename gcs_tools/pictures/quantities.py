@@ -155,6 +155,19 @@ QUANTITIES = (
              panel="Wind", short="disturbance "),
 )  # fmt: skip
 BY_TITLE = {quantity.title: quantity for quantity in QUANTITIES}
+# the overview of a flight whose controller tells nothing of itself
+OF_TRUTH = (
+    Quantity("Position", "m", parts("state.r_E"), ENU, asked=parts("setpoint.r_c"), least=0.0,
+             axes=HALF),
+    Quantity("Distance from the setpoint", "m", ("setpoint_error",), colours=(INK,), digits=3,
+             logarithmic=1e-3, axes=HALF),
+    Quantity("Tilt", "°", ("roll", "pitch"), ANGLES[:2], digits=1, axes=HALF),
+    Quantity("Rotor speeds", "rad/s", ("Omega_least", "Omega_mean", "Omega_most"),
+             ("least", "mean", "greatest"), digits=0, about_zero=False, axes=HALF),
+    Quantity("Velocity of the air", "m/s", parts("v_air_E"), ENU, axes=HALF),
+    Quantity("Battery", "W", ("power",), ("power drawn",), digits=0, colours=(INK,), about_zero=False,
+             axes=HALF),
+)  # fmt: skip
 
 
 class Derived(NamedTuple):
@@ -171,7 +184,40 @@ def _distance(_limits: Limits, *both: Rows) -> Rows:
     return distance
 
 
+def _turning(of: Callable[[Rows], Rows]) -> Callable[..., Rows]:
+    """A value of the speeds of the rotors that ever turn: others are absent, or their flight is over."""
+
+    def speed(_limits: Limits, *Omega: Rows) -> Rows:
+        each = np.stack(Omega)
+        turn = (each > 0.0).any(axis=1)
+        return of(each[turn] if turn.any() else each)
+
+    return speed
+
+
+def _roll(_limits: Limits, w: Rows, x: Rows, y: Rows, z: Rows) -> Rows:
+    """Of a quaternion, in degrees."""
+    roll: Rows = DEGREES * np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return roll
+
+
+def _pitch(_limits: Limits, w: Rows, x: Rows, y: Rows, z: Rows) -> Rows:
+    """Of a quaternion, in degrees; nose down is positive, as body y points left."""
+    pitch: Rows = DEGREES * np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    return pitch
+
+
+_Q_EB, _OMEGA = parts("state.q_EB", "wxyz"), parts("state.Omega", ROTORS)
 DERIVED = {
+    "setpoint_error": Derived((*parts("setpoint.r_c"), *parts("state.r_E")), _distance),
+    "roll": Derived(_Q_EB, _roll),
+    "pitch": Derived(_Q_EB, _pitch),
+    "Omega_least": Derived(_OMEGA, _turning(lambda each: each.min(axis=0))),
+    "Omega_mean": Derived(_OMEGA, _turning(lambda each: each.mean(axis=0))),
+    "Omega_most": Derived(_OMEGA, _turning(lambda each: each.max(axis=0))),
+    "power": Derived(
+        ("battery.voltage", "battery.current"), lambda limits, volts, amperes: volts * amperes
+    ),
     "position_error": Derived((*parts("outputs.reference.r_m"), *parts("state.r_E")), _distance),
     "wind_error": Derived((*parts("v_air_E", "xy"), *parts("wind.v_air_E", "xy")), _distance),
     "drag_over_mass.x": Derived(("f_D_E.x", "m"), lambda limits, f, m: f / m),
@@ -202,7 +248,9 @@ def told(names: Iterable[str]) -> Iterator[str]:
         yield from DERIVED[name].columns if name in DERIVED else (name,)
 
 
-_OF_QUANTITIES = (name for q in QUANTITIES for name in (*q.columns, *q.truth, *q.asked))
+_OF_QUANTITIES = (
+    name for q in (*QUANTITIES, *OF_TRUTH) for name in (*q.columns, *q.truth, *q.asked)
+)
 SHOWN = frozenset(told((*BESIDE, *_OF_QUANTITIES)))
 
 

@@ -35,6 +35,7 @@ METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
 LAW, OUR_LAW = "law", "mmrac"  # of metadata: which law was flown; without it, ours
 AIRFRAME, AIRFRAME_SHA256 = "airframe", "airframe_sha256"  # of metadata: name, hash of the file
+CONTROLLER = "controller"  # of metadata: the command of a controller that tells nothing of itself
 LAW_SOURCES = "law_sha256"  # of metadata: the first 16 digits of the hash of its sources
 # Topics whose fields are another law's own, or that of its guard, if it has one.
 OF_A_LAW = ("/fcu/law", "/fcu/internals", "/fcu/guard", "/fcu/guard_state", PARAMS)
@@ -96,7 +97,7 @@ class _Contents:
     @property
     def is_of_our_law(self) -> bool:
         """Whether the law that was flown is the one whose names this version knows."""
-        return self.metadata.get(LAW, OUR_LAW) == OUR_LAW
+        return CONTROLLER not in self.metadata and self.metadata.get(LAW, OUR_LAW) == OUR_LAW
 
     def lost(self) -> dict[str, int]:
         """By topic: messages missing between the first and the last."""
@@ -128,6 +129,8 @@ class _Contents:
 
     def known(self, row: str) -> list[str]:
         """The columns of a row that this version knows of the law that was flown."""
+        if row == FCU and CONTROLLER in self.metadata:
+            return []
         topics = (t for t in TOPICS.values() if t.row == row)
         ours = (t for t in topics if self.is_of_our_law or t.name not in OF_A_LAW)
         return list(dict.fromkeys(name for topic in ours for name in topic.columns))

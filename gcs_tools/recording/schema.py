@@ -27,6 +27,7 @@ from google.protobuf.descriptor_pb2 import (
 from google.protobuf.message import DecodeError
 
 from fcu.interface.diagnostics import PlantReport, Report, fcu_row, params_row, plant_row
+from fcu.interface.messages import Setpoint
 from fcu.kernel import algebra
 from fcu.kernel.buffers import fields, is_value
 from fcu.laws.loader import Law
@@ -39,8 +40,9 @@ PACKAGE = "m_mrac"
 GEOMETRY = f"{PACKAGE}/geometry.proto"
 _DOUBLE = FieldDescriptorProto.TYPE_DOUBLE
 _MESSAGE = FieldDescriptorProto.TYPE_MESSAGE
-TRUTH, PARAMS, TIMING, PLANT_TIMING, WIND, STATUS = (
+TRUTH, PARAMS, TIMING, PLANT_TIMING, WIND, STATUS, ASKED = (
     "/plant/truth", "/fcu/params", "/fcu/timing", "/plant/timing", "/fcu/wind", "/fcu/status",
+    "/mission/setpoint",
 )  # fmt: skip
 TICKS = "Ticks"  # what the name of a message of several ticks ends with
 _FIXED64 = FieldDescriptorProto.TYPE_FIXED64
@@ -157,10 +159,24 @@ class Declaration(NamedTuple):
 PLANT, FCU = "plant", "fcu"  # rows
 
 
+class AskedTick(NamedTuple):
+    """One tick of a controller that tells nothing of itself: what the mission asked it for."""
+
+    t: float  # simulation time, s
+    engaged: float  # 2: it flies at every tick that it has answered
+    setpoint: Setpoint  # as sent last, extrapolated to this tick
+
+
 def declared_for(tick: Any, params: Any, record: Any) -> Iterator[Declaration]:
-    """The topics of a flight. `tick`, `params`: of its law; `record`: the plant's truth."""
+    """The topics of a flight. `tick`, `params`: of its law; `record`: the plant's truth.
+
+    `params` None: of a controller that tells nothing.
+    """
     yield Declaration(TRUTH, "PlantTruth", record, PLANT, (), "")
     yield from _reports("plant", PlantReport)
+    if params is None:
+        yield Declaration(ASKED, "MissionSetpoint", Setpoint, FCU, ("t", "engaged"), "setpoint.")
+        return
     for name, kind in fields(tick).items():
         if is_value(kind) and fields(kind):  # a law without a guard has nothing to tell of one
             title = "law" if name == "state" else name
@@ -324,7 +340,7 @@ class Kinds(NamedTuple):
     """The NamedTuple classes of what is told in a flight: its law's, and the plant's."""
 
     tick: Any
-    params: Any
+    params: Any  # None: of a controller that tells nothing of itself
     record: Any
 
     @classmethod
@@ -338,9 +354,14 @@ class Kinds(NamedTuple):
         return topics_for(*self)
 
     @property
+    def tells(self) -> bool:
+        """Whether the controller tells of itself."""
+        return self.params is not None
+
+    @property
     def fcu_row(self) -> Any:
         """The class of a whole row of the flight controller."""
-        return fcu_row(self.tick)
+        return fcu_row(self.tick) if self.tells else self.tick
 
     @property
     def plant_row(self) -> Any:
@@ -354,6 +375,7 @@ class Kinds(NamedTuple):
 
 
 OURS = Kinds(Tick, Settings, PlantRecord)
+UNTOLD = Kinds(AskedTick, None, PlantRecord)  # of a flight of which the truth alone is known
 DECLARED = tuple(declared_for(*OURS))
 TOPICS = OURS.topics
 TICK_TOPICS = tuple(topic for topic in TOPICS.values() if topic.row == FCU)
@@ -396,7 +418,8 @@ def proto_text(file: FileDescriptorProto) -> str:
 
 def texts() -> dict[str, str]:
     """File name -> .proto source, for every schema of a recording that is our own."""
-    files = [geometry_file(), *map(topic_file, DECLARED)]
+    of_asked = (topic for topic in declared_for(*UNTOLD) if topic.name == ASKED)
+    files = [geometry_file(), *map(topic_file, (*DECLARED, *of_asked))]
     return {file.name: proto_text(file) for file in files}
 
 

@@ -138,7 +138,6 @@ class RecordingWriter:
         self._file = RecordingFile(path, metadata)
         topics, fcu, plant = kinds.topics, columns(self._fcu_row), columns(self._plant_row)
         of_ticks = [topic for topic in topics.values() if topic.row == FCU]
-        params = topics[PARAMS]
         try:
             self._channels = {
                 name: self._file.add_channel(*topic[:3], topic.metadata)
@@ -154,9 +153,10 @@ class RecordingWriter:
         self._plant = self._stream([topics[TRUTH]], plant[: size(kinds.record)])
         self._whole_plant = self._stream([topics[TRUTH], topics[PLANT_TIMING]], plant)
         self._fcu = self._stream(of_ticks, fcu[: size(kinds.tick)])
-        reports = [topics[WIND], topics[STATUS], topics[TIMING]]
+        reports = [topics[name] for name in (WIND, STATUS, TIMING) if name in topics]
         self._whole_fcu = self._stream([*of_ticks, *reports], fcu)
-        self._params = self._stream([params], params.columns)
+        params = topics.get(PARAMS)
+        self._params = None if params is None else self._stream([params], params.columns)
 
     def _stream(self, topics: Sequence[Topic], names: Sequence[str]) -> _Stream:
         channels = [self._channels[topic.name] for topic in topics]
@@ -195,8 +195,8 @@ class RecordingWriter:
 
     def set_params(self, row: Rows, t: float = 0.0) -> None:
         """Record what the law was told: float64 (size(kinds.params),). Once a flight."""
-        if self._has_params:
-            raise ValueError("the law's parameters are recorded already")
+        if self._has_params or self._params is None:
+            raise ValueError("the law's parameters are recorded already, or there are none")
         if row.shape != (size(self._kinds.params),):
             raise ValueError(f"expected ({size(self._kinds.params)},), got {row.shape}")
         self._has_params = True

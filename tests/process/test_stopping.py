@@ -91,7 +91,7 @@ def test_a_moment_of_suspension_is_nothing(child, monkeypatch):
             (0.0, True, False), (0.9, False, False), (1.8, True, False), (2.7, True, False),
             (2.9, True, True), (3.0, False, False),
         ):  # fmt: skip
-            patch.setattr(processes, "_is_stopped", lambda pid, stopped=stopped: stopped)
+            patch.setattr(processes, "is_stopped", lambda pid, stopped=stopped: stopped)
             now = 100.0 + at_s * processes.HANGS_S
             patch.setattr(processes.time, "monotonic", lambda now=now: now)
             assert is_named(brief) == named

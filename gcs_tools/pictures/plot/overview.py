@@ -13,7 +13,7 @@ import numpy as np
 from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.pictures import picture_file
 from gcs_tools.pictures.history import FlightHistory
-from gcs_tools.pictures.plot.numbers import Numbers, length, percent, rms
+from gcs_tools.pictures.plot.numbers import Numbers, length, percent, rms, said
 from gcs_tools.pictures.plot.style import (
     DASHED,
     DOTTED,
@@ -30,7 +30,7 @@ from gcs_tools.pictures.plot.style import (
     logarithmic,
 )
 from gcs_tools.pictures.plot.window import Window
-from gcs_tools.pictures.quantities import QUANTITIES, WHOLE, Limits, Quantity
+from gcs_tools.pictures.quantities import OF_TRUTH, QUANTITIES, WHOLE, Limits, Quantity
 from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Table
 
@@ -90,7 +90,8 @@ def _overview(figure: Figure, flight: FlightHistory, settled_from_s: float, titl
     words = textwrap.fill(title, TITLE)
     figure.suptitle(words, x=0.012, ha="left", fontsize=13.0, fontweight="bold", color=INK)
     rows: list[list[Quantity | None]] = []
-    for q in QUANTITIES:
+    quantities = QUANTITIES if flight.tells(("outputs.T_c",)) else OF_TRUTH
+    for q in quantities:
         if not q.axes or not flight.shows(q):
             continue
         if rows and rows[-1][1] is None and q.axes != WHOLE:
@@ -104,7 +105,7 @@ def _overview(figure: Figure, flight: FlightHistory, settled_from_s: float, titl
         [q.title if q else "" for q in (left, right or left)] for left, right in rows
     ]
     grid = figure.subplot_mosaic(places, sharex=True)
-    for q in QUANTITIES:
+    for q in quantities:
         if q.title in grid:
             chart(grid[q.title], q, flight, settled_from_s)
     for name in places[-1]:
@@ -113,16 +114,25 @@ def _overview(figure: Figure, flight: FlightHistory, settled_from_s: float, titl
 
 def numbers(window: Window) -> Numbers:
     """How the flight went. Raises Missing."""
-    names = (
-        "reference_error_rms_settled_m", "reference_error_max_m", "setpoint_error_final_m",
-        "thrust_saturated_fraction", "tilt_saturated_fraction",
-    )  # fmt: skip
-    window.t, window.told  # noqa: B018  what the figure needs
+    names: tuple[str, ...] = ("setpoint_error_rms_settled_m", "setpoint_error_final_m", "energy_j")
+    window.t  # noqa: B018  what the figure needs
+    if window.tells:
+        window.told  # noqa: B018  this too
+        names = (
+            "reference_error_rms_settled_m", "reference_error_max_m", "setpoint_error_final_m",
+            "thrust_saturated_fraction", "tilt_saturated_fraction",
+        )  # fmt: skip
     return {name: window.flight.metric(name) for name in names}
 
 
 def answer(found: Numbers) -> str:
     """In one line."""
+    if "energy_j" in found:
+        return (
+            f"off the setpoint {length(found['setpoint_error_rms_settled_m'])} settled RMS, "
+            f"{length(found['setpoint_error_final_m'])} at the end; "
+            f"{said(found['energy_j'], 'J')} drawn from the battery"
+        )
     return (
         f"settled RMS {length(found['reference_error_rms_settled_m'])} off the reference, "
         f"at the end {length(found['setpoint_error_final_m'])} off the setpoint, "

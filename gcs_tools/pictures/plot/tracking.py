@@ -66,7 +66,8 @@ def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     grid = figure.subplot_mosaic(places, width_ratios=[1.4, 1.0], height_ratios=heights)
     t, fcu = window.t, window.fcu
     flown = window.plant.axes("state.r_E")
-    reference, told = fcu.axes("outputs.reference.r_m"), fcu.axes("setpoint.r_c")
+    told = fcu.axes("setpoint.r_c")
+    reference = fcu.axes("outputs.reference.r_m") if window.tells else [np.full(len(t), np.nan)] * 3
     for i, (name, colour) in enumerate(zip(ENU, THREE, strict=True)):
         axes = grid[name]
         if axes is not grid["up"]:

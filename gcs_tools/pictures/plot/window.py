@@ -16,6 +16,8 @@ from gcs_tools.recording.reader import Recording
 from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Rows, Table
 
+UNTOLD = "the controller that was flown tells nothing of itself"
+
 
 class Missing(Exception):
     """What a figure needs and the recording does not have: says what, and why it may be so."""
@@ -75,14 +77,23 @@ class Window:
             raise Missing("the law was not flying at any tick that is recorded on both sides")
         return self.flight.t
 
+    @property
+    def tells(self) -> bool:
+        """Whether the controller told of itself."""
+        return "outputs.T_c" in self.fcu
+
     def need(self, *titles: str) -> None:
         """Raise Missing if none of these quantities is known."""
+        if not self.tells:
+            raise Missing(UNTOLD)
         if not any(self.history.shows(BY_TITLE[title]) for title in titles):
             raise Missing(f"the law that was flown tells no {' and no '.join(titles).lower()}")
 
     @property
     def told(self) -> dict[str, float]:
         """What the law was told, by name; of a name that it does not have too, raises Missing."""
+        if not self.tells:
+            raise Missing(UNTOLD)
         if self.params is None:
             raise Missing("the law's parameters (/fcu/params) were not recorded")
         return _Told(self.params)
@@ -101,6 +112,8 @@ class Window:
     def report(self, topic: str) -> Table:
         """What is recorded of a topic. Raises Missing."""
         rows = self.reports.get(topic)
+        if (rows is None or not len(rows)) and not self.tells:
+            raise Missing(UNTOLD)
         if rows is None or not len(rows):
             raise Missing(f"{topic} is not in the recording")
         return rows

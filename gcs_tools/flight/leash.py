@@ -1,0 +1,106 @@
+"""A command that ends with whoever started it: python -m gcs_tools.flight.leash FD COMMAND...
+
+FD is a lifeline: the reading end of a pipe. The command runs in a session of its own. When it ends,
+when the lifeline hangs up or at SIGTERM, every process is ended that it has left (on Linux also those
+that have gone into sessions of their own). What it writes goes to standard error; standard output has
+a line of JSON when it has begun and one when it has ended.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from fcu.interface.starter import announce
+
+GRACE_S = 0.5  # wall: from SIGTERM to SIGKILL
+LOOK_S = 0.01  # wall
+SWEEPS = 100  # over processes that others leave while they are ended
+_DIE_WITH_PARENT, _ADOPT = 1, 36  # linux/prctl.h: PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER
+LINUX = sys.platform == "linux"
+
+
+def _prctl(option: int, value: int) -> None:
+    ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def _die_with_parent() -> None:
+    """In the command's process, before it begins: also a leash that is killed leaves it not behind."""
+    _prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+
+
+def _left() -> list[int]:
+    """The processes that are ours now: the command's, and those that it has left."""
+    try:
+        return [*map(int, Path("/proc/thread-self/children").read_text().split())]
+    except OSError:  # not Linux
+        return []
+
+
+def _tell(process: subprocess.Popen[bytes], number: int) -> None:
+    """A signal to the session of the command."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, number)
+
+
+def _end(process: subprocess.Popen[bytes]) -> int:
+    """End the command and all that it has left; its exit code."""
+    until = time.monotonic() + GRACE_S
+    if process.poll() is None:
+        _tell(process, signal.SIGTERM)
+        _tell(process, signal.SIGCONT)
+    while process.poll() is None and time.monotonic() < until:
+        time.sleep(LOOK_S)
+    _tell(process, signal.SIGKILL)
+    code = process.wait()
+    for _ in range(SWEEPS):
+        if not (pids := _left()):
+            break
+        for pid in pids:
+            with suppress(ProcessLookupError, PermissionError, ChildProcessError):
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+    return code
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the command to its end, or to ours."""
+    lifeline, command = int(arguments[0]), arguments[1:]
+    heard, wake = os.pipe()
+    for end in (heard, wake):
+        os.set_blocking(end, False)
+    asked: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: asked.append(number))
+    signal.signal(signal.SIGCHLD, lambda *_: None)  # wakes us
+    signal.set_wakeup_fd(wake)
+    if LINUX:
+        _prctl(_ADOPT, 1)
+    try:
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=sys.stderr, start_new_session=True,
+            preexec_fn=_die_with_parent if LINUX else None,
+        )  # fmt: skip
+    except OSError as error:
+        announce({"ended": "controller", "why": f"{command[0]}: {error.strerror}"})
+        return
+    announce({"ready": "controller", "pid": process.pid})
+    while process.poll() is None and not asked:
+        if lifeline in select.select((lifeline, heard), (), ())[0]:
+            break
+        with suppress(BlockingIOError):
+            os.read(heard, 4096)
+    was_asked = process.poll() is None
+    code = _end(process)
+    announce({"ended": "controller", "exit_code": code, "asked": was_asked})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
