@@ -20,6 +20,7 @@ SLOW_FOLDERS = {
     "bad_input",
     "bus",
     "clients",
+    "foreign_controller",
     "missions",
     "off_host",
     "paper",

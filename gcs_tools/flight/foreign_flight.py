@@ -40,7 +40,6 @@ from gcs_tools.flight.processes import (
     InfrastructureError,
     Rows,
     Take,
-    Unanswered,
     is_stopped,
     stop_all,
 )
@@ -56,6 +55,7 @@ LOOK_S = 0.01  # wall: between two looks whether it has
 FORESEEN_S = 0.5  # a setpoint that moves goes on for so long, if no other comes
 PAGE = "docs/flight-controller-of-your-own.md"
 _WORD = re.compile(r"\{([a-z_]+)\}")
+_SAID = re.compile(r" error plant (.+)")  # in its log
 _ENDED = column_of(PlantRecord, "ended")
 
 
@@ -217,19 +217,19 @@ class Controller(Child):
         if self.process.poll() is None:
             return
         said = self._last_said()
-        code = said.get("exit_code")
-        if why := said.get("why"):
-            raise InfrastructureError(f"the controller did not begin: {why}")
-        if code is None:
+        if not said:
             raise InfrastructureError("the controller was ended: its leash was killed")
+        if why := said["why"]:
+            raise InfrastructureError(f"the controller was ended: {why}")
+        code = said["exit_code"]
         how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
         raise InfrastructureError(f"the controller {how}: {self.last_words()}")
 
     def how_it_is(self) -> str:
-        """What is known of one that does not answer; empty: nothing."""
+        """Why one does not answer, as far as that is seen from outside; empty: it is not."""
         for line in self.heard():
             self._pid = line.get("pid", self._pid)
-        return f"the controller {SUSPENDED}" if self._pid and is_stopped(self._pid) else ""
+        return f"its process {SUSPENDED}" if self._pid and is_stopped(self._pid) else ""
 
 
 class ForeignPair:
@@ -252,19 +252,23 @@ class ForeignPair:
         simulator = Child("plant", "sitl_plant", plant, folder / "plant.log", plant_fds, forks)
         self.children.append(simulator)
         self.controller = Controller(words, folder / "controller.log", os.dup(self._life))
+        self.controller.listen()
         self.children.insert(0, self.controller)
         simulator.wait_ready(self.check)
 
     def check(self) -> None:
         """Raise InfrastructureError if one of the two has ended, or the plant is suspended."""
         self._look()
-        try:
-            for child in self.children:
+        self.controller.check()
+        for child in self.children[1:]:
+            try:
                 child.check()
-            self.children[-1].check_suspended()
-        except Unanswered as error:
-            how = self.controller.how_it_is() or f"{PAGE} says what an answer is"
-            raise Unanswered(f"{error}; {how}") from error
+            except InfrastructureError as error:
+                if (said := _SAID.search(child.last_words())) is None:
+                    raise
+                how = self.controller.how_it_is() or PAGE
+                raise type(error)(f"{said[1]} ({how})") from error
+            child.check_suspended()
 
     def stop(self) -> dict[str, dict[str, Any]]:
         """Stop them; returns what each said last, by name."""

@@ -2,8 +2,8 @@
 
 FD is a lifeline: the reading end of a pipe. The command runs in a session of its own. When it ends,
 when the lifeline hangs up or at SIGTERM, every process is ended that it has left (on Linux also those
-that have gone into sessions of their own). What it writes goes to standard error; standard output has
-a line of JSON when it has begun and one when it has ended.
+that have gone into sessions of their own). What it writes goes to standard error, where a file takes so
+much and no more; standard output has a line of JSON when it has begun and one when it has ended.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from fcu.interface.starter import announce
 
 GRACE_S = 0.5  # wall: from SIGTERM to SIGKILL
 LOOK_S = 0.01  # wall
+LOG_BYTES, LOG_LOOK_S = 1 << 26, 0.25  # of its log, at most; wall: between two looks
 SWEEPS = 100  # over processes that others leave while they are ended
 _DIE_WITH_PARENT, _ADOPT = 1, 36  # linux/prctl.h: PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER
 LINUX = sys.platform == "linux"
@@ -89,17 +90,18 @@ def main(arguments: Sequence[str]) -> None:
             preexec_fn=_die_with_parent if LINUX else None,
         )  # fmt: skip
     except OSError as error:
-        announce({"ended": "controller", "why": f"{command[0]}: {error.strerror}"})
+        announce({"ended": "controller", "why": f"it did not begin ({error.strerror})"})
         return
     announce({"ready": "controller", "pid": process.pid})
-    while process.poll() is None and not asked:
-        if lifeline in select.select((lifeline, heard), (), ())[0]:
+    why = ""
+    while process.poll() is None and not asked and not why:
+        if lifeline in select.select((lifeline, heard), (), (), LOG_LOOK_S)[0]:
             break
         with suppress(BlockingIOError):
             os.read(heard, 4096)
-    was_asked = process.poll() is None
-    code = _end(process)
-    announce({"ended": "controller", "exit_code": code, "asked": was_asked})
+        if os.fstat(sys.stderr.fileno()).st_size > LOG_BYTES:
+            why = f"it has written more than {LOG_BYTES >> 20} MiB to its log"
+    announce({"ended": "controller", "exit_code": _end(process), "why": why})
 
 
 if __name__ == "__main__":
