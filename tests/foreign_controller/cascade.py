@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 instance, tables = int(sys.argv[1]), tomllib.loads(Path(sys.argv[2]).read_text())
 rotors, body = tables["rotors"], tables["vehicle"]
 m, J = np.mean(body["mass_kg"]), np.mean(body["inertia_kg_m2"], axis=1)
-angle, arm, k_Q = np.radians(rotors["angle_deg"]), rotors["radius_m"], rotors["torque_to_thrust_m"]
-per_newton = [np.ones(len(angle)), arm * np.sin(angle), arm * np.cos(angle), k_Q * np.array(rotors["spin"])]
-mix = np.linalg.pinv(per_newton)  # thrust and torque (roll, pitch, yaw) to newtons of each rotor
+angle, arm, spin = np.radians(rotors["angle_deg"]), rotors["radius_m"], np.array(rotors["spin"])
+left, forward, k_Q = arm * np.sin(angle), arm * np.cos(angle), rotors["torque_to_thrust_m"]
+# from thrust and torque (roll, pitch, yaw; Forward-Right-Down) to newtons of each rotor
+mix = np.linalg.pinv([np.ones(len(spin)), left, forward, k_Q * spin])
 full_N = rotors["thrust_coefficient"] * rotors["full_speed_rad_s"] ** 2  # of a rotor at command 1
 
 setpoints, plant = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -36,13 +37,14 @@ while True:
     away = np.subtract([goal.x, goal.y, goal.z], [state.x, state.y, state.z])
     slow = np.subtract([goal.vx, goal.vy, goal.vz], R.apply([state.vx, state.vy, state.vz]))
     a = np.clip(1.5 * away + 2.2 * slow, -4.0, 4.0) + np.array([goal.afx, goal.afy, goal.afz])
-    down = -(a - [0.0, 0.0, 9.81]) / np.linalg.norm(a - [0.0, 0.0, 9.81])  # the body's axis, wanted
+    force = m * (a - [0.0, 0.0, 9.81])  # of the rotors, N
+    down = -force / np.linalg.norm(force)  # where the body's third axis is to point
     right = np.cross(down, [np.cos(goal.yaw), np.sin(goal.yaw), 0.0])
     right /= np.linalg.norm(right)
     wanted = Rotation.from_matrix(np.transpose([np.cross(right, down), right, down]))
     turn = (R.inv() * wanted).as_rotvec()  # from the attitude to the wanted one, body axes
     rate = np.array([state.rollspeed, state.pitchspeed, state.yawspeed])
-    thrust = -m * np.dot(a - [0.0, 0.0, 9.81], R.apply([0.0, 0.0, 1.0]))
+    thrust = -force @ R.apply([0.0, 0.0, 1.0])
     torque = J * ([40.0, 40.0, 6.0] * turn - [11.0, 11.0, 5.0] * rate)
     u = np.sqrt(np.clip(mix @ [thrust, *torque] / full_N, 0.0, 1.0))
     answer = mav.hil_actuator_controls_encode(state.time_usec, [*u, *[0.0] * (16 - len(u))], 129, 1)
