@@ -12,17 +12,19 @@ from scipy.spatial.transform import Rotation
 instance, tables = int(sys.argv[1]), tomllib.loads(Path(sys.argv[2]).read_text())
 rotors, body = tables["rotors"], tables["vehicle"]
 m, J = np.mean(body["mass_kg"]), np.mean(body["inertia_kg_m2"], axis=1)
-angle, arm, spin = np.radians(rotors["angle_deg"]), rotors["radius_m"], np.array(rotors["spin"])
-left, forward, k_Q = arm * np.sin(angle), arm * np.cos(angle), rotors["torque_to_thrust_m"]
-# from thrust and torque (roll, pitch, yaw; Forward-Right-Down) to newtons of each rotor
-mix = np.linalg.pinv([np.ones(len(spin)), left, forward, k_Q * spin])
-full_N = rotors["thrust_coefficient"] * rotors["full_speed_rad_s"] ** 2  # of a rotor at command 1
+angle, arm = np.radians(rotors.get("angle_deg", [])), rotors.get("radius_m", 0.0)
+places = rotors.get("position_m") or arm * np.transpose([np.cos(angle), np.sin(angle)])
+forward, left = np.transpose([place[:2] for place in places])
+yaw = rotors["torque_to_thrust_m"] * np.array(rotors["spin"])
+mix = np.linalg.pinv([np.ones(len(yaw)), left, forward, yaw])  # thrust and torque to newtons
+full_N = np.multiply(rotors["thrust_coefficient"], np.square(rotors["full_speed_rad_s"]))
 
 setpoints, plant = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
 setpoints.bind(("127.0.0.1", 14580 + instance))
 setpoints.setblocking(False)
 plant.bind(("127.0.0.1", 4660 + instance))  # the last thing: from now on states are sent
 mav = mavlink.MAVLink(None, srcSystem=instance + 1, srcComponent=1)
+goal = mavlink.MAVLink_set_position_target_local_ned_message(*[0] * 16)  # until one comes
 while True:
     datagram, simulator = plant.recvfrom(4096)
     state = mav.parse_buffer(datagram)[0]

@@ -45,9 +45,9 @@ tick = 0
 
 
 def controls(time_us, u, by=mav):
-    return mavlink.MAVLink_hil_actuator_controls_message(
-        time_us, [u] * 8 + [0.0] * 8, 129, 1
-    ).pack(by)
+    return mavlink.MAVLink_hil_actuator_controls_message(time_us, [u] * 8 + [0.0] * 8, 129, 1).pack(
+        by
+    )
 
 
 while True:
@@ -55,7 +55,9 @@ while True:
     state = mav.parse_buffer(datagram)[0]
     if state.get_type() == "HEARTBEAT":
         if how == "answers_holds":
-            (time_us,) = struct.unpack_from("<Q", datagram, 21 + 10)  # of ODOMETRY, behind HEARTBEAT
+            (time_us,) = struct.unpack_from(
+                "<Q", datagram, 21 + 10
+            )  # of ODOMETRY, behind HEARTBEAT
             plant.sendto(controls(time_us, 0.6266), simulator)
         continue
     now = state.time_usec
