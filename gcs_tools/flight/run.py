@@ -63,6 +63,7 @@ from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
 from gcs_tools.recording.reader import (
     AIRFRAME,
+    AIRFRAME_FILE,
     AIRFRAME_SHA256,
     CONTROLLER,
     LAW,
@@ -578,9 +579,12 @@ class _Run:
 
     def _metadata(self) -> dict[str, str]:
         mission = self._mission
-        law = {LAW: self._law.name, LAW_SOURCES: self._law.digest}
+        flown = {LAW: self._law.name, LAW_SOURCES: self._law.digest}
+        if mission.controller:
+            command = shlex.join(mission.controller)
+            flown = {CONTROLLER: command, AIRFRAME_FILE: mission.airframe.text}
         return {
-            **({CONTROLLER: shlex.join(mission.controller)} if mission.controller else law),
+            **flown,
             "mission": mission.name,
             "title": mission.title,
             "seed": str(mission.flight.seed),

@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.airframe import AirframeError
+from fcu.interface.input_file import TomlError
 from fcu.mavlink.px4_modes import AutoMode, MainMode
 from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
-from gcs_tools.recording.reader import RecordingError, read
+from gcs_tools.recording.reader import AIRFRAME_FILE, RecordingError, read
 from gcs_tools.recording.schema import FCU, PLANT_TIMING, STATUS, TIMING, TRUTH, WIND
 from gcs_tools.recording.table import Rows, Table
 
@@ -216,7 +218,13 @@ def recorded(path: Path) -> FlightHistory:
     recording = read(path)
     if not len(recording.plant):
         raise RecordingError(f"{path}: nothing was recorded of this flight")
-    limits = Limits.believed() if recording.params is None else Limits.of(recording.params)
+    try:
+        if text := recording.metadata.get(AIRFRAME_FILE):
+            limits = Limits.of_airframe(text)
+        else:
+            limits = Limits.believed() if recording.params is None else Limits.of(recording.params)
+    except (AirframeError, TomlError) as error:
+        raise RecordingError(f"{path}: {error}") from error
     tables = {TRUTH: recording.plant, FCU: recording.fcu, **recording.reports}
     flight = FlightHistory.of(recording.metadata.get("title") or path.name, tables, limits)
     if (z := ground_z(recording.metadata)) is not None:

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface.airframe import believed
+from fcu.interface import input_file
+from fcu.interface.airframe import Airframe, believed, checked
 from gcs_tools.pictures.plot.style import INK, THREE
 from gcs_tools.recording.schema import TIMING, TRUTH
 from gcs_tools.recording.table import Rows
@@ -60,7 +61,15 @@ class Limits(NamedTuple):
     @classmethod
     def believed(cls) -> Limits:
         """Those of the airframe file, as long as a flight has not said others."""
-        rotors, tables = believed()
+        return cls._of_file(*believed())
+
+    @classmethod
+    def of_airframe(cls, text: str) -> Limits:
+        """Those of the text of an airframe file. Raises AirframeError, TomlError."""
+        return cls._of_file(*checked(input_file.toml(text), "airframe"))
+
+    @classmethod
+    def _of_file(cls, rotors: Airframe, tables: Mapping[str, Any]) -> Limits:
         limits, n = tables["limits"], rotors.n
         return cls(
             float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),

@@ -35,6 +35,7 @@ METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
 LAW, OUR_LAW = "law", "mmrac"  # of metadata: which law was flown; without it, ours
 AIRFRAME, AIRFRAME_SHA256 = "airframe", "airframe_sha256"  # of metadata: name, hash of the file
+AIRFRAME_FILE = "airframe_file"  # of metadata: its text, where no law's parameters tell of it
 CONTROLLER = "controller"  # of metadata: the command of a controller that tells nothing of itself
 LAW_SOURCES = "law_sha256"  # of metadata: the first 16 digits of the hash of its sources
 # Topics whose fields are another law's own, or that of its guard, if it has one.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcu.interface.airframe import find
 from gcs_tools import fly
 from gcs_tools.judging import result
 from gcs_tools.pictures.history import recorded
@@ -146,6 +148,30 @@ setpoint_error_max_m = 1.0
     moved = 500.0 * np.linalg.norm(np.diff(r_c, axis=0), axis=1)
     assert moved == pytest.approx(np.linalg.norm(v_c[1:], axis=1), abs=0.1)  # m/s, and no stairs
     assert moved.max() > 1.0
+
+
+def test_it_gets_the_airframe_of_the_mission(tmp_path):
+    """Four rotors of twice the thrust each, in a file of one's own: the same controller flies them."""
+    quad = find("s1000").read_text()
+    for key, value in {
+        "angle_deg": "[45.0, -45.0, -135.0, 135.0]", "spin": "[1, -1, 1, -1]",
+        "thrust_coefficient": "1.64e-4",
+    }.items():  # fmt: skip
+        quad = re.sub(rf"^{key} = .*$", f"{key} = {value}", quad, flags=re.M)
+    (tmp_path / "quad.toml").write_text(quad)
+    run = tmp_path / "run"
+    flown = fly(
+        str(MISSION), controller=CASCADE, airframe=str(tmp_path / "quad.toml"), out=run,
+        settings=["flight.setpoints=[[0, 0, 0, 0], [1, 1, 1, 1]]", "flight.duration_s=8"],
+        figure="never",
+    )  # fmt: skip
+    assert flown.passed, flown.error or flown.expectations
+    recording = read(run / "flight.mcap")
+    assert (recording.plant["state.Omega"] > 0.0).any(axis=0).tolist() == [True] * 4 + [False] * 4
+    assert recording.metadata["airframe"] == "quad"
+    shown = recorded(run / "flight.mcap")
+    assert len(shown.limits.x) == 4, "gcs view draws as many"
+    assert shown.series("Omega_least")[1].min() > 300.0, "of the rotors there are"
 
 
 def test_a_vehicle_that_falls_is_a_flight_that_failed(tmp_path):
