@@ -138,9 +138,10 @@ def told() -> Callable[..., Told]:
         rate_hz: float = 500.0,
         wind: bool = False,
         settings: Sequence[str] = (),
+        law: str | None = None,
     ) -> Told:
         still = [] if wind else ["wind.amplitude_m_s=[0,0,0]"]
-        _, scene = prepared("paper_nominal", [*still, *settings], rate_hz=rate_hz)
+        _, scene = prepared("paper_nominal", [*still, *settings], rate_hz=rate_hz, law=law)
         given = {field.name: getattr(scene, field.name) for field in fields(scene)} | {
             "ticks": round(seconds * rate_hz),
             "sent_at": np.array([round(t * rate_hz) for t, _ in sent]),
@@ -153,11 +154,12 @@ def told() -> Callable[..., Told]:
 
 @pytest.fixture(scope="session")
 def flight(told: Callable[..., Told]) -> Callable[..., Any]:
-    """Rows of a flight as `told`, by name: structured, of dtype(Tick)."""
+    """Rows of a flight as `told`, by name: structured, of the dtype of the law's Tick."""
 
     def fly(*args: Any, **kwargs: Any) -> Any:
-        _, rows = law_alone.fly(told(*args, **kwargs))
-        return rows.view(dtype(Tick))[:, 0]
+        scene = told(*args, **kwargs)
+        _, rows = law_alone.fly(scene)
+        return rows.view(dtype(scene.flown.ticks.Tick))[:, 0]
 
     return fly
 

@@ -1,8 +1,9 @@
-"""The marks in the code and the tables of the READMEs of law and guard, held against each other."""
+"""The marks in the code and the tables of the READMEs of laws and guard, held against each other."""
 
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -17,12 +18,19 @@ from fcu.laws import face
 from fcu.laws.mmrac import types
 
 ROOT = Path(fcu.__file__).parents[1]
-LAW, GUARD = ROOT / "fcu" / "laws" / "mmrac", ROOT / "fcu" / "guard"
-README = (LAW / "README.md").read_text(encoding="utf-8")
+LAWS, GUARD = ROOT / "fcu" / "laws", ROOT / "fcu" / "guard"
+LAW = LAWS / "mmrac"
+OTHERS = sorted({file.parent for file in LAWS.glob("*/law.py")} - {LAW})  # each of its own paper
 MARKED = [
-    *sorted((ROOT / "fcu" / "laws").rglob("*.py")),
-    *sorted((ROOT / "fcu" / "guard").glob("*.py")),
+    *(path for path in sorted(LAWS.rglob("*.py")) if not set(path.parents) & set(OTHERS)),
+    *sorted(GUARD.glob("*.py")),
     *sorted((ROOT / "sitl_plant" / "physics").rglob("*.py")),
+]
+# Of each publication: the READMEs with its tables, and the files with its marks. The first README
+# has the departures.
+BOOKS = [
+    pytest.param((LAW, GUARD), MARKED, id="mmrac"),
+    *(pytest.param((folder,), sorted(folder.rglob("*.py")), id=folder.name) for folder in OTHERS),
 ]
 
 COMMENT = re.compile(r"#\s*((?:\(\d+\)\s*)*)(?:departure ([\d, ]+))?$")
@@ -40,9 +48,15 @@ def table(folder, title):
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[2:]]
 
 
-def marks():
+def listed(folder):
+    """Numbers of the departures that a law's README lists."""
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    return [int(n) for n in re.findall(r"^(\d+)\. \*\*", text, re.MULTILINE)]
+
+
+def marks(files):
     """(equations, departures, file, function) of every marked line."""
-    for path in MARKED:
+    for path in files:
         text = path.read_text(encoding="utf-8")
         functions = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)]
         for number, line in enumerate(text.splitlines(), 1):
@@ -56,35 +70,36 @@ def marks():
             yield equations, departures, path, names[-1]
 
 
-def test_every_marked_equation_is_in_the_index_and_every_row_is_marked():
-    marked = {(e, path, name) for equations, _, path, name in marks() for e in equations}
+@pytest.mark.parametrize(("folders", "files"), BOOKS)
+def test_every_marked_equation_is_in_the_index_and_every_row_is_marked(folders, files):
+    marked = {(e, path, name) for equations, _, path, name in marks(files) for e in equations}
     indexed = [
         (e, (folder / file).resolve(), name)
-        for folder in (LAW, GUARD)
+        for folder in folders
         for e, _, file, name in table(folder, "Equations")
     ]
     assert len(indexed) == len(set(indexed))
     assert marked == set(indexed)
 
 
-@pytest.mark.parametrize("folder", [LAW, GUARD])
+@pytest.mark.parametrize("folder", [LAW, GUARD, *OTHERS], ids=lambda folder: folder.name)
 def test_the_index_is_in_the_order_of_the_paper(folder):
     numbers = [int(row[0].strip("()")) for row in table(folder, "Equations")]
     assert numbers == sorted(numbers)
 
 
-def test_every_departure_in_the_code_is_listed_and_every_one_listed_is_in_the_code():
-    marked = {d for _, departures, _, _ in marks() for d in departures}
-    listed = [int(n) for n in re.findall(r"^(\d+)\. \*\*", README, re.MULTILINE)]
-    assert listed == list(range(1, len(listed) + 1))
-    assert marked == set(listed)
+@pytest.mark.parametrize(("folders", "files"), BOOKS)
+def test_every_departure_in_the_code_is_listed_and_every_one_listed_is_in_the_code(folders, files):
+    marked = {d for _, departures, _, _ in marks(files) for d in departures}
+    assert listed(folders[0]) == list(range(1, len(listed(folders[0])) + 1))
+    assert marked == set(listed(folders[0]))
 
 
-def test_a_departure_named_anywhere_is_one_of_the_list():
-    listed = len(re.findall(r"^\d+\. \*\*", README, re.MULTILINE))
-    for path in [*MARKED, LAW / "README.md", GUARD / "README.md"]:
+@pytest.mark.parametrize(("folders", "files"), BOOKS)
+def test_a_departure_named_anywhere_is_one_of_the_list(folders, files):
+    for path in [*files, *(folder / "README.md" for folder in folders)]:
         for number in re.findall(r"departures? (\d+)", path.read_text(encoding="utf-8")):
-            assert 1 <= int(number) <= listed, path
+            assert int(number) in listed(folders[0]), path
 
 
 def test_equations_cited_in_the_code_are_the_papers():
@@ -116,7 +131,18 @@ def test_every_field_has_a_row_in_the_symbol_table(folder, classes):
         assert set(cls._fields) <= named, (cls, set(cls._fields) - named)
 
 
-@pytest.mark.parametrize("folder", [LAW, GUARD])
+@pytest.mark.parametrize("folder", OTHERS, ids=lambda folder: folder.name)
+def test_every_field_of_a_law_has_a_row_in_its_symbol_table(folder):
+    named = {name for row in table(folder, "Symbols") for name in re.findall(r"`(\w+)`", row[1])}
+    law = importlib.import_module(f"fcu.laws.{folder.name}.law")
+    for whole in (law.Params, law.State, law.Internals):
+        own = [cls for cls in parts(whole) if cls.__module__.startswith(f"fcu.laws.{folder.name}.")]
+        assert own[0] is whole
+        for cls in own:  # what all laws share has its rows in mmrac's table
+            assert set(cls._fields) <= named, (cls, set(cls._fields) - named)
+
+
+@pytest.mark.parametrize("folder", [LAW, GUARD, *OTHERS], ids=lambda folder: folder.name)
 def test_every_symbol_is_in_the_file_its_row_names(folder):
     for row in table(folder, "Symbols"):
         assert len(row) == 6, row
