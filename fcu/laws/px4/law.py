@@ -140,14 +140,19 @@ def torque_units(tables):
 
 
 P_TILT, P_YAW = 0.15, 0.2  # MC_ROLLRATE_P, MC_YAWRATE_P
-QUICK = 40.0  # 1/s, rate loop that a rotor whose lag is made to look like 10 ms still follows
+RATES = 0.4  # rate loop times the lag of the rotors, at most
+
+
+def lag_left(tables):
+    """What is left of the rotors' lag (s) once it is inverted: a fifth, 10 ms at least."""
+    return max(0.2 * tables["rotors"]["lag_s"], 0.01)
 
 
 def _rate_k(tables):
     """MC_ROLLRATE_K: 1, or less where the published gain would make the rate loop too fast."""
     unit, J = torque_units(tables), _inertia(tables)
     loop = max(P_TILT * unit[axis] / J[axis] for axis in (0, 1))
-    return min(1.0, QUICK / loop)  # departure 5
+    return min(1.0, RATES / lag_left(tables) / loop)  # departure 5
 
 
 def _k_tilt(tables):
