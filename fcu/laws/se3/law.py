@@ -119,11 +119,14 @@ K_X, K_V, K_R, K_W = 16.0, 5.6, 8.81 / 0.0820, 2.54 / 0.0820
 
 
 def _speed(tables):
-    """How fast the airframe is beside the paper's: 1, or less if torque about roll or pitch is scarce.
+    """How fast the airframe is beside the paper's: 1, or less if torque is scarce or the rotors slow.
 
-    The paper's k_R is let ask for all of it at an error of 0.7.
+    The paper's k_R is let ask for all torque about roll or pitch at an error of 0.7, and k_Omega over
+    inertia be 0.4 of the rotors' lag; of that a fifth is left once it is inverted, 10 ms at least.
     """
-    return math.sqrt(min(1.0, min(authority(tables)[:2]) / 0.7 / K_R))
+    torque = math.sqrt(min(authority(tables)[:2]) / 0.7 / K_R)
+    rotors = 0.4 / max(0.2 * tables["rotors"]["lag_s"], 0.01) / K_W
+    return min(1.0, torque, rotors)
 
 
 def _yaw(tables):
