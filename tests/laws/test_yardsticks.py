@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fcu.interface.airframe import airframe
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
@@ -200,6 +201,58 @@ def test_limits_hold_whatever_is_asked_and_flags_tell_where(face, params, fixed,
         seen.add(tuple(cut))
     assert all(any(flags[k] for flags in seen) for k in range(4))
     assert (0.0, 0.0, 0.0, 0.0) in seen
+
+
+# --- defaults that follow from the airframe
+
+
+def of_airframe(name, **changed):
+    """Params of the octocopter with other inertia (times), lag (s) or torque (radius, times)."""
+    rotors, vehicle = dict(OCTO["rotors"]), dict(OCTO["vehicle"])
+    rotors["lag_s"] = changed.get("lag_s", rotors["lag_s"])
+    rotors["radius_m"] *= changed.get("radius", 1.0)
+    heavier = changed.get("inertia", 1.0)
+    vehicle["inertia_kg_m2"] = [[heavier * v for v in ends] for ends in vehicle["inertia_kg_m2"]]
+    tables = {**OCTO, "rotors": rotors, "vehicle": vehicle}
+    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
+    return parameters.law_params(airframe(rotors), tables, 500.0, {})
+
+
+def bandwidths(name, **changed):
+    """Of the rate loop and of attitude about roll, 1/s."""
+    params = of_airframe(name, **changed)
+    if name == "se3":
+        return params.k_W_tilt, params.k_R_tilt / params.k_W_tilt
+    J = changed.get("inertia", 1.0) * 0.3245
+    return params.rate_k * params.rate_p * params.torque_unit.x / J, params.k_tilt
+
+
+def test_slow_rotors_make_the_gains_slow(name):
+    """A lag of 0.25 s, inverted to 50 ms: 0.4 of its inverse is 8 1/s."""
+    rates, attitude = bandwidths(name)
+    slow, slower = bandwidths(name, lag_s=0.25)
+    assert slow == pytest.approx(8.0) and slow < 0.5 * rates
+    assert slower < 0.5 * attitude
+
+
+def test_scarce_torque_makes_the_gains_slow(name):
+    rates, attitude = bandwidths(name)
+    slow, slower = bandwidths(name, inertia=4.0)
+    assert slow < 0.6 * rates
+    assert slower < 0.6 * attitude
+
+
+def test_plenty_of_torque_does_not_make_the_gains_faster_than_the_rotors(name):
+    rates, _ = bandwidths(name, inertia=0.1)
+    assert 30.0 < rates <= 40.0 + 1e-9
+    assert of_airframe(name).m == 8.0
+
+
+def test_a_law_says_its_pace(name, params):
+    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
+    pace = parameters.pace(params)
+    assert pace.T_hover == pytest.approx(8.0 * 9.81)
+    assert 0.5 < pace.f_m < 3.0 and 0.3 < pace.yaw_rate_max < 2.0
 
 
 # --- flown
