@@ -248,6 +248,15 @@ def test_plenty_of_torque_does_not_make_the_gains_faster_than_the_rotors(name):
     assert of_airframe(name).m == 8.0
 
 
+def test_every_gain_may_be_tuned_to_four_times_its_default_and_to_a_quarter(name, face, params):
+    rows = [row for row in face.PARAMETERS if row.gain]
+    assert len(rows) >= 10
+    for row in rows:
+        for number in row.get(params):
+            assert number > 0.0, row.key
+            assert row.low <= number / 4.0 and 4.0 * number <= row.high, row.key
+
+
 def test_a_law_says_its_pace(name, params):
     parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
     pace = parameters.pace(params)
