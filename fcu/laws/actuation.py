@@ -54,8 +54,7 @@ def rows(response: str) -> tuple[Parameter, ...]:
         ),
         Parameter(
             "allocation", "CA_METHOD", "safe", 0.0, 1.0, "",
-            "what gives way when rotors reach a limit: torque about yaw first, then thrust (safe), or"
-            " each rotor is cut by itself (plain)",
+            "how thrust and torque that do not fit give way",
             "rotors.safe", words=METHODS, values=tuple(METHODS.values()), integer=True,
         ),
     )  # fmt: skip
