@@ -114,6 +114,7 @@ class Entry(NamedTuple):
     high: float
     default: float
     values: tuple[float, ...] | None  # if only these are allowed
+    airframe: Mapping[str, Any]  # the tables that defaults follow from
 
     @property
     def name(self) -> str:
@@ -137,7 +138,8 @@ class Entry(NamedTuple):
         """Settings with another value."""
         number = math.radians(value) if self.row.degrees else value
         old = zip(self.row.fields, self.row.get(settings), strict=True)
-        return self.row.put(settings, tuple(number if f in self.part.fields else v for f, v in old))
+        numbers = tuple(number if f in self.part.fields else v for f, v in old)
+        return self.row.put(settings, numbers, self.airframe)
 
     def expected(self) -> str:
         """What it may be, in words."""
@@ -161,6 +163,7 @@ def entries(rows: Iterable[Parameter], airframe: Mapping[str, Any]) -> dict[str,
                 high=scale(row.high),
                 default=scale(numbers[row.fields.index(part.fields[0])]),
                 values=tuple(sorted(row.words.values())) if row.words else row.values,
+                airframe=airframe,
             )
     return found
 
@@ -330,10 +333,10 @@ class Parameters:
         return {name: value for name, value in values.items() if name in self._of_law}
 
     def _unstable(self, settings: Settings) -> str:
-        return self._rule.unstable(settings.law, settings.guard.delay_s) if self._rule else ""
+        return self._rule.unstable(settings.law, settings.guard) if self._rule else ""
 
     def _grounded(self, settings: Settings) -> str:
-        return self._rule.grounded(settings.law) if self._rule else ""
+        return self._rule.grounded(settings.law, settings.guard) if self._rule else ""
 
     @staticmethod
     def _in_range(p: Entry, value: float) -> None:
@@ -385,9 +388,9 @@ class Parameters:
         for _ in range(5):  # halve the way, in ratio
             middle = float(f"{(good * bad) ** 0.5 if good > 0.0 else 0.5 * bad:.3g}")
             settings = self._with({**changed, name: middle})
-            fine = self._rule.stable(
-                settings.law, channel, settings.guard.delay_s
-            ) and not self._unstable(settings)
+            fine = self._rule.stable(settings.law, settings.guard, channel) and not self._unstable(
+                settings
+            )
             good, bad = (middle, bad) if fine else (good, middle)
         return f"{why}; {_number(good)} would do"
 

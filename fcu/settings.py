@@ -49,9 +49,9 @@ def check(settings: Settings) -> None:
     guard.check(settings.guard, settings.law)
 
 
-def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
-    """The defaults that are others with what was chosen."""
-    return {**mmrac.printed(chosen), **guard.printed(chosen)}
+def printed(chosen: Mapping[str, Any], airframe: Mapping[str, Any]) -> Mapping[str, Value]:
+    """The defaults that are others with what was chosen; `airframe`: the tables of its file."""
+    return {**mmrac.printed(chosen, airframe), **guard.printed(chosen)}
 
 
 def pace(settings: Settings, airframe: Mapping[str, Any]) -> Pace:
@@ -80,13 +80,22 @@ def _of(name: str, rows: Iterable[Parameter]) -> Iterable[Parameter]:
 def _within(name: str, convert: Conversion) -> Conversion:
     """A conversion of the value in the field `name` of Settings."""
 
-    def put(settings: Settings, number: float) -> Settings:
-        inner = convert.put(getattr(settings, name), number)
-        changed = settings._replace(**{name: inner})
-        following = guard.followed(changed.guard, settings.law, changed.law)
-        return changed._replace(guard=following)
+    def changed(settings: Settings, inner: Any) -> Settings:
+        after = settings._replace(**{name: inner})
+        return after._replace(guard=guard.followed(after.guard, settings.law, after.law))
 
-    return Conversion(lambda settings: convert.get(getattr(settings, name)), put)
+    def get(settings: Settings) -> float:
+        return convert.get(getattr(settings, name))
+
+    def put(settings: Settings, number: float) -> Settings:
+        return changed(settings, convert.put(getattr(settings, name), number))
+
+    lead = convert.lead
+    if lead is None:
+        return Conversion(get, put)
+    return Conversion(
+        get, put, lambda s, number, tables: changed(s, lead(getattr(s, name), number, tables))
+    )
 
 
 PARAMETERS = (*_of("law", mmrac.PARAMETERS), *_of("guard", guard.PARAMETERS))

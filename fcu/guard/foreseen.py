@@ -22,6 +22,7 @@ QUICKEST = (
 )
 WARN, GOVERN, REFUSE = 0.0, 1.0, 2.0  # policies
 LONGEST = 300.0  # s, that is looked ahead at most
+LITTLE = 0.0125  # of the weight
 SETTLED = 8.0  # time constants of the reference model after which there is nothing to come
 
 _unpack_setpoint = unpacker(Setpoint)
@@ -245,9 +246,10 @@ def along(params, law, sent_at, setpoints, r, v, rows):
 
 @kernel
 def transient_s(params, law):
-    """After which (s) of a take-over the control difference left of its start is below 1 N.
+    """After which (s) of a take-over the control difference left of its start is below LITTLE.
 
     Paper (30): beta_1 e^(-nu_1 t).
     """
-    nu_1 = 0.5 * law.lambda_v
-    return math.log(maximum(margin.beta_1(params, law, Vec3(0.0, 0.0, 0.0)), 1.0)) / nu_1  # (30)
+    nu_1, little = 0.5 * law.lambda_v, LITTLE * params.m * law.g
+    beta_1 = margin.beta_1(params, law, Vec3(0.0, 0.0, 0.0))
+    return math.log(maximum(beta_1 / little, 1.0)) / nu_1  # (30)

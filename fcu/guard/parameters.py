@@ -18,7 +18,8 @@ from fcu.interface.parameter import (
     values,
 )
 from fcu.interface.parameter import check as check_rows
-from fcu.laws.mmrac.parameters import DEMANDED
+from fcu.laws import scales
+from fcu.laws.mmrac.parameters import DEMANDED, NAME
 from fcu.laws.mmrac.types import Params
 
 POLICIES = {"warn": 0.0, "govern": 1.0, "refuse": 2.0}
@@ -30,7 +31,7 @@ PRINTED: dict[str, Value] = {"guard": "warn"}  # with prediction = "demanded" th
 P = Parameter
 
 # README.md
-PARAMETERS: tuple[Parameter, ...] = (
+ROWS: tuple[Parameter, ...] = (
     *group(
         "The guard",
         P(
@@ -43,13 +44,14 @@ PARAMETERS: tuple[Parameter, ...] = (
                 Part("MR_GRD_M_MIN", ("m_min",), "least mass that the guard believes in"),
                 Part("MR_GRD_M_MAX", ("m_max",), "greatest mass that it believes in"),
             ),
-            None, 0.1, 100.0, "kg", "least and greatest mass that the guard believes in", ("m_min", "m_max"), airframe="vehicle.mass_kg",
+            None, 0.01, 1e4, "kg", "least and greatest mass that the guard believes in", ("m_min", "m_max"), airframe="vehicle.mass_kg",
         ),
-        P("guard_drag", "MR_GRD_DRAG", None, 0.001, 10.0, "N/(m/s)^2", "greatest drag coefficient that it believes in", "c_D", airframe="air.drag"),
+        P("guard_drag", "MR_GRD_DRAG", None, 1e-5, 100.0, "N/(m/s)^2", "greatest drag coefficient that it believes in", "c_D", airframe="air.drag"),
         # the paper's wind is up to 11.7 m/s, and changes by up to 18.5 m/s^2
-        P("guard_wind_m_s", "MR_GRD_WIND", 12.0, 0.0, 100.0, "m/s", "greatest wind that it believes in", "w_max"),
-        P("guard_wind_rate_m_s2", "MR_GRD_WRATE", 20.0, 0.0, 1000.0, "m/s^2", "greatest rate of that wind", "w_dot_max"),
-        P("guard_jerk_m_s3", "MR_GRD_JERK", 25.0, 5.0, 1000.0, "m/s^3", "fastest change of the acceleration of what is governed", "jerk"),
+        P("guard_wind_m_s", "MR_GRD_WIND", None, 0.0, 100.0, "m/s", "greatest wind that it believes in", "w_max", rule=scales.wind),
+        P("guard_wind_rate_m_s2", "MR_GRD_WRATE", None, 0.0, 1000.0, "m/s^2", "greatest rate of that wind", "w_dot_max", rule=lambda tables: scales.GUSTS * scales.wind(tables)),
+        # the acceleration of a tilt of 52 degrees, within 1/f_m
+        P("guard_jerk_m_s3", "MR_GRD_JERK", None, 5.0, 1000.0, "m/s^3", "fastest change of the acceleration of what is governed", "jerk", rule=lambda tables: 12.5 * scales.position_bandwidth(tables)),
         P("guard_noise", "MR_GRD_NOISE", "bounded", 0.0, 1.0, "", "what the noise that it believes in is", "gaussian", words=NOISES),
         P("guard_noise_position_m", "MR_GRD_N_POS", 0.0, 0.0, 10.0, "m", "noise of the measured position that it believes in", "noise_r"),
         P("guard_noise_velocity_m_s", "MR_GRD_N_VEL", 0.0, 0.0, 10.0, "m/s", "noise of the velocity that it believes in", "noise_v"),
@@ -58,6 +60,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         P("guard_delay_s", "MR_GRD_DELAY", 0.0, 0.0, 0.05, "s", "delay from measurement to rotor that it believes in", "delay_s"),
     ),
 )  # fmt: skip
+PARAMETERS = tuple(row._replace(law=NAME) for row in ROWS)
 
 
 def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
@@ -75,9 +78,12 @@ def guard_params(
     """
     given = values(PARAMETERS, airframe, chosen or {}, {} if law.achieved else PRINTED)
     J = [greatest for _, greatest in airframe["vehicle"]["inertia_kg_m2"]]
+    least, most = airframe["vehicle"]["mass_kg"]
+    middle = scales.inertia(airframe)
     empty = blank(
-        GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]), lift=0.0, **noise.NOT_YET,
-        **torque.NOT_YET,
+        GuardParams, J_tilt=float(max(J[:2])), J_yaw=float(J[2]), m=scales.mass(airframe),
+        J_x=middle.x, J_y=middle.y, J_z=middle.z, heavier=float(most) / float(least), lift=0.0,
+        **noise.NOT_YET, **torque.NOT_YET,
     )  # fmt: skip
     params = filled(empty, PARAMETERS, given)
     check(params, law)
@@ -86,7 +92,7 @@ def guard_params(
 
 def derived(params: GuardParams, law: Params) -> GuardParams:
     """GuardParams with what is worked out from the others and from the law, once they are chosen."""
-    params = params._replace(lift=stability.lift(law, params.m_min, params.J_tilt, params.delay_s))
+    params = params._replace(lift=stability.lift(law, params))
     return torque.derived(noise.derived(params, law), law)
 
 

@@ -18,22 +18,18 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fcu.interface.airframe import believed_body
+from fcu.guard.types import GuardParams
 from fcu.laws.actuation import rotor_lag as rotor_lag
 from fcu.laws.mmrac.types import Params
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 Row = Matrix  # of one number, over those before the tick
 
-_mass, _inertia = believed_body()
-MASS = 0.5 * sum(_mass)  # kg
-INERTIA = tuple(0.5 * sum(J) for J in _inertia)  # kg m^2
 LIFT, SINK = 1.3, 0.25  # of its weight: the least T_max, the greatest T_min
-LEARNT = 1.0  # gamma_LambdaJ under which an inertia is as good as not learnt
+LEARNT = 0.1  # gamma_LambdaJ J^2 (s^2) under which an inertia is as good as not learnt
 FIRST = 2.0  # factor by which the first estimate of mass may be off
 ROTATION = ("roll", "pitch", "yaw")
 TILTS = ROTATION[:2]
-HEAVIER = max(_mass) / min(_mass)  # m_hat over m at most, of what is believed
 OFF = (1.0, 1.0 / math.sqrt(2.0), math.sqrt(2.0))  # estimates over truth: right, and 3 dB off
 CARRIED, HALVINGS = 0.95, 8  # part of the weight that drag carries at most; of a search for less
 # What is left of the inverted lag when its command is cut. Set by flights: with 2, combinations pass
@@ -64,10 +60,10 @@ def fade(params: Params, part: float = 1.0) -> Fade:
 
 
 class Hover(NamedTuple):
-    """What hovers: the middle of what is believed, in still air, unless it is said."""
+    """What hovers, in still air unless it is said."""
 
-    m: float = MASS  # kg
-    J: tuple[float, ...] = INERTIA  # kg m^2, three body axes
+    m: float  # kg
+    J: tuple[float, ...]  # kg m^2, three body axes
     T_0: float = math.nan  # N, its thrust; nan: its weight. Less of it where the air rises
     turns: bool = False  # whether the drag that carries the rest of its weight turns with the body
 
@@ -80,7 +76,9 @@ class Hover(NamedTuple):
         return g if self.turns else self.thrust(g) / self.m
 
 
-MIDDLE = Hover()
+def hover_of(guard: GuardParams) -> Hover:
+    """The middle of what is believed of the airframe."""
+    return Hover(m=guard.m, J=(guard.J_x, guard.J_y, guard.J_z))
 
 
 class Loop(NamedTuple):
@@ -120,7 +118,7 @@ def _loop(own: Matrix, seen: int, ticks: int, after: list[Row], demand: list[Row
     return Loop(A=whole[:, :n], B=whole[:, n:], C=told[:, :n], D=told[:, n:])
 
 
-def height(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0) -> Loop:
+def height(params: Params, lag: Fade, off: float, here: Hover, ticks: int = 0) -> Loop:
     """One tick of height (8 numbers, 3 of them measured), with m_hat = off * m.
 
     State: height, its rate, thrust, thrust a tick ago, v_hat, s_hat + T_0 Lambda_hat (one
@@ -154,7 +152,7 @@ def height(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: i
 
 
 def tilt(
-    params: Params, lag: Fade, off: float, axis: int, here: Hover = MIDDLE, ticks: int = 0,
+    params: Params, lag: Fade, off: float, axis: int, here: Hover, ticks: int = 0,
     off_J: float | None = None,
 ) -> Loop:  # fmt: skip
     """One tick of a tilt and the way it leads to (12 numbers, 5 measured), axis 0 roll, 1 pitch.
@@ -203,7 +201,7 @@ def tilt(
     return _loop(own, 5, ticks, after, [m_hat * a_d, tau_c])
 
 
-def yaw(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0) -> Loop:
+def yaw(params: Params, lag: Fade, off: float, here: Hover, ticks: int = 0) -> Loop:
     """One tick of yaw (6 numbers, 3 of them measured), with J_hat = off * J.
 
     State: yaw, body rate, torque, torque a tick ago, w_hat, s_w_hat. Demanded: the rate, rad/s,
@@ -244,12 +242,12 @@ def _rate(
 
 class _Channel(Protocol):
     def __call__(
-        self, params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0
+        self, params: Params, lag: Fade, off: float, here: Hover, ticks: int = 0
     ) -> Loop: ...
 
 
 def _about(axis: int) -> _Channel:
-    def of(params: Params, lag: Fade, off: float, here: Hover = MIDDLE, ticks: int = 0) -> Loop:
+    def of(params: Params, lag: Fade, off: float, here: Hover, ticks: int = 0) -> Loop:
         return tilt(params, lag, off, axis, here, ticks)
 
     return of
@@ -294,57 +292,63 @@ def late(params: Params, delay_s: float) -> int:
     return math.ceil(delay_s / params.h - 1e-6)
 
 
-def radius(params: Params, channel: str, off: float = 1.0, ticks: int = 0) -> float:
+def radius(params: Params, here: Hover, channel: str, off: float = 1.0, ticks: int = 0) -> float:
     """Spectral radius of a channel: what its slowest mode is multiplied by in a tick.
 
     `off`: estimates of mass and inertia over the truth. `ticks`: by which what is measured is late.
     """
-    loop = CHANNELS[channel](params, fade(params), off, ticks=ticks)
+    loop = CHANNELS[channel](params, fade(params), off, here, ticks)
     return float(np.abs(np.linalg.eigvals(loop.A)).max())
 
 
-def stable(params: Params, channel: str, delay_s: float = 0.0) -> bool:
+def learns_inertia(params: Params, J: float) -> bool:
+    """Whether an inertia (kg m^2) is learnt: by a torque of J times 1 rad/s^2."""
+    return params.gamma_LambdaJ * J * J >= LEARNT
+
+
+def stable(params: Params, guard: GuardParams, channel: str) -> bool:
     """Whether a channel is, with the gain margin, and with a cut rotor command.
 
     Of a tilt the margin has to be there with the greatest lag of LAGS too. An inertia that is not
-    learnt has to be right enough from the start. `delay_s`: what is believed to pass between
-    measurement and rotor.
+    learnt has to be right enough from the start. `guard`: what is believed of the airframe, and to
+    pass between measurement and rotor.
     """
-    ticks = late(params, delay_s)
+    ticks, here = late(params, guard.delay_s), hover_of(guard)
     offs = list(OFF)
-    if channel in ROTATION and params.gamma_LambdaJ < LEARNT:
-        offs.append(params.initial.J_hat_0 / INERTIA[ROTATION.index(channel)])
-    margin = all(radius(params, channel, off, ticks) < 1.0 for off in offs)
+    if channel in ROTATION and not learns_inertia(params, guard.J_x):
+        offs.append(params.initial.J_hat_0 / here.J[ROTATION.index(channel)])
+    margin = all(radius(params, here, channel, off, ticks) < 1.0 for off in offs)
     if channel in TILTS:  # the mass alone may be off, which the gain of a tilt is in proportion to
         axis = ROTATION.index(channel)
-        doubts = [(1.0, HEAVIER, 1.0), (max(LAGS), HEAVIER, 1.0)]
+        doubts = [(1.0, guard.heavier, 1.0), (max(LAGS), guard.heavier, 1.0)]
         doubts += [(max(LAGS), off, off) for off in offs]
         margin = margin and all(
-            _settles(tilt(params, fade(params, part), off, axis, ticks=ticks, off_J=off_J))
+            _settles(tilt(params, fade(params, part), off, axis, here, ticks, off_J))
             for part, off, off_J in doubts
         )
-    return margin and radius(_cut(params), channel, ticks=ticks) < 1.0
+    return margin and radius(_cut(params), here, channel, ticks=ticks) < 1.0
 
 
-def lift(params: Params, m: float, J: float, delay_s: float = 0.0) -> float:
-    """The greatest drag from below (N) under which tilts of a mass m (kg) are stable, with the gain margin.
+def lift(params: Params, guard: GuardParams) -> float:
+    """The greatest drag from below (N) under which tilts of the least mass are stable, with the gain margin.
 
-    J : kg m^2, the greatest about a level axis; an inertia that is not learnt is tested at J_hat(0) too.
+    An inertia that is not learnt is tested at J_hat(0) over the greatest about a level axis, too.
 
     Drag along body axes turns with the body: a tilt pulls by g, thrust and drag together, where the law
     counts on thrust over m_hat, so the loop gain grows by m g/T. Not of the printed prediction, which has
     no rule: all of the weight. Takes 1 to 2 ms without a delay.
     """
-    weight, ticks = m * params.g, late(params, delay_s)
+    weight, ticks = guard.m_min * params.g, late(params, guard.delay_s)
     if params.achieved < 0.5:
         return weight
-    most, axes = OFF[2], (1,) if alike(params) else (0, 1)
+    light = hover_of(guard)._replace(m=guard.m_min, turns=True)
+    most, axes = OFF[2], _tilts(params, light)
     offs_J = [most]
-    if params.gamma_LambdaJ < LEARNT:
-        offs_J.append(params.initial.J_hat_0 / J)
+    if not learns_inertia(params, guard.J_x):
+        offs_J.append(params.initial.J_hat_0 / guard.J_tilt)
 
     def steers(drag: float) -> bool:
-        here = Hover(m=m, T_0=weight - drag, turns=True)
+        here = light._replace(T_0=weight - drag)
         loops = (
             tilt(params, fade(params), most, axis, here, ticks, off_J)
             for axis in axes
@@ -361,15 +365,16 @@ def lift(params: Params, m: float, J: float, delay_s: float = 0.0) -> float:
     return low
 
 
-def recovers(params: Params, m: float, drag: float) -> bool:
-    """Whether hover of a mass m (kg) under a drag (N) from below settles while rotor commands are cut.
+def recovers(params: Params, guard: GuardParams, drag: float) -> bool:
+    """Whether hover of the least mass under a drag (N) from below settles while rotor commands are cut.
 
     Where it does not, a saturation in such a wind may be final.
     """
     if params.achieved < 0.5:
         return True
-    here = Hover(m=m, T_0=max(m * params.g - drag, NEAR_NOTHING), turns=True)
-    axes = (1,) if alike(params) else (0, 1)
+    left = max(guard.m_min * params.g - drag, NEAR_NOTHING)
+    here = hover_of(guard)._replace(m=guard.m_min, T_0=left, turns=True)
+    axes = _tilts(params, here)
     return all(_settles(tilt(_cut(params), fade(params), 1.0, axis, here)) for axis in axes)
 
 
@@ -385,40 +390,47 @@ def _settles(loop: Loop) -> bool:
 
 
 def alike(params: Params) -> bool:
-    """Whether roll is pitch: both have the same gains."""
+    """Whether roll is pitch, of one inertia: both have the same gains."""
     c, a = params.c_rate, params.c_angle
-    return bool(c.x == c.y and a.x == a.y and INERTIA[0] == INERTIA[1])
+    return bool(c.x == c.y and a.x == a.y)
 
 
-def grounded(params: Params) -> str:
-    """What keeps the vehicle of Section VIII from hovering, whatever its gains; empty if nothing.
+def _tilts(params: Params, here: Hover) -> tuple[int, ...]:
+    """The axes of tilts that differ."""
+    return (1,) if alike(params) and here.J[0] == here.J[1] else (0, 1)
+
+
+def grounded(params: Params, guard: GuardParams) -> str:
+    """What keeps the middle of the airframe's beliefs from hovering, whatever its gains; empty if nothing.
 
     Thrust limits that leave no room about its weight, sets that do not hold its mass or inertia
     (Section IV asks for sets that do), and a first estimate of mass that is too far off for the
     time that a fall leaves to learn it.
     """
-    weight, b = MASS * params.g, params.bounds
+    here, b = hover_of(guard), params.bounds
+    m, weight, least, most = here.m, here.m * params.g, min(here.J), max(here.J)
     if params.limits.T_max < LIFT * weight:
-        return f"too weak for {MASS:g} kg ({LIFT * weight:.0f} N at least)"
+        return f"too weak for {m:g} kg ({LIFT * weight:.3g} N at least)"
     if params.limits.T_min > SINK * weight:
-        return f"no way down at {MASS:g} kg ({SINK * weight:.0f} N at most)"
-    if not b.m_min <= MASS <= b.m_max:
-        return f"{MASS:g} kg is outside the set of masses"
-    if not b.J_min <= min(INERTIA) <= max(INERTIA) <= b.J_max:
-        return f"{min(INERTIA):.2f} to {max(INERTIA):.2f} kg m^2 is outside the set of inertias"
-    if not MASS / FIRST <= params.initial.m_hat_0 <= MASS * FIRST:
-        return f"mass at arming: {MASS / FIRST:g} to {MASS * FIRST:g} kg"
+        return f"no way down at {m:g} kg ({SINK * weight:.2g} N at most)"
+    if not b.m_min <= m <= b.m_max:
+        return f"{m:g} kg is outside the set of masses"
+    if not b.J_min <= least <= most <= b.J_max:
+        return f"{least:.2g} to {most:.2g} kg m^2 is outside the set of inertias"
+    if not m / FIRST <= params.initial.m_hat_0 <= m * FIRST:
+        return f"mass at arming: {m / FIRST:g} to {m * FIRST:g} kg"
     return ""
 
 
-def unstable(params: Params, delay_s: float = 0.0) -> str:
+def unstable(params: Params, guard: GuardParams) -> str:
     """The channel that is not stable; empty if all are, or for the printed prediction.
 
-    `delay_s`: believed. Takes less than a millisecond without one; with one of ten ticks 20.
+    Takes less than a millisecond without a believed delay; with one of ten ticks 20.
     """
     if params.achieved < 0.5:
         return ""
+    roll_too = 0 in _tilts(params, hover_of(guard))
     for channel in CHANNELS:
-        if not (alike(params) and channel == "roll") and not stable(params, channel, delay_s):
+        if (roll_too or channel != "roll") and not stable(params, guard, channel):
             return channel
     return ""

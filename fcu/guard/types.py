@@ -19,6 +19,11 @@ class GuardParams(NamedTuple):
     jerk: float  # m/s^3, fastest change of the reference's acceleration, whatever the rotors hold
     J_tilt: float  # kg m^2, greatest inertia about roll and pitch
     J_yaw: float  # kg m^2, about yaw
+    m: float  # kg, middle of the mass that the airframe is believed to have
+    J_x: float  # kg m^2, and of its inertia about each body axis
+    J_y: float
+    J_z: float
+    heavier: float  # greatest over least mass of the airframe: m_hat over m at most
     gaussian: float  # 1: noise of what is measured is white, of these sigmas; 0: within these
     noise_r: float  # m, of position, each axis
     noise_v: float  # m/s, of velocity

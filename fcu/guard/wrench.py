@@ -34,7 +34,7 @@ def disturbed(params, T):
 
     What it does through the tilt that is demanded grows as the thrust gets small (`noise`).
     """
-    a, b = params.noise_torque, params.noise_turning / maximum(T, 1.0)
+    a, b = params.noise_torque, params.noise_turning / maximum(T, 0.01 * params.m)
     return select(params.gaussian > 0.5, math.sqrt(a * a + b * b), a + b)
 
 

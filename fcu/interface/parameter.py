@@ -32,6 +32,8 @@ class Conversion(NamedTuple):
 
     get: Callable[[Any], float]  # of Params
     put: Callable[[Any, float], Any]  # Params with another number
+    # and with what follows from it, by the tables of an airframe file
+    lead: Callable[[Any, float, Mapping[str, Any]], Any] | None = None
 
 
 class Part(NamedTuple):
@@ -68,6 +70,7 @@ class Parameter(NamedTuple):
     leads: bool = False  # the defaults of others depend on it
     integer: bool = False  # over MAVLink an INT32, as PX4 has it; else a REAL32
     gain: bool = False  # what a procedure that tunes a law is free to choose
+    law: str = ""  # whose [law.NAME] in an airframe file may pin it
 
     @property
     def name(self) -> str:
@@ -101,8 +104,14 @@ class Parameter(NamedTuple):
             return (float(self.convert.get(params)),)
         return tuple(float(attrgetter(path)(params)) for path in self.fields)
 
-    def put(self, params: Any, numbers: Numbers) -> Any:
-        """Params with other numbers."""
+    def put(self, params: Any, numbers: Numbers, airframe: Mapping[str, Any] | None = None) -> Any:
+        """Params with other numbers.
+
+        `airframe`: the tables of an airframe file, by which defaults that depend on a row that
+        `leads` follow it.
+        """
+        if self.convert is not None and self.convert.lead is not None and airframe is not None:
+            return self.convert.lead(params, numbers[0], airframe)
         if self.convert is not None:
             return self.convert.put(params, numbers[0])
         for path, number in zip(self.fields, numbers, strict=True):
@@ -192,7 +201,9 @@ def default(row: Parameter, airframe: Mapping[str, Any]) -> Value:
     What the file pins for the law that is flown comes first (`PINNED`). Of several numbers
     in the file `of_several`, for a row of one. Raises AirframeError.
     """
-    pinned = airframe.get(PINNED, {})
+    pinned = airframe.get(PINNED)
+    if pinned is None:
+        pinned = dict(flat(airframe.get("law", {}).get(row.law, {})))
     if row.key and row.key in pinned:
         value = pinned[row.key]
         return tuple(value) if isinstance(value, list) else value

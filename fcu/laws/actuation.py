@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from fcu.interface.parameter import Conversion, Parameter, with_field
+from fcu.laws import scales
 from fcu.laws.allocation import rotor_mean
 
-RESPONSE = 0.01  # s
 METHODS = {"plain": 0.0, "safe": 1.0}
 
 
@@ -36,7 +36,7 @@ def kappa(lag: float, response: float) -> float:
 
 def _get_response(law: Any) -> float:
     lag, factor = rotor_lag(law), float(law.rotors.kappa)
-    response: float = lag / factor if factor > 1.0 else max(lag, RESPONSE)
+    response: float = lag / factor if factor > 1.0 else max(lag, scales.QUICKEST)
     return response
 
 
@@ -49,8 +49,9 @@ def rows(response: str) -> tuple[Parameter, ...]:
     """Rows of Params that have the fields `h` and `rotors`. `response`: what MAVLink calls that one."""
     return (
         Parameter(
-            "rotor_response_s", response, RESPONSE, 0.0001, 1.0, "s",
+            "rotor_response_s", response, None, 0.0001, 1.0, "s",
             "what the rotors' lag is made to look like", "rotors.kappa", ROTOR_RESPONSE,
+            rule=scales.rotor_response,
         ),
         Parameter(
             "allocation", "CA_METHOD", "safe", 0.0, 1.0, "",

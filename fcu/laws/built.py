@@ -74,7 +74,7 @@ def _is_name(name: Any) -> bool:
     return isinstance(name, str) and name.isascii() and name.isidentifier() and len(name) <= MOST
 
 
-def printed(chosen: Mapping[str, Any]) -> Mapping[str, Value]:
+def printed(chosen: Mapping[str, Any], airframe: Mapping[str, Any]) -> Mapping[str, Value]:
     """The defaults that are others with what was chosen: none."""
     return {}
 

@@ -525,7 +525,7 @@ def lack(settings: Settings) -> str:
 
     def softer(gamma: float) -> bool:
         changed = derived(row.put(settings, (gamma,)))
-        return fits(changed) and not unstable(changed.law, changed.guard.delay_s)
+        return fits(changed) and not unstable(changed.law, changed.guard)
 
     would = []
     if amount := largest(smaller, now):
@@ -617,7 +617,7 @@ def envelope(mission: Mission) -> Envelope:
             "it flies the printed law, which winds up when it saturates: the condition is that of"
             " the law with what was achieved",
         )
-    if channel := unstable(law, guard.delay_s):
+    if channel := unstable(law, guard):
         late = f" with guard_delay_s {guard.delay_s:g}" if guard.delay_s > 0.0 else ""
         remarks += (f"{channel} is unstable with these gains{late}: a vehicle would refuse them",)
     spare = float(wrench.spare(guard, law))
@@ -644,7 +644,7 @@ def envelope(mission: Mission) -> Envelope:
             f"its reference model is too quick for attitude and rates (2 zeta_m f_m (1/c_angle + 1/c_rate) is"
             f" {lags:.2g}, above {foreseen.QUICKEST:g}): torque of roll and pitch may saturate",
         )
-    if down >= 0.0 and not recovers(law, guard.m_min, guard.c_D * guard.w_max**2):
+    if down >= 0.0 and not recovers(law, guard, guard.c_D * guard.w_max**2):
         remarks += (
             f"once a rotor has been at a limit, in wind near guard_wind_m_s {guard.w_max:g}, as a take-over"
             " there may bring about, roll and pitch need not settle again with these gains",

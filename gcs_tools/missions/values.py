@@ -54,7 +54,7 @@ def _of_law(mission: Mission) -> dict[KeyPath, Value]:
     found: dict[KeyPath, Value] = {("law", "module"): Value(mission.flown.name, "default")}
     tables, settings = mission.airframe.tables, mission.flown.settings
     file = mission.airframe.path.name
-    instead = settings.printed(mission.given.get("law", {}))
+    instead = settings.printed(mission.given.get("law", {}), tables)
     for row in settings.PARAMETERS:
         if row.key:
             of_file = row.default is None or row.key in tables[PINNED]

@@ -82,7 +82,7 @@ def pair(gains: tuple[float, float]) -> Pair:
     settings = scenario(load("urban_step", chosen)).settings
     admitted = [step(settings, WAYS[way], way).exact or 0.0 for way in WAYS]
     return Pair(
-        f_m, gamma, unstable(settings.law, settings.guard.delay_s), nominal,
+        f_m, gamma, unstable(settings.law, settings.guard), nominal,
         rms("noisy_state", *LONG), rms("package_drop", since_s=14.0),
         rms("figure_eight", reference="setpoint.r_c", since_s=10.0), arrival_s,
         tuple(rms("urban_step", *LONG, f"plant.rotor_lag_s={lag}") for lag in LAGS_S),

@@ -205,7 +205,7 @@ WORDS = {
 def stable(tables: dict[str, Any]) -> bool:
     """Whether the gains of a draw are."""
     scene = scenario(from_tables("drawn", tables))
-    return not unstable(scene.law, scene.guard.delay_s)
+    return not unstable(scene.law, scene.guard)
 
 
 def check(n: int, seed: int = 1, console: Console | None = None) -> Check:

@@ -146,7 +146,7 @@ def point(mission: Mission) -> Point:
     """What the rule says of a mission's law, and how it flies."""
     windy, calm, small = (scenario(m) for m in (mission, still(mission), gentle(mission)))
     return Point(
-        unstable(windy.law, windy.guard.delay_s), flies(calm, False), flies(windy, True), flies(small, False)
+        unstable(windy.law, windy.guard), flies(calm, False), flies(windy, True), flies(small, False)
     )  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def fly_random(mission: Mission, n: int) -> tuple[int, int, list[float]]:
             changed = override(changed, f"law.{name}={value!r}")
         return scenario(changed)
 
-    scenes, refused = drawn(draw, lambda scene: not unstable(scene.law, scene.guard.delay_s), n)
+    scenes, refused = drawn(draw, lambda scene: not unstable(scene.law, scene.guard), n)
     flown = each(lambda scene: flies(scene, False), scenes, console=Console(stderr=True))
     bad = [scene.law.f_m for scene, well in zip(scenes, flown, strict=True) if not well]
     return refused, len(bad), bad

@@ -20,6 +20,7 @@ from gcs_tools.studies.attack.flight import fly
 from gcs_tools.studies.attack.wind import OWN, Gust
 
 STILL = Vec3(0.0, 0.0, 0.0)
+OCTO = Hover(m=8.0, J=(0.3245, 0.3245, 0.4616))
 # of the mission noisy_state: m, m/s, rad, rad/s
 AMOUNTS = np.array([0.01, 0.02, math.radians(0.2), 0.01])
 NOISY = dict(
@@ -61,8 +62,8 @@ def demanded(scene, noise, last):
 def predicted(law, gaussian, ticks=0, **here):
     """float64[2, 2] of height and pitch: what the demand moves by, with the AMOUNTS."""
     loops = [
-        stability.height(law, fade(law), 1.0, Hover(**here), ticks),
-        stability.tilt(law, fade(law), 1.0, 1, Hover(**here), ticks),
+        stability.height(law, fade(law), 1.0, OCTO._replace(**here), ticks),
+        stability.tilt(law, fade(law), 1.0, 1, OCTO._replace(**here), ticks),
     ]
     both = [sums(response(loop), gaussian)[:, : len(AMOUNTS)] * AMOUNTS for loop in loops]
     return np.array([noise.together(of, gaussian) for of in both])
@@ -110,7 +111,7 @@ def test_noise_that_is_chosen_for_it_moves_the_demand_by_its_bound_and_no_more()
     """The bound is met by the signs of the response: nothing below it is certain."""
     scene, part = hover(20.0), 0.05
     law = scene.law
-    h = response(stability.tilt(law, fade(law), 1.0, 1)).h[:, 1]  # torque about pitch
+    h = response(stability.tilt(law, fade(law), 1.0, 1, OCTO)).h[:, 1]  # torque about pitch
     worst, n = np.zeros((scene.ticks, 12)), min(len(h), scene.ticks // 2)
     at = {0: 0, 1: 3, 2: 7, 3: 10}  # a noise of the channel -> its column of a report
     for i, j in at.items():
@@ -218,7 +219,7 @@ def test_the_guard_leaves_room_for_it(settings_of):
 
 def test_a_loop_that_does_not_settle_leaves_nothing(settings_of):
     told = settings_of(f_m=7.5, **NOISY)
-    assert stability.unstable(told.law) != ""
+    assert stability.unstable(*told) != ""
     assert told.guard.noise_force == noise.ENDLESS
     assert wrench.jerk(told.guard, told.law, math.inf) == wrench.LEAST
 
@@ -234,7 +235,7 @@ def test_probability_is_the_union_over_ticks_rotors_and_force():
 def test_a_loop_that_hardly_settles_takes_no_longer_to_work_out(settings_of, monkeypatch):
     """What is not computed of its response goes on as its slowest mode: rather too much than too little."""
     params = settings_of(trim_rate=0.05).law
-    loop = stability.height(params, fade(params), 1.0)
+    loop = stability.height(params, fade(params), 1.0, OCTO)
     cut = response(loop)
     assert len(cut.h) == 2**noise.LONGEST + 1
     monkeypatch.setattr(noise, "LONGEST", 18)

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from fcu.guard import stability
-from fcu.guard.stability import radius, rotor_lag, unstable
+from fcu.guard.stability import hover_of, radius, rotor_lag, unstable
+from fcu.interface.airframe import SHIPPED
+from fcu.interface.airframe import believed as airframe_file
+from fcu.settings import settings
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
 from gcs_tools.studies.stability_map import flies, gentle, point
@@ -19,42 +22,44 @@ def test_believed_lag_is_read_off_the_parameters(law, lag):
     assert rotor_lag(law(rotor_lag_s=lag)) == pytest.approx(lag, rel=1e-9, abs=1e-12)
 
 
-def test_predictor_and_estimates_alone_never_limit_the_gain(law):
+def test_predictor_and_estimates_alone_never_limit_the_gain(settings_of):
     """The proof of the README in numbers: with right estimates gamma shows in no loop."""
     for rate_hz in (100.0, 500.0, 1000.0):
         for gamma in (1.0, 1e3, 1e6):
-            assert unstable(law(rate_hz, gamma=gamma)) == "", (rate_hz, gamma)
+            assert unstable(*settings_of(rate_hz, gamma=gamma)) == "", (rate_hz, gamma)
 
 
-def test_slowest_mode_is_the_reference_model(law):
+def test_slowest_mode_is_the_reference_model(settings_of):
     """Default gains: height and way decay as f_m zeta_m says, 0.8 a second, to 1 %."""
-    params = law()
+    params, guard = settings_of()
     for channel in ("height", "roll", "pitch"):
-        assert -math.log(radius(params, channel)) / params.h == pytest.approx(0.8, rel=0.01)
+        slowest = radius(params, hover_of(guard), channel)
+        assert -math.log(slowest) / params.h == pytest.approx(0.8, rel=0.01)
 
 
-def test_rotor_inversion_is_refused_where_it_oscillates(law):
+def test_rotor_inversion_is_refused_where_it_oscillates(settings_of):
     """Rotors alternate from tick to tick where kappa (1 - e^(-h/lag)) passes 2."""
-    fast = law(400.0, rotor_response_s=0.001)
+    fast, guard = settings_of(400.0, rotor_response_s=0.001)
     assert fast.rotors.kappa * (1.0 - math.exp(-fast.h / 0.05)) == pytest.approx(2.44, abs=0.01)
-    assert unstable(fast) == "height"
-    slower = law(400.0, rotor_response_s=0.002)
+    assert unstable(fast, guard) == "height"
+    slower, guard = settings_of(400.0, rotor_response_s=0.002)
     assert slower.rotors.kappa * (1.0 - math.exp(-slower.h / 0.05)) == pytest.approx(1.22, abs=0.01)
-    assert unstable(slower) == ""
+    assert unstable(slower, guard) == ""
 
 
-def test_gain_margin_is_3_dB(law):
+def test_gain_margin_is_3_dB(settings_of):
     """Pitch with estimates 3 dB low is unstable at an f_m that exact estimates fly."""
-    params = law(f_m=6.0)
-    assert radius(params, "pitch", 1.0) < 1.0 < radius(params, "pitch", 0.7)
-    assert unstable(params) == "pitch"
+    params, guard = settings_of(f_m=6.0)
+    here = hover_of(guard)
+    assert radius(params, here, "pitch", 1.0) < 1.0 < radius(params, here, "pitch", 0.7)
+    assert unstable(params, guard) == "pitch"
 
 
-def test_printed_prediction_has_no_rule(law):
-    assert unstable(law(prediction="demanded", f_m=10.0)) == ""
+def test_printed_prediction_has_no_rule(settings_of):
+    assert unstable(*settings_of(prediction="demanded", f_m=10.0)) == ""
 
 
-def test_the_rule_asks_for_a_bounded_number_of_small_matrices(law, monkeypatch):
+def test_the_rule_asks_for_a_bounded_number_of_small_matrices(settings_of, monkeypatch):
     """It is asked between two ticks; how long that takes, `make bench` measures."""
     orders, eigvals = [], np.linalg.eigvals
 
@@ -62,8 +67,9 @@ def test_the_rule_asks_for_a_bounded_number_of_small_matrices(law, monkeypatch):
         orders.append(len(matrix))
         return eigvals(matrix)
 
+    told = settings_of()
     monkeypatch.setattr(np.linalg, "eigvals", counted)
-    assert unstable(law()) == ""
+    assert unstable(*told) == ""
     assert 4 <= len(orders) <= 32
     assert max(orders) <= 12
 
@@ -123,7 +129,7 @@ def test_rule_agrees_with_flights_of_a_plant_that_reports_late(settings, ticks, 
     for key, value in {**settings, **late}.items():
         mission = override(mission, f"{key}={value!r}")
     scene = scenario(gentle(mission))
-    assert (unstable(scene.law, scene.guard.delay_s) == "") is accepted
+    assert (unstable(scene.law, scene.guard) == "") is accepted
     assert flies(scene, False) is does
 
 
@@ -132,5 +138,27 @@ def test_a_delay_counts_in_whole_ticks_rounded_up(law):
     assert [stability.late(params, s) for s in (0.0, 0.0019, 0.002, 0.0021)] == [0, 1, 1, 2]
 
 
-def test_the_vehicle_of_the_rule_is_the_middle_of_what_is_believed():
-    assert (stability.MASS, stability.INERTIA) == (8.0, (0.3245, 0.3245, 0.4616))
+def test_the_vehicle_of_the_rule_is_the_middle_of_what_its_airframe_is_believed_to_be():
+    def of(name):
+        return hover_of(settings(*airframe_file(SHIPPED[name]), 500.0).guard)
+
+    assert (of("s1000").m, of("s1000").J) == (8.0, (0.3245, 0.3245, 0.4616))
+    assert of("racer").m == pytest.approx(0.765)
+    assert pytest.approx((0.0025, 0.0021, 0.0043)) == of("racer").J
+
+
+def test_an_inertia_counts_as_learnt_by_the_size_of_the_vehicle():
+    """One gain learns the octocopter's and leaves a racer's, whose torque is a hundredth, at J_hat(0)."""
+    for name, learns in (("s1000", True), ("racer", False)):
+        law, guard = settings(*airframe_file(SHIPPED[name]), 500.0, {"gamma_LambdaJ": 1.0})
+        assert stability.learns_inertia(law, guard.J_x) is learns
+
+
+def test_a_roll_that_differs_from_pitch_by_its_inertia_alone_is_looked_at_too():
+    tables = dict(airframe_file()[1])
+    slow = {**tables["vehicle"], "inertia_kg_m2": [[3.0, 3.4], [0.3, 0.34], [3.2, 3.6]]}
+    made = airframe_file()[0]
+    wide = settings(
+        made, {**tables, "vehicle": slow}, 500.0, {"gamma_LambdaJ": 0.0, "J_hat_0": 0.32}
+    )
+    assert unstable(*wide) == "roll"

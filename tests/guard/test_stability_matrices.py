@@ -11,7 +11,7 @@ import pytest
 
 import fcu
 from fcu.guard import guard
-from fcu.guard.stability import CHANNELS, INERTIA, INPUTS, MASS, OFF, fade, rotor_lag
+from fcu.guard.stability import CHANNELS, INPUTS, OFF, Hover, fade, rotor_lag
 from fcu.interface.airframe import load as airframe_file
 from fcu.interface.airframe import read
 from fcu.interface.messages import Setpoint, VehicleState
@@ -31,6 +31,8 @@ from tests.laws.values import with_fields
 
 OCTO = airframe_file(Path(fcu.__file__).with_name("airframes") / "s1000.toml")
 ZERO = Vec3(0.0, 0.0, 0.0)
+MASS, INERTIA = 8.0, (0.3245, 0.3245, 0.4616)
+HERE = Hover(m=MASS, J=INERTIA)
 
 
 class Vehicle(NamedTuple):
@@ -43,7 +45,7 @@ class Vehicle(NamedTuple):
 def speeds(law: Params, thrust: float, torque: float, column: Rotors) -> Rotors:
     """Rotor speeds for a total thrust and a torque about one axis."""
     each = [thrust / 8.0 + torque * b for b in column]
-    return Rotors(*[math.sqrt(f / law.rotors.c_T) for f in each])
+    return Rotors(*[math.sqrt(f / law.rotors.c_T.r1) for f in each])
 
 
 def hover(law: Params, off: float) -> State:
@@ -85,7 +87,7 @@ def to_height(law: Params, off: float, vehicle: Vehicle) -> list[float]:
     T_0 = MASS * law.g
 
     def thrust(Omega: Rotors) -> float:
-        return law.rotors.c_T * sum(o * o for o in Omega) - T_0
+        return law.rotors.c_T.r1 * sum(o * o for o in Omega) - T_0
 
     unknown = found.s_v_hat.z + T_0 / found.m_hat - law.g
     return [
@@ -119,7 +121,7 @@ def to_pitch(law: Params, off: float, vehicle: Vehicle) -> list[float]:
     r, v, v_hat = m.r_E - reference.r_m, m.v_E - reference.v_m, predicted.v_hat - reference.v_m
 
     def torque(Omega: Rotors) -> float:
-        return -law.rotors.c_T * sum(x * o * o for x, o in zip(law.rotors.x, Omega, strict=True))
+        return -law.rotors.c_T.r1 * sum(x * o * o for x, o in zip(law.rotors.x, Omega, strict=True))
 
     return [
         r.x, v.x, euler(matrix(m.q_EB)).y, m.w_B.y, torque(m.Omega),
@@ -154,7 +156,7 @@ def to_roll(law: Params, off: float, vehicle: Vehicle) -> list[float]:
     r, v, v_hat = m.r_E - reference.r_m, m.v_E - reference.v_m, predicted.v_hat - reference.v_m
 
     def torque(Omega: Rotors) -> float:
-        return law.rotors.c_T * sum(y * o * o for y, o in zip(law.rotors.y, Omega, strict=True))
+        return law.rotors.c_T.r1 * sum(y * o * o for y, o in zip(law.rotors.y, Omega, strict=True))
 
     return [
         -r.y, -v.y, euler(matrix(m.q_EB)).x, m.w_B.x, torque(m.Omega),
@@ -188,7 +190,7 @@ def to_yaw(law: Params, off: float, vehicle: Vehicle) -> list[float]:
     def torque(Omega: Rotors) -> float:
         rotors = law.rotors
         turning = sum(p * o * o for p, o in zip(rotors.spin, Omega, strict=True))
-        return -rotors.k_Q * rotors.c_T * turning
+        return -rotors.k_Q * rotors.c_T.r1 * turning
 
     return [
         euler(matrix(m.q_EB)).z, m.w_B.z, torque(m.Omega), torque(s.Omega), predicted.w_hat.z,
@@ -266,9 +268,9 @@ def is_linearised(settings_of, channel, chosen, off, ticks=0):
         ground_z_m=-1e4,
     ))  # fmt: skip
     told, row, drawn = to_buffer(settings), np.zeros(size(Tick)), np.zeros(size(BatteryState))
-    expected = CHANNELS[channel](params, fade(params), off, ticks=ticks)
+    expected = CHANNELS[channel](params, fade(params), off, HERE, ticks)
     n = len(expected.A)
-    own = len(CHANNELS[channel](params, fade(params), off).A)
+    own = len(CHANNELS[channel](params, fade(params), off, HERE).A)
     seen = (n - own) // ticks if ticks else 0
 
     def one_tick(x: np.ndarray) -> np.ndarray:

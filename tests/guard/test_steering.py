@@ -19,7 +19,6 @@ from fcu.guard import (
     stability,
     wrench,
 )
-from fcu.guard.stability import Hover
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
@@ -74,7 +73,7 @@ def test_hover_in_air_that_rises_is_lost_where_the_matrix_says(gains, steady, lo
     for speed, flies in ((steady, True), (lost, False)):
         scene = rising(speed, [0.05, 0.0, 0.0], 30.0, *KNOWN, 'law.guard="warn"', *gains)
         T_0 = 7.0 * 9.81 - max(scene.world.params.c_D) * speed**2
-        here = Hover(m=7.0, T_0=T_0, turns=True)
+        here = stability.hover_of(scene.guard)._replace(m=7.0, T_0=T_0, turns=True)
         loop = stability.tilt(scene.law, stability.fade(scene.law), 1.0, 1, here)
         assert bool(np.abs(np.linalg.eigvals(loop.A)).max() < 1.0) is flies, speed
         assert (late(scene) < 1e-4) is flies, speed
@@ -83,10 +82,10 @@ def test_hover_in_air_that_rises_is_lost_where_the_matrix_says(gains, steady, lo
 def test_what_is_kept_has_the_gain_margin(settings_of):
     """At the lift that is told the loop holds 3 dB more gain; with a little more drag it does not."""
     law, guard = settings_of()
-    assert guard.lift == stability.lift(law, guard.m_min, guard.J_tilt)
+    assert guard.lift == stability.lift(law, guard)
     m, weight = guard.m_min, guard.m_min * law.g
     for drag, stable in ((guard.lift, True), (guard.lift + 0.005 * weight, False)):
-        here = Hover(m=m, T_0=weight - drag, turns=True)
+        here = stability.hover_of(guard)._replace(m=m, T_0=weight - drag, turns=True)
         loop = stability.tilt(law, stability.fade(law), math.sqrt(2.0), 1, here)
         assert bool(np.abs(np.linalg.eigvals(loop.A)).max() < 1.0) is stable
 

@@ -88,11 +88,12 @@ def test_gains_that_do_not_settle_with_the_greatest_lag_have_no_jerk_and_are_ref
         c_angle=11.8, c_rate=19.5, f_m=2.74, zeta_m=1.2, gamma=599.0, guard_wind_m_s=0.2
     )
     law, guard = told
-    pitched = stability.tilt(law, stability.fade(law), stability.HEAVIER, 1, off_J=1.0)
-    late = stability.tilt(law, stability.fade(law, max(LAGS)), stability.HEAVIER, 1, off_J=1.0)
+    here = stability.hover_of(guard)
+    pitched = stability.tilt(law, stability.fade(law), guard.heavier, 1, here, off_J=1.0)
+    late = stability.tilt(law, stability.fade(law, max(LAGS)), guard.heavier, 1, here, off_J=1.0)
     radii = [np.abs(np.linalg.eigvals(loop.A)).max() for loop in (pitched, late)]
     assert radii[0] < 1.0 < radii[1]
-    assert stability.unstable(law) == "pitch"
+    assert stability.unstable(law, guard) == "pitch"
     assert guard.swinging == torque.ENDLESS
     assert wrench.jerk(guard, law, math.inf) == wrench.LEAST
     assert wrench.spare(guard, law) < 0.0

@@ -167,7 +167,7 @@ def test_refusals_name_value_and_reason(params):
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("MR_T_MAX", 4.0, "10 to 1000 N"),
+        ("MR_T_MAX", 0.04, "0.1 to 100000 N"),
         ("MR_M_MIN", 20.0, "MR_M_MIN 20 must be below MR_M_MAX 20 (set MR_M_MAX first)"),
         (
             "MR_GRD_M_MIN",

@@ -162,7 +162,7 @@ def test_everything_is_drawn_within_the_beliefs():
             assert low <= J <= high
         assert all(0.0 <= c <= most for c, most in zip(plant.c_D, drag, strict=True))
         assert 0.4 <= scene.law.f_m <= 3.0
-        assert stability.unstable(scene.law) == ""
+        assert stability.unstable(scene.law, scene.guard) == ""
         assert margin.sinking(margin.known(guard, scene.law)) >= 0.0
         assert np.all(np.diff(scene.sent_at) > 0)
         assert scene.sent_at[-1] < scene.ticks

@@ -414,7 +414,7 @@ def flies_there(scene: Scenario) -> bool:
     guard = guard._replace(**noise.NOT_YET)
     still = Vec3(0.0, 0.0, 0.0)
     fits = margin.condition(margin.known(guard, law), still, still, 0.0) >= 0.0
-    recovers = stability.recovers(law, guard.m_min, guard.c_D * guard.w_max**2)
+    recovers = stability.recovers(law, guard, guard.c_D * guard.w_max**2)
     follows = foreseen.lags(law) <= foreseen.QUICKEST
     return bool(fits and wrench.spare(guard, law) >= 0.0 and recovers and follows)
 
@@ -442,7 +442,7 @@ def attack(n: Numbers, how: How) -> Attack | None:
     given = tables(n, how)
     scene = scenario(from_tables("drawn", given))
     law = scene.law
-    if unstable(law, scene.guard.delay_s) or not (how.as_shipped or flies_there(scene)):
+    if unstable(law, scene.guard) or not (how.as_shipped or flies_there(scene)):
         return None
     times, setpoints = sent(n, kind, law)
     farthest = max(math.dist(s.r_c, (0.0, 0.0, 0.0)) for s in setpoints)

@@ -122,7 +122,7 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     way = way_to(Setpoint(Vec3(4.0, 7.0, 18.0), zero, zero, 0.0, 0.0))
     step = per_call_s(lambda: look.short(way, np.zeros(9)), 1, 50 * repeats)
     yield Figure("look_us", "a look along the way to a setpoint (us)", step * 1e6)
-    step = per_call_s(lambda: unstable(scene.law), 1, 20 * repeats)
+    step = per_call_s(lambda: unstable(scene.law, scene.guard), 1, 20 * repeats)
     yield Figure("stability_rule_ms", "the rule on gains, asked once (ms)", step * 1e3)
     label = f"the law alone, one core, {world.steps} plant steps a tick (million ticks/s)"
     yield Figure("law_alone_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
