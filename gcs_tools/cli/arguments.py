@@ -23,6 +23,19 @@ SEEDS_MOST = 1000  # flights of a mission in one call
 SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Override a value of the mission; may be repeated.")  # fmt: skip
 LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
 AIRFRAME = options.AIRFRAME
+FORMATS = (".png", ".svg", ".pdf")
+
+
+def _drawable(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
+    """A callback: a file that a figure may be drawn in. Raises BadParameter."""
+    if path is not None and path.suffix.lower() not in FORMATS:
+        raise click.BadParameter(f"{path}: ends in none of {', '.join(FORMATS)}")
+    if path is not None and not path.parent.is_dir():
+        raise click.BadParameter(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+FIGURE = click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
     help="Zenoh configuration (docs/zenoh); default: loopback, no router.",

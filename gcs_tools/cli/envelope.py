@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from gcs_tools.judging.envelope import Change, Envelope, Noise, Reach
 
 DOES_NOT_HOLD = 1  # exit code
-FORMATS = (".png", ".svg", ".pdf")
 NAMED = {
     "acceleration": "acceleration demanded by the trajectory",
     "speed": "drag of the vehicle's own speed",
@@ -46,14 +45,6 @@ ALONE = {  # by what is changed
 }
 
 
-def _drawable(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
-    if path is not None and path.suffix.lower() not in FORMATS:
-        raise click.BadParameter(f"{path}: ends in none of {', '.join(FORMATS)}")
-    if path is not None and not path.parent.is_dir():
-        raise click.BadParameter(f"{path}: there is no folder {path.parent}")
-    return path
-
-
 @click.command(
     epilog="\b\n"
     "Exact set   the actuators' own limits along the reference trajectory; used by the guard\n"
@@ -68,7 +59,7 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
 @click.argument("mission")
 @arguments.AIRFRAME
 @arguments.SETTINGS
-@click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
+@arguments.FIGURE
 @arguments.as_json("Print the result as JSON (keys: gcs_tools/judging/README.md).")
 def envelope(
     mission: str, airframe: str | None, settings: tuple[str, ...], figure: Path | None, as_json: bool

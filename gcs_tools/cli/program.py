@@ -19,7 +19,7 @@ from gcs_tools.flight import interrupts
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
 GROUPS = {
     "Flying": ("fly", "up", "setpoint", "reset"),
-    "Before flight": ("envelope",),
+    "Before flight": ("envelope", "airframe"),
     "Recordings": ("plot", "compare", "view", "recover", "replay"),
     "Live": ("monitor", "record", "topics", "publish"),
 }
