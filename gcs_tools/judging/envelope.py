@@ -544,9 +544,7 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
     swing, rate = np.array(wind.amplitude_m_s), np.array(wind.frequency_rad_s)
     steady = np.abs(wind.steady_m_s) + np.abs(swing)
     most = float(np.linalg.norm(np.maximum(steady, steady + np.abs(wind.step_m_s))))
-    masses = [plant.m]
-    if mission.plant.mass_change is not None:
-        masses.append(mission.plant.mass_change.mass_kg)
+    masses = dict.fromkeys((plant.m, plant.m_after))
     found = []
     if most > guard.w_max:
         found.append(f"its wind, up to {most:.3g} m/s, is beyond guard_wind_m_s {guard.w_max:.3g}")

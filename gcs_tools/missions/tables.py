@@ -117,10 +117,15 @@ class Wind(Table):
     steady_m_s: Numbers = Field(ZERO, description="velocity of the air, ENU")
     amplitude_m_s: Numbers = Field(ZERO, description="ENU")
     frequency_rad_s: NotNegatives = ZERO
+    phase_rad: Numbers = Field(ZERO, description="of the sines, at time 0")
     rotation_amplitude_rad_s: Numbers = Field(ZERO, description="body axes")
     rotation_frequency_rad_s: NotNegatives = ZERO
+    rotation_phase_rad: Numbers = ZERO
     step_m_s: Numbers = Field(ZERO, description="added from step_at_s on, ENU")
     step_at_s: NotNegative | None = optional("when the step comes")
+    azimuth_deg: float = Field(
+        0.0, description="turns the velocity about the vertical, counter-clockwise"
+    )
 
     @model_validator(mode="after")
     def _step_has_a_time(self) -> Self:
@@ -136,7 +141,14 @@ class MassChange(Table):
     """A package dropped, or taken up."""
 
     at_s: NotNegative
-    mass_kg: Positive
+    mass_kg: Positive | None = optional("mass from then on; or mass_ratio")
+    mass_ratio: Positive | None = optional("mass from then on, as a part of that before")
+
+    @model_validator(mode="after")
+    def _one_mass(self) -> Self:
+        if (self.mass_kg is None) == (self.mass_ratio is None):
+            raise wrong((), "either mass_kg or mass_ratio")
+        return self
 
 
 class RotorLoss(Table):

@@ -24,6 +24,12 @@ def _vec(row: Any) -> Vec3:
     return Vec3(*[float(v) for v in row])
 
 
+def _after(mass: float, change: Mapping[str, Any]) -> float:
+    """The mass (kg) after a change of it: given, or as a part of the mass before."""
+    part = change.get("mass_ratio")
+    return float(change.get("mass_kg") or mass) if part is None else mass * float(part)
+
+
 def steps_per_tick(rate_hz: float) -> int:
     """Integration steps per control period, each at most STEP long."""
     return math.ceil(1.0 / (rate_hz * STEP) - 1e-9)
@@ -37,18 +43,27 @@ def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
     wind = wind or {}
     zero = (0.0, 0.0, 0.0)
     at = wind.get("step_at_s")
-    no_turn = Phases(*[Vec3(0.0, 0.0, 0.0)] * 4)
+    azimuth = math.radians(float(wind.get("azimuth_deg") or 0.0))
+    still, no_turn = Vec3(0.0, 0.0, 0.0), Phases(*[Vec3(0.0, 0.0, 0.0)] * 4)
     params = WindParams(
         steady=_vec(wind.get("steady_m_s", zero)),
         amplitude=_vec(wind.get("amplitude_m_s", zero)),
         frequency=_vec(wind.get("frequency_rad_s", zero)),
+        phase=still,
         rotation_amplitude=_vec(wind.get("rotation_amplitude_rad_s", zero)),
         rotation_frequency=_vec(wind.get("rotation_frequency_rad_s", zero)),
+        rotation_phase=still,
         step=_vec(wind.get("step_m_s", zero)),
         step_time=NEVER if at is None else float(at),
+        azimuth_cos=math.cos(azimuth),
+        azimuth_sin=math.sin(azimuth),
         half_step=no_turn,
     )
-    return params._replace(half_step=phases(params, 0.5 * h))
+    return params._replace(
+        half_step=phases(params, 0.5 * h),
+        phase=_vec(wind.get("phase_rad", zero)),
+        rotation_phase=_vec(wind.get("rotation_phase_rad", zero)),
+    )
 
 
 def _chosen_battery(plant: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,7 +109,7 @@ def plant_params(
         h=h,
         g=G,
         m=float(vehicle["mass_kg"]),
-        m_after=float(change.get("mass_kg", vehicle["mass_kg"])),
+        m_after=_after(float(vehicle["mass_kg"]), change),
         m_time=float(change.get("at_s", NEVER)),
         J=_vec(vehicle["inertia_kg_m2"]),
         c_D=_vec(vehicle["drag"]),

@@ -20,10 +20,14 @@ class WindParams(NamedTuple):
     steady: Vec3  # m/s, E: the direction the air moves to, not where it comes from
     amplitude: Vec3  # m/s, E
     frequency: Vec3  # rad/s
+    phase: Vec3  # rad, at time 0
     rotation_amplitude: Vec3  # rad/s, B: air-mass rotation
     rotation_frequency: Vec3  # rad/s
+    rotation_phase: Vec3  # rad, at time 0
     step: Vec3  # m/s, E: added from step_time on
     step_time: float  # s; NEVER without a step
+    azimuth_cos: float  # of the angle by which the velocity is turned about the vertical
+    azimuth_sin: float
     half_step: Phases  # phase advance per half integration step
 
 

@@ -218,6 +218,39 @@ def test_a_mass_change_takes_effect_at_its_time(plant, fly, truth):
     assert after.v_E.z == pytest.approx(0.1 * 9.81 * (8.0 / 6.0 - 1.0), rel=1e-9)
 
 
+def test_a_mass_may_change_by_a_part_of_what_it_is(plant, truth):
+    params = plant(mass_kg=9.0, mass_change={"at_s": 1.0, "mass_ratio": 0.75}, **AIRLESS)
+    assert truth(params, start_state(params), 1.0).m == 0.75 * 9.0
+
+
+def test_the_wind_begins_at_its_phases_and_is_turned_about_the_vertical(plant, truth):
+    sines = {
+        "steady_m_s": [1.0, 0.5, -0.5], "amplitude_m_s": [2.0, 3.0, 4.0],
+        "frequency_rad_s": [1.5, 1.6, 1.7], "rotation_amplitude_rad_s": [0.7, 0.6, 0.5],
+        "rotation_frequency_rad_s": [2.5, 2.4, 2.3],
+    }  # fmt: skip
+    phases = {"phase_rad": [0.3, 1.0, 2.0], "rotation_phase_rad": [0.1, 0.2, 0.3]}
+    params = plant(wind={**sines, **phases, "azimuth_deg": 90.0})
+    for t in (0.0, 2.345):
+        row = truth(params, start_state(params), t)
+        east = 1.0 + 2.0 * math.sin(0.3 + 1.5 * t)
+        north = 0.5 + 3.0 * math.sin(1.0 + 1.6 * t)
+        up = -0.5 + 4.0 * math.sin(2.0 + 1.7 * t)
+        assert row.v_air_E == pytest.approx((-north, east, up), abs=1e-12)  # east is now north
+        turning = (0.7, 2.5, 0.1), (0.6, 2.4, 0.2), (0.5, 2.3, 0.3)
+        assert row.w_air_B == pytest.approx([a * math.sin(p + f * t) for a, f, p in turning])
+
+
+def test_within_a_step_the_wind_goes_on_from_its_phases(plant, fly, truth):
+    """A vehicle that drag alone moves flies the same, whether time or phase came first."""
+    sines = {"amplitude_m_s": [5.0, 6.0, 7.0], "frequency_rad_s": [1.5, 1.6, 1.7]}
+    later = plant(wind={**sines, "phase_rad": [1.5 * 2.0, 1.6 * 2.0, 1.7 * 2.0]})
+    start = start_state(later)
+    moved = fly(later, start, 0.5, 0.2)
+    same = fly(plant(wind=sines), start, 0.5, 0.2, t=2.0)
+    assert moved.v_E == pytest.approx(same.v_E, abs=1e-12)
+
+
 def test_a_weak_rotor_loses_thrust_and_torque_at_its_time(plant, fly, truth):
     params = plant(rotor_loss=[{"rotor": 3, "at_s": 0.5, "effectiveness": 0.6}])
     start = start_state(params)

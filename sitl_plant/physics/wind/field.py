@@ -33,7 +33,8 @@ def cos3(a):
 @kernel
 def phases(wind, t):
     """Phases at time t (s)."""
-    a, b = t * wind.frequency, t * wind.rotation_frequency
+    a = wind.phase + t * wind.frequency
+    b = wind.rotation_phase + t * wind.rotation_frequency
     return Phases(sin3(a), cos3(a), sin3(b), cos3(b))
 
 
@@ -52,9 +53,11 @@ def half_step_later(wind, at):
 
 @kernel
 def v_air_E(wind, at, t):
-    """Velocity of the air (m/s, E) at time t (s): a constant, sinusoids and a step."""
+    """Velocity of the air (m/s, E) at time t (s): a constant, sinusoids and a step, then turned."""
     risen = select(t >= wind.step_time, 1.0, 0.0)
-    return wind.steady + wind.amplitude * at.sin + risen * wind.step
+    v = wind.steady + wind.amplitude * at.sin + risen * wind.step
+    c, s = wind.azimuth_cos, wind.azimuth_sin
+    return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
 
 
 @kernel
