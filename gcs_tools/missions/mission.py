@@ -115,16 +115,22 @@ def folder() -> Path:
     return shipped if shipped.is_dir() else package.parent / "missions"
 
 
+def shipped(of: str = "") -> list[str]:
+    """Names of the shipped missions, or of those in a folder of them: benchmark/steps."""
+    return [f"{of}/{p.stem}" if of else p.stem for p in sorted((folder() / of).glob("*.toml"))]
+
+
 def _path(name: str) -> Path:
-    if name.endswith(".toml") or "/" in name or Path(name).is_file():
-        return Path(name)
     path = folder() / f"{name}.toml"
-    if not path.is_file():
-        known = sorted(p.stem for p in folder().glob("*.toml"))
-        raise MissionError(
-            f"{name}: no such mission{_meant(name, known)}; there are {', '.join(known)}"
-        )
-    return path
+    if path.is_file() and not Path(name).is_file():
+        return path  # also of a folder of them: benchmark/steps
+    of = name.rpartition("/")[0]
+    known = shipped(of)
+    if name.endswith(".toml") or Path(name).is_file() or (of and not known):
+        return Path(name)
+    raise MissionError(
+        f"{name}: no such mission{_meant(name, known)}; there are {', '.join(known)}"
+    )
 
 
 def _shown(path: Path) -> str:
@@ -187,18 +193,31 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
                 f"{option} {_short(setting)}: expected a TOML value, got {_short(written)}"
             ) from error
         value = written
-    *tables, last = names = key.split(".")
-    if len(names) > input_file.DEEPEST:
+    if key.count(".") >= input_file.DEEPEST:
         raise MissionError(f"{option} {_short(setting)}: expected TABLE.KEY=VALUE")
+    return with_values(mission, {key: value}, option, _short(setting))
+
+
+def with_values(
+    mission: Mission, values: Mapping[str, Any], option: str, said: str = ""
+) -> Mission:
+    """`mission` with the values of dotted keys changed, of the origin `option`. Raises MissionError.
+
+    said : what messages name beside the option.
+    """
+    source = f"{option} {said}".rstrip()
     given: dict[str, Any] = copy.deepcopy(dict(mission.given))
-    table: Any = given
-    for name in tables:
-        table = table.setdefault(name, {})
-        if not isinstance(table, dict):
-            raise MissionError(f"{option} {setting}: {name} is not a table")
-    table[last] = value
-    changed = {**mission.changed, tuple(names): option}
-    made = _checked(mission.name, f"{option} {_short(setting)}", mission.folder, given, changed)
+    changed = dict(mission.changed)
+    for key, value in values.items():
+        *tables, last = names = key.split(".")
+        table: Any = given
+        for name in tables:
+            table = table.setdefault(name, {})
+            if not isinstance(table, dict):
+                raise MissionError(f"{source}: {name} is not a table")
+        table[last] = value
+        changed[tuple(names)] = option
+    made = _checked(mission.name, source, mission.folder, given, changed)
     return replace(made, source=mission.source)
 
 

@@ -8,7 +8,7 @@ import pytest
 from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions import schema as mission_schema
-from gcs_tools.missions.mission import MissionError, Value, folder, load, override
+from gcs_tools.missions.mission import MissionError, Value, folder, load, override, shipped
 from gcs_tools.missions.tables import Expect, LawTable
 
 SHIPPED = sorted(path.stem for path in folder().glob("*.toml"))
@@ -198,12 +198,23 @@ def test_a_setting_changes_the_mission_and_not_the_original(setting, value):
         ("law.fm=1", "--set law.fm=1: [law] fm: no such key (did you mean f_m?)"),
         ("law.f_m=[1", "--set law.f_m=[1: expected a TOML value, got [1"),
         ("law.f_m.x=1", "--set law.f_m.x=1: f_m is not a table"),
+        (
+            "plant.mass_change={at_s=1.0, mass_kg=6.0, mass_ratio=0.5}",
+            "--set plant.mass_change={at_s=1.0, mass_kg=6.0, mass_ratio=0.5}: [plant] mass_change: expected either mass_kg or mass_ratio",
+        ),
         ("low.f_m=1", "--set low.f_m=1: [low]: no such key (did you mean law?)"),
     ],
 )
 def test_a_setting_that_cannot_be_made_is_refused(setting, said):
     with pytest.raises(MissionError, match="^" + re.escape(said)):
         override(load("paper_nominal"), setting)
+
+
+def test_missions_in_a_folder_of_the_shipped_ones_are_found_by_name():
+    assert load("benchmark/steps").name == "steps"
+    assert "benchmark/steps" in shipped("benchmark")
+    with pytest.raises(MissionError, match=r"did you mean benchmark/steps\?"):
+        load("benchmark/step")
 
 
 def test_the_values_in_force_say_where_they_came_from():

@@ -15,7 +15,7 @@ from gcs_tools.judging.result import read
 from gcs_tools.recording import reader as recording
 from tests.patience import PATIENCE_S
 
-MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/*.toml"))
+MISSIONS = sorted(Path(gcs_tools.__file__).parents[1].glob("missions/**/*.toml"))
 METRICS = {
     "reference_error_rms_m", "reference_error_rms_settled_m", "reference_error_max_m", "reference_error_final_m",
     "setpoint_error_rms_m", "setpoint_error_rms_settled_m", "setpoint_error_max_m",
