@@ -28,11 +28,11 @@ class Params(NamedTuple):
 PARAMETERS = (
     Parameter("m", "PC_MASS", 8.0, 1.0, 20.0, "kg", "believed mass"),
     Parameter("J", "PC_INERTIA", 0.35, 0.01, 2.0, "kg m^2", "believed inertia"),
-    Parameter("k_r", "PC_K_R", 1.0, 0.1, 5.0, "1/s", "gain of position"),
-    Parameter("k_v", "PC_K_V", 3.0, 0.1, 10.0, "1/s", "gain of velocity"),
-    Parameter("d_v", "PC_D_V", 0.1, 0.0, 1.0, "", "gain of the rate of velocity"),
-    Parameter("k_angle", "PC_K_ANGLE", 6.0, 0.1, 20.0, "1/s", "gain of roll, pitch and yaw"),
-    Parameter("k_rate", "PC_K_RATE", 20.0, 0.1, 60.0, "1/s", "gain of the body rates"),
+    Parameter("k_r", "PC_K_R", 1.0, 0.1, 5.0, "1/s", "gain of position", gain=True),
+    Parameter("k_v", "PC_K_V", 3.0, 0.1, 10.0, "1/s", "gain of velocity", gain=True),
+    Parameter("d_v", "PC_D_V", 0.1, 0.0, 1.0, "", "gain of the rate of velocity", gain=True),
+    Parameter("k_angle", "PC_K_ANGLE", 6.0, 0.1, 20.0, "1/s", "gain of the angles", gain=True),
+    Parameter("k_rate", "PC_K_RATE", 20.0, 0.1, 60.0, "1/s", "gain of the body rates", gain=True),
 )
 
 
