@@ -16,6 +16,7 @@ import numpy as np
 
 from fcu import burst
 from fcu.burst import Course, Flight
+from fcu.guard import stability
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of
@@ -87,6 +88,16 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
             if why not in (TICKS, NOISE):
                 raise LawError(f"tick {k}: {fault_in_words(left)}")
     return plant_rows[:, :_TRUTH], fcu_rows
+
+
+def refusal(scene: Scenario) -> str:
+    """Why a vehicle would not arm with these gains; empty: it would."""
+    if (
+        scene.flown.file is not None
+    ):  # which gains go together is known of the law of the paper alone
+        return ""
+    channel = stability.unstable(scene.law, scene.guard.delay_s)
+    return f"a vehicle refuses these gains: {channel} unstable" if channel else ""
 
 
 def warm_up(scene: Scenario) -> None:

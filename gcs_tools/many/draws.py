@@ -1,0 +1,85 @@
+"""What a seed draws of a mission, alike for every law: noise, wind, and the vehicle within what is believed.
+
+    flown = drawn(mission, procedure.draws, Stream.TEST, 17)
+
+A drawn mission is a mission: its values in force say what was drawn, and `gcs fly --set` flies it again.
+The numbers depend on stream, seed and the mission's name alone, so that laws meet the same flights, and
+seeds of one stream never meet those of another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from fcu.interface.airframe import AirframeFile, Interval, body
+from gcs_tools.many.procedure import Draws
+from gcs_tools.missions.mission import Mission, with_values
+
+
+class Stream(IntEnum):
+    """What flights are for. Each has random numbers of its own."""
+
+    TEST = 0
+    TRAINING = 1
+    VALIDATION = 2
+
+
+class Beliefs(NamedTuple):
+    """What the airframe file believes of the vehicle."""
+
+    mass: Interval  # kg
+    inertia: tuple[Interval, ...]  # kg m^2, about the body axes
+    lag: float  # of the rotors, s
+
+    @classmethod
+    def of(cls, airframe: AirframeFile) -> Self:
+        """Of an airframe file. Raises AirframeError."""
+        mass, inertia = body(airframe.tables, airframe.source)
+        return cls(mass, inertia, airframe.rotors.rotor_lag)
+
+
+def drawn(mission: Mission, draws: Draws, stream: Stream, seed: int) -> Mission:
+    """The mission as a seed draws it; with seed 0 as written. Raises MissionError, AirframeError."""
+    if seed == 0:
+        return mission
+    values = numbers(mission.name, Beliefs.of(mission.airframe), draws, stream, seed)
+    own: Any = mission.given.get("plant", {})
+    left = {
+        key: value
+        for key, value in values.items()
+        if not (key.startswith("plant.") and key.partition(".")[2] in own)
+    }
+    return with_values(mission, left, f"seed {seed}")
+
+
+def numbers(
+    name: str, beliefs: Beliefs, draws: Draws, stream: Stream, seed: int
+) -> Mapping[str, Any]:
+    """Dotted keys of a mission, and what a seed draws for each."""
+    of_mission = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+    random = np.random.default_rng([int(stream), seed, of_mission])
+    turn = 2.0 * math.pi
+    noise = int(random.integers(1, 2**53))
+    mass, across, upright, lag, azimuth = random.uniform(size=5).tolist()
+    phases = (turn * random.uniform(size=6)).tolist()
+    x, y, z = beliefs.inertia
+    return {
+        "flight.seed": noise,
+        "plant.mass_kg": _between(mass, beliefs.mass),
+        "plant.inertia_kg_m2": [_between(across, x), _between(across, y), _between(upright, z)],
+        "plant.rotor_lag_s": beliefs.lag * _between(lag, draws.rotor_lag),
+        "wind.azimuth_deg": 360.0 * azimuth,
+        "wind.phase_rad": phases[:3],
+        "wind.rotation_phase_rad": phases[3:],
+    }
+
+
+def _between(part: float, ends: Interval) -> float:
+    low, high = ends
+    return low + part * (high - low)

@@ -1,0 +1,121 @@
+"""What is tuned and compared: a law with its gains on an airframe, and the scenes that it flies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from fcu.interface.airframe import AirframeError, AirframeFile, find, read
+from fcu.interface.parameter import Parameter, ParameterError
+from fcu.laws import loader
+from fcu.laws.loader import Law, LawError
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.many import score
+from gcs_tools.many.draws import Stream, drawn
+from gcs_tools.many.procedure import Procedure
+from gcs_tools.many.score import Score
+from gcs_tools.missions.mission import (
+    Mission,
+    MissionError,
+    override,
+    with_airframe,
+    with_law,
+    with_values,
+)
+
+DEFAULT_AIRFRAME = "s1000"
+
+
+class EntrantError(ValueError):
+    """What cannot be flown: which law, with which mission, and why."""
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A law on an airframe."""
+
+    law: Law
+    name: str  # by which it is asked for: of a FILE.py, the path
+    vehicle: AirframeFile
+    gains: Mapping[str, Any] = field(default_factory=dict)  # key of [law] -> value
+    settings: tuple[str, ...] = ()  # TABLE.KEY=VALUE, as --set takes them
+
+    @property
+    def label(self) -> str:
+        """As tables have it."""
+        return self.law.name
+
+    @property
+    def airframe(self) -> str:
+        """The same, of the airframe."""
+        return self.vehicle.name
+
+    def mission(self, of: Mission) -> Mission:
+        """A mission as this entrant flies it. Raises EntrantError."""
+        try:
+            made = with_airframe(with_law(of, self.name), self.vehicle.source)
+            made = with_values(made, {f"law.{k}": v for k, v in self.gains.items()}, "--gains")
+            for setting in self.settings:
+                made = override(made, setting)
+        except MissionError as error:
+            raise EntrantError(str(error)) from error
+        if made.flight.items:
+            raise EntrantError(
+                f"{of.source}: a mission of items is flown by a whole vehicle, not by a law alone"
+            )
+        return made
+
+
+def entrant(name: str, airframe: str = DEFAULT_AIRFRAME, **more: Any) -> Entrant:
+    """By the name of a law, or its FILE.py, and that of an airframe, or its FILE.toml.
+
+    Raises EntrantError.
+    """
+    try:
+        return Entrant(loader.load(name), name, read(find(airframe)), **more)
+    except (LawError, AirframeError) as error:
+        raise EntrantError(str(error)) from error
+
+
+def scene(mission: Mission) -> Scenario:
+    """What a mission flies. Raises EntrantError."""
+    try:
+        return scenario(mission)
+    except (MissionError, ParameterError, AirframeError) as error:
+        raise EntrantError(f"{mission.source}: {error}") from error
+
+
+def free(law: Law) -> tuple[Parameter, ...]:
+    """The rows that tuning may choose."""
+    return tuple(row for row in law.settings.PARAMETERS if row.gain and row.key)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One flight of an entrant."""
+
+    entrant: Entrant
+    mission: Mission  # the entrant's, as written
+    stream: Stream
+    seed: int
+
+    def fly(self, procedure: Procedure) -> Score:
+        """Fly it; what a vehicle would not arm with is lost. Raises EntrantError, LawError."""
+        try:
+            mission = drawn(self.mission, procedure.draws, self.stream, self.seed)
+        except (MissionError, AirframeError) as error:
+            raise EntrantError(str(error)) from error
+        return score.fly(scene(mission), mission, procedure.objective.far_m)
+
+
+def refusal(entrant: Entrant, mission: Mission) -> str:
+    """Why a vehicle would not arm with the gains of an entrant; empty: it would. Raises EntrantError."""
+    return law_alone.refusal(scene(entrant.mission(mission)))
+
+
+def warm_up(entrants: Iterable[Entrant], mission: Mission) -> None:
+    """Compile, one law after the other, before threads fly them. Raises EntrantError, LawError."""
+    for each in entrants:
+        law_alone.warm_up(scene(each.mission(mission)))

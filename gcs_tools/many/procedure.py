@@ -1,0 +1,122 @@
+"""The procedure by which all laws are tuned and compared: one file, read and checked, and its hash."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, ValidationError
+
+from fcu.interface import input_file
+from fcu.interface.input_file import TomlError
+from gcs_tools.missions.fields import NotNegative, Positive, Table
+
+SHIPPED = Path(__file__).resolve().with_name("procedure.toml")
+MOST_BYTES = input_file.MIB // 4
+
+Range = Annotated[tuple[Positive, Positive], Field(strict=False)]
+Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+Count = Annotated[int, Field(ge=1, le=1000)]
+
+
+class ProcedureError(ValueError):
+    """A procedure that cannot be followed: file, key and what was expected."""
+
+
+class Draws(Table):
+    """What a seed draws beside what the airframe believes."""
+
+    rotor_lag: Range
+
+
+class Objective(Table):
+    """What is minimised."""
+
+    error_scale_m: Positive
+    noise_scale: Positive
+    noise_weight: NotNegative
+    lost: Positive
+    far_m: Positive
+
+
+class Search(Table):
+    """How the optimiser searches."""
+
+    multiples: Range
+    evaluations_per_gain: Count
+    seeds: Annotated[tuple[int, ...], Field(strict=False, min_length=1)]
+    first_step: Positive
+
+
+class Set(Table):
+    """Missions, and how many seeds each is flown with."""
+
+    missions: Names
+    seeds: Count
+
+
+class Margins(Table):
+    """Where a law loses the vehicle: first and greatest value that is tried of each quantity."""
+
+    mission: str
+    seeds: Annotated[int, Field(ge=0, le=100)]
+    factor: Annotated[float, Field(gt=1.0)]
+    accuracy: Annotated[float, Field(ge=0.001, le=1.0)]
+    delay_s: Range
+    lag: Range
+    mass: Range
+    wind: Range
+
+
+class _Document(Table):
+    draws: Draws
+    objective: Objective
+    search: Search
+    training: Set
+    validation: Set
+    margins: Margins
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """What stands in the file."""
+
+    sha256: str  # of its bytes
+    draws: Draws
+    objective: Objective
+    search: Search
+    training: Set
+    validation: Set
+    margins: Margins
+
+
+def read(path: Path = SHIPPED) -> Procedure:
+    """The procedure of a file. Raises ProcedureError."""
+    try:
+        data = input_file.content(path, MOST_BYTES)
+        found = _Document.model_validate(input_file.toml(data.decode()))
+    except OSError as error:
+        raise ProcedureError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ProcedureError(f"{path}: expected UTF-8 text ({error.reason})") from error
+    except TomlError as error:
+        raise ProcedureError(f"{path}: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise ProcedureError(f"{path}: {key}: {first['msg']}") from error
+    for name, (low, high) in _ranges(found):
+        if low > high:
+            raise ProcedureError(f"{path}: {name}: expected the least first, then the most")
+    return Procedure(sha256=hashlib.sha256(data).hexdigest(), **dict(found))
+
+
+def _ranges(found: _Document) -> list[tuple[str, tuple[float, float]]]:
+    margins = found.margins
+    return [
+        ("draws.rotor_lag", found.draws.rotor_lag),
+        ("search.multiples", found.search.multiples),
+        *((f"margins.{name}", getattr(margins, name)) for name in ("delay_s", "lag", "mass", "wind")),
+    ]  # fmt: skip

@@ -1,0 +1,116 @@
+"""One flight of a law, and the numbers that a comparison keeps of it; its rows are dropped.
+
+The ticks are those of a law alone (`gcs_tools.flight.law_alone`): of a whole vehicle, as long as its
+autopilot only passes setpoints on, and it flies to the end of its time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.scenario import Scenario
+from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
+from gcs_tools.many.procedure import Objective
+from gcs_tools.missions.asked import asked
+from gcs_tools.missions.mission import Mission
+from gcs_tools.recording.table import Table
+from sitl_plant.physics.types import PlantRecord
+
+ERROR = "setpoint_error_rms_m"
+ENDINGS = {1.0: "diverged", 2.0: "crashed"}
+REFUSED = "refused"  # a vehicle would not arm with these gains
+_SATURATED = tuple(f"outputs.saturation.{of}" for of in ("thrust", "tilt", "torque", "yaw"))
+
+
+class Score(NamedTuple):
+    """What is kept of a flight. Of one that was lost only why: the rest is not a number."""
+
+    lost: str  # crashed, diverged, not finite, far, refused; empty if it was not
+    error_m: float  # RMS distance to the setpoint, after the transient
+    error_all_m: float  # the same of the whole flight
+    error_max_m: float  # the greatest, after the transient
+    thrust: float  # greatest commanded thrust over the greatest allowed
+    tilt: float  # greatest commanded roll or pitch over the greatest allowed
+    saturated: float  # part of the ticks at which thrust, tilt, torque or yaw was cut
+    energy_j: float  # taken from the battery
+    noise: (
+        float  # RMS change of a rotor's command in a tick, part of full speed, after the transient
+    )
+
+
+NAMES = Score._fields[1:]  # those that are numbers
+
+
+def lost(why: str) -> Score:
+    """The score of a lost flight."""
+    return Score(why, *[math.nan] * len(NAMES))
+
+
+def window(mission: Mission) -> tuple[float, float | None]:
+    """From when to when (s; None: to the end) the error counts."""
+    own = mission.expectations().get(ERROR)
+    if isinstance(own, dict) and "from" in own:
+        return float(own["from"]), own.get("to")
+    return asked(mission.flight).last_change_s + SETTLE_S, None
+
+
+def fly(scene: Scenario, mission: Mission, far_m: float) -> Score:
+    """Fly a scene and score it. Raises LawError.
+
+    far_m : from the setpoint at the end, at which it counts as lost.
+    """
+    if law_alone.refusal(scene):
+        return lost(REFUSED)
+    plant, fcu = law_alone.fly(scene)
+    if len(fcu) < scene.ticks:
+        return lost(ENDINGS[float(Table.of(PlantRecord, plant)["ended"][-1])])
+    wanted = asked(mission.flight)
+    flight = EngagedTicks.of(
+        Table.of(PlantRecord, plant), Table.of(scene.flown.ticks.Tick, fcu),
+        wanted.last_change_s + SETTLE_S, wanted.positions_at,
+    )  # fmt: skip
+    if flight.metric("nonfinite_samples"):
+        return lost("not finite")
+    if (flight.metric("setpoint_error_final_m") or math.inf) > far_m:
+        return lost("far")
+    limits = scene.law.limits
+    settled = flight.window(*window(mission))
+    cut = np.maximum.reduce([flight.told(name) for name in _SATURATED])
+    energy = flight.plant["battery.energy_J"]
+    found = Score(
+        lost="",
+        error_m=_number(settled, ERROR),
+        error_all_m=_number(flight, ERROR),
+        error_max_m=_number(settled, "setpoint_error_max_m"),
+        thrust=_number(flight, "thrust_max_n") / limits.T_max,
+        tilt=math.radians(_number(flight, "tilt_max_deg")) / limits.phi_star,
+        saturated=float(np.mean(cut > 0.5)),
+        energy_j=float(energy[-1] - energy[0]),
+        noise=_noise(settled),
+    )
+    return found if all(map(math.isfinite, found[1:])) else lost("not finite")
+
+
+def cost(score: Score, objective: Objective) -> float:
+    """What the flight adds to the objective."""
+    if score.lost:
+        return objective.lost
+    error = math.log1p(score.error_m / objective.error_scale_m)
+    noise = math.log1p(score.noise / objective.noise_scale)
+    return min(objective.lost, error + objective.noise_weight * noise)
+
+
+def _number(flight: EngagedTicks, name: str) -> float:
+    value = flight.metric(name)
+    return math.nan if value is None else value
+
+
+def _noise(flight: EngagedTicks) -> float:
+    """Of the rotors that are there: one that is absent is never told to turn."""
+    command = flight.fcu["command.u"]
+    present = command[:, (command != 0.0).any(axis=0)]
+    return float(np.sqrt(np.mean(np.diff(present, axis=0) ** 2))) if present.size else math.nan
