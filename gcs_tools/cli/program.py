@@ -20,7 +20,8 @@ from gcs_tools.flight import interrupts
 GROUPS = {
     "Flying": ("fly", "up", "setpoint", "reset"),
     "Before flight": ("envelope", "airframe"),
-    "Recordings": ("plot", "compare", "view", "recover", "replay"),
+    "Laws": ("tune", "compare"),
+    "Recordings": ("plot", "view", "recover", "replay"),
     "Live": ("monitor", "record", "topics", "publish"),
 }
 

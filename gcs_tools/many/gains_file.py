@@ -1,0 +1,109 @@
+"""Files of tuned gains: [law] as a mission has it, and [provenance], which says how they were found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from fcu.interface import input_file
+from fcu.interface.input_file import TomlError
+from fcu.interface.parameter import flat
+from gcs_tools.many.entrant import Entrant
+from gcs_tools.many.procedure import Procedure
+from gcs_tools.many.tuning import Tuned
+from gcs_tools.missions.mission import written
+
+MOST_BYTES = input_file.MIB // 4
+_TOLD = ("law", "law_digest", "airframe")
+
+
+class GainsError(ValueError):
+    """A file of gains that cannot be read: which, and why."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """What stands in a file."""
+
+    path: Path
+    law: str  # by which it was asked for
+    digest: str  # of the law's sources, when it was tuned
+    airframe: str
+    values: Mapping[str, Any]  # key of [law] -> value
+    provenance: Mapping[str, Any]
+
+
+def text(entrant: Entrant, tuned: Tuned, procedure: Procedure) -> str:
+    """The TOML file of what was found."""
+    best, settings = tuned.best, list(entrant.settings)
+    provenance = {
+        "law": entrant.name,
+        "law_digest": entrant.law.digest,
+        "airframe": entrant.airframe,
+        "airframe_sha256": entrant.vehicle.sha256,
+        "settings": settings,
+        "procedure_sha256": procedure.sha256,
+        "optimiser": f"scipy {version('scipy')} Nelder-Mead",
+        "optimiser_seeds": list(procedure.search.seeds),
+        "evaluations": tuned.evaluations,
+        "cost_of_defaults": tuned.defaults.cost,
+        "costs": [tried.cost for tried in tuned.found],
+        "cost": best.cost,
+        "lost": best.lost,
+        "flights": tuned.flights,
+        "m_mrac": version("m-mrac"),
+    }
+    lines = [
+        f"# Gains of {entrant.law.name} on {entrant.airframe}, found by gcs tune."
+        " [law] may stand in a mission.",
+        "[law]",
+        f"module = {written(entrant.name)}",
+        *(f"{key} = {written(value)}" for key, value in best.gains.items()),
+        "",
+        "[provenance]  # costs are those of validation, see the procedure",
+        *(f"{key} = {written(value)}" for key, value in provenance.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def read(path: Path) -> Gains:
+    """A file of gains. Raises GainsError."""
+    try:
+        tables = input_file.toml(input_file.text(path, MOST_BYTES))
+    except OSError as error:
+        raise GainsError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise GainsError(f"{path}: expected UTF-8 text ({error.reason})") from error
+    except TomlError as error:
+        where = path if error.line is None else f"{path}:{error.line}"
+        raise GainsError(f"{where}: {error}") from error
+    law, provenance = tables.get("law"), tables.get("provenance")
+    if not isinstance(law, dict) or not isinstance(provenance, dict):
+        raise GainsError(f"{path}: expected [law] and [provenance], as gcs tune writes them")
+    if not all(isinstance(provenance.get(name), str) for name in _TOLD):
+        raise GainsError(f"{path}: [provenance] expected texts for {', '.join(_TOLD)}")
+    name, digest, airframe = (provenance[key] for key in _TOLD)
+    values = {key: value for key, value in flat(law) if key != "module"}
+    return Gains(path, name, digest, airframe, values, provenance)
+
+
+def folder(path: Path) -> list[Gains]:
+    """Every file of gains in a folder, or the one of a file. Raises GainsError."""
+    if path.is_dir():
+        found = [read(file) for file in sorted(path.glob("*.toml"))]
+        if not found:
+            raise GainsError(f"{path}: there is no file of gains in this folder (*.toml)")
+        return found
+    return [read(path)]
+
+
+def of(gains: Iterable[Gains], law: str, airframe: str) -> Gains | None:
+    """Those of a law on an airframe. Raises GainsError where there are several."""
+    found = [each for each in gains if (each.law, each.airframe) == (law, airframe)]
+    if len(found) > 1:
+        both = " and ".join(str(each.path) for each in found[:2])
+        raise GainsError(f"{both}: both are gains of {law} on {airframe}")
+    return found[0] if found else None
