@@ -1,7 +1,8 @@
-"""`gcs compare`: several flights side by side."""
+"""`gcs compare`: several flights, or laws, side by side."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,25 +17,86 @@ if TYPE_CHECKING:
 
 COLUMNS = 4  # flights with a column each; of more, least, mean and most
 FORMATS = ("png", "svg", "pdf")
+SEEDS = range(1, 21)
+SEEDS_MOST = 10_000
+
+
+def _seeds(_context: click.Context, _option: click.Parameter, value: str | None) -> range:
+    """A callback: N as 1 to N, A..B as it is. Raises BadParameter."""
+    if value is None:
+        return SEEDS
+    found = re.fullmatch(r"(\d{1,9})(?:\.\.(\d{1,9}))?", value)
+    if found is None:
+        raise click.BadParameter(f"{value!r}: expected a whole number, or a range as 0..20")
+    first, last = (int(found[1]), int(found[2])) if found[2] else (1, int(found[1]))
+    if not 0 < last + 1 - first <= SEEDS_MOST:
+        raise click.BadParameter(f"{value!r}: expected from one to {SEEDS_MOST} seeds")
+    return range(first, last + 1)
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 compared, 2 a RUN cannot be read, or the figure cannot be written."
+    epilog="\b\nExit codes: 0 compared, 2 something cannot be read, flown or written, 130 interrupted.\n"
+    "LAW is a name or your own FILE.py; MISSION a name, a file, or a folder of shipped ones (benchmark)."
 )
-@click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN RUN...")  # fmt: skip
-@click.option("--figure", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also draw the errors of all of them (needs their recordings).")  # fmt: skip
-@arguments.as_json("Print metrics and differences as JSON.")
-def compare(runs: tuple[Path, ...], figure: Path | None, as_json: bool) -> int:
-    """Compare the metrics of two or more flights, and what they were flown with.
+@click.argument("compared", nargs=-1, required=True, metavar="RUN RUN... | LAW...")
+@click.option("--missions", multiple=True, metavar="MISSION,...", help="Fly these with each LAW; may be repeated.")  # fmt: skip
+@click.option("--seeds", callback=_seeds, metavar="N|A..B", help="Flights of each mission with seeds 1 to N, or A to B; 0 is the mission as written; default: 20.")  # fmt: skip
+@click.option("--airframe", "airframes", multiple=True, metavar="NAME|FILE.toml", help="Vehicle to fly with, whatever a mission says; may be repeated; default: s1000.")  # fmt: skip
+@click.option("--gains", type=click.Path(path_type=Path), metavar="FOLDER", help="Fly each LAW with its file of gains in this folder (gcs tune), if there is one.")  # fmt: skip
+@click.option("--margins", is_flag=True, help="Also find the delay, rotor lag, mass and wind at which each LAW loses the vehicle.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Write results.json, results.parquet and results.png here.")  # fmt: skip
+@click.option("--procedure", "followed", type=click.Path(path_type=Path), metavar="FILE", help="Procedure to follow; default: the one that all laws are compared by.")  # fmt: skip
+@arguments.SETTINGS
+@click.option("--figure", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Draw the errors of all RUNs (needs their recordings), or LAWs.")  # fmt: skip
+@arguments.as_json("Print the results as JSON.")
+def compare(
+    compared: tuple[str, ...], missions: tuple[str, ...], seeds: range, airframes: tuple[str, ...], gains: Path | None,
+    margins: bool, out: Path | None, followed: Path | None, settings: tuple[str, ...],
+    figure: Path | None, as_json: bool,
+) -> int:  # fmt: skip
+    """Compare flights that were flown, or laws, which are flown now.
 
-    A RUN is the folder of a run, its result.json, or a recording. Differences are from the first.
+    Of two or more RUNs (the folder of a run, its result.json, or a recording): their metrics, and what
+    they were flown with. Differences are from the first.
+
+    With --missions, fly each LAW through the same missions with the same draws of noise, wind and
+    vehicle, and print errors with 95 % intervals, losses, and differences from the first LAW.
     """
+    if figure is not None and figure.suffix.lower().removeprefix(".") not in FORMATS:
+        raise click.UsageError(f"--figure {figure}: ends in none of {', '.join(FORMATS)}")
+    if missions:
+        from gcs_tools.cli.laws import Asked, compare_laws
+
+        names = [name for each in missions for name in each.split(",") if name]
+        return compare_laws(
+            Asked(
+                compared,
+                names,
+                seeds,
+                airframes,
+                gains,
+                margins,
+                out,
+                followed,
+                settings,
+                figure,
+                as_json,
+            )
+        )
+    of_laws = {
+        "--seeds": seeds != SEEDS, "--airframe": airframes, "--gains": gains, "--margins": margins, "--out": out,
+        "--procedure": followed, "--set": settings,
+    }  # fmt: skip
+    if given := [name for name, value in of_laws.items() if value]:
+        raise click.UsageError(f"{given[0]}: laws are compared with --missions")
+    return _compare_runs(tuple(map(Path, compared)), figure, as_json)
+
+
+def _compare_runs(runs: tuple[Path, ...], figure: Path | None, as_json: bool) -> int:
     from gcs_tools.judging.comparison import CompareError, all_flown
 
     if len(runs) < 2:
-        raise click.UsageError("expected two runs or more")
-    if figure is not None and figure.suffix.lower().removeprefix(".") not in FORMATS:
-        raise click.UsageError(f"--figure {figure}: ends in none of {', '.join(FORMATS)}")
+        raise click.UsageError("expected two runs or more, or laws and --missions")
     try:
         flights = all_flown(runs)
     except CompareError as error:

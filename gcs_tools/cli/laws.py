@@ -1,0 +1,283 @@
+"""`gcs compare LAW... --missions`: fly laws through the same draws, and show what came out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gcs_tools.cli.output import Failure, print_json, print_line
+from gcs_tools.exit_codes import OK, USAGE
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gcs_tools.many.comparing import Cell, Difference
+    from gcs_tools.many.entrant import Entrant
+    from gcs_tools.many.gains_file import Gains
+    from gcs_tools.many.margins import Margin
+    from gcs_tools.many.results import Comparison
+    from gcs_tools.many.statistics import Interval
+    from gcs_tools.pictures.plot.laws import Mark
+
+PICTURE = "results.png"
+NO_PARQUET = "results.parquet is not written: it needs pyarrow (pip install 'm-mrac[campaign]')"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The command line."""
+
+    laws: tuple[str, ...]
+    missions: list[str]
+    seeds: range
+    airframes: tuple[str, ...]
+    gains: Path | None
+    margins: bool
+    out: Path | None
+    procedure: Path | None
+    settings: tuple[str, ...]
+    figure: Path | None
+    as_json: bool
+
+
+def compare_laws(asked: Asked) -> int:
+    """Fly, write and show a comparison; the exit code."""
+    from fcu.laws.loader import LawError
+    from gcs_tools.cli.terminal import PipedConsole
+    from gcs_tools.many import results
+    from gcs_tools.many.entrant import EntrantError
+    from gcs_tools.many.gains_file import GainsError
+    from gcs_tools.many.procedure import ProcedureError
+    from gcs_tools.missions.mission import MissionError
+    from gcs_tools.pictures import picture_file
+
+    log = PipedConsole(stderr=True, highlight=False)
+    try:
+        if asked.out is not None:
+            _probe(asked.out)
+        found = _compared(asked, log)
+        if asked.out is not None:
+            picture_file.write(asked.out / results.JSON, results.as_json(found).encode())
+            if results.with_parquet():
+                picture_file.write(asked.out / results.PARQUET, results.as_parquet(found))
+            else:
+                log.print(NO_PARQUET)
+            _draw(found, asked.out / PICTURE)
+        if asked.figure is not None:
+            _draw(found, asked.figure)
+    except (EntrantError, GainsError, LawError, MissionError, ProcedureError) as error:
+        raise Failure(error, USAGE) from error
+    except OSError as error:
+        raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
+    if asked.as_json:
+        print_json(results.content(found))
+    else:
+        _print(found, PipedConsole(highlight=False))
+        for path in (asked.out, asked.figure):
+            if path is not None:
+                print_line(f"{path}")
+    return OK
+
+
+def _probe(folder: Path) -> None:
+    """Make the folder, and raise OSError now for one that could not be written in minutes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    tried = folder / ".results"
+    tried.touch()
+    tried.unlink()
+
+
+def _compared(asked: Asked, log: Console) -> Comparison:
+    from gcs_tools.many import comparing, margins, procedure
+    from gcs_tools.many.entrant import EntrantError, refusal, warm_up
+    from gcs_tools.many.results import Comparison
+    from gcs_tools.missions.mission import load, shipped
+
+    how = procedure.read(asked.procedure or procedure.SHIPPED)
+    entrants, used = _entrants(asked, log)
+    names = [each for name in asked.missions for each in shipped(name) or [name]]
+    missions = [load(name) for name in dict.fromkeys(names)]
+    several = [m.name for m in missions if sum(o.name == m.name for o in missions) > 1]
+    if several:
+        raise EntrantError(f"two missions are called {several[0]}")
+    for each in entrants:
+        if why := refusal(each, missions[0]):
+            log.print(f"{each.label} on {each.airframe}: {why}; its flights count as lost")
+    warm_up(entrants, missions[0])
+    rows = comparing.fly(entrants, missions, asked.seeds, how, log)
+    lost_at = margins.margins(entrants, how, log) if asked.margins else []
+    found = comparing.summary(rows, how.objective)
+    return Comparison(
+        entrants, used, missions, list(asked.seeds), asked.settings, how, rows, found, lost_at
+    )
+
+
+def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str, str], Gains]]:
+    """Every law on every airframe, and the files of gains that they fly with, by law and airframe."""
+    from gcs_tools.many import gains_file
+    from gcs_tools.many.entrant import DEFAULT_AIRFRAME, EntrantError, entrant
+
+    files = gains_file.folder(asked.gains) if asked.gains is not None else []
+    entrants, used = [], {}
+    for airframe in dict.fromkeys(asked.airframes or (DEFAULT_AIRFRAME,)):
+        for law in dict.fromkeys(asked.laws):
+            made = entrant(law, airframe, settings=asked.settings)
+            gains = gains_file.of(files, law, made.airframe)
+            if gains is not None:
+                made, used[law, made.airframe] = replace(made, gains=gains.values), gains
+                if gains.digest != made.law.digest:
+                    log.print(f"{gains.path}: {law} has changed since it was tuned")
+            elif asked.gains is not None:
+                log.print(f"{law} on {made.airframe}: no gains in {asked.gains}, flown with its defaults")  # fmt: skip
+            entrants.append(made)
+    named = [(each.label, each.airframe) for each in entrants]
+    if several := [name for name in named if named.count(name) > 1]:
+        raise EntrantError(f"two laws are called {several[0][0]}, or two airframes {several[0][1]}")
+    return entrants, used
+
+
+# --- what is shown
+
+
+def _print(found: Comparison, console: Console) -> None:
+    from rich.text import Text
+
+    airframes = dict.fromkeys(each.airframe for each in found.entrants)
+    n = len(found.seeds)
+    console.print(
+        Text(f"{len(found.rows)} flights: {n} seed{'s' if n > 1 else ''} of each mission", style="dim")
+    )  # fmt: skip
+    for airframe in airframes:
+        console.print()
+        console.print(Text(airframe, style="bold"), Text("error, mm RMS after the transient", style="dim"))  # fmt: skip
+        console.print(_errors(found, airframe))
+        console.print()
+        console.print(_overall(found, airframe))
+        if any(each.airframe == airframe for each in found.summary.differences):
+            console.print()
+            console.print(_differences(found, airframe))
+        if margins := [each for each in found.margins if each.airframe == airframe]:
+            console.print()
+            console.print(_margins(margins))
+
+
+def _table(first: str, columns: list[str]):  # type: ignore[no-untyped-def]
+    from rich.table import Table
+
+    table = Table(first, box=None, pad_edge=False, header_style="dim")
+    for name in columns:
+        table.add_column(name, justify="right")
+    return table
+
+
+def _errors(found: Comparison, airframe: str):  # type: ignore[no-untyped-def]
+    """Missions by laws; the least error of a mission is bold."""
+    laws = [each.label for each in found.entrants if each.airframe == airframe]
+    table = _table("", laws)
+    for mission in found.missions:
+        cells = [
+            cell
+            for law in laws
+            for cell in found.summary.cells
+            if (cell.airframe, cell.mission, cell.law) == (airframe, mission.name, law)
+        ]
+        least = min((c.means["error_m"].value for c in cells if not c.lost), default=math.nan)
+        table.add_row(mission.name, *(_cell(cell, least) for cell in cells))
+    return table
+
+
+def _cell(cell: Cell, least: float):  # type: ignore[no-untyped-def]
+    from rich.text import Text
+
+    error = cell.means["error_m"]
+    text = Text("" if cell.lost == cell.flights else _millimetres(error))
+    if cell.lost:
+        text.append(
+            f" {cell.lost} lost".lstrip() if not text else f" {cell.lost} lost", style="red"
+        )
+    elif error.value == least:
+        text.stylize("bold")
+    return text
+
+
+def _overall(found: Comparison, airframe: str):  # type: ignore[no-untyped-def]
+    of = [each for each in found.summary.overall if each.airframe == airframe]
+    table = _table("all missions", [each.law for each in of])
+    table.add_row("cost (procedure)", *(_interval(each.cost, 1.0, ".3f") for each in of))
+    table.add_row("lost, %", *(_interval(each.lost, 100.0, ".2f") for each in of))
+    for name, said, factor, form in (
+        ("error_all_m", "error of the whole flight, m", 1.0, ".3f"),
+        ("thrust", "greatest thrust, % of limit", 100.0, ".1f"),
+        ("tilt", "greatest tilt, % of limit", 100.0, ".1f"),
+        ("saturated", "ticks saturated, %", 100.0, ".2f"),
+        ("energy_j", "energy, kJ", 1e-3, ".2f"),
+        ("noise", "rotor command noise, % per tick", 100.0, ".2f"),
+    ):
+        table.add_row(said, *(_interval(each.means[name], factor, form) for each in of))
+    return table
+
+
+def _differences(found: Comparison, airframe: str):  # type: ignore[no-untyped-def]
+    """Error less that of the first law, over common seeds; certain ones are bold."""
+    of = [each for each in found.summary.differences if each.airframe == airframe]
+    laws = list(dict.fromkeys(each.law for each in of))
+    table = _table(f"error less {of[0].first}'s, mm", laws)
+    for mission in dict.fromkeys(each.mission for each in of):
+        row = [each for law in laws for each in of if (each.mission, each.law) == (mission, law)]
+        table.add_row(mission, *map(_difference, row))
+    return table
+
+
+def _difference(each: Difference):  # type: ignore[no-untyped-def]
+    from rich.text import Text
+
+    if not each.pairs:
+        return Text("none in common", style="dim")
+    return Text(_millimetres(each.error_m, "+"), style="bold" if each.error_m.excludes_zero else "")
+
+
+def _margins(margins: list[Margin]):  # type: ignore[no-untyped-def]
+    laws = list(dict.fromkeys(each.law for each in margins))
+    table = _table("not lost up to", laws)
+    for quantity in dict.fromkeys(each.quantity for each in margins):
+        of = [each for law in laws for each in margins if (each.quantity, each.law) == (quantity, law)]  # fmt: skip
+        table.add_row(f"{quantity}, {of[0].unit}", *map(_held, of))
+    return table
+
+
+def _held(margin: Margin) -> str:
+    if margin.held is None:
+        return "always lost"
+    return f"{margin.held:.3g}" + ("" if margin.lost is not None else " or more")
+
+
+def _millimetres(interval: Interval, sign: str = "") -> str:
+    size = abs(interval.value)
+    form = f"{sign}.{1 if size < 0.1 else 0}f" if size >= 1e-3 else f"{sign}.2f"
+    return _interval(interval, 1e3, form)
+
+
+def _interval(interval: Interval, factor: float, form: str) -> str:
+    value, low, high = (factor * number for number in interval)
+    if not math.isfinite(value):
+        return "-"
+    if not math.isfinite(low):
+        return f"{value:{form}}"
+    return f"{value:{form}} [{low:{form}}, {high:{form}}]"
+
+
+def _draw(found: Comparison, path: Path) -> None:
+    from gcs_tools.pictures import picture_file
+    from gcs_tools.pictures.plot.laws import draw
+
+    kind = path.suffix.lower().removeprefix(".")
+    picture_file.write(path, draw([_mark(cell) for cell in found.summary.cells], kind))
+
+
+def _mark(cell: Cell) -> Mark:
+    from gcs_tools.pictures.plot.laws import Mark
+
+    error = cell.means["error_m"]
+    return Mark(cell.airframe, cell.mission, cell.law, *error, cell.lost, cell.flights)

@@ -1,0 +1,167 @@
+"""Laws flown through the same missions with the same draws, and what the flights say.
+
+    flights = fly(entrants, missions, seeds, procedure)
+    found = summary(flights, procedure.objective)
+
+Each flight keeps a Score; its rows are dropped as soon as it has one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rich.console import Console
+
+from gcs_tools.many import statistics
+from gcs_tools.many.draws import Stream
+from gcs_tools.many.entrant import Entrant, Flight
+from gcs_tools.many.flights import each
+from gcs_tools.many.procedure import Objective, Procedure
+from gcs_tools.many.score import NAMES, Score, cost
+from gcs_tools.many.statistics import Interval
+from gcs_tools.missions.mission import Mission
+
+
+class Row(NamedTuple):
+    """One flight."""
+
+    airframe: str
+    mission: str
+    law: str
+    seed: int
+    score: Score
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A law on an airframe in a mission: all seeds."""
+
+    airframe: str
+    mission: str
+    law: str
+    flights: int
+    lost: int
+    means: dict[str, Interval]  # of the flights that were not lost, by the names of a Score
+
+
+@dataclass(frozen=True)
+class Overall:
+    """A law on an airframe in all missions."""
+
+    airframe: str
+    law: str
+    flights: int
+    lost: Interval  # part of them
+    cost: Interval  # the procedure's objective; the interval is over seeds
+    means: dict[str, Interval]  # of the missions' means; the interval is over seeds
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A law's error less that of the first law, m, over the seeds with which neither was lost."""
+
+    airframe: str
+    mission: str
+    law: str
+    first: str
+    pairs: int
+    error_m: Interval
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What all flights say."""
+
+    cells: tuple[Cell, ...]
+    overall: tuple[Overall, ...]
+    differences: tuple[Difference, ...]
+
+
+def fly(
+    entrants: Sequence[Entrant], missions: Sequence[Mission], seeds: Sequence[int],
+    procedure: Procedure, console: Console | None = None,
+) -> list[Row]:  # fmt: skip
+    """Every entrant in every mission with every seed, in the order of airframes, missions, laws, seeds.
+
+    Raises EntrantError, LawError.
+    """
+    flights = [
+        Flight(entrant, entrant.mission(mission), Stream.TEST, seed)
+        for airframe in dict.fromkeys(entrant.airframe for entrant in entrants)
+        for mission in missions
+        for entrant in entrants
+        if entrant.airframe == airframe
+        for seed in seeds
+    ]
+    scores = each(lambda flight: flight.fly(procedure), flights, "comparing", console)
+    return [
+        Row(f.entrant.airframe, f.mission.name, f.entrant.label, f.seed, score)
+        for f, score in zip(flights, scores, strict=True)
+    ]
+
+
+def summary(rows: Sequence[Row], objective: Objective) -> Summary:
+    """What the flights say, cell by cell, overall, and of the others against the first law."""
+    airframes, missions, laws = (
+        tuple(dict.fromkeys(getattr(row, of) for row in rows))
+        for of in ("airframe", "mission", "law")
+    )
+    by: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows:
+        by.setdefault((row.airframe, row.mission, row.law), []).append(row)
+    of_law = {
+        (airframe, law): [row for mission in missions for row in by[airframe, mission, law]]
+        for airframe in airframes
+        for law in laws
+    }
+    return Summary(
+        cells=tuple(_cell(*of, flown) for of, flown in by.items()),
+        overall=tuple(_overall(*of, flown, objective) for of, flown in of_law.items()),
+        differences=tuple(
+            _difference(by[airframe, mission, law], by[airframe, mission, laws[0]])
+            for airframe in airframes
+            for mission in missions
+            for law in laws[1:]
+        ),
+    )
+
+
+def _cell(airframe: str, mission: str, law: str, rows: list[Row]) -> Cell:
+    kept = [row.score for row in rows if not row.score.lost]
+    means = {name: statistics.mean([getattr(s, name) for s in kept]) for name in NAMES}
+    return Cell(airframe, mission, law, len(rows), len(rows) - len(kept), means)
+
+
+def _overall(airframe: str, law: str, rows: list[Row], objective: Objective) -> Overall:
+    seeds = dict.fromkeys(row.seed for row in rows)
+    of_seed = {seed: [row.score for row in rows if row.seed == seed] for seed in seeds}
+    costs = [_mean([cost(score, objective) for score in scores]) for scores in of_seed.values()]
+    kept = {seed: [score for score in scores if not score.lost] for seed, scores in of_seed.items()}
+    means = {
+        name: statistics.mean(
+            [_mean([getattr(s, name) for s in scores]) for scores in kept.values() if scores]
+        )
+        for name in NAMES
+    }
+    lost = sum(bool(row.score.lost) for row in rows)
+    return Overall(
+        airframe, law, len(rows), statistics.share(lost, len(rows)), statistics.mean(costs), means
+    )
+
+
+def _difference(rows: list[Row], first: list[Row]) -> Difference:
+    theirs = {row.seed: row.score for row in first}
+    found = [
+        row.score.error_m - theirs[row.seed].error_m
+        for row in rows
+        if not row.score.lost and not theirs[row.seed].lost
+    ]
+    airframe, mission, law = rows[0][:3]
+    return Difference(airframe, mission, law, first[0].law, len(found), statistics.mean(found))
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)

@@ -1,0 +1,118 @@
+"""How much a law stands before the vehicle is lost: delay, lag of the rotors, mass, wind.
+
+Each quantity grows by a factor until a flight is lost; bisection finds where. Losing need not be
+monotonic: what is found is the first loss on the way up, to the accuracy of the procedure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+from gcs_tools.many import score
+from gcs_tools.many.draws import Stream, drawn
+from gcs_tools.many.entrant import Entrant, EntrantError, scene
+from gcs_tools.many.flights import each
+from gcs_tools.many.procedure import Procedure
+from gcs_tools.missions.mission import Mission, MissionError, load, with_values
+
+UNITS = {"delay": "s", "lag": "s", "mass": "kg", "wind": "m/s"}
+_OF_WIND = ("steady_m_s", "amplitude_m_s", "step_m_s", "rotation_amplitude_rad_s")
+
+
+class Margin(NamedTuple):
+    """The greatest value with which nothing was lost, and the least with which something was."""
+
+    airframe: str
+    law: str
+    quantity: str
+    unit: str
+    held: float | None  # None: lost already with the least that was tried
+    lost: float | None  # None: not lost with the most that was tried
+
+
+def margins(
+    entrants: Sequence[Entrant], procedure: Procedure, console: Console | None = None
+) -> list[Margin]:
+    """Of every entrant, every quantity. Raises EntrantError, LawError, MissionError."""
+    work = [(entrant, quantity) for entrant in entrants for quantity in UNITS]
+    return list(each(lambda of: margin(*of, procedure), work, "margins", console))
+
+
+def margin(entrant: Entrant, quantity: str, procedure: Procedure) -> Margin:
+    """Where an entrant loses the vehicle. Raises EntrantError, LawError, MissionError."""
+    how = procedure.margins
+    mission = entrant.mission(load(how.mission))
+    flights = [drawn(mission, procedure.draws, Stream.TEST, seed) for seed in range(how.seeds + 1)]
+
+    def holds(x: float) -> bool:
+        return not any(_is_lost(changed(each, quantity, x), procedure) for each in flights)
+
+    first, most = getattr(how, "delay_s" if quantity == "delay" else quantity)
+    tick = 1.0 / mission.flight.rate_hz if quantity == "delay" else 0.0
+    held, lost = between(holds, first, most, how.factor, how.accuracy, tick)
+    size = _size(mission, quantity)
+    told = [None if x is None else size * x for x in (held, lost)]
+    return Margin(entrant.airframe, entrant.label, quantity, UNITS[quantity], told[0], told[1])
+
+
+def between(
+    holds: Callable[[float], bool], first: float, most: float, factor: float, accuracy: float,
+    apart: float = 0.0,
+) -> tuple[float | None, float | None]:  # fmt: skip
+    """The greatest value found that holds, and the least that does not, from `first` up to `most`.
+
+    accuracy : relative; values that are no more than `apart` apart are told apart no further.
+    """
+    held, lost, x = None, None, first
+    while lost is None:
+        if not holds(x):
+            lost = x
+        else:
+            held = x
+            if x >= most:
+                return held, None
+            x = min(factor * x, most)
+    while held is not None and lost - held > max(accuracy * held, apart):
+        middle = math.sqrt(held * lost)
+        held, lost = (middle, lost) if holds(middle) else (held, middle)
+    return held, lost
+
+
+def _is_lost(mission: Mission, procedure: Procedure) -> bool:
+    try:
+        return bool(score.fly(scene(mission), mission, procedure.objective.far_m).lost)
+    except MissionError as error:
+        raise EntrantError(str(error)) from error
+
+
+def changed(mission: Mission, quantity: str, x: float) -> Mission:
+    """The mission with more of a quantity: a delay (s) added, or lag, mass or wind times x."""
+    if quantity == "delay":
+        values: dict[str, Any] = {"plant.delay_s": min(mission.plant.delay_s + x, 0.5)}
+    elif quantity == "wind":
+        wind = mission.wind
+        values = {f"wind.{key}": [x * v for v in getattr(wind, key)] for key in _OF_WIND}
+    else:
+        params = scene(mission).world.params
+        values = (
+            {"plant.mass_kg": x * params.m}
+            if quantity == "mass"
+            else {"plant.rotor_lag_s": x * params.airframe.rotor_lag}
+        )
+    return with_values(mission, values, "margin")
+
+
+def _size(mission: Mission, quantity: str) -> float:
+    """What one of the quantity is, in its unit, of the mission as written."""
+    if quantity == "delay":
+        return 1.0
+    if quantity == "wind":
+        wind = mission.wind
+        parts = zip(wind.steady_m_s, wind.amplitude_m_s, wind.step_m_s, strict=True)
+        return math.hypot(*(sum(map(abs, axis)) for axis in parts))
+    params = scene(mission).world.params
+    return float(params.m if quantity == "mass" else params.airframe.rotor_lag)

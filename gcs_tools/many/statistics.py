@@ -1,0 +1,57 @@
+"""Means with bootstrap intervals, shares with Wilson's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+CONFIDENCE = 0.95
+RESAMPLES = 9999
+
+
+class Interval(NamedTuple):
+    """A value, and where it lies with 95 % confidence; of too few flights the ends are not numbers."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether the sign is certain."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+def mean(values: Sequence[float]) -> Interval:
+    """The mean, with the percentile bootstrap: the same for the same values.
+
+    Of one value, or of none, there is no interval.
+    """
+    from scipy.stats import bootstrap
+
+    data = np.array(values, dtype=np.float64)
+    if not len(data):
+        return Interval(math.nan, math.nan, math.nan)
+    value = float(data.mean())
+    if len(data) == 1:
+        return Interval(value, math.nan, math.nan)
+    if np.ptp(data) == 0.0:
+        return Interval(value, value, value)
+    found = bootstrap(
+        (data,), np.mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE,
+        method="percentile", rng=np.random.default_rng(0), batch=1000,
+    ).confidence_interval  # fmt: skip
+    return Interval(value, float(found.low), float(found.high))
+
+
+def share(count: int, of: int) -> Interval:
+    """A part, `count` of `of`, with Wilson's interval."""
+    from scipy.stats import binomtest
+
+    if not of:
+        return Interval(math.nan, math.nan, math.nan)
+    found = binomtest(count, of).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(count / of, float(found.low), float(found.high))
