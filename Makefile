@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients readers browser fly test test-quick check bench schemas console stability figures
+.PHONY: help setup clients readers browser fly test test-quick check bench schemas console stability figures laws
 .DEFAULT_GOAL := setup
 
 # Bytecode is kept, whatever the shell says: without it every worker rewrites every assertion at
@@ -84,6 +84,9 @@ console: clients  ## flown again: docs/mavproxy.txt
 
 stability: setup  ## flown again: docs/stability_map.png
 	@.venv/bin/python -m gcs_tools.studies.stability_map
+
+laws: setup  ## tuned and flown again: the table and figure of docs/laws.md (hours)
+	@.venv/bin/python -m gcs_tools.studies.laws
 
 figures: setup  ## flown again: the paper's figures, docs/figures
 	@.venv/bin/python -m gcs_tools.studies.figures

@@ -1,0 +1,178 @@
+"""The table and the figure of docs/laws.md: every law, tuned alike, on two airframes, in ten missions.
+
+    python -m gcs_tools.studies.laws                 all shipped laws, s1000 and quad, 300 seeds
+    python -m gcs_tools.studies.laws mmrac px4 --seeds 20 --untuned
+
+Tunes what has no file of gains in --gains yet, compares, and writes the part of docs/laws.md between
+its two marks, docs/figures/laws.png, and results.json and results.parquet beside the gains.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fcu.interface.airframe import find, read
+from fcu.laws.loader import SHIPPED, load
+
+BEGIN, END = "<!-- the table: begin -->", "<!-- the table: end -->"
+AIRFRAMES = ("s1000", "quad")
+SEEDS = 300
+# Neither is part of a law, so each is flown with both and without.
+VARIANTS = {
+    "lag inversion and safe allocation": (),
+    "neither": ("law.rotor_response_s=1.0", "law.allocation=plain"),
+}
+
+
+def gcs(*arguments: Any) -> None:
+    """Run a command line of gcs. Raises CalledProcessError."""
+    subprocess.run([sys.executable, "-m", "gcs_tools", *map(str, arguments)], check=True)
+
+
+def tuned(
+    laws: Sequence[str], airframes: Sequence[str], folder: Path, settings: Sequence[str]
+) -> None:
+    """Tune what has no file of gains of these sources yet."""
+    from gcs_tools.many import gains_file
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [gains_file.read(path) for path in folder.glob("*.toml")]
+    for airframe in airframes:
+        for law in laws:
+            name, made = read(find(airframe)).name, load(law)
+            known = gains_file.of(files, law, name)
+            if known is None or known.digest != made.digest:
+                out = folder / f"{made.name}-{name}.toml"
+                sets = (f"--set={each}" for each in settings)
+                gcs("tune", law, "--airframe", airframe, "--out", out, *sets)
+
+
+def table(found: dict[str, Any], airframe: str) -> list[str]:
+    """Markdown: missions by laws, the mean error in mm with its interval; what all missions say."""
+    laws = [each["law"] for each in found["laws"] if each["airframe"] == airframe]
+    missions = [each["mission"] for each in found["missions"]]
+    cells = {(c["mission"], c["law"]): c for c in found["cells"] if c["airframe"] == airframe}
+    overall = {each["law"]: each for each in found["overall"] if each["airframe"] == airframe}
+    lines = [
+        f"| {airframe}, error, mm | " + " | ".join(laws) + " |",
+        "|---" * (len(laws) + 1) + "|",
+    ]
+    for mission in missions:
+        row = (_error(cells[mission, law]) for law in laws)
+        lines.append(f"| {mission.replace('_', ' ')} | " + " | ".join(row) + " |")
+    for said, of in (
+        ("cost, by the procedure", lambda each: _interval(each["cost"], 1.0, ".2f")),
+        ("lost, %", lambda each: _interval(each["lost"], 100.0, ".2f")),
+        ("error of the whole flight, m", lambda each: _interval(each["means"]["error_all_m"], 1.0, ".2f")),
+        ("ticks saturated, %", lambda each: _interval(each["means"]["saturated"], 100.0, ".2f")),
+        ("greatest tilt, % of limit", lambda each: _interval(each["means"]["tilt"], 100.0, ".0f")),
+        ("greatest thrust, % of limit", lambda each: _interval(each["means"]["thrust"], 100.0, ".0f")),
+        ("energy, kJ", lambda each: _interval(each["means"]["energy_j"], 1e-3, ".1f")),
+        ("rotor command noise, % per tick", lambda each: _interval(each["means"]["noise"], 100.0, ".2f")),
+    ):  # fmt: skip
+        lines.append(f"| {said} | " + " | ".join(of(overall[law]) for law in laws) + " |")
+    for quantity in dict.fromkeys(each["quantity"] for each in found["margins"]):
+        of_laws = {
+            each["law"]: each
+            for each in found["margins"]
+            if (each["airframe"], each["quantity"]) == (airframe, quantity)
+        }
+        unit = next(iter(of_laws.values()))["unit"]
+        lines.append(f"| not lost up to {quantity}, {unit} | " + " | ".join(_held(of_laws[law]) for law in laws) + " |")  # fmt: skip
+    return [*lines, ""]
+
+
+def differences(found: dict[str, Any], airframe: str) -> list[str]:
+    """Markdown: error less that of the first law, over common seeds."""
+    of = [each for each in found["differences"] if each["airframe"] == airframe]
+    if not of:
+        return []
+    laws = list(dict.fromkeys(each["law"] for each in of))
+    lines = [
+        f"| {airframe}, error less {of[0]['first']}'s, mm | " + " | ".join(laws) + " |",
+        "|---" * (len(laws) + 1) + "|",
+    ]
+    for mission in dict.fromkeys(each["mission"] for each in of):
+        row = [_interval(each["error_m"], 1e3, "+.3g") for law in laws for each in of if (each["mission"], each["law"]) == (mission, law)]  # fmt: skip
+        lines.append(f"| {mission.replace('_', ' ')} | " + " | ".join(row) + " |")
+    return [*lines, ""]
+
+
+def _error(cell: dict[str, Any]) -> str:
+    lost = f"{cell['lost']} of {cell['flights']} lost" if cell["lost"] else ""
+    error = (
+        "" if cell["lost"] == cell["flights"] else _interval(cell["means"]["error_m"], 1e3, ".3g")
+    )
+    return ", ".join(part for part in (error, lost) if part)
+
+
+def _interval(interval: dict[str, float | None], factor: float, form: str) -> str:
+    value, low, high = (interval[name] for name in ("value", "low", "high"))
+    if value is None:
+        return "-"
+    if low is None or high is None:
+        return f"{factor * value:{form}}"
+    return f"{factor * value:{form}} [{factor * low:{form}}, {factor * high:{form}}]"
+
+
+def _held(margin: dict[str, Any]) -> str:
+    if margin["held"] is None:
+        return "always lost"
+    return f"{margin['held']:.3g}" + ("" if margin["lost"] is not None else " or more")
+
+
+def page(found: dict[str, dict[str, Any]]) -> str:
+    """What stands between the marks; `found`: results of each variant, the first of them whole."""
+    lines = ["## Results", ""]
+    for variant, results in found.items():
+        airframes = dict.fromkeys(each["airframe"] for each in results["laws"])
+        lines += [f"### With {variant}", "", f"{len(results['seeds'])} seeds, procedure {results['procedure_sha256'][:16]}.", ""]  # fmt: skip
+        for airframe in airframes:
+            lines += table(results, airframe)
+        for airframe in airframes:
+            lines += differences(results, airframe)
+    return "\n".join(lines)
+
+
+@click.command()
+@click.argument("laws", nargs=-1)
+@click.option("--airframe", "airframes", multiple=True, help="Default: s1000 and quad.")
+@click.option("--seeds", type=click.IntRange(1), default=SEEDS, show_default=True)
+@click.option("--gains", type=click.Path(path_type=Path), default=Path("runs/laws"), show_default=True)  # fmt: skip
+@click.option("--untuned", is_flag=True, help="Fly the defaults; nothing is tuned.")
+@click.option("--docs", type=click.Path(path_type=Path), default=Path("docs"), show_default=True)
+def main(
+    laws: tuple[str, ...], airframes: tuple[str, ...], seeds: int, gains: Path, untuned: bool, docs: Path
+) -> None:  # fmt: skip
+    """Tune, compare and write docs/laws.md's table and figure."""
+    laws, airframes = laws or ("mmrac", *sorted(set(SHIPPED) - {"mmrac"})), airframes or AIRFRAMES
+    found = {}
+    for n, (variant, settings) in enumerate(VARIANTS.items()):
+        folder, out = gains / f"gains-{n}", gains / f"results-{n}"
+        if not untuned:
+            tuned(laws, airframes, folder, settings)
+        gcs(
+            "compare", *laws, "--missions", "benchmark", "--seeds", seeds, "--margins", "--out", out,
+            *(part for airframe in airframes for part in ("--airframe", airframe)),
+            *(part for setting in settings for part in ("--set", setting)),
+            *(() if untuned else ("--gains", folder)),
+        )  # fmt: skip
+        found[variant] = json.loads((out / "results.json").read_text())
+    figure = docs / "figures" / "laws.png"
+    figure.write_bytes((gains / "results-0" / "results.png").read_bytes())
+    path = docs / "laws.md"
+    before, _, rest = path.read_text().partition(BEGIN)
+    after = rest.partition(END)[2]
+    path.write_text(f"{before}{BEGIN}\n\n{page(found)}\n{END}{after}")
+    click.echo(f"{path}\n{figure}")
+
+
+if __name__ == "__main__":
+    main()
