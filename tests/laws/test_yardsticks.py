@@ -194,6 +194,9 @@ def test_limits_hold_whatever_is_asked_and_flags_tell_where(face, params, fixed,
         assert 5.0 <= T <= 200.0 + 1e-9
         assert max(abs(a) for a in outputs.angles_c[:2]) <= 0.25 * math.pi + 1e-9
         assert T not in (5.0, 200.0) or cut.thrust == 1.0
+        phi_c, theta_c, _ = outputs.angles_c
+        at_limit = math.acos(math.cos(phi_c) * math.cos(theta_c)) > 0.25 * math.pi - 1e-9
+        assert not at_limit or cut.tilt == 1.0
         f, y, x = np.array(outputs.thrusts), np.array(params.rotors.y), np.array(params.rotors.x)
         given = np.array([(y * f).sum(), -(x * f).sum()])
         missed = not np.allclose(given, internals.tau_c[:2], atol=1e-6) or abs(f.sum() - T) > 1e-6
@@ -265,9 +268,8 @@ def test_every_gain_may_be_tuned_to_four_times_its_default_and_to_a_quarter(name
             assert row.low <= number / 4.0 and 4.0 * number <= row.high, row.key
 
 
-def test_a_law_says_its_pace(name, params):
-    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
-    pace = parameters.pace(params)
+def test_a_law_says_its_pace(face, params):
+    pace = face.pace(params)
     assert pace.T_hover == pytest.approx(8.0 * 9.81)
     assert 0.5 < pace.f_m < 3.0 and 0.3 < pace.yaw_rate_max < 2.0
 
