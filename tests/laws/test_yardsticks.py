@@ -268,8 +268,9 @@ def test_every_gain_may_be_tuned_to_four_times_its_default_and_to_a_quarter(name
             assert row.low <= number / 4.0 and 4.0 * number <= row.high, row.key
 
 
-def test_a_law_says_its_pace(face, params):
-    pace = face.pace(params)
+def test_a_law_says_its_pace(name, params):
+    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
+    pace = parameters.pace(params, OCTO)
     assert pace.T_hover == pytest.approx(8.0 * 9.81)
     assert 0.5 < pace.f_m < 3.0 and 0.3 < pace.yaw_rate_max < 2.0
 
