@@ -111,11 +111,13 @@ def matching_plant(params, rng, n):
     h, rotors = params.h, params.rotors
     x, y, spin = (np.array(row) for row in (rotors.x, rotors.y, rotors.spin))
     attitudes = Rotation.from_rotvec(rng.normal(size=(n, 3)) * 0.4)
-    Omega = np.sqrt(M * 9.81 / 8.0 / rotors.c_T) * rng.uniform(0.8, 1.2, (n, 8))
+    Omega = np.sqrt(M * 9.81 / 8.0 / rotors.c_T.r1) * rng.uniform(0.8, 1.2, (n, 8))
     v, w = np.zeros((n, 3)), np.zeros((n, 3))
     e3 = attitudes.as_matrix()[:, :, 2]
     for k in range(1, n):
-        f = rotors.c_T * Omega[k] ** 2  # without lag, the speed of this tick's end held through it
+        f = (
+            rotors.c_T.r1 * Omega[k] ** 2
+        )  # without lag, the speed of this tick's end held through it
         T_a = 0.5 * f.sum() * (e3[k - 1] + e3[k])
         tau_a = np.array([y @ f, -x @ f, -rotors.k_Q * (spin @ f)])
         v[k] = v[k - 1] + h * (T_a / M + S_V + G_E)

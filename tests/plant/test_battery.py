@@ -21,7 +21,7 @@ STOPPED = Rotors(*[0.0] * 8)
 
 def hovering(params, mass):
     """Rotor speeds (rad/s) that carry `mass` (kg)."""
-    return Rotors(*[math.sqrt(mass * 9.81 / 8.0 / params.airframe.c_T)] * 8)
+    return Rotors(*[math.sqrt(mass * 9.81 / 8.0 / params.airframe.c_T.r1)] * 8)
 
 
 def test_power_is_the_blades_torque_times_speed_over_efficiency(plant):

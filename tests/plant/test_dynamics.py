@@ -75,7 +75,7 @@ def test_the_gyroscopic_torque_turns_momentum_and_does_no_work(plant):
 
 def test_spinning_rotors_conserve_energy_without_thrust(plant, fly):
     params = plant(inertia_kg_m2=UNEVEN, rotor_lag_s=0.0, **AIRLESS)
-    params = params._replace(airframe=params.airframe._replace(c_T=0.0, J_m=0.001))
+    params = params._replace(airframe=params.airframe._replace(c_T=STOPPED, J_m=0.001))
     u = np.where(np.array(params.airframe.spin) > 0.0, 0.8, 0.2)
     start = VehicleState(STILL, STILL, LEVEL, Vec3(1.0, 2.0, 0.5), STOPPED)
     end = fly(params, start, u, 10.0)

@@ -118,7 +118,7 @@ def test_as_printed_the_estimate_holds_gravity(made: Any) -> None:
 def test_the_angular_truth_is_torque_over_inertia(made: Any) -> None:
     """Air: -0.05 * 2 * |2| = -0.2 N m about x. A rotor in front on the left a newton weak."""
     made.set_plant(**{"state.w_B.x": 1.5, "w_air_B.x": -0.5})
-    Omega = np.sqrt(10.0 / made.told["law.rotors.c_T"])
+    Omega = np.sqrt(10.0 / made.told["law.rotors.c_T.r1"])
     made.set_plant(**{f"state.Omega.r{i}": Omega for i in range(1, 9)})
     x, y, spin = (made.told[f"law.rotors.{of}.r1"] for of in ("x", "y", "spin"))
     assert x > 0.0 and y > 0.0

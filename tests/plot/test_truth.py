@@ -46,7 +46,7 @@ def test_the_angular_truth_explains_the_motion() -> None:
         * (turning @ spin)[:, None]
         * np.stack([-w[:, 1], w[:, 0], np.zeros(len(w))], axis=1)
     )
-    f = scene.law.rotors.c_T * turning**2
+    f = np.array(scene.law.rotors.c_T) * turning**2
     x, y = np.array(scene.law.rotors.x), np.array(scene.law.rotors.y)
     tau = np.stack([f @ y, -f @ x, -scene.law.rotors.k_Q * (f @ spin)], axis=1)
     rest = truth + (tau + gyro - np.cross(w, J * w)) / J
