@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.configuration import read_drag, read_settings
+from fcu.configuration import read_settings
+from fcu.interface.airframe import read
 from fcu.interface.diagnostics import fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import RecorderPipe
@@ -48,7 +49,7 @@ def reported(flown, together: int, feed=None):
     rows, times = (each.copy() for each in flown)
     params = Parameters(read_settings(LAW, None, 500.0), 1, None)
     reporter = Reporter(
-        LAW, RecorderPipe(row_width(LAW)), feed or PublisherFeed(None, "fcu"), read_drag()
+        LAW, RecorderPipe(row_width(LAW)), feed or PublisherFeed(None, "fcu"), read().drag
     )
     for k in range(0, TICKS, together):
         part = slice(k, k + together)

@@ -8,7 +8,8 @@ import threading
 import numpy as np
 import pytest
 
-from fcu.configuration import read_drag, read_settings
+from fcu.configuration import read_settings
+from fcu.interface.airframe import read
 from fcu.interface.handover import GRANT
 from fcu.interface.messages import Setpoint
 from fcu.interface.ports import ports
@@ -73,7 +74,7 @@ def flown(instance, tmp_path, capfd):
         fcu_rows, plant_rows = tmp_path / "fcu", tmp_path / "plant"
         reading, writing = os.pipe()
         at = ports(instance)
-        identity = Identity(at.system_id, Autopilot.PX4, Origin(0.0, 0.0, 0.0), read_drag())
+        identity = Identity(at.system_id, Autopilot.PX4, Origin(0.0, 0.0, 0.0), read().drag)
         params = Parameters(read_settings(law, None, RATE_HZ), at.system_id, None, law)
         capfd.readouterr()
         with fcu_rows.open("wb") as fcu_out, plant_rows.open("wb") as plant_out:
