@@ -19,6 +19,7 @@ setup: .venv/.installed  ## a virtual environment with what is needed, in .venv
 .venv/.installed: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "m-mrac needs Python 3.11, 3.12 or 3.13; found: $$(python3 --version 2>&1)" >&2; exit 1; }
 	@echo "installing into .venv (once; about a minute, from the network) ..."
+	@test ! -L .venv || { echo ".venv is a link: make it anew where it points to, or remove the link" >&2; exit 1; }
 	@$(PYTHON) -m venv --clear .venv  # of one Python, whatever was there
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
 		--constraint constraints.txt --editable '.[dev]'
