@@ -96,7 +96,7 @@ def refusal(scene: Scenario) -> str:
         scene.flown.file is not None
     ):  # which gains go together is known of the law of the paper alone
         return ""
-    channel = stability.unstable(scene.law, scene.guard.delay_s)
+    channel = stability.unstable(scene.law, scene.guard)
     return f"a vehicle refuses these gains: {channel} unstable" if channel else ""
 
 
