@@ -151,7 +151,7 @@ def _print(found: Comparison, console: Console) -> None:
     )  # fmt: skip
     for airframe in airframes:
         console.print()
-        console.print(Text(airframe, style="bold"), Text("error, mm RMS after the transient", style="dim"))  # fmt: skip
+        console.print(Text(airframe, style="bold"), Text("error, mm RMS after the transient; ± half of the 95 % interval", style="dim"))  # fmt: skip
         console.print(_errors(found, airframe))
         console.print()
         console.print(_overall(found, airframe))
@@ -166,7 +166,8 @@ def _print(found: Comparison, console: Console) -> None:
 def _table(first: str, columns: list[str]):  # type: ignore[no-untyped-def]
     from rich.table import Table
 
-    table = Table(first, box=None, pad_edge=False, header_style="dim")
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column(first, no_wrap=True)
     for name in columns:
         table.add_column(name, justify="right")
     return table
@@ -205,15 +206,15 @@ def _cell(cell: Cell, least: float):  # type: ignore[no-untyped-def]
 def _overall(found: Comparison, airframe: str):  # type: ignore[no-untyped-def]
     of = [each for each in found.summary.overall if each.airframe == airframe]
     table = _table("all missions", [each.law for each in of])
-    table.add_row("cost (procedure)", *(_interval(each.cost, 1.0, ".3f") for each in of))
-    table.add_row("lost, %", *(_interval(each.lost, 100.0, ".2f") for each in of))
+    table.add_row("cost", *(_interval(each.cost, 1.0, ".2f") for each in of))
+    table.add_row("lost, %", *(_share(each.lost) for each in of))
     for name, said, factor, form in (
-        ("error_all_m", "error of the whole flight, m", 1.0, ".3f"),
-        ("thrust", "greatest thrust, % of limit", 100.0, ".1f"),
-        ("tilt", "greatest tilt, % of limit", 100.0, ".1f"),
-        ("saturated", "ticks saturated, %", 100.0, ".2f"),
-        ("energy_j", "energy, kJ", 1e-3, ".2f"),
-        ("noise", "rotor command noise, % per tick", 100.0, ".2f"),
+        ("error_all_m", "whole flight, m", 1.0, ".2f"),
+        ("thrust", "most thrust, %", 100.0, ".1f"),
+        ("tilt", "most tilt, %", 100.0, ".1f"),
+        ("saturated", "saturated, %", 100.0, ".2f"),
+        ("energy_j", "energy, kJ", 1e-3, ".1f"),
+        ("noise", "rotor noise, %", 100.0, ".2f"),
     ):
         table.add_row(said, *(_interval(each.means[name], factor, form) for each in of))
     return table
@@ -260,12 +261,19 @@ def _millimetres(interval: Interval, sign: str = "") -> str:
 
 
 def _interval(interval: Interval, factor: float, form: str) -> str:
+    """A value, and half of its interval: a column has room for no more."""
     value, low, high = (factor * number for number in interval)
     if not math.isfinite(value):
         return "-"
     if not math.isfinite(low):
         return f"{value:{form}}"
-    return f"{value:{form}} [{low:{form}}, {high:{form}}]"
+    return f"{value:{form}} ±{0.5 * (high - low):{form.lstrip('+')}}"
+
+
+def _share(interval: Interval) -> str:
+    """A share is far from the middle of its interval."""
+    value, low, high = (100.0 * number for number in interval)
+    return f"{value:.2g} ({low:.2g}-{high:.2g})"
 
 
 def _draw(found: Comparison, path: Path) -> None:

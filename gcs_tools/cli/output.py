@@ -15,7 +15,7 @@ import click
 from gcs_tools.exit_codes import INFRASTRUCTURE
 
 # for who cannot show them; any other character is a question mark there
-PLAIN = {"≤": "<=", "≥": ">=", "×": "x", "·": ".", "°": " deg", "²": "^2", "µ": "u"}
+PLAIN = {"≤": "<=", "≥": ">=", "×": "x", "±": "+-", "·": ".", "°": " deg", "²": "^2", "µ": "u"}
 
 
 class Failure(click.ClickException):
