@@ -18,7 +18,7 @@ from tests.patience import PATIENCE_S
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 PX4_INT32 = {
     "COM_OBL_RC_ACT", "COM_DL_LOSS_T", "NAV_DLL_ACT", "SYS_FAILURE_EN", "SYS_AUTOSTART",
-    "MAV_SYS_ID", "MAV_TYPE", "BAT1_N_CELLS",
+    "MAV_SYS_ID", "MAV_TYPE", "BAT1_N_CELLS", "CA_METHOD",
 }  # fmt: skip
 
 
