@@ -91,6 +91,12 @@ def test_a_demand_beyond_every_limit_gives_up_yaw_first_then_thrust(rotors):
     assert tau[2] < 1.0
 
 
+def test_no_yaw_is_given_up_where_none_is_asked_for(rotors):
+    full = 8.0 * rotors.f_max
+    assert allocation.allocate(rotors, full, Vec3(0.0, 0.0, 0.0))[1].yaw == 0.0
+    assert allocation.allocate(rotors, full, Vec3(0.0, 0.0, 0.1))[1].yaw == 1.0
+
+
 @pytest.mark.parametrize("name", ["B_x", "B_y", "B_z"])
 def test_a_unit_torque_is_about_its_own_axis_and_lifts_nothing(rotors, name):
     thrust, tau = achieved(rotors, getattr(rotors, name))
