@@ -28,7 +28,7 @@ _CODES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>()][A-Z0-9]?|\r|\x07|\x08")
 # What is typed, and what must have been printed before the next line is. Modes are set by `long`:
 # MAVProxy's own `mode` fails on every vehicle of PX4's kind (it hands on a tuple).
 FLIGHT: tuple[tuple[str, str], ...] = (
-    ("param show MR_GAMMA", r"MR_GAMMA +2000"),
+    ("param show MR_GAMMA", r"MR_GAMMA +[1-9]\d+"),
     ("param show MPC_XY_CRUISE", r"MPC_XY_CRUISE +5"),
     ("param set MPC_XY_CRUISE 4", r"(?s)param set.*> "),
     ("param set MR_GAMMA -1", r"MR_GAMMA -1 refused"),

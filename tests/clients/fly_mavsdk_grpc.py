@@ -30,14 +30,13 @@ async def fly(port):
 
     await param.set_param_float("MIS_TAKEOFF_ALT", 4.0)
     assert await param.get_param_float("MIS_TAKEOFF_ALT") == 4.0
-    assert await param.get_param_float("MR_GAMMA") == 2000.0
-    refused = ""
+    gamma, refused = await param.get_param_float("MR_GAMMA"), ""
     try:
         await param.set_param_float("MR_GAMMA", -5.0)
     except ParamError as error:
         refused = str(error)
     assert "OUT_OF_RANGE" in refused, refused
-    assert await param.get_param_float("MR_GAMMA") == 2000.0
+    assert await param.get_param_float("MR_GAMMA") == gamma > 0.0
     every = await param.get_all_params()
     assert len(every.float_params) > 50, len(every.float_params)
 

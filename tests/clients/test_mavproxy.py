@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from gcs_tools.studies import console
 
 
-def test_a_whole_flight(vehicle):
-    up = vehicle("--speed", "3")
+@pytest.mark.parametrize("airframe", ["s1000", "quad"])
+def test_a_whole_flight(vehicle, airframe):
+    up = vehicle("--speed", "3", "--airframe", airframe)
     # by the vehicle's own port: 14550 is shared with every other vehicle on this machine
     master = f"udpout:127.0.0.1:{up.ports.fcu_station}"
     said = console.session(master, up.folder, console.whole_flight)
