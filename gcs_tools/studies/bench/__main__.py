@@ -80,7 +80,8 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     from fcu.tick import FLYING, Remembered, Tick, tick
     from gcs_tools.flight import law_alone
     from gcs_tools.judging.envelope import with_guard
-    from gcs_tools.studies.bench.loops import law_steps, margin_steps, plant_steps
+    from gcs_tools.studies.bench.law_loop import law_steps
+    from gcs_tools.studies.bench.loops import margin_steps, plant_steps
 
     n, settings, world = scene.ticks, to_buffer(scene.settings), scene.world
     plant, start = to_buffer(world.params), to_buffer(world.start)
@@ -113,6 +114,7 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     far[:3] += 100.0
     step = per_call_s(lambda: law_steps(governing, remembered, far, rows, kept), len(rows), repeats)
     yield Figure("law_governing_ns", "law, one step, its guard governing (ns)", step * 1e9)
+    yield from laws(repeats)
     step = per_call_s(lambda: plant_steps(STEPS, plant, start, command), STEPS, repeats)
     yield Figure("plant_step_ns", "plant, one step of 1 ms, compiled (ns)", step * 1e9)
     step = per_call_s(ticks, CALLS, repeats)
@@ -127,6 +129,37 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     label = f"the law alone, one core, {world.steps} plant steps a tick (million ticks/s)"
     yield Figure("law_alone_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
     yield from recorder(plant_rows, fcu_rows, settings, repeats)
+
+
+def laws(repeats: int) -> Iterator[Figure]:
+    """One step of every other law that is shipped, compiled, in the second half of the same flight."""
+    import numpy as np
+
+    from fcu.kernel.buffers import size, to_buffer
+    from fcu.kernel.rows import column, slice_of
+    from fcu.laws import loader
+    from gcs_tools.flight import law_alone
+    from gcs_tools.flight.run import prepared
+
+    for name in sorted(set(loader.SHIPPED) - {loader.DEFAULT}):
+        scene = prepared(MISSION, law=name, rate_hz=RATE_HZ)[1]
+        ticks, loop = scene.flown.ticks, scene.flown.module("gcs_tools.studies.bench.law_loop")
+        rows = law_alone.fly(scene)[1]
+        row, settings = rows[len(rows) // 2], to_buffer(scene.settings)
+        remembered = np.zeros(size(ticks.Remembered))
+        remembered[slice_of(ticks.Remembered, "law")] = column(ticks.Tick, row, "state")
+        later = rows[len(rows) // 2 + 1 :][:STEPS]
+        measured, kept = column(ticks.Tick, later, "measured").copy(), np.zeros_like(later)
+        setpoint = scene.setpoints[0]
+
+        def steps(
+            loop: Any = loop, kept: Any = kept, measured: Any = measured, settings: Any = settings,
+            remembered: Any = remembered, setpoint: Any = setpoint,
+        ) -> None:  # fmt: skip
+            loop.law_steps(settings, remembered, setpoint, measured, kept)
+
+        step = per_call_s(steps, len(later), repeats)
+        yield Figure(f"law_{name}_step_ns", f"law {name}, one step, compiled (ns)", step * 1e9)
 
 
 def recorder(plant_rows: Any, fcu_rows: Any, settings: Any, repeats: int) -> Iterator[Figure]:

@@ -1,41 +1,16 @@
-"""Loops around one step of the law and one of the plant, compiled: what `bench` times."""
+"""Loops around the margins of a tick and a step of the plant, compiled: what `bench` times."""
 
 from __future__ import annotations
 
 from fcu.guard import margin
-from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
-from fcu.kernel.buffers import packer, unpacker
+from fcu.interface.messages import RotorCommand, VehicleState
+from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
-from fcu.tick import FLYING, Remembered, Tick, engaged_tick, unpack_remembered, unpack_settings
+from fcu.tick import unpack_remembered, unpack_settings
 from sitl_plant.physics import dynamics, tick
 
-_unpack_setpoint = unpacker(Setpoint)
 _unpack_measured = unpacker(VehicleState)
 _unpack_command = unpacker(RotorCommand)
-_pack_outputs = packer(Tick, "outputs")
-_pack_internals = packer(Tick, "internals")
-_pack_guard = packer(Tick, "guard")
-
-
-@kernel
-def law_steps(settings_buffer, remembered_buffer, setpoint_buffer, measured_rows, rows):
-    """A tick of law and guard for each row of `measured_rows`; returns a sum over the commands.
-
-    Measurements differ and what is computed is kept in `rows`, of Tick, or the compiler would take
-    work out of the loop.
-    """
-    settings, remembered = unpack_settings(settings_buffer), unpack_remembered(remembered_buffer)
-    setpoint = _unpack_setpoint(setpoint_buffer)
-    seen = 0.0
-    for i in range(len(measured_rows)):
-        measured = _unpack_measured(measured_rows[i])
-        flown = engaged_tick(0.0, FLYING, remembered, settings, setpoint, measured)
-        remembered = Remembered(law=flown.state, guard=flown.guard_state)
-        _pack_outputs(rows[i], flown.outputs)
-        _pack_internals(rows[i], flown.internals)
-        _pack_guard(rows[i], flown.guard)
-        seen += flown.command.u.r1
-    return seen
 
 
 @kernel
