@@ -132,6 +132,22 @@ def test_the_commanded_rates_are_the_derivatives_of_the_commanded_attitude(se3, 
     np.testing.assert_allclose(rate[5:], W_dot_c[6:-1], atol=0.002 * np.abs(W_dot_c).max())
 
 
+@pytest.mark.parametrize(("v_max", "speed"), [(6.0, 5.0), (1e3, 16.0)])
+def test_they_are_far_from_the_setpoint_too(se3, paper, v_max, speed):
+    """Where the error of position is cut: to what the speed v_max (m/s) balances, or what can be stopped."""
+    params = paper._replace(v_max=v_max, a_max=4.0, k_i=1.7)
+    body = Body(Rotation.from_rotvec([0.15, -0.1, 0.3]), x=(30.0, -20.0, 10.0))
+    body.v[:] = np.array([0.3, 0.4, 0.2]) - speed * body.x / np.linalg.norm(body.x)
+    told = fly(se3, params, body, at_origin, 1.5)
+    assert not any(outputs.saturation.tilt or outputs.saturation.thrust for outputs, *_ in told)
+    R_c = [Rotation.from_euler("ZYX", list(outputs.angles_c)[::-1]) for outputs, *_ in told]
+    W_c, W_dot_c = (np.array([getattr(i, name) for _, i, _ in told]) for name in ("W_c", "W_dot_c"))
+    turned = [(a.inv() * b).as_rotvec() / (2.0 * H) for a, b in zip(R_c, R_c[2:], strict=False)]
+    np.testing.assert_allclose(turned[5:], W_c[6:-1], atol=0.01 * np.abs(W_c).max())
+    rate = (W_c[2:] - W_c[:-2]) / (2.0 * H)
+    np.testing.assert_allclose(rate[5:], W_dot_c[6:-1], atol=0.01 * np.abs(W_dot_c).max())
+
+
 def test_along_the_thrust_the_position_error_is_the_papers_second_order_system(se3, paper):
     """Level and above the setpoint: m x'' = -k_x x - k_v x'."""
     told = fly(se3, paper, Body(Rotation.identity(), x=(0.0, 0.0, 0.5)), at_origin, 1.0)

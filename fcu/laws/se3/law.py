@@ -198,7 +198,8 @@ def step(state, params, setpoint, measured):
 
     tilt = clip3(setpoint.tilt_c, -limits.phi_star, limits.phi_star)
     past = (tilt.x != setpoint.tilt_c.x) | (tilt.y != setpoint.tilt_c.y)
-    followed = followed_attitude(params, setpoint, state.e_i, e_x, e_v, A, T_c, R, W, held)
+    e = measured.r_E - setpoint.r_c
+    followed = followed_attitude(params, setpoint, state.e_i, e, e_v, far, A, T_c, R, W, held)
     given = given_attitude(tilt, setpoint)
     c = Command(
         R=Matrix(
@@ -273,6 +274,31 @@ def position_errors(params, setpoint, measured):
 
 
 @kernel
+def cut_error_rates(params, e, e_v, e_a):
+    """First (m/s) and second (m/s^2) rate, E, of an error of position e (m, E) that is cut.
+
+    e_v, e_a : rates of e itself.  With n = |e| the cut error is s(n)/c along e, s as in `position_errors`.
+    """
+    c, a = params.k_x / params.k_v, params.a_max
+    knee = minimum(a / (c * c), params.v_max / c)  # m, from where it is cut
+    n = maximum(norm(e), knee)
+    stops = sqrt(maximum(2.0 * a * n - a * a / (c * c), 0.0))
+    stops = maximum(stops, minimum(a / c, params.v_max))
+    top = stops >= params.v_max
+    g = minimum(stops, params.v_max) / c
+    slope = select(top, 0.0, a / (c * stops))
+    bend = select(top, 0.0, -a * a / (c * stops * stops * stops))
+    u = e / n
+    n_dot = dot(u, e_v)
+    across = e_v - n_dot * u
+    n_ddot = dot(u, e_a) + dot(across, across) / n
+    turn = e_a - n_ddot * u - (n_dot / n) * across
+    e_dot = (slope * n_dot) * u + (g / n) * across
+    along = bend * n_dot * n_dot + slope * n_ddot
+    return e_dot, along * u + (n_dot / n) * (2.0 * slope - g / n) * across + (g / n) * turn
+
+
+@kernel
 def force(params, e_i, e_x, e_v, a_c):
     """(A, tilted): the demanded specific force (m/s^2, E), and 1 if the tilt limit cut it.
 
@@ -294,20 +320,24 @@ def unlimited(params, e_i, e_x, e_v, a_c):
 
 
 @kernel
-def followed_attitude(params, setpoint, e_i, e_x, e_v, A, T, R, W, held):
+def followed_attitude(params, setpoint, e_i, e_x, e_v, far, A, T, R, W, held):
     """The commanded attitude of a demand A, its body rate and angular acceleration.
 
     The rates of A are those of its errors, in closed form: the acceleration is that of the model,
-    with the thrust T (N) and with what the integral holds.
+    with the thrust T (N) and with what the integral holds. e_x (m, E) is the whole error of position;
+    `far` away it is cut, and not integrated.
     """
     b3, b3_dot = R.e3, rotate(R, Vec3(W.y, -W.x, 0.0))
-    e_i_dot = e_v + params.c_1 * e_x
+    still = Vec3(0.0, 0.0, 0.0)
     e_a = (T / params.m) * b3 - Vec3(0.0, 0.0, G) + params.k_i * e_i - setpoint.a_c
-    A_dot = -params.k_x * e_v - params.k_v * e_a - params.k_i * e_i_dot
+    cut_dot, cut_ddot = cut_error_rates(params, e_x, e_v, e_a)
+    x_dot, x_ddot = select3(far, cut_dot, e_v), select3(far, cut_ddot, e_a)  # departure 4
+    e_i_dot = select3(far, still, e_v + params.c_1 * e_x)
+    e_i_ddot = select3(far, still, e_a + params.c_1 * e_v)
+    A_dot = -params.k_x * x_dot - params.k_v * e_a - params.k_i * e_i_dot
     f_dot = dot(A_dot, b3) + dot(A, b3_dot)
     e_j = f_dot * b3 + (T / params.m) * b3_dot + params.k_i * e_i_dot
-    A_ddot = -params.k_x * e_a - params.k_v * e_j - params.k_i * (e_a + params.c_1 * e_v)
-    still = Vec3(0.0, 0.0, 0.0)
+    A_ddot = -params.k_x * x_ddot - params.k_v * e_j - params.k_i * e_i_ddot
     A_dot, A_ddot = select3(held, still, A_dot), select3(held, still, A_ddot)  # departure 2
 
     c, s, r = cos(setpoint.psi_c), sin(setpoint.psi_c), setpoint.psi_dot_c
