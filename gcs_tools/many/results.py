@@ -21,7 +21,7 @@ from gcs_tools.many.gains_file import Gains
 from gcs_tools.many.margins import Margin
 from gcs_tools.many.procedure import Procedure
 from gcs_tools.many.score import NAMES
-from gcs_tools.many.statistics import CONFIDENCE, RESAMPLES, Interval
+from gcs_tools.many.statistics import CONFIDENCE, Interval
 from gcs_tools.missions.mission import Mission
 
 SCHEMA_VERSION = 1
@@ -56,7 +56,6 @@ def about(of: Comparison) -> dict[str, Any]:
         "procedure_sha256": of.procedure.sha256,
         "objective": of.procedure.objective.model_dump(),
         "confidence": CONFIDENCE,
-        "resamples": RESAMPLES,
         "laws": [
             {
                 "law": entrant.label,
