@@ -48,13 +48,14 @@ def margin(entrant: Entrant, quantity: str, procedure: Procedure) -> Margin:
     mission = entrant.mission(load(how.mission))
     flights = [drawn(mission, procedure.draws, Stream.TEST, seed) for seed in range(how.seeds + 1)]
 
+    size = _size(mission, quantity)
+
     def holds(x: float) -> bool:
-        return not any(_is_lost(changed(each, quantity, x), procedure) for each in flights)
+        return not any(_is_lost(changed(each, quantity, x, size), procedure) for each in flights)
 
     first, most = getattr(how, "delay_s" if quantity == "delay" else quantity)
     tick = 1.0 / mission.flight.rate_hz if quantity == "delay" else 0.0
     held, lost = between(holds, first, most, how.factor, how.accuracy, tick)
-    size = _size(mission, quantity)
     told = [None if x is None else size * x for x in (held, lost)]
     return Margin(entrant.airframe, entrant.label, quantity, UNITS[quantity], told[0], told[1])
 
@@ -89,20 +90,18 @@ def _is_lost(mission: Mission, procedure: Procedure) -> bool:
         raise EntrantError(str(error)) from error
 
 
-def changed(mission: Mission, quantity: str, x: float) -> Mission:
-    """The mission with more of a quantity: a delay (s) added, or lag, mass or wind times x."""
+def changed(mission: Mission, quantity: str, x: float, size: float) -> Mission:
+    """A drawn mission with more of a quantity: a delay (s) added, its wind times x, or lag or mass x sizes.
+
+    size : of the mission as written, s or kg: what is told of a margin is what every seed flew with.
+    """
     if quantity == "delay":
         values: dict[str, Any] = {"plant.delay_s": min(mission.plant.delay_s + x, 0.5)}
     elif quantity == "wind":
         wind = mission.wind
         values = {f"wind.{key}": [x * v for v in getattr(wind, key)] for key in _OF_WIND}
     else:
-        params = scene(mission).world.params
-        values = (
-            {"plant.mass_kg": x * params.m}
-            if quantity == "mass"
-            else {"plant.rotor_lag_s": x * params.airframe.rotor_lag}
-        )
+        values = {{"mass": "plant.mass_kg", "lag": "plant.rotor_lag_s"}[quantity]: x * size}
     return with_values(mission, values, "margin")
 
 
