@@ -138,7 +138,7 @@ class Parameter(NamedTuple):
     def numbers(self, value: Any) -> Numbers:
         """What a value is in Params. Raises ParameterError for a value that it may not have."""
         if self.words is not None:
-            if value not in self.words:
+            if not isinstance(value, str) or value not in self.words:
                 raise ParameterError(f"{self.name}: expected {self.expected()}, got {value!r}")
             return (self.words[value],)
         n = max(len(self.fields), 1)
