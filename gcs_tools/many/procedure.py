@@ -46,7 +46,9 @@ class Search(Table):
 
     multiples: Range
     evaluations_per_gain: Count
-    seeds: Annotated[tuple[int, ...], Field(strict=False, min_length=1)]
+    seeds: Annotated[
+        tuple[Annotated[int, Field(ge=0)], ...], Field(strict=False, min_length=1, max_length=1000)
+    ]
     first_step: Positive
 
 
@@ -62,7 +64,7 @@ class Margins(Table):
 
     mission: str
     seeds: Annotated[int, Field(ge=0, le=100)]
-    factor: Annotated[float, Field(gt=1.0)]
+    factor: Annotated[float, Field(ge=1.01)]
     accuracy: Annotated[float, Field(ge=0.001, le=1.0)]
     delay_s: Range
     lag: Range
