@@ -68,6 +68,8 @@ def compare(
         from gcs_tools.cli.laws import Asked, compare_laws
 
         names = [name for each in missions for name in each.split(",") if name]
+        if not names:
+            raise click.UsageError("--missions: expected the name of a mission, got none")
         return compare_laws(
             Asked(
                 compared,
