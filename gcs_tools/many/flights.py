@@ -36,11 +36,12 @@ def drawn(
 
 def each(
     work: Callable[[Item], Found], items: Sequence[Item], what: str = "flying",
-    console: Console | None = None,
+    console: Console | None = None, on_end: Callable[[], None] = lambda: None,
 ) -> Iterator[Found]:  # fmt: skip
     """What `work` gives for each item, in their order: a thread a core (two at least): flights hold no lock.
 
     what : what goes on, said with a bar on `console` (None: not) where that is a terminal.
+    on_end : called when nothing more is asked for, before what has begun is waited for.
     Raises what `work` raises, at its item; items that were not begun are then left out.
     """
     log = console or Console(quiet=True)
@@ -52,4 +53,5 @@ def each(
             for future in bar.track(begun, len(begun), description=what):
                 yield future.result()
         finally:
+            on_end()
             pool.shutdown(wait=False, cancel_futures=True)

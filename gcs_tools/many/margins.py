@@ -7,7 +7,9 @@ monotonic: what is found is the first loss on the way up, to the accuracy of the
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from typing import Any, NamedTuple
 
 from rich.console import Console
@@ -39,11 +41,18 @@ def margins(
 ) -> list[Margin]:
     """Of every entrant, every quantity. Raises EntrantError, LawError, MissionError."""
     work = [(entrant, quantity) for entrant in entrants for quantity in UNITS]
-    return list(each(lambda of: margin(*of, procedure), work, "margins", console))
+    ended = threading.Event()
+    found = each(lambda of: margin(*of, procedure, ended), work, "margins", console, ended.set)
+    return list(found)
 
 
-def margin(entrant: Entrant, quantity: str, procedure: Procedure) -> Margin:
-    """Where an entrant loses the vehicle. Raises EntrantError, LawError, MissionError."""
+def margin(
+    entrant: Entrant, quantity: str, procedure: Procedure, ended: threading.Event | None = None
+) -> Margin:
+    """Where an entrant loses the vehicle. Raises EntrantError, LawError, MissionError.
+
+    ended : when set, nobody asks any more: no further flight begins, and CancelledError is raised.
+    """
     how = procedure.margins
     mission = entrant.mission(load(how.mission))
     flights = [drawn(mission, procedure.draws, Stream.TEST, seed) for seed in range(how.seeds + 1)]
@@ -51,7 +60,12 @@ def margin(entrant: Entrant, quantity: str, procedure: Procedure) -> Margin:
     size = _size(mission, quantity)
 
     def holds(x: float) -> bool:
-        return not any(_is_lost(changed(each, quantity, x, size), procedure) for each in flights)
+        for flight in flights:
+            if ended is not None and ended.is_set():
+                raise CancelledError
+            if _is_lost(changed(flight, quantity, x, size), procedure):
+                return False
+        return True
 
     first, most = getattr(how, "delay_s" if quantity == "delay" else quantity)
     tick = 1.0 / mission.flight.rate_hz if quantity == "delay" else 0.0
