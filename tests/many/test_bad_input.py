@@ -1,0 +1,72 @@
+"""What cannot be followed is said before anything is flown, and who waits no more is not kept."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import CancelledError
+
+import pytest
+from click.testing import CliRunner
+
+from fcu.interface.airframe import SHIPPED, AirframeError, read
+from fcu.interface.parameter import ParameterError
+from fcu.laws import loader
+from gcs_tools.cli.program import main
+from gcs_tools.exit_codes import USAGE
+from gcs_tools.many import margins, procedure
+from gcs_tools.many.entrant import entrant
+from gcs_tools.many.flights import each
+
+
+@pytest.mark.parametrize(
+    ("was", "now"),
+    [("seeds = [1, 2, 3, 4, 5]", "seeds = [1, -2]"), ("factor = 1.5", "factor = 1.000000001")],
+)
+def test_a_procedure_that_raises_or_never_ends_is_refused(tmp_path, was, now):
+    text = procedure.SHIPPED.read_text()
+    assert was in text
+    file = tmp_path / "p.toml"
+    file.write_text(text.replace(was, now))
+    with pytest.raises(procedure.ProcedureError):
+        procedure.read(file)
+
+
+def test_missions_that_name_none_are_a_usage_error():
+    ran = CliRunner().invoke(main, ["compare", "px4", "--missions", ","])
+    assert ran.exit_code == USAGE
+    assert "expected the name of a mission" in ran.output
+
+
+def test_a_word_that_is_an_array_is_refused():
+    row = next(r for r in loader.load("px4").settings.PARAMETERS if r.words is not None)
+    with pytest.raises(ParameterError):
+        row.numbers([])
+
+
+def test_least_thrust_above_the_weight_is_refused(tmp_path):
+    text = SHIPPED["quad"].read_text()
+    assert "thrust_min_n = 1.0" in text
+    file = tmp_path / "quad.toml"
+    file.write_text(text.replace("thrust_min_n = 1.0", "thrust_min_n = 14.0"))
+    with pytest.raises(AirframeError, match="thrust_min_n: expected less than the weight"):
+        read(file)
+
+
+def test_a_margin_nobody_waits_for_flies_no_more():
+    ended = threading.Event()
+    ended.set()
+    with pytest.raises(CancelledError):
+        margins.margin(entrant("px4", "quad"), "wind", procedure.read(), ended)
+
+
+def test_what_has_begun_is_told_when_an_item_raises():
+    ended = threading.Event()
+
+    def work(item: int) -> bool:
+        if item == 0:
+            raise ZeroDivisionError
+        return ended.wait(60.0)
+
+    with pytest.raises(ZeroDivisionError):
+        list(each(work, [0, 1], on_end=ended.set))
+    assert ended.is_set()
