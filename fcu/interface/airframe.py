@@ -362,12 +362,12 @@ def checked(tables: dict[str, Any], source: str) -> tuple[Airframe, dict[str, An
             f" {HOVERS:g} times the weight of the {heaviest:g} kg of [vehicle] mass_kg",
             ("limits", "thrust_max_n") if most < full_thrust(made) else ("rotors",),
         )
+    if least >= most:
+        raise wrong(source, "limits", "thrust_min_n", f"less than thrust_max_n, {most:g} N", least)
     (lightest, _), _ = body(tables, source)
     if least >= lightest * G:
         weight = f"less than the weight of the {lightest:g} kg of [vehicle] mass_kg, {lightest * G:.3g} N"
         raise wrong(source, "limits", "thrust_min_n", weight, least)
-    if least >= most:
-        raise wrong(source, "limits", "thrust_min_n", f"less than thrust_max_n, {most:g} N", least)
     return made, {**tables, "mavlink": {"type": kind, "autostart": autostart, **mavlink}}
 
 
