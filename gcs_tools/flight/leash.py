@@ -101,7 +101,10 @@ def main(arguments: Sequence[str]) -> None:
             os.read(heard, 4096)
         if os.fstat(sys.stderr.fileno()).st_size > LOG_BYTES:
             why = f"it has written more than {LOG_BYTES >> 20} MiB to its log"
-    announce({"ended": "controller", "exit_code": _end(process), "why": why})
+    code = _end(process)
+    if os.fstat(sys.stderr.fileno()).st_size > LOG_BYTES:  # written between two looks
+        os.ftruncate(sys.stderr.fileno(), LOG_BYTES)
+    announce({"ended": "controller", "exit_code": code, "why": why})
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from gcs_tools.exit_codes import USAGE
 from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
 PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
+LAST_BYTES = 1 << 16  # of a log, that may hold its last words
 HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
 SUSPENDED = "is stopped (SIGSTOP): continue it, or start again"
 COMPILED_S = 600.0  # wall: for one that works all the time
@@ -213,7 +214,9 @@ class Child:
     def last_words(self) -> str:
         """The last error in its log, or its last line."""
         try:
-            lines = self._log_path.read_text(errors="replace").strip().splitlines()
+            with self._log_path.open("rb") as log:
+                log.seek(max(0, self._log_path.stat().st_size - LAST_BYTES))
+                lines = log.read().decode(errors="replace").strip().splitlines()
         except OSError:
             lines = []
         errors = [line for line in lines if " error " in line]

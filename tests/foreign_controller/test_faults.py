@@ -18,7 +18,6 @@ from tests.process.conftest import alive
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
 
 HERE = Path(__file__).parent
-AT_A_TIME = 6  # flights: most of their time is somebody's patience
 FAULTS = {  # how it misbehaves -> parts of the error
     "refuses": ("ended with exit code 1: nothing to fly today",),
     "absent": ("did not open UDP port", "within 4 s"),
@@ -36,7 +35,7 @@ FAULTS = {  # how it misbehaves -> parts of the error
     "other_port": ("silent for 5 s", "from other ports than"),
     "answers_holds": ("answered a keep-alive",),
 }
-HARMLESS = ("well", "twice", "chatter", "leaves", "stubborn")
+HARMLESS = ("twice", "chatter", "leaves", "stubborn")
 
 
 def _command(how: str, folder: Path) -> list[str]:
@@ -46,29 +45,27 @@ def _command(how: str, folder: Path) -> list[str]:
     return [*fly, *own, "--figure", "never", "--record", "light"]
 
 
-@pytest.fixture(scope="module")
-def flights(tmp_path_factory):
-    """The folder of all flights, and the exit code of each."""
-    folder = tmp_path_factory.mktemp("faults")
-    todo, flying, codes = [*FAULTS, *HARMLESS], {}, {}
+@pytest.fixture
+def fly(tmp_path):
+    """`fly(how)`: one such flight, to its end; its exit code."""
 
-    def step() -> bool:
-        for how, process in list(flying.items()):
-            if process.poll() is not None:
-                codes[how] = process.returncode
-                del flying[how]
-        while todo and len(flying) < AT_A_TIME:
-            how = todo.pop(0)
-            with (folder / f"{how}.out").open("wb") as out:
-                flying[how] = subprocess.Popen(_command(how, folder), stdout=out, stderr=out)
-        return not flying
-
-    try:
-        until(step, "all flights")
-    finally:
-        for process in flying.values():
+    def once(how: str) -> int:
+        with (tmp_path / f"{how}.out").open("wb") as out:
+            process = subprocess.Popen(_command(how, tmp_path), stdout=out, stderr=out)
+        try:
+            until(lambda: process.poll() is not None, f"the end of {how}")
+        finally:
             process.kill()
-    return folder, codes
+        return process.returncode
+
+    def flown(how: str) -> int:
+        """Begun again as long as other tests have all the instances."""
+        code = once(how)
+        while "all have a port in use" in (tmp_path / f"{how}.out").read_text():
+            code = once(how)
+        return code
+
+    return flown
 
 
 def _pids(folder: Path, how: str) -> list[int]:
@@ -76,22 +73,39 @@ def _pids(folder: Path, how: str) -> list[int]:
 
 
 @pytest.mark.parametrize("how", FAULTS)
-def test_a_fault_is_named_and_leaves_nobody(flights, how):
-    folder, codes = flights
-    found = result.read(folder / how / "result.json")
-    assert (codes[how], found.exit_code, found.ended, found.passed) == (3, 3, "aborted", False)
+def test_a_fault_is_named_and_leaves_nobody(fly, tmp_path, how):
+    code = fly(how)
+    found = result.read(tmp_path / how / "result.json")
+    assert (code, found.exit_code, found.ended, found.passed) == (3, 3, "aborted", False)
     for words in FAULTS[how]:
         assert words in found.error
-    assert not any(map(alive, _pids(folder, how)))
+    assert not any(map(alive, _pids(tmp_path, how)))
+    if how == "talks":
+        (log,) = (tmp_path / how).rglob("controller.log")
+        assert log.stat().st_size == 64 << 20
+
+
+@pytest.fixture(scope="module")
+def well():
+    """The hash of the flight of a controller that does as it should."""
+    found: list[str] = []
+
+    def told(fly, folder):
+        if not found:
+            assert fly("well") == 0
+            found.append(result.read(folder / "well" / "result.json").trajectory_sha256)
+        return found[0]
+
+    return told
 
 
 @pytest.mark.parametrize("how", HARMLESS)
-def test_answers_that_are_repeated_or_too_many_change_no_bit(flights, how):
-    folder, codes = flights
-    found, well = (result.read(folder / name / "result.json") for name in (how, "well"))
-    assert (codes[how], found.ended) == (0, "time")
-    assert found.trajectory_sha256 == well.trajectory_sha256
-    pids = _pids(folder, how)
+def test_answers_that_are_repeated_or_too_many_change_no_bit(fly, tmp_path, well, how):
+    expected = well(fly, tmp_path)
+    code = fly(how)
+    found = result.read(tmp_path / how / "result.json")
+    assert (code, found.ended, found.trajectory_sha256) == (0, "time", expected)
+    pids = _pids(tmp_path, how)
     assert len(pids) == (3 if how == "leaves" else 1)
     assert not any(map(alive, pids)), "also those in sessions of their own"
 
