@@ -164,6 +164,16 @@ def position_bandwidth(tables: Tables) -> float:
     return fastest
 
 
+def brake(tables: Tables) -> float:
+    """Half of what the greatest tilt gives, m/s^2: what a setpoint is approached with."""
+    return 0.5 * G * math.tan(tilt_max(tables))
+
+
+def yaw_acceleration(tables: Tables) -> float:
+    """Half of the authority about yaw, rad/s^2: what yaw is believed to slow down with."""
+    return 0.5 * authority(tables).z
+
+
 def wind(tables: Tables) -> float:
     """The greatest wind (m/s) that a vehicle is expected to be flown in."""
     drag = CARRIED * float(tables["vehicle"]["mass_kg"][0]) * G

@@ -76,15 +76,6 @@ def _K_v(tables: Tables) -> Vec3:
     return Vec3(1.84 * w, 1.84 * w, 1.38 * w)
 
 
-def _a_brake(tables: Tables) -> float:
-    """Half of what the greatest tilt gives (m/s^2)."""
-    return 0.5 * G * math.tan(math.radians(tables["limits"]["tilt_max_deg"]))
-
-
-def _yaw_acceleration(tables: Tables) -> float:
-    return 0.5 * float(scales.authority(tables).z)
-
-
 P = Parameter
 
 PARAMETERS = (
@@ -112,7 +103,7 @@ PARAMETERS = (
         ),
         P("cutoff_v", "IN_CUTOFF_V", None, 1.0, 1000.0, "rad/s", "filter of acceleration and thrust", rule=lambda t: 5.0 * _tilt(t), gain=True),
         P("cutoff_j", "IN_CUTOFF_J", None, 1.0, 1000.0, "rad/s", "filter of the setpoint's acceleration", rule=lambda t: 5.0 * _tilt(t)),
-        P("a_brake", "IN_A_BRAKE", None, 0.1, 50.0, "m/s^2", "deceleration with which a setpoint is approached", rule=_a_brake),
+        P("a_brake", "IN_A_BRAKE", None, 0.1, 50.0, "m/s^2", "deceleration with which a setpoint is approached", rule=scales.brake),
     ),
     *group(
         "Attitude and rates",
@@ -125,8 +116,8 @@ PARAMETERS = (
             None, 0.1, 1000.0, "1/s", "gains of the body rates: one, or p, q, r", axes=True, rule=scales.rate_bandwidth, gain=True,
         ),
         P("cutoff_w", "IN_CUTOFF_W", None, 1.0, 2000.0, "rad/s", "filter of angular acceleration and torque", rule=lambda t: 10.0 * _tilt(t), gain=True),
-        P("yaw_acceleration", "IN_YAW_ACC", None, 0.01, 500.0, "rad/s^2", "what yaw is believed to slow down with", rule=_yaw_acceleration),
-        P("yaw_rate_max", "IN_YAWRATE_MAX", None, 0.02, 20.0, "rad/s", "greatest yaw rate towards a command", rule=lambda t: min(3.0, 1.2 * _yaw_acceleration(t)), degrees=True),
+        P("yaw_acceleration", "IN_YAW_ACC", None, 0.01, 500.0, "rad/s^2", "what yaw is believed to slow down with", rule=scales.yaw_acceleration),
+        P("yaw_rate_max", "IN_YAWRATE_MAX", None, 0.02, 20.0, "rad/s", "greatest yaw rate towards a command", rule=lambda t: min(3.0, 1.2 * scales.yaw_acceleration(t)), degrees=True),
     ),
     *group("Thrust", P("trim_rate", "IN_TRIM_RATE", 3.0, 0.0, 20.0, "1/s", "rate of the trim of thrust")),
 )  # fmt: skip

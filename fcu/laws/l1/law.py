@@ -85,15 +85,6 @@ def _k_v(tables: Tables) -> Vec3:
     return Vec3(w, w, w)
 
 
-def _a_brake(tables: Tables) -> float:
-    """Half of what the greatest tilt gives (m/s^2)."""
-    return 0.5 * G * math.tan(math.radians(tables["limits"]["tilt_max_deg"]))
-
-
-def _yaw_acceleration(tables: Tables) -> float:
-    return 0.5 * float(scales.authority(tables).z)
-
-
 P = Parameter
 
 PARAMETERS = (
@@ -125,9 +116,9 @@ PARAMETERS = (
         ),
         P("cutoff_j", "L1_CUTOFF_J", None, 1.0, 1000.0, "rad/s", "filter of the setpoint's acceleration", rule=lambda t: 5.0 * _tilt(t)),
         P("w_feed_max", "L1_W_FEED_MAX", 5.0, 0.0, 50.0, "rad/s", "greatest body rate of the commanded attitude that is fed forward"),
-        P("a_brake", "L1_A_BRAKE", None, 0.1, 50.0, "m/s^2", "deceleration with which a setpoint is approached", rule=_a_brake),
-        P("yaw_acceleration", "L1_YAW_ACC", None, 0.01, 500.0, "rad/s^2", "what yaw is believed to slow down with", rule=_yaw_acceleration),
-        P("yaw_rate_max", "L1_YAWRATE_MAX", None, 0.02, 20.0, "rad/s", "greatest yaw rate towards a command", rule=lambda t: min(3.0, 1.2 * _yaw_acceleration(t)), degrees=True),
+        P("a_brake", "L1_A_BRAKE", None, 0.1, 50.0, "m/s^2", "deceleration with which a setpoint is approached", rule=scales.brake),
+        P("yaw_acceleration", "L1_YAW_ACC", None, 0.01, 500.0, "rad/s^2", "what yaw is believed to slow down with", rule=scales.yaw_acceleration),
+        P("yaw_rate_max", "L1_YAWRATE_MAX", None, 0.02, 20.0, "rad/s", "greatest yaw rate towards a command", rule=lambda t: min(3.0, 1.2 * scales.yaw_acceleration(t)), degrees=True),
     ),
     *group(
         "L1 adaptation",

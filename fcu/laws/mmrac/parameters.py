@@ -135,10 +135,6 @@ def _tilt_rate_max(tables: Mapping[str, Any]) -> float:
     return SWING * scales.attitude_bandwidth(tables).x
 
 
-def _yaw_acceleration(tables: Mapping[str, Any]) -> float:
-    return 0.5 * scales.authority(tables).z
-
-
 def _T_dz_min(tables: Mapping[str, Any]) -> float:
     return 0.25 * scales.hover_thrust(tables)
 
@@ -213,7 +209,7 @@ ROWS: tuple[Parameter, ...] = (
         P("tilt_rate_bandwidth", "", None, 0.1, 1000.0, "rad/s", "filter of the tilt command's rate", rule=_tilt_rate_bandwidth),
         P("tilt_rate_max", "", None, 0.01, 100.0, "rad/s", "limit of the tilt command's rate", rule=_tilt_rate_max),
         P("yaw_rate_max", "MR_YAWRATE_MAX", 1.5, DEGREE, 360.0 * DEGREE, "rad/s", "greatest yaw rate towards a command", degrees=True),
-        P("yaw_acceleration", "", None, 0.01, 1000.0, "rad/s^2", "what yaw is believed to slow down with", rule=_yaw_acceleration),
+        P("yaw_acceleration", "", None, 0.01, 1000.0, "rad/s^2", "what yaw is believed to slow down with", rule=scales.yaw_acceleration),
     ),
     *group(
         "Thrust, tilt and rotors",
