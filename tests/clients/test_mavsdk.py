@@ -9,10 +9,14 @@ import pytest
 STEPS = ["took off", "there", "2 m/s east", "at the place", "landed at home"]
 
 
-@pytest.mark.parametrize("script", ["fly_mavsdk.py", "fly_mavsdk_grpc.py"])
-@pytest.mark.parametrize(
-    ("autopilot", "airframe"), [("px4", "s1000"), ("generic", "s1000"), ("px4", "quad")]
-)
+SCRIPTS = ("fly_mavsdk.py", "fly_mavsdk_grpc.py")
+FLOWN = [
+    *((script, autopilot, "s1000") for script in SCRIPTS for autopilot in ("px4", "generic")),
+    (SCRIPTS[0], "px4", "quad"),
+]
+
+
+@pytest.mark.parametrize(("script", "autopilot", "airframe"), FLOWN)
 def test_a_whole_flight(vehicle, run, script, autopilot, airframe):
     up = vehicle("--speed", "4", "--autopilot", autopilot, "--airframe", airframe)
     said = run(Path(__file__).parent / script, up.ports.script)
