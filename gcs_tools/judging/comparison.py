@@ -74,6 +74,7 @@ def _of_recording(path: Path, file: Path) -> Flown:
     told = recording.metadata
     keys = (key for key in told if key.startswith(_TABLES))
     values = {key: told[key].rpartition(" (")[0] for key in keys}
+    values |= {key: told[key] for key in (reader.AIRFRAME,) if key in told}
     name = file.resolve().parent.name if file.name == RECORDING else file.stem
     metrics = engaged_ticks(recording).metrics()
     return Flown(name, path, told.get("mission", ""), None, metrics, values, "")
