@@ -36,7 +36,7 @@ def publish(
     from fcu.interface.topics import run_name
     from fcu.laws import loader
     from gcs_tools.live import bus, publisher
-    from gcs_tools.live.publisher import flies_with
+    from gcs_tools.recording.reader import flies_with
 
     occupy_standard_streams()
     name = run_name(run or time.strftime("%Y%m%d-%H%M%S"))

@@ -49,7 +49,6 @@ from gcs_tools.judging.expectations import LIMITED, untold
 from gcs_tools.judging.metrics import OF_THE_TRUTH
 from gcs_tools.judging.preflight_check import refusal
 from gcs_tools.judging.result import Result, judge
-from gcs_tools.live.publisher import flies_with
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import (
     Mission,
@@ -69,6 +68,7 @@ from gcs_tools.recording.reader import (
     LAW,
     LAW_SOURCES,
     RecordingError,
+    flies_with,
 )
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.truth import truth

@@ -28,7 +28,6 @@ import zenoh
 from fcu.interface import airframe as airframes
 from fcu.interface import publisher_feed
 from fcu.interface import topics as keys
-from fcu.interface.airframe import AirframeFile
 from fcu.interface.ports import ports
 from fcu.interface.starter import announce, log
 from fcu.kernel.buffers import columns, size
@@ -39,7 +38,7 @@ from gcs_tools.live.samples import Numbers, Packer
 from gcs_tools.live.subscriber import printable
 from gcs_tools.recording import events
 from gcs_tools.recording.events import LEVELS, Event
-from gcs_tools.recording.reader import AIRFRAME, AIRFRAME_SHA256, LAW, LAW_SOURCES, SCHEMA_VERSION
+from gcs_tools.recording.reader import AIRFRAME, LAW, LAW_SOURCES, SCHEMA_VERSION, flies_with
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, Kinds, Topic
 from gcs_tools.recording.table import Rows
 
@@ -592,15 +591,6 @@ def about(run: str, instance: int, law: Law, flies: dict[str, Any]) -> dict[str,
         "mission": None,
         **({} if AIRFRAME in flies else flies_with(airframes.read())),
         **flies,
-    }
-
-
-def flies_with(airframe: AirframeFile) -> dict[str, Any]:
-    """What a vehicle says of its airframe."""
-    return {
-        AIRFRAME: airframe.name,
-        AIRFRAME_SHA256: airframe.sha256,
-        "believed_drag": list(airframe.drag),
     }
 
 

@@ -125,9 +125,10 @@ def _path(name: str) -> Path:
     if path.is_file() and not Path(name).is_file():
         return path  # also of a folder of them: benchmark/steps
     of = name.rpartition("/")[0]
-    known = shipped(of)
-    if name.endswith(".toml") or Path(name).is_file() or (of and not known):
+    ours = not of or ((folder() / of).parent == folder() and (folder() / of).is_dir())
+    if name.endswith(".toml") or Path(name).exists() or of in (".", "..") or not ours:
         return Path(name)
+    known = shipped(of)
     raise MissionError(
         f"{name}: no such mission{_meant(name, known)}; there are {', '.join(known)}"
     )

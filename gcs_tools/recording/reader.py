@@ -20,6 +20,7 @@ from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Message, Metadata, Schema
 
+from fcu.interface.airframe import AirframeFile
 from fcu.interface.input_file import opened
 from gcs_tools.recording import events, old_names
 from gcs_tools.recording.events import Event
@@ -42,6 +43,15 @@ LAW_SOURCES = "law_sha256"  # of metadata: the first 16 digits of the hash of it
 OF_A_LAW = ("/fcu/law", "/fcu/internals", "/fcu/guard", "/fcu/guard_state", PARAMS)
 
 Sequence = np.ndarray[Any, np.dtype[np.uint64]]
+
+
+def flies_with(airframe: AirframeFile) -> dict[str, Any]:
+    """What a vehicle says of its airframe."""
+    return {
+        AIRFRAME: airframe.name,
+        AIRFRAME_SHA256: airframe.sha256,
+        "believed_drag": list(airframe.drag),
+    }
 
 
 class RecordingError(Exception):
