@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -253,10 +254,30 @@ def test_a_law_that_does_not_compile_ends_with_2_and_the_line(own_mission, insta
 
 
 def test_the_page_shows_the_whole_file_and_its_mission():
-    shown = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    page = PAGE.read_text().partition("## Fly it on any vehicle")[0]
+    shown = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     text = (HERE / "plain_cascade.py").read_text()
     left = [row for row in text.splitlines() if row]
     assert left == [row for block in shown for row in block.splitlines() if row]
     assert len(text.splitlines()) <= 80
     (toml,) = re.findall(r"^```toml\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     assert toml in (HERE / "step_in_still_air.toml").read_text()
+
+
+def test_with_the_rules_of_the_page_it_flies_a_vehicle_of_another_mass(own_mission):
+    """The quadrotor has a fifth of the mass in its table; as it is, the law flies away with it."""
+    law = own_mission.with_name("plain_cascade.py")
+    flown = partial(_error_on_the_quad, own_mission)
+    assert flown() > 10.0
+    page = PAGE.read_text().partition("## Fly it on any vehicle")[2]
+    (ruled,) = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    was = re.search(r"^PARAMETERS = \(\n.*\n.*\n", law.read_text(), re.MULTILINE)
+    assert was is not None
+    law.write_text(law.read_text().replace(was.group(), ruled))
+    assert flown() < 0.2
+
+
+def _error_on_the_quad(mission: Path) -> float:
+    options = ("--airframe", "quad", "--in-process", "--figure", "never", "--json")
+    done = _gcs("fly", mission, *options, folder=mission.parent)
+    return float(json.loads(done.stdout)[0]["metrics"]["setpoint_error_final_m"])
