@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from io import BytesIO
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gcs_tools.pictures.plot.several import COLOURS
 from gcs_tools.pictures.plot.style import GREY, STYLE, legend, logarithmic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ABOVE = 24.0  # points from the axes to their title, with the legend between
 
 
 class Mark(NamedTuple):
@@ -27,6 +32,19 @@ class Mark(NamedTuple):
 def draw(marks: Sequence[Mark], kind: str = "png") -> bytes:
     """The picture: a panel an airframe, a column a mission, a colour a law."""
     from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        picture = BytesIO()
+        metadata = (
+            {"Software": None} if kind == "png" else {"Date": None} if kind == "svg" else None
+        )
+        figure(marks).savefig(picture, format=kind, dpi=110, metadata=metadata)
+    return picture.getvalue()
+
+
+def figure(marks: Sequence[Mark]) -> Figure:
+    """The same, as matplotlib has it; to be drawn in STYLE."""
+    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     airframes, missions, laws = (
@@ -34,11 +52,12 @@ def draw(marks: Sequence[Mark], kind: str = "png") -> bytes:
         for of in ("airframe", "mission", "law")
     )
     with rc_context(STYLE):
-        width = max(6.0, 2.5 + 0.95 * len(missions))
-        figure = Figure(figsize=(width, 0.6 + 3.4 * len(airframes)), layout="constrained")
-        panels = figure.subplots(len(airframes), 1, squeeze=False)[:, 0]
+        width = max(6.5, 2.5 + 0.95 * len(missions), 0.5 + 0.9 * len(laws))
+        drawn = Figure(figsize=(width, 0.6 + 3.7 * len(airframes)), layout="constrained")
+        panels = drawn.subplots(len(airframes), 1, squeeze=False)[:, 0]
         for axes, airframe in zip(panels, airframes, strict=True):
-            axes.set_title(f"{airframe}: distance from the setpoint, RMS after the transient")
+            title = f"{airframe}: distance from the setpoint, RMS after the transient"
+            axes.set_title(title, pad=ABOVE)
             axes.set_ylabel("m")
             logarithmic(axes, "y")
             for i, law in enumerate(laws):
@@ -64,13 +83,8 @@ def draw(marks: Sequence[Mark], kind: str = "png") -> bytes:
             axes.grid(False, axis="x")
             legend(axes)
         said = "Bars: 95 % intervals of the mean. Percentages at the top: flights that were lost."
-        figure.supxlabel(said, x=0.012, ha="left", fontsize=8.0, color=GREY)
-        picture = BytesIO()
-        metadata = (
-            {"Software": None} if kind == "png" else {"Date": None} if kind == "svg" else None
-        )
-        figure.savefig(picture, format=kind, dpi=110, metadata=metadata)
-    return picture.getvalue()
+        drawn.supxlabel(said, x=0.012, ha="left", fontsize=8.0, color=GREY)
+    return drawn
 
 
 def _reach(mark: Mark, end: float) -> float:
