@@ -45,7 +45,7 @@ class Code(Enum):
     # --- what contradicts a belief
     LIGHTER = "mass below {:g} kg, or wind from below lasts"
     HEAVIER = "mass above {:g} kg, or wind from above lasts"
-    MORE_DRAG = "drag beyond that of a wind of {:g} m/s"
+    MORE_DRAG = "drag beyond that of a wind of {:.3g} m/s"
     THRUST_OFF = "rotors do not give the thrust commanded"
     TRIM_PINNED = "trim of thrust at its limit of {:g} N"
 

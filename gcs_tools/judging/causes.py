@@ -154,14 +154,14 @@ def _air(flight: EngagedTicks, values: Mapping[str, Value]) -> str:
     if believed is None:
         return f"The wind reached {greatest:.1f} m/s."
     within = "within" if greatest <= believed.value else "more than"
-    text = f"The wind reached {greatest:.1f} m/s, {within} the {believed.value:g} m/s believed"
+    text = f"The wind reached {greatest:.1f} m/s, {within} the {believed.value:.3g} m/s believed"
     dt = np.diff(flight.t)
     rate = float(
         np.linalg.norm(np.diff(v_air, axis=0), axis=1).max(initial=0.0) / dt.min(initial=1.0)
     )
     rate_believed = values["law.guard_wind_rate_m_s2"].value
     if rate > rate_believed:
-        text += f"; it changed by up to {rate:.3g} m/s^2 ({rate_believed:g} believed)"
+        text += f"; it changed by up to {rate:.3g} m/s^2 ({rate_believed:.3g} believed)"
     return f"{text} (law.guard_wind_m_s)."
 
 

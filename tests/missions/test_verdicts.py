@@ -201,6 +201,12 @@ def test_a_flight_that_saturates_or_is_lost_says_why(flown, mission, settings, t
         assert part in text
 
 
+def test_beliefs_that_follow_from_an_airframe_are_told_in_three_digits(flown):
+    causes = flown("paper_nominal", "airframe='quad'").causes
+    wind = next(line for line in causes if line.startswith("The wind reached"))
+    assert "the 7.41 m/s believed; it changed by up to 18.5 m/s^2 (12.4 believed)" in wind
+
+
 @pytest.mark.parametrize("mission", ["gust_step", "paper_fast_governed", "noisy_state"])
 def test_a_flight_that_does_not_says_nothing(flown, mission):
     assert flown(mission).causes == []
