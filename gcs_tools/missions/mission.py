@@ -129,9 +129,16 @@ def _path(name: str) -> Path:
     if name.endswith(".toml") or Path(name).exists() or of in (".", "..") or not ours:
         return Path(name)
     known = shipped(of)
-    raise MissionError(
-        f"{name}: no such mission{_meant(name, known)}; there are {', '.join(known)}"
-    )
+    folders = [each.name for each in sorted(folder().iterdir()) if shipped(each.name)]
+    if name in folders:
+        raise MissionError(
+            f"{name}: expected a mission, got a folder of them: {', '.join(shipped(name))}"
+        )
+    inside = [path for each in folders for path in shipped(each)]
+    meant = [path for path in inside if path.rpartition("/")[2] == name]
+    hint = f" (did you mean {meant[0]}?)" if meant else _meant(name, [*known, *inside, *folders])
+    also = "" if of else "".join(f", {each}/..." for each in folders)
+    raise MissionError(f"{name}: no such mission{hint}; there are {', '.join(known)}{also}")
 
 
 def _shown(path: Path) -> str:
