@@ -60,7 +60,7 @@ class Entrant:
             for setting in self.settings:
                 made = override(made, setting)
         except MissionError as error:
-            raise EntrantError(str(error)) from error
+            raise EntrantError(f"{self.label}: {error}") from error
         if made.flight.items:
             raise EntrantError(
                 f"{of.source}: a mission of items is flown by a whole vehicle, not by a law alone"
