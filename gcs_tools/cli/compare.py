@@ -91,7 +91,20 @@ def compare(
     }  # fmt: skip
     if given := [name for name, value in of_laws.items() if value]:
         raise click.UsageError(f"{given[0]}: laws are compared with --missions")
+    if laws := [name for name in compared if _is_law(name)]:
+        raise click.UsageError(f"{laws[0]}: a law is compared with --missions")
     return _compare_runs(tuple(map(Path, compared)), figure, as_json)
+
+
+def _is_law(name: str) -> bool:
+    """Whether it names no run, but a law."""
+    if name.endswith(".py"):
+        return True
+    if Path(name).exists():
+        return False
+    from fcu.laws import loader
+
+    return name in loader.SHIPPED
 
 
 def _compare_runs(runs: tuple[Path, ...], figure: Path | None, as_json: bool) -> int:

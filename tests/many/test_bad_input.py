@@ -16,6 +16,7 @@ from gcs_tools.exit_codes import USAGE
 from gcs_tools.many import margins, procedure
 from gcs_tools.many.entrant import entrant
 from gcs_tools.many.flights import each
+from gcs_tools.missions.mission import MissionError, load
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,34 @@ def test_missions_that_name_none_are_a_usage_error():
     ran = CliRunner().invoke(main, ["compare", "px4", "--missions", ","])
     assert ran.exit_code == USAGE
     assert "expected the name of a mission" in ran.output
+
+
+@pytest.mark.parametrize("law", ["px4", "my_law.py"])
+def test_laws_without_missions_are_told_what_they_need(law):
+    ran = CliRunner().invoke(main, ["compare", law, "mmrac"])
+    assert ran.exit_code == USAGE
+    assert f"{law}: a law is compared with --missions" in ran.output
+
+
+def test_a_setting_that_one_of_the_laws_has_not_says_which():
+    asked = ["compare", "mmrac", "px4", "--missions", "benchmark/steps", "--set", "law.k_r_xy=1"]
+    ran = CliRunner().invoke(main, asked)
+    assert ran.exit_code == USAGE
+    assert "mmrac: --set law.k_r_xy=1: [law] k_r_xy: no such key" in ran.output
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("steps", "(did you mean benchmark/steps?)"),
+        ("benchmrk", "(did you mean benchmark?)"),
+        ("benchmark", "expected a mission, got a folder of them: benchmark/delay, "),
+    ],
+)
+def test_a_mission_of_a_folder_is_found_by_who_forgets_the_folder(name, said):
+    with pytest.raises(MissionError) as caught:
+        load(name)
+    assert said in str(caught.value)
 
 
 def test_a_word_that_is_an_array_is_refused():
