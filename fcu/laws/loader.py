@@ -21,6 +21,7 @@ import importlib.util
 import inspect
 import re
 import sys
+import threading
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -138,14 +139,20 @@ def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
     if str(name) == DEFAULT:
         return _default()
     if str(name) in SHIPPED:
-        return _own(SHIPPED[str(name)], str(name))
+        with _parsing:
+            return _own(SHIPPED[str(name)], str(name))
     if not str(name).endswith(".py"):
         close = difflib.get_close_matches(str(name), SHIPPED, n=1)
         meant = f" (did you mean {close[0]}?)" if close else ""
         raise LawError(
             f"{name}: no such law{meant}; expected {', '.join(SHIPPED)}, or a file of your own, FILE.py"
         )
-    return _own((folder or Path()) / name)
+    with _parsing:
+        return _own((folder or Path()) / name)
+
+
+# Python 3.11 keeps the depth of a tree that is parsed for all threads: two at once raise SystemError.
+_parsing = threading.RLock()
 
 
 @cache
