@@ -10,7 +10,6 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -18,7 +17,7 @@ instance, how, pids = int(sys.argv[1]), sys.argv[2], sys.argv[3]
 since = int(sys.argv[4]) if len(sys.argv) > 4 else 100
 with open(pids, "a") as file:
     print(os.getpid(), file=file, flush=True)
-FOREVER = [sys.executable, "-c", "import time; time.sleep(3600)"]
+FOREVER = [sys.executable, "-c", "import signal; signal.pause()"]
 if how == "leaves":  # one in its session, one in a session of its own
     for new in (False, True):
         child = subprocess.Popen(FOREVER, start_new_session=new)
@@ -29,7 +28,7 @@ if how in ("leaves", "stubborn"):
 if how == "refuses":
     sys.exit("nothing to fly today")
 if how == "absent":
-    time.sleep(3600)
+    signal.pause()
 
 
 def udp(port):
@@ -77,7 +76,7 @@ while True:
         while True:
             print("and another thing" * 1000)
     elif how == "hangs":
-        time.sleep(3600)
+        signal.pause()
     elif how == "suspended":
         os.kill(os.getpid(), signal.SIGSTOP)
     elif how == "wrong_id":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -14,8 +13,6 @@ from gcs_tools.flight.foreign_flight import command, filled, names_instance, val
 from gcs_tools.judging import result
 from tests.patience import until
 from tests.process.conftest import alive
-
-pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
 
 HERE = Path(__file__).parent
 FAULTS = {  # how it misbehaves -> parts of the error
