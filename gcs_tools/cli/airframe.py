@@ -73,15 +73,16 @@ def _show(found: AirframeCheck, console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    console.print(
-        Text(found.airframe, style="bold"), Text(f"{len(found.rotors)} rotors", style="dim")
-    )
+    name = Path(found.airframe).name.removesuffix(".toml")
+    console.print(Text(f"{name},", style="bold"), Text(f"{len(found.rotors)} rotors", style="dim"))
     for why in _why_not(found):
         console.print(Text(why, style="bold yellow"))
     if found.flies:
         console.print(
             Text("It flies:", style="bold green"), "its gains are stable, and hover leaves room."
         )
+    for doubt in found.doubts:
+        console.print(Text("Is this meant?", style="bold yellow"), Text(f"{doubt}."))
     console.print()
 
     rows = Table("Hover", "", "", box=None, pad_edge=False, header_style="dim")

@@ -6,7 +6,9 @@ vehicle that the simulator plays. The gains are M-MRAC's, as they are without a 
 
 from __future__ import annotations
 
+import difflib
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,7 +16,7 @@ import numpy as np
 
 from fcu.configuration import pinned
 from fcu.guard import governor, margin, stability, wrench
-from fcu.interface.airframe import LAW, PINNED, AirframeFile
+from fcu.interface.airframe import LAW, PINNED, AirframeFile, full_thrust
 from fcu.interface.parameter import default
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.laws import loader, scales
@@ -101,6 +103,7 @@ class AirframeCheck:
     hover_time_s: float  # of the simulated vehicle, from a full battery
     hover_power_w: float
     gains: tuple[Gain, ...]
+    doubts: tuple[str, ...]  # what flies and is still unlikely to be meant, a sentence each
 
     @property
     def flies(self) -> bool:
@@ -157,7 +160,37 @@ def airframe_check(file: AirframeFile) -> AirframeCheck:
         hover_time_s=seconds,
         hover_power_w=power,
         gains=_gains(tables),
+        doubts=tuple(_doubts(file)),
     )
+
+
+STRONG = 3.0  # times thrust_max_n: rotors that give more are hardly meant
+TWISTS = 0.1  # m of torque over thrust: six times that of the S1000
+
+
+def _doubts(file: AirframeFile) -> Iterator[str]:
+    """Numbers that may be in another unit, limits that nothing meets, tables that no law reads."""
+    full, most = full_thrust(file.rotors), float(file.tables["limits"]["thrust_max_n"])
+    if full > STRONG * most:
+        yield (
+            f"[rotors] full_speed_rad_s: at full speed the rotors give {full:.4g} N, and [limits]"
+            f" thrust_max_n is {most:.4g} N: is it in rpm? 1 rpm is 0.1047 rad/s"
+        )
+    if most > 1.05 * full:
+        yield (
+            f"[limits] thrust_max_n is {most:.4g} N, and at full speed the rotors give {full:.4g} N:"
+            " the difference is never there"
+        )
+    if file.rotors.k_Q > TWISTS:
+        yield (
+            f"[rotors] torque_to_thrust_m is {file.rotors.k_Q:g} m: torque in N m over thrust in N,"
+            " not the torque itself?"
+        )
+    for name in file.tables.get(LAW, {}):
+        if name not in loader.SHIPPED:
+            hint = difflib.get_close_matches(name, loader.SHIPPED, n=1)
+            meant = f"; did you mean {hint[0]}?" if hint else ""
+            yield f"[law.{name}] is read for a law of yours called {name}, and no other{meant}"
 
 
 def _rotors(file: AirframeFile) -> tuple[Rotor, ...]:

@@ -135,3 +135,20 @@ def test_the_margins_are_those_of_the_matrices():
     assert stability.radius(law, here, "pitch", ticks=ticks) < 1.0
     assert stability.radius(law, here, "pitch", ticks=ticks + 1) >= 1.0
     assert math.isfinite(pitch.settles_s)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "doubted"),
+    [
+        ("full_speed_rad_s = ", "full_speed_rad_s = 9", "full_speed_rad_s"),
+        ("thrust_max_n = ", "thrust_max_n = 9", "thrust_max_n"),
+        ("torque_to_thrust_m = 0.", "torque_to_thrust_m = 0.9", "torque_to_thrust_m"),
+        ("[limits]", "[law.my_law]\nk = 1.0\n\n[limits]", "[law.my_law]"),
+        ("[limits]", "[law.indy]\nk = 1.0\n\n[limits]", "did you mean indi?"),
+    ],
+)
+def test_what_is_hardly_meant_is_asked(changed, old, new, doubted):
+    assert not airframe_check(read(SHIPPED["quad"])).doubts
+    found = airframe_check(read(changed("quad", (old, new)))).doubts
+    assert len(found) == 1
+    assert doubted in found[0]
