@@ -30,7 +30,9 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
         raise click.BadParameter(f"{value!r}: expected a whole number, or a range as 0..20")
     first, last = (int(found[1]), int(found[2])) if found[2] else (1, int(found[1]))
     if not 0 < last + 1 - first <= SEEDS_MOST:
-        raise click.BadParameter(f"{value!r}: expected from one to {SEEDS_MOST} seeds")
+        raise click.BadParameter(
+            f"{value!r}: expected from one to {SEEDS_MOST} seeds (the mission as written alone: 0..0)"
+        )
     return range(first, last + 1)
 
 
@@ -42,7 +44,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--missions", multiple=True, metavar="MISSION,...", help="Fly these with each LAW; may be repeated.")  # fmt: skip
 @click.option("--seeds", callback=_seeds, metavar="N|A..B", help="Flights of each mission with seeds 1 to N, or A to B; 0 is the mission as written; default: 20.")  # fmt: skip
 @click.option("--airframe", "airframes", multiple=True, metavar="NAME|FILE.toml", help="Vehicle to fly with, whatever a mission says; may be repeated; default: s1000.")  # fmt: skip
-@click.option("--gains", type=click.Path(path_type=Path), metavar="FOLDER", help="Fly each LAW with its file of gains in this folder (gcs tune), if there is one.")  # fmt: skip
+@click.option("--gains", type=click.Path(path_type=Path), metavar="FILE|FOLDER", help="Fly each LAW with its file of gains (gcs tune), if one is there.")  # fmt: skip
 @click.option("--margins", is_flag=True, help="Also find the delay, rotor lag, mass and wind at which each LAW loses the vehicle.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Write results.json, results.parquet and results.png here.")  # fmt: skip
 @click.option("--procedure", "followed", type=click.Path(path_type=Path), metavar="FILE", help="Procedure to follow; default: the one that all laws are compared by.")  # fmt: skip
