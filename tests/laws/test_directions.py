@@ -13,6 +13,7 @@ from fcu.kernel.rotations import from_euler
 from fcu.laws import allocation
 from fcu.laws.mmrac import attitude, position, prediction, rates
 from fcu.laws.mmrac import law as mmrac
+from tests.laws.values import TILTS
 
 
 def first(law, fixed, measured, r=(0.0, 0.0, 0.0), psi=0.0, **chosen):
@@ -35,16 +36,7 @@ def test_a_setpoint_north_east_up_asks_force_north_east_up(law, fixed, hover, pr
     assert phi_c < 0.0  # roll left flies north
 
 
-@pytest.mark.parametrize(
-    ("psi", "r_c", "phi_sign", "theta_sign"),
-    [
-        (0.0, (2.0, 0.0, 0.0), 0, 1),
-        (0.0, (0.0, 2.0, 0.0), -1, 0),
-        (0.5 * math.pi, (0.0, 2.0, 0.0), 0, 1),  # nose north: north is ahead
-        (0.5 * math.pi, (2.0, 0.0, 0.0), 1, 0),  # and east is to the right
-        (math.pi, (2.0, 0.0, 0.0), 0, -1),
-    ],
-)
+@pytest.mark.parametrize(("psi", "r_c", "phi_sign", "theta_sign"), TILTS)
 def test_tilt_is_towards_the_setpoint_whatever_the_heading(
     law, fixed, hover, psi, r_c, phi_sign, theta_sign
 ):

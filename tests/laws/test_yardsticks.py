@@ -14,6 +14,7 @@ from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.laws import loader
 from tests.laws.conftest import OCTO
+from tests.laws.values import TILTS
 
 LAWS = ["px4", "se3", "indi", "l1"]
 W = 8.0 * 9.81
@@ -75,16 +76,7 @@ def test_the_first_tick_is_finite_at_every_level(face, params, fixed, hover):
             assert np.isfinite(np.array(getattr(outputs, key))).all(), key
 
 
-@pytest.mark.parametrize(
-    ("psi", "r_c", "phi_sign", "theta_sign"),
-    [
-        (0.0, (2.0, 0.0, 0.0), 0, 1),
-        (0.0, (0.0, 2.0, 0.0), -1, 0),
-        (0.5 * math.pi, (0.0, 2.0, 0.0), 0, 1),  # nose north: north is ahead
-        (0.5 * math.pi, (2.0, 0.0, 0.0), 1, 0),  # and east is to the right
-        (math.pi, (2.0, 0.0, 0.0), 0, -1),
-    ],
-)
+@pytest.mark.parametrize(("psi", "r_c", "phi_sign", "theta_sign"), TILTS)
 def test_tilt_is_towards_the_setpoint_whatever_the_heading(
     first, fixed, hover, psi, r_c, phi_sign, theta_sign
 ):

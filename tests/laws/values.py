@@ -1,12 +1,22 @@
-"""Values of the law, changed by the names of their fields."""
+"""Values that tests of laws share, and values of the law, changed by the names of their fields."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from fcu.kernel.buffers import fields, is_value
+
+# Yaw, setpoint (m, E), and the signs of the roll and the pitch that lead there.
+TILTS = [
+    (0.0, (2.0, 0.0, 0.0), 0, 1),
+    (0.0, (0.0, 2.0, 0.0), -1, 0),
+    (0.5 * math.pi, (0.0, 2.0, 0.0), 0, 1),  # nose north: north is ahead
+    (0.5 * math.pi, (2.0, 0.0, 0.0), 1, 0),  # and east is to the right
+    (math.pi, (2.0, 0.0, 0.0), 0, -1),
+]
 
 
 def with_fields(value: Any, **given: Any) -> Any:

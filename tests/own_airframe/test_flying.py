@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +13,7 @@ import pytest
 from fcu.interface.airframe import read as read_airframe
 from gcs_tools.recording.reader import read
 from tests.bad_input.hovering import Flight
+from tests.two_ways import both, run
 
 pytestmark = pytest.mark.slow  # starts processes
 
@@ -24,31 +23,11 @@ LAW = ("--law", str(HERE.parent / "own_law" / "plain_cascade.py"))
 ABSENT = tuple(f"r{i}" for i in range(5, 9))
 
 
-def _run(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", *map(str, arguments)]
-    return subprocess.run(
-        command,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        timeout=100,
-    )
-
-
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
     """The mission flown over the wire and in process: result.json of each, and the folders."""
     folder = tmp_path_factory.mktemp("flights")
-    for way, options in {"wire": (), "process": ("--in-process", "--figure", "never")}.items():
-        done = _run(
-            "gcs_tools", "fly", HERE / "step.toml", "--out", folder / way, *options, folder=folder
-        )
-        assert done.returncode == 0, done.stderr
-    results = {
-        way: json.loads((folder / way / "result.json").read_text()) for way in ("wire", "process")
-    }
-    return folder, results
+    return folder, both(HERE / "step.toml", folder)
 
 
 def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
@@ -85,7 +64,7 @@ def test_rotors_that_are_absent_stand_still_and_are_told_nothing(flights):
 
 def test_pictures_leave_them_out(flights, tmp_path):
     folder, _ = flights
-    done = _run(
+    done = run(
         "gcs_tools", "plot", folder / "wire" / "flight.mcap", "--what", "limits", "--json",
         "--out", tmp_path / "limits.png", folder=tmp_path,
     )  # fmt: skip
@@ -94,7 +73,7 @@ def test_pictures_leave_them_out(flights, tmp_path):
 
 
 def test_a_value_of_the_mission_comes_before_one_that_the_vehicle_pins(tmp_path):
-    done = _run(
+    done = run(
         "gcs_tools", "fly", HERE / "step.toml", "--in-process", "--set", "law.m=1.6", "--figure",
         "never", "--record", "none", "--set", "flight.duration_s=3", "--json", folder=tmp_path,
     )  # fmt: skip
@@ -174,7 +153,7 @@ def test_a_vehicle_that_cannot_be_flown_is_named_by_line_and_key(tmp_path, kind)
     assert before in TEXT
     text = TEXT.replace(before, after)
     (tmp_path / "mine.toml").write_text(text)
-    done = _run("fcu", "--airframe", "mine.toml", *LAW, folder=tmp_path)
+    done = run("fcu", "--airframe", "mine.toml", *LAW, folder=tmp_path)
     assert done.returncode == 2
     (sentence,) = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
     assert "mine.toml:" in sentence
@@ -194,7 +173,7 @@ def test_every_program_says_which_airframe_it_cannot_use(tmp_path, words, name):
     mission = (HERE / "step.toml").read_text().replace("../own_law", str(HERE.parent / "own_law"))
     (tmp_path / "here.toml").write_text(mission.replace("quad.toml", name))
     arguments = [name if word == "X" else word for word in words.split()]
-    done = _run(*arguments, folder=tmp_path)
+    done = run(*arguments, folder=tmp_path)
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert "Error: " in done.stderr
@@ -202,6 +181,6 @@ def test_every_program_says_which_airframe_it_cannot_use(tmp_path, words, name):
 
 def test_a_rotor_that_is_absent_cannot_be_lost(tmp_path):
     lost = "plant.rotor_loss=[{ rotor = 5, at_s = 1.0, effectiveness = 0.5 }]"
-    done = _run("gcs_tools", "fly", HERE / "step.toml", "--set", lost, folder=tmp_path)
+    done = run("gcs_tools", "fly", HERE / "step.toml", "--set", lost, folder=tmp_path)
     assert done.returncode == 2
     assert "expected 1 to 4, the rotors of quad, got 5" in done.stderr

@@ -18,6 +18,7 @@ from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load
 from gcs_tools.recording.reader import read
 from tests.command_line import gcs
+from tests.two_ways import both, run
 
 pytestmark = pytest.mark.slow  # starts processes
 
@@ -26,24 +27,14 @@ ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "law-of-your-own.md"
 
 
-def _gcs(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "gcs_tools", *map(str, arguments)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+_gcs = partial(run, "gcs_tools")
 
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
     """The mission flown over the wire and in process: result.json of each, and the folders."""
     folder = tmp_path_factory.mktemp("flights")
-    mission = HERE / "step_in_still_air.toml"
-    undrawn = ("--in-process", "--figure", "never")
-    for way, options in {"wire": (), "process": undrawn}.items():
-        done = _gcs("fly", mission, "--out", folder / way, *options, folder=folder)
-        assert done.returncode == 0, done.stderr
-    results = {
-        way: json.loads((folder / way / "result.json").read_text()) for way in ("wire", "process")
-    }
-    return folder, results
+    return folder, both(HERE / "step_in_still_air.toml", folder)
 
 
 def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
