@@ -5,13 +5,16 @@ Both ways of flying start from here, so they cannot differ in what they fly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.loader import Law
@@ -71,7 +74,7 @@ class Scenario:
     @property
     def setpoints(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """float64[m, 19]: the setpoints as the vehicle decodes them."""
-        return np.array([to_buffer(setpoint_through_the_wire(s)) for s in self.sent])
+        return _decoded(self.sent)
 
     def noise(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
         """float64[n, 12] noise on the reported state, or float64[0, 12] for none."""
@@ -81,6 +84,13 @@ class Scenario:
         return np.random.default_rng(int(self.world.seed)).standard_normal((n, tick.NOISE)) * scale
 
 
+@lru_cache(maxsize=64)  # a law is tuned in the same few missions
+def _decoded(sent: tuple[Setpoint, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    found = np.array([to_buffer(setpoint_through_the_wire(each)) for each in sent])
+    found.setflags(write=False)
+    return found
+
+
 def scenario(mission: Mission) -> Scenario:
     """What a mission flies.
 
@@ -88,9 +98,6 @@ def scenario(mission: Mission) -> Scenario:
     no vehicle takes.
     """
     flight = mission.flight
-    rows = mission.flown.settings.PARAMETERS
-    tops = {row.key.partition(".")[0] for row in rows if row.key}
-    chosen = mission.law.model_dump(include=tops, exclude_none=True)
     start = flight.start.model_dump(exclude_none=True)
     if flight.items:
         begin, sent = foreseen(flight)
@@ -117,11 +124,7 @@ def scenario(mission: Mission) -> Scenario:
     return Scenario(
         flown=mission.flown,
         airframe=vehicle,
-        settings=None
-        if mission.controller
-        else mission.flown.settings.settings(
-            vehicle.rotors, vehicle.tables, flight.rate_hz, chosen
-        ),
+        settings=None if mission.controller else _settings(mission, {}),
         world=there,
         ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),
@@ -135,4 +138,22 @@ def scenario(mission: Mission) -> Scenario:
         flight=flight,
         legs=legs(flight),
         controller=mission.controller,
+    )
+
+
+def with_gains(made: Scenario, mission: Mission, gains: Mapping[str, Any]) -> Scenario:
+    """The flight of `mission` with other values of the law's parameters, dotted key -> value.
+
+    Raises ParameterError or AirframeError for what cannot be flown.
+    """
+    return replace(made, settings=_settings(mission, gains))
+
+
+def _settings(mission: Mission, gains: Mapping[str, Any]) -> Any:
+    """What the law is told: its mission's [law] with other `gains`."""
+    flown, vehicle = mission.flown.settings, mission.airframe
+    tops = {row.key.partition(".")[0] for row in flown.PARAMETERS if row.key}
+    chosen = dict(flat(mission.law.model_dump(include=tops, exclude_none=True)))
+    return flown.settings(
+        vehicle.rotors, vehicle.tables, mission.flight.rate_hz, {**chosen, **gains}
     )

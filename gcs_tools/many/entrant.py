@@ -14,7 +14,7 @@ from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.many import score
 from gcs_tools.many.draws import Stream, drawn
-from gcs_tools.many.procedure import Procedure
+from gcs_tools.many.procedure import Draws, Procedure
 from gcs_tools.many.score import Score
 from gcs_tools.missions.mission import (
     Mission,
@@ -101,12 +101,16 @@ class Flight:
     stream: Stream
     seed: int
 
-    def fly(self, procedure: Procedure) -> Score:
-        """Fly it; what a vehicle would not arm with is lost. Raises EntrantError, LawError."""
+    def drawn(self, draws: Draws) -> Mission:
+        """The mission as the seed draws it. Raises EntrantError."""
         try:
-            mission = drawn(self.mission, procedure.draws, self.stream, self.seed)
+            return drawn(self.mission, draws, self.stream, self.seed)
         except (MissionError, AirframeError) as error:
             raise EntrantError(str(error)) from error
+
+    def fly(self, procedure: Procedure) -> Score:
+        """Fly it; what a vehicle would not arm with is lost. Raises EntrantError, LawError."""
+        mission = self.drawn(procedure.draws)
         return score.fly(scene(mission), mission, procedure.objective.far_m)
 
 

@@ -14,13 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface.parameter import Parameter
+from fcu.interface.airframe import AirframeError
+from fcu.interface.parameter import Parameter, ParameterError
+from gcs_tools.flight.scenario import Scenario, with_gains
+from gcs_tools.many import score
 from gcs_tools.many.draws import Stream
 from gcs_tools.many.entrant import Entrant, EntrantError, Flight, free, scene
 from gcs_tools.many.flights import each
 from gcs_tools.many.procedure import Objective, Procedure, Search, Set
 from gcs_tools.many.score import REFUSED, Score, cost, lost
-from gcs_tools.missions.mission import load
+from gcs_tools.missions.mission import Mission, load
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 Progress = Callable[["Evaluation"], None]
@@ -108,32 +111,32 @@ class Flights:
 
     def __init__(self, entrant: Entrant, of: Set, stream: Stream, procedure: Procedure) -> None:
         """Raises EntrantError, MissionError."""
-        self._entrant = entrant
-        self._procedure = procedure
-        self._stream = stream
-        self._of = [(load(name), seed) for name in of.missions for seed in range(1, of.seeds + 1)]
+        self._far_m = procedure.objective.far_m
+        missions = [entrant.mission(load(name)) for name in of.missions]
+        flights = [
+            Flight(entrant, mission, stream, seed).drawn(procedure.draws)
+            for mission in missions
+            for seed in range(1, of.seeds + 1)
+        ]
+        self._of = [(mission, scene(mission)) for mission in flights]
 
     def __len__(self) -> int:
         return len(self._of)
 
     def scores(self, candidates: Sequence[Mapping[str, Any]]) -> list[list[Score]]:
-        """Of each candidate's gains, each flight. Raises EntrantError, LawError."""
-        work = [
-            (replace(self._entrant, gains={**self._entrant.gains, **gains}), mission, seed)
-            for gains in candidates
-            for mission, seed in self._of
-        ]
+        """Of each candidate's gains, each flight. Raises LawError."""
+        work = [(gains, *flight) for gains in candidates for flight in self._of]
         found = list(each(self._fly, work))
         n = len(self._of)
         return [found[k * n : (k + 1) * n] for k in range(len(candidates))]
 
-    def _fly(self, flight: tuple[Entrant, Any, int]) -> Score:
-        entrant, mission, seed = flight
-        made = entrant.mission(mission)
+    def _fly(self, flight: tuple[Mapping[str, Any], Mission, Scenario]) -> Score:
+        gains, mission, made = flight
         try:
-            return Flight(entrant, made, self._stream, seed).fly(self._procedure)
-        except EntrantError:  # values that do not go together
+            made = with_gains(made, mission, gains)
+        except (ParameterError, AirframeError):  # values that do not go together
             return lost(REFUSED)
+        return score.fly(made, mission, self._far_m)
 
 
 def mean_cost(scores: Sequence[Score], objective: Objective) -> float:

@@ -225,7 +225,9 @@ def with_values(
                 raise MissionError(f"{source}: {name} is not a table")
         table[last] = value
         changed[tuple(names)] = option
-    made = _checked(mission.name, source, mission.folder, given, changed)
+    is_same_law = ("law", "module") not in {tuple(key.split(".")[:2]) for key in values}
+    flown = mission.flown if is_same_law and "law" not in values else None
+    made = _checked(mission.name, source, mission.folder, given, changed, flown=flown)
     return replace(made, source=mission.source)
 
 
@@ -249,7 +251,9 @@ def with_airframe(mission: Mission, airframe: str) -> Mission:
     found = str(Path(airframe).absolute()) if airframe.endswith(".toml") else airframe
     given = {**mission.given, "airframe": found}
     changed = {**mission.changed, ("airframe",): "--airframe"}
-    made = _checked(mission.name, f"--airframe {airframe}", mission.folder, given, changed)
+    made = _checked(
+        mission.name, f"--airframe {airframe}", mission.folder, given, changed, flown=mission.flown
+    )
     return replace(made, source=mission.source)
 
 
@@ -278,12 +282,14 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
 
 def _checked(
     name: str, source: str, folder: Path, given: dict[str, Any], changed: Mapping[KeyPath, str],
-    text: str = "",
+    text: str = "", flown: Law | None = None,
 ) -> Mission:  # fmt: skip
+    """Checked tables. `flown`: the law, if it is loaded already: a mission flies what it was read with."""
     found = lines(text)
     module = given["law"].get("module") if isinstance(given.get("law"), dict) else None
     try:
-        flown = loader.load(module if isinstance(module, str) else loader.DEFAULT, folder)
+        if flown is None:
+            flown = loader.load(module if isinstance(module, str) else loader.DEFAULT, folder)
         kind = document(flown)
         tables = kind.model_validate(given, context={items.FOLDER: folder})
         airframe = read_airframe(flown, tables.airframe, folder)
