@@ -38,6 +38,7 @@ from fcu.kernel.rotations import (
     normalised,
     rotate_back,
 )
+from fcu.laws import scales
 from fcu.laws.allocation import RotorParams, achieved, allocate, speed_command
 from fcu.laws.face import Limits, Outputs, Pace, Reference, Saturation
 
@@ -113,14 +114,6 @@ class Internals(NamedTuple):
 # --- parameters
 
 
-def _mass(tables):
-    return 0.5 * sum(tables["vehicle"]["mass_kg"])
-
-
-def _inertia(tables):
-    return [0.5 * (least + most) for least, most in tables["vehicle"]["inertia_kg_m2"]]
-
-
 def torque_units(tables):
     """Torque (N m; roll, pitch, yaw) that a normalised torque of 1 is on an airframe.
 
@@ -140,24 +133,19 @@ def torque_units(tables):
 
 
 P_TILT, P_YAW = 0.15, 0.2  # MC_ROLLRATE_P, MC_YAWRATE_P
-RATES = 0.4  # rate loop times the lag of the rotors, at most
-
-
-def lag_left(tables):
-    """What is left of the rotors' lag (s) once it is inverted: a fifth, 10 ms at least."""
-    return max(0.2 * tables["rotors"]["lag_s"], 0.01)
+RATES = 0.4  # rate loop times the lag that is left of the rotors', at most
 
 
 def _rate_k(tables):
     """MC_ROLLRATE_K: 1, or less where the published gain would make the rate loop too fast."""
-    unit, J = torque_units(tables), _inertia(tables)
+    unit, J = torque_units(tables), scales.inertia(tables)
     loop = max(P_TILT * unit[axis] / J[axis] for axis in (0, 1))
-    return min(1.0, RATES / lag_left(tables) / loop)  # departure 5
+    return min(1.0, RATES / scales.rotor_response(tables) / loop)  # departure 5
 
 
 def _k_tilt(tables):
     """MC_ROLL_P: 6.5, or a third of the rate loop where that is slow."""
-    unit, J = torque_units(tables), _inertia(tables)
+    unit, J = torque_units(tables), scales.inertia(tables)
     loop = min(_rate_k(tables) * P_TILT * unit[axis] / J[axis] for axis in (0, 1))
     return min(6.5, loop / 3.0)  # departure 5
 
@@ -167,7 +155,7 @@ K_YAW = 2.8  # 1/s, MC_YAW_P
 
 def _yaw_rate_k(tables):
     """MC_YAWRATE_K: makes the rate loop half as fast again as that of yaw, with a gain of 0.6 at most."""
-    loop = P_YAW * torque_units(tables)[2] / _inertia(tables)[2]
+    loop = P_YAW * torque_units(tables)[2] / scales.inertia(tables).z
     return min(3.0, 1.5 * K_YAW / loop)  # departure 5
 
 
@@ -175,7 +163,7 @@ P = Parameter
 DEGREE = math.radians(1.0)
 
 PARAMETERS = (
-    P("m", "PX_MASS", None, 0.05, 100.0, "kg", "believed mass; its weight is PX4's hover thrust", rule=_mass),
+    P("m", "PX_MASS", None, 0.05, 100.0, "kg", "believed mass; its weight is PX4's hover thrust", rule=scales.mass),
     *group(
         "Position and velocity",
         P("k_r_xy", "MPC_XY_P", 0.95, 0.2, 4.0, "1/s", "gain of position across", gain=True),

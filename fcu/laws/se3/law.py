@@ -10,9 +10,6 @@ import math
 from math import cos, nan, sin, sqrt, tan
 from typing import NamedTuple
 
-import numpy as np
-
-from fcu.interface.airframe import airframe
 from fcu.interface.messages import RotorCommand
 from fcu.interface.parameter import Parameter, group
 from fcu.kernel.algebra import (
@@ -30,6 +27,7 @@ from fcu.kernel.algebra import (
 )
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import Matrix, euler, from_euler, matrix, rotate, rotate_back
+from fcu.laws import scales
 from fcu.laws.allocation import RotorParams, achieved, allocate, speed_command
 from fcu.laws.face import Limits, Outputs, Pace, Reference, Saturation
 
@@ -93,27 +91,6 @@ class Internals(NamedTuple):
 # --- parameters
 
 
-def _mass(tables):
-    return 0.5 * sum(tables["vehicle"]["mass_kg"])
-
-
-def _inertia(tables):
-    return tuple(0.5 * sum(of) for of in tables["vehicle"]["inertia_kg_m2"])
-
-
-def authority(tables):
-    """Angular acceleration (rad/s^2; roll, pitch, yaw) that the rotors can give in hover."""
-    rotors = airframe(tables["rotors"])
-    f_max = np.asarray(rotors.c_T) * np.square(rotors.Omega_max) * np.ones(8)
-    used = f_max > 0.0
-    y, x, spin = (np.asarray(row)[used] for row in (rotors.y, rotors.x, rotors.spin))
-    mix = np.linalg.pinv(np.stack([np.ones(used.sum()), y, -x, -rotors.k_Q * spin]))
-    hover = _mass(tables) * G * mix[:, 0]
-    room = np.minimum(hover, f_max[used] - hover)
-    torque = (room[:, None] / np.maximum(np.abs(mix[:, 1:]), 1e-12)).min(axis=0)
-    return tuple((torque / _inertia(tables)).tolist())
-
-
 # Of the paper's Section VI, over its mass and its inertia about roll
 K_X, K_V, K_R, K_W = 16.0, 5.6, 8.81 / 0.0820, 2.54 / 0.0820
 
@@ -122,23 +99,24 @@ def _speed(tables):
     """How fast the airframe is beside the paper's: 1, or less if torque is scarce or the rotors slow.
 
     The paper's k_R is let ask for all torque about roll or pitch at an error of 0.7, and k_Omega over
-    inertia be 0.4 of the rotors' lag; of that a fifth is left once it is inverted, 10 ms at least.
+    inertia be 0.4 of what is left of the rotors' lag once it is inverted.
     """
-    torque = math.sqrt(min(authority(tables)[:2]) / 0.7 / K_R)
-    rotors = 0.4 / max(0.2 * tables["rotors"]["lag_s"], 0.01) / K_W
+    alpha = scales.authority(tables)
+    torque = math.sqrt(min(alpha.x, alpha.y) / 0.7 / K_R)
+    rotors = 0.4 / scales.rotor_response(tables) / K_W
     return min(1.0, torque, rotors)
 
 
 def _yaw(tables):
     """k_R about yaw: the paper's, or less, so that a quarter of a radian asks for all torque there is."""
-    return min(8.81 / 0.1377, 4.0 * authority(tables)[2])
+    return min(8.81 / 0.1377, 4.0 * scales.authority(tables).z)
 
 
 P = Parameter
 
 PARAMETERS = (
-    P("m", "SE_MASS", None, 0.05, 100.0, "kg", "believed mass", rule=_mass),
-    P("J", "", None, 1e-5, 100.0, "kg m^2", "believed inertia", axes=True, rule=_inertia),
+    P("m", "SE_MASS", None, 0.05, 100.0, "kg", "believed mass", rule=scales.mass),
+    P("J", "", None, 1e-5, 100.0, "kg m^2", "believed inertia", axes=True, rule=scales.inertia),
     *group(
         "Position",
         P("k_x", "SE_K_X", None, 0.5, 100.0, "1/s^2", "gain of position, over mass", rule=lambda t: K_X * _speed(t) ** 2, gain=True),
