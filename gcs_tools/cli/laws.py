@@ -169,7 +169,7 @@ def _table(first: str, columns: list[str]):  # type: ignore[no-untyped-def]
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column(first, no_wrap=True)
     for name in columns:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     return table
 
 
@@ -227,16 +227,28 @@ def _differences(found: Comparison, airframe: str):  # type: ignore[no-untyped-d
     table = _table(f"error less {of[0].first}'s, mm", laws)
     for mission in dict.fromkeys(each.mission for each in of):
         row = [each for law in laws for each in of if (each.mission, each.law) == (mission, law)]
-        table.add_row(mission, *map(_difference, row))
+        table.add_row(mission, *(_difference(each, len(found.seeds)) for each in row))
+    overall = {each.law: each for each in found.summary.overall if each.airframe == airframe}
+    table.add_section()
+    table.add_row("cost, all missions", *(_cost(overall[law].cost_less_first) for law in laws))
     return table
 
 
-def _difference(each: Difference):  # type: ignore[no-untyped-def]
+def _cost(interval: Interval):  # type: ignore[no-untyped-def]
+    from rich.text import Text
+
+    return Text(_interval(interval, 1.0, "+.2f"), style="bold" if interval.excludes_zero else "")
+
+
+def _difference(each: Difference, seeds: int):  # type: ignore[no-untyped-def]
     from rich.text import Text
 
     if not each.pairs:
         return Text("none in common", style="dim")
-    return Text(_millimetres(each.error_m, "+"), style="bold" if each.error_m.excludes_zero else "")
+    told = Text(_millimetres(each.error_m, "+"), style="bold" if each.error_m.excludes_zero else "")
+    if each.pairs < seeds:
+        told.append(f" of {each.pairs}", style="red")
+    return told
 
 
 def _margins(margins: list[Margin]):  # type: ignore[no-untyped-def]

@@ -50,7 +50,7 @@ def tune(
     try:
         how = procedure.read(followed or procedure.SHIPPED)
         asked = entrant(law, airframe, settings=settings)
-        path = out or Path(f"{asked.law.name}-{asked.airframe}.toml")
+        path = out or Path(f"{gains_file.name(asked)}.toml")
         _probe(path)
         warm_up([asked], load(how.training.missions[0]))
         with _Shown(how) as shown:

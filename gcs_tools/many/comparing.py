@@ -56,19 +56,21 @@ class Overall:
     flights: int
     lost: Interval  # part of them
     cost: Interval  # the procedure's objective; the interval is over seeds
+    cost_less_first: Interval  # the same less the first law's, seed by seed: it counts losses
     means: dict[str, Interval]  # of the missions' means; the interval is over seeds
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A law's error less that of the first law, m, over the seeds with which neither was lost."""
+    """A law less the first law, seed by seed."""
 
     airframe: str
     mission: str
     law: str
     first: str
-    pairs: int
-    error_m: Interval
+    pairs: int  # seeds with which neither was lost
+    error_m: Interval  # over these
+    cost: Interval  # over all seeds: what is lost counts
 
 
 @dataclass(frozen=True)
@@ -119,9 +121,12 @@ def summary(rows: Sequence[Row], objective: Objective) -> Summary:
     }
     return Summary(
         cells=tuple(_cell(*of, flown) for of, flown in by.items()),
-        overall=tuple(_overall(*of, flown, objective) for of, flown in of_law.items()),
+        overall=tuple(
+            _overall(airframe, law, flown, of_law[airframe, laws[0]], objective)
+            for (airframe, law), flown in of_law.items()
+        ),
         differences=tuple(
-            _difference(by[airframe, mission, law], by[airframe, mission, laws[0]])
+            _difference(by[airframe, mission, law], by[airframe, mission, laws[0]], objective)
             for airframe in airframes
             for mission in missions
             for law in laws[1:]
@@ -135,10 +140,12 @@ def _cell(airframe: str, mission: str, law: str, rows: list[Row]) -> Cell:
     return Cell(airframe, mission, law, len(rows), len(rows) - len(kept), means)
 
 
-def _overall(airframe: str, law: str, rows: list[Row], objective: Objective) -> Overall:
-    seeds = dict.fromkeys(row.seed for row in rows)
-    of_seed = {seed: [row.score for row in rows if row.seed == seed] for seed in seeds}
-    costs = [_mean([cost(score, objective) for score in scores]) for scores in of_seed.values()]
+def _overall(
+    airframe: str, law: str, rows: list[Row], first: list[Row], objective: Objective
+) -> Overall:
+    of_seed = _by_seed(rows)
+    costs = _costs(of_seed, objective)
+    theirs = _costs(_by_seed(first), objective)
     kept = {seed: [score for score in scores if not score.lost] for seed, scores in of_seed.items()}
     means = {
         name: statistics.mean(
@@ -148,19 +155,38 @@ def _overall(airframe: str, law: str, rows: list[Row], objective: Objective) -> 
     }
     lost = sum(bool(row.score.lost) for row in rows)
     return Overall(
-        airframe, law, len(rows), statistics.share(lost, len(rows)), statistics.mean(costs), means
-    )
+        airframe, law, len(rows), statistics.share(lost, len(rows)), statistics.mean(list(costs.values())),
+        statistics.mean([costs[seed] - theirs[seed] for seed in costs]), means,
+    )  # fmt: skip
 
 
-def _difference(rows: list[Row], first: list[Row]) -> Difference:
+def _by_seed(rows: list[Row]) -> dict[int, list[Score]]:
+    found: dict[int, list[Score]] = {}
+    for row in rows:
+        found.setdefault(row.seed, []).append(row.score)
+    return found
+
+
+def _costs(of_seed: dict[int, list[Score]], objective: Objective) -> dict[int, float]:
+    """Of each seed, the mean over missions."""
+    return {
+        seed: _mean([cost(score, objective) for score in scores])
+        for seed, scores in of_seed.items()
+    }
+
+
+def _difference(rows: list[Row], first: list[Row], objective: Objective) -> Difference:
     theirs = {row.seed: row.score for row in first}
     found = [
         row.score.error_m - theirs[row.seed].error_m
         for row in rows
         if not row.score.lost and not theirs[row.seed].lost
     ]
+    costs = [cost(row.score, objective) - cost(theirs[row.seed], objective) for row in rows]
     airframe, mission, law = rows[0][:3]
-    return Difference(airframe, mission, law, first[0].law, len(found), statistics.mean(found))
+    return Difference(
+        airframe, mission, law, first[0].law, len(found), statistics.mean(found), statistics.mean(costs)
+    )  # fmt: skip
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from fcu.interface.airframe import AirframeError, AirframeFile, find, read
-from fcu.interface.parameter import Parameter, ParameterError
+from fcu.interface.parameter import Parameter, ParameterError, flat
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from gcs_tools.flight import law_alone
@@ -26,6 +27,7 @@ from gcs_tools.missions.mission import (
 )
 
 DEFAULT_AIRFRAME = "s1000"
+OWN = ":"  # between the name of a law and settings of its own
 
 
 class EntrantError(ValueError):
@@ -37,25 +39,40 @@ class Entrant:
     """A law on an airframe."""
 
     law: Law
-    name: str  # by which it is asked for: of a FILE.py, the path
+    name: str  # by which it is asked for: of a FILE.py, the path; with ":KEY=VALUE" of its own
     vehicle: AirframeFile
     gains: Mapping[str, Any] = field(default_factory=dict)  # key of [law] -> value
     settings: tuple[str, ...] = ()  # TABLE.KEY=VALUE, as --set takes them
 
+    own: tuple[str, ...] = ()  # settings of [law] that its name has: KEY=VALUE
+
+    @property
+    def module(self) -> str:
+        """Its name as a mission has it."""
+        return self.name.partition(OWN)[0] if self.own else self.name
+
     @property
     def label(self) -> str:
         """As tables have it."""
-        return self.law.name
+        return OWN.join((self.law.name, *self.own))
 
     @property
     def airframe(self) -> str:
         """The same, of the airframe."""
         return self.vehicle.name
 
+    def chosen(self, of: Mission) -> dict[str, Any]:
+        """Key of [law] -> value, of the settings of its own. Raises EntrantError."""
+        keys = {setting.partition("=")[0].strip() for setting in self.own}
+        given = flat(self.mission(of).given["law"])
+        return {key: value for key, value in given if key in keys}
+
     def mission(self, of: Mission) -> Mission:
         """A mission as this entrant flies it. Raises EntrantError."""
         try:
-            made = with_airframe(with_law(of, self.name), self.vehicle.source)
+            made = with_airframe(with_law(of, self.module), self.vehicle.source)
+            for setting in self.own:
+                made = override(made, f"law.{setting}", self.name)
             made = with_values(made, {f"law.{k}": v for k, v in self.gains.items()}, "--gains")
             for setting in self.settings:
                 made = override(made, setting)
@@ -71,10 +88,11 @@ class Entrant:
 def entrant(name: str, airframe: str = DEFAULT_AIRFRAME, **more: Any) -> Entrant:
     """By the name of a law, or its FILE.py, and that of an airframe, or its FILE.toml.
 
-    Raises EntrantError.
+    A law may be told settings of its own, LAW:KEY=VALUE:KEY=VALUE. Raises EntrantError.
     """
+    module, *own = [name] if Path(name).exists() else name.split(OWN)
     try:
-        return Entrant(loader.load(name), name, read(find(airframe)), **more)
+        return Entrant(loader.load(module), name, read(find(airframe)), own=tuple(own), **more)
     except (LawError, AirframeError) as error:
         raise EntrantError(str(error)) from error
 

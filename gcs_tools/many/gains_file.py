@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -14,7 +15,7 @@ from fcu.interface.parameter import flat
 from gcs_tools.many.entrant import Entrant
 from gcs_tools.many.procedure import Procedure
 from gcs_tools.many.tuning import Tuned
-from gcs_tools.missions.mission import written
+from gcs_tools.missions.mission import load, written
 
 MOST_BYTES = input_file.MIB // 4
 _TOLD = ("law", "law_digest", "airframe")
@@ -36,9 +37,15 @@ class Gains:
     provenance: Mapping[str, Any]
 
 
+def name(entrant: Entrant) -> str:
+    """What a file of its gains is called, without its suffix."""
+    return re.sub(r"[^\w.-]+", "-", f"{entrant.label}-{entrant.airframe}")
+
+
 def text(entrant: Entrant, tuned: Tuned, procedure: Procedure) -> str:
     """The TOML file of what was found."""
     best, settings = tuned.best, list(entrant.settings)
+    own = entrant.chosen(load(procedure.training.missions[0]))
     provenance = {
         "law": entrant.name,
         "law_digest": entrant.law.digest,
@@ -57,11 +64,11 @@ def text(entrant: Entrant, tuned: Tuned, procedure: Procedure) -> str:
         "m_mrac": version("m-mrac"),
     }
     lines = [
-        f"# Gains of {entrant.law.name} on {entrant.airframe}, found by gcs tune."
+        f"# Gains of {entrant.label} on {entrant.airframe}, found by gcs tune."
         " [law] may stand in a mission.",
         "[law]",
-        f"module = {written(entrant.name)}",
-        *(f"{key} = {written(value)}" for key, value in best.gains.items()),
+        f"module = {written(entrant.module)}",
+        *(f"{key} = {written(value)}" for key, value in {**own, **best.gains}.items()),
         "",
         "[provenance]  # costs are those of validation, see the procedure",
         *(f"{key} = {written(value)}" for key, value in provenance.items()),

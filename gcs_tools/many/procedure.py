@@ -35,6 +35,7 @@ class Objective(Table):
     """What is minimised."""
 
     error_scale_m: Positive
+    whole_weight: NotNegative
     noise_scale: Positive
     noise_weight: NotNegative
     lost: Positive
@@ -112,6 +113,10 @@ def read(path: Path = SHIPPED) -> Procedure:
     for name, (low, high) in _ranges(found):
         if low > high:
             raise ProcedureError(f"{path}: {name}: expected the least first, then the most")
+    if not found.search.multiples[0] <= 1.0 <= found.search.multiples[1]:
+        raise ProcedureError(
+            f"{path}: search.multiples: expected 1 between them: a search begins at the defaults"
+        )
     return Procedure(sha256=hashlib.sha256(data).hexdigest(), **dict(found))
 
 

@@ -100,8 +100,11 @@ def cost(score: Score, objective: Objective) -> float:
     if score.lost:
         return objective.lost
     error = math.log1p(score.error_m / objective.error_scale_m)
+    whole = math.log1p(score.error_all_m / objective.error_scale_m)
     noise = math.log1p(score.noise / objective.noise_scale)
-    return min(objective.lost, error + objective.noise_weight * noise)
+    return min(
+        objective.lost, error + objective.whole_weight * whole + objective.noise_weight * noise
+    )
 
 
 def _number(flight: EngagedTicks, name: str) -> float:

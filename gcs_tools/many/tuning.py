@@ -157,7 +157,9 @@ def tune(entrant: Entrant, procedure: Procedure, progress: Progress = lambda at:
 
     candidates, evaluations = [gains(free, [1.0] * len(free))], 0
     for seed in procedure.search.seeds:
-        best, done = search(evaluate, len(free), procedure.search, seed, progress)
+        best, done = search(
+            evaluate, len(free), procedure.search, seed, progress, procedure.objective.lost
+        )
         candidates.append(gains(free, np.exp(best).tolist()))
         evaluations += done
     first, *rest = (
@@ -168,12 +170,14 @@ def tune(entrant: Entrant, procedure: Procedure, progress: Progress = lambda at:
 
 
 def search(
-    evaluate: Callable[[Vector], float], n: int, how: Search, seed: int, progress: Progress
-) -> tuple[Vector, int]:
+    evaluate: Callable[[Vector], float], n: int, how: Search, seed: int, progress: Progress,
+    lost: float = math.inf,
+) -> tuple[Vector, int]:  # fmt: skip
     """The best point of float64[n], logarithms of multiples, and how many were evaluated.
 
     The first is 0, the defaults; those around it lie `first_step` up or down along each axis, as the
-    seed says.
+    seed says. Where the defaults cost `lost`, which tells no direction, random points within the bounds
+    are tried until one costs less, with half of the budget at most; the search begins there.
     """
     from scipy.optimize import minimize
 
@@ -192,9 +196,14 @@ def search(
 
     random = np.random.default_rng(seed)
     steps = np.diag(how.first_step * random.choice([-1.0, 1.0], n))
-    simplex = np.clip(np.vstack([np.zeros(n), steps]), low, high)
-    options = {"initial_simplex": simplex, "adaptive": True, "maxfev": budget, "xatol": 0.0, "fatol": 0.0}  # fmt: skip
+    first = np.zeros(n)
+    if math.isfinite(lost) and look(first) >= lost:
+        while least >= lost and done < budget // 2:
+            look(random.uniform(low, high, n))
+        first = best
+    simplex = np.clip(first + np.vstack([np.zeros(n), steps]), low, high)
+    options = {"initial_simplex": simplex, "adaptive": True, "maxfev": budget - done, "xatol": 0.0, "fatol": 0.0}  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the budget was used up
-        minimize(look, np.zeros(n), method="Nelder-Mead", bounds=[(low, high)] * n, options=options)
+        minimize(look, first, method="Nelder-Mead", bounds=[(low, high)] * n, options=options)
     return best, done

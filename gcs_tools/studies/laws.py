@@ -18,10 +18,8 @@ from typing import Any
 
 import click
 
-from fcu.interface.airframe import find, read
-from fcu.laws.loader import SHIPPED, load
-
 BEGIN, END = "<!-- the table: begin -->", "<!-- the table: end -->"
+LAWS = ("mmrac", "px4", "se3", "indi", "l1", "l1:unmatched=tilted")
 AIRFRAMES = ("s1000", "quad")
 SEEDS = 300
 # Neither is part of a law, so each is flown with both and without.
@@ -39,17 +37,20 @@ def gcs(*arguments: Any) -> None:
 def tuned(
     laws: Sequence[str], airframes: Sequence[str], folder: Path, settings: Sequence[str]
 ) -> None:
-    """Tune what has no file of gains of these sources yet."""
-    from gcs_tools.many import gains_file
+    """Tune what has no file of gains of these sources and this procedure yet."""
+    from gcs_tools.many import gains_file, procedure
+    from gcs_tools.many.entrant import entrant
 
+    followed = procedure.read().sha256
     folder.mkdir(parents=True, exist_ok=True)
     files = [gains_file.read(path) for path in folder.glob("*.toml")]
     for airframe in airframes:
         for law in laws:
-            name, made = read(find(airframe)).name, load(law)
-            known = gains_file.of(files, law, name)
-            if known is None or known.digest != made.digest:
-                out = folder / f"{made.name}-{name}.toml"
+            made = entrant(law, airframe)
+            known = gains_file.of(files, law, made.airframe)
+            now = made.law.digest, followed
+            if known is None or (known.digest, known.provenance.get("procedure_sha256")) != now:
+                out = folder / f"{gains_file.name(made)}.toml"
                 sets = (f"--set={each}" for each in settings)
                 gcs("tune", law, "--airframe", airframe, "--out", out, *sets)
 
@@ -60,24 +61,19 @@ def table(found: dict[str, Any], airframe: str) -> list[str]:
     missions = [each["mission"] for each in found["missions"]]
     cells = {(c["mission"], c["law"]): c for c in found["cells"] if c["airframe"] == airframe}
     overall = {each["law"]: each for each in found["overall"] if each["airframe"] == airframe}
-    lines = [
-        f"| {airframe}, error, mm | " + " | ".join(laws) + " |",
-        "|---" * (len(laws) + 1) + "|",
-    ]
+    lines = [_heading(f"{airframe}: error, mm", laws), "|---" * (len(laws) + 1) + "|"]
     for mission in missions:
-        row = (_error(cells[mission, law]) for law in laws)
-        lines.append(f"| {mission.replace('_', ' ')} | " + " | ".join(row) + " |")
+        lines.append(_heading(_said(mission), [_error(cells[mission, law]) for law in laws]))
     for said, of in (
         ("cost, by the procedure", lambda each: _interval(each["cost"], 1.0, ".2f")),
         ("lost, %", lambda each: _interval(each["lost"], 100.0, ".2f")),
-        ("error of the whole flight, m", lambda each: _interval(each["means"]["error_all_m"], 1.0, ".2f")),
         ("ticks saturated, %", lambda each: _interval(each["means"]["saturated"], 100.0, ".2f")),
         ("greatest tilt, % of limit", lambda each: _interval(each["means"]["tilt"], 100.0, ".0f")),
         ("greatest thrust, % of limit", lambda each: _interval(each["means"]["thrust"], 100.0, ".0f")),
         ("energy, kJ", lambda each: _interval(each["means"]["energy_j"], 1e-3, ".1f")),
         ("rotor command noise, % per tick", lambda each: _interval(each["means"]["noise"], 100.0, ".2f")),
     ):  # fmt: skip
-        lines.append(f"| {said} | " + " | ".join(of(overall[law]) for law in laws) + " |")
+        lines.append(_heading(said, [of(overall[law]) for law in laws]))
     for quantity in dict.fromkeys(each["quantity"] for each in found["margins"]):
         of_laws = {
             each["law"]: each
@@ -85,24 +81,50 @@ def table(found: dict[str, Any], airframe: str) -> list[str]:
             if (each["airframe"], each["quantity"]) == (airframe, quantity)
         }
         unit = next(iter(of_laws.values()))["unit"]
-        lines.append(f"| not lost up to {quantity}, {unit} | " + " | ".join(_held(of_laws[law]) for law in laws) + " |")  # fmt: skip
+        said = f"not lost up to {quantity}, {unit}"
+        lines.append(_heading(said, [_held(of_laws[law]) for law in laws]))
+    lines += ["", _heading(f"{airframe}: error of the whole flight, m", laws), "|---" * (len(laws) + 1) + "|"]  # fmt: skip
+    for mission in missions:
+        whole = [_interval(cells[mission, law]["means"]["error_all_m"], 1.0, ".3g") for law in laws]
+        lines.append(_heading(_said(mission), whole))
     return [*lines, ""]
 
 
+def _heading(first: str, others: Sequence[str]) -> str:
+    return f"| {first} | " + " | ".join(others) + " |"
+
+
+def _said(mission: str) -> str:
+    return mission.replace("_", " ")
+
+
 def differences(found: dict[str, Any], airframe: str) -> list[str]:
-    """Markdown: error less that of the first law, over common seeds."""
+    """Markdown: error and cost less those of the first law, over common seeds."""
     of = [each for each in found["differences"] if each["airframe"] == airframe]
     if not of:
         return []
     laws = list(dict.fromkeys(each["law"] for each in of))
-    lines = [
-        f"| {airframe}, error less {of[0]['first']}'s, mm | " + " | ".join(laws) + " |",
-        "|---" * (len(laws) + 1) + "|",
-    ]
-    for mission in dict.fromkeys(each["mission"] for each in of):
-        row = [_interval(each["error_m"], 1e3, "+.3g") for law in laws for each in of if (each["mission"], each["law"]) == (mission, law)]  # fmt: skip
-        lines.append(f"| {mission.replace('_', ' ')} | " + " | ".join(row) + " |")
+    by = {(each["mission"], each["law"]): each for each in of}
+    missions, seeds = dict.fromkeys(each["mission"] for each in of), len(found["seeds"])
+    rule = "|---" * (len(laws) + 1) + "|"
+    lines = [_heading(f"{airframe}: error less {of[0]['first']}'s, mm", laws), rule]
+    for mission in missions:
+        row = [_common(by[mission, law], seeds) for law in laws]
+        lines.append(_heading(_said(mission), row))
+    lines += ["", _heading(f"{airframe}: cost less {of[0]['first']}'s", laws), rule]
+    for mission in missions:
+        row = [_interval(by[mission, law]["cost"], 1.0, "+.2f") for law in laws]
+        lines.append(_heading(_said(mission), row))
+    overall = {each["law"]: each for each in found["overall"] if each["airframe"] == airframe}
+    row = [_interval(overall[law]["cost_less_first"], 1.0, "+.3f") for law in laws]
+    lines.append(_heading("all missions", row))
     return [*lines, ""]
+
+
+def _common(difference: dict[str, Any], seeds: int) -> str:
+    """The difference of error, and of how many seeds, if not of all."""
+    told = _interval(difference["error_m"], 1e3, "+.3g")
+    return told if difference["pairs"] == seeds else f"{told} of {difference['pairs']} seeds"
 
 
 def _error(cell: dict[str, Any]) -> str:
@@ -129,7 +151,7 @@ def _held(margin: dict[str, Any]) -> str:
 
 
 def page(found: dict[str, dict[str, Any]]) -> str:
-    """What stands between the marks; `found`: results of each variant, the first of them whole."""
+    """What stands between the marks; `found`: results of each variant."""
     lines = ["## Results", ""]
     for variant, results in found.items():
         airframes = dict.fromkeys(each["airframe"] for each in results["laws"])
@@ -152,8 +174,8 @@ def main(
     laws: tuple[str, ...], airframes: tuple[str, ...], seeds: int, gains: Path, untuned: bool, docs: Path
 ) -> None:  # fmt: skip
     """Tune, compare and write docs/laws.md's table and figure."""
-    laws, airframes = laws or ("mmrac", *sorted(set(SHIPPED) - {"mmrac"})), airframes or AIRFRAMES
-    found = {}
+    laws, airframes, found = laws or LAWS, airframes or AIRFRAMES, {}
+    figure, path = docs / "figures" / "laws.png", docs / "laws.md"
     for n, (variant, settings) in enumerate(VARIANTS.items()):
         folder, out = gains / f"gains-{n}", gains / f"results-{n}"
         if not untuned:
@@ -165,12 +187,11 @@ def main(
             *(() if untuned else ("--gains", folder)),
         )  # fmt: skip
         found[variant] = json.loads((out / "results.json").read_text())
-    figure = docs / "figures" / "laws.png"
-    figure.write_bytes((gains / "results-0" / "results.png").read_bytes())
-    path = docs / "laws.md"
-    before, _, rest = path.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
-    path.write_text(f"{before}{BEGIN}\n\n{page(found)}\n{END}{after}")
+        if n == 0:
+            figure.write_bytes((out / "results.png").read_bytes())
+        before, _, rest = path.read_text().partition(BEGIN)
+        after = rest.partition(END)[2]
+        path.write_text(f"{before}{BEGIN}\n\n{page(found)}\n{END}{after}")
     click.echo(f"{path}\n{figure}")
 
 

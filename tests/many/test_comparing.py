@@ -51,6 +51,18 @@ def test_differences_are_of_seeds_with_which_neither_was_lost():
     assert difference.error_m.excludes_zero
 
 
+def test_differences_of_cost_count_what_was_lost():
+    both = [*rows("a", [0.1, 0.2, 0.3, 0.4]), *rows("b", [0.1, 0.2, 0.3, None])]
+    found = comparing.summary(both, OBJECTIVE)
+    (difference,) = found.differences
+    assert (difference.pairs, difference.error_m.value) == (3, 0.0)
+    fourth = OBJECTIVE.lost - comparing.cost(scored(0.4), OBJECTIVE)
+    assert difference.cost.value == pytest.approx(fourth / 4)
+    assert [each.cost_less_first.value for each in found.overall] == pytest.approx(
+        [0.0, fourth / 4]
+    )
+
+
 def test_pairs_tell_apart_what_means_cannot():
     hard = [0.1 * seed for seed in range(1, 21)]  # seeds differ far more than laws
     both = [*rows("a", hard), *rows("b", [error + 0.01 for error in hard])]
@@ -221,6 +233,7 @@ def test_a_file_of_gains_that_is_none_is_refused(tmp_path, text, said):
     [
         (("seeds = [1, 2, 3, 4, 5]", "seeds = []"), "search.seeds"),
         (("multiples = [0.25, 4.0]", "multiples = [4.0, 0.25]"), "search.multiples"),
+        (("multiples = [0.25, 4.0]", "multiples = [2.0, 4.0]"), "search.multiples"),
         (("lost = 8.0", "lost = -8.0"), "objective.lost"),
         (("lost = 8.0", "loss = 8.0"), "objective.lost"),
         (("factor = 1.5", "factor = 1.0"), "margins.factor"),

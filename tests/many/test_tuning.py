@@ -68,10 +68,45 @@ def test_the_search_finds_the_bottom_of_a_bowl_within_its_budget():
     assert all(np.abs(point).max() <= math.log(4.0) + 1e-12 for point in asked)
 
 
+def test_where_the_defaults_lose_every_flight_the_search_begins_at_the_first_that_does_not():
+    target, asked, told = np.array([0.9, -0.9]), [], []
+
+    def hole(point):  # lost but for a corner, which no step from the defaults reaches
+        asked.append(point.copy())
+        away = float(((point - target) ** 2).sum())
+        return away if away < 0.2 else 8.0
+
+    best, done = tuning.search(hole, 2, HOW.search, 1, told.append, lost=8.0)
+    assert done == len(asked) == 50
+    assert (asked[0] == 0.0).all()
+    assert np.abs(best - target).max() < 0.1
+    assert all(np.abs(point).max() <= math.log(4.0) + 1e-12 for point in asked)
+    assert tuning.search(lambda _: 8.0, 2, HOW.search, 1, told.append, lost=8.0)[1] <= 50
+
+
+def test_a_setting_of_a_law_is_flown_told_and_written(tmp_path, followed):
+    made = entrant("l1:unmatched=tilted")
+    assert (made.label, gains_file.name(made)) == (
+        "l1:unmatched=tilted",
+        "l1-unmatched-tilted-s1000",
+    )
+    assert made.mission(load("benchmark/steps")).given["law"]["unmatched"] == "tilted"
+    tried = tuning.Tried({"A_v": 6.0}, 1.0, 0)
+    text = gains_file.text(made, tuning.Tuned((), tried, (), 1, 1), followed)
+    (tmp_path / "l1.toml").write_text(text)
+    read = gains_file.read(tmp_path / "l1.toml")
+    assert read.law == made.name
+    assert dict(read.values) == {"unmatched": "tilted", "A_v": 6.0}
+    with pytest.raises(EntrantError, match="unmatched"):
+        entrant("l1:unmatched=sideways").mission(load("benchmark/steps"))
+
+
 def test_the_objective_is_as_the_procedure_says():
     of = HOW.objective
-    flown = Score("", error_m=0.06, noise=0.01, **dict.fromkeys(set(NAMES) - {"error_m", "noise"}, 1.0))  # fmt: skip
-    assert cost(flown, of) == pytest.approx(math.log(4.0) + 0.25 * math.log(2.0))
+    told = {"error_m": 0.06, "error_all_m": 0.3, "noise": 0.01}
+    flown = Score("", **told, **dict.fromkeys(set(NAMES) - set(told), 1.0))
+    wanted = math.log(4.0) + 0.25 * math.log(16.0) + 0.25 * math.log(2.0)
+    assert cost(flown, of) == pytest.approx(wanted)
     assert cost(lost("crashed"), of) == of.lost
     mean = tuning.mean_cost([flown, lost("far")], of)
     assert mean == pytest.approx(0.5 * (cost(flown, of) + of.lost))
