@@ -13,6 +13,7 @@ from gcs_tools.cli.output import Failure, print_json, print_line
 from gcs_tools.exit_codes import OK, USAGE
 
 if TYPE_CHECKING:
+    from gcs_tools.many.entrant import Entrant
     from gcs_tools.many.procedure import Procedure
     from gcs_tools.many.tuning import Evaluation, Tuned
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 )
 @click.argument("law")
 @click.option("--airframe", default="s1000", show_default=True, metavar="NAME|FILE.toml", help="Vehicle to tune for: a name, or your own file.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="File of the gains; default: LAW-AIRFRAME.toml.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="File of the gains; default: LAW-AIRFRAME.toml.")  # fmt: skip
 @click.option("--procedure", "followed", type=click.Path(path_type=Path), metavar="FILE", help="Procedure to follow; default: the one that all laws are tuned by.")  # fmt: skip
 @arguments.SETTINGS
 @arguments.as_json("Print what was found as JSON.")
@@ -53,7 +54,7 @@ def tune(
         path = out or Path(f"{gains_file.name(asked)}.toml")
         _probe(path)
         warm_up([asked], load(how.training.missions[0]))
-        with _Shown(how) as shown:
+        with _Shown(how, asked) as shown:
             found = tuning.tune(asked, how, shown)
         picture_file.write(path, gains_file.text(asked, found, how).encode())
     except (procedure.ProcedureError, EntrantError, MissionError, LawError) as error:
@@ -68,7 +69,10 @@ def tune(
 
 
 def _probe(path: Path) -> None:
-    """Raise OSError now for a file that could not be written in minutes."""
+    """Make its folder, and raise OSError or Failure now for a file that could not be written in minutes."""
+    if path.exists() and not path.is_file():
+        raise Failure(f"{path}: expected a file", USAGE)
+    path.parent.mkdir(parents=True, exist_ok=True)
     is_new = not path.exists()
     with path.open("ab"):
         pass
@@ -79,7 +83,7 @@ def _probe(path: Path) -> None:
 class _Shown:
     """Progress on standard error: a bar on a terminal, else a line for each seed of the optimiser."""
 
-    def __init__(self, how: Procedure) -> None:
+    def __init__(self, how: Procedure, asked: Entrant) -> None:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
         from gcs_tools.cli.terminal import PipedConsole
@@ -91,6 +95,8 @@ class _Shown:
         )
         self._task = self._bar.add_task("tuning")
         self._seeds = how.search.seeds
+        self._flights = len(how.training.missions) * how.training.seeds
+        self._what = f"{asked.label} on {asked.airframe}"
         self._default: float | None = None
         self._began = time.monotonic()
 
@@ -104,6 +110,9 @@ class _Shown:
     def __call__(self, at: Evaluation) -> None:
         if self._default is None:
             self._default = at.cost
+            plural = "" if self._flights == 1 else "s"
+            each = f"{at.of} evaluations of {self._flights} flight{plural}"
+            self._log.print(f"{self._what}: {len(self._seeds)} searches of {each}")
         nth, n = self._seeds.index(at.seed) + 1, len(self._seeds)
         said = f"seed {nth} of {n}: best {at.best:.4f}, defaults {self._default:.4f}"
         total = at.of * n
@@ -160,6 +169,8 @@ def _print(found: Tuned, path: Path) -> None:
     console.print(table)
     others = ", ".join(f"{tried.cost:.4f}" for tried in found.found)
     console.print(Text(f"cost with each seed of the optimiser: {others}", style="dim"))
-    if best is defaults:
+    if best.lost == found.flights:
+        console.print("Every flight was lost, whatever was tried: these gains are the defaults.")
+    elif best is defaults:
         console.print("Nothing that was found is better in validation: the defaults stay.")
     print_line(f"{path}")

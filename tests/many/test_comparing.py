@@ -166,6 +166,18 @@ RAISES = "    limits, v, angles = params.limits, measured.v_E, euler(matrix(meas
 
 
 @pytest.mark.slow
+def test_tuning_says_what_it_will_do_and_when_nothing_flew(tmp_path, cascade, short):
+    out = tmp_path / "new" / "folder" / "gains.toml"
+    heavy = ("--set", "plant.mass_kg=99.0")  # more than the rotors carry
+    done = gcs("tune", cascade, "--procedure", short, "--out", out, *heavy)
+    assert done.exit_code == 0
+    assert "plain_cascade on s1000: 2 searches of 30 evaluations of 1 flight\n" in done.stderr
+    assert "Every flight was lost" in done.stdout
+    assert out.is_file()
+    done = gcs("tune", cascade, "--procedure", short, "--out", tmp_path)
+    assert (done.exit_code, "expected a file" in done.stderr) == (2, True)
+
+
 def test_a_law_that_raises_ends_the_comparison_with_a_sentence(tmp_path, cascade, hover):
     with open(cascade) as file:
         text = file.read()
