@@ -64,7 +64,7 @@ class Entrant:
     def chosen(self, of: Mission) -> dict[str, Any]:
         """Key of [law] -> value, of the settings of its own. Raises EntrantError."""
         keys = {setting.partition("=")[0].strip() for setting in self.own}
-        given = flat(self.mission(of).given["law"])
+        given = flat(self.mission(of).given.get("law", {}))
         return {key: value for key, value in given if key in keys}
 
     def mission(self, of: Mission) -> Mission:

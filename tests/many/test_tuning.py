@@ -97,6 +97,7 @@ def test_a_setting_of_a_law_is_flown_told_and_written(tmp_path, followed):
     read = gains_file.read(tmp_path / "l1.toml")
     assert read.law == made.name
     assert dict(read.values) == {"unmatched": "tilted", "A_v": 6.0}
+    assert entrant("mmrac").chosen(load("benchmark/steps")) == {}
     with pytest.raises(EntrantError, match="unmatched"):
         entrant("l1:unmatched=sideways").mission(load("benchmark/steps"))
 
