@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gcs_tools.studies.bench import bus as bench_bus
+from gcs_tools.studies.bench import peers
 from gcs_tools.studies.bench.figure import Figure
 
 if TYPE_CHECKING:
@@ -326,6 +327,7 @@ def measured(repeats: int, duration_s: float) -> Iterator[Figure]:
     """Every figure, each as soon as it is known."""
     scene = streamed(duration_s)
     yield from compiled(scene, repeats)
+    yield from peers.figures(repeats)
     yield from in_memory(scene, repeats)
     yield from lockstep(scene, repeats)
     yield from real_time(streamed(10.0))
