@@ -38,7 +38,7 @@ from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference, SharedTick
 from fcu.laws.mmrac.types import State
 from fcu.mavlink.definitions import Severity
-from fcu.mavlink.plant_link import LONGEST, Ending, PlantCodec, WireError
+from fcu.mavlink.plant_link import LONGEST, Ending, OtherRotors, PlantCodec, WireError
 from fcu.parameters import Parameters
 from fcu.reporting import Reporter
 from fcu.services.ground_port import GroundPort
@@ -317,6 +317,8 @@ class Autopilot:
             time_us = self.codec.parse_state(datagram, received)
         except WireError as error:
             self.figures.refused += 1
+            if isinstance(error, OtherRotors) and not self.heard_s:
+                raise Lost(f"{error}: start both with the same --airframe") from error
             if self.figures.refused == 1:
                 self.say("warning", f"plant link: {error}")
             return None

@@ -189,6 +189,11 @@ class Server:
         self._simulator.say(level, text)
         self._feed.event(self._simulator.time_s, level, text)
 
+    @property
+    def _rotors(self) -> int:
+        """How many rotors the vehicle has."""
+        return int(self._world.params.airframe.n)
+
     def _tell_time(self) -> None:
         """Set what the rows of the next ticks tell of time and of losses."""
         self._timing[:] = PlantTiming(
@@ -288,7 +293,7 @@ class Server:
             if silent >= WARN_S and not warned:
                 warned = True
                 if first:
-                    self._say("info", "waiting for the flight controller")
+                    self._say("info", f"waiting for a flight controller of {self._rotors} rotors")
                 else:
                     self._say("warning", self._what_is_wrong(WARN_S))
             if silent >= END_S and not (first and self._control is None):

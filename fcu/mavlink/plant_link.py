@@ -43,7 +43,7 @@ from fcu.mavlink.frame_kernels import HEADER, copy, get, get_signed, put
 from fcu.mavlink.frames import StateOnWire, command_through_the_wire, state_from_wire, state_to_wire
 from fcu.mavlink.framing import WireError, expected, framed
 
-__all__ = ["Ending", "PlantCodec", "WireError"]
+__all__ = ["Ending", "OtherRotors", "PlantCodec", "WireError"]
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
@@ -105,6 +105,10 @@ _FAULTS = {
     _OTHERS: "ACTUATOR_OUTPUT_STATUS is of other rotors than the airframe's (see --airframe)",
     _NO_BATTERY: "BATTERY_STATUS has a field unknown or out of range",
 }
+
+
+class OtherRotors(WireError):
+    """A state is of another number of rotors than the airframe's: of another vehicle."""
 
 
 class Ending(IntEnum):
@@ -493,9 +497,11 @@ class PlantCodec:
     def parse_state(self, datagram: bytes, buffer: Buffer) -> int:
         """Read a state or a keep-alive into `buffer`; returns its simulation time in us.
 
-        Raises WireError, with `buffer` and `battery` untouched.
+        Raises WireError, with `buffer` and `battery` untouched; OtherRotors is one.
         """
         fault = self._parse(parse_state, datagram, buffer, self.battery_buffer)
+        if fault == _OTHERS:
+            raise OtherRotors(self._which_rotors())
         if fault:
             raise WireError(_FAULTS.get(fault) or self._why_no_state(datagram))
         self.has_battery[0] |= self._told[2]
@@ -531,6 +537,15 @@ class PlantCodec:
         self._datagram[:length] = np.frombuffer(datagram, dtype=np.uint8, count=length)
         fault: int = parse(self.desk, self.system, self._datagram, length, *into, self._told)
         return fault
+
+    def _which_rotors(self) -> str:
+        """The rotors of the state that was read last, and those that are expected."""
+        told = int.from_bytes(self.desk.rotors[_TIME : _TIME + 4].tobytes(), "little")
+        own = int(self.desk.active[0])
+        return (
+            f"the simulator flies {told.bit_count()} rotors, and the controller's airframe has"
+            f" {own.bit_count()} (ACTUATOR_OUTPUT_STATUS.active is {told:#x}, expected {own:#x})"
+        )
 
     def _why_no_state(self, datagram: bytes) -> str:
         """What is wrong with the frames of a datagram that was rejected."""

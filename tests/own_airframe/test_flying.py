@@ -11,6 +11,7 @@ import pymavlink.dialects.v20.common as mavlink
 import pytest
 
 from fcu.interface.airframe import read as read_airframe
+from gcs_tools.exit_codes import INFRASTRUCTURE
 from gcs_tools.recording.reader import read
 from tests.bad_input.hovering import Flight
 from tests.two_ways import both, run
@@ -127,8 +128,12 @@ def test_a_plant_of_other_rotors_is_not_flown_and_that_is_said(start, instance):
     """An S1000 in the simulator, and a controller that believes in a quadrotor."""
     fcu = start("fcu", "--instance", instance, "--airframe", QUAD, *LAW)
     fcu.says('"ready"')
-    start("sitl_plant", "--instance", instance)
-    fcu.says("other rotors than the airframe's")
+    plant = start("sitl_plant", "--instance", instance)
+    assert fcu.wait() == INFRASTRUCTURE
+    assert fcu.logged("error", "simulator flies 8 rotors", "airframe has 4", "--airframe")
+    plant.says("waiting for a flight controller of 8 rotors")
+    right = start("fcu", "--instance", instance)
+    right.says("the plant is there")
 
 
 # --- files that cannot be flown
