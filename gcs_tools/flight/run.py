@@ -45,6 +45,7 @@ from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
 from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.judging import result
+from gcs_tools.judging.belief_check import unbelieved
 from gcs_tools.judging.expectations import LIMITED, untold
 from gcs_tools.judging.metrics import OF_THE_TRUTH
 from gcs_tools.judging.preflight_check import refusal
@@ -210,6 +211,9 @@ def fly_missions(
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
         display.note(f"Error: {why}")
+    for name, doubt in dict.fromkeys((m.name, unbelieved(m)) for m, _ in ready):
+        if doubt:
+            display.note(f"{name}: {doubt}")
     if len(seeds) > 1:
         for same in sorted({m.name for m, scene in ready if not scene.world.noise_scale.any()}):
             display.note(

@@ -25,6 +25,7 @@ from fcu.kernel.buffers import to_buffer
 from fcu.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.judging.belief_check import inertias
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
 from gcs_tools.missions.asked import asked
 from gcs_tools.missions.flight_table import Flight
@@ -561,6 +562,7 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
                 f"its mass, {mass:.3g} kg, is not in guard_mass_kg"
                 f" [{guard.m_min:.3g}, {guard.m_max:.3g}]"
             )
+    found += inertias(mission)
     if (drag := max(plant.c_D)) > guard.c_D:
         found.append(f"its drag, {drag:.3g} N/(m/s)^2, is beyond guard_drag {guard.c_D:.3g}")
     white, sizes = scene.world.noise, noise.amounts(guard)
