@@ -58,6 +58,7 @@ from gcs_tools.missions.mission import (
     with_airframe,
     with_controller,
     with_law,
+    written,
 )
 from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
@@ -465,7 +466,7 @@ class _Run:
                 params = dict(zip(columns(kinds.params), settings, strict=True))
             flight_figure(
                 Table.of(kinds.record, flown.plant), Table.of(kinds.tick, flown.fcu), params,
-                _title(self._mission), self.folder / "flight.png",
+                heading(self._mission), self.folder / "flight.png",
             )  # fmt: skip
         except OSError as failed:
             why = f"flight.png: {failed.strerror or failed}"
@@ -619,9 +620,15 @@ def flies(
     }
 
 
-def _title(mission: Mission) -> str:
-    """The title, and what was changed from the command line."""
+def heading(mission: Mission) -> str:
+    """The title, and what was changed from the command line: of a law's or an airframe's file the name."""
     changes = mission.changes()
+    for whole in (mission.given.get("law", {}).get("module"), mission.given.get("airframe")):
+        if isinstance(whole, str):
+            name = written(Path(whole).name)
+            changes = [
+                change.replace(f" = {written(whole)} (", f" = {name} (") for change in changes
+            ]
     return f"{mission.title} ({', '.join(changes)})" if changes else mission.title
 
 

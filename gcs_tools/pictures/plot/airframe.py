@@ -35,7 +35,8 @@ def save(found: AirframeCheck, path: Path) -> None:
         _draw_load(right, found)
         throttle = f"hover throttle {100.0 * found.hover_throttle:.0f} %"
         thrust = f"greatest thrust {found.thrust_to_weight:.2f} times the weight"
-        figure.suptitle(f"{found.airframe}: {throttle}, {thrust}", fontsize=11)
+        name = Path(found.airframe).name.removesuffix(".toml")
+        figure.suptitle(f"{name}: {throttle}, {thrust}", fontsize=11)
         kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
         figure.savefig(
             picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
