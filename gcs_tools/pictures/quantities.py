@@ -163,13 +163,15 @@ QUANTITIES = (
     Quantity("Angular disturbance", "rad/s²", parts("state.estimates.s_w_hat"), ANGLES, digits=3,
              panel="Wind", short="disturbance "),
 )  # fmt: skip
+# in the place of the distance from a reference, for a law that has none
+FROM_SETPOINT = Quantity("Distance from the setpoint", "m", ("setpoint_error",), colours=(INK,),
+                         digits=3, logarithmic=1e-3, axes=HALF)  # fmt: skip
 BY_TITLE = {quantity.title: quantity for quantity in QUANTITIES}
 # the overview of a flight whose controller tells nothing of itself
 OF_TRUTH = (
     Quantity("Position", "m", parts("state.r_E"), ENU, asked=parts("setpoint.r_c"), least=0.0,
              axes=HALF),
-    Quantity("Distance from the setpoint", "m", ("setpoint_error",), colours=(INK,), digits=3,
-             logarithmic=1e-3, axes=HALF),
+    FROM_SETPOINT,
     Quantity("Tilt", "°", ("roll", "pitch"), ANGLES[:2], digits=1, axes=HALF),
     Quantity("Rotor speeds", "rad/s", ("Omega_least", "Omega_mean", "Omega_most"),
              ("least", "mean", "greatest"), digits=0, about_zero=False, axes=HALF),

@@ -143,7 +143,29 @@ def test_the_overview_has_axes_for_what_is_known_alone(
     found = read(run)
     assert found.params is not None
     flight_figure(found.plant, found.fcu, found.params, "Plain.", tmp_path / "x.png")
-    assert set(titles) == SHOWN
+    assert set(titles) == SHOWN | {"Distance from the setpoint"}
+
+
+def test_how_far_off_the_setpoint_it_was_is_drawn_without_a_reference(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One metre all the time, in the overview and in the figure of tracking."""
+    from matplotlib.figure import Figure
+
+    drawn: list[float] = []
+
+    def note(figure: Figure, *_: Any, **__: Any) -> None:
+        for axes in figure.axes:
+            if axes.get_title(loc="left").startswith("Distance from the setpoint"):
+                drawn.append(float(np.nanmax(np.asarray(axes.lines[0].get_ydata()))))
+
+    monkeypatch.setattr(Figure, "savefig", note)
+    done = CliRunner().invoke(
+        main, ["plot", str(run), "--what", "flight,tracking", "--out", str(tmp_path)]
+    )
+    assert done.exit_code == 0, done.output
+    assert drawn == [1.0, 1.0]
+    assert "no reference model; settled RMS 1 m off the setpoint" in done.stdout
 
 
 def test_the_monitor_shows_what_the_vehicle_tells(readings: Readings) -> None:

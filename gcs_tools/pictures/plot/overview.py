@@ -30,7 +30,15 @@ from gcs_tools.pictures.plot.style import (
     logarithmic,
 )
 from gcs_tools.pictures.plot.window import Window
-from gcs_tools.pictures.quantities import OF_TRUTH, QUANTITIES, WHOLE, Limits, Quantity
+from gcs_tools.pictures.quantities import (
+    BY_TITLE,
+    FROM_SETPOINT,
+    OF_TRUTH,
+    QUANTITIES,
+    WHOLE,
+    Limits,
+    Quantity,
+)
 from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Table
 
@@ -86,11 +94,21 @@ def _settled(axes: Axes, q: Quantity, flight: FlightHistory, from_s: float) -> N
         axes.hlines(max(settled, LEAST * q.logarithmic), *ends, color=Y, linewidth=1.6, label=label)
 
 
+def distance(flight: FlightHistory) -> Quantity:
+    """How far off it was: from the reference, or, of a law that has none, from the setpoint."""
+    reference = BY_TITLE["Distance from the reference"]
+    return reference if flight.shows(reference) else FROM_SETPOINT
+
+
 def _overview(figure: Figure, flight: FlightHistory, settled_from_s: float, title: str) -> None:
     words = textwrap.fill(title, TITLE)
     figure.suptitle(words, x=0.012, ha="left", fontsize=13.0, fontweight="bold", color=INK)
     rows: list[list[Quantity | None]] = []
-    quantities = QUANTITIES if flight.tells(("outputs.T_c",)) else OF_TRUTH
+    if flight.tells(("outputs.T_c",)):
+        own, shown = BY_TITLE["Distance from the reference"], distance(flight)
+        quantities = tuple(shown if q is own else q for q in QUANTITIES)
+    else:
+        quantities = OF_TRUTH
     for q in quantities:
         if not q.axes or not flight.shows(q):
             continue
@@ -120,7 +138,7 @@ def numbers(window: Window) -> Numbers:
         window.told  # noqa: B018  this too
         names = (
             "reference_error_rms_settled_m", "reference_error_max_m", "setpoint_error_final_m",
-            "thrust_saturated_fraction", "tilt_saturated_fraction",
+            "setpoint_error_rms_settled_m", "thrust_saturated_fraction", "tilt_saturated_fraction",
         )  # fmt: skip
     return {name: window.flight.metric(name) for name in names}
 
@@ -133,9 +151,12 @@ def answer(found: Numbers) -> str:
             f"{length(found['setpoint_error_final_m'])} at the end; "
             f"{said(found['energy_j'], 'J')} drawn from the battery"
         )
+    settled = f"settled RMS {length(found['reference_error_rms_settled_m'])} off the reference"
+    if found["reference_error_max_m"] is None:
+        off = length(found["setpoint_error_rms_settled_m"])
+        settled = f"no reference model; settled RMS {off} off the setpoint"
     return (
-        f"settled RMS {length(found['reference_error_rms_settled_m'])} off the reference, "
-        f"at the end {length(found['setpoint_error_final_m'])} off the setpoint, "
+        f"{settled}, at the end {length(found['setpoint_error_final_m'])} off the setpoint, "
         f"thrust at a limit {percent(found['thrust_saturated_fraction'])} of the time, "
         f"tilt {percent(found['tilt_saturated_fraction'])}"
     )

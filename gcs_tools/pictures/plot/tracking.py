@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs_tools.pictures.plot.numbers import Numbers, length
-from gcs_tools.pictures.plot.overview import chart
+from gcs_tools.pictures.plot.overview import chart, distance
 from gcs_tools.pictures.plot.style import (
     DOTTED,
     INK,
@@ -21,7 +21,7 @@ from gcs_tools.pictures.plot.style import (
     line,
 )
 from gcs_tools.pictures.plot.window import Window
-from gcs_tools.pictures.quantities import BY_TITLE, ENU
+from gcs_tools.pictures.quantities import ENU, FROM_SETPOINT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,11 +58,11 @@ def answer(found: Numbers) -> str:
 
 
 def draw(figure: Figure, window: Window, _found: Numbers) -> None:
-    """Position over time, from above, and the distance from the reference."""
-    error = BY_TITLE["Distance from the reference"]
-    has_reference = window.history.shows(error)
-    places: list[Any] = [[name, "above"] for name in ENU] + [["error", "error"]] * has_reference
-    heights = [1.0, 1.0, 1.0] + [1.25] * has_reference
+    """Position over time, from above, and the distance from the reference or else the setpoint."""
+    error = distance(window.history)
+    has_reference = error is not FROM_SETPOINT
+    places: list[Any] = [*([name, "above"] for name in ENU), ["error", "error"]]
+    heights = [1.0, 1.0, 1.0, 1.25]
     grid = figure.subplot_mosaic(places, width_ratios=[1.4, 1.0], height_ratios=heights)
     t, fcu = window.t, window.fcu
     flown = window.plant.axes("state.r_E")
@@ -98,7 +98,6 @@ def draw(figure: Figure, window: Window, _found: Numbers) -> None:
     above.set_aspect("equal", adjustable="datalim")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, columnspacing=0.8,
                  handlelength=1.2)  # fmt: skip
-    if has_reference:
-        grid["error"].sharex(grid["up"])
-        chart(grid["error"], error, window.history, window.flight.settle_from_s)
-    grid["error" if has_reference else "up"].set_xlabel(TIME)
+    grid["error"].sharex(grid["up"])
+    chart(grid["error"], error, window.history, window.flight.settle_from_s)
+    grid["error"].set_xlabel(TIME)
