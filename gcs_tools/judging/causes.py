@@ -17,7 +17,7 @@ from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.judging.setpoint_checks import Standing
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value, written
-from gcs_tools.missions.trajectory import positions_at
+from gcs_tools.missions.trajectory import last_change_s, positions_at
 from gcs_tools.recording.table import Rows
 
 ALLOCATED = (
@@ -48,7 +48,26 @@ def causes(
     if not len(flight.t):
         return []
     slowed = [] if missed is None or ended in EARLY else _slowed(mission, flight, missed)
-    return slowed + _limits_and_ending(mission, flight, ended, passed, values)
+    return (
+        slowed
+        + _not_arrived(mission, flight, ended)
+        + _limits_and_ending(mission, flight, ended, passed, values)
+    )
+
+
+def _not_arrived(mission: Mission, flight: EngagedTicks, ended: str) -> list[str]:
+    """Where a vehicle was that should have arrived and did not in the time there was."""
+    arrive = mission.flight.arrive
+    if arrive is None or ended != "time" or mission.expectations().get("ended") != "arrived":
+        return []
+    there = positions_at(mission.flight, flight.t[-1:])[0]
+    last = flight.plant["state.r_E"][flight.t >= last_change_s(mission.flight)]
+    away = np.linalg.norm(last - there, axis=1)
+    return [
+        f"The vehicle had not arrived when the time was over: it was {away[-1]:.3g} m from the last"
+        f" setpoint, at the nearest {away.min():.3g} m (flight.arrive: within {arrive.within_m:g} m for"
+        f" {arrive.for_s:g} s)."
+    ]
 
 
 def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[str]:

@@ -55,7 +55,7 @@ class Expectation:
     value: float | str | None  # measured; None: the metric has no value, which fails
     passed: bool
     text: str  # the expectation as a person reads it, without the value
-    why: str | None = None  # why there is no value; of a setpoint: which, and what to do
+    why: str | None = None  # why there is no value, or what was missed and how
 
     def __str__(self) -> str:
         """The expectation and what was measured, in one line."""

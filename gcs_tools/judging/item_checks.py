@@ -18,6 +18,9 @@ from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import LANDINGS
 from gcs_tools.recording.table import Table
 
+STEPS_COUNT = ("setpoint_error_max_m", "setpoint_error_rms_m")
+STEP_S = 0.05  # after its begin: so early an error is the step to its place
+
 
 @dataclass(frozen=True)
 class ItemFlown:
@@ -115,12 +118,65 @@ def judge_items(
 
         for name, entry in entries.items():
             judged = judge_metric(name, entry, metric, reason)
-            why = None if judged.why is None else f"of {item.name}: {judged.why}"
+            said = judged.why
+            if own is not None and not judged.passed and judged.value is not None:
+                said = _why_missed(name, entry, own, item, flight, begun)
+            why = None if said is None else f"of {item.name}: {said}"
             found.append(replace(judged, text=f"{item.name}: {judged.text}", why=why))
         written = any(name.startswith("setpoint_error_") for name in entries)
         if followed and item.kind == "follow" and not written:
             found += _followed(flight, item, ticks, begun)
     return found
+
+
+def _why_missed(
+    name: str, entry: Any, own: EngagedTicks, item: ItemFlown, flight: Flight,
+    begun: tuple[Begun, ...],
+) -> str | None:  # fmt: skip
+    """What came of an item that missed a limit: where its time went, when its error was greatest.
+
+    own : its ticks.  None: there is nothing to add.
+    """
+    if name == "took_s":
+        return _where_time_went(own, item, flight, begun)
+    if not name.startswith("setpoint_error_"):
+        return None
+    assert item.began_s is not None
+    window = entry if isinstance(entry, Mapping) else {}
+    ticks = own.window(*_shifted(item.began_s, window.get("from"), window.get("to")))
+    error = np.where(ticks.is_asked & np.isfinite(ticks.setpoint_error), ticks.setpoint_error, -1.0)
+    worst, after_s = int(error.argmax()), ticks.t - item.began_s
+    said = f"greatest {after_s[worst]:.3g} s after its begin, {error[worst]:.3g} m"
+    counts = name in STEPS_COUNT and window.get("from") is None
+    if counts and after_s[worst] <= STEP_S and item.kind == "go_to":
+        said += ", which is the step of the setpoint (leave it out with from)"
+    return f"{said}; {error[error >= 0.0][-1]:.3g} m in the end"
+
+
+def _where_time_went(
+    own: EngagedTicks, item: ItemFlown, flight: Flight, begun: tuple[Begun, ...]
+) -> str | None:
+    """When an item that took too long was where it should end; None: there is nothing to add."""
+    last = [each for each in begun if legs(flight)[each.leg].item == item.item - 1][-1]
+    leg = legs(flight)[last.leg]
+    if item.began_s is None or item.ended_s is None or not len(own.t):
+        return None
+    if leg.kind in LANDS:
+        down = own.t[own.is_grounded]
+        return f"it was on the ground after {down[0] - item.began_s:.3g} s" if len(down) else None
+    if last.place is None or leg.kind == "hold":
+        return f"a hold of {leg.for_s:g} s" if leg.kind == "hold" else None
+    parts = []
+    if leg.path is not None:
+        parts.append(f"its path takes {leg.path.duration_s:.3g} s from its first point")
+    since = last.tick / flight.rate_hz + (0.0 if leg.path is None else leg.path.duration_s)
+    away = np.linalg.norm(own.plant["state.r_E"] - np.array(last.place), axis=1)
+    near = np.flatnonzero((away <= leg.within) & (own.t >= since - STEP_S))
+    if len(near):
+        at_s = own.t[near[0]] - item.began_s
+        parts.append(f"it was within {leg.within:g} m of its end after {at_s:.3g} s")
+    parts.append(f"slow enough there after {item.ended_s - item.began_s:.3g} s")
+    return ", ".join(parts)
 
 
 def _followed(
@@ -137,7 +193,10 @@ def _followed(
     window = ticks.window(along[0].tick / flight.rate_hz, _last(flight, item))
     name = "setpoint_error_max_m"
     judged = judge_metric(name, REACHED_M, window.metric, window.why_no_value)
-    return [replace(judged, text=f"{item.name}: {judged.text} along its path")]
+    why = judged.why
+    if not judged.passed and judged.value is not None:
+        why = f"of {item.name}: {_why_missed(name, REACHED_M, window, item, flight, begun)}"
+    return [replace(judged, text=f"{item.name}: {judged.text} along its path", why=why)]
 
 
 def _last(flight: Flight, item: ItemFlown) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -216,6 +217,46 @@ def test_a_path_is_to_be_followed_without_being_written(tmp_path: Path) -> None:
     assert missed.text == "item 2 (follow): setpoint_error_max_m ≤ 0.5 along its path"
     assert missed.value > 2.0
     assert any("The guard flew item 2 (follow) more gently" in cause for cause in result.causes)
+
+
+def test_what_an_item_missed_is_told_with_where_its_time_went_and_its_error_was_greatest(
+    tmp_path: Path,
+) -> None:
+    """A step of 5 m, which no vehicle flies in a second; then a hold and a landing."""
+    near = '{ kind = "go_to", position_m = [4.0, 0.0, 6.0], within_m = 0.1'
+    step = near + ", expect = { took_s = 1.0, setpoint_error_max_m = 0.1 } }"
+    hold = '{ kind = "hold", for_s = 2.0, expect = { took_s = 1.0 } }'
+    down = '{ kind = "land", expect = { took_s = 1.0 } }'
+    result = flown(tmp_path, UP, step, hold, down)
+    missed = [line for line in result.expectations if not line.passed]
+    went, worst, held, landed = (line.why or "" for line in missed)
+    assert "of item 2 (go_to): it was within 0.1 m of its end after " in went
+    assert "greatest 0 s after its begin, 4.99 m" in worst
+    assert "the step of the setpoint" in worst
+    assert "a hold of 2 s" in held
+    assert "of item 4 (land): it was on the ground after " in landed
+    first, slow = (float(number) for number in re.findall(r"after (\S+) s", went))
+    assert 1.0 < first <= slow == pytest.approx(missed[0].value, abs=0.01)
+
+
+@pytest.mark.slow
+def test_one_that_did_not_arrive_is_told_with_how_near_it_came(tmp_path: Path) -> None:
+    """The plain cascade learns nothing: the wind holds it farther off than 2 cm."""
+    law = Path(__file__).parents[1] / "own_law" / "plain_cascade.py"
+    result = gcs_tools.fly(
+        "take_off",
+        law=str(law),
+        settings=["flight.arrive.within_m=0.02", "flight.duration_s=15"],
+        in_process=True,
+        figure="never",
+        record="none",
+        out=tmp_path / "run",
+    )
+    assert result.ended == "time"
+    (cause,) = (cause for cause in result.causes if "had not arrived" in cause)
+    away, nearest = (float(number) for number in re.findall(r"(\S+) m[ f]", cause)[:2])
+    assert 0.02 < nearest <= away < 0.2
+    assert "within 0.02 m for 2 s" in cause
 
 
 @pytest.mark.parametrize(
