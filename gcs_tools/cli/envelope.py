@@ -77,6 +77,7 @@ def envelope(
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.judging.envelope import envelope as envelope_of
     from gcs_tools.missions.mission import MissionError, load, override, with_airframe
+    from gcs_tools.missions.other_file import meant
 
     try:
         chosen = load(mission)
@@ -101,7 +102,7 @@ def envelope(
             if figure is not None:
                 print_line(f"{figure}")
     except MissionError as error:
-        raise Failure(error, USAGE) from error
+        raise Failure(meant(mission) or error, USAGE) from error
     except OSError as error:
         at = error.filename or figure or "standard output"
         raise Failure(f"{at}: {error.strerror}", USAGE) from error

@@ -60,6 +60,7 @@ from gcs_tools.missions.mission import (
     with_law,
     written,
 )
+from gcs_tools.missions.other_file import meant
 from gcs_tools.recording import light
 from gcs_tools.recording.events import logged
 from gcs_tools.recording.reader import (
@@ -116,7 +117,7 @@ def prepared(
             _judged_by_the_truth(mission)
         return mission, scenario(mission)
     except MissionError as error:
-        raise UsageError(str(error)) from error
+        raise UsageError(meant(name) or str(error)) from error
     except ParameterError as error:
         raise UsageError(f"{name}: [law] {error}") from error
     except AirframeError as error:

@@ -15,6 +15,7 @@ import pytest
 from tests import command_line
 from tests.patience import PATIENCE_S
 
+QUAD = Path(__file__).parents[1] / "own_airframe" / "quad.toml"
 QUICK = ("--in-process", "--set", "flight.duration_s=0.5", "--figure", "never")
 MISSION = """title = "A hover of half a second."
 [flight]
@@ -124,6 +125,28 @@ def test_a_bad_command_line_is_refused(refused, arguments, expected):
 def test_a_command_that_there_is_not_is_told_with_the_one_that_was_meant(refused, name, said):
     assert f"No such command '{name}'" in (told := refused(name, "paper_nominal"))
     assert said in told
+
+
+@pytest.mark.parametrize("command", ["fly", "envelope"])
+@pytest.mark.parametrize(
+    ("name", "option"),
+    [("my_pid.py", "--law"), ("none.py", "--law"), ("px4", "--law"), ("lab3.toml", "--airframe"), ("quad", "--airframe")],
+)  # fmt: skip
+def test_a_law_or_an_airframe_in_the_place_of_a_mission_is_told_with_its_option(
+    refused, tmp_path, command, name, option
+):
+    (tmp_path / "my_pid.py").write_text("P = 1.0\n")
+    (tmp_path / "lab3.toml").write_text(QUAD.read_text())
+    (line,) = refused(command, name).splitlines()
+    assert f"did you mean {option} {name}" in line
+
+
+@pytest.mark.parametrize("text", ["[vehicle]\n[rotors]\n[flight]\n", "[vehicle]\n", "[", ""])
+def test_a_mission_with_errors_is_still_told_by_its_errors(refused, tmp_path, text):
+    (tmp_path / "mine.toml").write_text(text)
+    told = refused("fly", "mine.toml")
+    assert "mine.toml" in told
+    assert "did you mean --" not in told
 
 
 def test_that_flights_of_several_seeds_are_the_same_is_told_once(gcs, tmp_path):
