@@ -70,14 +70,9 @@ class AirframeError(ValueError):
 # --- one table
 
 
-def _got(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def wrong(source: str, table: str, key: str, expected: str, got: Any) -> AirframeError:
     """An error to raise of the value of a key."""
-    said = f"{source}: [{table}] {key}: expected {expected}, got {_got(got)}"
+    said = f"{source}: [{table}] {key}: expected {expected}, got {input_file.shown(got)}"
     return AirframeError(said, (table, key))
 
 
@@ -121,8 +116,8 @@ def airframe(table: Mapping[str, Any], source: str = "airframe") -> Airframe:
             instead = ", or position_m in its place" if key == "angle_deg" else ""
             raise missing(source, "rotors", key, instead)
     if places and (also := [key for key in _ARMS if key in table]):
-        either = "either position_m, or angle_deg and radius_m"
-        raise bad(also[0], either, "both")
+        said = "expected either position_m, or angle_deg and radius_m, got both"
+        raise AirframeError(f"{source}: [rotors] {also[0]}: {said}", ("rotors", also[0]))
     spins = table["spin"]
     if not isinstance(spins, list) or not FEWEST <= len(spins) <= ROTORS:
         raise bad("spin", f"{FEWEST} to {ROTORS} numbers, one a rotor", spins)
@@ -328,14 +323,16 @@ def checked(tables: dict[str, Any], source: str) -> tuple[Airframe, dict[str, An
     for name, table in tables.items():
         if name != LAW and name not in KEYS:
             known = meant(name, (*KEYS, LAW))
-            raise AirframeError(f"{source}: {_got(name)[1:-1]}: no such table{known}", (name,))
+            raise AirframeError(
+                f"{source}: {input_file.shown(name)[1:-1]}: no such table{known}", (name,)
+            )
         if not isinstance(table, dict):
-            said = f"{source}: {name}: expected a table, got {_got(table)}"
+            said = f"{source}: {name}: expected a table, got {input_file.shown(table)}"
             raise AirframeError(said, (name,))
         for key in table if name != LAW else ():
             if key not in KEYS[name]:
                 known = meant(key, KEYS[name])
-                said = f"{source}: [{name}] {_got(key)[1:-1]}: no such key{known}"
+                said = f"{source}: [{name}] {input_file.shown(key)[1:-1]}: no such key{known}"
                 raise AirframeError(said, (name, key))
     for name in ("vehicle", "rotors", "limits", "air", "battery"):
         if name not in tables:
@@ -425,7 +422,7 @@ def find(name_or_file: str, folder: Path | None = None) -> Path:
     if not name_or_file.endswith(".toml"):
         known = tuple(SHIPPED)
         raise AirframeError(
-            f"{_got(name_or_file)[1:-1]}: no such airframe{meant(name_or_file, known)}"
+            f"{input_file.shown(name_or_file)[1:-1]}: no such airframe{meant(name_or_file, known)}"
             " (a file of yours ends with .toml)"
         )
     return ((folder or Path()) / name_or_file).absolute()

@@ -7,14 +7,17 @@ itself, gigabytes of nothing. All of these are rejected before they cost time or
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import stat
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
 MIB = 1 << 20
+LONG = 60  # characters of a value in a message
 DEEPEST = 32  # tables and arrays within one another, names with dots between them
 MARK = "\ufeff"  # a byte order mark, which TOML does not know
 
@@ -28,6 +31,23 @@ _APART = re.compile(
     re.DOTALL,
 )
 _DOTTED = re.compile(rf"(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
+
+
+def shown(value: Any) -> str:
+    """A value of a file as TOML writes it, on one line and cut where it is long, for a message."""
+    plain = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in _toml(value))
+    text = "".join(plain)
+    return text if len(text) <= LONG else f"{text[: LONG - 3]}..."
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, str | bool):
+        return json.dumps(value, ensure_ascii=False)
+    return str(value)
 
 
 class TomlError(ValueError):

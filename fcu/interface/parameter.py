@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from fcu.interface.airframe import PINNED, AirframeError
+from fcu.interface.input_file import shown
 from fcu.kernel.buffers import from_buffer, size
 
 Value = float | str | tuple[float, ...]
@@ -25,6 +26,22 @@ T = TypeVar("T")
 
 class ParameterError(ValueError):
     """A parameter that cannot be flown: its name and what was expected."""
+
+
+def choice(words: Iterable[str]) -> str:
+    """Words of which one is to be written: `a, b or c`."""
+    *others, last = words
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def not_one_of(words: Iterable[str], got: Any) -> str:
+    """What a message says of a value that is none of the words: as a person writes both."""
+    return f"expected {choice(words)}, got {got if is_word(got) else shown(got)}"
+
+
+def is_word(value: Any) -> bool:
+    """Whether a value reads as a word without quotes, and can be taken for nothing else."""
+    return isinstance(value, str) and value.isidentifier() and value not in ("true", "false")
 
 
 class Conversion(NamedTuple):
@@ -121,7 +138,7 @@ class Parameter(NamedTuple):
     def expected(self) -> str:
         """What each of its numbers may be, in words."""
         if self.words is not None:
-            return "one of " + ", ".join(self.words)
+            return choice(self.words)
         if self.high == math.inf:
             return f"of at least {self.low:g} {self.unit}".rstrip()
         return f"from {self.low:g} to {self.high:g} {self.unit}".rstrip()
@@ -139,14 +156,14 @@ class Parameter(NamedTuple):
         """What a value is in Params. Raises ParameterError for a value that it may not have."""
         if self.words is not None:
             if not isinstance(value, str) or value not in self.words:
-                raise ParameterError(f"{self.name}: expected {self.expected()}, got {value!r}")
+                raise ParameterError(f"{self.name}: {not_one_of(self.words, value)}")
             return (self.words[value],)
         n = max(len(self.fields), 1)
         row = list(value) if isinstance(value, list | tuple) else [value] * (n if self.axes else 1)
         if len(row) != n or not all(_finite(v) for v in row):
             which = "two numbers, least and most" if self.interval else "three finite numbers"
             which = "a finite number" if n == 1 else which + (", or one" if self.axes else "")
-            raise ParameterError(f"{self.name}: expected {which}, got {value!r}")
+            raise ParameterError(f"{self.name}: expected {which}, got {shown(value)}")
         numbers = tuple(float(v) for v in row)
         self.check(numbers)
         return numbers

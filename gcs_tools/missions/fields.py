@@ -14,6 +14,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from fcu.interface.parameter import not_one_of
+
 # Hz: those from 100 to 1000 whose period is a whole number of microseconds
 RATES = tuple(rate for rate in range(100, 1001) if 1_000_000 % rate == 0)
 
@@ -53,6 +55,17 @@ def three(value: Any) -> Any:
     """One number for all three axes."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return [value] * 3 if number else value
+
+
+def one_of(*words: str) -> BeforeValidator:
+    """Says which words there are, before a Literal of them does in its own way."""
+
+    def check(value: Any) -> Any:
+        if value not in words:
+            raise wrong((), not_one_of(words, value).removeprefix("expected "))
+        return value
+
+    return BeforeValidator(check)
 
 
 Positive = Annotated[float, Field(gt=0.0)]

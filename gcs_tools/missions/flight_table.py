@@ -19,6 +19,7 @@ from gcs_tools.missions.fields import (
     Positive,
     Rate,
     Table,
+    one_of,
     optional,
     wrong,
 )
@@ -53,7 +54,7 @@ class TimedSetpoint(Table):
 class FigureEight(Table):
     """x = a/2 sin p, y = b/2 sin 2p about the centre, size_m = [a, b]; p grows from rest."""
 
-    kind: Literal["figure_eight"]
+    kind: Annotated[Literal["figure_eight"], one_of("figure_eight")]
     centre_m: Position = Field(ZERO, description="ENU, m: where it begins, and where it crosses")
     size_m: Annotated[tuple[Positive, Positive], Field(strict=False)] = Field(
         description="length (East) and width (North), m"

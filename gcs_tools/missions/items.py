@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from fcu.interface.parameter import choice, not_one_of
 from gcs_tools.missions import paths, track_file
 from gcs_tools.missions.bounds import AT_MOST, LIMITS
 from gcs_tools.missions.fields import (
@@ -27,6 +28,7 @@ from gcs_tools.missions.fields import (
     Positive,
     Table,
     because,
+    one_of,
     optional,
     wrong,
 )
@@ -81,7 +83,7 @@ class Follow(Table):
 
     kind: Literal["follow"]
     points_m: Points | None = optional("ENU; or file")
-    corners: Literal["rounded", "spline"] = Field(
+    corners: Annotated[Literal["rounded", "spline"], one_of("rounded", "spline")] = Field(
         "rounded", description="straight lines with rounded corners, or a spline through all points"
     )
     corner_m: Annotated[float, Field(ge=0.01)] = Field(
@@ -167,7 +169,8 @@ def _of_a_kind(value: Any) -> Any:
     if not isinstance(value, dict):
         raise wrong((), "a table with a kind", value)
     if value.get("kind") not in KINDS:
-        raise wrong(("kind",), f"one of {', '.join(KINDS)}", value.get("kind"))
+        said = not_one_of(KINDS, value["kind"]) if "kind" in value else choice(KINDS)
+        raise wrong(("kind",), said.removeprefix("expected "))
     return value
 
 

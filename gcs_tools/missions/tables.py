@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
-from fcu.interface.parameter import Parameter
+from fcu.interface.parameter import Parameter, not_one_of
 from fcu.laws.loader import Law
 from fcu.settings import PARAMETERS
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S
@@ -28,6 +28,7 @@ from gcs_tools.missions.fields import (
     Positives,
     Table,
     because,
+    one_of,
     optional,
     three,
     wrong,
@@ -41,7 +42,7 @@ from gcs_tools.missions.items import LANDINGS
 def _value(row: Parameter) -> Any:
     """What a parameter of the law may be."""
     if row.words is not None:
-        return Literal[tuple(row.words)]
+        return Annotated[Literal[tuple(row.words)], one_of(*row.words)]
     limits = {"ge": row.low, "le": row.high}
     number = Annotated[float, Field(**{k: v for k, v in limits.items() if math.isfinite(v)})]
     n = len(row.fields)
@@ -101,7 +102,8 @@ def law_table(rows: Iterable[Parameter], guarded: bool = True) -> type[Table]:
 
 def _no_guard(policy: str) -> str:
     if policy != "warn":
-        raise wrong((), "'warn' (this law has no guard)", policy)
+        said = not_one_of(["warn"], policy).removeprefix("expected ")
+        raise wrong((), f"{said} (this law has no guard)")
     return policy
 
 
@@ -202,10 +204,10 @@ class Plant(Table):
 # --- [expect]
 
 
-_Ending = Literal["time", "arrived", "landed", "done", "refused", "diverged", "crashed"]
+_ENDINGS = ("time", "arrived", "landed", "done", "refused", "diverged", "crashed")
 
 _ended: Any = (
-    _Ending | None,
+    Annotated[Literal[_ENDINGS], one_of(*_ENDINGS)] | None,
     optional("how the flight ends; left out: time or arrived, of items landed or done"),
 )
 
