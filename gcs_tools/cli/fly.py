@@ -17,7 +17,9 @@ from gcs_tools.flight.interrupts import interrupts_wait
     epilog="\b\nExit codes: 0 all expectations met, 1 at least one missed, 2 invalid command line or\n"
     "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM and\n"
     "SIGHUP). With several missions: the highest; one that is invalid does not keep the others from\n"
-    "flying. MISSION is a file or the name of a shipped mission."
+    "flying.\n\n\b\n"
+    "MISSION is a file or the name of a shipped mission: airframe_... and benchmark/... are for every\n"
+    "airframe, the others for the S1000 (docs/missions.md)."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")

@@ -2,12 +2,66 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 import gcs_tools
 from fcu.interface.airframe import SHIPPED
+from gcs_tools.missions.mission import shipped
+from tests.command_line import gcs
 
 MISSIONS = ("airframe_step", "airframe_eight", "airframe_noise", "airframe_tour")
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "missions.md"
+SECTION = PAGE.read_text().partition("## Which shipped mission")[2].partition("\n## ")[0]
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in SECTION.splitlines()
+    if line.startswith("| `")
+]
+
+
+def test_the_page_says_of_each_shipped_mission_once_which_vehicle_it_is_for():
+    named = [name for row in ROWS for name in re.findall(r"`([\w/.]+)`", row[0])]
+    assert sorted(named) == sorted([*shipped(), "benchmark/..."])
+    assert named[: len(MISSIONS)] == list(MISSIONS)
+    assert "benchmark/... are for every airframe" in " ".join(gcs("fly", "--help").stdout.split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mission", [
+    *shipped("benchmark"),
+    *(name for row in ROWS if row[1].endswith("meant for the S1000")
+      for name in re.findall(r"`(\w+)`", row[0])),
+])  # fmt: skip
+@pytest.mark.parametrize("airframe", SHIPPED)
+def test_what_the_page_says_of_every_airframe_is_so(airframe, mission, tmp_path):
+    flight = gcs_tools.fly(
+        mission, airframe=airframe, in_process=True, figure="never", record="none",
+        out=tmp_path / "run",
+    )  # fmt: skip
+    assert flight.passed, flight.expectations
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mission", "airframe", "item", "off_m"), [
+    ("urban_step", "hexa", "reference_error_rms_settled_m", 0.0156),
+    ("square_and_land", "quad", "item 3 (follow): setpoint_error_max_m", 0.54),
+    ("square_and_land", "hexa", "item 3 (follow): setpoint_error_max_m", 0.59),
+])  # fmt: skip
+def test_what_a_mission_of_the_s1000_misses_with_others_is_what_the_page_says(
+    mission, airframe, item, off_m, tmp_path
+):
+    flight = gcs_tools.fly(
+        mission, airframe=airframe, in_process=True, figure="never", record="none",
+        out=tmp_path / "run",
+    )  # fmt: skip
+    (missed,) = (line for line in flight.expectations if not line.passed)
+    assert missed.text.startswith(item)
+    assert missed.value == pytest.approx(off_m, rel=0.02)
 
 
 @pytest.mark.parametrize("mission", MISSIONS)
