@@ -165,6 +165,8 @@ def _show(found: Envelope, console: Console) -> None:
     console.print(Text(f"During the first transient of adaptation nothing is certain: {after} {found.transient_s:.2f} s after take-over.", style="dim"))  # fmt: skip
     if found.arrives_s is not None:
         console.print(Text(f"While what is believed holds: from rest within 0.3 m of the first setpoint after {math.ceil(found.arrives_s)} s at most.", style="dim"))  # fmt: skip
+    if found.unstated:
+        console.print(Text(f"When it arrives is not stated: {found.unstated}.", style="dim"))
     for way in found.arrivals:
         if way.within_s is not None and way.within_s > way.stands_s:
             console.print(Text(f"The setpoint of {way.at_s:g} s stands for {way.stands_s:g} s; to be within 0.3 m of it, from rest at the one before, may take {math.ceil(way.within_s)} s.", style="yellow"))  # fmt: skip

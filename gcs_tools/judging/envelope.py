@@ -139,6 +139,7 @@ class Envelope:
     arrives_s: (
         float | None
     )  # from rest at its first setpoint at most; None: no way to go, or no guard
+    unstated: str  # why no arrival is stated, where the guard would else state one; empty: it is
     arrivals: tuple[Arrival, ...]  # of setpoints that stand still, where the guard governs
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
@@ -419,6 +420,30 @@ def arrives_s(scene: Scenario) -> float | None:
     return found if math.isfinite(found) else None
 
 
+def unstated(scene: Scenario) -> str:
+    """Why no arrival is stated, in a sentence; empty where one is, and where no guard states any.
+
+    The tracking error that a wind as believed leaves grows as 1/f_m^2: large vehicles follow slowly,
+    and arrival means the same distance for all.
+    """
+    law, guard = scene.settings
+    keeps = margin.condition(margin.known(guard, law), STILL, STILL, 0.0) > 0.0
+    off_m = float(arrival.off_at_most(guard, law))
+    if guard.policy == WARN or not keeps or off_m < arrival.ARRIVED_M:
+        return ""
+
+    def is_near(w: float) -> bool:
+        believed = derived(with_guard(scene.settings, w_max=w)).guard
+        return float(arrival.off_at_most(believed, law)) < arrival.ARRIVED_M
+
+    calm = math.floor(10.0 * (largest(is_near, guard.w_max) or 0.0)) / 10.0
+    less = f"; with guard_wind_m_s {calm:g} it is stated" if calm > 0.0 else ""
+    return (
+        f"a wind as believed (guard_wind_m_s {guard.w_max:.3g}) may keep the vehicle {off_m:.2f} m off its"
+        f" reference, and arrived means within {arrival.ARRIVED_M:g} m{less}"
+    )
+
+
 def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
     """Of each setpoint that stands still, where the guard governs and hover has room to."""
     law, guard = scene.settings
@@ -667,6 +692,7 @@ def envelope(mission: Mission) -> Envelope:
         changes=() if holds else changes(mission.flight, scene),
         transient_s=float(foreseen.transient_s(guard, law)),
         arrives_s=arrives_s(scene),
+        unstated=unstated(scene),
         arrivals=arrivals(mission.flight, scene),
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),

@@ -77,6 +77,7 @@ def test_noise_that_hover_has_no_room_for_fails_a_mission_that_is_governed():
     assert gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.0002").exit_code == 0
 
 
+HEAVY = Path(__file__).parents[1] / "own_airframe" / "heavy.toml"
 FAR = "flight.setpoints=[[0.0, 0.0, 0.0, 3.0], [9.0, 0.0, 120.0, 3.0]]"
 
 
@@ -109,6 +110,23 @@ def test_a_setpoint_that_stands_too_short_for_the_stated_time_is_told():
     assert f"setpoint of 9 s stands for 6 s; to be within 0.3 m of it, from rest at the one before, may take {within} s" in told  # fmt: skip
     warns = json.loads(gcs("gust_step", "--set", "law.guard=warn", "--json").stdout)
     assert warns["arrivals"] == []
+
+
+def test_why_no_arrival_is_stated_is_told_with_the_wind_for_which_it_is():
+    """A vehicle of 25 kg, whose gains follow from its file, and the numbers of docs/airframes.md."""
+    heavy = "urban_step", "--airframe", HEAVY
+    said = json.loads(gcs(*heavy, "--json").stdout)
+    assert said["arrives_s"] is None
+    assert "0.52 m off its reference" in said["unstated"]
+    assert said["unstated"] in " ".join(gcs(*heavy).stdout.split())
+    (calm,) = re.findall(r"with guard_wind_m_s (\S+) it is stated", said["unstated"])
+    assert calm == "5.6"
+    for wind, is_stated in ((5.6, True), (5.8, False)):
+        found = json.loads(gcs(*heavy, "--set", f"law.guard_wind_m_s={wind}", "--json").stdout)
+        assert (found["arrives_s"] is not None, found["unstated"] == "") == (is_stated, is_stated)
+    assert json.loads(gcs("urban_step", "--json").stdout)["unstated"] == ""
+    warns = json.loads(gcs(*heavy, "--set", "law.guard=warn", "--json").stdout)
+    assert (warns["arrives_s"], warns["unstated"]) == (None, "")
 
 
 def test_every_key_of_its_json_is_explained():
