@@ -103,7 +103,7 @@ def flight(
     )
 
 
-_unpack_course = unpacker(Course)
+unpack_course = unpacker(Course)
 _put_time = packer(Course, "time_us")
 _put_engaged = packer(Course, "engaged")
 _put_load = packer(Course, "load")
@@ -121,7 +121,7 @@ def tick(flight, law, datagram, length, row, decided_us):
     decided_us : the time of a tick for which Python has done all that,
     and for which `measured` is flown on as it is; negative: there is none.
     """
-    course, told = _unpack_course(flight.course), flight.told
+    course, told = unpack_course(flight.course), flight.told
     time_us = np.int64(decided_us)
     if decided_us < 0:
         number = np.int64(course.system)
@@ -142,6 +142,22 @@ def tick(flight, law, datagram, length, row, decided_us):
         age = (time_us - course.since_us) * 1e-6
         if not quiet_look(flight.watch, flight.measured, flight.setpoint, age, np.float64(time_us)):
             return NOT_QUIET_FILTERED
+    if decide(flight, law, course, time_us, row):
+        return LAW_RAISED
+    length = pack_controls(
+        flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
+        course.armed != 0.0, True, True, flight.answer,
+    )  # fmt: skip
+    _put_answer_bytes(flight.course, np.float64(length))
+    return length
+
+
+@kernel
+def decide(flight, law, course, time_us, row):
+    """The law's part of a tick, on what is `measured`; whether it has raised.
+
+    course : Course, of `flight`.  Other arguments as of `tick`.
+    """
     raised = call_law(
         law,
         (
@@ -151,20 +167,14 @@ def tick(flight, law, datagram, length, row, decided_us):
         ),
     )  # fmt: skip
     _put_time(flight.course, np.float64(time_us))
-    if raised:
-        return LAW_RAISED
-    _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
-    length = pack_controls(
-        flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
-        course.armed != 0.0, True, True, flight.answer,
-    )  # fmt: skip
-    _put_answer_bytes(flight.course, np.float64(length))
-    return length
+    if not raised:
+        _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
+    return raised
 
 
 def what_was_raised(law: Pointer, flight: Flight, row: Buffer) -> str:
     """What a law has raised at the last tick, in words: it is called again, for the same row."""
-    course = _unpack_course(flight.course)
+    course = unpack_course(flight.course)
     arrays = flight.remembered, flight.settings, flight.setpoint, flight.measured, row
     try:
         law.function(
@@ -206,7 +216,7 @@ def serve(flight, law, wire, rows, times, decided_us):
     has had no answer: UNREAD, FILTERED or RAISED, as `tick` said of it.
     decided_us : as for `tick`; then one tick is flown, and its answer is not sent.
     """
-    fd, course = wire.link[0], _unpack_course(flight.course)
+    fd, course = wire.link[0], unpack_course(flight.course)
     load = course.load
     done = system.monotonic(wire.scratch)
     for k in range(len(rows)):

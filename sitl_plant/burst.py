@@ -1,7 +1,8 @@
 """Ticks of the simulator in compiled code, from the state sent to the answer received.
 
 `begin` and `finish` are the two halves of a tick. They make no system calls, so that a simulator
-and a controller can also be joined in memory. `serve` runs whole ticks over a socket, and returns
+and a controller can also be joined in memory; `observe` and `advance` are what they do beside writing
+and reading datagrams. `serve` runs whole ticks over a socket, and returns
 to Python as soon as something else than the expected answer happens.
 
 Everything a tick reads and writes is in the arrays of `Plant`, shared with Python.
@@ -172,9 +173,27 @@ def begin(plant, row, datagram):
     row : float64[WIDTH].  datagram : uint8[LONGEST].
     Returns (length of the datagram, status of the flight); without a datagram length 0.
     """
+    now, with_battery, status = observe(plant, row)
+    if status != dynamics.FLYING:
+        return 0, status
+    length = pack_state(
+        plant.desk, plant.system, now * plant.period_us, plant.reported, plant.spin,
+        plant.battery, with_battery, datagram,
+    )  # fmt: skip
+    return length, status
+
+
+@kernel
+def observe(plant, row):
+    """The row of the true state, and what of it is `reported`.
+
+    row : float64[WIDTH].
+    Returns (number of the tick, whether it reports the battery, status of the flight); without
+    the status FLYING nothing is reported.
+    """
     progress = _progress(plant.progress)
     if progress.noise_at >= plant.noise.shape[0]:
-        return 0, NO_NOISE
+        return 0, False, NO_NOISE
     now = np.int64(progress.timing.sequence)
     t = now * plant.period_us * 1e-6
     ended = tick.observe(plant.params, plant.state, plant.drawn, t, plant.start, row)
@@ -183,7 +202,7 @@ def begin(plant, row, datagram):
     if with_battery:
         _pack_battery(plant.battery, _battery_of(row))
     if ended != dynamics.FLYING:
-        return 0, np.int64(ended)
+        return now, with_battery, np.int64(ended)
     past = plant.past
     newest, oldest = now % past.shape[0], max(now - past.shape[0] + 1, 0) % past.shape[0]
     for i in range(past.shape[1]):
@@ -191,11 +210,7 @@ def begin(plant, row, datagram):
     at = np.int64(progress.noise_at)
     tick.sense(past[oldest], plant.noise[at], plant.reported)
     _pack_noise_at(plant.progress, at + 1.0)
-    length = pack_state(
-        plant.desk, plant.system, now * plant.period_us, plant.reported, plant.spin,
-        plant.battery, with_battery, datagram,
-    )  # fmt: skip
-    return length, np.int64(dynamics.FLYING)
+    return now, with_battery, np.int64(dynamics.FLYING)
 
 
 @kernel
@@ -211,10 +226,16 @@ def finish(plant, datagram, length):
     now = np.int64(_progress(plant.progress).timing.sequence)
     if told[0] != now * plant.period_us:
         return STALE
-    t = now * plant.period_us * 1e-6
-    tick.advance(plant.params, plant.state, plant.drawn, command, t, plant.steps)
-    _pack_tick(plant.progress, now + 1.0)
+    advance(plant, now)
     return FLOWN
+
+
+@kernel
+def advance(plant, now):
+    """The flight under its `command`, from the tick numbered `now` to the next."""
+    t = now * plant.period_us * 1e-6
+    tick.advance(plant.params, plant.state, plant.drawn, plant.command, t, plant.steps)
+    _pack_tick(plant.progress, now + 1.0)
 
 
 @kernel

@@ -168,6 +168,16 @@ def through_the_wire(state):
 
 
 @kernel
+def state_in_flight(state, spin):
+    """The StateOnWire of a VehicleState as it is sent: rotor speeds signed by spin, none of a rotor absent.
+
+    spin : Rotors.
+    """
+    sent = state_to_wire(state)
+    return StateOnWire(sent.r_N, sent.q_NF, sent.v_F, sent.w_F, spin * sent.Omega)
+
+
+@kernel
 def command_through_the_wire(command):
     """The RotorCommand that the plant decodes: held inside [0, 1], as float32."""
     u = command.u

@@ -22,7 +22,7 @@ import numpy as np
 
 from fcu.interface.airframe import ROTORS
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
-from fcu.kernel.algebra import Rotors
+from fcu.kernel.algebra import Rotors, select, total
 from fcu.kernel.buffers import from_buffer, packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.mavlink import frame_kernels
@@ -40,7 +40,13 @@ from fcu.mavlink.definitions import (
     message,
 )
 from fcu.mavlink.frame_kernels import HEADER, copy, get, get_signed, put
-from fcu.mavlink.frames import StateOnWire, command_through_the_wire, state_from_wire, state_to_wire
+from fcu.mavlink.frames import (
+    StateOnWire,
+    command_through_the_wire,
+    state_from_wire,
+    state_in_flight,
+    state_to_wire,
+)
 from fcu.mavlink.framing import WireError, expected, framed
 
 __all__ = ["Ending", "OtherRotors", "PlantCodec", "WireError"]
@@ -331,6 +337,39 @@ def parse_controls(desk, system, datagram, length, command, told):
     told[1] = controls[_MODE_AT] & _ARMED != 0
     told[2] = get(controls, 8, 8) & _LOCKSTEP != 0
     return 0
+
+
+# --- both without a datagram
+
+
+@kernel
+def state_received(state, spin):
+    """What `parse_state` reads of a state that `pack_state` has sent: (VehicleState, fault).
+
+    state : VehicleState.  spin : Rotors.  The fault is a float; the state of a fault means nothing.
+    """
+    sent = state_in_flight(state, spin)
+    r, q, v, w = sent.r_N, sent.q_NF, sent.v_F, sent.w_F
+    # 0 times what is not finite is not a number
+    nothing = 0.0 * (r.x + r.y + r.z) + 0.0 * (v.x + v.y + v.z) + 0.0 * (w.x + w.y + w.z)
+    nothing += 0.0 * (q.w + q.x + q.y + q.z) + 0.0 * total(sent.Omega)
+    unit = abs(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z - 1.0) > 0.01
+    fault = select(nothing == 0.0, select(unit, float(_NOT_UNIT), 0.0), float(_NOT_FINITE))
+    return state_from_wire(sent), fault
+
+
+@kernel
+def controls_received(command):
+    """The RotorCommand that `parse_controls` reads of one that `pack_controls` has sent as `nan_stands`."""
+    u = command_through_the_wire(command).u
+    return RotorCommand(
+        Rotors(
+            select(u.r1 == u.r1, u.r1, 0.0), select(u.r2 == u.r2, u.r2, 0.0),
+            select(u.r3 == u.r3, u.r3, 0.0), select(u.r4 == u.r4, u.r4, 0.0),
+            select(u.r5 == u.r5, u.r5, 0.0), select(u.r6 == u.r6, u.r6, 0.0),
+            select(u.r7 == u.r7, u.r7, 0.0), select(u.r8 == u.r8, u.r8, 0.0),
+        )
+    )  # fmt: skip
 
 
 # --- the battery

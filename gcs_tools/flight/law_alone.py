@@ -1,6 +1,6 @@
 """A law flown alone: for studies of laws, in which no ground station says anything.
 
-The ticks are those of a whole vehicle (`joined`), without its autopilot: always armed, every
+The ticks are those of a whole vehicle (`closed_loop`), without its autopilot: always armed, every
 setpoint flown as it is, nothing refused, limited or landed, no position doubted. As long as a
 vehicle's autopilot only passes setpoints on, its flight is the same to the bit; but it flies on to
 the end of its time where a vehicle has arrived.
@@ -22,10 +22,11 @@ from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of
 from fcu.laws.face import TAKE_OVER
 from fcu.laws.loader import LawError
-from fcu.mavlink.plant_link import LONGEST, PlantCodec, fault_in_words
+from fcu.mavlink.plant_link import PlantCodec, fault_in_words
 from fcu.vehicle.position_filter import Filtered
 from fcu.vehicle.watch import Watch
-from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS, together
+from gcs_tools.flight.closed_loop import closed
+from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics.types import PlantRecord
@@ -70,16 +71,14 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     simulator = Simulator(scene.world, SYSTEM)
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
-    datagram = np.zeros(LONGEST, dtype=np.uint8)
     begins = [*scene.sent_at.tolist(), scene.ticks]
     for setpoint, (k, until) in zip(scene.setpoints, pairwise(begins), strict=True):
         alone.setpoint[:], alone.course[_SINCE] = setpoint, k * scene.period_us
         while k < until:
             simulator.draw_noise()
-            flown, why, left = together(
-                alone, law.address, simulator.plant, datagram, plant_rows[k:until], fcu_rows[k:until],
-                -1,
-            )  # fmt: skip
+            flown, why, left = closed(
+                alone, law.address, simulator.plant, plant_rows[k:until], fcu_rows[k:until]
+            )
             k += flown
             if why == ENDED:
                 return plant_rows[: k + 1, :_TRUTH], fcu_rows[:k]
