@@ -11,7 +11,8 @@ from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
-from fcu.kernel.pointers import LAW_CALL, Pointer, array_at
+from fcu.kernel.lanes import buffer_at
+from fcu.kernel.pointers import LAW_CALL, Pointer, array_at, lanes_call
 from fcu.laws.face import FLYING as FLYING
 from fcu.laws.face import IDLE as IDLE
 from fcu.laws.face import TAKE_OVER as TAKE_OVER
@@ -149,3 +150,33 @@ def tick_at(t, engaged, age, remembered, settings, setpoint, measured, row):
 def compiled() -> Pointer:
     """`tick_at`, compiled or loaded, for whoever flies bursts of this law."""
     return Pointer(tick_at, LAW_CALL)
+
+
+@kernel
+def lanes_at(t, engaged, age, remembered, settings, setpoint, measured, row):
+    """`tick` of several vehicles under the same settings, a lane each (`kernel.lanes`).
+
+    As `tick_at`, but all of a vehicle are buffers of lanes, and age is lanes.
+    """
+    tick(
+        t, engaged, buffer_at(remembered, age), array_at(settings, _SETTINGS), buffer_at(setpoint, age),
+        age, buffer_at(measured, age), buffer_at(row, age),
+    )  # fmt: skip
+
+
+@kernel
+def lanes_each_at(t, engaged, age, remembered, settings, setpoint, measured, row):
+    """The same, each under settings of its own: a buffer of lanes too."""
+    tick(
+        t, engaged, buffer_at(remembered, age), buffer_at(settings, age), buffer_at(setpoint, age),
+        age, buffer_at(measured, age), buffer_at(row, age),
+    )  # fmt: skip
+
+
+@cache
+def compiled_for_lanes(width: int, alike: bool) -> Pointer:
+    """`lanes_at` or, of settings that are not alike, `lanes_each_at`, compiled or loaded.
+
+    Raises NumbaError for a law that cannot be compiled for lanes.
+    """
+    return Pointer(lanes_at if alike else lanes_each_at, lanes_call(width))

@@ -12,10 +12,12 @@ import math
 import operator
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba import types
 from numba.extending import overload
 
 from fcu.kernel.compile import kernel
+from fcu.kernel.lanes import Lanes, Mask, chosen, single
 
 
 class Vec3(NamedTuple):
@@ -132,6 +134,9 @@ class Rotors(NamedTuple):
         )  # fmt: skip
 
 
+_NUMBER = types.Number, Lanes
+
+
 def _scaled_left(a, b):
     return b.scaled(a)
 
@@ -157,7 +162,7 @@ def _teach(cls: Any) -> None:
 
             @overload(op)
             def _(self, b):
-                return text if _is(self, cls) and isinstance(b, types.Number) else None
+                return text if _is(self, cls) and isinstance(b, _NUMBER) else None
 
     binary(operator.add, "__add__")
     binary(operator.sub, "__sub__")
@@ -170,7 +175,7 @@ def _teach(cls: Any) -> None:
 
     @overload(operator.mul)
     def _(a, b):
-        if isinstance(a, types.Number) and _is(b, cls):
+        if isinstance(a, _NUMBER) and _is(b, cls):
             return lambda a, b: scaled_(b, a)
         return None
 
@@ -238,10 +243,26 @@ def total(a):
     return ((a.r1 + a.r2) + (a.r3 + a.r4)) + ((a.r5 + a.r6) + (a.r7 + a.r8))
 
 
-@kernel
 def select(condition, a, b):
     """`a` where the condition holds, else `b`: the only data-dependent choice a kernel makes."""
     return a if condition else b
+
+
+@overload(select)
+def _select(condition, a, b):
+    return (
+        (lambda condition, a, b: chosen(condition, a, b)) if isinstance(condition, Mask) else select
+    )
+
+
+def as_float32(x):
+    """A float rounded as a float32 holds it."""
+    return np.float64(np.float32(x))
+
+
+@overload(as_float32)
+def _as_float32(x):
+    return (lambda x: single(x)) if isinstance(x, Lanes) else as_float32
 
 
 @kernel
@@ -255,13 +276,13 @@ def select3(condition, a, b):
 @kernel
 def minimum(a, b):
     """The lesser of two floats; `b` if either is not a number."""
-    return a if a < b else b
+    return select(a < b, a, b)
 
 
 @kernel
 def maximum(a, b):
     """The greater of two floats; `b` if either is not a number."""
-    return a if a > b else b
+    return select(a > b, a, b)
 
 
 @kernel

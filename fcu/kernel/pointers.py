@@ -16,6 +16,7 @@ from numba import carray, types
 from numba.extending import intrinsic
 
 from fcu.kernel.compile import kernel
+from fcu.kernel.lanes import Lanes
 
 
 class Pointer:
@@ -51,6 +52,11 @@ def array_at(address, size):
 LAW_CALL = types.none(*[types.float64] * 3, *[types.intp] * 5)
 
 
+def lanes_call(width: int) -> Any:
+    """The same of a tick of several vehicles, with an age for each: `fcu.tick.lanes_at`."""
+    return types.none(types.float64, types.float64, Lanes(width), *[types.intp] * 5)
+
+
 @kernel
 def address_of(array):
     """The address of the first element of an array."""
@@ -59,20 +65,20 @@ def address_of(array):
 
 @intrinsic
 def call_law(_typing: Any, address: Any, arguments: Any) -> Any:
-    """Call what is at an address with a tuple of LAW_CALL's arguments; whether it has raised.
+    """Call what is at an address with a tuple of LAW_CALL's or lanes_call's arguments; whether it has raised.
 
     An address is an integer to numba: a function as an argument would cost each call as much as
     fifty ticks. What was raised is not told: call the same from Python.
     """
+    age = arguments.types[2]
+    call = lanes_call(age.width) if isinstance(age, Lanes) else LAW_CALL
 
     def generate(context: Any, builder: Any, _signature: Any, given: Any) -> Any:
         convention = context.call_conv
-        kind = convention.get_function_type(LAW_CALL.return_type, LAW_CALL.args)
+        kind = convention.get_function_type(call.return_type, call.args)
         function = builder.inttoptr(given[0], kind.as_pointer())
-        taken = [builder.extract_value(given[1], i) for i in range(len(LAW_CALL.args))]
-        status, _ = convention.call_function(
-            builder, function, LAW_CALL.return_type, LAW_CALL.args, taken
-        )
+        taken = [builder.extract_value(given[1], i) for i in range(len(call.args))]
+        status, _ = convention.call_function(builder, function, call.return_type, call.args, taken)
         return status.is_error
 
-    return types.boolean(types.intp, types.Tuple(LAW_CALL.args)), generate
+    return types.boolean(types.intp, types.Tuple(call.args)), generate

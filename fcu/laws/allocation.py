@@ -161,8 +161,8 @@ def safe_allocation(rotors, T, tau):
 
     moved = abs(kept - clip(share, low, high)) > 1e-9
     return rotors.w * g, GaveUp(
-        torque=select((k_tilt < 1.0) or moved, 1.0, 0.0),
-        yaw=select((k_yaw < 1.0) and (tau.z != 0.0), 1.0, 0.0),
+        torque=select((k_tilt < 1.0) | moved, 1.0, 0.0),
+        yaw=select((k_yaw < 1.0) & (tau.z != 0.0), 1.0, 0.0),
     )  # departure 8
 
 
@@ -192,7 +192,7 @@ def alike(f):
 def differs(w, a, b):
     """Whether a rotor that is there has another value in a than in b."""
     off = w * (a - b)
-    return greatest(off) > 1e-9 or least(off) < -1e-9
+    return (greatest(off) > 1e-9) | (least(off) < -1e-9)
 
 
 @kernel

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcu.interface.messages import RotorCommand, VehicleState
-from fcu.kernel.algebra import Quat, Rotors, Vec3, select
+from fcu.kernel.algebra import Quat, Rotors, Vec3, as_float32, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, normalised, rotate, rotate_back, wrap
 
@@ -43,7 +43,7 @@ def limited(x, low, high):
 @kernel
 def single(x):
     """The float64 value of `x` as a float32 field carries it: saturated, then rounded."""
-    return np.float64(np.float32(limited(x, -FLOAT32_MAX, FLOAT32_MAX)))
+    return as_float32(limited(x, -FLOAT32_MAX, FLOAT32_MAX))
 
 
 @kernel

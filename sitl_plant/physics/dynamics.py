@@ -138,12 +138,12 @@ def ended(params, state, r_start):
     or back.
     """
     away = norm(state.r_E - r_start)
-    inside = (away <= params.arena) and (norm(state.w_B) < 1e6) and (norm(state.v_E) < 1e6)
+    inside = (away <= params.arena) & (norm(state.w_B) < 1e6) & (norm(state.v_E) < 1e6)
     low = ground.depth(params.ground, state.r_E) > 0.0
-    hit = low and (state.v_E.z < -params.ground.impact_max)
-    tipped = low and (matrix(state.q_EB).e3.z < TIPPED)
+    hit = low & (state.v_E.z < -params.ground.impact_max)
+    tipped = low & (matrix(state.q_EB).e3.z < TIPPED)
     buried = state.r_E.z < params.ground.z - params.ground.gear
-    return select(inside, select(hit or tipped or buried, CRASHED, FLYING), DIVERGED)
+    return select(inside, select(hit | tipped | buried, CRASHED, FLYING), DIVERGED)
 
 
 @kernel

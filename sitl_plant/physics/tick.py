@@ -56,6 +56,13 @@ def observe(params_buffer, state_buffer, drawn_buffer, t, start_buffer, row):
 
 
 @kernel
+def ended(params_buffer, state_buffer, start_buffer):
+    """What `observe` returns, without a row."""
+    start = unpack_state(start_buffer)
+    return dynamics.ended(unpack_params(params_buffer), unpack_state(state_buffer), start.r_E)
+
+
+@kernel
 def sense(state_buffer, noise, reported):
     """Write a state buffer with noise to `reported`, a VehicleState."""
     _pack_state(reported, report(unpack_state(state_buffer), noise))

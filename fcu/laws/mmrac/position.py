@@ -72,7 +72,7 @@ def pointed(limits, setpoint, attitude, f_c, T_0, T_d, T_c, narrowed):
 @kernel
 def at_limit(limits, T_c):
     """1 while the commanded total thrust (N) is at a limit, else 0."""
-    limited = (T_c <= limits.T_min) or (T_c >= limits.T_max)
+    limited = (T_c <= limits.T_min) | (T_c >= limits.T_max)
     return select(limited, 1.0, 0.0)
 
 
@@ -100,7 +100,7 @@ def tilt(phi_star, T_d, cos_psi, sin_psi):
     theta_c = math.atan2(ahead, T_d.z)  # (39) departure 1
     cos_theta = T_d.z / math.sqrt(ahead * ahead + T_d.z * T_d.z + 1e-30)
     phi_c = math.atan2(right, T_d.z / nonzero(cos_theta))  # (39) departure 1
-    clipped = (abs(phi_c) > phi_star) or (abs(theta_c) > phi_star)
+    clipped = (abs(phi_c) > phi_star) | (abs(theta_c) > phi_star)
     return (
         clip(phi_c, -phi_star, phi_star),
         clip(theta_c, -phi_star, phi_star),
@@ -123,7 +123,7 @@ def trim(params, memory, T_achieved):
     the thrust is saturated.
     """
     T_c, limits = memory.T_c, params.limits
-    inside = (T_c > limits.T_min) and (T_c < limits.T_max)
+    inside = (T_c > limits.T_min) & (T_c < limits.T_max)
     rate = select(inside, params.trim_rate, 0.0)
     moved = memory.T_trim + params.h * rate * (T_c - T_achieved)  # departure 14
     return clip(moved, -params.trim_max, params.trim_max)
