@@ -18,8 +18,9 @@ from gcs_tools.flight.interrupts import interrupts_wait
     "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM and\n"
     "SIGHUP). With several missions: the highest; one that is invalid does not keep the others from\n"
     "flying.\n\n\b\n"
-    "MISSION is a file or the name of a shipped mission: airframe_... and benchmark/... are for every\n"
-    "airframe, the others for the S1000 (docs/missions.md)."
+    "MISSION is a file, the name of a shipped mission, or 'FOLDER#1234', a flight of a campaign in\n"
+    "FOLDER. Of the shipped ones airframe_... and benchmark/... are for every airframe, the others for\n"
+    "the S1000 (docs/missions.md)."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")
@@ -58,6 +59,7 @@ def fly(
     5 s are expected to be reached, whether [expect] says so or not.
     """
     with interrupts_wait():  # what an interruption has begun is told in full
+        from gcs_tools.cli.again import Again
         from gcs_tools.cli.terminal import Terminal
         from gcs_tools.flight.display import Display
         from gcs_tools.flight.run import UsageError, fly_missions
@@ -65,8 +67,9 @@ def fly(
 
         published = speed is not None and controller is None
         try:
+            again = Again(missions)
             results = fly_missions(
-                missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
+                again.missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
                 settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
                 zenoh=arguments.publication(published if publish is None else publish, zenoh),
                 jobs=jobs, figure=figure, record=record, controller=controller,
@@ -75,6 +78,8 @@ def fly(
         except UsageError as error:
             raise Failure(error, USAGE) from error
         code = max((r.exit_code for r in results), default=INTERRUPTED)
+        if not (settings or law or airframe or controller) and (seed, rate_hz) == (None, None):
+            code = max(code, again.compared(results))
         if junit is not None:
             try:
                 result.junit(results, junit)

@@ -21,6 +21,7 @@ GROUPS = {
     "Flying": ("fly", "up", "setpoint", "reset"),
     "Before flight": ("envelope", "airframe"),
     "Laws": ("tune", "compare"),
+    "Many flights": ("campaign",),
     "Recordings": ("plot", "view", "recover", "replay"),
     "Live": ("monitor", "record", "topics", "publish"),
 }

@@ -1,0 +1,471 @@
+"""A campaign: a TOML file read and checked, and the missions that its flights are drawn from.
+
+    campaign = read("paper_noise", flights=100)
+
+What is wrong with a file is said with its line, its key and what was expected there.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field, ValidationError, model_validator
+
+from fcu.interface import input_file
+from fcu.interface.airframe import AirframeError
+from fcu.interface.input_file import TomlError
+from fcu.interface.parameter import ParameterError
+from fcu.interface.toml_lines import lines, nearest
+from gcs_tools.campaign.distributions import KINDS, Distribution
+from gcs_tools.campaign.draws import (
+    GRID,
+    LIST,
+    METHODS,
+    MOST_DIMENSIONS,
+    RANDOM,
+    SEED,
+    DrawError,
+    Draws,
+    grid_size,
+    key,
+)
+from gcs_tools.campaign.shares import Looks
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.judging.metrics import FLOORS, METRICS
+from gcs_tools.missions import mission as mission_file
+from gcs_tools.missions.fields import Table, optional, wrong
+from gcs_tools.missions.mission import (
+    Mission,
+    MissionError,
+    from_tables,
+    with_airframe,
+    with_law,
+    with_values,
+)
+
+FOLDER = "campaigns"  # of the shipped ones, among the missions
+MOST_BYTES = input_file.MIB
+MOST_FLIGHTS = 1_000_000
+MOST_LAWS = 20
+VEHICLE, LAW = FLOWN = ("vehicle", "law")
+TELLING = "setpoint_error_rms_settled_m"  # what flights are ranked by, if a file does not say
+
+
+def _metric(name: str) -> str:
+    if name not in METRICS:
+        close = difflib.get_close_matches(name, METRICS, n=1)
+        raise wrong((), f"a metric (did you mean {close[0]}?)" if close else "a metric", name)
+    return name
+
+
+_Metric = Annotated[str, AfterValidator(_metric)]
+_Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+_Confidence = Annotated[float, Field(ge=0.5, le=0.9999)]
+
+
+class CampaignError(ValueError):
+    """A campaign that cannot be flown: file, line, key and what was expected."""
+
+
+class Stop(Table):
+    """When a campaign may end before all flights are flown."""
+
+    width: _Share = Field(description="the interval of success of every law is no wider than this")
+
+
+class ExpectedShare(Table):
+    """What the share of successful flights is held against: a bound of its interval."""
+
+    at_least: Annotated[float, Field(ge=0.0, le=1.0)]
+    confidence: _Confidence = 0.95
+
+
+class Expected(Table):
+    """What the campaign's exit code is by."""
+
+    success: ExpectedShare
+
+
+class Rare(Table):
+    """Rare failures: cross-entropy over the drawn quantities; a flight fails when a metric is beyond."""
+
+    metric: _Metric
+    limit: float | None = optional("a flight fails with more")
+    at_least: float | None = optional("a flight fails with less")
+    stage: Annotated[int, Field(ge=50, le=100_000)] = Field(
+        200, description="flights of each stage that looks for where failures are"
+    )
+    stages: Annotated[int, Field(ge=1, le=50)] = Field(10, description="such stages at most")
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> Self:
+        if (self.limit is None) == (self.at_least is None):
+            raise wrong((), "either limit or at_least")
+        return self
+
+
+class LawEntry(Table):
+    """A law with settings of its own."""
+
+    law: str
+    label: str | None = optional("its name in results; left out: the law's")
+    set: dict[str, Any] = Field({}, description="dotted key of a mission -> value")
+
+
+class Document(Table):
+    """A campaign: many flights of a mission with what is not known drawn."""
+
+    title: str
+    mission: str = Field(description="a shipped one's name, or a file (relative to this one)")
+    airframe: str | None = optional("in place of the mission's own; a name, or a file")
+    laws: (
+        Annotated[
+            tuple[str | LawEntry, ...], Field(strict=False, min_length=1, max_length=MOST_LAWS)
+        ]
+        | None
+    ) = optional("names, FILE.py, or { law, label, set }; left out: the mission's own")
+    set: dict[str, Any] = Field({}, description="dotted key of a mission -> value, of all flights")
+    flights: Annotated[int, Field(ge=1)] | None = optional("how many, of each law")
+    seed: Annotated[int, Field(ge=0, lt=2**53)] = 1
+    method: Literal[METHODS] = RANDOM  # type: ignore[valid-type]
+    fly: Literal[FLOWN] = Field(  # type: ignore[valid-type]
+        VEHICLE, description="the whole vehicle, or the law alone without an autopilot: faster"
+    )
+    draw: dict[str, Distribution] = Field({}, description="dotted key of a mission -> distribution")
+    points: Annotated[tuple[dict[str, Any], ...], Field(strict=False)] = Field(
+        (), description='with method = "list": the values of each flight'
+    )
+    success: dict[str, Any] | None = optional("in place of the mission's [expect]")
+    metrics: Annotated[tuple[_Metric, ...], Field(strict=False, min_length=1)] | None = optional(
+        "shown, and ranked by the first"
+    )
+    confidence: _Confidence = Field(0.95, description="of all intervals")
+    stop: Stop | None = optional("end early")
+    expect: Expected | None = optional("exit with 1 unless this is shown")
+    rare: Rare | None = optional("estimate the probability of a rare failure")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.method == LIST) != bool(self.points):
+            raise wrong(("points",), 'points with method = "list", and with no other')
+        if self.points and self.draw:
+            raise wrong(("draw",), "no [draw] beside points")
+        if len(self.draw) > MOST_DIMENSIONS:
+            raise wrong(("draw",), f"{MOST_DIMENSIONS} quantities at most")
+        if self.method == GRID:
+            for name, each in self.draw.items():
+                if not each.is_choice and each.levels is None:
+                    raise wrong(("draw", name), "choice or levels, in a grid")
+            if not self.draw:
+                raise wrong(("draw",), "quantities for the grid")
+        cells = self._cells
+        if cells is None and self.flights is None:
+            raise wrong(("flights",), "how many flights")
+        if cells and (self.flights or cells) % cells:
+            raise wrong(("flights",), f"a multiple of the {cells} points", self.flights)
+        if (n := self.n) > MOST_FLIGHTS:
+            raise wrong(
+                ("flights",), f"at most {MOST_FLIGHTS:,} (for rare failures there is [rare])", n
+            )
+        if self.stop is not None and cells:
+            raise wrong(
+                ("stop",), "no early end of a grid or a list, whose flights are in an order"
+            )
+        if self.rare is not None and (cells or not self.draw):
+            raise wrong(("rare",), "[draw], and no grid or list")
+        if self.rare is not None and (self.stop or self.expect):
+            raise wrong(("rare",), "neither stop nor expect beside [rare]")
+        return self
+
+    @property
+    def _cells(self) -> int | None:
+        if self.method == GRID:
+            return grid_size(list(self.draw.values()))
+        return len(self.points) if self.method == LIST else None
+
+    @property
+    def n(self) -> int:
+        """How many flights there are of each law."""
+        return self.flights or self._cells or 0
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A law as a campaign flies it: its mission before anything is drawn."""
+
+    label: str
+    mission: Mission
+    base: Mapping[str, Any]  # the mission's values by key
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign that may be flown."""
+
+    name: str
+    source: str  # its file, as messages name it
+    text: str
+    document: Document
+    draws: Draws
+    variants: tuple[Variant, ...]
+
+    @property
+    def n(self) -> int:
+        """Flights of each law."""
+        return self.draws.n
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The laws, as results name them."""
+        return tuple(variant.label for variant in self.variants)
+
+    @property
+    def looks(self) -> Looks:
+        """At how many flights it is looked at, and may end."""
+        stop = self.document.stop
+        return Looks.of(self.n, self.document.confidence, None if stop is None else stop.width)
+
+    @property
+    def ranked_by(self) -> str:
+        """The metric that flights are ranked by."""
+        metrics = self.document.metrics
+        return metrics[0] if metrics else TELLING
+
+    @property
+    def floors(self) -> bool:
+        """Whether little of that metric is bad."""
+        return self.ranked_by in FLOORS
+
+    def plan(self) -> str:
+        """What workers need, and all that rows depend on but the draws, as JSON."""
+        return json.dumps(
+            {
+                "name": self.variants[0].mission.name,
+                "fly": self.document.fly,
+                "laws": [
+                    {"label": each.label, "given": each.mission.given, "law": each.mission.flown.digest,
+                     "airframe": each.mission.airframe.sha256}
+                    for each in self.variants
+                ],
+            },
+            sort_keys=True,
+        )  # fmt: skip
+
+    @property
+    def identity(self) -> str:
+        """A hash of everything that rows and early end depend on."""
+        document = self.document.model_dump(mode="json", exclude={"title", "expect", "metrics"})
+        text = json.dumps([document, self.n, self.plan()], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+# --- reading
+
+
+def shipped() -> list[str]:
+    """Names of the shipped campaigns."""
+    return [path.stem for path in sorted((mission_file.folder() / FOLDER).glob("*.toml"))]
+
+
+def path_of(name: str) -> Path:
+    """The file of a campaign's name, or the file that is named. Raises CampaignError."""
+    ours = mission_file.folder() / FOLDER / f"{name.removeprefix(f'{FOLDER}/')}.toml"
+    if ours.is_file() and not Path(name).is_file():
+        return ours
+    if name.endswith(".toml") or Path(name).exists():
+        return Path(name)
+    close = difflib.get_close_matches(name, shipped(), n=1)
+    meant = f" (did you mean {close[0]}?)" if close else ""
+    raise CampaignError(f"{name}: no such campaign{meant}; there are {', '.join(shipped())}")
+
+
+def read(name: str | Path, flights: int | None = None) -> Campaign:
+    """A shipped campaign by its name, or any by its file; `flights` in place of its own.
+
+    Raises CampaignError.
+    """
+    path = path_of(str(name))
+    try:
+        text = input_file.text(path, MOST_BYTES)
+    except OSError as error:
+        raise CampaignError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise CampaignError(f"{path}: expected UTF-8 text ({error.reason})") from error
+    return parsed(text, str(path), path.parent, path.stem, flights)
+
+
+def parsed(text: str, source: str, folder: Path, name: str, flights: int | None = None) -> Campaign:
+    """The campaign of a text. `folder`: where relative names in it begin. Raises CampaignError."""
+    try:
+        given = input_file.toml(text)
+    except TomlError as error:
+        where = source if error.line is None else f"{source}:{error.line}"
+        raise CampaignError(f"{where}: {error}") from error
+    if isinstance(given.get("draw"), dict):
+        given["draw"] = dict(_flat(given["draw"]))
+    if flights is not None:
+        given["flights"] = flights
+    try:
+        document = Document.model_validate(given)
+    except ValidationError as error:
+        raise CampaignError("\n".join(_problems(error, source, text))) from error
+    try:
+        variants = tuple(_variants(document, folder))
+        campaign = Campaign(name, source, text, document, _draws(document), variants)
+        _check(campaign)
+    except (MissionError, DrawError, ParameterError, AirframeError) as error:
+        raise CampaignError(f"{source}: {error}") from error
+    return campaign
+
+
+def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Key and distribution; a table that holds nothing but tables is no distribution."""
+    for name, value in tables.items():
+        nested = (
+            isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values())
+        )
+        if nested:
+            yield from _flat(value, f"{above}{name}.")
+        else:
+            yield above + name, value
+
+
+def _draws(document: Document) -> Draws:
+    drawn = tuple((key(name), each) for name, each in document.draw.items())
+    tables = {each.table for each, _ in drawn}
+    tables |= {key(name).table for point in document.points for name in point}
+    tables |= document.set.keys()
+    return Draws(document.method, document.seed, document.n, drawn, document.points, SEED in tables)
+
+
+def _variants(document: Document, folder: Path) -> Iterator[Variant]:
+    mission = _mission(document.mission, folder)
+    if document.airframe is not None:
+        mission = with_airframe(mission, str(_absolute(document.airframe, folder, ".toml")))
+    labels: list[str] = []
+    for entry in document.laws or (None,):
+        own: dict[str, Any] = {}
+        made, law, label = mission, entry, None
+        if isinstance(entry, LawEntry):
+            law, own, label = entry.law, entry.set, entry.label
+        if isinstance(law, str):
+            made = with_law(made, str(_absolute(law, folder, ".py")))
+        if values := {**document.set, **own}:
+            made = with_values(made, values, "set")
+        if document.success is not None:
+            made = with_values(made, {"expect": document.success}, "[success]")
+        if document.fly == LAW and (made.flight.items or made.flight.arrive):
+            raise MissionError(
+                'fly = "law": a mission of items, or one that ends on arrival, needs a vehicle:'
+                ' fly = "vehicle"'
+            )
+        label = label or made.flown.name
+        if label in labels:
+            raise MissionError(f"two laws are called {label} (give one of them a label)")
+        labels.append(label)
+        made = from_tables(made.name, anchored(made))
+        base = {name: value.value for name, value in made.values_in_force().items()}
+        yield Variant(label, made, base)
+
+
+def _mission(name: str, folder: Path) -> Mission:
+    beside = folder / name
+    return mission_file.load(beside if name.endswith(".toml") and beside.is_file() else name)
+
+
+def _absolute(name: str, folder: Path, suffix: str) -> str | Path:
+    return (folder / name).absolute() if name.endswith(suffix) else name
+
+
+def anchored(mission: Mission) -> dict[str, Any]:
+    """A mission's tables, with the files that they name by absolute paths."""
+    given = json.loads(json.dumps(mission.given))
+    folder = mission.folder.absolute()
+
+    def anchor(table: Any, name: str, suffix: str) -> None:
+        if isinstance(table, dict) and str(table.get(name, "")).endswith(suffix):
+            table[name] = str(folder / table[name])
+
+    anchor(given, "airframe", ".toml")
+    anchor(given.get("law"), "module", ".py")
+    for item in given.get("flight", {}).get("items", ()):
+        if "file" in item:
+            anchor(item, "file", "")
+    return dict(given)
+
+
+def _check(campaign: Campaign) -> None:
+    """Every quantity at the ends of its distribution, before anything is flown.
+
+    Raises MissionError, DrawError, ParameterError, AirframeError.
+    """
+    draws = campaign.draws
+    middle: dict[str, Any] = draws.quantities(0)
+    tried: list[dict[str, Any]] = [middle]
+    for each, distribution in draws.drawn:
+        tried += [{**middle, each.name: end} for end in distribution.ends()]
+    tried += [dict(point) for point in campaign.document.points[:MOST_DIMENSIONS]]
+    for variant in campaign.variants:
+        for quantities in tried:
+            values = draws.values(0, quantities, variant.base)
+            try:
+                scenario(with_values(variant.mission, values, "[draw]"))
+            except MissionError as error:
+                raise MissionError(f"{error}{_hint(draws)}") from error
+
+
+def _hint(draws: Draws) -> str:
+    open_ended = [
+        each.name
+        for each, distribution in draws.drawn
+        if distribution.kind in ("normal", "log_normal")
+        and (distribution.low is None or distribution.high is None)
+    ]
+    return (
+        f" (low and high bound a normal distribution: {', '.join(open_ended)})"
+        if open_ended
+        else ""
+    )
+
+
+def _problems(error: ValidationError, source: str, text: str) -> Iterator[str]:
+    found = lines(text)
+    for problem in error.errors(include_url=False)[:20]:
+        context: Mapping[str, Any] = problem.get("ctx", {})
+        path = tuple(part for part in problem["loc"] if part not in ("str", "LawEntry"))
+        got = problem["input"]
+        if problem["type"] == "mission":
+            path, got = (*path, *context["key"]), context.get("got")
+            said = f"expected {context['expected']}" + ("" if got is None else f", got {got!r}")
+        elif problem["type"] == "extra_forbidden":
+            known = Distribution if path[0] == "draw" else _TABLES.get(path[:-1], Document)
+            close = difflib.get_close_matches(str(path[-1]), known.model_fields, n=1)
+            meant = (
+                f"did you mean {close[0]}?"
+                if close
+                else f"there are {', '.join(known.model_fields)}"
+            )
+            said = f"no such key ({meant})"
+        elif problem["type"] == "model_type" and path[0] == "draw":
+            said = f"expected a distribution, a table with one of {', '.join(KINDS)}, got {got!r}"
+        elif problem["type"] == "missing":
+            said = "is missing"
+        else:
+            said = f"{problem['msg'][:1].lower()}{problem['msg'][1:]}, got {str(got)[:60]}"
+        line = nearest(found, path) or nearest(
+            found, (path[0], *str(path[-1]).split(".")) if path else ()
+        )
+        where = source if line is None else f"{source}:{line}"
+        name = ".".join(map(str, path))
+        yield f"{where}: {name}: {said}" if name else f"{where}: {said}"
+
+
+_TABLES: dict[tuple[Any, ...], type[Table]] = {
+    ("stop",): Stop, ("expect",): Expected, ("expect", "success"): ExpectedShare, ("rare",): Rare,
+}  # fmt: skip

@@ -1,0 +1,106 @@
+"""One flight of a campaign flown again: `gcs fly CAMPAIGN#1234`, with the very values of that flight."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gcs_tools.campaign import store
+from gcs_tools.campaign.campaign_file import Campaign, CampaignError
+from gcs_tools.missions.mission import MissionError, with_values, written
+
+_NAMED = re.compile(r"(?P<folder>.+)#(?P<number>\d+)(?::(?P<law>.+))?")
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """A flight of a campaign's folder."""
+
+    folder: Path
+    number: int
+    law: str
+    mission: str  # a file, that holds the mission with all that was set and drawn
+    trajectory_sha256: str  # as the campaign flew it; empty: it has not, or not to its end
+    ended: str
+
+    def command(self) -> str:
+        """What to type to fly it again."""
+        return command(self.folder, self.number, self.law)
+
+
+def command(folder: Path | str, number: int, law: str = "") -> str:
+    """What to type to fly a flight of a campaign again; `law`: where there are several."""
+    return f"gcs fly '{folder}#{number}{f':{law}' if law else ''}'"
+
+
+def is_numbered(name: str) -> bool:
+    """Whether a name stands for a flight of a campaign."""
+    found = _NAMED.fullmatch(name)
+    return found is not None and (Path(found["folder"]) / store.JSON).is_file()
+
+
+def numbered(name: str, into: str) -> Numbered:
+    """The flight of CAMPAIGN#NUMBER or CAMPAIGN#NUMBER:LAW; its mission is written there, in a folder `into`.
+
+    Raises CampaignError, OSError.
+    """
+    found = _NAMED.fullmatch(name)
+    assert found is not None
+    folder, number = Path(found["folder"]), int(found["number"])
+    campaign = store.again(folder)
+    label = found["law"] or campaign.labels[0]
+    if label not in campaign.labels:
+        raise CampaignError(f"{name}: no such law; there are {', '.join(campaign.labels)}")
+    if number >= campaign.n:
+        raise CampaignError(f"{name}: the campaign has flights 0 to {campaign.n - 1}")
+    variant = campaign.variants[campaign.labels.index(label)]
+    quantities = campaign.draws.quantities(number)
+    values = campaign.draws.values(number, quantities, variant.base)
+    try:
+        drawn = with_values(variant.mission, values, "draw")
+    except MissionError as error:
+        raise CampaignError(f"{name}: {error}") from error
+    (folder / into).mkdir(exist_ok=True)
+    of = f"-{label}" if len(campaign.labels) > 1 else ""
+    path = folder / into / f"{campaign.name}-{number}{of}.toml"
+    path.write_text(
+        _toml(drawn.given, f"flight {number} of {folder}, law {label}"), encoding="utf-8"
+    )
+    row = _row(campaign, folder, number, label)
+    return Numbered(
+        folder,
+        number,
+        label,
+        str(path),
+        str(row.get("trajectory_sha256", "")),
+        str(row.get("ended", "")),
+    )
+
+
+def _toml(given: Mapping[str, Any], said: str) -> str:
+    """A mission's tables as TOML, each value in full."""
+    plain = [f"{k} = {written(v)}" for k, v in given.items() if not isinstance(v, Mapping)]
+    lines = [f"# {said}", *plain]
+    for name, table in given.items():
+        if isinstance(table, Mapping):
+            lines += [
+                "",
+                f"[{name}]",
+                *(f"{key} = {written(value)}" for key, value in table.items()),
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def _row(campaign: Campaign, folder: Path, number: int, law: str) -> Mapping[str, Any]:
+    from pyarrow import parquet
+
+    wanted = [("number", "==", number), ("law", "==", law)]
+    for path in (folder / store.PARQUET, *sorted((folder / store.PARTS).glob("*.parquet"))):
+        if path.exists():
+            rows = parquet.read_table(path, filters=wanted, columns=["trajectory_sha256", "ended"])
+            if len(rows):
+                return dict(rows.to_pylist()[0])
+    return {}

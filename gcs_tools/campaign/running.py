@@ -1,0 +1,204 @@
+"""A campaign flown: batches of flights on whatever executor there is, kept as they come.
+
+Which flights are flown, what is drawn for them and at which number a campaign ends follows from the
+campaign alone. Executor, workers and interruptions decide when and where, and nothing else.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from gcs_tools.campaign.batch import Asked, Row, fly_batch
+from gcs_tools.campaign.campaign_file import Campaign
+from gcs_tools.campaign.shares import Share, share
+from gcs_tools.campaign.store import SUCCESS, Store
+from gcs_tools.flight.interrupts import interrupts_wait
+
+BATCH = 8  # flights that a worker is sent at once: about a second
+AHEAD = 3  # batches that wait or fly, for each worker
+LOOK_S = 0.2  # wall: between two looks for an interruption
+
+Told = Callable[["Progress"], None]
+
+
+class RunningError(Exception):
+    """What flies a campaign has failed; what was flown is kept."""
+
+
+class Workers(Protocol):
+    """What flies batches."""
+
+    def submit(self, plan: str, batch: Sequence[Asked]) -> Future[list[Row]]:
+        """Fly a batch, some time."""
+
+    def count(self) -> int:
+        """How many there are at the moment."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a campaign is."""
+
+    flown: int  # flights of all laws
+    of: int
+    shares: tuple[Share, ...]  # so far, one a law
+
+
+class Ending:
+    """At how many flights a campaign ends, found from its outcomes in the order of their numbers."""
+
+    def __init__(self, campaign: Campaign, store: Store) -> None:
+        self.confidence = campaign.document.confidence
+        self.looks = campaign.looks
+        self._store = store
+        self._left = list(self.looks.at)
+        self.n: int | None = None  # flights of each law, once it is known
+
+    def look(self) -> bool:
+        """Whether the end is known. A look is taken when all flights before it are there."""
+        whole = self._store.whole
+        first = int(np.argmin(whole)) if not whole.all() else len(whole)
+        while self.n is None and self._left and self._left[0] <= first:
+            at = self._left.pop(0)
+            if not self._left or self.looks.ends(self.shares(at)):
+                self.n = at
+        return self.n is not None
+
+    def shares(self, n: int) -> list[Share]:
+        """Of the first n flights of each law, with the intervals that hold at every look."""
+        confidence = self.looks.confidence(self.confidence)
+        outcome = self._store.outcome[:, :n]
+        return [share(int((law == SUCCESS).sum()), n, confidence) for law in outcome]
+
+    def so_far(self) -> tuple[Share, ...]:
+        """Of all flights that are there."""
+        confidence = self.looks.confidence(self.confidence)
+        return tuple(
+            share(int((law == SUCCESS).sum()), int((law >= 0).sum()), confidence)
+            for law in self._store.outcome
+        )
+
+
+def run(campaign: Campaign, store: Store, workers: Workers, told: Told = lambda at: None) -> Ending:
+    """Fly what is missing, until the campaign ends. Raises RunningError, OSError, KeyboardInterrupt.
+
+    However it ends, the flights that are there by then are on disk, if it can be written to.
+    """
+    ending = Ending(campaign, store)
+    plan, batches = campaign.plan(), _batches(campaign, store)
+    pending: set[Future[list[Row]]] = set()
+    total = len(campaign.variants) * campaign.n
+    with interrupts_wait() as interrupts:
+        try:
+            while not ending.look():
+                while len(pending) < AHEAD * max(1, workers.count()):
+                    if (batch := next(batches, None)) is None:
+                        break
+                    pending.add(workers.submit(plan, batch))
+                done, pending = wait(pending, LOOK_S, FIRST_COMPLETED)
+                store.add(row for future in done if not _failure(future) for row in future.result())
+                for failure in map(_failure, done):
+                    if failure is not None:
+                        raise failure
+                if done:
+                    told(Progress(store.flown, total, ending.so_far()))
+                interrupts.look()
+        finally:
+            for future in pending:
+                future.cancel()
+            store.flush()
+    return ending
+
+
+def _failure(future: Future[list[Row]]) -> BaseException | None:
+    error = CancelledError() if future.cancelled() else future.exception()
+    if isinstance(error, BrokenProcessPool):
+        return RunningError(
+            "a worker process was killed (out of memory?); what was flown is kept, and the same"
+            " command goes on from there (-j: fewer workers)"
+        )
+    return error
+
+
+def _batches(campaign: Campaign, store: Store) -> Iterator[list[Asked]]:
+    """The flights that are missing, in the order of their numbers."""
+    laws = range(len(campaign.variants))
+    batch: list[Asked] = []
+    for number in np.flatnonzero(~store.whole).tolist():
+        quantities = campaign.draws.quantities(number)
+        for law in laws:
+            if store.outcome[law, number] < 0:
+                base = campaign.variants[law].base
+                batch.append(Asked(number, law, campaign.draws.values(number, quantities, base)))
+        if len(batch) >= BATCH:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
+# --- workers on this machine
+
+
+class Processes:
+    """Worker processes here: around the kernels of a flight runs so much Python that threads wait."""
+
+    def __init__(self, executor: Executor, n: int) -> None:
+        self._executor = executor
+        self._n = n
+
+    def submit(self, plan: str, batch: Sequence[Asked]) -> Future[list[Row]]:
+        """Fly a batch in one of them."""
+        return self._executor.submit(fly_batch, plan, batch)
+
+    def count(self) -> int:
+        """How many there are."""
+        return self._n
+
+
+@contextmanager
+def processes(n: int) -> Iterator[Processes]:
+    """So many workers, forked from a process that has loaded what they fly by (elsewhere started anew)."""
+    how = "forkserver" if sys.platform == "linux" else "spawn"
+    context = multiprocessing.get_context(how)
+    if how == "forkserver":
+        context.set_forkserver_preload(["gcs_tools.campaign.batch"])
+    pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin)
+    try:
+        yield Processes(pool, n)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin() -> None:
+    """In a worker: interruptions are its parent's business, and its parent's end is its own."""
+    for number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
+        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def watch() -> None:
+            parent.join()
+            os._exit(0)
+
+        threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,298 @@
+"""A campaign's folder: what was flown so far, part by part, and one file of it at the end.
+
+campaign.json     what is flown, and with which versions; written first
+campaign.toml     the campaign's file, as it was read
+parts/            flights as they came, a file for each second or so; until the end
+flights.parquet   all flights, sorted by number and law: the same bytes whatever their history
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gcs_tools.campaign.batch import Row
+from gcs_tools.campaign.campaign_file import Campaign, CampaignError, parsed
+from gcs_tools.judging.metrics import METRICS
+from gcs_tools.missions.mission import written
+from gcs_tools.pictures import picture_file
+
+SCHEMA_VERSION = 1
+JSON, TOML, PARTS, PARQUET, LOCK = (
+    "campaign.json", "campaign.toml", "parts", "flights.parquet", ".lock",
+)  # fmt: skip
+PART_S = 1.0  # wall: what a crash may lose
+MOST_PARTS = 200  # more are joined to one
+UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
+OWN = ("number", "law", "seed", "success", "ended", "error", "exit_code", "sim_time_s", "ticks",
+       "trajectory_sha256")  # fmt: skip
+DRAWN = "draw."  # before the names of drawn quantities
+
+
+class Refused(CampaignError):
+    """A folder that holds something else."""
+
+
+class Store:
+    """The flights of one campaign, kept."""
+
+    def __init__(self, folder: Path, campaign: Campaign, fingerprint: Mapping[str, str]) -> None:
+        """Open a folder, new or of the same campaign. Raises Refused, OSError."""
+        self.folder = folder
+        self._campaign = campaign
+        self._pending: list[Row] = []
+        self._written_at = time.monotonic()
+        self.outcome = np.full((len(campaign.variants), campaign.n), UNKNOWN, dtype=np.int8)
+        self.metric = np.full(self.outcome.shape, math.nan)  # that flights are ranked by
+        self.worst_exit, self.first_error = 0, ""
+        folder.mkdir(parents=True, exist_ok=True)
+        about = self._about(fingerprint)
+        found = folder / JSON
+        if found.exists():
+            self._compare(about)
+        elif any(each.name != LOCK for each in folder.iterdir()):
+            raise Refused(f"--out {folder}: the folder is not empty (name a new or an empty one)")
+        else:
+            picture_file.write(folder / TOML, campaign.text.encode())
+            picture_file.write(found, (json.dumps(about, indent=1) + "\n").encode())
+        (folder / PARTS).mkdir(exist_ok=True)
+        self._schema = schema(campaign)
+        self._n_parts = 1 + max((int(path.stem) for path in self._parts()), default=-1)
+        for table in self._tables():
+            self._note(table)
+
+    @property
+    def flown(self) -> int:
+        """Flights of all laws that are kept."""
+        return int((self.outcome != UNKNOWN).sum())
+
+    @property
+    def whole(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Whether each number is flown, by every law."""
+        flown: np.ndarray[Any, np.dtype[np.bool_]] = (self.outcome != UNKNOWN).all(axis=0)
+        return flown
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Keep some rows; they are on disk within PART_S, or when `flush` is called. Raises OSError."""
+        for row in rows:
+            self._pending.append(row)
+            self._note_row(row)
+        if time.monotonic() - self._written_at >= PART_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is not on disk yet. Raises OSError."""
+        self._written_at = time.monotonic()
+        if not self._pending:
+            return
+        part = self.folder / PARTS / f"{self._n_parts:08d}.parquet"
+        self._write(part, self._table(self._pending))
+        self._n_parts += 1
+        self._pending = []
+        if len(parts := self._parts()) > MOST_PARTS:
+            self._join(parts)
+
+    def finish(self, n: int) -> Path:
+        """The file of the first `n` flights of each law, in place of the parts. Raises OSError."""
+        import pyarrow
+        from pyarrow import compute
+
+        self.flush()
+        path = self.folder / PARQUET
+        tables = list(self._tables())
+        joined = pyarrow.concat_tables(tables) if tables else self._table([])
+        joined = joined.filter(compute.less(joined["number"], n))
+        number = joined["number"].to_numpy()
+        labels = {label: i for i, label in enumerate(self._campaign.labels)}
+        law = np.array([labels[each] for each in joined["law"].to_pylist()], dtype=np.int64)
+        _, first = np.unique(number * len(labels) + law, return_index=True)
+        self._write(path, joined.take(first).combine_chunks())
+        shutil.rmtree(self.folder / PARTS)
+        return path
+
+    def _join(self, parts: Sequence[Path]) -> None:
+        """Many small parts as one. A crash in between leaves both, which `finish` knows."""
+        import pyarrow
+
+        joined = pyarrow.concat_tables([_read(part, self._schema) for part in parts])
+        self._write(self.folder / PARTS / f"{self._n_parts:08d}.parquet", joined)
+        self._n_parts += 1
+        for part in parts:
+            part.unlink()
+
+    def _parts(self) -> list[Path]:
+        return sorted((self.folder / PARTS).glob("*.parquet"))
+
+    def _tables(self) -> Iterator[Any]:
+        ended = self.folder / PARQUET
+        for path in [*([ended] if ended.exists() else []), *self._parts()]:
+            yield _read(path, self._schema)
+
+    def _write(self, path: Path, table: Any) -> None:
+        from io import BytesIO
+
+        from pyarrow import parquet
+
+        file = BytesIO()
+        parquet.write_table(
+            table, file, compression="zstd", row_group_size=1 << 16, store_schema=True
+        )
+        picture_file.write(path, file.getvalue())
+
+    def _table(self, rows: Sequence[Row]) -> Any:
+        import pyarrow
+
+        draws, labels = self._campaign.draws, self._campaign.labels
+        quantities: dict[int, Mapping[str, Any]] = {}
+        records = []
+        for row in rows:
+            drawn = quantities.setdefault(row.number, draws.quantities(row.number))
+            values = {f"{DRAWN}{name}": drawn.get(name) for name in draws.names}
+            own = {name: getattr(row, name) for name in OWN}
+            records.append({**own, "law": labels[row.law], **values, **row.metrics})
+        columns = {
+            name: [_fit(record.get(name), text=str(kind) == "string") for record in records]
+            for name, kind in zip(self._schema.names, self._schema.types, strict=True)
+        }
+        return pyarrow.table(columns, schema=self._schema)
+
+    def _note_row(self, row: Row) -> None:
+        self.outcome[row.law, row.number] = SUCCESS if row.success else FAILURE
+        value = row.metrics.get(self._campaign.ranked_by)
+        self.metric[row.law, row.number] = math.nan if value is None else value
+        if row.exit_code > self.worst_exit or (row.exit_code and not self.first_error):
+            self.worst_exit = max(self.worst_exit, row.exit_code)
+            self.first_error = f"flight {row.number}: {row.error}"
+
+    def _note(self, table: Any) -> None:
+        labels = {label: i for i, label in enumerate(self._campaign.labels)}
+        names = ("number", "law", "success", "exit_code", "error")
+        columns = [table[name].to_pylist() for name in (*names, self._campaign.ranked_by)]
+        for number, label, success, code, error, value in zip(*columns, strict=True):
+            if number < self._campaign.n:
+                self._note_row(
+                    Row(number, labels[label], 0, success, "", error, code, 0.0, 0, "",
+                        {self._campaign.ranked_by: value})
+                )  # fmt: skip
+
+    def _about(self, fingerprint: Mapping[str, str]) -> dict[str, Any]:
+        campaign = self._campaign
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "name": campaign.name,
+            "title": campaign.document.title,
+            "source": str(Path(campaign.source).absolute()),
+            "flights": campaign.n,
+            "identity": campaign.identity,
+            "fingerprint": dict(fingerprint),
+        }
+
+    def _compare(self, about: Mapping[str, Any]) -> None:
+        try:
+            there = json.loads((self.folder / JSON).read_text(encoding="utf-8"))
+            same, began = there["identity"] == about["identity"], dict(there["fingerprint"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise Refused(f"{self.folder / JSON}: not a campaign's ({error})") from error
+        if not same:
+            raise Refused(
+                f"{self.folder}: another campaign was flown here (its file, a mission, a law or an"
+                " airframe has changed); name a new folder with --out"
+            )
+        if other := differences(began, about["fingerprint"]):
+            raise Refused(f"{self.folder}: began with {other}: its flights would not be the same")
+
+
+def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
+    """Where two fingerprints differ, in words; empty: nowhere."""
+    return ", ".join(
+        f"{name} {theirs.get(name, 'unknown')} (here {ours.get(name, 'unknown')})"
+        for name in ours
+        if theirs.get(name) != ours[name]
+    )
+
+
+def again(folder: Path) -> Campaign:
+    """The campaign of a folder, to go on with it. Raises CampaignError."""
+    try:
+        about = json.loads((folder / JSON).read_text(encoding="utf-8"))
+        text = (folder / TOML).read_text(encoding="utf-8")
+        source, flights, name = Path(about["source"]), int(about["flights"]), str(about["name"])
+    except OSError as error:
+        raise CampaignError(f"{error.filename}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise CampaignError(f"{folder / JSON}: not a campaign's ({error})") from error
+    return parsed(text, str(folder / TOML), source.parent, name, flights)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """While one process flies a campaign in a folder, no other does. Raises Refused, OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK).open("w") as file:
+        try:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except ImportError:
+            pass  # not on this system
+        except OSError as error:
+            if error.errno not in (errno.EACCES, errno.EAGAIN):
+                raise
+            raise Refused(f"{folder}: another process flies a campaign in this folder") from error
+        yield
+
+
+def schema(campaign: Campaign) -> Any:
+    """Columns of flights.parquet: what a flight is, what was drawn, every metric."""
+    import pyarrow
+
+    kinds = {
+        "number": pyarrow.int64(), "seed": pyarrow.int64(), "ticks": pyarrow.int64(),
+        "exit_code": pyarrow.int8(), "success": pyarrow.bool_(), "sim_time_s": pyarrow.float64(),
+    }  # fmt: skip
+    own = [(name, kinds.get(name, pyarrow.string())) for name in OWN]
+    drawn = [(f"{DRAWN}{name}", _kind(campaign, name)) for name in campaign.draws.names]
+    metrics = [(name, pyarrow.float64()) for name in METRICS]
+    about = {"campaign": campaign.name, "title": campaign.document.title,
+             "ranked_by": campaign.ranked_by}  # fmt: skip
+    return pyarrow.schema([*own, *drawn, *metrics], metadata={"m-mrac": json.dumps(about)})
+
+
+def _kind(campaign: Campaign, name: str) -> Any:
+    """Numbers, or a text of whatever else is drawn."""
+    import pyarrow
+
+    draws = campaign.draws
+    known = [point[name] for point in draws.points if name in point]
+    for each, distribution in draws.drawn:
+        if each.name == name:
+            known += list(distribution.choice or ())
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in known)
+    return pyarrow.float64() if numbers else pyarrow.string()
+
+
+def _fit(value: Any, text: bool) -> Any:
+    if text and value is not None and not isinstance(value, str):
+        return written(value)
+    return value
+
+
+def _read(path: Path, wanted: Any) -> Any:
+    """A part. Raises OSError."""
+    import pyarrow
+    from pyarrow import parquet
+
+    try:
+        table = parquet.read_table(path)
+        return table.select(wanted.names).cast(wanted).replace_schema_metadata(wanted.metadata)
+    except (pyarrow.ArrowInvalid, KeyError) as error:
+        raise OSError(errno.EINVAL, f"not flights of this campaign ({error})", str(path)) from error

@@ -1,0 +1,81 @@
+"""What a campaign expected of its flights: whether it is shown, for the exit code and for CI."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_tools.campaign.analysis import Analysis
+from gcs_tools.campaign.campaign_file import Campaign
+from gcs_tools.campaign.shares import at_least
+from gcs_tools.pictures import picture_file
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One expectation of one law: `bound` is what the flights show."""
+
+    law: str
+    expected: float
+    bound: float  # the probability of success is above this, with the confidence
+    confidence: float
+    count: int
+    of: int
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is shown."""
+        return self.bound >= self.expected
+
+    def __str__(self) -> str:
+        """The expectation and what was found."""
+        found = f"{self.count} of {self.of} flights succeed, which shows {self.bound:.4g}"
+        return (
+            f"{self.law}: success with a probability of at least {self.expected:g}"
+            f" (confidence {100.0 * self.confidence:g} %): {found}"
+        )
+
+
+def verdict(campaign: Campaign, found: Analysis) -> list[Shown]:
+    """What was expected of each law; empty if nothing was.
+
+    The bound is one-sided. Of a campaign that may end early it is that of each of its looks.
+    """
+    expect = campaign.document.expect
+    if expect is None:
+        return []
+    wanted = expect.success
+    each = found.looks.confidence(wanted.confidence)
+    return [
+        Shown(of.law, wanted.at_least, at_least(of.success.successes, of.success.of, each),
+              wanted.confidence, of.success.successes, of.success.of)
+        for of in found.laws
+    ]  # fmt: skip
+
+
+def junit(
+    campaign: Campaign, found: Analysis | None, error: str, seconds: float, path: Path
+) -> None:
+    """JUnit XML: a test case a law; `error`: why the campaign has no verdict. Raises OSError."""
+    suite = ET.Element("testsuite", name="gcs campaign")
+    shown = {each.law: each for each in verdict(campaign, found)} if found is not None else {}
+    count = {"tests": 0, "failures": 0, "errors": 0}
+    for law in campaign.labels:
+        name = campaign.name if len(campaign.labels) == 1 else f"{campaign.name} {law}"
+        case = ET.SubElement(
+            suite, "testcase", classname="campaigns", name=name, time=f"{seconds:.3f}"
+        )
+        count["tests"] += 1
+        if error:
+            count["errors"] += 1
+            ET.SubElement(case, "error", message=error).text = campaign.document.title
+        elif law in shown and not shown[law].passed:
+            count["failures"] += 1
+            ET.SubElement(case, "failure", message=str(shown[law])).text = campaign.document.title
+    for name, number in count.items():
+        suite.set(name, str(number))
+    suite.set("time", f"{seconds:.3f}")
+    ET.indent(suite)
+    text = '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(suite, "unicode") + "\n"
+    picture_file.write(path, text.encode())

@@ -1,0 +1,66 @@
+"""Flights of a campaign among the missions of `gcs fly`: found, and held against what the campaign flew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from gcs_tools.cli.output import Failure
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
+
+if TYPE_CHECKING:
+    from gcs_tools.campaign.refly import Numbered
+    from gcs_tools.judging.result import Result
+
+FOLDER = "again"  # in a campaign's folder: missions of its flights
+
+
+class Again:
+    """The missions of a command line, those of the form CAMPAIGN#NUMBER as files."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        """Raises Failure for a flight that its campaign does not have."""
+        self._numbered: dict[int, Numbered] = {}
+        self.missions = [self._mission(place, name) for place, name in enumerate(names)]
+
+    def _mission(self, place: int, name: str) -> str:
+        if "#" not in name:
+            return name
+        from gcs_tools.campaign import refly
+        from gcs_tools.campaign.campaign_file import CampaignError
+
+        if not refly.is_numbered(name):
+            return name
+        try:
+            self._numbered[place] = found = refly.numbered(name, FOLDER)
+        except CampaignError as error:
+            raise Failure(error, USAGE) from error
+        except OSError as error:
+            raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
+        return found.mission
+
+    def compared(self, results: Sequence[Result]) -> int:
+        """Say of each flight whether it is that of its campaign, to the bit; the exit code of that."""
+        code = OK
+        for place, found in self._numbered.items():
+            if place >= len(results):
+                continue
+            flown = results[place].trajectory_sha256
+            named = f"flight {found.number} of {found.folder}"
+            if not found.trajectory_sha256:
+                why = (
+                    f"it was {found.ended} there" if found.ended else "it has not been flown there"
+                )
+                click.echo(f"{named}: nothing to compare with ({why})", err=True)
+            elif flown == found.trajectory_sha256:
+                click.echo(f"{named}: the same trajectory to the bit ({flown[:12]})", err=True)
+            elif flown:
+                click.echo(
+                    f"Error: {named}: another trajectory ({flown[:12]}, there"
+                    f" {found.trajectory_sha256[:12]}): other sources, or another machine",
+                    err=True,
+                )
+                code = INFRASTRUCTURE
+        return code

@@ -1,0 +1,347 @@
+"""`gcs campaign`: many flights with what is not known drawn at random, and what they show."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure, print_json, print_line
+from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gcs_tools.campaign.analysis import Analysis, OfLaw, Quantile
+    from gcs_tools.campaign.campaign_file import Campaign
+    from gcs_tools.campaign.running import Progress, Workers
+    from gcs_tools.campaign.shares import Share
+
+NEEDED = ("pyarrow", "scipy")
+RESULT, REPORT = "result.json", "report.html"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The command line."""
+
+    name: str
+    out: Path | None
+    flights: int | None
+    jobs: int | None
+    scheduler: str | None
+    wait_s: float
+    junit: Path | None
+    report: bool
+    as_json: bool
+
+
+@click.command(
+    epilog="""\b
+A campaign file in a few lines (docs/campaigns.md has all keys):
+
+\b
+  title = "How often does a step of the paper settle?"
+  mission = "noisy_state"
+  flights = 1000
+  [draw]
+  "plant.mass_kg" = { uniform = [6.0, 10.0] }
+  "wind.azimuth_deg" = { uniform = [0.0, 360.0] }
+
+\b
+FILE is such a file, the name of a shipped campaign (paper_noise), or the folder of a campaign that was
+interrupted: it goes on where it was. Exit codes: 0 flown, and what [expect] says is shown; 1 it is not
+shown; 2 invalid command line, campaign or law; 3 a flight or what flies it failed, or the disk is full;
+130 interrupted. Whatever ends a campaign, its flights are kept."""
+)
+@click.argument("name", metavar="FILE")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; of the same campaign: go on there. Default: a new one in runs/.")  # fmt: skip
+@click.option("--flights", type=click.IntRange(1), metavar="N", help="Flights of each law, in place of the file's.")  # fmt: skip
+@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; default: as many as cores.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of a Dask scheduler: tcp://HOST:8786.")  # fmt: skip
+@click.option("--wait", "wait_s", type=click.FloatRange(min=0.0), default=300.0, show_default=True, metavar="S", help="Seconds to wait for a worker of the scheduler; then exit with 3.")  # fmt: skip
+@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
+@click.option("--report/--no-report", default=True, show_default=True, help="Write report.html.")
+@arguments.as_json("Print the results as JSON.")
+def campaign(
+    name: str, out: Path | None, flights: int | None, jobs: int | None, scheduler: str | None,
+    wait_s: float, junit: Path | None, report: bool, as_json: bool,
+) -> int:  # fmt: skip
+    """Fly a mission many times with what is not known drawn at random.
+
+    Each flight has a number and is the same to the bit wherever it is flown. The folder of the
+    results holds flights.parquet (a row for each flight), report.html and result.json, and
+    `gcs fly 'FOLDER#1234'` flies a flight again and records it.
+    """
+    from gcs_tools.campaign.campaign_file import CampaignError
+    from gcs_tools.cli.terminal import PipedConsole
+    from gcs_tools.flight.run import UsageError
+
+    _need(NEEDED, "campaign")
+    asked = Asked(name, out, flights, jobs, scheduler, wait_s, junit, report, as_json)
+    log = PipedConsole(stderr=True, highlight=False)
+    try:
+        return _flown(asked, log)
+    except (CampaignError, UsageError) as error:
+        raise Failure(error, USAGE) from error
+    except OSError as error:
+        raise Failure(f"{error.filename or 'campaign'}: {error.strerror or error}") from error
+
+
+def _need(modules: tuple[str, ...], extra: str) -> None:
+    from importlib.util import find_spec
+
+    if lacking := [each for each in modules if find_spec(each) is None]:
+        raise Failure(
+            f"{', '.join(lacking)} is not installed (pip install 'm-mrac[{extra}]')", USAGE
+        )
+
+
+def _flown(asked: Asked, log: Console) -> int:
+    """Fly, keep, analyse, tell; the exit code. Raises CampaignError, UsageError, OSError, Failure."""
+    from fcu.kernel.compile import is_cached
+    from gcs_tools.campaign import campaign_file, store
+    from gcs_tools.campaign.fingerprint import fingerprint, of_the_draws
+    from gcs_tools.campaign.running import RunningError, run
+    from gcs_tools.flight.run import COMPILING, new_folder
+
+    began = time.monotonic()
+    folder = Path(asked.name)
+    if (folder / store.JSON).is_file():
+        if asked.out is not None or asked.flights is not None:
+            raise campaign_file.CampaignError(
+                f"{folder}: a campaign that goes on has its folder and its flights (leave out --out"
+                " and --flights)"
+            )
+        asked_for, out = store.again(folder), folder
+    else:
+        asked_for = campaign_file.read(asked.name, asked.flights)
+        out = asked.out or new_folder(None, asked_for.name)
+    with store.locked(out):
+        if not is_cached("together"):
+            log.print(COMPILING)
+        ours = fingerprint()
+        kept = store.Store(out, asked_for, {**ours, **of_the_draws()})
+        _first_flight(asked_for)
+        if kept.flown:
+            log.print(f"{out}: {kept.flown} flights are there already")
+        error, exit_code = "", OK
+        try:
+            with _workers(asked, ours, log) as workers, _bar(log, asked_for) as told:
+                ending = run(asked_for, kept, workers, told)
+            path = kept.finish(ending.n or asked_for.n)
+        except RunningError as failed:
+            error, exit_code = str(failed), INFRASTRUCTURE
+        except OSError as failed:
+            where = failed.filename or out
+            error = (
+                f"{where}: {failed.strerror}; {kept.flown} flights were flown, those before are kept:"
+                f" go on with gcs campaign {out}"
+            )
+            exit_code = INFRASTRUCTURE
+        except KeyboardInterrupt:
+            log.print(f"{kept.flown} flights are kept; go on with: gcs campaign {out}")
+            raise
+        if error:
+            _junit(asked, asked_for, None, error, began)
+            raise Failure(error, exit_code)
+        return _tell(asked, asked_for, kept, out, path, began)
+
+
+def _first_flight(asked_for: Campaign) -> None:
+    """Fly a tick of each law here first: compile it once, and name what cannot be flown at all."""
+    from fcu.laws.loader import LawError
+    from gcs_tools.campaign.campaign_file import CampaignError
+    from gcs_tools.flight import law_alone
+    from gcs_tools.flight.scenario import scenario
+
+    for variant in asked_for.variants:
+        scene = scenario(variant.mission)
+        if not scene.legs:
+            try:
+                law_alone.warm_up(scene)
+            except LawError as error:
+                raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
+
+
+def _workers(asked: Asked, ours: dict[str, str], log: Console) -> AbstractContextManager[Workers]:
+    from gcs_tools.campaign.running import processes
+    from gcs_tools.flight.side_by_side import cores
+
+    if asked.scheduler is None:
+        return processes(asked.jobs or cores())
+    _need(("distributed",), "cluster")
+    from gcs_tools.campaign.cluster import cluster
+
+    return cluster(
+        asked.scheduler, ours, asked.wait_s, lambda text: log.print(text, soft_wrap=True)
+    )
+
+
+@contextmanager
+def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
+    """Flights, and the interval of success as it shrinks; nothing off a terminal."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )  # fmt: skip
+    bar = Progress(*columns, console=log, transient=True, disable=not log.is_terminal)
+    with bar:
+        task = bar.add_task("flying", total=len(of.variants) * of.n)
+
+        def told(at: Any) -> None:
+            shares = "  ".join(
+                f"{law} {_percent(share)}" for law, share in zip(of.labels, at.shares, strict=True)
+            )
+            bar.update(task, completed=at.flown, description=shares)
+
+        yield told
+
+
+def _tell(asked: Asked, of: Campaign, kept: Any, out: Path, path: Path, began: float) -> int:
+    from gcs_tools.campaign import analysis as analyse
+    from gcs_tools.campaign.verdict import verdict
+    from gcs_tools.pictures import picture_file
+
+    table = analyse.read(path)
+    found = analyse.analysis(of, table)
+    shown = verdict(of, found)
+    passed = all(each.passed for each in shown)
+    exit_code: int = max(kept.worst_exit, OK if passed else MISSED)
+    content = {
+        "campaign": of.name,
+        "title": of.document.title,
+        "folder": str(out),
+        "passed": exit_code == OK,
+        "exit_code": exit_code,
+        "error": kept.first_error if kept.worst_exit else None,
+        "expectations": [
+            {"law": each.law, "at_least": each.expected, "shown": each.bound,
+             "confidence": each.confidence, "passed": each.passed}
+            for each in shown
+        ],
+        **found.plain(),
+    }  # fmt: skip
+    import json
+
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+    picture_file.write(out / RESULT, text.encode())
+    if asked.report:
+        from gcs_tools.campaign.report import report
+
+        picture_file.write(out / REPORT, report(of, found, shown, table, out).encode())
+    _junit(asked, of, found, kept.first_error if kept.worst_exit else "", began)
+    if asked.as_json:
+        print_json(content)
+    else:
+        _print(of, found, shown, out, asked.report)
+    if kept.worst_exit:
+        raise Failure(kept.first_error, kept.worst_exit)
+    return exit_code
+
+
+def _junit(asked: Asked, of: Campaign, found: Analysis | None, error: str, began: float) -> None:
+    if asked.junit is not None:
+        from gcs_tools.campaign.verdict import junit
+
+        junit(of, found, error, time.monotonic() - began, asked.junit)
+
+
+# --- what is shown
+
+
+def _print(of: Campaign, found: Analysis, shown: list[Any], out: Path, report: bool) -> None:
+    from rich.text import Text
+
+    from gcs_tools.cli.terminal import PipedConsole
+
+    console = PipedConsole(highlight=False)
+    console.print(Text(of.document.title, style="bold"))
+    said = (
+        f"{found.flights} flights of each law"
+        if len(found.laws) > 1
+        else f"{found.flights} flights"
+    )
+    if found.flights < found.of:
+        said += f", of {found.of}: the interval is narrow enough"
+    console.print(Text(said, style="dim"))
+    for law in found.laws:
+        console.print()
+        _print_law(console, law, found, len(found.laws) > 1, out)
+    for each in found.differences:
+        console.print()
+        console.print(
+            f"{each.law} succeeds where {each.first} fails in {each.better} flights, and fails where it"
+            f" succeeds in {each.worse} (p = {each.p:.2g}); success {100.0 * each.success:+.2f} %"
+            f" ({100.0 * each.low:+.2f} to {100.0 * each.high:+.2f}); median of the difference of"
+            f" {each.metric}: {_quantile(each.median)}"
+        )
+    for each in shown:
+        style = "green" if each.passed else "red"
+        console.print(
+            Text(f"{'met' if each.passed else 'MISSED'}  {each}", style=style), soft_wrap=True
+        )
+    console.print()
+    print_line(f"{out / REPORT if report else out}")
+
+
+def _print_law(console: Console, law: OfLaw, found: Analysis, named: bool, out: Path) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from gcs_tools.campaign.analysis import LIKELY
+    from gcs_tools.campaign.refly import command
+
+    confidence = f"{100.0 * found.confidence:g} %"
+    console.print(Text(law.law, style="bold"), f"success {_percent(law.success)}", Text(f"{confidence} interval; {law.success.successes} of {law.success.of}", style="dim"))  # fmt: skip
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("")
+    for at in law.metrics[0].quantiles if law.metrics else ():
+        table.add_column(f"{100.0 * at.at:g} %", justify="right")
+    for metric in law.metrics:
+        table.add_row(metric.name, *map(_quantile, metric.quantiles))
+    console.print(table)
+    if clear := [cause for cause in law.causes if cause.p < LIKELY]:
+        named_causes = ", ".join(f"{c.name} ({_direction(c.direction)})" for c in clear[:5])
+        console.print(f"Failed flights differ in: {named_causes}")
+    elif law.causes:
+        console.print("No drawn quantity explains the failures.")
+    if law.worst:
+        each = law.worst[0]
+        again = command(out, each.number, law.law if named else "")
+        console.print(f"Worst flight ({each.ended}): {again}", soft_wrap=True)
+
+
+def _percent(share: Share) -> str:
+    if not share.of:
+        return "-"
+    return f"{100.0 * share.value:.2f} % ({100.0 * share.low:.2f}-{100.0 * share.high:.2f})"
+
+
+def _quantile(of: Quantile) -> str:
+    import math
+
+    if not math.isfinite(of.value):
+        return "-"
+    ends = [f"{end:.4g}" if math.isfinite(end) else "?" for end in (of.low, of.high)]
+    return f"{of.value:.4g} ({ends[0]} to {ends[1]})"
+
+
+def _direction(part: float) -> str:
+    if not 0.0 <= part <= 1.0:
+        return "which one"
+    return "high" if part > 0.55 else "low" if part < 0.45 else "neither high nor low alone"

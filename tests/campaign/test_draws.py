@@ -1,0 +1,150 @@
+"""Draws: by seed and number alone, distributed as the file says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from gcs_tools.campaign.campaign_file import CampaignError
+from gcs_tools.campaign.distributions import Distribution
+
+U = (np.arange(20_000) + 0.5) / 20_000
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"uniform": [2.0, 5.0]}, stats.uniform(2.0, 3.0)),
+        ({"log_uniform": [0.01, 10.0]}, stats.loguniform(0.01, 10.0)),
+        ({"normal": [3.0, 0.5]}, stats.norm(3.0, 0.5)),
+        ({"normal": [0.0, 1.0], "low": -0.5, "high": 2.0}, stats.truncnorm(-0.5, 2.0)),
+        ({"log_normal": [2.0, 0.3]}, stats.lognorm(0.3, scale=2.0)),
+        ({"triangular": [1.0, 2.0, 5.0]}, stats.triang(0.25, 1.0, 4.0)),
+    ],
+)
+def test_a_distribution_has_the_quantiles_of_scipy_s(given, expected):
+    found = np.array(Distribution.model_validate(given).at(U))
+    np.testing.assert_allclose(found, expected.ppf(U), rtol=1e-9, atol=1e-9)
+
+
+def test_choices_and_whole_numbers_have_their_shares():
+    choice = Distribution.model_validate({"choice": ["a", "b", 3], "weights": [1.0, 0.0, 3.0]})
+    found = choice.at(U)
+    assert [found.count(each) for each in ("a", "b", 3)] == [5000, 0, 15000]
+    whole = Distribution.model_validate({"integer": [-1, 2]}).at(U)
+    assert [whole.count(each) for each in range(-2, 4)] == [0, 5000, 5000, 5000, 5000, 0]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("{ unifrom = [1.0, 2.0] }", "did you mean uniform?"),
+        ("{ uniform = [2.0, 1.0] }", "expected [least, most]"),
+        ("{ uniform = [1.0, 2.0], normal = [0.0, 1.0] }", "exactly one of"),
+        ("{ log_uniform = [0.0, 1.0] }", "a number > 0"),
+        ("{ normal = [1.0, -1.0] }", "a standard deviation >= 0"),
+        ("{ normal = [1.0, 0.1], low = 50.0 }", "a distribution that reaches"),
+        ("{ choice = [] }", "plant.mass_kg"),
+        ("{ choice = [1.0, 2.0], weights = [1.0] }", "as many weights"),
+        ("{ uniform = [1.0, inf] }", "finite"),
+        ("3.0", "expected a distribution"),
+        ("{ uniform = [-1.0, 2.0] }", "expected a number > 0, got -1"),
+        ("{ normal = [1.0, 0.5] }", "low and high bound a normal distribution"),
+    ],
+)
+def test_a_distribution_that_cannot_be_drawn_is_said(make, given, said):
+    with pytest.raises(CampaignError, match=r"drawn\.toml") as error:
+        make(draw=f'"plant.mass_kg" = {given}')
+    assert said in str(error.value)
+
+
+def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):
+    with pytest.raises(CampaignError, match=r"mas_kg: no such key \(did you mean mass_kg\?\)"):
+        make(draw='"plant.mas_kg" = { uniform = [6.0, 10.0] }')
+    with pytest.raises(CampaignError, match="the mission has no such place"):
+        make(draw='"wind.steady_m_s[3]" = { uniform = [6.0, 10.0] }')
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ("flights = 1000000000", "at most 1,000,000"),
+        ('method = "grid"', "choice or levels"),
+        ('method = "list"', "points"),
+        ('laws = ["mmrac", "mmrac"]', "two laws are called mmrac"),
+        ('laws = ["mrac"]', "did you mean mmrac"),
+        ('metrics = ["setpoint_error_finl_m"]', "did you mean setpoint_error_final_m"),
+        ("flight = 10", "did you mean flights"),
+        ('mission = "hovr.toml"', "hovr.toml"),
+        ("stop = { width = 2.0 }", "less than 1"),
+    ],
+)
+def test_a_campaign_that_cannot_be_flown_is_said(make, head, said):
+    with pytest.raises(CampaignError) as error:
+        make(head)
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize("method", ["random", "latin_hypercube", "sobol"])
+def test_draws_depend_on_seed_and_number_alone(make, method):
+    head = f'method = "{method}"'
+    draws = make(head).draws
+    backwards = make(head).draws
+    there = [draws.quantities(n) for n in range(20)]
+    assert [backwards.quantities(n) for n in reversed(range(20))] == there[::-1]
+    assert len({each["plant.mass_kg"] for each in there}) == 20
+    other = make(f"{head}\nseed = 2").draws
+    assert other.quantities(3) != there[3]
+    assert draws.noise_seed(3) == backwards.noise_seed(3) != draws.noise_seed(4)
+
+
+@pytest.mark.parametrize("method", ["latin_hypercube", "sobol"])
+def test_a_layout_has_a_flight_in_every_part(make, method):
+    draws = make(f'method = "{method}"\nflights = 16').draws
+    masses = np.array([draws.quantities(n)["plant.mass_kg"] for n in range(16)])
+    parts = np.floor((masses - 0.8) / 0.4 * 16).astype(int)
+    assert sorted(parts) == list(range(16))
+
+
+def test_random_draws_are_those_of_any_number_of_flights(make):
+    few, many = make("flights = 5").draws, make("flights = 500").draws
+    assert few.quantities(4) == many.quantities(4)
+
+
+def test_a_grid_has_every_point_and_repeats_it_with_another_noise(make):
+    draw = '"plant.mass_kg" = { uniform = [6.0, 10.0], levels = 2 }\n"wind.azimuth_deg" = { choice = [0.0, 90.0, 180.0] }'
+    draws = make('method = "grid"\nflights = 12', draw).draws
+    points = [tuple(draws.quantities(n).values()) for n in range(12)]
+    assert points[:6] == [(m, a) for m in (7.0, 9.0) for a in (0.0, 90.0, 180.0)]
+    assert points[6:] == points[:6]
+    assert draws.noise_seed(0) != draws.noise_seed(6)
+    with pytest.raises(CampaignError, match="a multiple of the 6 points"):
+        make('method = "grid"\nflights = 7', draw)
+
+
+def test_a_value_goes_to_its_place_and_multiplies_the_mission_s(make):
+    campaign = make()
+    (variant,) = campaign.variants
+    drawn = campaign.draws.quantities(0)
+    values = campaign.draws.values(0, drawn, variant.base)
+    believed = variant.base["plant.mass_kg"]
+    assert values["plant.mass_kg"] == drawn["plant.mass_kg"] * believed
+    assert values["wind.steady_m_s"] == [2.0, drawn["wind.steady_m_s[1]"], 0.0]
+    (setpoint,) = values["flight.setpoints"]
+    assert setpoint["position_m"] == [0.5, 0.0, drawn["flight.setpoints[0].position_m[2]"]]
+    assert variant.base["wind.steady_m_s"] == [2.0, 0.0, 0.0]
+    assert values["flight.seed"] == campaign.draws.noise_seed(0)
+
+
+def test_a_seed_that_the_file_sets_is_not_drawn(make):
+    campaign = make('set = { "flight.seed" = 5 }')
+    assert "flight.seed" not in campaign.draws.values(0, {}, campaign.variants[0].base)
+    assert campaign.variants[0].mission.flight.seed == 5
+
+
+def test_a_normal_quantity_is_not_infinite_at_the_ends():
+    found = Distribution.model_validate({"normal": [0.0, 1.0]}).at(np.array([0.0, 1.0]))
+    assert all(map(math.isfinite, found))
