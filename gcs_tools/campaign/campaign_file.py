@@ -35,6 +35,7 @@ from gcs_tools.campaign.draws import (
     grid_size,
     key,
 )
+from gcs_tools.campaign.rare import Mixture
 from gcs_tools.campaign.shares import Looks
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
@@ -179,8 +180,10 @@ class Document(Table):
             )
         if self.rare is not None and (cells or not self.draw):
             raise wrong(("rare",), "[draw], and no grid or list")
-        if self.rare is not None and (self.stop or self.expect):
-            raise wrong(("rare",), "neither stop nor expect beside [rare]")
+        if self.rare is not None and (self.stop or self.expect or self.success is not None):
+            raise wrong(("rare",), "neither stop, expect nor success beside [rare]")
+        if self.rare is not None and len(self.laws or ()) > 1:
+            raise wrong(("laws",), "one law with [rare]")
         return self
 
     @property
@@ -192,7 +195,8 @@ class Document(Table):
     @property
     def n(self) -> int:
         """How many flights there are of each law."""
-        return self.flights or self._cells or 0
+        looking = 0 if self.rare is None else self.rare.stage * self.rare.stages
+        return looking + (self.flights or self._cells or 0)
 
 
 @dataclass(frozen=True)
@@ -234,13 +238,16 @@ class Campaign:
     @property
     def ranked_by(self) -> str:
         """The metric that flights are ranked by."""
+        if self.document.rare is not None:
+            return self.document.rare.metric
         metrics = self.document.metrics
         return metrics[0] if metrics else TELLING
 
     @property
     def floors(self) -> bool:
         """Whether little of that metric is bad."""
-        return self.ranked_by in FLOORS
+        rare = self.document.rare
+        return self.ranked_by in FLOORS if rare is None else rare.at_least is not None
 
     def plan(self) -> str:
         """What workers need, and all that rows depend on but the draws, as JSON."""
@@ -341,7 +348,12 @@ def _draws(document: Document) -> Draws:
     tables = {each.table for each, _ in drawn}
     tables |= {key(name).table for point in document.points for name in point}
     tables |= document.set.keys()
-    return Draws(document.method, document.seed, document.n, drawn, document.points, SEED in tables)
+    rare = document.rare
+    return Draws(
+        document.method, document.seed, document.n, drawn, document.points, SEED in tables,
+        stage=0 if rare is None else rare.stage, stages=0 if rare is None else rare.stages,
+        proposals={0: Mixture.standard(len(drawn))},
+    )  # fmt: skip
 
 
 def _variants(document: Document, folder: Path) -> Iterator[Variant]:
@@ -360,6 +372,10 @@ def _variants(document: Document, folder: Path) -> Iterator[Variant]:
             made = with_values(made, values, "set")
         if document.success is not None:
             made = with_values(made, {"expect": document.success}, "[success]")
+        if (rare := document.rare) is not None:
+            bound = rare.model_dump(include={"limit", "at_least"}, exclude_none=True)
+            expected = {rare.metric: bound, "reached": False}
+            made = with_values(made, {"expect": expected}, "[rare]")
         if document.fly == LAW and (made.flight.items or made.flight.arrive):
             raise MissionError(
                 'fly = "law": a mission of items, or one that ends on arrival, needs a vehicle:'

@@ -13,13 +13,14 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gcs_tools.campaign.distributions import Distribution, Numbers
+from gcs_tools.campaign.rare import Mixture
 
 RANDOM, HYPERCUBE, SOBOL, GRID, LIST = METHODS = (
     "random", "latin_hypercube", "sobol", "grid", "list",
@@ -65,6 +66,9 @@ class Draws:
     drawn: tuple[tuple[Key, Distribution], ...]
     points: tuple[Mapping[str, Any], ...]  # with LIST: the values of each flight
     has_seed: bool  # whether the file sets or draws the mission's seed
+    stage: int = 0  # flights of each stage that looks for rare failures; 0: there are none
+    stages: int = 0  # the flights that count come after so many
+    proposals: dict[int, Mixture] = field(default_factory=dict)  # of each stage, once it is known
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,7 +84,25 @@ class Draws:
         if self.method == GRID:
             values = self._grid[number % len(self._grid)]
             return {each.name: value for (each, _), value in zip(self.drawn, values, strict=True)}
+        if self.stage:
+            from scipy.special import ndtr
+
+            return self.at(ndtr(self.z(number)))
         return self.at(self._parts(number))
+
+    def stage_of(self, number: int) -> int:
+        """The stage of a flight that looks for rare failures; of those that count `stages`."""
+        return min(number // self.stage, self.stages)
+
+    def z(self, number: int) -> Numbers:
+        """The standard normal numbers (d,) by way of which a flight's quantities are drawn."""
+        random = np.random.default_rng([self.seed, number])
+        return self.proposals[self.stage_of(number)].draw(random)
+
+    def weight(self, number: int) -> float:
+        """How often a flight's quantities come without importance, for once with it."""
+        mixture = self.proposals[self.stage_of(number)]
+        return float(mixture.weights(self.z(number)[None, :])[0])
 
     def at(self, parts: Numbers) -> dict[str, Any]:
         """The quantities at parts (d,) between 0 and 1 of their distributions."""

@@ -13,6 +13,7 @@ import numpy as np
 from gcs_tools.campaign.analysis import LIKELY, Analysis, Difference, Flights, OfLaw, Quantile
 from gcs_tools.campaign.campaign_file import Campaign
 from gcs_tools.campaign.distributions import Distribution
+from gcs_tools.campaign.rare_flying import RareFound
 from gcs_tools.campaign.refly import command
 from gcs_tools.campaign.shares import share
 from gcs_tools.campaign.store import DRAWN
@@ -61,12 +62,59 @@ def report(
     """The page. `folder`: the campaign's, as commands on the page name it."""
     flights = {law: Flights(table, law) for law in campaign.labels}
     body = "\n".join(_body(campaign, found, shown, flights, folder))
+    return _page(campaign, body)
+
+
+def rare_report(campaign: Campaign, found: RareFound, folder: Path) -> str:
+    """The page of a campaign that looked for rare failures."""
+    return _page(campaign, "\n".join(_rare_body(campaign, found, folder)))
+
+
+def _page(campaign: Campaign, body: str) -> str:
     title = escape(campaign.document.title)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n<title>{title}</title>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
     )
+
+
+def _rare_body(campaign: Campaign, found: RareFound, folder: Path) -> Iterator[str]:
+    rare, at = campaign.document.rare, found.estimate
+    assert rare is not None
+    beyond = f"> {rare.limit:g}" if rare.limit is not None else f"< {rare.at_least:g}"
+    yield f"<h1>{escape(campaign.document.title)}</h1>"
+    mission = campaign.variants[0].mission
+    yield (
+        f'<p class="dim">{found.flown:,} flights of {escape(mission.name)} with'
+        f" {escape(mission.airframe.name)} and {escape(campaign.labels[0])}.</p>"
+        '<div class="cards"><div class="card"><span class="dim">probability of failure:'
+        f" {escape(rare.metric)} {escape(beyond)}, or lost</span><b>{at.probability:.3g}</b>"
+        f'{at.low:.3g} to {at.high:.3g} <span class="dim">with {100 * found.confidence:g} %'
+        f" confidence</span><br><small>{at.failures:,} of the {at.flights:,} flights that count"
+        " failed</small></div></div>"
+    )
+    if math.isfinite(found.plain_flights):
+        yield f"<p>Without importance sampling, an interval as narrow takes some {found.plain_flights:,.0f} flights.</p>"  # fmt: skip
+    if found.levels and found.levels[-1] < 0.0:
+        yield "<p>The stages ended before a tenth of the flights failed: give more stages, or larger ones.</p>"  # fmt: skip
+    yield "<h2>Where failures are</h2>"
+    rows = [
+        (escape(each.name), _value(each.median), _value(each.of_failures)) for each in found.typical
+    ]
+    yield _table(("quantity", "median", "median of failures"), rows)
+    yield "<h2>Stages</h2>"
+    rows = [
+        (f"{i + 1}", f"{level:.4g}" if math.isfinite(level) else "all lost", f"<code>{escape(command(folder, i * rare.stage))}</code>")
+        for i, level in enumerate(found.levels)
+    ]  # fmt: skip
+    yield _table(("stage", "worst tenth beyond the limit", "its first flight"), rows)
+    yield (
+        "<p><small>Each stage is drawn from where the worst tenth of the flights before it were; 0: a tenth"
+        " failed. The interval is Student's, of the weighted flights. It cannot count a region of failures"
+        " that no flight has met.</small></p><h2>What was drawn</h2>"
+    )
+    yield _drawn(campaign)
 
 
 def _body(

@@ -63,12 +63,25 @@ class Progress:
     shares: tuple[Share, ...]  # so far, one a law
 
 
+class End(Protocol):
+    """What is to be flown, and when it is enough."""
+
+    numbers: range
+
+    def look(self) -> bool:
+        """Whether it is."""
+
+    def so_far(self) -> tuple[Share, ...]:
+        """Of the flights that are there, one share a law."""
+
+
 class Ending:
     """At how many flights a campaign ends, found from its outcomes in the order of their numbers."""
 
     def __init__(self, campaign: Campaign, store: Store) -> None:
         self.confidence = campaign.document.confidence
         self.looks = campaign.looks
+        self.numbers = range(self.looks.at[-1])
         self._store = store
         self._left = list(self.looks.at)
         self.n: int | None = None  # flights of each law, once it is known
@@ -98,13 +111,30 @@ class Ending:
         )
 
 
-def run(campaign: Campaign, store: Store, workers: Workers, told: Told = lambda at: None) -> Ending:
-    """Fly what is missing, until the campaign ends. Raises RunningError, OSError, KeyboardInterrupt.
+class Stage:
+    """Flights of some numbers, all of them."""
+
+    def __init__(self, store: Store, numbers: range) -> None:
+        self.numbers = numbers
+        self._store = store
+
+    def look(self) -> bool:
+        """Whether all are there."""
+        return bool(self._store.whole[self.numbers.start : self.numbers.stop].all())
+
+    def so_far(self) -> tuple[Share, ...]:
+        """Of no use: they are not drawn as flights are."""
+        return ()
+
+
+def run(
+    campaign: Campaign, store: Store, workers: Workers, ending: End, told: Told = lambda at: None
+) -> None:
+    """Fly what is missing, until it is enough. Raises RunningError, OSError, KeyboardInterrupt.
 
     However it ends, the flights that are there by then are on disk, if it can be written to.
     """
-    ending = Ending(campaign, store)
-    plan, batches = campaign.plan(), _batches(campaign, store)
+    plan, batches = campaign.plan(), _batches(campaign, store, ending.numbers)
     pending: set[Future[list[Row]]] = set()
     total = len(campaign.variants) * campaign.n
     with interrupts_wait() as interrupts:
@@ -126,7 +156,6 @@ def run(campaign: Campaign, store: Store, workers: Workers, told: Told = lambda 
             for future in pending:
                 future.cancel()
             store.flush()
-    return ending
 
 
 def _failure(future: Future[list[Row]]) -> BaseException | None:
@@ -139,11 +168,12 @@ def _failure(future: Future[list[Row]]) -> BaseException | None:
     return error
 
 
-def _batches(campaign: Campaign, store: Store) -> Iterator[list[Asked]]:
+def _batches(campaign: Campaign, store: Store, numbers: range) -> Iterator[list[Asked]]:
     """The flights that are missing, in the order of their numbers."""
     laws = range(len(campaign.variants))
     batch: list[Asked] = []
-    for number in np.flatnonzero(~store.whole).tolist():
+    missing = ~store.whole[numbers.start : numbers.stop]
+    for number in (numbers.start + np.flatnonzero(missing)).tolist():
         quantities = campaign.draws.quantities(number)
         for law in laws:
             if store.outcome[law, number] < 0:

@@ -22,13 +22,14 @@ import numpy as np
 
 from gcs_tools.campaign.batch import Row
 from gcs_tools.campaign.campaign_file import Campaign, CampaignError, parsed
+from gcs_tools.campaign.rare import Mixture
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.mission import written
 from gcs_tools.pictures import picture_file
 
 SCHEMA_VERSION = 1
-JSON, TOML, PARTS, PARQUET, LOCK = (
-    "campaign.json", "campaign.toml", "parts", "flights.parquet", ".lock",
+JSON, TOML, PARTS, PARQUET, LOCK, PROPOSALS = (
+    "campaign.json", "campaign.toml", "parts", "flights.parquet", ".lock", "proposals.json",
 )  # fmt: skip
 PART_S = 1.0  # wall: what a crash may lose
 MOST_PARTS = 200  # more are joined to one
@@ -101,6 +102,11 @@ class Store:
         if len(parts := self._parts()) > MOST_PARTS:
             self._join(parts)
 
+    def keep_proposals(self) -> None:
+        """What the stages are drawn from, for whoever flies one of their flights again. Raises OSError."""
+        mixtures = {str(k): each.plain() for k, each in self._campaign.draws.proposals.items()}
+        picture_file.write(self.folder / PROPOSALS, json.dumps(mixtures).encode())
+
     def finish(self, n: int) -> Path:
         """The file of the first `n` flights of each law, in place of the parts. Raises OSError."""
         import pyarrow
@@ -158,6 +164,8 @@ class Store:
             drawn = quantities.setdefault(row.number, draws.quantities(row.number))
             values = {f"{DRAWN}{name}": drawn.get(name) for name in draws.names}
             own = {name: getattr(row, name) for name in OWN}
+            if draws.stage:
+                own.update(stage=draws.stage_of(row.number), weight=draws.weight(row.number))
             records.append({**own, "law": labels[row.law], **values, **row.metrics})
         columns = {
             name: [_fit(record.get(name), text=str(kind) == "string") for record in records]
@@ -191,7 +199,7 @@ class Store:
             "name": campaign.name,
             "title": campaign.document.title,
             "source": str(Path(campaign.source).absolute()),
-            "flights": campaign.n,
+            "flights": campaign.document.flights,
             "identity": campaign.identity,
             "fingerprint": dict(fingerprint),
         }
@@ -225,12 +233,17 @@ def again(folder: Path) -> Campaign:
     try:
         about = json.loads((folder / JSON).read_text(encoding="utf-8"))
         text = (folder / TOML).read_text(encoding="utf-8")
-        source, flights, name = Path(about["source"]), int(about["flights"]), str(about["name"])
+        source, flights, name = Path(about["source"]), about["flights"], str(about["name"])
     except OSError as error:
         raise CampaignError(f"{error.filename}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise CampaignError(f"{folder / JSON}: not a campaign's ({error})") from error
-    return parsed(text, str(folder / TOML), source.parent, name, flights)
+    campaign = parsed(text, str(folder / TOML), source.parent, name, flights)
+    if (folder / PROPOSALS).exists():
+        told = json.loads((folder / PROPOSALS).read_text(encoding="utf-8"))
+        d = len(campaign.draws.drawn)
+        campaign.draws.proposals.update({int(k): Mixture.of(each, d) for k, each in told.items()})
+    return campaign
 
 
 @contextmanager
@@ -260,6 +273,8 @@ def schema(campaign: Campaign) -> Any:
         "exit_code": pyarrow.int8(), "success": pyarrow.bool_(), "sim_time_s": pyarrow.float64(),
     }  # fmt: skip
     own = [(name, kinds.get(name, pyarrow.string())) for name in OWN]
+    if campaign.draws.stage:
+        own += [("stage", pyarrow.int64()), ("weight", pyarrow.float64())]
     drawn = [(f"{DRAWN}{name}", _kind(campaign, name)) for name in campaign.draws.names]
     metrics = [(name, pyarrow.float64()) for name in METRICS]
     about = {"campaign": campaign.name, "title": campaign.document.title,

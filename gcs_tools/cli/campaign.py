@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
 
     from gcs_tools.campaign.analysis import Analysis, OfLaw, Quantile
     from gcs_tools.campaign.campaign_file import Campaign
+    from gcs_tools.campaign.rare_flying import RareFound
     from gcs_tools.campaign.running import Progress, Workers
     from gcs_tools.campaign.shares import Share
+    from gcs_tools.campaign.store import Store
 
 NEEDED = ("pyarrow", "scipy")
 RESULT, REPORT = "result.json", "report.html"
@@ -106,9 +109,9 @@ def _need(modules: tuple[str, ...], extra: str) -> None:
 def _flown(asked: Asked, log: Console) -> int:
     """Fly, keep, analyse, tell; the exit code. Raises CampaignError, UsageError, OSError, Failure."""
     from fcu.kernel.compile import is_cached
-    from gcs_tools.campaign import campaign_file, store
+    from gcs_tools.campaign import campaign_file, rare_flying, store
     from gcs_tools.campaign.fingerprint import fingerprint, of_the_draws
-    from gcs_tools.campaign.running import RunningError, run
+    from gcs_tools.campaign.running import Ending, RunningError, run
     from gcs_tools.flight.run import COMPILING, new_folder
 
     began = time.monotonic()
@@ -131,11 +134,17 @@ def _flown(asked: Asked, log: Console) -> int:
         _first_flight(asked_for)
         if kept.flown:
             log.print(f"{out}: {kept.flown} flights are there already")
-        error, exit_code = "", OK
+        error, exit_code, rare = "", OK, None
         try:
             with _workers(asked, ours, log) as workers, _bar(log, asked_for) as told:
-                ending = run(asked_for, kept, workers, told)
-            path = kept.finish(ending.n or asked_for.n)
+                if asked_for.document.rare is not None:
+                    rare = rare_flying.fly(asked_for, kept, workers, told)
+                    n = asked_for.n
+                else:
+                    ending = Ending(asked_for, kept)
+                    run(asked_for, kept, workers, ending, told)
+                    n = ending.n or asked_for.n
+            path = kept.finish(n)
         except RunningError as failed:
             error, exit_code = str(failed), INFRASTRUCTURE
         except OSError as failed:
@@ -151,6 +160,8 @@ def _flown(asked: Asked, log: Console) -> int:
         if error:
             _junit(asked, asked_for, None, error, began)
             raise Failure(error, exit_code)
+        if rare is not None:
+            return _tell_rare(asked, asked_for, kept, rare, out)
         return _tell(asked, asked_for, kept, out, path, began)
 
 
@@ -204,15 +215,14 @@ def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
         task = bar.add_task("flying", total=len(of.variants) * of.n)
 
         def told(at: Any) -> None:
-            shares = "  ".join(
-                f"{law} {_percent(share)}" for law, share in zip(of.labels, at.shares, strict=True)
-            )
-            bar.update(task, completed=at.flown, description=shares)
+            named = zip(of.labels, at.shares or (), strict=False)
+            shares = "  ".join(f"{law} {_percent(share)}" for law, share in named)
+            bar.update(task, completed=at.flown, description=shares or "flying")
 
         yield told
 
 
-def _tell(asked: Asked, of: Campaign, kept: Any, out: Path, path: Path, began: float) -> int:
+def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began: float) -> int:
     from gcs_tools.campaign import analysis as analyse
     from gcs_tools.campaign.verdict import verdict
     from gcs_tools.pictures import picture_file
@@ -236,8 +246,6 @@ def _tell(asked: Asked, of: Campaign, kept: Any, out: Path, path: Path, began: f
         ],
         **found.plain(),
     }  # fmt: skip
-    import json
-
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
     picture_file.write(out / RESULT, text.encode())
     if asked.report:
@@ -252,6 +260,32 @@ def _tell(asked: Asked, of: Campaign, kept: Any, out: Path, path: Path, began: f
     if kept.worst_exit:
         raise Failure(kept.first_error, kept.worst_exit)
     return exit_code
+
+
+def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: Path) -> int:
+    from gcs_tools.campaign.report import rare_report
+    from gcs_tools.pictures import picture_file
+
+    content = {
+        "campaign": of.name, "title": of.document.title, "folder": str(out),
+        "exit_code": kept.worst_exit, "error": kept.first_error or None, **found.plain(),
+    }  # fmt: skip
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+    picture_file.write(out / RESULT, text.encode())
+    if asked.report:
+        picture_file.write(out / REPORT, rare_report(of, found, out).encode())
+    if asked.as_json:
+        print_json(content)
+    else:
+        at = found.estimate
+        print_line(
+            f"{of.document.title}\nprobability of failure {at.probability:.3g} ({at.low:.3g} to"
+            f" {at.high:.3g}, {100.0 * found.confidence:g} %), from {found.flown} flights in all;"
+            f" {at.failures} of the {at.flights} that count failed\n{out / REPORT if asked.report else out}"
+        )
+    if kept.worst_exit:
+        raise Failure(kept.first_error, kept.worst_exit)
+    return OK
 
 
 def _junit(asked: Asked, of: Campaign, found: Analysis | None, error: str, began: float) -> None:
