@@ -7,6 +7,7 @@ that has gone to another.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
@@ -159,6 +160,9 @@ def _lost() -> RunningError:
 @contextmanager
 def cluster(address: str, ours: Mapping[str, str], wait_s: float, note: Note) -> Iterator[Cluster]:
     """The workers of a scheduler. Raises RunningError if it does not answer."""
+    logging.getLogger("distributed.client").setLevel(
+        logging.CRITICAL
+    )  # what is lost we say ourselves
     try:
         client = Client(address, timeout=CONNECT_S, set_as_default=False, name="gcs-campaign")
     except (OSError, ValueError) as error:

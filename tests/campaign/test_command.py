@@ -1,0 +1,196 @@
+"""`gcs campaign` from the command line: flown, told, expected of, and one of its flights again."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from gcs_tools.campaign import analysis
+from gcs_tools.campaign.campaign_file import shipped
+from tests.command_line import gcs
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A campaign of a short mission, some of whose flights fail."""
+    folder = tmp_path_factory.mktemp("campaign")
+    (folder / "hover.toml").write_text(HOVER)
+    (folder / "winds.toml").write_text(WINDS)
+    out = folder / "out"
+    found = gcs(
+        "campaign", folder / "winds.toml", "--out", out, "--json", "--junit", folder / "j.xml"
+    )
+    return folder, out, found
+
+
+HOVER = """title = "A hover in a gust."
+[flight]
+duration_s = 1.5
+setpoints = [{ at_s = 0.0, position_m = [0.0, 0.0, 0.0] }]
+[plant]
+noise = { position_m = 0.002 }
+[wind]
+step_m_s = [4.0, 0.0, 0.0]
+step_at_s = 0.5
+"""
+WINDS = """title = "Gusts of unknown strength push a hovering vehicle."
+mission = "hover.toml"
+laws = ["mmrac", { law = "mmrac", label = "slow", set = { "law.f_m" = 0.8 } }]
+flights = 40
+fly = "law"
+metrics = ["setpoint_error_max_m", "tilt_max_deg"]
+expect = { success = { at_least = 0.9, confidence = 0.95 } }
+[draw]
+"wind.step_m_s[0]" = { uniform = [0.0, 16.0] }
+"plant.mass_kg" = { uniform = [0.95, 1.05], relative = true }
+"flight.yaw_deg" = { choice = [0.0, 90.0] }
+[success]
+setpoint_error_max_m = 0.04
+"""
+
+
+def test_a_campaign_is_told_and_kept(flown):
+    _, out, found = flown
+    told = json.loads(found.stdout)
+    assert told == json.loads((out / "result.json").read_text())
+    assert sorted(path.name for path in out.iterdir()) == [
+        ".lock", "campaign.json", "campaign.toml", "flights.parquet", "report.html", "result.json",
+    ]  # fmt: skip
+    table = analysis.read(out / "flights.parquet")
+    assert len(table) == 80
+    assert table["number"].to_pylist() == [n for n in range(40) for _ in range(2)]
+    assert table["law"].to_pylist()[:2] == ["mmrac", "slow"]
+    # both laws meet the same draws
+    drawn = table["draw.wind.step_m_s[0]"].to_numpy().reshape(40, 2)
+    assert (drawn[:, 0] == drawn[:, 1]).all()
+    (first, second) = told["laws"]
+    assert first["success"]["of"] == second["success"]["of"] == 40
+    assert 0 < first["success"]["successes"] < 40
+    assert told["differences"][0]["first"] == "mmrac"
+
+
+def test_the_quantity_that_explains_the_failures_comes_first(flown):
+    _, _, found = flown
+    law = json.loads(found.stdout)["laws"][0]
+    clearest, *others = law["causes"]
+    assert clearest["name"] == "wind.step_m_s[0]"
+    assert clearest["p"] < 1e-6
+    assert clearest["direction"] > 0.95
+    assert all(other["p"] > analysis.LIKELY for other in others)
+    assert not law["worst"][0]["success"]
+
+
+def test_an_expectation_that_is_not_shown_is_exit_code_1_and_a_failure_in_junit(flown):
+    folder, _, found = flown
+    assert found.exit_code == 1
+    suite = ET.parse(folder / "j.xml").getroot()
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("2", "2", "0")
+    message = suite.find("testcase/failure").get("message")
+    assert "at least 0.9" in message
+
+
+def test_a_finished_campaign_is_told_again_without_flying(flown):
+    _, out, found = flown
+    before = (out / "flights.parquet").read_bytes()
+    again = gcs("campaign", out, "--json")
+    assert json.loads(again.stdout) == json.loads(found.stdout)
+    assert (out / "flights.parquet").read_bytes() == before
+
+
+def test_a_flight_of_a_campaign_flies_again_to_the_bit(flown, tmp_path):
+    _, out, found = flown
+    told = json.loads(found.stdout)["laws"][1]["worst"][0]
+    name = f"{out}#{told['number']}:slow"
+    again = gcs("fly", name, "--in-process", "--figure", "never", "--out", tmp_path / "run")
+    assert "the same trajectory to the bit" in again.stderr
+    assert again.exit_code == 1  # it failed there, and does here
+    result = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert result["metrics"]["setpoint_error_max_m"] == told["value"]
+    assert (tmp_path / "run" / "flight.mcap").exists()
+
+
+def test_another_trajectory_is_said(flown, tmp_path):
+    _, out, _ = flown
+    (out / "again").mkdir(exist_ok=True)
+    name = f"{out}#3"
+    table = analysis.read(out / "flights.parquet")
+    import pyarrow
+    from pyarrow import parquet
+
+    wrong = pyarrow.array(["0" * 64] * len(table))
+    column = table.schema.get_field_index("trajectory_sha256")
+    kept = (out / "flights.parquet").read_bytes()
+    parquet.write_table(
+        table.set_column(column, "trajectory_sha256", wrong), out / "flights.parquet"
+    )
+    again = gcs("fly", name, "--in-process", "--figure", "never", "--record", "none", "--out", tmp_path / "r")  # fmt: skip
+    (out / "flights.parquet").write_bytes(kept)
+    assert again.exit_code == 3
+    assert "another trajectory" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("#99", "flights 0 to 39"), ("#1:px4", "there are mmrac, slow")]
+)
+def test_a_flight_that_a_campaign_does_not_have_is_said(flown, name, said):
+    _, out, _ = flown
+    found = gcs("fly", f"{out}{name}")
+    assert found.exit_code == 2
+    assert said in found.stderr
+
+
+def test_the_report_needs_nothing_else(flown):
+    _, out, _ = flown
+    page = (out / "report.html").read_text()
+    for asks in ("<script", "<link", "src=", "@import", "url(http"):
+        assert asks not in page
+    assert page.count("<svg") == 6  # the shrinking interval, two of failures a law, metrics
+    assert f"{out}#" in page
+
+
+def test_the_flights_open_in_other_programs(flown):
+    _, out, _ = flown
+    duckdb, pandas, polars = (pytest.importorskip(name) for name in ("duckdb", "pandas", "polars"))
+    path = str(out / "flights.parquet")
+    ours = analysis.read(out / "flights.parquet")["tilt_max_deg"].to_numpy()
+    theirs = (
+        pandas.read_parquet(path)["tilt_max_deg"].to_numpy(),
+        polars.read_parquet(path)["tilt_max_deg"].to_numpy(),
+        duckdb.sql(f"select tilt_max_deg from '{path}' order by number, law").fetchnumpy()["tilt_max_deg"],
+    )  # fmt: skip
+    assert all(np.array_equal(each, ours) for each in theirs)
+
+
+def test_a_campaign_that_cannot_be_flown_is_exit_code_2(tmp_path):
+    found = gcs("campaign", "paper_nois")
+    assert found.exit_code == 2
+    assert "did you mean paper_noise?" in found.stderr
+    (tmp_path / "letter").write_text("dear")
+    found = gcs("campaign", "paper_noise", "--out", tmp_path)
+    assert found.exit_code == 2
+    assert "not empty" in found.stderr
+
+
+def test_a_law_that_raises_is_exit_code_2_before_anything_is_flown(tmp_path):
+    law = (tmp_path / "broken.py").absolute()
+    law.write_text("def step(:\n")
+    (tmp_path / "hover.toml").write_text(HOVER)
+    text = WINDS.replace('laws = ["mmrac"', 'laws = ["broken.py"')
+    (tmp_path / "winds.toml").write_text(text)
+    found = gcs("campaign", tmp_path / "winds.toml", "--out", tmp_path / "out")
+    assert found.exit_code == 2
+    assert "broken.py" in found.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_shipped_campaigns_can_be_flown():
+    from gcs_tools.campaign.campaign_file import read
+
+    assert shipped()
+    for name in shipped():
+        assert read(name).n > 0
