@@ -3,7 +3,7 @@
 The ticks are those of a whole vehicle (`closed_loop`), without its autopilot: always armed, every
 setpoint flown as it is, nothing refused, limited or landed, no position doubted. As long as a
 vehicle's autopilot only passes setpoints on, its flight is the same to the bit; but it flies on to
-the end of its time where a vehicle has arrived.
+the end of its time where a vehicle has arrived. Of many flights `several` flies eight at a time.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     simulator = Simulator(scene.world, SYSTEM)
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
-    begins = [*scene.sent_at.tolist(), scene.ticks]
+    begins = [*np.minimum(scene.sent_at, scene.ticks).tolist(), scene.ticks]
     for setpoint, (k, until) in zip(scene.setpoints, pairwise(begins), strict=True):
         alone.setpoint[:], alone.course[_SINCE] = setpoint, k * scene.period_us
         while k < until:
