@@ -129,7 +129,51 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     yield Figure("stability_rule_ms", "the rule on gains, asked once (ms)", step * 1e3)
     label = f"the law alone, one core, {world.steps} plant steps a tick (million ticks/s)"
     yield Figure("law_alone_mticks_s", label, 1e-6 / flight, "0.7, aim 1")
+    yield from beside(scene, repeats, 1e-6 / flight)
     yield from recorder(plant_rows, fcu_rows, settings, repeats)
+
+
+def beside(scene: Scenario, repeats: int, alone: float) -> Iterator[Figure]:
+    """Flights of the law alone, eight at a time, each of another mass and noise.
+
+    alone : million ticks a second of one at a time.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+    from functools import partial
+
+    from fcu.kernel.lanes import WIDTH
+    from gcs_tools.flight import several
+
+    def varied(i: int) -> Scenario:
+        world = scene.world
+        params = world.params._replace(m=world.params.m + 0.05 * i)
+        return replace(scene, world=world._replace(params=params, seed=float(i)))
+
+    scenes, nothing = [varied(i) for i in range(WIDTH)], several.Keep(plant=(), law=())
+    hashed = several.Keep(law=())  # what a trajectory hash takes, and a verdict by the truth
+    n = len(scenes) * scene.ticks
+    label = f"the same, {WIDTH} flights beside each other, "
+    lanes = 1e-6 / per_call_s(lambda: several.fly(scenes, nothing), n, repeats)
+    goal = f"4 times one at a time: {4.0 * alone:.2g}"
+    yield Figure("lanes_mticks_s", f"{label}no rows kept (million ticks/s)", lanes, goal)
+    for key, words, keep in (
+        ("lanes_plant_rows_mticks_s", "the simulator's rows kept", hashed),
+        ("lanes_all_rows_mticks_s", "all rows kept", several.EVERYTHING),
+    ):
+        taken = per_call_s(partial(several.fly, scenes, keep), n, repeats)
+        yield Figure(key, f"{label}{words} (million ticks/s)", 1e-6 / taken)
+    with ThreadPoolExecutor(2) as pool:
+        two = per_call_s(
+            lambda: list(pool.map(lambda each: several.fly(each, nothing), [scenes, scenes])),
+            2 * n, repeats,
+        )  # fmt: skip
+    yield Figure("lanes_two_cores_mticks_s", f"{label}two cores (million ticks/s)", 1e-6 / two)
+    for key, words, keep in (
+        ("flight_mb", "memory of a flight, all rows kept (MB)", several.EVERYTHING),
+        ("flight_plant_rows_mb", "of which the simulator's (MB)", hashed),
+    ):
+        flown = several.fly(scenes[:2], keep)[0]
+        yield Figure(key, words, (flown.plant.nbytes + flown.law.nbytes) * 1e-6)
 
 
 def laws(repeats: int) -> Iterator[Figure]:
