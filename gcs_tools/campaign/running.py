@@ -212,9 +212,14 @@ def processes(n: int) -> Iterator[Processes]:
     context = multiprocessing.get_context(how)
     if how == "forkserver":
         context.set_forkserver_preload(["gcs_tools.campaign.batch"])
+    others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin)
     try:
         yield Processes(pool, n)
+    except BaseException:  # nobody waits for the batches that fly
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
