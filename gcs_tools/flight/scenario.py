@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -71,10 +71,12 @@ class Scenario:
         """Control ticks a second."""
         return self.world.rate_hz
 
-    @property
+    @cached_property
     def setpoints(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """float64[m, 19]: the setpoints as the vehicle decodes them."""
-        return _decoded(self.sent)
+        found = np.array([to_buffer(setpoint_through_the_wire(each)) for each in self.sent])
+        found.setflags(write=False)
+        return found
 
     def noise(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
         """float64[n, 12] noise on the reported state, or float64[0, 12] for none."""
@@ -82,13 +84,6 @@ class Scenario:
         if not scale.any():
             return np.zeros((0, tick.NOISE))
         return np.random.default_rng(int(self.world.seed)).standard_normal((n, tick.NOISE)) * scale
-
-
-@lru_cache(maxsize=64)  # a law is tuned in the same few missions
-def _decoded(sent: tuple[Setpoint, ...]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    found = np.array([to_buffer(setpoint_through_the_wire(each)) for each in sent])
-    found.setflags(write=False)
-    return found
 
 
 def scenario(mission: Mission) -> Scenario:
@@ -146,7 +141,9 @@ def with_gains(made: Scenario, mission: Mission, gains: Mapping[str, Any]) -> Sc
 
     Raises ParameterError or AirframeError for what cannot be flown.
     """
-    return replace(made, settings=_settings(mission, gains))
+    other = replace(made, settings=_settings(mission, gains))
+    vars(other)["setpoints"] = made.setpoints  # decoded once for all gains
+    return other
 
 
 def _settings(mission: Mission, gains: Mapping[str, Any]) -> Any:
