@@ -115,21 +115,26 @@ def folder() -> Path:
     return shipped if shipped.is_dir() else package.parent / "missions"
 
 
+CAMPAIGNS = "campaigns"  # the folder beside the missions that has none
+
+
 def shipped(of: str = "") -> list[str]:
     """Names of the shipped missions, or of those in a folder of them: benchmark/steps."""
     return [f"{of}/{p.stem}" if of else p.stem for p in sorted((folder() / of).glob("*.toml"))]
 
 
 def _path(name: str) -> Path:
-    path = folder() / f"{name}.toml"
-    if path.is_file() and not Path(name).is_file():
+    path, of = folder() / f"{name}.toml", name.rpartition("/")[0]
+    if path.is_file() and not Path(name).is_file() and of != CAMPAIGNS:
         return path  # also of a folder of them: benchmark/steps
-    of = name.rpartition("/")[0]
     ours = not of or ((folder() / of).parent == folder() and (folder() / of).is_dir())
     if name.endswith(".toml") or Path(name).exists() or of in (".", "..") or not ours:
         return Path(name)
     known = shipped(of)
     folders = [each.name for each in sorted(folder().iterdir()) if shipped(each.name)]
+    folders.remove(CAMPAIGNS)
+    if of == CAMPAIGNS:
+        raise MissionError(f"{name}: expected a mission; campaigns are flown by gcs campaign")
     if name in folders:
         raise MissionError(
             f"{name}: expected a mission, got a folder of them: {', '.join(shipped(name))}"
