@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 
 from rich.console import Console
@@ -18,11 +19,14 @@ from rich.console import Console
 from gcs_tools.many import statistics
 from gcs_tools.many.draws import Stream
 from gcs_tools.many.entrant import Entrant, Flight
+from gcs_tools.many.entrant import fly as fly_group
 from gcs_tools.many.flights import each
 from gcs_tools.many.procedure import Objective, Procedure
 from gcs_tools.many.score import NAMES, Score, cost
 from gcs_tools.many.statistics import Interval
 from gcs_tools.missions.mission import Mission
+
+TOGETHER = 8  # flights, of which lanes take 4 or 8
 
 
 class Row(NamedTuple):
@@ -98,10 +102,12 @@ def fly(
         if entrant.airframe == airframe
         for seed in seeds
     ]
-    scores = each(lambda flight: flight.fly(procedure), flights, "comparing", console)
+    begins = range(0, len(flights), TOGETHER)
+    groups = [flights[at : at + TOGETHER] for at in begins]  # seeds of a law in a mission, mostly
+    scores = each(lambda group: fly_group(group, procedure), groups, "comparing", console)
     return [
         Row(f.entrant.airframe, f.mission.name, f.entrant.label, f.seed, score)
-        for f, score in zip(flights, scores, strict=True)
+        for f, score in zip(flights, chain.from_iterable(scores), strict=True)
     ]
 
 

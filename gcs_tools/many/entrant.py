@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -126,10 +126,15 @@ class Flight:
         except (MissionError, AirframeError) as error:
             raise EntrantError(str(error)) from error
 
-    def fly(self, procedure: Procedure) -> Score:
-        """Fly it; what a vehicle would not arm with is lost. Raises EntrantError, LawError."""
-        mission = self.drawn(procedure.draws)
-        return score.fly(scene(mission), mission, procedure.objective.far_m)
+
+def fly(flights: Sequence[Flight], procedure: Procedure) -> list[Score]:
+    """Fly them, side by side where that can be; what a vehicle would not arm with is lost.
+
+    Raises EntrantError, LawError.
+    """
+    missions = [flight.drawn(procedure.draws) for flight in flights]
+    made = [(scene(mission), mission) for mission in missions]
+    return score.fly_several(made, procedure.objective.far_m)
 
 
 def refusal(entrant: Entrant, mission: Mission) -> str:

@@ -7,11 +7,12 @@ autopilot only passes setpoints on, and it flies to the end of its time.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gcs_tools.flight import law_alone
+from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.many.procedure import Objective
@@ -19,6 +20,8 @@ from gcs_tools.missions.asked import asked
 from gcs_tools.missions.mission import Mission
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 ERROR = "setpoint_error_rms_m"
 ENDINGS = {1.0: "diverged", 2.0: "crashed"}
@@ -63,9 +66,24 @@ def fly(scene: Scenario, mission: Mission, far_m: float) -> Score:
 
     far_m : from the setpoint at the end, at which it counts as lost.
     """
-    if law_alone.refusal(scene):
-        return lost(REFUSED)
-    plant, fcu = law_alone.fly(scene)
+    return fly_several([(scene, mission)], far_m)[0]
+
+
+def fly_several(flights: Sequence[tuple[Scenario, Mission]], far_m: float) -> list[Score]:
+    """The same of several flights, side by side where that can be (`gcs_tools.flight.several`)."""
+    allowed = [(scene, mission) for scene, mission in flights if not law_alone.refusal(scene)]
+    flown = iter(several.fly([scene for scene, _ in allowed]))
+    found = iter(
+        [
+            _score(scene, mission, f.plant, f.law, far_m)
+            for (scene, mission), f in zip(allowed, flown, strict=True)
+        ]
+    )
+    known = {id(scene) for scene, _ in allowed}
+    return [next(found) if id(scene) in known else lost(REFUSED) for scene, _ in flights]
+
+
+def _score(scene: Scenario, mission: Mission, plant: Rows, fcu: Rows, far_m: float) -> Score:
     if len(fcu) < scene.ticks:
         return lost(ENDINGS[float(Table.of(PlantRecord, plant)["ended"][-1])])
     wanted = asked(mission.flight)

@@ -16,14 +16,14 @@ import numpy as np
 
 from fcu.interface.airframe import AirframeError
 from fcu.interface.parameter import Parameter, ParameterError
-from gcs_tools.flight.scenario import Scenario, with_gains
+from gcs_tools.flight.scenario import with_gains
 from gcs_tools.many import score
 from gcs_tools.many.draws import Stream
 from gcs_tools.many.entrant import Entrant, EntrantError, Flight, free, scene
 from gcs_tools.many.flights import each
 from gcs_tools.many.procedure import Objective, Procedure, Search, Set
 from gcs_tools.many.score import REFUSED, Score, cost, lost
-from gcs_tools.missions.mission import Mission, load
+from gcs_tools.missions.mission import load
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 Progress = Callable[["Evaluation"], None]
@@ -125,18 +125,16 @@ class Flights:
 
     def scores(self, candidates: Sequence[Mapping[str, Any]]) -> list[list[Score]]:
         """Of each candidate's gains, each flight. Raises LawError."""
-        work = [(gains, *flight) for gains in candidates for flight in self._of]
-        found = list(each(self._fly, work))
-        n = len(self._of)
-        return [found[k * n : (k + 1) * n] for k in range(len(candidates))]
+        return list(each(self._scores, candidates))
 
-    def _fly(self, flight: tuple[Mapping[str, Any], Mission, Scenario]) -> Score:
-        gains, mission, made = flight
-        try:
-            made = with_gains(made, mission, gains)
-        except (ParameterError, AirframeError):  # values that do not go together
-            return lost(REFUSED)
-        return score.fly(made, mission, self._far_m)
+    def _scores(self, gains: Mapping[str, Any]) -> list[Score]:
+        made = []
+        for mission, default in self._of:
+            try:
+                made.append((with_gains(default, mission, gains), mission))
+            except (ParameterError, AirframeError):  # values that do not go together
+                return [lost(REFUSED)] * len(self._of)
+        return score.fly_several(made, self._far_m)
 
 
 def mean_cost(scores: Sequence[Score], objective: Objective) -> float:

@@ -3,8 +3,8 @@
     python -m gcs_tools.studies.laws                 all shipped laws, s1000 and quad, 300 seeds
     python -m gcs_tools.studies.laws mmrac px4 --seeds 20 --untuned
 
-Tunes what has no file of gains in --gains yet, compares, and writes the part of docs/laws.md between
-its two marks, docs/figures/laws.png, and results.json and results.parquet beside the gains.
+Tunes what has no file of gains in docs/laws yet, compares, and writes the part of docs/laws.md between
+its two marks and docs/figures/laws.png; results.json and results.parquet go to --out.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ AIRFRAMES = ("s1000", "quad")
 SEEDS = 300
 # Neither is part of a law, so each is flown with both and without.
 VARIANTS = {
-    "lag inversion and safe allocation": (),
-    "neither": ("law.rotor_response_s=1.0", "law.allocation=plain"),
+    "with": ("lag inversion and safe allocation", ()),
+    "without": ("neither", ("law.rotor_response_s=1.0", "law.allocation=plain")),
 }
 
 
@@ -167,28 +167,35 @@ def page(found: dict[str, dict[str, Any]]) -> str:
 @click.argument("laws", nargs=-1)
 @click.option("--airframe", "airframes", multiple=True, help="Default: s1000 and quad.")
 @click.option("--seeds", type=click.IntRange(1), default=SEEDS, show_default=True)
-@click.option("--gains", type=click.Path(path_type=Path), default=Path("runs/laws"), show_default=True)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("runs/laws"), show_default=True
+)
+@click.option(
+    "--variant", "variants", type=click.Choice([*VARIANTS]), multiple=True, help="Default: both."
+)
 @click.option("--untuned", is_flag=True, help="Fly the defaults; nothing is tuned.")
 @click.option("--docs", type=click.Path(path_type=Path), default=Path("docs"), show_default=True)
 def main(
-    laws: tuple[str, ...], airframes: tuple[str, ...], seeds: int, gains: Path, untuned: bool, docs: Path
+    laws: tuple[str, ...], airframes: tuple[str, ...], seeds: int, out: Path, variants: tuple[str, ...],
+    untuned: bool, docs: Path,
 ) -> None:  # fmt: skip
     """Tune, compare and write docs/laws.md's table and figure."""
     laws, airframes, found = laws or LAWS, airframes or AIRFRAMES, {}
     figure, path = docs / "figures" / "laws.png", docs / "laws.md"
-    for n, (variant, settings) in enumerate(VARIANTS.items()):
-        folder, out = gains / f"gains-{n}", gains / f"results-{n}"
+    for variant in variants or VARIANTS:
+        said, settings = VARIANTS[variant]
+        folder, results = docs / "laws" / variant, out / variant
         if not untuned:
             tuned(laws, airframes, folder, settings)
         gcs(
-            "compare", *laws, "--missions", "benchmark", "--seeds", seeds, "--margins", "--out", out,
+            "compare", *laws, "--missions", "benchmark", "--seeds", seeds, "--margins", "--out", results,
             *(part for airframe in airframes for part in ("--airframe", airframe)),
             *(part for setting in settings for part in ("--set", setting)),
             *(() if untuned else ("--gains", folder)),
         )  # fmt: skip
-        found[variant] = json.loads((out / "results.json").read_text())
-        if n == 0:
-            figure.write_bytes((out / "results.png").read_bytes())
+        found[said] = json.loads((results / "results.json").read_text())
+        if variant == "with":
+            figure.write_bytes((results / "results.png").read_bytes())
         before, _, rest = path.read_text().partition(BEGIN)
         after = rest.partition(END)[2]
         path.write_text(f"{before}{BEGIN}\n\n{page(found)}\n{END}{after}")
