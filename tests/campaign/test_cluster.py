@@ -7,6 +7,7 @@ import signal
 import warnings
 from contextlib import contextmanager
 
+import distributed
 import pytest
 
 from gcs_tools.campaign.cluster import cluster
@@ -14,7 +15,6 @@ from gcs_tools.campaign.fingerprint import fingerprint
 from gcs_tools.campaign.running import Ending, RunningError, processes, run
 from gcs_tools.campaign.store import Store
 
-distributed = pytest.importorskip("distributed")
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("default"),  # Dask's own
@@ -27,7 +27,7 @@ def local(workers: int):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0",
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
             memory_limit=None,
         ) as there:  # fmt: skip
             yield there

@@ -155,7 +155,10 @@ def test_the_report_needs_nothing_else(flown):
 
 def test_the_flights_open_in_other_programs(flown):
     _, out, _ = flown
-    duckdb, pandas, polars = (pytest.importorskip(name) for name in ("duckdb", "pandas", "polars"))
+    import duckdb
+    import pandas
+    import polars
+
     path = str(out / "flights.parquet")
     ours = analysis.read(out / "flights.parquet")["tilt_max_deg"].to_numpy()
     theirs = (
