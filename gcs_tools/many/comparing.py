@@ -27,6 +27,7 @@ from gcs_tools.many.statistics import Interval
 from gcs_tools.missions.mission import Mission
 
 TOGETHER = 8  # flights, of which lanes take 4 or 8
+MANY = 2000  # flights of a law, from which lanes repay that they are compiled first
 
 
 class Row(NamedTuple):
@@ -102,8 +103,10 @@ def fly(
         if entrant.airframe == airframe
         for seed in seeds
     ]
-    begins = range(0, len(flights), TOGETHER)
-    groups = [flights[at : at + TOGETHER] for at in begins]  # seeds of a law in a mission, mostly
+    n = TOGETHER if len(flights) >= MANY * len(entrants) else 1
+    groups = [
+        flights[at : at + n] for at in range(0, len(flights), n)
+    ]  # seeds of a law in a mission, mostly
     scores = each(lambda group: fly_group(group, procedure), groups, "comparing", console)
     return [
         Row(f.entrant.airframe, f.mission.name, f.entrant.label, f.seed, score)
