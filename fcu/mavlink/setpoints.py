@@ -104,9 +104,9 @@ def setpoint_through_the_wire(setpoint: Setpoint) -> Setpoint:
     return setpoint_of(Target(*_ELEVEN.unpack(_ELEVEN.pack(*held))))
 
 
-def nonsense(setpoint: Setpoint) -> Told | None:
-    """Why every vehicle refuses a setpoint, whatever it does now; None: it does not."""
-    return _refusal(target_of(setpoint_through_the_wire(setpoint)), 0, Frame.LOCAL_NED, None)
+def nonsense(decoded: Setpoint) -> Told | None:
+    """Why every vehicle refuses a setpoint that it has decoded, whatever it does now; None: it does not."""
+    return _refusal(target_of(decoded), 0, Frame.LOCAL_NED, None)
 
 
 # --- SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT

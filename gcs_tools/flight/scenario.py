@@ -5,7 +5,7 @@ Both ways of flying start from here, so they cannot differ in what they fly.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -74,9 +74,7 @@ class Scenario:
     @cached_property
     def setpoints(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """float64[m, 19]: the setpoints as the vehicle decodes them."""
-        found = np.array([to_buffer(setpoint_through_the_wire(each)) for each in self.sent])
-        found.setflags(write=False)
-        return found
+        return _rows(setpoint_through_the_wire(each) for each in self.sent)
 
     def noise(self, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
         """float64[n, 12] noise on the reported state, or float64[0, 12] for none."""
@@ -84,6 +82,12 @@ class Scenario:
         if not scale.any():
             return np.zeros((0, tick.NOISE))
         return np.random.default_rng(int(self.world.seed)).standard_normal((n, tick.NOISE)) * scale
+
+
+def _rows(setpoints: Iterable[Setpoint]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    found = np.array([to_buffer(each) for each in setpoints])
+    found.setflags(write=False)
+    return found
 
 
 def scenario(mission: Mission) -> Scenario:
@@ -100,8 +104,9 @@ def scenario(mission: Mission) -> Scenario:
         begin, sent = None, list(asked(flight).sent())
     ticks = round(flight.duration_s * flight.rate_hz)
     arrive = flight.arrive
-    for each in sent:
-        if why := nonsense(each.setpoint):
+    decoded = [setpoint_through_the_wire(each.setpoint) for each in sent]
+    for each, flown in zip(sent, decoded, strict=True):
+        if why := nonsense(flown):
             raise MissionError(
                 f"{mission.source}: [flight] {words(why)}, at {each.tick / flight.rate_hz:g} s"
             )
@@ -116,7 +121,7 @@ def scenario(mission: Mission) -> Scenario:
         airframe=mission.airframe,
     )
     vehicle = mission.airframe
-    return Scenario(
+    made = Scenario(
         flown=mission.flown,
         airframe=vehicle,
         settings=None if mission.controller else _settings(mission, {}),
@@ -134,6 +139,8 @@ def scenario(mission: Mission) -> Scenario:
         legs=legs(flight),
         controller=mission.controller,
     )
+    vars(made)["setpoints"] = _rows(decoded)
+    return made
 
 
 def with_gains(made: Scenario, mission: Mission, gains: Mapping[str, Any]) -> Scenario:
