@@ -440,9 +440,7 @@ class PublishedVehicle:
         for topic_name, (sample, encoding) in {**self._last, **told}.items():
             key = keys.relative(self._vehicle, topic_name)
             if query.key_expr.intersects(zenoh.KeyExpr(key)):
-                query.reply(
-                    key, sample, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
-                )
+                query.reply(key, sample, encoding=encoding)
 
 
 class Publisher:

@@ -23,7 +23,7 @@ class Lever(NamedTuple):
 def longer(a, b):
     return select(a.arm > b.arm, a, b)
 """
-OURS = "from fcu.kernel.algebra import select; print(select(True, 2.0, 1.0))"
+OURS = "from fcu.kernel.algebra import maximum; print(maximum(2.0, 1.0))"
 THEIRS = """
 from fcu.kernel.compile import keep_apart
 keep_apart("levers", "0123")
