@@ -178,8 +178,12 @@ class Document(Table):
             raise wrong(
                 ("stop",), "no early end of a grid or a list, whose flights are in an order"
             )
-        if self.rare is not None and (cells or not self.draw):
-            raise wrong(("rare",), "[draw], and no grid or list")
+        if self.expect is not None and cells:
+            raise wrong(
+                ("expect",), "nothing of a grid or a list, which are no sample of what is not known"
+            )
+        if self.rare is not None and (self.method != RANDOM or not self.draw):
+            raise wrong(("rare",), f'[draw], and method = "{RANDOM}"')
         if self.rare is not None and (self.stop or self.expect or self.success is not None):
             raise wrong(("rare",), "neither stop, expect nor success beside [rare]")
         if self.rare is not None and len(self.laws or ()) > 1:

@@ -79,8 +79,8 @@ def groups(scenes: Sequence[Scenario], width: int = WIDTH) -> Iterator[list[int]
 
 def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     """The flights of a group, those that could be flown in lanes."""
-    settings = [to_buffer(scene.settings) for scene in scenes]
-    alike = all(np.array_equal(each, settings[0]) for each in settings)
+    settings = {to_buffer(scene.settings).tobytes() for scene in scenes}  # 0.0 is not -0.0
+    alike = len(settings) == 1
     law = scenes[0].flown.source, alike
     if scenes[0].legs or law in _never:
         return {}

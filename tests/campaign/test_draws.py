@@ -80,12 +80,24 @@ def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):
         ("flight = 10", "did you mean flights"),
         ('mission = "hovr.toml"', "hovr.toml"),
         ("stop = { width = 2.0 }", "less than 1"),
+        (
+            'method = "sobol"\nrare = { metric = "setpoint_error_max_m", limit = 2.0 }',
+            'method = "random"',
+        ),
     ],
 )
 def test_a_campaign_that_cannot_be_flown_is_said(make, head, said):
     with pytest.raises(CampaignError) as error:
         make(head)
     assert said in str(error.value)
+
+
+def test_of_a_grid_nothing_is_expected(make):
+    with pytest.raises(CampaignError, match="no sample"):
+        make(
+            'method = "grid"\nflights = 3\nexpect = { success = { at_least = 0.9 } }',
+            draw='"plant.mass_kg" = { uniform = [6.0, 10.0], levels = 3 }',
+        )
 
 
 @pytest.mark.parametrize("method", ["random", "latin_hypercube", "sobol"])

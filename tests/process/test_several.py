@@ -75,6 +75,17 @@ def test_settings_that_differ_share_lanes(scene):
         same(one, each)
 
 
+def test_settings_that_differ_in_the_sign_of_nought_are_not_alike(scene):
+    law = scene.law
+    scenes = [
+        replace(scene, settings=scene.settings._replace(law=law._replace(trim_max=trim_max)))
+        for trim_max in (0.0, -0.0)
+    ]
+    for one, each in zip(several.fly(scenes), scenes, strict=True):
+        assert one.in_lanes
+        same(one, each)
+
+
 def test_branches_that_not_all_lanes_take_are_flown_one_by_one(scene):
     """What a law is told to predict with is asked in an `if`."""
     scenes = [
