@@ -115,7 +115,9 @@ class LawEntry(Table):
     """A law with settings of its own."""
 
     law: str
-    label: str | None = optional("its name in results; left out: the law's")
+    label: Annotated[str, Field(pattern=r"^[\w.+-][\w .+-]{0,39}$")] | None = optional(
+        "its name in results: letters, digits, spaces, . + - and _; left out: the law's"
+    )
     set: dict[str, Any] = Field({}, description="dotted key of a mission -> value")
 
 

@@ -27,7 +27,7 @@ RANDOM, HYPERCUBE, SOBOL, GRID, LIST = METHODS = (
 )  # fmt: skip
 SEED = "flight.seed"  # of the noise: drawn for every flight, unless the file says otherwise
 MOST_DIMENSIONS = 1000
-_PART = re.compile(r"([\w-]+)((?:\[\d+\])*)")
+_PART = re.compile(r"([\w-]+)((?:\[[0-9]{1,9}\])*)")
 
 
 class DrawError(ValueError):

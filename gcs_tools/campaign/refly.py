@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from gcs_tools.campaign import store
-from gcs_tools.campaign.campaign_file import Campaign, CampaignError
+from gcs_tools.campaign.campaign_file import CampaignError
 from gcs_tools.missions.mission import MissionError, with_values, written
 
-_NAMED = re.compile(r"(?P<folder>.+)#(?P<number>\d+)(?::(?P<law>.+))?")
+_NAMED = re.compile(r"(?P<folder>.+)#(?P<number>[0-9]{1,9})(?::(?P<law>.+))?")
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def numbered(name: str, into: str) -> Numbered:
     found = _NAMED.fullmatch(name)
     assert found is not None
     folder, number = Path(found["folder"]), int(found["number"])
-    campaign = store.again(folder)
+    campaign = store.again(folder, unchanged=True)
     label = found["law"] or campaign.labels[0]
     if label not in campaign.labels:
         raise CampaignError(f"{name}: no such law; there are {', '.join(campaign.labels)}")
@@ -69,14 +69,14 @@ def numbered(name: str, into: str) -> Numbered:
     path.write_text(
         _toml(drawn.given, f"flight {number} of {folder}, law {label}"), encoding="utf-8"
     )
-    row = _row(campaign, folder, number, label)
+    row = store.row(campaign, folder, number, label)
     return Numbered(
         folder,
         number,
         label,
         str(path),
-        str(row.get("trajectory_sha256", "")),
-        str(row.get("ended", "")),
+        row.get("trajectory_sha256") or "",
+        row.get("ended") or "",
     )
 
 
@@ -92,15 +92,3 @@ def _toml(given: Mapping[str, Any], said: str) -> str:
                 *(f"{key} = {written(value)}" for key, value in table.items()),
             ]
     return "\n".join(lines) + "\n"
-
-
-def _row(campaign: Campaign, folder: Path, number: int, law: str) -> Mapping[str, Any]:
-    from pyarrow import parquet
-
-    wanted = [("number", "==", number), ("law", "==", law)]
-    for path in (folder / store.PARQUET, *sorted((folder / store.PARTS).glob("*.parquet"))):
-        if path.exists():
-            rows = parquet.read_table(path, filters=wanted, columns=["trajectory_sha256", "ended"])
-            if len(rows):
-                return dict(rows.to_pylist()[0])
-    return {}

@@ -23,6 +23,7 @@ import numpy as np
 from gcs_tools.campaign.batch import Row
 from gcs_tools.campaign.campaign_file import Campaign, CampaignError, parsed
 from gcs_tools.campaign.rare import Mixture
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.mission import written
 from gcs_tools.pictures import picture_file
@@ -36,6 +37,8 @@ MOST_PARTS = 200  # more are joined to one
 UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
 OWN = ("number", "law", "seed", "success", "ended", "error", "exit_code", "sim_time_s", "ticks",
        "trajectory_sha256")  # fmt: skip
+_KNOWN = ("number", "law", "success", "exit_code")  # of every flight
+_CODES = (OK, USAGE, INFRASTRUCTURE)  # that a flight ends with
 DRAWN = "draw."  # before the names of drawn quantities
 
 
@@ -186,6 +189,12 @@ class Store:
         names = ("number", "law", "success", "exit_code", "error")
         columns = [table[name].to_pylist() for name in (*names, self._campaign.ranked_by)]
         for number, label, success, code, error, value in zip(*columns, strict=True):
+            if label not in labels:
+                raise OSError(
+                    errno.EINVAL,
+                    f"flight {number} is of a law {label} that the campaign does not have",
+                    str(self.folder),
+                )
             if number < self._campaign.n:
                 self._note_row(
                     Row(number, labels[label], 0, success, "", error, code, 0.0, 0, "",
@@ -208,7 +217,7 @@ class Store:
         try:
             there = json.loads((self.folder / JSON).read_text(encoding="utf-8"))
             same, began = there["identity"] == about["identity"], dict(there["fingerprint"])
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise Refused(f"{self.folder / JSON}: not a campaign's ({error})") from error
         if not same:
             raise Refused(
@@ -228,17 +237,27 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
     )
 
 
-def again(folder: Path) -> Campaign:
-    """The campaign of a folder, to go on with it. Raises CampaignError."""
+def again(folder: Path, unchanged: bool = False) -> Campaign:
+    """The campaign of a folder, to go on with it. Raises CampaignError.
+
+    unchanged : also for one of which something has changed since.
+    """
     try:
         about = json.loads((folder / JSON).read_text(encoding="utf-8"))
-        text = (folder / TOML).read_text(encoding="utf-8")
         source, flights, name = Path(about["source"]), about["flights"], str(about["name"])
     except OSError as error:
         raise CampaignError(f"{error.filename}: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise CampaignError(f"{folder / JSON}: not a campaign's ({error})") from error
+    try:
+        text = (folder / TOML).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CampaignError(f"{folder / TOML}: {error}") from error
     campaign = parsed(text, str(folder / TOML), source.parent, name, flights)
+    if unchanged and about.get("identity") != campaign.identity:
+        raise CampaignError(
+            f"{folder}: its campaign.toml, a mission, a law or an airframe has changed since it was flown"
+        )
     if (folder / PROPOSALS).exists():
         told = json.loads((folder / PROPOSALS).read_text(encoding="utf-8"))
         d = len(campaign.draws.drawn)
@@ -278,7 +297,7 @@ def schema(campaign: Campaign) -> Any:
     drawn = [(f"{DRAWN}{name}", _kind(campaign, name)) for name in campaign.draws.names]
     metrics = [(name, pyarrow.float64()) for name in METRICS]
     about = {"campaign": campaign.name, "title": campaign.document.title,
-             "ranked_by": campaign.ranked_by}  # fmt: skip
+             "ranked_by": campaign.ranked_by, "identity": campaign.identity}  # fmt: skip
     return pyarrow.schema([*own, *drawn, *metrics], metadata={"m-mrac": json.dumps(about)})
 
 
@@ -302,12 +321,43 @@ def _fit(value: Any, text: bool) -> Any:
 
 
 def _read(path: Path, wanted: Any) -> Any:
-    """A part. Raises OSError."""
+    """A part of the campaign that a schema is of. Raises OSError for anything else."""
     import pyarrow
-    from pyarrow import parquet
+    from pyarrow import compute, parquet
 
     try:
         table = parquet.read_table(path)
-        return table.select(wanted.names).cast(wanted).replace_schema_metadata(wanted.metadata)
-    except (pyarrow.ArrowInvalid, KeyError) as error:
-        raise OSError(errno.EINVAL, f"not flights of this campaign ({error})", str(path)) from error
+        if _identity(table.schema) != _identity(wanted):
+            raise ValueError("they are of another campaign")
+        table = table.select(wanted.names).cast(wanted).replace_schema_metadata(wanted.metadata)
+        if any(table[name].null_count for name in _KNOWN):
+            raise ValueError("a flight lacks its number, law, success or exit_code")
+        codes = set(compute.unique(table["exit_code"]).to_pylist())
+        if len(table) and (compute.min(table["number"]).as_py() < 0 or codes - set(_CODES)):
+            raise ValueError("a number or an exit_code that no flight has")
+    except (pyarrow.ArrowInvalid, KeyError, ValueError, RecursionError) as error:
+        said = f"not flights of this campaign ({error}): remove it, and they are flown again"
+        raise OSError(errno.EINVAL, said, str(path)) from error
+    return table
+
+
+def _identity(schema: Any) -> str:
+    """The identity of the campaign that a file is of. Raises ValueError, KeyError."""
+    told = json.loads((schema.metadata or {})[b"m-mrac"])
+    return str(told["identity"])
+
+
+def row(campaign: Campaign, folder: Path, number: int, law: str) -> Mapping[str, Any]:
+    """What is kept of a flight; empty: nothing. Raises OSError."""
+    from pyarrow import compute
+
+    wanted = schema(campaign)
+    for path in (folder / PARQUET, *sorted((folder / PARTS).glob("*.parquet"))):
+        if path.exists():
+            table = _read(path, wanted)
+            is_it = compute.and_(
+                compute.equal(table["number"], number), compute.equal(table["law"], law)
+            )
+            if len(found := table.filter(is_it)):
+                return dict(found.to_pylist()[0])
+    return {}

@@ -66,6 +66,8 @@ def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):
         make(draw='"plant.mas_kg" = { uniform = [6.0, 10.0] }')
     with pytest.raises(CampaignError, match="the mission has no such place"):
         make(draw='"wind.steady_m_s[3]" = { uniform = [6.0, 10.0] }')
+    with pytest.raises(CampaignError, match="expected a key"):
+        make(draw=f'"wind.steady_m_s[{"9" * 5000}]" = {{ uniform = [6.0, 10.0] }}')
 
 
 @pytest.mark.parametrize(
@@ -80,6 +82,7 @@ def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):
         ("flight = 10", "did you mean flights"),
         ('mission = "hovr.toml"', "hovr.toml"),
         ("stop = { width = 2.0 }", "less than 1"),
+        ('laws = [{ law = "mmrac", label = "../x" }]', "label"),
         (
             'method = "sobol"\nrare = { metric = "setpoint_error_max_m", limit = 2.0 }',
             'method = "random"',

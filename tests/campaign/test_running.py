@@ -5,13 +5,15 @@ from __future__ import annotations
 import random
 from concurrent.futures import Future
 
+import pyarrow
 import pytest
+from pyarrow import parquet
 
 from gcs_tools.campaign import store as stores
 from gcs_tools.campaign.batch import Row, fly_batch
 from gcs_tools.campaign.campaign_file import CampaignError
 from gcs_tools.campaign.running import Ending, RunningError, run
-from gcs_tools.campaign.store import MOST_PARTS, Refused, Store
+from gcs_tools.campaign.store import MOST_PARTS, PARQUET, Refused, Store
 
 HERE = {"numpy": "1", "bits": "a"}
 
@@ -140,6 +142,64 @@ def test_a_folder_of_another_campaign_or_of_other_versions_is_refused(make, tmp_
     (tmp_path / "full" / "letter.txt").write_text("dear")
     with pytest.raises(Refused, match="not empty"):
         Store(tmp_path / "full", make(), HERE)
+
+
+def test_flights_of_another_campaign_are_not_taken_for_its_own(make, tmp_path):
+    campaign = make("flights = 40")
+    finished(campaign, tmp_path / "one", Fake(invented))
+    finished(make("flights = 40\nseed = 2"), tmp_path / "two", Fake(invented))
+    (tmp_path / "one" / PARQUET).write_bytes((tmp_path / "two" / PARQUET).read_bytes())
+    with pytest.raises(OSError, match="of another campaign"):
+        Store(tmp_path / "one", campaign, HERE)
+    with pytest.raises(OSError, match="of another campaign"):
+        stores.row(campaign, tmp_path / "one", 1, "mmrac")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"number": None}, {"number": -5}, {"success": None}, {"exit_code": 99}, {"law": "px4"}],
+)
+def test_rows_that_no_flight_gives_are_refused(make, tmp_path, change):
+    out = tmp_path / "out"
+    campaign = make("flights = 8")
+    finished(campaign, out, Fake(invented))
+    table = parquet.read_table(out / PARQUET)
+    rows = table.to_pylist()
+    rows[3].update(change)
+    parquet.write_table(pyarrow.Table.from_pylist(rows, table.schema), out / PARQUET)
+    with pytest.raises(OSError, match="flight"):
+        Store(out, campaign, HERE)
+
+
+@pytest.mark.parametrize("left", [0, 3000])
+def test_a_file_that_was_cut_is_said_to_whoever_reads_it(make, tmp_path, left):
+    out = tmp_path / "out"
+    campaign = make("flights = 40")
+    finished(campaign, out, Fake(invented))
+    path = out / PARQUET
+    path.write_bytes(path.read_bytes()[:left])
+    for read in (
+        lambda: Store(out, campaign, HERE),
+        lambda: stores.row(campaign, out, 1, "mmrac"),
+    ):
+        with pytest.raises(OSError, match="not flights of this campaign") as error:
+            read()
+        assert error.value.filename == str(path)
+
+
+def test_a_campaign_that_was_changed_since_is_not_blamed_on_the_machine(
+    make, folder, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(folder)
+    Store(tmp_path / "out", make(), HERE)
+    assert stores.again(tmp_path / "out", unchanged=True).n == 20
+    text = (tmp_path / "out" / stores.TOML).read_text()
+    (tmp_path / "out" / stores.TOML).write_text(text.replace("1.2]", "1.3]"))
+    with pytest.raises(CampaignError, match="has changed since it was flown"):
+        stores.again(tmp_path / "out", unchanged=True)
+    (tmp_path / "out" / stores.JSON).write_text("[" * 200_000)
+    with pytest.raises(CampaignError, match="not a campaign's"):
+        stores.again(tmp_path / "out")
 
 
 def test_two_processes_do_not_fly_one_folder(tmp_path):
