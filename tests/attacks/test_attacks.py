@@ -101,5 +101,6 @@ def test_a_signal_ends_what_it_should_and_nothing_else(tmp_path, program, victim
 @pytest.mark.parametrize("authority", [False, True])
 def test_a_flood_does_not_change_a_flight_in_lockstep(tmp_path, authority):
     one = flood.Flood(authority, 16, steers=False)
-    line, findings = flood.in_lockstep(one, 8.0, 5000.0, SEED, 50, tmp_path / "flooded")
+    # a rate that a busy machine answers too: `python -m tests.attacks.flood` sends ten times as many
+    line, findings = flood.in_lockstep(one, 8.0, 2000.0, SEED, 50, tmp_path / "flooded")
     assert findings == [], line
