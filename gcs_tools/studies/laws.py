@@ -152,7 +152,7 @@ def _held(margin: dict[str, Any]) -> str:
 
 def page(found: dict[str, dict[str, Any]]) -> str:
     """What stands between the marks; `found`: results of each variant."""
-    lines = ["## Results", ""]
+    lines: list[str] = []
     for variant, results in found.items():
         airframes = dict.fromkeys(each["airframe"] for each in results["laws"])
         lines += [f"### With {variant}", "", f"{len(results['seeds'])} seeds, procedure {results['procedure_sha256'][:16]}.", ""]  # fmt: skip
