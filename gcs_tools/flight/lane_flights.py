@@ -1,8 +1,9 @@
 """Flights of laws alone, several at a time on one core: a vehicle a lane (`fcu.kernel.lanes`).
 
-`burst` is `closed_loop.closed` for lanes: the same kernels, of the same order, and so the same bits.
-What belongs to one vehicle alone (when its setpoints take effect, how late it is told its state, its noise, its
-end) is kept for each lane; a lane whose flight is over is computed on and not looked at.
+`burst` is `closed_loop.closed` for lanes: the same kernels, in the same order, and so the same bits.
+What belongs to one vehicle alone (when its setpoints take effect, how late it is told its state, its
+noise, its end) is kept for each lane. A lane whose flight is over is computed on: nothing of it is kept,
+but where a law branches it has a say.
 """
 
 from __future__ import annotations
@@ -130,23 +131,23 @@ def put(row, like, columns, how, rows, k):
 
 @kernel
 def begin_tick(lanes, own, k, period_us):
-    """End the lanes whose time is over, and put into force the setpoints that are due at tick k.
+    """Put into force the setpoints that are due at tick k, and end the lanes whose time is over.
 
     Returns how many lanes fly, and the tick at which something of this happens next.
     """
     flying, next_at = 0, NEVER
     for lane in range(len(own.how)):
-        if own.how[lane] == FLIES and k >= own.ticks[lane]:
-            own.how[lane], own.flown[lane] = OVER, k
-        if own.how[lane] != FLIES:
-            continue
         while own.sent_at[lane, own.sent[lane]] <= k:
             for i in range(len(lanes.setpoint)):
                 lanes.setpoint[i, lane] = own.setpoints[lane, own.sent[lane], i]
             own.since[lane] = own.sent_at[lane, own.sent[lane]] * period_us
             own.sent[lane] += 1
-        flying += 1
-        next_at = min(next_at, own.ticks[lane], own.sent_at[lane, own.sent[lane]])
+        next_at = min(next_at, own.sent_at[lane, own.sent[lane]])
+        if own.how[lane] == FLIES and k >= own.ticks[lane]:
+            own.how[lane], own.flown[lane] = OVER, k
+        if own.how[lane] == FLIES:
+            flying += 1
+            next_at = min(next_at, own.ticks[lane])
     return flying, next_at
 
 
@@ -249,7 +250,7 @@ def _aligned(*shape: int) -> Buffer:
 class Group:
     """Flights that lanes can share: of one law, rate and number of plant steps.
 
-    Fewer flights than lanes are padded with copies of the first, which are not looked at.
+    Fewer flights than lanes are padded with copies of the first, of which nothing is kept.
     """
 
     def __init__(
