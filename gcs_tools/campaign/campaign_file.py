@@ -293,6 +293,11 @@ def path_of(name: str) -> Path:
         return ours
     if name.endswith(".toml") or Path(name).exists():
         return Path(name)
+    if name in mission_file.shipped():
+        raise CampaignError(
+            f'{name} is a mission: a campaign is a file that names it (mission = "{name}"), as'
+            " gcs campaign --help shows"
+        )
     close = difflib.get_close_matches(name, shipped(), n=1)
     meant = f" (did you mean {close[0]}?)" if close else ""
     raise CampaignError(f"{name}: no such campaign{meant}; there are {', '.join(shipped())}")
@@ -458,7 +463,11 @@ def _hint(draws: Draws) -> str:
 
 def _problems(error: ValidationError, source: str, text: str) -> Iterator[str]:
     found = lines(text)
-    for problem in error.errors(include_url=False)[:20]:
+    problems = error.errors(include_url=False)[:20]
+    wrong_items = {problem["loc"][:-1] for problem in problems}
+    for problem in problems:
+        if problem["type"] == "too_short" and problem["loc"] in wrong_items:
+            continue  # of its items, which are wrong themselves
         context: Mapping[str, Any] = problem.get("ctx", {})
         path = tuple(part for part in problem["loc"] if part not in ("str", "LawEntry"))
         got = problem["input"]

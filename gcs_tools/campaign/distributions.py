@@ -63,8 +63,8 @@ class Distribution(Table):
             raise wrong((kind,), "[least, most likely, most]", list(value))
         if self.weights is not None and (kind != "choice" or len(self.weights) != len(value)):
             raise wrong(("weights",), "as many weights as there are choices")
-        if self.weights is not None and not sum(self.weights) > 0.0:
-            raise wrong(("weights",), "a weight > 0")
+        if self.weights is not None and not 0.0 < sum(self.weights) < math.inf:
+            raise wrong(("weights",), "a weight > 0, and a sum that is a number")
         if kind not in _BOUNDED and (self.low is not None or self.high is not None):
             key = "low" if self.low is not None else "high"
             raise wrong((key,), f"no bound: {kind} has its own")

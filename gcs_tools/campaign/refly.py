@@ -39,7 +39,12 @@ def command(folder: Path | str, number: int, law: str = "") -> str:
 def is_numbered(name: str) -> bool:
     """Whether a name stands for a flight of a campaign."""
     found = _NAMED.fullmatch(name)
-    return found is not None and (Path(found["folder"]) / store.JSON).is_file()
+    return found is not None and is_campaign(found["folder"])
+
+
+def is_campaign(folder: str) -> bool:
+    """Whether a campaign was flown in a folder."""
+    return bool(folder) and (Path(folder) / store.JSON).is_file()
 
 
 def numbered(name: str, into: str) -> Numbered:

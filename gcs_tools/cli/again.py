@@ -32,6 +32,8 @@ class Again:
         from gcs_tools.campaign.campaign_file import CampaignError
 
         if not refly.is_numbered(name):
+            if refly.is_campaign(name.partition("#")[0]):
+                raise Failure(f"{name}: expected 'FOLDER#NUMBER', or 'FOLDER#NUMBER:LAW'", USAGE)
             return name
         try:
             self._numbered[place] = found = refly.numbered(name, FOLDER)

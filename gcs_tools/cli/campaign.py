@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 NEEDED = ("pyarrow", "scipy")
 RESULT, REPORT = "result.json", "report.html"
+ADDRESS = re.compile(r"[a-z]+://[^\s/]+:[0-9]{1,5}")  # of a scheduler
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,8 @@ def _flown(asked: Asked, log: Console) -> int:
     from gcs_tools.flight.run import COMPILING, new_folder
 
     began = time.monotonic()
+    if asked.scheduler is not None and not ADDRESS.fullmatch(asked.scheduler):
+        raise Failure(f"--scheduler {asked.scheduler}: expected tcp://HOST:PORT", USAGE)
     folder = Path(asked.name)
     if (folder / store.JSON).is_file():
         if asked.out is not None or asked.flights is not None:
@@ -150,8 +154,8 @@ def _flown(asked: Asked, log: Console) -> int:
         except OSError as failed:
             where = failed.filename or out
             error = (
-                f"{where}: {failed.strerror}; {kept.flown} flights were flown, those before are kept:"
-                f" go on with gcs campaign {out}"
+                f"{where}: {failed.strerror}; what was written before is kept: go on with"
+                f" gcs campaign {out}"
             )
             exit_code = INFRASTRUCTURE
         except KeyboardInterrupt:
@@ -343,7 +347,7 @@ def _print_law(console: Console, law: OfLaw, found: Analysis, named: bool, out: 
     confidence = f"{100.0 * found.confidence:g} %"
     console.print(Text(law.law, style="bold"), f"success {_percent(law.success)}", Text(f"{confidence} interval; {law.success.successes} of {law.success.of}", style="dim"))  # fmt: skip
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     for at in law.metrics[0].quantiles if law.metrics else ():
         table.add_column(f"{100.0 * at.at:g} %", justify="right")
     for metric in law.metrics:

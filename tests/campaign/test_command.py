@@ -135,13 +135,27 @@ def test_another_trajectory_is_said(flown, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("#99", "flights 0 to 39"), ("#1:px4", "there are mmrac, slow")]
+    ("name", "said"),
+    [
+        ("#99", "flights 0 to 39"),
+        ("#1:px4", "there are mmrac, slow"),
+        ("#abc", "FOLDER#NUMBER"),
+        ("#" + "9" * 5000, "FOLDER#NUMBER"),
+    ],
 )
 def test_a_flight_that_a_campaign_does_not_have_is_said(flown, name, said):
     _, out, _ = flown
     found = gcs("fly", f"{out}{name}")
     assert found.exit_code == 2
     assert said in found.stderr
+
+
+def test_an_address_that_is_none_is_refused_before_anything_is_made(flown, tmp_path):
+    file, _, _ = flown
+    found = gcs("campaign", file, "--out", tmp_path / "out", "--scheduler", "nonsense")
+    assert found.exit_code == 2
+    assert "expected tcp://HOST:PORT" in found.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_report_needs_nothing_else(flown):

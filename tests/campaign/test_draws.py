@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gcs_tools.campaign.campaign_file import CampaignError
+from gcs_tools.campaign.campaign_file import CampaignError, read
 from gcs_tools.campaign.distributions import Distribution
 
 U = (np.arange(20_000) + 0.5) / 20_000
@@ -49,6 +49,7 @@ def test_choices_and_whole_numbers_have_their_shares():
         ("{ normal = [1.0, 0.1], low = 50.0 }", "a distribution that reaches"),
         ("{ choice = [] }", "plant.mass_kg"),
         ("{ choice = [1.0, 2.0], weights = [1.0] }", "as many weights"),
+        ("{ choice = [1.0, 2.0], weights = [1e308, 1e308] }", "a sum that is a number"),
         ("{ uniform = [1.0, inf] }", "finite"),
         ("3.0", "expected a distribution"),
         ("{ uniform = [-1.0, 2.0] }", "expected a number > 0, got -1"),
@@ -101,6 +102,17 @@ def test_of_a_grid_nothing_is_expected(make):
             'method = "grid"\nflights = 3\nexpect = { success = { at_least = 0.9 } }',
             draw='"plant.mass_kg" = { uniform = [6.0, 10.0], levels = 3 }',
         )
+
+
+def test_a_wrong_item_is_said_once(make):
+    with pytest.raises(CampaignError) as error:
+        make('metrics = ["setpoint_error_finl_m"]')
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_mission_that_is_given_as_a_campaign_is_named():
+    with pytest.raises(CampaignError, match="noisy_state is a mission"):
+        read("noisy_state")
 
 
 @pytest.mark.parametrize("method", ["random", "latin_hypercube", "sobol"])
