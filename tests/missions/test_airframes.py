@@ -13,8 +13,6 @@ from gcs_tools.missions.mission import shipped
 from tests.command_line import gcs
 
 MISSIONS = ("airframe_step", "airframe_eight", "airframe_noise", "airframe_tour")
-
-
 PAGE = Path(__file__).parents[2] / "docs" / "missions.md"
 SECTION = PAGE.read_text().partition("## Which shipped mission")[2].partition("\n## ")[0]
 ROWS = [
@@ -22,6 +20,14 @@ ROWS = [
     for line in SECTION.splitlines()
     if line.startswith("| `")
 ]
+
+
+def flown(mission, airframe, folder):
+    """The result of a mission in process, with nothing kept but it."""
+    return gcs_tools.fly(
+        mission, airframe=airframe, in_process=True, figure="never", record="none",
+        out=folder / "run",
+    )  # fmt: skip
 
 
 def test_the_page_says_of_each_shipped_mission_once_which_vehicle_it_is_for():
@@ -39,10 +45,7 @@ def test_the_page_says_of_each_shipped_mission_once_which_vehicle_it_is_for():
 ])  # fmt: skip
 @pytest.mark.parametrize("airframe", SHIPPED)
 def test_what_the_page_says_of_every_airframe_is_so(airframe, mission, tmp_path):
-    flight = gcs_tools.fly(
-        mission, airframe=airframe, in_process=True, figure="never", record="none",
-        out=tmp_path / "run",
-    )  # fmt: skip
+    flight = flown(mission, airframe, tmp_path)
     assert flight.passed, flight.expectations
 
 
@@ -55,10 +58,7 @@ def test_what_the_page_says_of_every_airframe_is_so(airframe, mission, tmp_path)
 def test_what_a_mission_of_the_s1000_misses_with_others_is_what_the_page_says(
     mission, airframe, item, off_m, tmp_path
 ):
-    flight = gcs_tools.fly(
-        mission, airframe=airframe, in_process=True, figure="never", record="none",
-        out=tmp_path / "run",
-    )  # fmt: skip
+    flight = flown(mission, airframe, tmp_path)
     (missed,) = (line for line in flight.expectations if not line.passed)
     assert missed.text.startswith(item)
     assert missed.value == pytest.approx(off_m, rel=0.02)
@@ -67,9 +67,6 @@ def test_what_a_mission_of_the_s1000_misses_with_others_is_what_the_page_says(
 @pytest.mark.parametrize("mission", MISSIONS)
 @pytest.mark.parametrize("airframe", SHIPPED)
 def test_an_airframe_flies_its_missions(airframe, mission, tmp_path):
-    flight = gcs_tools.fly(
-        mission, airframe=airframe, in_process=True, figure="never", record="none",
-        out=tmp_path / "run",
-    )  # fmt: skip
+    flight = flown(mission, airframe, tmp_path)
     assert [line.name for line in flight.expectations if not line.passed] == []
     assert flight.exit_code == 0
