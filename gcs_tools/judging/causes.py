@@ -110,8 +110,8 @@ def envelope_command(mission: Mission) -> str:
         value: Any = mission.given
         for key in path:
             value = value[key]
-        if option == "--law":
-            changed.append(f"--law {shlex.quote(str(value))}")
+        if option == "--airframe":
+            changed.append(f"--airframe {shlex.quote(str(value))}")
         elif path[0] != "expect":
             changed.append(f"--set {shlex.quote('.'.join(map(str, path)) + '=' + written(value))}")
     return " ".join(["gcs envelope", shlex.quote(mission.source), *changed])
