@@ -15,7 +15,7 @@ from tests.command_line import gcs
     "change",
     [
         lambda mission: with_airframe(mission, "quad"),
-        lambda mission: with_law(mission, "mmrac"),
+        lambda mission: with_law(override(mission, "law.module=px4"), "mmrac"),
         lambda mission: override(mission, "law.guard=govern"),
     ],
 )
