@@ -9,6 +9,7 @@ the end of its time where a vehicle has arrived. Of many flights `several` flies
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -28,6 +29,7 @@ from fcu.vehicle.watch import Watch
 from gcs_tools.flight.closed_loop import closed
 from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.missions.same import Same
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics.types import PlantRecord
 from sitl_plant.simulator import Simulator
@@ -95,8 +97,13 @@ def refusal(scene: Scenario) -> str:
         scene.flown.file is not None
     ):  # which gains go together is known of the law of the paper alone
         return ""
-    channel = stability.unstable(scene.law, scene.guard)
+    channel = _unstable(Same(scene.settings, to_buffer(scene.settings).tobytes()))
     return f"a vehicle refuses these gains: {channel} unstable" if channel else ""
+
+
+@lru_cache(maxsize=16)
+def _unstable(settings: Same[Any]) -> str:
+    return stability.unstable(settings.of.law, settings.of.guard)
 
 
 def warm_up(scene: Scenario) -> None:

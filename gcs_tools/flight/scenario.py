@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,15 @@ from fcu.interface.airframe import AirframeFile
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.loader import Law
 from fcu.mavlink.setpoints import nonsense, setpoint_through_the_wire
 from gcs_tools.judging.metrics import SETTLE_S
-from gcs_tools.missions.asked import Leg, asked, foreseen, legs
+from gcs_tools.missions.asked import Leg, Sent, asked, foreseen, legs, same
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, MissionError
+from gcs_tools.missions.same import Same
 from gcs_tools.recording.schema import UNTOLD, Kinds
 from sitl_plant.physics import tick
 from sitl_plant.physics.world import World, world
@@ -84,6 +86,27 @@ class Scenario:
         return np.random.default_rng(int(self.world.seed)).standard_normal((n, tick.NOISE)) * scale
 
 
+class _Script(NamedTuple):
+    """What is sent, and as what the vehicle decodes it."""
+
+    begin: Vec3 | None
+    sent: tuple[Sent, ...]
+    setpoints: np.ndarray[Any, np.dtype[np.float64]]  # (m, size(Setpoint))
+    wrong: str  # why no vehicle takes it; else empty
+
+
+@lru_cache(maxsize=16)
+def _script(asks: Same[Flight]) -> _Script:
+    flight = asks.of
+    begin, sent = foreseen(flight) if flight.items else (None, asked(flight).sent())
+    decoded = [setpoint_through_the_wire(each.setpoint) for each in sent]
+    for each, flown in zip(sent, decoded, strict=True):
+        if why := nonsense(flown):
+            wrong = f"{words(why)}, at {each.tick / flight.rate_hz:g} s"
+            return _Script(begin, tuple(sent), _rows(decoded), wrong)
+    return _Script(begin, tuple(sent), _rows(decoded), "")
+
+
 def _rows(setpoints: Iterable[Setpoint]) -> np.ndarray[Any, np.dtype[np.float64]]:
     found = np.array([to_buffer(each) for each in setpoints])
     found.setflags(write=False)
@@ -98,18 +121,11 @@ def scenario(mission: Mission) -> Scenario:
     """
     flight = mission.flight
     start = flight.start.model_dump(exclude_none=True)
-    if flight.items:
-        begin, sent = foreseen(flight)
-    else:
-        begin, sent = None, list(asked(flight).sent())
+    begin, sent, setpoints, wrong = _script(same(flight))
+    if wrong:
+        raise MissionError(f"{mission.source}: [flight] {wrong}")
     ticks = round(flight.duration_s * flight.rate_hz)
     arrive = flight.arrive
-    decoded = [setpoint_through_the_wire(each.setpoint) for each in sent]
-    for each, flown in zip(sent, decoded, strict=True):
-        if why := nonsense(flown):
-            raise MissionError(
-                f"{mission.source}: [flight] {words(why)}, at {each.tick / flight.rate_hz:g} s"
-            )
     there = world(
         rate_hz=flight.rate_hz,
         seed=flight.seed,
@@ -124,7 +140,7 @@ def scenario(mission: Mission) -> Scenario:
     made = Scenario(
         flown=mission.flown,
         airframe=vehicle,
-        settings=None if mission.controller else _settings(mission, {}),
+        settings=None if mission.controller else _chosen(_law_of(mission)),
         world=there,
         ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),
@@ -139,7 +155,7 @@ def scenario(mission: Mission) -> Scenario:
         legs=legs(flight),
         controller=mission.controller,
     )
-    vars(made)["setpoints"] = _rows(decoded)
+    vars(made)["setpoints"] = setpoints
     return made
 
 
@@ -153,11 +169,21 @@ def with_gains(made: Scenario, mission: Mission, gains: Mapping[str, Any]) -> Sc
     return other
 
 
+def _law_of(mission: Mission) -> Same[Mission]:
+    """A key that is equal for missions whose law is told the same."""
+    vehicle = mission.airframe.identity, str(mission.airframe.path), str(mission.flight.rate_hz)
+    return Same(mission, mission.flown.identity, *vehicle, mission.law.model_dump_json())
+
+
+@lru_cache(maxsize=16)
+def _chosen(law: Same[Mission]) -> Any:
+    return _settings(law.of, {})
+
+
 def _settings(mission: Mission, gains: Mapping[str, Any]) -> Any:
     """What the law is told: its mission's [law] with other `gains`."""
     flown, vehicle = mission.flown.settings, mission.airframe
     tops = {row.key.partition(".")[0] for row in flown.PARAMETERS if row.key}
     chosen = dict(flat(mission.law.model_dump(include=tops, exclude_none=True)))
-    return flown.settings(
-        vehicle.rotors, vehicle.tables, mission.flight.rate_hz, {**chosen, **gains}
-    )
+    rate_hz = mission.flight.rate_hz
+    return flown.settings(vehicle.rotors, vehicle.tables, rate_hz, {**chosen, **gains})

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -20,6 +21,7 @@ from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import Follow, GoTo, Hold, Land, Return, TakeOff
 from gcs_tools.missions.paths import Path
+from gcs_tools.missions.same import Same
 from gcs_tools.missions.trajectory import (
     last_change_s,
     positions_at,
@@ -97,8 +99,18 @@ class Timed:
 
     def sent(self) -> Sequence[Sent]:
         """As Asked has it."""
-        rate = self.flight.rate_hz
-        return [Sent(k, setpoint_at(self.flight, k / rate)) for k in setpoint_times(self.flight)]
+        return _sent(same(self.flight))
+
+
+def same(flight: Flight) -> Same[Flight]:
+    """A key that is equal for what asks the same, whatever its seed."""
+    return Same(flight, flight.model_dump_json(exclude={"seed"}))
+
+
+@lru_cache(maxsize=16)
+def _sent(asks: Same[Flight]) -> tuple[Sent, ...]:
+    flight = asks.of
+    return tuple(Sent(k, setpoint_at(flight, k / flight.rate_hz)) for k in setpoint_times(flight))
 
 
 class Leg(NamedTuple):

@@ -232,7 +232,11 @@ def with_values(
         changed[tuple(names)] = option
     is_same_law = ("law", "module") not in {tuple(key.split(".")[:2]) for key in values}
     flown = mission.flown if is_same_law and "law" not in values else None
-    made = _checked(mission.name, source, mission.folder, given, changed, flown=flown)
+    same = flown is not None and "airframe" not in values
+    made = _checked(
+        mission.name, source, mission.folder, given, changed, flown=flown,
+        airframe=mission.airframe if same else None,
+    )  # fmt: skip
     return replace(made, source=mission.source)
 
 
@@ -287,9 +291,9 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
 
 def _checked(
     name: str, source: str, folder: Path, given: dict[str, Any], changed: Mapping[KeyPath, str],
-    text: str = "", flown: Law | None = None,
+    text: str = "", flown: Law | None = None, airframe: AirframeFile | None = None,
 ) -> Mission:  # fmt: skip
-    """Checked tables. `flown`: the law, if it is loaded already: a mission flies what it was read with."""
+    """Checked tables. `flown`, `airframe`: if they are read already: a mission flies what it was read with."""
     found = lines(text)
     module = given["law"].get("module") if isinstance(given.get("law"), dict) else None
     try:
@@ -297,7 +301,7 @@ def _checked(
             flown = loader.load(module if isinstance(module, str) else loader.DEFAULT, folder)
         kind = document(flown)
         tables = kind.model_validate(given, context={items.FOLDER: folder})
-        airframe = read_airframe(flown, tables.airframe, folder)
+        airframe = airframe or read_airframe(flown, tables.airframe, folder)
         for i, loss in enumerate(tables.plant.rotor_loss):
             if loss.rotor > airframe.rotors.n:
                 line = nearest(found, ("plant", "rotor_loss", i, "rotor"))
