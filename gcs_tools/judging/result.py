@@ -19,7 +19,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from types import UnionType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -108,29 +108,29 @@ class Result:
         _replace(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def judge(
-    mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, *, ended: str, exit_code: int,
-    error: str | None, said: Iterable[Event] = (), begun: tuple[Begun, ...] = (), refusal: str = "",
-    **about: Any,
-) -> Result:  # fmt: skip
-    """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
+class Judged(NamedTuple):
+    """What a flight has done of what was expected."""
 
-    plant, fcu : rows that begin with a PlantRecord, a Tick.  ended : how the flight ended, if it was not cut short.
-    error : what cut it short, in words.  said : what both processes logged.  begun : the legs of its
-    items.  refusal : which of them the vehicle would not do, in words.  about : wall times, slips and versions of the Result.
-    """
-    judged: list[Expectation] = []
-    items: list[ItemFlown] = []
-    sim_time = float(plant[-1, 0]) if len(plant) else 0.0
-    measured: dict[str, float | None] = {}
-    missed: Standing | None = None
-    whole = exit_code == OK
-    if whole or (len(plant) and len(fcu)):
+    expectations: list[Expectation]
+    metrics: dict[str, float | None]  # None: without a value
+    items: list[ItemFlown]
+    passed: bool
+    flight: EngagedTicks
+    missed: Standing | None  # the setpoint that was missed by most
+
+    @staticmethod
+    def of(
+        mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, ended: str, begun: tuple[Begun, ...] = (),
+        whole: bool = True,
+    ) -> Judged:  # fmt: skip
+        """Measure a flight, and judge one that is `whole`. The others: as for `judge`."""
+        judged: list[Expectation] = []
+        missed: Standing | None = None
         tick = UNTOLD.tick if mission.controller else mission.flown.ticks.Tick
         told = Table.of(PlantRecord, plant), Table.of(tick, fcu)
         wanted = asked(mission.flight, begun)
         flight = EngagedTicks.of(*told, wanted.last_change_s + SETTLE_S, wanted.positions_at)
-        measured = flight.metrics()
+        sim_time = float(plant[-1, 0]) if len(plant) else 0.0
         items = items_flown(
             mission.flight, begun, (round(sim_time * rate_hz) + 1) / rate_hz, ended in DONE
         )
@@ -145,13 +145,34 @@ def judge(
             of_items = [item["expect"] for item in mission.items()]
             followed = mission.expectations().get(REACHED) is not False
             judged += judge_items(mission.flight, of_items, items, flight, told[0], begun, followed)
+        passed = whole and all(each.passed for each in judged)
+        return Judged(judged, flight.metrics(), items, passed, flight, missed)
+
+
+def judge(
+    mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, *, ended: str, exit_code: int,
+    error: str | None, said: Iterable[Event] = (), begun: tuple[Begun, ...] = (), refusal: str = "",
+    **about: Any,
+) -> Result:  # fmt: skip
+    """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
+
+    plant, fcu : rows that begin with a PlantRecord, a Tick.  ended : how the flight ended, if it was not cut short.
+    error : what cut it short, in words.  said : what both processes logged.  begun : the legs of its
+    items.  refusal : which of them the vehicle would not do, in words.  about : wall times, slips and versions of the Result.
+    """
+    sim_time = float(plant[-1, 0]) if len(plant) else 0.0
+    whole = exit_code == OK
+    found: Judged | None = None
+    if whole or (len(plant) and len(fcu)):
+        found = Judged.of(mission, rate_hz, plant, fcu, ended, begun, whole)
     values = mission.values_in_force()
-    passed = exit_code == OK and all(e.passed for e in judged)
-    why = causes(mission, flight, ended, passed, values, missed) if whole else []
-    if whole:
-        why = slowed(items, judged, flight) + why
-    if whole and mission.flight.items and ended not in DONE:
-        why.insert(0, _not_done(mission.flight, begun, told[0], refusal))
+    passed = found is not None and found.passed
+    why: list[str] = []
+    if whole and found is not None:
+        why = slowed(found.items, found.expectations, found.flight)
+        why += causes(mission, found.flight, ended, passed, values, found.missed)
+        if mission.flight.items and ended not in DONE:
+            why.insert(0, _not_done(mission.flight, begun, Table.of(PlantRecord, plant), refusal))
     wall_time = about["wall_time_s"]
     return Result(
         mission=mission.name,
@@ -166,10 +187,10 @@ def judge(
         ticks=len(fcu),
         trajectory_sha256=trajectory_sha256(plant) if len(plant) else "",
         values=values,
-        expectations=judged,
-        metrics=measured,
+        expectations=[] if found is None else found.expectations,
+        metrics={} if found is None else found.metrics,
         changes=mission.changes(),
-        items=items,
+        items=[] if found is None else found.items,
         causes=why,
         warnings=warnings(said, sim_time),
         controller=shlex.join(mission.controller),
