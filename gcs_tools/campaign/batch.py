@@ -7,7 +7,7 @@ flight. It draws nothing, writes nothing, and remembers nothing but the missions
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from fcu.interface.airframe import AirframeError
 from fcu.interface.parameter import ParameterError
 from fcu.laws.loader import LawError
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
-from gcs_tools.flight import law_alone
+from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.arrival import arrival
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.processes import InfrastructureError
@@ -23,10 +23,11 @@ from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.judging.expectations import LIMITED
 from gcs_tools.judging.preflight_check import refusal
-from gcs_tools.judging.result import Result, judge
+from gcs_tools.judging.result import Judged, trajectory_sha256
 from gcs_tools.missions.mission import Mission, MissionError, from_tables, with_values
 from gcs_tools.recording.table import Rows
 
+VEHICLE = "vehicle"  # a campaign's `fly`; else the law alone
 REJECTED, ABORTED = "rejected", "aborted"  # ends of a flight that did not fly, or not to its end
 
 
@@ -54,53 +55,63 @@ class Row(NamedTuple):
     metrics: Mapping[str, float | None]
 
 
-def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
-    """Fly each, in order. What a flight can do is in its row; nothing of that is raised.
+class _Ready(NamedTuple):
+    """A flight that may fly."""
 
-    plan : Campaign.plan(). Whatever flies several at a time, with equal bits, goes in here.
+    asked: Asked
+    mission: Mission
+    scene: Scenario
+
+
+def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
+    """Fly each, and give their rows in order. What a flight can do is in its row; nothing of that is raised.
+
+    plan : Campaign.plan().
     """
-    fly, missions = _loaded(plan)
-    return [_flown(Asked(*each), missions[each[1]], fly) for each in asked]
+    fly, n, missions = _loaded(plan)
+    made = [_ready(Asked(*one), missions[one[1]], fly) for one in asked]
+    ready = [one for one in made if isinstance(one, _Ready)]
+    flown = _vehicles(ready) if fly == VEHICLE else _laws(ready, n)
+    rows = {ready[i].asked[:2]: _judged(ready[i], how) for i, how in flown}
+    return [rows[one.asked[:2]] if isinstance(one, _Ready) else one for one in made]
 
 
 @lru_cache(maxsize=2)
-def _loaded(plan: str) -> tuple[str, tuple[Mission, ...]]:
-    """How a plan's flights are flown, and the mission of each law. Raises MissionError."""
+def _loaded(plan: str) -> tuple[str, int, tuple[Mission, ...]]:
+    """How a plan's flights are flown, how many of each law, and its mission. Raises MissionError."""
     tables = json.loads(plan)
     missions = tuple(from_tables(tables["name"], each["given"]) for each in tables["laws"])
-    return tables["fly"], missions
+    return tables["fly"], tables["flights"], missions
 
 
-def _flown(asked: Asked, base: Mission, fly: str) -> Row:
+def _ready(asked: Asked, base: Mission, fly: str) -> _Ready | Row:
+    """The flight, or the row of one that is rejected."""
     try:
         mission = with_values(base, asked.values, "draw")
         scene = scenario(mission)
     except (MissionError, ParameterError, AirframeError) as error:
         seed = int(asked.values.get("flight.seed", base.flight.seed))
         return _lost(asked, seed, REJECTED, str(error), USAGE)
-    seed = mission.flight.seed
-    if why := refusal(scene, mission.expectations().get(LIMITED) is True):
-        return _lost(asked, seed, REJECTED, why, OK)  # the vehicle's own decision
-    try:
-        flown = _whole(scene) if fly == "vehicle" else _alone(scene)
-    except LawError as error:
-        return _lost(asked, seed, ABORTED, str(error), USAGE)
-    except InfrastructureError as error:
-        return _lost(asked, seed, ABORTED, str(error), INFRASTRUCTURE)
-    if flown is None:
-        return _lost(asked, seed, REJECTED, law_alone.refusal(scene), OK)
-    judged = judge(
-        mission, float(scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended, exit_code=OK,
-        error=None, begun=flown.begun, refusal=flown.refusal, wall_time_s=0.0, startup_s=0.0, slips=0,
-        versions={},
-    )  # fmt: skip
-    return _row(asked, judged)
+    why = refusal(scene, mission.expectations().get(LIMITED) is True)
+    if not why and fly != VEHICLE:
+        why = law_alone.refusal(scene)
+    if why:  # the vehicle's own decision
+        return _lost(asked, mission.flight.seed, REJECTED, why, OK)
+    return _Ready(asked, mission, scene)
 
 
-def _row(asked: Asked, judged: Result) -> Row:
+def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Row:
+    """The row of a flight."""
+    asked, mission, scene = flight
+    if not isinstance(flown, Flown):
+        code = USAGE if isinstance(flown, LawError) else INFRASTRUCTURE
+        return _lost(asked, mission.flight.seed, ABORTED, str(flown), code)
+    plant, fcu, ended = flown.plant, flown.fcu, flown.ended
+    judged = Judged.of(mission, float(scene.rate_hz), plant, fcu, ended, flown.begun)
     return Row(
-        asked.number, asked.law, judged.seed, judged.passed, judged.ended, "", OK,
-        judged.sim_time_s, judged.ticks, judged.trajectory_sha256, judged.metrics,
+        asked.number, asked.law, mission.flight.seed, judged.passed, ended, "", OK,
+        float(plant[-1, 0]) if len(plant) else 0.0, len(fcu),
+        trajectory_sha256(plant) if len(plant) else "", judged.metrics,
     )  # fmt: skip
 
 
@@ -109,23 +120,29 @@ def _lost(asked: Asked, seed: int, ended: str, why: str, exit_code: int) -> Row:
     return Row(asked.number, asked.law, seed, False, ended, first, exit_code, 0.0, 0, "", {})
 
 
-def _whole(scene: Scenario) -> Flown:
-    """The whole vehicle, in this process. Raises LawError, InfrastructureError."""
-    flown = MemoryFlight(scene, None, (_drop, _drop)).fly()
-    at_s = arrival(scene, flown.plant, flown.fcu)
-    if at_s is None:
-        return flown
-    flown.plant, flown.fcu = (rows[rows[:, 0] <= at_s] for rows in (flown.plant, flown.fcu))
-    flown.arrived = True
-    return flown
+def _vehicles(
+    flights: Sequence[_Ready],
+) -> Iterator[tuple[int, Flown | LawError | InfrastructureError]]:
+    """Each flown by the whole vehicle, in this process."""
+    for i, (_, _, scene) in enumerate(flights):
+        try:
+            flown = MemoryFlight(scene, None, (_drop, _drop)).fly()
+        except (LawError, InfrastructureError) as error:
+            yield i, error
+            continue
+        at_s = arrival(scene, flown.plant, flown.fcu)
+        if at_s is not None:
+            flown.plant, flown.fcu = (rows[rows[:, 0] <= at_s] for rows in (flown.plant, flown.fcu))
+            flown.arrived = True
+        yield i, flown
 
 
-def _alone(scene: Scenario) -> Flown | None:
-    """The law without an autopilot; None of one that no vehicle would arm with. Raises LawError."""
-    if law_alone.refusal(scene):
-        return None
-    plant, fcu = law_alone.fly(scene)
-    return Flown(plant, fcu)
+def _laws(flights: Sequence[_Ready], n: int) -> Iterator[tuple[int, Flown | LawError]]:
+    """Each flown by the law without an autopilot, in lanes if `n` flights repay it."""
+    scenes = [scene for _, _, scene in flights]
+    lanes = len(scenes) > 1 and several.repays(scenes[0], n)
+    for i, flown in several.each(scenes, lanes=lanes):
+        yield i, flown if isinstance(flown, LawError) else Flown(flown.plant, flown.law)
 
 
 def _drop(_rows: Rows) -> None:

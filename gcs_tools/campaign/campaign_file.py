@@ -22,6 +22,7 @@ from fcu.interface.airframe import AirframeError
 from fcu.interface.input_file import TomlError
 from fcu.interface.parameter import ParameterError
 from fcu.interface.toml_lines import lines, nearest
+from gcs_tools.campaign.batch import VEHICLE
 from gcs_tools.campaign.distributions import KINDS, Distribution
 from gcs_tools.campaign.draws import (
     GRID,
@@ -54,7 +55,8 @@ FOLDER = "campaigns"  # of the shipped ones, among the missions
 MOST_BYTES = input_file.MIB
 MOST_FLIGHTS = 1_000_000
 MOST_LAWS = 20
-VEHICLE, LAW = FLOWN = ("vehicle", "law")
+LAW = "law"
+FLOWN = (VEHICLE, LAW)
 TELLING = "setpoint_error_rms_settled_m"  # what flights are ranked by, if a file does not say
 
 
@@ -261,6 +263,7 @@ class Campaign:
             {
                 "name": self.variants[0].mission.name,
                 "fly": self.document.fly,
+                "flights": self.n,
                 "laws": [
                     {"label": each.label, "given": each.mission.given, "law": each.mission.flown.digest,
                      "airframe": each.mission.airframe.sha256}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.campaign.analysis import LIKELY, Analysis, Difference, Flights, OfLaw, Quantile
+from gcs_tools.campaign.batch import VEHICLE
 from gcs_tools.campaign.campaign_file import Campaign
 from gcs_tools.campaign.distributions import Distribution
 from gcs_tools.campaign.rare_flying import RareFound
@@ -177,7 +178,7 @@ def _about(campaign: Campaign, found: Analysis) -> str:
     n = f"{found.flights:,} flights" + (" of each law" if len(found.laws) > 1 else "")
     if found.flights < found.of:
         n += f" (of {found.of:,}: it ended early)"
-    whole = "the whole vehicle" if document.fly == "vehicle" else "the law without an autopilot"
+    whole = "the whole vehicle" if document.fly == VEHICLE else "the law without an autopilot"
     return escape(
         f"{n} of {mission.name} with {mission.airframe.name}, {how}, seed {document.seed}; {whole}."
     )

@@ -33,7 +33,7 @@ from gcs_tools.campaign.shares import Share, share
 from gcs_tools.campaign.store import SUCCESS, Store
 from gcs_tools.flight.interrupts import interrupts_wait
 
-BATCH = 8  # flights that a worker is sent at once: about a second
+BATCH = 8  # flights of each law that a worker is sent at once, to fly side by side
 AHEAD = 3  # batches that wait or fly, for each worker
 LOOK_S = 0.2  # wall: between two looks for an interruption
 
@@ -179,7 +179,7 @@ def _batches(campaign: Campaign, store: Store, numbers: range) -> Iterator[list[
             if store.outcome[law, number] < 0:
                 base = campaign.variants[law].base
                 batch.append(Asked(number, law, campaign.draws.values(number, quantities, base)))
-        if len(batch) >= BATCH:
+        if len(batch) >= BATCH * len(laws):
             yield batch
             batch = []
     if batch:

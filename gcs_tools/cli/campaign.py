@@ -135,7 +135,7 @@ def _flown(asked: Asked, log: Console) -> int:
             log.print(COMPILING)
         ours = fingerprint()
         kept = store.Store(out, asked_for, {**ours, **of_the_draws()})
-        _first_flight(asked_for)
+        _first_flight(asked_for, asked.scheduler is None, log)
         if kept.flown:
             log.print(f"{out}: {kept.flown} flights are there already")
         error, exit_code, rare = "", OK, None
@@ -169,20 +169,32 @@ def _flown(asked: Asked, log: Console) -> int:
         return _tell(asked, asked_for, kept, out, path, began)
 
 
-def _first_flight(asked_for: Campaign) -> None:
-    """Fly a tick of each law here first: compile it once, and name what cannot be flown at all."""
+def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
+    """Fly a tick of each law here first: compile it once, and name what cannot be flown at all.
+
+    in_lanes : whether lanes are compiled here too.
+    """
     from fcu.laws.loader import LawError
+    from gcs_tools.campaign.batch import VEHICLE
     from gcs_tools.campaign.campaign_file import CampaignError
-    from gcs_tools.flight import law_alone
+    from gcs_tools.flight import law_alone, several
     from gcs_tools.flight.scenario import scenario
 
     for variant in asked_for.variants:
         scene = scenario(variant.mission)
-        if not scene.legs:
-            try:
-                law_alone.warm_up(scene)
-            except LawError as error:
-                raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
+        if scene.legs:
+            continue
+        try:
+            law_alone.warm_up(scene)
+        except LawError as error:
+            raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
+        lanes = in_lanes and asked_for.document.fly != VEHICLE
+        if lanes and several.repays(scene, asked_for.n):
+            if not several.is_compiled(scene.flown.package):
+                log.print(
+                    f"compiling {variant.label} for lanes, once for this version (a minute or two)"
+                )
+            several.warm_up([scene, scene])
 
 
 def _workers(asked: Asked, ours: dict[str, str], log: Console) -> AbstractContextManager[Workers]:

@@ -10,22 +10,38 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcu.kernel.buffers import to_buffer
+from fcu.kernel.compile import is_cached
 from fcu.kernel.lanes import WIDTH
 from fcu.kernel.rows import column_of
+from fcu.laws.loader import LawError
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.lane_flights import EVERYTHING, REFUSED, Group, Keep
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
-__all__ = ["EVERYTHING", "Flown", "Keep", "fly", "groups"]
+__all__ = [
+    "EVERYTHING",
+    "Flown",
+    "Keep",
+    "each",
+    "fly",
+    "groups",
+    "is_compiled",
+    "repays",
+    "warm_up",
+]
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+MANY = 2000  # flights, from which lanes repay that they are compiled first
 
 _ENDED = column_of(PlantRecord, "ended")
 # laws that cannot be compiled for lanes: which, and whether with settings that are alike
@@ -43,16 +59,54 @@ class Flown(NamedTuple):
 
 
 def fly(scenes: Sequence[Scenario], keep: Keep = EVERYTHING, width: int = WIDTH) -> list[Flown]:
-    """Fly each of the scenes, in any order; the result of each, in theirs. On one core, without the GIL.
+    """Fly each of the scenes; the result of each, in their order. On one core, without the GIL.
 
     width : of the lanes, 8 or 4: what suits this machine. Raises LawError.
     """
-    found: dict[int, Flown] = {}
-    for group in groups(scenes, width):
-        flown = _beside([scenes[i] for i in group], keep, width) if len(group) > 1 else {}
+    found = dict(each(scenes, keep, width))
+    for flown in found.values():
+        if isinstance(flown, LawError):
+            raise flown
+    return [flown for _, flown in sorted(found.items()) if isinstance(flown, Flown)]
+
+
+def each(
+    scenes: Sequence[Scenario], keep: Keep = EVERYTHING, width: int = WIDTH, lanes: bool = True
+) -> Iterator[tuple[int, Flown | LawError]]:
+    """Number and result of each of the scenes, group by group, in any order: what goes wrong is its own.
+
+    lanes : whether to fly in them at all.
+    """
+    for group in groups(scenes, width) if lanes else [[i] for i in range(len(scenes))]:
+        beside = _beside([scenes[i] for i in group], keep, width) if len(group) > 1 else {}
         for at, i in enumerate(group):
-            found[i] = flown.get(at) or by_itself(scenes[i], keep)
-    return [found[i] for i in range(len(scenes))]
+            try:
+                yield i, beside.get(at) or by_itself(scenes[i], keep)
+            except LawError as error:
+                yield i, error
+
+
+def repays(scene: Scenario, n: int) -> bool:
+    """Whether lanes are sooner for `n` flights such as this: they are compiled, or it is worth it."""
+    return not scene.legs and (n >= MANY or is_compiled(scene.flown.package))
+
+
+@cache
+def is_compiled(package: str) -> bool:
+    """Whether a law's lanes were on disk when this was first asked."""
+    of_law = ("tick.lanes_at", "tick.lanes_each_at")
+    return is_cached("lane_flights.burst", "gcs_tools") and any(
+        is_cached(n, package) for n in of_law
+    )
+
+
+def warm_up(scenes: Sequence[Scenario]) -> None:
+    """Compile the lanes of such flights, by flying a tick of them. What cannot be compiled flies alone."""
+    ticks = [
+        replace(scene, ticks=1, sent_at=scene.sent_at[:1], sent=scene.sent[:1]) for scene in scenes
+    ]
+    for group in groups(ticks):
+        _beside([ticks[i] for i in group], EVERYTHING, WIDTH)
 
 
 def groups(scenes: Sequence[Scenario], width: int = WIDTH) -> Iterator[list[int]]:
@@ -107,8 +161,8 @@ def by_itself(scene: Scenario, keep: Keep = EVERYTHING) -> Flown:
     of_plant = keep.columns(PlantRecord, keep.plant)
     of_law = keep.columns(scene.flown.ticks.Tick, keep.law)
     return Flown(
-        plant=plant[:: keep.every, of_plant],
-        law=law[:: keep.every, of_law],
+        plant=plant if keep == EVERYTHING else plant[:: keep.every, of_plant],
+        law=law if keep == EVERYTHING else law[:: keep.every, of_law],
         ticks=len(law),
         ended=ended,
         in_lanes=False,

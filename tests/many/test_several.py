@@ -161,6 +161,9 @@ def test_a_state_that_no_controller_would_read_is_told(scene):
     scenes = varied(scene, 2)
     start = scenes[1].world.start._replace(q_EB=scenes[1].world.start.q_EB.scaled(1.2))
     scenes[1] = replace(scenes[1], world=scenes[1].world._replace(start=start))
+    found = dict(several.each(scenes))
+    same(found[0], scenes[0])
+    assert isinstance(found[1], LawError)
     with pytest.raises(LawError, match="unit quaternion"):
         several.fly(scenes)
 
