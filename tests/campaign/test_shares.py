@@ -10,28 +10,16 @@ from scipy.stats import binomtest
 
 from gcs_tools.campaign.running import Ending
 from gcs_tools.campaign.shares import RATIO, Looks, at_least, share
+from gcs_tools.studies.intervals import flown
 
 CAMPAIGNS = 1000
 CONFIDENCE = 0.9
 
 
-def flown(p: float, n: int, seed: int, width: float | None):
-    """A campaign whose flights succeed with a known probability: where it ends, and its share."""
-    success = np.random.default_rng([seed, n]).uniform(size=n) < p
-    store = SimpleNamespace(outcome=success.astype(np.int8)[None, :], whole=np.ones(n, dtype=bool))
-    campaign = SimpleNamespace(
-        document=SimpleNamespace(confidence=CONFIDENCE), looks=Looks.of(n, CONFIDENCE, width)
-    )
-    ending = Ending(campaign, store)
-    assert ending.look()
-    (found,) = ending.shares(ending.n)
-    return found
-
-
 @pytest.mark.parametrize("p", [0.5, 0.9, 0.99])
 @pytest.mark.parametrize("width", [None, 0.08])
 def test_the_interval_covers_the_known_probability(p, width):
-    found = [flown(p, 1000, seed, width) for seed in range(CAMPAIGNS)]
+    found = [flown(p, 1000, seed, width, CONFIDENCE) for seed in range(CAMPAIGNS)]
     covered = sum(each.low <= p <= each.high for each in found)
     # of 1000 campaigns at 90 %: 900 less four standard deviations
     assert covered >= 862
