@@ -363,7 +363,10 @@ def _print_law(console: Console, law: OfLaw, found: Analysis, named: bool, out: 
     for at in law.metrics[0].quantiles if law.metrics else ():
         table.add_column(f"{100.0 * at.at:g} %", justify="right")
     for metric in law.metrics:
-        table.add_row(metric.name, *map(_quantile, metric.quantiles))
+        table.add_row(metric.name, *(_number(q.value, "-") for q in metric.quantiles))
+        for name in ("low", "high"):
+            ends = (_number(getattr(q, name), "?") for q in metric.quantiles)
+            table.add_row({"low": "  from", "high": "  to"}[name], *ends, style="dim")
     console.print(table)
     if clear := [cause for cause in law.causes if cause.p < LIKELY]:
         named_causes = ", ".join(f"{c.name} ({_direction(c.direction)})" for c in clear[:5])
@@ -383,12 +386,13 @@ def _percent(share: Share) -> str:
 
 
 def _quantile(of: Quantile) -> str:
+    return f"{_number(of.value, '-')} ({_number(of.low, '?')} to {_number(of.high, '?')})"
+
+
+def _number(value: float, if_none: str) -> str:
     import math
 
-    if not math.isfinite(of.value):
-        return "-"
-    ends = [f"{end:.4g}" if math.isfinite(end) else "?" for end in (of.low, of.high)]
-    return f"{of.value:.4g} ({ends[0]} to {ends[1]})"
+    return f"{value:.4g}" if math.isfinite(value) else if_none
 
 
 def _direction(part: float) -> str:
