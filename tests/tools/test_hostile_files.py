@@ -73,6 +73,16 @@ TEXTS = {
     "quoted dots": f"{chr(34)}a{chr(34)}." * 300_000 + f"b = 1\n{HOVER}",
     "byte order mark": f"\ufeff{HOVER}",
 }
+LONG = 400_000  # characters: whoever looks from each at all that follow takes minutes
+LONG_TEXTS = {
+    "text": f'title = "{"a" * LONG}"',
+    "literal text": f"title = '{'a-' * LONG}'",
+    "text of lines": f'title = """{chr(34)}{"a.b" * (LONG // 3)}"""',
+    "key": f"{'k' * LONG} = 1",
+    "quoted key": f'"{"k" * LONG}" = 1',
+    "digits": f"x = 0.{'1' * LONG}",
+    "array": f"x = [{'1.5, ' * (LONG // 5)}]",
+}
 
 
 def limited():
@@ -90,6 +100,14 @@ try:
 finally:
     status = Path("/proc/self/status").read_text()
     print(1024 * int(status.split("VmHWM:")[1].split()[0]))
+"""
+
+READ = """
+import sys
+from fcu.interface.input_file import toml
+from fcu.interface.toml_lines import lines
+text = sys.stdin.read()
+print(len(toml(text)), lines(text).popitem()[1])
 """
 
 
@@ -130,6 +148,16 @@ def test_a_mission_that_would_exhaust_its_reader_is_rejected(tmp_path, kind):
     path.write_text(TEXTS[kind], encoding="utf-8")
     with pytest.raises(MissionError, match=r"bad\.toml.*expected"):
         load(path)
+
+
+@pytest.mark.parametrize("kind", LONG_TEXTS)
+def test_what_is_long_is_read_at_once(kind):
+    """In a process of its own, of so much processor time and no more."""
+    done = subprocess.run(
+        [sys.executable, "-c", READ], input=LONG_TEXTS[kind], capture_output=True, text=True,
+        check=False, preexec_fn=limited, timeout=180,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, "1 1\n"), done.stderr
 
 
 @pytest.mark.parametrize("value", [f"{BRACKETS}{']' * 5000}", DIGITS, f"0x{DIGITS}"])
