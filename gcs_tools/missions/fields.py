@@ -68,11 +68,15 @@ def one_of(*words: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+# of any number, in its unit: more is no quantity of a vehicle, and its square, or a step of the
+# simulation from it, may be infinite
+MOST = 1e9
+Number = Annotated[float, Field(ge=-MOST, le=MOST)]
+Positive = Annotated[float, Field(gt=0.0, le=MOST)]
+NotNegative = Annotated[float, Field(ge=0.0, le=MOST)]
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 # TOML has arrays only: lax about that (and that alone), so that values cannot be changed
-Numbers = Annotated[tuple[float, float, float], Field(strict=False)]
+Numbers = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 NotNegatives = Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)]
 Positives = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
 Position = Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)]

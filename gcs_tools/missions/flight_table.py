@@ -14,6 +14,7 @@ from gcs_tools.missions.fields import (
     ZERO,
     Coordinate,
     NotNegative,
+    Number,
     Numbers,
     Position,
     Positive,
@@ -40,7 +41,7 @@ class Start(Table):
 
     position_m: Position = Field(ZERO, description="ENU; on the ground, its height is the ground's")
     velocity_m_s: Numbers = Field(ZERO, description="ENU")
-    yaw_deg: float = Field(0.0, description="from East, counter-clockwise")
+    yaw_deg: Number = Field(0.0, description="from East, counter-clockwise")
     on_ground: bool = Field(False, description="standing on its gear, rotors stopped")
 
 
@@ -73,7 +74,7 @@ class FigureEight(Table):
 class Yaw(Table):
     """A yaw command that swings about yaw_deg: amplitude sin(frequency t)."""
 
-    amplitude_rad: float
+    amplitude_rad: Number
     frequency_rad_s: NotNegative
 
 
@@ -106,7 +107,7 @@ class Flight(Table):
         (), description="what the vehicle does, one after the other; in place of setpoints"
     )
     yaw: Yaw | None = optional("a swing of the yaw command")
-    yaw_deg: float | None = optional("yaw command; left out: the yaw of the start")
+    yaw_deg: Number | None = optional("yaw command; left out: the yaw of the start")
     stream_hz: Annotated[int, Field(ge=2, le=100)] = Field(
         20, description="rate at which a moving setpoint is sent"
     )

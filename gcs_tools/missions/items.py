@@ -23,7 +23,9 @@ from fcu.interface.parameter import choice, not_one_of
 from gcs_tools.missions import paths, track_file
 from gcs_tools.missions.bounds import AT_MOST, LIMITS
 from gcs_tools.missions.fields import (
+    MOST,
     NotNegative,
+    Number,
     Position,
     Positive,
     Table,
@@ -70,7 +72,7 @@ class GoTo(Table):
 
     kind: Literal["go_to"]
     position_m: Position = Field(description="ENU")
-    yaw_deg: float | None = optional("from East, counter-clockwise; left out: as before")
+    yaw_deg: Number | None = optional("from East, counter-clockwise; left out: as before")
     within_m: Within = Field(_WITHIN_M, description="so near, and at rest, it has arrived")
     expect: ItemExpect = _expect
 
@@ -86,7 +88,7 @@ class Follow(Table):
     corners: Annotated[Literal["rounded", "spline"], one_of("rounded", "spline")] = Field(
         "rounded", description="straight lines with rounded corners, or a spline through all points"
     )
-    corner_m: Annotated[float, Field(ge=0.01)] = Field(
+    corner_m: Annotated[float, Field(ge=0.01, le=MOST)] = Field(
         0.5, description="how far from its point a rounded corner may pass"
     )
     speed_m_s: Annotated[float, Field(ge=0.01, le=20.0)] = Field(3.0, description="at most")
@@ -97,7 +99,7 @@ class Follow(Table):
         f"a recorded track: CSV with columns {', '.join(track_file.COLUMNS)}; or points_m"
     )
     smooth_m: NotNegative = Field(0.0, description="RMS by which the path may miss the samples")
-    yaw_deg: float | None = optional("from East, counter-clockwise; left out: as before")
+    yaw_deg: Number | None = optional("from East, counter-clockwise; left out: as before")
     within_m: Within = Field(_WITHIN_M, description="so near, and at rest, it has arrived")
     expect: ItemExpect = _expect
 

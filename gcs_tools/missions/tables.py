@@ -23,6 +23,7 @@ from gcs_tools.missions.fields import (
     ZERO,
     NotNegative,
     NotNegatives,
+    Number,
     Numbers,
     Positive,
     Positives,
@@ -125,7 +126,7 @@ class Wind(Table):
     rotation_phase_rad: Numbers = ZERO
     step_m_s: Numbers = Field(ZERO, description="added from step_at_s on, ENU")
     step_at_s: NotNegative | None = optional("when the step comes")
-    azimuth_deg: float = Field(
+    azimuth_deg: Number = Field(
         0.0, description="turns the velocity about the vertical, counter-clockwise"
     )
 
