@@ -12,13 +12,14 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from gcs_tools.missions.fields import Table, optional, wrong
+from gcs_tools.missions.fields import Number, Table, optional, wrong
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
 
-_Pair = Annotated[tuple[float, float], Field(strict=False)]
-_Three = Annotated[tuple[float, float, float], Field(strict=False)]
-_Whole = Annotated[tuple[int, int], Field(strict=False)]
+_Pair = Annotated[tuple[Number, Number], Field(strict=False)]
+_Three = Annotated[tuple[Number, Number, Number], Field(strict=False)]
+_Integer = Annotated[int, Field(gt=-(2**53), lt=2**53)]  # that a float holds
+_Whole = Annotated[tuple[_Integer, _Integer], Field(strict=False)]
 _Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=1000)]
 _Weights = Annotated[tuple[Annotated[float, Field(ge=0.0)], ...], Field(strict=False, min_length=1)]
 
@@ -39,8 +40,8 @@ class Distribution(Table):
     integer: _Whole | None = optional("[least, most], both included")
     choice: _Values | None = optional("one of these values, of any kind")
     weights: _Weights | None = optional("of the choices; left out: all alike")
-    low: float | None = optional("nothing below is drawn (normal, log_normal)")
-    high: float | None = optional("nothing above is drawn (normal, log_normal)")
+    low: Number | None = optional("nothing below is drawn (normal, log_normal)")
+    high: Number | None = optional("nothing above is drawn (normal, log_normal)")
     relative: bool = Field(False, description="true: the draw multiplies the mission's value")
     levels: Annotated[int, Field(ge=1, le=1000)] | None = optional(
         'values of a quantity that is no choice with method = "grid"'
@@ -145,7 +146,10 @@ class Distribution(Table):
             below, above = (float(ndtr((end - location) / scale)) for end in (low, high))
             z = ndtri(np.clip(below + u * (above - below), _EPS, 1.0 - _EPS))
         drawn: Numbers = np.clip(location + scale * z, low, high)
-        return drawn if self.normal is not None else np.exp(drawn)
+        if self.normal is not None:
+            return drawn
+        with np.errstate(over="ignore"):  # infinite: no mission has it, and says so
+            return np.exp(drawn)
 
     def _gaussian(self) -> tuple[float, float]:
         """Mean and standard deviation of the quantity, of log_normal of its logarithm."""
