@@ -62,7 +62,10 @@ class TomlError(ValueError):
 def opened(path: Path) -> BinaryIO:
     """A regular file, open for reading. Raises OSError for anything else, without waiting."""
     # a pipe would wait for who writes to it
-    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+    try:
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+    except ValueError as error:
+        raise OSError(errno.EINVAL, f"no file has such a name ({error})", str(path)) from error
     try:
         mode = os.fstat(fd).st_mode
         if stat.S_ISDIR(mode):

@@ -10,8 +10,10 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -292,9 +294,14 @@ def shipped() -> list[str]:
 def path_of(name: str) -> Path:
     """The file of a campaign's name, or the file that is named. Raises CampaignError."""
     ours = mission_file.folder() / FOLDER / f"{name.removeprefix(f'{FOLDER}/')}.toml"
-    if ours.is_file() and not Path(name).is_file():
+    if isfile(ours) and not isfile(name):
         return ours
-    if name.endswith(".toml") or Path(name).exists():
+    if isdir(name):
+        raise CampaignError(
+            f"{name}: a folder without a campaign (it has no campaign.json): expected a campaign's"
+            " file, or the folder of a campaign that was interrupted"
+        )
+    if name.endswith(".toml") or exists(name):
         return Path(name)
     if name in mission_file.shipped():
         raise CampaignError(
@@ -336,8 +343,14 @@ def parsed(text: str, source: str, folder: Path, name: str, flights: int | None 
         document = Document.model_validate(given)
     except ValidationError as error:
         raise CampaignError("\n".join(_problems(error, source, text))) from error
+    found = lines(text)
+
+    def where(*path: str | int) -> str:
+        line = nearest(found, path)
+        return source if line is None else f"{source}:{line}"
+
     try:
-        variants = tuple(_variants(document, folder))
+        variants = tuple(_variants(document, folder, where))
         campaign = Campaign(name, source, text, document, _draws(document), variants)
         _check(campaign)
     except (MissionError, DrawError, ParameterError, AirframeError) as error:
@@ -370,18 +383,32 @@ def _draws(document: Document) -> Draws:
     )  # fmt: skip
 
 
-def _variants(document: Document, folder: Path) -> Iterator[Variant]:
-    mission = _mission(document.mission, folder)
+@contextmanager
+def _blamed(where: str = "") -> Iterator[None]:
+    """What is wrong with a mission is said of a place in the campaign's file. Raises CampaignError."""
+    try:
+        yield
+    except MissionError as error:
+        raise CampaignError(f"{where}: {error}" if where else str(error)) from error
+
+
+def _variants(document: Document, folder: Path, where: Callable[..., str]) -> Iterator[Variant]:
+    with _blamed(f"{where('mission')}: mission"):
+        mission = _mission(document.mission, folder)
     if document.airframe is not None:
-        mission = with_airframe(mission, str(_absolute(document.airframe, folder, ".toml")))
+        airframe = str(_absolute(document.airframe, folder, ".toml"))
+        with _blamed():
+            mission = with_airframe(mission, airframe, where("airframe"))
     labels: list[str] = []
-    for entry in document.laws or (None,):
+    for i, entry in enumerate(document.laws or (None,)):
         own: dict[str, Any] = {}
         made, law, label = mission, entry, None
         if isinstance(entry, LawEntry):
             law, own, label = entry.law, entry.set, entry.label
         if isinstance(law, str):
-            made = with_law(made, str(_absolute(law, folder, ".py")))
+            at = f"{where('laws', i)}: laws[{i}]"
+            with _blamed():
+                made = with_law(made, str(_absolute(law, folder, ".py")), at)
         if values := {**document.set, **own}:
             made = with_values(made, values, "set")
         if document.success is not None:
@@ -406,7 +433,7 @@ def _variants(document: Document, folder: Path) -> Iterator[Variant]:
 
 def _mission(name: str, folder: Path) -> Mission:
     beside = folder / name
-    return mission_file.load(beside if name.endswith(".toml") and beside.is_file() else name)
+    return mission_file.load(beside if name.endswith(".toml") and isfile(beside) else name)
 
 
 def _absolute(name: str, folder: Path, suffix: str) -> str | Path:

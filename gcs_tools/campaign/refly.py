@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def is_numbered(name: str) -> bool:
 
 def is_campaign(folder: str) -> bool:
     """Whether a campaign was flown in a folder."""
-    return bool(folder) and (Path(folder) / store.JSON).is_file()
+    return bool(folder) and isfile(Path(folder) / store.JSON)
 
 
 def numbered(name: str, into: str) -> Numbered:

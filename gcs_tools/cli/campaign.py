@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import time
@@ -96,6 +97,8 @@ def campaign(
     except (CampaignError, UsageError) as error:
         raise Failure(error, USAGE) from error
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise  # of what a person typed
         raise Failure(f"{error.filename or 'campaign'}: {error.strerror or error}") from error
 
 
@@ -111,7 +114,7 @@ def _need(modules: tuple[str, ...], extra: str) -> None:
 def _flown(asked: Asked, log: Console) -> int:
     """Fly, keep, analyse, tell; the exit code. Raises CampaignError, UsageError, OSError, Failure."""
     from fcu.kernel.compile import is_cached
-    from gcs_tools.campaign import campaign_file, rare_flying, store
+    from gcs_tools.campaign import campaign_file, rare_flying, refly, store
     from gcs_tools.campaign.fingerprint import fingerprint, of_the_draws
     from gcs_tools.campaign.running import Ending, RunningError, run
     from gcs_tools.flight.run import COMPILING, new_folder
@@ -120,7 +123,7 @@ def _flown(asked: Asked, log: Console) -> int:
     if asked.scheduler is not None and not ADDRESS.fullmatch(asked.scheduler):
         raise Failure(f"--scheduler {asked.scheduler}: expected tcp://HOST:PORT", USAGE)
     folder = Path(asked.name)
-    if (folder / store.JSON).is_file():
+    if refly.is_campaign(asked.name):
         if asked.out is not None or asked.flights is not None:
             raise campaign_file.CampaignError(
                 f"{folder}: a campaign that goes on has its folder and its flights (leave out --out"

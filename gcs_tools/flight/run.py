@@ -77,6 +77,7 @@ from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.truth import truth
 
 RUNS = Path("runs")
+LONGEST = 50  # characters of a mission's name in that of its run's folder
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
 COMPILING = "compiling law and plant, once for this version (up to a minute)"
 
@@ -141,7 +142,7 @@ def new_folder(out: Path | None, name: str) -> Path:
         if out is None:
             stamp = time.strftime("%Y%m%d-%H%M%S")
             for n in range(1000):
-                folder = RUNS / f"{stamp}-{name}{f'-{n}' if n else ''}"
+                folder = RUNS / f"{stamp}-{name[:LONGEST]}{f'-{n}' if n else ''}"
                 try:
                     folder.mkdir(parents=True)
                     return folder

@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Any
 
@@ -125,10 +126,11 @@ def shipped(of: str = "") -> list[str]:
 
 def _path(name: str) -> Path:
     path, of = folder() / f"{name}.toml", name.rpartition("/")[0]
-    if path.is_file() and not Path(name).is_file() and of != CAMPAIGNS:
+    # of os.path: of a name that no file can have these are false, where those of Path raise
+    if isfile(path) and not isfile(name) and of != CAMPAIGNS:
         return path  # also of a folder of them: benchmark/steps
-    ours = not of or ((folder() / of).parent == folder() and (folder() / of).is_dir())
-    if name.endswith(".toml") or Path(name).exists() or of in (".", "..") or not ours:
+    ours = not of or ((folder() / of).parent == folder() and isdir(folder() / of))
+    if name.endswith(".toml") or exists(name) or of in (".", "..") or not ours:
         return Path(name)
     known = shipped(of)
     folders = [each.name for each in sorted(folder().iterdir()) if shipped(each.name)]
@@ -240,29 +242,29 @@ def with_values(
     return replace(made, source=mission.source)
 
 
-def with_law(mission: Mission, law: str) -> Mission:
+def with_law(mission: Mission, law: str, where: str = "") -> Mission:
     """`mission` flown by another law: a name, or a FILE.py from the working directory.
 
-    The [law] values of the mission are those of its own law, and left out. Raises MissionError.
+    where : what messages name in place of the option. The [law] values of the mission are those of
+    its own law, and left out. Raises MissionError.
     """
     given = {**mission.given, "law": {"module": str(Path(law).absolute()) if "." in law else law}}
     changed = {path: option for path, option in mission.changed.items() if path[0] != "law"}
     changed["law", "module"] = "--law"
-    made = _checked(mission.name, f"--law {law}", mission.folder, given, changed)
+    made = _checked(mission.name, where or f"--law {law}", mission.folder, given, changed)
     return mission if made.flown is mission.flown else replace(made, source=mission.source)
 
 
-def with_airframe(mission: Mission, airframe: str) -> Mission:
+def with_airframe(mission: Mission, airframe: str, where: str = "") -> Mission:
     """`mission` flown with another vehicle: a name, or a FILE.toml from the working directory.
 
-    Raises MissionError.
+    where : what messages name in place of the option. Raises MissionError.
     """
     found = str(Path(airframe).absolute()) if airframe.endswith(".toml") else airframe
     given = {**mission.given, "airframe": found}
     changed = {**mission.changed, ("airframe",): "--airframe"}
-    made = _checked(
-        mission.name, f"--airframe {airframe}", mission.folder, given, changed, flown=mission.flown
-    )
+    said = where or f"--airframe {airframe}"
+    made = _checked(mission.name, said, mission.folder, given, changed, flown=mission.flown)
     return replace(made, source=mission.source)
 
 
@@ -310,6 +312,10 @@ def _checked(
                     f"{where}: [plant] rotor_loss[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
                     f" rotors of {airframe.name}, got {loss.rotor}"
                 )
+    except OSError as error:  # of a law whose name no file can have
+        line = nearest(found, ("law", "module"))
+        where = source if line is None else f"{source}:{line}"
+        raise MissionError(f"{where}: [law] module: {error.filename}: {error.strerror}") from error
     except ConfigurationError as error:
         line = nearest(found, ("airframe",))
         where = source if line is None else f"{source}:{line}"

@@ -84,7 +84,9 @@ def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):
         ('laws = ["mrac"]', "did you mean mmrac"),
         ('metrics = ["setpoint_error_finl_m"]', "did you mean setpoint_error_final_m"),
         ("flight = 10", "did you mean flights"),
-        ('mission = "hovr.toml"', "hovr.toml"),
+        ('mission = "hovr.toml"', "drawn.toml:4: mission: hovr.toml"),
+        ('airframe = "s100"', "drawn.toml:5: airframe: s100: no such airframe"),
+        ('laws = ["mmrac", "mrac"]', "drawn.toml:5: laws[1]: [law] module: mrac: no such law"),
         ("stop = { width = 2.0 }", "less than 1"),
         ('laws = [{ law = "mmrac", label = "../x" }]', "label"),
         (
@@ -111,6 +113,11 @@ def test_a_wrong_item_is_said_once(make):
     with pytest.raises(CampaignError) as error:
         make('metrics = ["setpoint_error_finl_m"]')
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_folder_without_a_campaign_is_said(tmp_path):
+    with pytest.raises(CampaignError, match=r"a folder without a campaign.*campaign\.json"):
+        read(tmp_path)
 
 
 def test_a_mission_that_is_given_as_a_campaign_is_named():

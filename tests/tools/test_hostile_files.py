@@ -132,7 +132,7 @@ def test_what_is_no_such_file_is_named_soon_and_in_little_memory(tmp_path, kind,
 
 
 @pytest.mark.parametrize(
-    "words", ["fly", "replay", "plot", "view", "recover", "record", "recover x.mcap --out",
+    "words", ["fly", "campaign", "campaign paper_noise --out", "compare mmrac se3 --missions", "replay", "plot", "view", "recover", "record", "recover x.mcap --out",
               "envelope", "fly gust_step --junit", "up --params"],
 )  # fmt: skip
 def test_a_name_that_no_file_can_have_is_named(words):
@@ -140,6 +140,37 @@ def test_a_name_that_no_file_can_have_is_named(words):
     done = gcs(*words.split(), name)
     assert done.exit_code == 2
     assert name in done.stderr
+
+
+@pytest.mark.parametrize(
+    "name", ["a" * 5000, "a" * 5000 + ".toml", "a/" + "a" * 5000, "a\\u0000.toml"]
+)
+def test_a_mission_that_no_file_can_be_is_exit_code_2_in_a_campaign(tmp_path, name):
+    path = tmp_path / "x.toml"
+    path.write_text(f'title = "x"\nmission = "{name}"\nflights = 1\n')
+    done = gcs("campaign", path, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert f"{path}:2: mission: a" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("suffix", [".py", ".toml"])
+def test_a_law_and_an_airframe_that_no_file_can_be_are_told_with_their_line(tmp_path, suffix):
+    line = f'airframe = "{"a" * 5000}.toml"' if suffix == ".toml" else ""
+    law = f'[law]\nmodule = "{"a" * 5000}.py"\n' if suffix == ".py" else ""
+    path = tmp_path / "x.toml"
+    path.write_text(f"{line}\n{HOVER}{law}")
+    for command in ("fly", "envelope"):
+        done = gcs(command, path)
+        assert done.exit_code == 2
+        assert f"{path}:{7 if law else 1}: " in done.stderr
+
+
+def test_the_longest_name_of_a_file_can_be_flown(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / f"{'a' * 250}.toml"
+    path.write_text(HOVER)
+    assert gcs("fly", path, "--in-process", "--figure", "never").exit_code == 0
 
 
 @pytest.mark.parametrize("kind", TEXTS)
