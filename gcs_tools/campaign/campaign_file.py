@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ from gcs_tools.campaign.draws import (
     SEED,
     DrawError,
     Draws,
+    check_apart,
     grid_size,
     key,
 )
@@ -190,6 +192,8 @@ class Document(Table):
             )
         if self.rare is not None and (self.method != RANDOM or not self.draw):
             raise wrong(("rare",), f'[draw], and method = "{RANDOM}"')
+        if self.rare is not None and (self.flights or 0) < 2:
+            raise wrong(("flights",), "2 or more beside [rare], for an interval", self.flights)
         if self.rare is not None and (self.stop or self.expect or self.success is not None):
             raise wrong(("rare",), "neither stop, expect nor success beside [rare]")
         if self.rare is not None and len(self.laws or ()) > 1:
@@ -335,20 +339,24 @@ def parsed(text: str, source: str, folder: Path, name: str, flights: int | None 
     except TomlError as error:
         where = source if error.line is None else f"{source}:{error.line}"
         raise CampaignError(f"{where}: {error}") from error
-    if isinstance(given.get("draw"), dict):
-        given["draw"] = dict(_flat(given["draw"]))
-    if flights is not None:
-        given["flights"] = flights
-    try:
-        document = Document.model_validate(given)
-    except ValidationError as error:
-        raise CampaignError("\n".join(_problems(error, source, text))) from error
     found = lines(text)
 
     def where(*path: str | int) -> str:
         line = nearest(found, path)
         return source if line is None else f"{source}:{line}"
 
+    if isinstance(given.get("draw"), dict):
+        drawn = list(_flat(given["draw"]))
+        given["draw"] = dict(drawn)
+        for name, n in Counter(name for name, _ in drawn).items():
+            if n > 1:
+                raise CampaignError(f"{where('draw', name)}: draw.{name}: drawn twice")
+    if flights is not None:
+        given["flights"] = flights
+    try:
+        document = Document.model_validate(given)
+    except ValidationError as error:
+        raise CampaignError("\n".join(_problems(error, source, text))) from error
     try:
         variants = tuple(_variants(document, folder, where))
         campaign = Campaign(name, source, text, document, _draws(document), variants)
@@ -371,6 +379,8 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
 
 
 def _draws(document: Document) -> Draws:
+    for names in {tuple(document.draw), *map(tuple, document.points)}:
+        check_apart(names)
     drawn = tuple((key(name), each) for name, each in document.draw.items())
     tables = {each.table for each, _ in drawn}
     tables |= {key(name).table for point in document.points for name in point}

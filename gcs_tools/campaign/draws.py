@@ -12,7 +12,7 @@ import copy
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -54,6 +54,20 @@ def key(name: str) -> Key:
         parts += [found[1], *(int(each) for each in re.findall(r"\d+", found[2]))]
     at = next((i for i, part in enumerate(parts) if isinstance(part, int)), len(parts))
     return Key(name, ".".join(map(str, parts[:at])), tuple(parts[at:]))
+
+
+def check_apart(names: Iterable[str]) -> None:
+    """Raise DrawError for a quantity that is drawn twice: under two spellings, or within another."""
+    paths: dict[tuple[str | int, ...], str] = {}
+    for each in map(key, names):
+        path = (*each.table.split("."), *each.inside)
+        if path in paths:
+            raise DrawError(f"{each.name}: drawn twice, also as {paths[path]}")
+        paths[path] = each.name
+    for path, name in paths.items():
+        for length in range(1, len(path)):
+            if path[:length] in paths:
+                raise DrawError(f"{name}: drawn twice, also within {paths[path[:length]]}")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import json
 import math
+import re
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -68,11 +69,11 @@ class Store:
         else:
             picture_file.write(folder / TOML, campaign.text.encode())
             picture_file.write(found, (json.dumps(about, indent=1) + "\n").encode())
-        (folder / PARTS).mkdir(exist_ok=True)
         self._schema = schema(campaign)
         self._n_parts = 1 + max((int(path.stem) for path in self._parts()), default=-1)
         for table in self._tables():
             self._note(table)
+        (folder / PARTS).mkdir(exist_ok=True)
 
     @property
     def flown(self) -> int:
@@ -139,7 +140,11 @@ class Store:
             part.unlink()
 
     def _parts(self) -> list[Path]:
-        return sorted((self.folder / PARTS).glob("*.parquet"))
+        found = sorted((self.folder / PARTS).glob("*.parquet"))
+        for path in found:
+            if not re.fullmatch("[0-9]{1,18}", path.stem):
+                raise Refused(f"{path}: not a part of a campaign: remove it")
+        return found
 
     def _tables(self) -> Iterator[Any]:
         ended = self.folder / PARQUET
@@ -190,10 +195,8 @@ class Store:
         columns = [table[name].to_pylist() for name in (*names, self._campaign.ranked_by)]
         for number, label, success, code, error, value in zip(*columns, strict=True):
             if label not in labels:
-                raise OSError(
-                    errno.EINVAL,
-                    f"flight {number} is of a law {label} that the campaign does not have",
-                    str(self.folder),
+                raise Refused(
+                    f"{self.folder}: flight {number} is of a law {label} that the campaign does not have"
                 )
             if number < self._campaign.n:
                 self._note_row(
@@ -259,9 +262,13 @@ def again(folder: Path, unchanged: bool = False) -> Campaign:
             f"{folder}: its campaign.toml, a mission, a law or an airframe has changed since it was flown"
         )
     if (folder / PROPOSALS).exists():
-        told = json.loads((folder / PROPOSALS).read_text(encoding="utf-8"))
         d = len(campaign.draws.drawn)
-        campaign.draws.proposals.update({int(k): Mixture.of(each, d) for k, each in told.items()})
+        try:
+            told = json.loads((folder / PROPOSALS).read_text(encoding="utf-8"))
+            mixtures = {int(k): Mixture.of(each, d) for k, each in told.items()}
+        except (ValueError, TypeError, AttributeError, RecursionError) as error:
+            raise CampaignError(f"{folder / PROPOSALS}: not a campaign's ({error})") from error
+        campaign.draws.proposals.update(mixtures)
     return campaign
 
 
@@ -321,7 +328,7 @@ def _fit(value: Any, text: bool) -> Any:
 
 
 def _read(path: Path, wanted: Any) -> Any:
-    """A part of the campaign that a schema is of. Raises OSError for anything else."""
+    """A part of the campaign that a schema is of. Raises Refused for anything else, OSError."""
     import pyarrow
     from pyarrow import compute, parquet
 
@@ -335,9 +342,12 @@ def _read(path: Path, wanted: Any) -> Any:
         codes = set(compute.unique(table["exit_code"]).to_pylist())
         if len(table) and (compute.min(table["number"]).as_py() < 0 or codes - set(_CODES)):
             raise ValueError("a number or an exit_code that no flight has")
-    except (pyarrow.ArrowInvalid, KeyError, ValueError, RecursionError) as error:
-        said = f"not flights of this campaign ({error}): remove it, and they are flown again"
-        raise OSError(errno.EINVAL, said, str(path)) from error
+    except (pyarrow.ArrowException, OSError, KeyError, ValueError, RecursionError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # of the disk; pyarrow's own, of damaged bytes, has none
+        raise Refused(
+            f"{path}: not flights of this campaign ({error}): remove it, and they are flown again"
+        ) from error
     return table
 
 
@@ -348,7 +358,7 @@ def _identity(schema: Any) -> str:
 
 
 def row(campaign: Campaign, folder: Path, number: int, law: str) -> Mapping[str, Any]:
-    """What is kept of a flight; empty: nothing. Raises OSError."""
+    """What is kept of a flight; empty: nothing. Raises Refused, OSError."""
     from pyarrow import compute
 
     wanted = schema(campaign)

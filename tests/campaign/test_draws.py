@@ -115,6 +115,30 @@ def test_a_wrong_item_is_said_once(make):
     assert len(str(error.value).splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ('"plant.mass_kg"', "plant.mass_kg"),
+        ('"wind.steady_m_s[0]"', '"wind.steady_m_s[00]"'),
+        ('"wind.steady_m_s"', '"wind.steady_m_s[0]"'),
+        ('"plant.noise.velocity_m_s"', '"plant.noise"'),
+    ],
+)
+def test_a_quantity_that_is_drawn_twice_is_said(make, one, other):
+    with pytest.raises(CampaignError, match=r"drawn\.toml.*drawn twice"):
+        make(draw=f"{one} = {{ choice = [7.0] }}\n{other} = {{ choice = [7.5] }}")
+    if '"' in other:
+        points = f"[{{ {one} = 7.0, {other} = 7.5 }}]"
+        with pytest.raises(CampaignError, match="drawn twice"):
+            make(f'flights = 1\nmethod = "list"\npoints = {points}', draw="")
+
+
+def test_an_interval_takes_two_flights(make):
+    rare = 'rare = { metric = "setpoint_error_max_m", limit = 2.0 }'
+    with pytest.raises(CampaignError, match="flights: expected 2 or more"):
+        make(f"flights = 1\n{rare}")
+
+
 def test_a_folder_without_a_campaign_is_said(tmp_path):
     with pytest.raises(CampaignError, match=r"a folder without a campaign.*campaign\.json"):
         read(tmp_path)

@@ -149,9 +149,9 @@ def test_flights_of_another_campaign_are_not_taken_for_its_own(make, tmp_path):
     finished(campaign, tmp_path / "one", Fake(invented))
     finished(make("flights = 40\nseed = 2"), tmp_path / "two", Fake(invented))
     (tmp_path / "one" / PARQUET).write_bytes((tmp_path / "two" / PARQUET).read_bytes())
-    with pytest.raises(OSError, match="of another campaign"):
+    with pytest.raises(Refused, match="of another campaign"):
         Store(tmp_path / "one", campaign, HERE)
-    with pytest.raises(OSError, match="of another campaign"):
+    with pytest.raises(Refused, match="of another campaign"):
         stores.row(campaign, tmp_path / "one", 1, "mmrac")
 
 
@@ -167,7 +167,7 @@ def test_rows_that_no_flight_gives_are_refused(make, tmp_path, change):
     rows = table.to_pylist()
     rows[3].update(change)
     parquet.write_table(pyarrow.Table.from_pylist(rows, table.schema), out / PARQUET)
-    with pytest.raises(OSError, match="flight"):
+    with pytest.raises(Refused, match="flight"):
         Store(out, campaign, HERE)
 
 
@@ -182,9 +182,29 @@ def test_a_file_that_was_cut_is_said_to_whoever_reads_it(make, tmp_path, left):
         lambda: Store(out, campaign, HERE),
         lambda: stores.row(campaign, out, 1, "mmrac"),
     ):
-        with pytest.raises(OSError, match="not flights of this campaign") as error:
+        with pytest.raises(Refused, match="not flights of this campaign") as error:
             read()
-        assert error.value.filename == str(path)
+        assert str(path) in str(error.value)
+
+
+def test_damaged_files_of_a_campaign_are_refused(make, folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    out = tmp_path / "out"
+    campaign = make("flights = 40")
+    whole = finished(campaign, out, Fake(invented))
+    path = out / PARQUET
+    middle = len(whole) // 3
+    path.write_bytes(whole[:middle] + b"\xff" * 300 + whole[middle + 300 :])
+    with pytest.raises(Refused, match="not flights of this campaign"):
+        Store(out, campaign, HERE)
+    path.write_bytes(whole)
+    (out / stores.PARTS).mkdir()
+    (out / stores.PARTS / "mine.parquet").write_bytes(whole)
+    with pytest.raises(Refused, match="not a part of a campaign"):
+        Store(out, campaign, HERE)
+    (out / stores.PROPOSALS).write_text('{"0": 3}')
+    with pytest.raises(CampaignError, match="proposals"):
+        stores.again(out)
 
 
 def test_a_campaign_that_was_changed_since_is_not_blamed_on_the_machine(
