@@ -26,6 +26,7 @@ FAR = 1.8  # standard deviation of these
 COMPONENTS = 4
 POINTS = 10  # that a component is fitted to, at least
 DEVIATIONS = (1.0, 1.2)  # of a component, least and most
+FEW = 30.0  # failures of equal weight, below which an interval is too short
 
 
 class Mixture(NamedTuple):
@@ -79,6 +80,21 @@ class Estimate(NamedTuple):
     high: float
     failures: int  # flights that failed among those that count
     flights: int
+    effective: float  # failures of equal weight that would say as much: Kish, (sum w)^2 / sum w^2
+
+    @property
+    def doubt(self) -> str:
+        """Why not to trust the interval, a sentence; empty: nothing against it is known."""
+        if not self.failures:
+            return (
+                "No flight that counts failed: the upper end of the interval is all that is known."
+            )
+        if self.effective < FEW:
+            return (
+                f"The failures say as much as {self.effective:.1f} of equal weight: with fewer than"
+                f" {FEW:g} the interval is too short. Fly more flights, or larger stages."
+            )
+        return ""
 
 
 def fitted(z: Numbers, weights: Numbers, severity: Numbers, seed: int) -> tuple[Mixture, float]:
@@ -133,9 +149,10 @@ def estimate(weights: Numbers, failed: Numbers, confidence: float) -> Estimate:
     mean, spread = float(value.mean()), float(value.std(ddof=1)) / math.sqrt(n)
     count = int(failed.sum())
     if not count:  # as if one had failed with the greatest weight
-        return Estimate(0.0, 0.0, min(1.0, -math.log(1.0 - confidence) / (PLAIN * n)), 0, n)
+        return Estimate(0.0, 0.0, min(1.0, -math.log(1.0 - confidence) / (PLAIN * n)), 0, n, 0.0)
     half = float(stdtrit(n - 1, 0.5 + 0.5 * confidence)) * spread
-    return Estimate(mean, max(0.0, mean - half), min(1.0, mean + half), count, n)
+    effective = float(value.sum() ** 2 / (value @ value))
+    return Estimate(mean, max(0.0, mean - half), min(1.0, mean + half), count, n, effective)
 
 
 def search(

@@ -39,7 +39,7 @@ class RareFound:
     def plain(self) -> dict[str, Any]:
         """As JSON has it."""
         found = asdict(self)
-        found["estimate"] = self.estimate._asdict()
+        found["estimate"] = {**self.estimate._asdict(), "doubt": self.estimate.doubt}
         found["plain_flights"] = self.plain_flights if math.isfinite(self.plain_flights) else None
         return found
 

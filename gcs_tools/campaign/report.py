@@ -93,8 +93,10 @@ def _rare_body(campaign: Campaign, found: RareFound, folder: Path) -> Iterator[s
         f" {escape(rare.metric)} {escape(beyond)}, or lost</span><b>{at.probability:.3g}</b>"
         f'{at.low:.3g} to {at.high:.3g} <span class="dim">with {100 * found.confidence:g} %'
         f" confidence</span><br><small>{at.failures:,} of the {at.flights:,} flights that count"
-        " failed</small></div></div>"
+        f" failed, which say as much as {at.effective:,.1f} of equal weight</small></div></div>"
     )
+    if at.doubt:
+        yield f"<p><b>{escape(at.doubt)}</b></p>"
     if math.isfinite(found.plain_flights):
         yield f"<p>Without importance sampling, an interval as narrow takes some {found.plain_flights:,.0f} flights.</p>"  # fmt: skip
     if found.levels and found.levels[-1] < 0.0:

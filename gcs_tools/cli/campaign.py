@@ -300,7 +300,9 @@ def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: P
         print_line(
             f"{of.document.title}\nprobability of failure {at.probability:.3g} ({at.low:.3g} to"
             f" {at.high:.3g}, {100.0 * found.confidence:g} %), from {found.flown} flights in all;"
-            f" {at.failures} of the {at.flights} that count failed\n{out / REPORT if asked.report else out}"
+            f" {at.failures} of the {at.flights} that count failed, which say as much as"
+            f" {at.effective:.1f} of equal weight\n{f'{at.doubt}{chr(10)}' if at.doubt else ''}"
+            f"{out / REPORT if asked.report else out}"
         )
     if kept.worst_exit:
         raise Failure(kept.first_error, kept.worst_exit)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from gcs_tools.campaign.rare import PLAIN, Mixture, estimate, fitted, search
+from gcs_tools.campaign.rare import FEW, PLAIN, Mixture, estimate, fitted, search
 
 D, CONFIDENCE = 5, 0.9
 
@@ -88,6 +88,25 @@ def test_without_a_failure_the_interval_begins_at_zero_and_is_not_empty():
     none = estimate(np.ones(1000), np.zeros(1000, dtype=bool), 0.95)
     assert (none.probability, none.low) == (0.0, 0.0)
     assert none.high >= 3.0 / 1000.0  # what plain flights would show
+
+
+def test_failures_of_unequal_weight_say_less():
+    failed = np.array([True] * 4 + [False] * 6)
+    assert estimate(np.full(10, 0.2), failed, 0.95).effective == pytest.approx(4.0)
+    one_heavy = np.array([9.0, 1.0, 1.0, 1.0] + [5.0] * 6)  # (9 + 3)^2 / (81 + 3)
+    assert estimate(one_heavy, failed, 0.95).effective == pytest.approx(144.0 / 84.0)
+    assert estimate(np.ones(10), np.zeros(10, dtype=bool), 0.95).effective == 0.0
+
+
+def test_few_failures_are_doubted():
+    limit, _ = CASES[0]
+    few, many = ([found(limit, seed, n=n)[0] for seed in range(20)] for n in (100, 1500))
+    assert all(each.effective < FEW and each.doubt for each in few)
+    assert not any(each.doubt for each in many)
+    # docs/campaigns.md: of so many flights so many fail, and say as much as so many
+    assert np.mean([each.failures for each in many]) == pytest.approx(690, rel=0.05)
+    assert np.median([each.effective for each in many]) == pytest.approx(110, rel=0.1)
+    assert estimate(np.ones(10), np.zeros(10, dtype=bool), 0.95).doubt
 
 
 def test_a_mixture_is_the_same_after_json():
