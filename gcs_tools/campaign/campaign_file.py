@@ -337,8 +337,8 @@ def parsed(text: str, source: str, folder: Path, name: str, flights: int | None 
     try:
         given = input_file.toml(text)
     except TomlError as error:
-        where = source if error.line is None else f"{source}:{error.line}"
-        raise CampaignError(f"{where}: {error}") from error
+        line = "" if error.line is None else f":{error.line}"
+        raise CampaignError(f"{source}{line}: {error}") from error
     found = lines(text)
 
     def where(*path: str | int) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -148,6 +150,70 @@ def test_a_flight_that_a_campaign_does_not_have_is_said(flown, name, said):
     found = gcs("fly", f"{out}{name}")
     assert found.exit_code == 2
     assert said in found.stderr
+
+
+BRIEF = """title = "A hover whose flights may fail."
+mission = "hover.toml"
+flights = 50
+fly = "law"
+{head}
+[draw]
+"wind.step_m_s[0]" = {{ uniform = [0.0, 16.0] }}
+{tail}"""
+RARE = 'rare = {{ metric = "setpoint_error_max_m", limit = {limit}, stage = 50, stages = 2 }}'
+SUCCESS = "[success]\nsetpoint_error_max_m = 0.04\n"
+TOGETHER = """"flight.duration_s" = { uniform = [1.0, 2.0] }
+"flight.setpoints[1].at_s" = { uniform = [0.2, 1.4] }
+"""
+
+
+@pytest.mark.parametrize(
+    ("head", "tail", "exit_code"),
+    [
+        ("expect = { success = { at_least = 0.99 } }", SUCCESS, 1),
+        (RARE.format(limit=0.04), "", 0),
+        (RARE.format(limit=100.0), "", 0),
+    ],
+)
+def test_json_is_one_object_and_nothing_else(tmp_path, head, tail, exit_code):
+    (tmp_path / "hover.toml").write_text(HOVER)
+    (tmp_path / "brief.toml").write_text(BRIEF.format(head=head, tail=tail))
+    done = subprocess.run(
+        [sys.executable, "-m", "gcs_tools", "campaign", tmp_path / "brief.toml", "--json", "--no-report", "-j", "1",
+         "--out", tmp_path / "out"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == exit_code, done.stderr
+    told = json.loads(done.stdout)
+    assert told == json.loads((tmp_path / "out" / "result.json").read_text())
+    assert told["exit_code"] == exit_code
+    if "rare" in head:
+        failures = told["estimate"]["failures"]
+        assert 0.0 <= told["estimate"]["effective"] <= failures
+        assert bool(failures) == ("100" not in head)
+        assert told["estimate"]["doubt"]
+
+
+def test_json_of_what_is_not_flown_is_nothing_and_the_error_is_told(tmp_path):
+    (tmp_path / "hover.toml").write_text(HOVER)
+    (tmp_path / "brief.toml").write_text(BRIEF.format(head="seed = -1", tail=""))
+    done = gcs("campaign", tmp_path / "brief.toml", "--json", "--out", tmp_path / "out")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "brief.toml:5: seed" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_json_of_flights_that_cannot_be_flown_is_one_object(tmp_path):
+    """Each of two quantities goes with the middle of the other, but not with its ends."""
+    two = "0.0] }, { at_s = 0.5, position_m = [0.1, 0.0, 0.0] }]"
+    (tmp_path / "hover.toml").write_text(HOVER.replace("0.0] }]", two))
+    (tmp_path / "brief.toml").write_text(BRIEF.format(head="", tail=TOGETHER))
+    done = gcs("campaign", tmp_path / "brief.toml", "--json", "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    told = json.loads(done.stdout)
+    assert told["exit_code"] == 2
+    assert "at_s" in told["error"]
+    assert told["error"] in done.stderr
 
 
 def test_an_address_that_is_none_is_refused_before_anything_is_made(flown, tmp_path):
