@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import subprocess
 import sys
@@ -179,7 +180,7 @@ def test_json_is_one_object_and_nothing_else(tmp_path, head, tail, exit_code):
     (tmp_path / "hover.toml").write_text(HOVER)
     (tmp_path / "brief.toml").write_text(BRIEF.format(head=head, tail=tail))
     done = subprocess.run(
-        [sys.executable, "-m", "gcs_tools", "campaign", tmp_path / "brief.toml", "--json", "--no-report", "-j", "1",
+        [sys.executable, "-m", "gcs_tools", "campaign", tmp_path / "brief.toml", "--json", "-j", "1",
          "--out", tmp_path / "out"],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -191,7 +192,8 @@ def test_json_is_one_object_and_nothing_else(tmp_path, head, tail, exit_code):
         failures = told["estimate"]["failures"]
         assert 0.0 <= told["estimate"]["effective"] <= failures
         assert bool(failures) == ("100" not in head)
-        assert told["estimate"]["doubt"]
+        report = (tmp_path / "out" / "report.html").read_text()
+        assert told["estimate"]["doubt"] in html.unescape(report)
 
 
 def test_json_of_what_is_not_flown_is_nothing_and_the_error_is_told(tmp_path):
