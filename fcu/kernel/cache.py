@@ -62,8 +62,11 @@ class Folder:
         self._used = False
         self._checked: bool | None = None
 
-    def holds(self, name: str) -> bool:
-        """Whether there are files of a kernel of this name, all whole; tells of those that are not."""
+    def holds(self, name: str, told: bool = True) -> bool:
+        """Whether there are files of a kernel of this name, all whole; tells of those that are not.
+
+        told : if there are none, the user is told that they are compiled, and not once more by us.
+        """
         found = []
         with contextlib.suppress(OSError):
             for file in sorted(os.listdir(self.path)):
@@ -71,7 +74,7 @@ class Folder:
                 if rest.endswith(_SUFFIX) and f".{kernel}".endswith(f".{name}"):
                     found.append(file)
         held = bool(found) and None not in [self.read(file) for file in found]
-        if not held:
+        if not held and told:
             _told.add(COMPILING)
         return held
 

@@ -79,13 +79,13 @@ def keep_apart(package: str, digest: str) -> None:
     _folders[package] = Folder(_HOME / f"{FINGERPRINT}-{digest}")
 
 
-def is_cached(name: str, package: str = "fcu") -> bool:
+def is_cached(name: str, package: str = "fcu", told: bool = True) -> bool:
     """Whether whole compiled code for the kernel called `name` is on disk already.
 
     `name` may begin with as much of the module's as tells it from others ("tick.advance"). If not,
-    whoever asks is expected to say that it compiles; else the compiler itself does.
+    whoever asks is expected to say that it compiles (`told`); else the compiler itself does.
     """
-    return _folders[package].holds(name)
+    return _folders[package].holds(name, told)
 
 
 def _is_strange(kind: Any) -> bool:

@@ -71,7 +71,7 @@ def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
     fly, n, missions = _loaded(plan)
     made = [_ready(Asked(*one), missions[one[1]], fly) for one in asked]
     ready = [one for one in made if isinstance(one, _Ready)]
-    flown = _vehicles(ready) if fly == VEHICLE else _laws(ready, n)
+    flown = _vehicles(ready) if fly == VEHICLE else _laws(ready, n * len(missions))
     rows = {ready[i].asked[:2]: _judged(ready[i], how) for i, how in flown}
     return [rows[one.asked[:2]] if isinstance(one, _Ready) else one for one in made]
 
@@ -138,10 +138,8 @@ def _vehicles(
 
 
 def _laws(flights: Sequence[_Ready], n: int) -> Iterator[tuple[int, Flown | LawError]]:
-    """Each flown by the law without an autopilot, in lanes if `n` flights repay it."""
-    scenes = [scene for _, _, scene in flights]
-    lanes = len(scenes) > 1 and several.repays(scenes[0], n)
-    for i, flown in several.each(scenes, lanes=lanes):
+    """Each flown by the law without an autopilot, in lanes if `n` flights in all repay it."""
+    for i, flown in several.each([scene for _, _, scene in flights], in_all=n):
         yield i, flown if isinstance(flown, LawError) else Flown(flown.plant, flown.law)
 
 

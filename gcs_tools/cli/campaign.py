@@ -193,7 +193,7 @@ def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
             raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
         lanes = in_lanes and asked_for.document.fly != VEHICLE
         if lanes and several.repays(scene, asked_for.n):
-            if not several.is_compiled(scene.flown.package):
+            if not several.is_compiled(scene.flown.package, told=True):
                 log.print(
                     f"compiling {variant.label} for lanes, once for this version (a minute or two)"
                 )

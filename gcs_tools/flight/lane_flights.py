@@ -16,7 +16,7 @@ import numpy as np
 
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import select
-from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.kernel.compile import kernel
 from fcu.kernel.lanes import Zeros, any_lane, buffer_at, spread
 from fcu.kernel.pointers import Pointer, address_of, call_law
@@ -55,6 +55,12 @@ class Keep(NamedTuple):
             if names is None
             else np.r_[(every[:0], *[every[slice_of(kind, n)] for n in names])]
         )
+
+    @classmethod
+    def names(cls, kind: Any, names: Sequence[str] | None) -> tuple[str, ...]:
+        """The dotted names of the same."""
+        every = columns(kind)
+        return tuple(every[i] for i in cls.columns(kind, names))
 
 
 EVERYTHING = Keep()

@@ -3,15 +3,18 @@
 Flights that share a law, a control rate and the number of plant steps in a tick are flown side by side
 in lanes (`lane_flights`). One by one fly those that find nobody to share with, those of a law that
 cannot be compiled for lanes, and those of lanes that part: that take different branches of a law which
-branches on data. Rows are the same bits either way; `Flown.in_lanes` says which it was.
+which branches on data. Rows are the same bits either way; `Flown.in_lanes` says which it was.
+
+Lanes are compiled once for a version, a law, and settings that are alike or not, which takes as long as
+some millions of ticks: flights fly one by one where lanes are not compiled yet, and too few to repay it.
 """
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,11 +27,14 @@ from fcu.laws.loader import LawError
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.lane_flights import EVERYTHING, REFUSED, Group, Keep
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.recording.table import Table
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 __all__ = [
+    "ALWAYS",
     "EVERYTHING",
+    "REPAID",
     "Flown",
     "Keep",
     "each",
@@ -36,16 +42,18 @@ __all__ = [
     "groups",
     "is_compiled",
     "repays",
+    "tables",
     "warm_up",
 ]
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
-MANY = 2000  # flights, from which lanes repay that they are compiled first
-
 _ENDED = column_of(PlantRecord, "ended")
+REPAID = 40e6  # ticks, from which lanes save more time than it takes to compile them
+ALWAYS = math.inf  # flights in all: compile, whatever it takes
 # laws that cannot be compiled for lanes: which, and whether with settings that are alike
 _never: set[tuple[str, bool]] = set()
+_ready: set[tuple[str, bool]] = set()  # packages of laws that are compiled
 
 
 class Flown(NamedTuple):
@@ -58,12 +66,18 @@ class Flown(NamedTuple):
     in_lanes: bool  # beside others; else by itself
 
 
-def fly(scenes: Sequence[Scenario], keep: Keep = EVERYTHING, width: int = WIDTH) -> list[Flown]:
+def fly(
+    scenes: Sequence[Scenario],
+    keep: Keep = EVERYTHING,
+    width: int = WIDTH,
+    in_all: float | None = None,
+) -> list[Flown]:
     """Fly each of the scenes; the result of each, in their order. On one core, without the GIL.
 
-    width : of the lanes, 8 or 4: what suits this machine. Raises LawError.
+    width : of the lanes, 8 or 4: what suits this machine.  in_all : how many flights these are some of,
+    for which lanes are compiled if they repay it; default: there are no others.  Raises LawError.
     """
-    found = dict(each(scenes, keep, width))
+    found = dict(each(scenes, keep, width, in_all))
     for flown in found.values():
         if isinstance(flown, LawError):
             raise flown
@@ -71,13 +85,16 @@ def fly(scenes: Sequence[Scenario], keep: Keep = EVERYTHING, width: int = WIDTH)
 
 
 def each(
-    scenes: Sequence[Scenario], keep: Keep = EVERYTHING, width: int = WIDTH, lanes: bool = True
+    scenes: Sequence[Scenario],
+    keep: Keep = EVERYTHING,
+    width: int = WIDTH,
+    in_all: float | None = None,
 ) -> Iterator[tuple[int, Flown | LawError]]:
     """Number and result of each of the scenes, group by group, in any order: what goes wrong is its own.
 
-    lanes : whether to fly in them at all.
+    Arguments as for `fly`.
     """
-    for group in groups(scenes, width) if lanes else [[i] for i in range(len(scenes))]:
+    for group in groups(scenes, width, in_all):
         beside = _beside([scenes[i] for i in group], keep, width) if len(group) > 1 else {}
         for at, i in enumerate(group):
             try:
@@ -88,16 +105,21 @@ def each(
 
 def repays(scene: Scenario, n: int) -> bool:
     """Whether lanes are sooner for `n` flights such as this: they are compiled, or it is worth it."""
-    return not scene.legs and (n >= MANY or is_compiled(scene.flown.package))
+    package = scene.flown.package
+    ready = is_compiled(package) or is_compiled(package, alike=False)
+    return not scene.legs and n > 1 and (ready or n * scene.ticks >= REPAID)
 
 
-@cache
-def is_compiled(package: str) -> bool:
-    """Whether a law's lanes were on disk when this was first asked."""
-    of_law = ("tick.lanes_at", "tick.lanes_each_at")
-    return is_cached("lane_flights.burst", "gcs_tools") and any(
-        is_cached(n, package) for n in of_law
-    )
+def is_compiled(package: str, alike: bool = True, told: bool = False) -> bool:
+    """Whether a law's lanes are compiled, for settings that are alike or not: on disk, or in this process.
+
+    told : if not, whoever asks says that they are compiled.
+    """
+    if (package, alike) not in _ready:
+        of_law = "tick.lanes_at" if alike else "tick.lanes_each_at"
+        if is_cached(of_law, package, told) and is_cached("lane_flights.burst", told=told):
+            _ready.add((package, alike))
+    return (package, alike) in _ready
 
 
 def warm_up(scenes: Sequence[Scenario]) -> None:
@@ -105,18 +127,50 @@ def warm_up(scenes: Sequence[Scenario]) -> None:
     ticks = [
         replace(scene, ticks=1, sent_at=scene.sent_at[:1], sent=scene.sent[:1]) for scene in scenes
     ]
-    for group in groups(ticks):
+    for group in groups(ticks, in_all=ALWAYS):
         _beside([ticks[i] for i in group], EVERYTHING, WIDTH)
 
 
-def groups(scenes: Sequence[Scenario], width: int = WIDTH) -> Iterator[list[int]]:
+def groups(
+    scenes: Sequence[Scenario], width: int = WIDTH, in_all: float | None = None
+) -> Iterator[list[int]]:
     """The numbers of the scenes that are flown together, at most `width`.
 
-    Of the same settings, where at least half of the lanes are taken so.
+    Of the same settings, where at least half of the lanes are taken so; alone, where lanes would have to
+    be compiled and would not repay it. Arguments as for `fly`.
     """
+    found = list(_groups(scenes, width))
+    kinds = [(scenes[numbers[0]].flown.package, _alike(scenes, numbers)) for numbers in found]
+    ticks: dict[tuple[str, bool], int] = defaultdict(int)
+    for kind, numbers in zip(kinds, found, strict=True):
+        ticks[kind] += sum(scenes[i].ticks for i in numbers) if len(numbers) > 1 else 0
+    times = 1.0 if in_all is None else in_all / max(1, len(scenes))
+    in_lanes = {
+        kind for kind, n in ticks.items() if n and (times * n >= REPAID or is_compiled(*kind))
+    }
+    for kind, numbers in zip(kinds, found, strict=True):
+        yield from [numbers] if kind in in_lanes else [[i] for i in numbers]
+
+
+def _alike(scenes: Sequence[Scenario], numbers: Sequence[int]) -> bool:
+    """Whether flights have the same settings."""
+    return len({to_buffer(scenes[i].settings).tobytes() for i in numbers}) == 1  # 0.0 is not -0.0
+
+
+def _choices(scene: Scenario) -> tuple[Any, ...]:
+    """What is chosen by a word: what a law may branch on that lanes then share."""
+    rows = scene.flown.settings.PARAMETERS
+    return tuple(row.get(scene.settings) for row in rows if row.words)
+
+
+def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
     alike: dict[Any, list[int]] = defaultdict(list)
-    for i, scene in enumerate(scenes):
-        kind = scene.flown.source, scene.period_us, scene.world.steps, bool(scene.legs)
+    in_time = sorted(range(len(scenes)), key=lambda i: scenes[i].ticks)  # lanes end together
+    for i in in_time:
+        scene = scenes[i]
+        kind = (
+            scene.flown.source, scene.period_us, scene.world.steps, bool(scene.legs), _choices(scene)
+        )  # fmt: skip
         alike[kind, to_buffer(scene.settings).tobytes()].append(i)
     rest: dict[Any, list[int]] = defaultdict(list)
     for (kind, _), numbers in alike.items():
@@ -133,8 +187,7 @@ def groups(scenes: Sequence[Scenario], width: int = WIDTH) -> Iterator[list[int]
 
 def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     """The flights of a group, those that could be flown in lanes."""
-    settings = {to_buffer(scene.settings).tobytes() for scene in scenes}  # 0.0 is not -0.0
-    alike = len(settings) == 1
+    alike = _alike(scenes, range(len(scenes)))
     law = scenes[0].flown.source, alike
     if scenes[0].legs or law in _never:
         return {}
@@ -145,6 +198,7 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     ):  # numba has many for what it cannot compile; by itself the law flies, or says why
         _never.add(law)
         return {}
+    _ready.add((scenes[0].flown.package, alike))
     group = Group(scenes, width, keep, pointer, alike)
     if not group.fly():
         return {}
@@ -161,9 +215,18 @@ def by_itself(scene: Scenario, keep: Keep = EVERYTHING) -> Flown:
     of_plant = keep.columns(PlantRecord, keep.plant)
     of_law = keep.columns(scene.flown.ticks.Tick, keep.law)
     return Flown(
-        plant=plant if keep == EVERYTHING else plant[:: keep.every, of_plant],
-        law=law if keep == EVERYTHING else law[:: keep.every, of_law],
+        plant=plant if keep == EVERYTHING else np.ascontiguousarray(plant[:: keep.every, of_plant]),
+        law=law if keep == EVERYTHING else np.ascontiguousarray(law[:: keep.every, of_law]),
         ticks=len(law),
         ended=ended,
         in_lanes=False,
+    )
+
+
+def tables(scene: Scenario, flown: Flown, keep: Keep = EVERYTHING) -> tuple[Table, Table]:
+    """The rows of a flight of `scene`, of the plant and of the law, with the names of what was kept."""
+    ticks = scene.flown.ticks.Tick
+    return (
+        Table(flown.plant, keep.names(PlantRecord, keep.plant)),
+        Table(flown.law, keep.names(ticks, keep.law)),
     )

@@ -121,7 +121,8 @@ def check(
     for first in range(0, n, BATCH):
         numbers = range(first, min(first + BATCH, n))
         scenes = [drawn(i, seed, duration_s, tuple(laws)) for i in numbers]
-        for i, scene, one in zip(numbers, scenes, several.fly(scenes, width=width), strict=True):
+        flown = several.fly(scenes, width=width, in_all=several.ALWAYS)
+        for i, scene, one in zip(numbers, scenes, flown, strict=True):
             other = several.by_itself(scene)
             same = (one.plant.tobytes(), one.law.tobytes(), one.ticks, one.ended) == (
                 other.plant.tobytes(), other.law.tobytes(), other.ticks, other.ended,

@@ -48,8 +48,8 @@ def test_lanes_change_no_row(drawn, monkeypatch):
         return found
 
     monkeypatch.setattr(several, "_beside", counted)
-    few, many = ({**json.loads(plan), "flights": n} for n in (1, several.MANY))
-    monkeypatch.setattr(several, "is_compiled", lambda package: False)
+    few, many = ({**json.loads(plan), "flights": n} for n in (1, int(several.REPAID)))
+    monkeypatch.setattr(several, "is_compiled", lambda *kind: False)
     one_by_one = fly_batch(json.dumps(few), asked)
     assert not flown
     in_lanes = fly_batch(json.dumps(many), asked)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fcu.kernel import cache, compile
 from fcu.kernel.rows import column_of
 from fcu.laws.loader import LawError
 from fcu.tick import Tick
@@ -22,6 +23,11 @@ DRAWN, SEED = 96, 3
 @pytest.fixture(scope="module")
 def scene():
     return prepared("paper_nominal", ["flight.duration_s=0.4"])[1]
+
+
+def fly(scenes, *keep):
+    """In lanes, compiled or not."""
+    return several.fly(scenes, *keep, in_all=several.ALWAYS)
 
 
 def varied(scene, n):
@@ -55,7 +61,7 @@ def test_drawn_flights_have_the_bits_of_each_by_itself():
 def test_in_four_lanes_too():
     scenes = [lanes_check.drawn(i, SEED, 1.5) for i in range(3 * DRAWN)]
     alike = [s for s in scenes if s.settings == scenes[0].settings]  # one law is compiled for it
-    flown = several.fly(alike, width=4)
+    flown = several.fly(alike, width=4, in_all=several.ALWAYS)
     assert sum(one.in_lanes for one in flown) > 0.8 * len(alike) > 12
     assert {one.ended for one in flown} == {FLYING, CRASHED, DIVERGED}
     for one, scene in zip(flown, alike, strict=True):
@@ -64,7 +70,7 @@ def test_in_four_lanes_too():
 
 def test_fewer_flights_than_lanes(scene):
     scenes = varied(scene, 5)
-    for one, each in zip(several.fly(scenes), scenes, strict=True):
+    for one, each in zip(fly(scenes), scenes, strict=True):
         assert one.in_lanes
         same(one, each)
 
@@ -74,7 +80,7 @@ def test_settings_that_differ_share_lanes(scene):
         prepared("paper_nominal", ["flight.duration_s=0.4", f"law.f_m={f_m}"])[1]
         for f_m in (0.6, 0.8, 1.0)
     ]
-    for one, each in zip(several.fly(scenes), scenes, strict=True):
+    for one, each in zip(fly(scenes), scenes, strict=True):
         assert one.in_lanes
         same(one, each)
 
@@ -85,24 +91,40 @@ def test_settings_that_differ_in_the_sign_of_nought_are_not_alike(scene):
         replace(scene, settings=scene.settings._replace(law=law._replace(trim_max=trim_max)))
         for trim_max in (0.0, -0.0)
     ]
-    for one, each in zip(several.fly(scenes), scenes, strict=True):
+    for one, each in zip(fly(scenes), scenes, strict=True):
         assert one.in_lanes
         same(one, each)
 
 
-def test_branches_that_not_all_lanes_take_are_flown_one_by_one(scene):
-    """What a law is told to predict with is asked in an `if`."""
+def test_what_is_chosen_by_a_word_parts_groups_and_no_lanes():
+    """A law may branch on it, as that of the paper does on what it is told to predict with."""
+    chosen = ([], ['law.prediction="demanded"'], ["law.guard=govern"])
+    scenes = [
+        prepared("paper_nominal", ["flight.duration_s=0.2", f"law.f_m={f_m}", *settings])[1]
+        for f_m in (0.8, 1.0)
+        for settings in chosen
+    ]
+    groups = several.groups(scenes, in_all=several.ALWAYS)
+    assert sorted(map(sorted, groups)) == [[0, 3], [1, 4], [2, 5]]
+    for one, each in zip(fly(scenes), scenes, strict=True):
+        assert one.in_lanes
+        same(one, each)
+
+
+def test_branches_that_not_all_lanes_take_are_flown_one_by_one(monkeypatch):
+    """What a law is told to predict with is asked in an `if`; here nobody knows that it is chosen."""
+    monkeypatch.setattr(several, "_choices", lambda scene: ())
     scenes = [
         prepared("paper_nominal", ["flight.duration_s=0.2", *settings])[1]
         for settings in ([], ['law.prediction="demanded"'])
     ]
-    for one, each in zip(several.fly(scenes), scenes, strict=True):
+    for one, each in zip(fly(scenes), scenes, strict=True):
         assert not one.in_lanes
         same(one, each)
 
 
 def test_one_alone_flies_by_itself(scene):
-    (one,) = several.fly([scene])
+    (one,) = fly([scene])
     assert not one.in_lanes
     same(one, scene)
 
@@ -114,7 +136,7 @@ def test_flights_end_in_their_own_time(scene):
     lost = replace(others[0], world=others[0].world._replace(params=params))
     short = replace(others[1], ticks=7)
     scenes = [first, lost, short, others[2]]
-    found = several.fly(scenes)
+    found = fly(scenes)
     assert [one.ended for one in found] == [FLYING, DIVERGED, FLYING, FLYING]
     assert found[2].ticks == 7 < found[1].ticks < found[0].ticks == first.ticks
     for one, each in zip(found, scenes, strict=True):
@@ -130,7 +152,7 @@ def test_one_that_falls_on_the_ground(scene):
         m=10.0 * params.m, ground=params.ground._replace(z=roof, impact_max=0.5)
     )
     scenes[1] = replace(scenes[1], world=scenes[1].world._replace(params=params))
-    found = several.fly(scenes)
+    found = fly(scenes)
     assert [one.ended for one in found] == [FLYING, CRASHED, FLYING]
     assert len(found[1].plant) == len(found[1].law) + 1
     same(found[1], scenes[1])
@@ -139,7 +161,7 @@ def test_one_that_falls_on_the_ground(scene):
 def test_a_part_of_the_rows(scene):
     keep = several.Keep(plant=("state.r_E", "ended"), law=("outputs.T_c", "command"), every=7)
     scenes = varied(scene, 3)
-    for one, each in zip(several.fly(scenes, keep), scenes, strict=True):
+    for one, each in zip(fly(scenes, keep), scenes, strict=True):
         plant, law = law_alone.fly(each)
         at = [*range(1, 4), column_of(PlantRecord, "ended")]
         assert np.array_equal(one.plant, plant[::7, at])
@@ -150,41 +172,108 @@ def test_a_part_of_the_rows(scene):
         assert one.law.tobytes() == alone.law.tobytes()
 
 
+def test_what_is_kept_has_its_names(scene):
+    keep = several.Keep(plant=("ended",), law=("setpoint.r_c", "outputs.T_c"))
+    whole = several.Flown(*law_alone.fly(scene), scene.ticks, FLYING, False)
+    every = several.tables(scene, whole)
+    for one in (*fly(varied(scene, 2), keep)[:1], several.by_itself(scene, keep)):
+        plant, law = several.tables(scene, one, keep)
+        assert plant.names == ("ended",)
+        assert law.names == ("setpoint.r_c.x", "setpoint.r_c.y", "setpoint.r_c.z", "outputs.T_c")
+        for name in law.names:
+            assert np.array_equal(law[name], every[1][name])
+
+
 def test_no_rows_at_all(scene):
-    one, _ = several.fly(varied(scene, 2), several.Keep(plant=(), law=()))
+    one, _ = fly(varied(scene, 2), several.Keep(plant=(), law=()))
     assert one.plant.shape[1] == one.law.shape[1] == 0
     assert one.ticks == scene.ticks
 
 
 def test_a_field_that_there_is_not_is_named(scene):
     with pytest.raises(AttributeError, match="no_such"):
-        several.fly(varied(scene, 2), several.Keep(plant=("state.no_such",)))
+        fly(varied(scene, 2), several.Keep(plant=("state.no_such",)))
 
 
 def test_a_state_that_no_controller_would_read_is_told(scene):
     scenes = varied(scene, 2)
     start = scenes[1].world.start._replace(q_EB=scenes[1].world.start.q_EB.scaled(1.2))
     scenes[1] = replace(scenes[1], world=scenes[1].world._replace(start=start))
-    found = dict(several.each(scenes))
+    found = dict(several.each(scenes, in_all=several.ALWAYS))
     same(found[0], scenes[0])
     assert isinstance(found[1], LawError)
     with pytest.raises(LawError, match="unit quaternion"):
-        several.fly(scenes)
+        fly(scenes)
 
 
 def test_the_groups_have_alike_settings_where_these_fill_lanes(scene):
     other = prepared("paper_nominal", ["flight.duration_s=0.4", "law.f_m=0.7"])[1]
     scenes = [scene, other] * 5 + [replace(scene, period_us=scene.period_us + 1)]
-    groups = list(several.groups(scenes, width=4))
+    groups = list(several.groups(scenes, width=4, in_all=several.ALWAYS))
     assert sorted(i for group in groups for i in group) == list(range(11))
     assert groups[:2] == [[0, 2, 4, 6], [1, 3, 5, 7]]
     assert sorted(map(sorted, groups[2:])) == [[8, 9], [10]]
+
+
+def test_flights_of_one_length_share_lanes(scene):
+    """A lane whose flight is over waits for the longest."""
+    scenes = varied(scene, 16)
+    scenes = [replace(one, ticks=one.ticks // (1 + i % 2)) for i, one in enumerate(scenes)]
+    groups = several.groups(scenes, in_all=several.ALWAYS)
+    assert list(groups) == [[*range(1, 16, 2)], [*range(0, 16, 2)]]
+
+
+@pytest.fixture
+def compiled(monkeypatch):
+    """The kernels of lanes that are in the cache: none but what a test adds."""
+    found = set()
+    monkeypatch.setattr(several, "_ready", set())
+    monkeypatch.setattr(several, "is_cached", lambda name, package="fcu", told=True: name in found)
+    return found
+
+
+def test_lanes_are_compiled_for_flights_that_repay_it(scene, compiled):
+    scenes = varied(scene, 4)
+    repaid = several.REPAID / scene.ticks
+    assert len(list(several.groups(scenes))) == 4
+    assert len(list(several.groups(scenes, in_all=0.9 * repaid))) == 4
+    assert len(list(several.groups(scenes, in_all=1.1 * repaid))) == 1
+    assert [one.in_lanes for one in several.fly(scenes)] == [False] * 4
+
+
+def test_ticks_are_counted_for_each_law_and_kind_of_settings(scene, compiled):
+    """Those that fly in other lanes, or beside nobody, repay nothing."""
+    others = [
+        replace(scene, settings=scene.settings._replace(law=scene.law._replace(f_m=f_m)))
+        for f_m in (0.6, 0.7)
+    ]
+    scenes = [*varied(scene, 8), *others]
+    repaid = several.REPAID / scene.ticks
+    groups = several.groups(scenes, in_all=2.0 * repaid)
+    assert sorted(map(sorted, groups)) == [[0, 1, 2, 3, 4, 5, 6, 7], [8], [9]]
+
+
+def test_lanes_that_are_compiled_fly_any_flights(scene, compiled):
+    scenes = varied(scene, 4)
+    compiled |= {"tick.lanes_each_at", "lane_flights.burst"}
+    assert len(list(several.groups(scenes))) == 4  # their settings are alike
+    compiled |= {"tick.lanes_at"}
+    assert len(list(several.groups(scenes))) == 1
+
+
+def test_whoever_waits_for_no_lanes_is_still_told_of_what_is_compiled(scene, tmp_path, monkeypatch):
+    """Asking whether they are there is no word to the user."""
+    monkeypatch.setattr(several, "_ready", set())
+    monkeypatch.setattr(cache, "_told", set())
+    monkeypatch.setitem(compile._folders, "fcu", cache.Folder(tmp_path))
+    assert len(list(several.groups(varied(scene, 4)))) == 4
+    assert cache._told == set()
 
 
 def test_a_law_that_cannot_be_compiled_for_lanes_flies_by_itself():
     """It calls a function of the C library that lanes do not have."""
     law = "tests/own_law/plain_cascade.py"
     scenes = [prepared("gust_step", ["flight.duration_s=0.2"], law=law, seed=i)[1] for i in (1, 2)]
-    for one, each in zip(several.fly(scenes), scenes, strict=True):
+    for one, each in zip(fly(scenes), scenes, strict=True):
         assert not one.in_lanes
         same(one, each)

@@ -149,22 +149,23 @@ def beside(scene: Scenario, repeats: int, alone: float) -> Iterator[Figure]:
         params = world.params._replace(m=world.params.m + 0.05 * i)
         return replace(scene, world=world._replace(params=params, seed=float(i)))
 
+    fly = partial(several.fly, in_all=several.ALWAYS)
     scenes, nothing = [varied(i) for i in range(WIDTH)], several.Keep(plant=(), law=())
     hashed = several.Keep(law=())  # what a trajectory hash takes, and a verdict by the truth
     n = len(scenes) * scene.ticks
     label = f"the same, {WIDTH} flights beside each other, "
-    lanes = 1e-6 / per_call_s(lambda: several.fly(scenes, nothing), n, repeats)
+    lanes = 1e-6 / per_call_s(lambda: fly(scenes, nothing), n, repeats)
     goal = f"4 times one at a time: {4.0 * alone:.2g}"
     yield Figure("lanes_mticks_s", f"{label}no rows kept (million ticks/s)", lanes, goal)
     for key, words, keep in (
         ("lanes_plant_rows_mticks_s", "the simulator's rows kept", hashed),
         ("lanes_all_rows_mticks_s", "all rows kept", several.EVERYTHING),
     ):
-        taken = per_call_s(partial(several.fly, scenes, keep), n, repeats)
+        taken = per_call_s(partial(fly, scenes, keep), n, repeats)
         yield Figure(key, f"{label}{words} (million ticks/s)", 1e-6 / taken)
     with ThreadPoolExecutor(2) as pool:
         two = per_call_s(
-            lambda: list(pool.map(lambda each: several.fly(each, nothing), [scenes, scenes])),
+            lambda: list(pool.map(lambda each: fly(each, nothing), [scenes, scenes])),
             2 * n, repeats,
         )  # fmt: skip
     yield Figure("lanes_two_cores_mticks_s", f"{label}two cores (million ticks/s)", 1e-6 / two)
@@ -172,7 +173,7 @@ def beside(scene: Scenario, repeats: int, alone: float) -> Iterator[Figure]:
         ("flight_mb", "memory of a flight, all rows kept (MB)", several.EVERYTHING),
         ("flight_plant_rows_mb", "of which the simulator's (MB)", hashed),
     ):
-        flown = several.fly(scenes[:2], keep)[0]
+        flown = fly(scenes[:2], keep)[0]
         yield Figure(key, words, (flown.plant.nbytes + flown.law.nbytes) * 1e-6)
 
 
