@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import NamedTuple
 
 from rich.console import Console
@@ -19,15 +18,12 @@ from rich.console import Console
 from gcs_tools.many import statistics
 from gcs_tools.many.draws import Stream
 from gcs_tools.many.entrant import Entrant, Flight
-from gcs_tools.many.entrant import fly as fly_group
-from gcs_tools.many.flights import each
+from gcs_tools.many.entrant import fly as fly_some
+from gcs_tools.many.flights import chunked
 from gcs_tools.many.procedure import Objective, Procedure
 from gcs_tools.many.score import NAMES, Score, cost
 from gcs_tools.many.statistics import Interval
 from gcs_tools.missions.mission import Mission
-
-TOGETHER = 8  # flights, of which lanes take 4 or 8
-MANY = 2000  # flights of a law, from which lanes repay that they are compiled first
 
 
 class Row(NamedTuple):
@@ -103,14 +99,13 @@ def fly(
         if entrant.airframe == airframe
         for seed in seeds
     ]
-    n = TOGETHER if len(flights) >= MANY * len(entrants) else 1
-    groups = [
-        flights[at : at + n] for at in range(0, len(flights), n)
-    ]  # seeds of a law in a mission, mostly
-    scores = each(lambda group: fly_group(group, procedure), groups, "comparing", console)
+    of_law = len(flights) / len(entrants)
+    scores = chunked(  # seeds of a law in a mission, mostly
+        lambda some: fly_some(some, procedure, of_law), flights, None, "comparing", console
+    )
     return [
         Row(f.entrant.airframe, f.mission.name, f.entrant.label, f.seed, score)
-        for f, score in zip(flights, chain.from_iterable(scores), strict=True)
+        for f, score in zip(flights, scores, strict=True)
     ]
 
 

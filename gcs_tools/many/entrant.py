@@ -127,14 +127,16 @@ class Flight:
             raise EntrantError(str(error)) from error
 
 
-def fly(flights: Sequence[Flight], procedure: Procedure) -> list[Score]:
+def fly(
+    flights: Sequence[Flight], procedure: Procedure, in_all: float | None = None
+) -> list[Score]:
     """Fly them, side by side where that can be; what a vehicle would not arm with is lost.
 
-    Raises EntrantError, LawError.
+    in_all : how many flights of a law these are some of; default: there are no others.  Raises EntrantError, LawError.
     """
     missions = [flight.drawn(procedure.draws) for flight in flights]
     made = [(scene(mission), mission) for mission in missions]
-    return score.fly_several(made, procedure.objective.far_m)
+    return score.fly_several(made, procedure.objective.far_m, in_all)
 
 
 def refusal(entrant: Entrant, mission: Mission) -> str:

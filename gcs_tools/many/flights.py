@@ -2,6 +2,7 @@
 
 tables, rejected = drawn(draw, lambda given: not unstable(scenario(mission(given)).law), 2000)
 results = list(each(fly, tables))
+results = list(flown(lambda given: [Asked(scenario(mission(given)), look)], tables))  # in lanes
 """
 
 from __future__ import annotations
@@ -9,15 +10,47 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from fcu.laws.loader import LawError
+from gcs_tools.flight import several
+from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.several import EVERYTHING, Keep
+from gcs_tools.recording.table import Table
+
 Random = np.random.Generator
 Item = TypeVar("Item")
 Found = TypeVar("Found")
+
+# items of a chunk: enough to fill lanes with what can share them, few enough for the room that they take
+LEAST, MOST = 16, 64
+CHUNKS = 3  # a thread, where that makes neither fewer items of a chunk nor more
+
+
+class Flight(NamedTuple):
+    """A flight that is over, of a law alone."""
+
+    scene: Scenario
+    plant: Table  # what was kept of its rows, of PlantRecord
+    law: Table  # of the law's Tick
+    ticks: int  # that the law flew
+    ended: int  # as several.Flown
+
+    @property
+    def lasted(self) -> bool:
+        """Whether it flew to the end of its time."""
+        return self.ticks == self.scene.ticks
+
+
+class Asked(NamedTuple, Generic[Found]):
+    """A flight that is to be flown, and what is looked for in it."""
+
+    scene: Scenario
+    look: Callable[[Flight], Found]
 
 
 def drawn(
@@ -44,14 +77,64 @@ def each(
     on_end : called when nothing more is asked for, before what has begun is waited for.
     Raises what `work` raises, at its item; items that were not begun are then left out.
     """
+    return chunked(lambda some: [work(item) for item in some], items, 1, what, console, on_end)
+
+
+def chunked(
+    work: Callable[[Sequence[Item]], Sequence[Found]], items: Sequence[Item], n: int | None = None,
+    what: str = "flying", console: Console | None = None, on_end: Callable[[], None] = lambda: None,
+) -> Iterator[Found]:  # fmt: skip
+    """The same of a `work` that takes `n` items at a time, by default as suits lanes."""
+    threads = max(2, os.cpu_count() or 1)
+    if n is None:
+        n = min(max(LEAST, len(items) // (CHUNKS * threads)), MOST, -(-len(items) // threads) or 1)
+    chunks = [items[at : at + n] for at in range(0, len(items), n)]
     log = console or Console(quiet=True)
     columns = TextColumn("[bold]{task.description}"), BarColumn(bar_width=40), MofNCompleteColumn()
     bar = Progress(*columns, console=log, transient=True, disable=not log.is_terminal)
-    with bar, ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
-        begun = [pool.submit(work, item) for item in items]
+    with bar, ThreadPoolExecutor(threads) as pool:
+        task = bar.add_task(what, total=len(items))
+        begun = [pool.submit(work, chunk) for chunk in chunks]
         try:
-            for future in bar.track(begun, len(begun), description=what):
-                yield future.result()
+            for future in begun:
+                found = future.result()
+                bar.advance(task, len(found))
+                yield from found
         finally:
             on_end()
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def flown(
+    make: Callable[[Item], Sequence[Asked[Found]]], items: Sequence[Item], keep: Keep = EVERYTHING,
+    what: str = "flying", console: Console | None = None,
+) -> Iterator[list[Found]]:  # fmt: skip
+    """For each item what is found in the flights that `make` makes of it; in lanes where that can be.
+
+    keep : what is kept of their rows, until they have been looked at.  what, console : as for `each`.
+    Raises LawError, and what `make` raises.
+    """
+
+    def work(some: Sequence[Item]) -> list[list[Found]]:
+        made = [make(item) for item in some]
+        asked = [one for of_item in made for one in of_item]
+        found = iter(fly(asked, keep, len(asked) * len(items) / len(some)))
+        return [[next(found) for _ in of_item] for of_item in made]
+
+    return chunked(work, items, None, what, console)
+
+
+def fly(
+    asked: Sequence[Asked[Found]], keep: Keep = EVERYTHING, in_all: float | None = None
+) -> list[Found]:
+    """What is found in each of the flights, on this thread; rows are dropped once they are looked at.
+
+    in_all : how many flights these are some of (`several.fly`).  Raises LawError.
+    """
+    scenes, found = [one.scene for one in asked], dict[int, Found]()
+    for i, flight in several.each(scenes, keep, in_all=in_all):
+        if isinstance(flight, LawError):
+            raise flight
+        plant, law = several.tables(scenes[i], flight, keep)
+        found[i] = asked[i].look(Flight(scenes[i], plant, law, flight.ticks, flight.ended))
+    return [found[i] for i in range(len(asked))]

@@ -8,23 +8,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.several import Keep
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
+from gcs_tools.many import flights
+from gcs_tools.many.flights import Asked, Flight
 from gcs_tools.many.procedure import Objective
 from gcs_tools.missions.asked import asked
 from gcs_tools.missions.mission import Mission
-from gcs_tools.recording.table import Table
-from sitl_plant.physics.types import PlantRecord
-
-Rows = np.ndarray[Any, np.dtype[np.float64]]
+from sitl_plant.physics import dynamics
 
 ERROR = "setpoint_error_rms_m"
-ENDINGS = {1.0: "diverged", 2.0: "crashed"}
+ENDINGS = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}
+KEPT = Keep(  # what is looked at
+    plant=("t", "state.r_E", "on_ground", "battery.energy_J"),
+    law=("t", "engaged", "command", "outputs"),
+)
 REFUSED = "refused"  # a vehicle would not arm with these gains
 _SATURATED = tuple(f"outputs.saturation.{of}" for of in ("thrust", "tilt", "torque", "yaw"))
 
@@ -69,26 +74,30 @@ def fly(scene: Scenario, mission: Mission, far_m: float) -> Score:
     return fly_several([(scene, mission)], far_m)[0]
 
 
-def fly_several(flights: Sequence[tuple[Scenario, Mission]], far_m: float) -> list[Score]:
-    """The same of several flights, side by side where that can be (`gcs_tools.flight.several`)."""
-    allowed = [(scene, mission) for scene, mission in flights if not law_alone.refusal(scene)]
-    flown = iter(several.fly([scene for scene, _ in allowed]))
-    found = iter(
-        [
-            _score(scene, mission, f.plant, f.law, far_m)
-            for (scene, mission), f in zip(allowed, flown, strict=True)
-        ]
-    )
-    known = {id(scene) for scene, _ in allowed}
-    return [next(found) if id(scene) in known else lost(REFUSED) for scene, _ in flights]
+def fly_several(
+    of: Sequence[tuple[Scenario, Mission]], far_m: float, in_all: float | None = None
+) -> list[Score]:
+    """The same of several flights, side by side where that can be (`many.flights.fly`).
+
+    in_all : how many flights these are some of; default: there are no others.
+    """
+    allowed = [
+        Asked(scene, partial(_score, mission=mission, far_m=far_m))
+        for scene, mission in of
+        if not law_alone.refusal(scene)
+    ]
+    found = iter(flights.fly(allowed, KEPT, in_all))
+    known = {id(each.scene) for each in allowed}
+    return [next(found) if id(scene) in known else lost(REFUSED) for scene, _ in of]
 
 
-def _score(scene: Scenario, mission: Mission, plant: Rows, fcu: Rows, far_m: float) -> Score:
-    if len(fcu) < scene.ticks:
-        return lost(ENDINGS[float(Table.of(PlantRecord, plant)["ended"][-1])])
+def _score(flown: Flight, mission: Mission, far_m: float) -> Score:
+    if not flown.lasted:
+        return lost(ENDINGS[flown.ended])
+    scene = flown.scene
     wanted = asked(mission.flight)
     flight = EngagedTicks.of(
-        Table.of(PlantRecord, plant), Table.of(scene.flown.ticks.Tick, fcu),
+        flown.plant, flown.law,
         wanted.last_change_s + SETTLE_S, wanted.positions_at,
     )  # fmt: skip
     if flight.metric("nonfinite_samples"):

@@ -109,8 +109,10 @@ def gains(free: Sequence[Free], multiples: Sequence[float]) -> dict[str, Any]:
 class Flights:
     """The flights of a set, made once: only the gains change from one candidate to the next."""
 
-    def __init__(self, entrant: Entrant, of: Set, stream: Stream, procedure: Procedure) -> None:
-        """Raises EntrantError, MissionError."""
+    def __init__(
+        self, entrant: Entrant, of: Set, stream: Stream, procedure: Procedure, times: int
+    ) -> None:
+        """times : how often they are flown, about. Raises EntrantError, MissionError."""
         self._far_m = procedure.objective.far_m
         missions = [entrant.mission(load(name)) for name in of.missions]
         flights = [
@@ -119,6 +121,7 @@ class Flights:
             for seed in range(1, of.seeds + 1)
         ]
         self._of = [(mission, scene(mission)) for mission in flights]
+        self._in_all = times * len(self._of)
 
     def __len__(self) -> int:
         return len(self._of)
@@ -134,7 +137,7 @@ class Flights:
                 made.append((with_gains(default, mission, gains), mission))
             except (ParameterError, AirframeError):  # values that do not go together
                 return [lost(REFUSED)] * len(self._of)
-        return score.fly_several(made, self._far_m)
+        return score.fly_several(made, self._far_m, self._in_all)
 
 
 def mean_cost(scores: Sequence[Score], objective: Objective) -> float:
@@ -146,8 +149,9 @@ def tune(entrant: Entrant, procedure: Procedure, progress: Progress = lambda at:
     """Tune a law on an airframe. Raises EntrantError, MissionError, LawError."""
     free = factors(entrant)
     entrant = _without(entrant, {each.row.key for each in free})
-    training = Flights(entrant, procedure.training, Stream.TRAINING, procedure)
-    validation = Flights(entrant, procedure.validation, Stream.VALIDATION, procedure)
+    seeds, budget = len(procedure.search.seeds), len(free) * procedure.search.evaluations_per_gain
+    training = Flights(entrant, procedure.training, Stream.TRAINING, procedure, seeds * budget)
+    validation = Flights(entrant, procedure.validation, Stream.VALIDATION, procedure, 1 + seeds)
 
     def evaluate(point: Vector) -> float:
         (scores,) = training.scores([gains(free, np.exp(point).tolist())])

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import threading
 
+import numpy as np
 import pytest
 
-from gcs_tools.many.flights import drawn, each
+from gcs_tools.flight import law_alone, several
+from gcs_tools.flight.run import prepared
+from gcs_tools.flight.several import Keep
+from gcs_tools.many.flights import Asked, chunked, drawn, each, flown, fly
+from gcs_tools.recording.table import Table
 
 
 def uniform(random):
@@ -42,3 +47,80 @@ def test_a_failure_is_raised_at_its_item():
     assert [next(found) for _ in range(3)] == [1 / 3, 1 / 2, 1.0]
     with pytest.raises(ZeroDivisionError):
         next(found)
+
+
+@pytest.mark.parametrize("n", [None, 1, 7, 100])
+def test_chunks_are_whole_and_in_order(n):
+    chunks = []
+
+    def work(some):
+        chunks.append(len(some))
+        return [2 * item for item in some]
+
+    assert list(chunked(work, range(50), n)) == [2 * item for item in range(50)]
+    assert sum(chunks) == 50
+    assert max(chunks) <= min(n or 64, 50)
+
+
+def test_nothing_asked_is_nothing_found():
+    assert list(chunked(list, [])) == []
+    assert fly([]) == []
+
+
+NAMES = ("outputs.T_c", "setpoint.r_c")
+
+
+def scene_of(f_m, duration_s=0.3):
+    return prepared("paper_nominal", [f"flight.duration_s={duration_s}", f"law.f_m={f_m}"])[1]
+
+
+def seen(flight):
+    """Its thrust, and what it was asked for."""
+    return flight.scene.law.f_m, flight.lasted, flight.law["outputs.T_c"].tobytes()
+
+
+@pytest.mark.parametrize("in_lanes", [False, True])
+def test_what_is_found_stands_at_its_item_and_is_that_of_each_flight_alone(monkeypatch, in_lanes):
+    flew = []
+    each_of = several.each
+
+    def told(*arguments, **more):
+        for i, one in each_of(*arguments, **more):
+            flew.append(one.in_lanes)
+            yield i, one
+
+    monkeypatch.setattr(several, "each", told)
+    monkeypatch.setattr(several, "is_compiled", lambda *kind: in_lanes)
+
+    def asked(f_m):
+        scenes = (scene_of(f_m, 0.1 * n) for n in range(2, 2 + round(10.0 * f_m) % 3))
+        return [Asked(scene, seen) for scene in scenes]
+
+    items = [0.6 + 0.1 * i for i in range(9)]
+    found = list(flown(asked, items, Keep(plant=(), law=NAMES)))
+    assert sum(flew) == (len(flew) if in_lanes else 0)
+    assert [len(each) for each in found] == [round(10.0 * f_m) % 3 for f_m in items]
+    for f_m, of_item in zip(items, found, strict=True):
+        for asked_for, one in zip(asked(f_m), of_item, strict=True):
+            rows = Table.of(asked_for.scene.flown.ticks.Tick, law_alone.fly(asked_for.scene)[1])
+            assert one == (f_m, True, np.ascontiguousarray(rows["outputs.T_c"]).tobytes())
+
+
+@pytest.mark.parametrize(("items", "in_lanes"), [(10, 0), (20, 40)])
+def test_a_study_is_flown_in_lanes_if_all_of_it_repays_them(monkeypatch, items, in_lanes):
+    """Not each chunk of it: none has more than 100 ticks."""
+    beside = []
+    monkeypatch.setattr(several, "REPAID", 150)
+    monkeypatch.setattr(several, "is_compiled", lambda *kind: False)
+    monkeypatch.setattr(several, "_beside", lambda scenes, *more: beside.extend(scenes) or {})
+    one = Asked(scene_of(1.0, 0.01), lambda flight: flight.ticks)
+    assert list(flown(lambda item: [one, one], range(items))) == [[5, 5]] * items
+    assert len(beside) == in_lanes
+
+
+def test_a_flight_that_fails_is_raised():
+    def look(flight):
+        raise ValueError("seen")
+
+    with pytest.raises(ValueError, match="seen"):
+        list(flown(lambda item: [Asked(scene_of(1.0, 0.01), look)], range(3)))
