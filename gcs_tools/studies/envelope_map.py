@@ -22,12 +22,12 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.settings import Settings
-from gcs_tools.flight import law_alone
-from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard
-from gcs_tools.many.flights import each
+from gcs_tools.many.flights import Asked, Flight, each, flown, fly
 from gcs_tools.missions.mission import from_tables
-from gcs_tools.studies.guard_check import saturated
+from gcs_tools.studies.guard_check import SATURATED, saturated
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -36,6 +36,7 @@ PAPER_WIND = {"amplitude_m_s": [7.2, 7.2, 5.7], "frequency_rad_s": [1.5, 1.6, 1.
 PHASES_S = tuple(2.0 + 0.7 * k for k in range(6))  # when the step comes
 HOVER_S = 2.0  # before a step, in steady wind
 MOST_M = 80.0  # of a search
+KEPT = Keep(plant=(), law=SATURATED)
 
 
 class World(NamedTuple):
@@ -53,8 +54,8 @@ BELIEFS = [
 ]
 
 
-def flown(world: World, f_m: float, way: Sequence[float], far: float) -> Scenario:
-    """A hover in a world, and a step of `far` (m) along `way`."""
+def asked(world: World, f_m: float, way: Sequence[float], far: float) -> Asked[bool]:
+    """A hover in a world, and a step of `far` (m) along `way`: does thrust or tilt meet a limit then?"""
     to = [far * x for x in way]
     tables = {
         "title": "A step.",
@@ -69,20 +70,22 @@ def flown(world: World, f_m: float, way: Sequence[float], far: float) -> Scenari
         "wind": world.wind,
         "expect": {},
     }
-    return scenario(from_tables("step", tables))
+
+    def look(flight: Flight) -> bool:
+        begun = round(world.at_s * flight.scene.rate_hz)
+        return not flight.lasted or bool(saturated(flight.law)[begun:].any())
+
+    return Asked(scenario(from_tables("step", tables)), look)
 
 
 def saturates(world: World, f_m: float, way: Sequence[float], far: float) -> bool:
     """Whether thrust or tilt meets a limit from the step on."""
-    scene = flown(world, f_m, way, far)
-    _, rows = law_alone.fly(scene)
-    begun = round(world.at_s * scene.rate_hz)
-    return len(rows) < scene.ticks or bool(saturated(rows[begun:]).any())
+    return fly([asked(world, f_m, way, far)], KEPT)[0]
 
 
 def safe_step(worlds: Sequence[World], f_m: float, way: Sequence[float]) -> float:
     """The largest step (m) that saturates in none of the worlds."""
-    worst = list(worlds)
+    worst = list(worlds)  # one by one: most steps that are too far saturate in the first
 
     def holds(far: float) -> bool:
         for world in worst:
@@ -126,7 +129,7 @@ def with_f_m(settings: Settings, f_m: float) -> Settings:
 def curve(name: str, f_m: Sequence[float]) -> Curve:
     """Fly and compute one direction."""
     way = WAYS[name]
-    base = flown(PAPER[0], 1.0, way, 0.0).settings
+    base = asked(PAPER[0], 1.0, way, 0.0).scene.settings
     told = with_guard(base, m_min=8.0, m_max=8.0, w_max=11.67, w_dot_max=18.5)
     found = [step(with_f_m(base, f), way, name) for f in f_m]
     return Curve(
@@ -139,12 +142,17 @@ def curve(name: str, f_m: Sequence[float]) -> Curve:
     )
 
 
-def successes(name: str, f_m: Sequence[float], steps: Sequence[float]) -> Array:
-    """Part of the flights of all beliefs that saturate nothing, rows of steps, columns of f_m."""
-    way = WAYS[name]
-    return np.array(
-        [[np.mean([not saturates(w, f, way, s) for w in BELIEFS]) for f in f_m] for s in steps]
-    )
+def successes(names: Sequence[str], f_m: Sequence[float], steps: Sequence[float]) -> Array:
+    """Part of the flights of all beliefs that saturate nothing: by direction, step and f_m."""
+
+    def of_beliefs(of: tuple[str, float, float]) -> list[Asked[bool]]:
+        name, f, far = of
+        return [asked(world, f, WAYS[name], far) for world in BELIEFS]
+
+    every = list(product(names, f_m, steps))  # settings that are alike one after the other
+    found = flown(of_beliefs, every, KEPT, "steps", Console(stderr=True))
+    parts = np.array([np.mean([not one for one in beliefs]) for beliefs in found])
+    return np.swapaxes(parts.reshape(len(names), len(f_m), len(steps)), 1, 2)
 
 
 def edges(values: Sequence[float]) -> Array:
@@ -195,10 +203,10 @@ def main(figure: Path, points: int, as_json: bool) -> None:
     f_m = np.geomspace(0.5, 3.0, points).tolist()
     steps = np.geomspace(0.2, 50.0, 2 * points).tolist()
 
-    def flown_map(name: str) -> tuple[Curve, Array, Sequence[float]]:
-        return curve(name, f_m), successes(name, f_m, steps), steps
-
-    maps = list(each(flown_map, list(WAYS), console=Console(stderr=True)))
+    ways = list(WAYS)
+    curves = each(lambda name: curve(name, f_m), ways, "largest safe steps", Console(stderr=True))
+    found = zip(curves, successes(ways, f_m, steps), strict=True)
+    maps = [(along, success, steps) for along, success in found]
     draw(maps, figure)
     covered = {
         found.way: {

@@ -9,7 +9,7 @@ its speed is beyond the condition. The other values are the defaults.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -20,20 +20,19 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.guard.stability import unstable
-from fcu.kernel.rows import column
-from fcu.tick import Tick
-from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
+from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, step
-from gcs_tools.many.flights import each
+from gcs_tools.many.flights import Asked, Flight, flown
 from gcs_tools.missions.mission import load
-from sitl_plant.physics.types import PlantRecord
 
 F_M, GAMMAS = (1.0, 1.5, 2.0, 2.5), (500.0, 1000.0, 2000.0, 4000.0)
 LONG = ("flight.duration_s=40.0",)
 LAGS_S = (0.02, 0.05, 0.1, 0.12)  # true; 0.05 is believed
 NEAR = 0.3  # m: arrived
 SETTLED = 20.0  # s from which errors are settled, of a flight of 40 s
+MODEL, COMMAND = "outputs.reference.r_m", "setpoint.r_c"
+KEPT = Keep(plant=("state.r_E",), law=(MODEL, COMMAND))
 
 
 class Pair(NamedTuple):
@@ -51,43 +50,60 @@ class Pair(NamedTuple):
     admitted: float  # m: the largest step that the condition admits from rest, mean of WAYS
 
 
-def flown(
-    mission: str, settings: Sequence[str], reference: str, since_s: float
-) -> tuple[float, float]:
-    """RMS (m) of the true position about a column of Tick from `since_s` on, and when it is near."""
-    scene = scenario(load(mission, settings))
-    plant, rows = law_alone.fly(scene)
-    if len(rows) < scene.ticks:
-        return np.inf, np.inf
-    r = column(PlantRecord, plant, "state.r_E")[: len(rows)]
-    away = np.linalg.norm(r - column(Tick, rows, reference), axis=1)
-    far = np.flatnonzero(np.linalg.norm(r - column(Tick, rows, "setpoint.r_c"), axis=1) > NEAR)
-    there = (far[-1] + 1) / scene.rate_hz if len(far) else 0.0
-    settled = away[round(since_s * scene.rate_hz) :]
-    return float(np.sqrt(np.mean(settled**2))), float(there)
+class Flew(NamedTuple):
+    """What is looked at in one flight."""
+
+    rms: float  # m, of the true position about a column of Tick
+    there_s: float  # when it is near the setpoint, and stays
 
 
-def pair(gains: tuple[float, float]) -> Pair:
-    """Fly one pair."""
+def asked(
+    mission: str, settings: Sequence[str], since_s: float = SETTLED, reference: str = MODEL
+) -> Asked[Flew]:
+    """A mission, and the error about `reference` from `since_s` on."""
+
+    def look(flight: Flight) -> Flew:
+        if not flight.lasted:
+            return Flew(np.inf, np.inf)
+        rate, r = flight.scene.rate_hz, flight.plant["state.r_E"]
+        away = np.linalg.norm(r - flight.law[reference], axis=1)
+        far = np.flatnonzero(np.linalg.norm(r - flight.law[COMMAND], axis=1) > NEAR)
+        settled = away[round(since_s * rate) :]
+        return Flew(
+            float(np.sqrt(np.mean(settled**2))), float((far[-1] + 1) / rate if len(far) else 0.0)
+        )
+
+    return Asked(scenario(load(mission, settings)), look)
+
+
+def chosen(gains: tuple[float, float]) -> tuple[str, ...]:
+    """The settings of one pair."""
     f_m, gamma = gains
-    chosen = (f"law.f_m={f_m}", f"law.gamma={gamma}")
-    model = "outputs.reference.r_m"
+    return f"law.f_m={f_m}", f"law.gamma={gamma}"
 
-    def rms(
-        mission: str, *settings: str, reference: str = model, since_s: float = SETTLED
-    ) -> float:
-        return flown(mission, (*chosen, *settings), reference, since_s)[0]
 
-    nominal, arrival_s = flown("urban_step", (*chosen, *LONG), model, SETTLED)
-    settings = scenario(load("urban_step", chosen)).settings
-    admitted = [step(settings, WAYS[way], way).exact or 0.0 for way in WAYS]
-    return Pair(
-        f_m, gamma, unstable(settings.law, settings.guard), nominal,
-        rms("noisy_state", *LONG), rms("package_drop", since_s=14.0),
-        rms("figure_eight", reference="setpoint.r_c", since_s=10.0), arrival_s,
-        tuple(rms("urban_step", *LONG, f"plant.rotor_lag_s={lag}") for lag in LAGS_S),
-        float(np.mean(admitted)),
-    )  # fmt: skip
+def flights(gains: tuple[float, float]) -> list[Asked[Flew]]:
+    """What is flown with one pair."""
+    pair = chosen(gains)
+    return [
+        asked("urban_step", (*pair, *LONG)),
+        asked("noisy_state", (*pair, *LONG)),
+        asked("package_drop", pair, 14.0),
+        asked("figure_eight", pair, 10.0, COMMAND),
+        *(asked("urban_step", (*pair, *LONG, f"plant.rotor_lag_s={lag}")) for lag in LAGS_S),
+    ]
+
+
+def pairs(of: Sequence[tuple[float, float]], console: Console | None = None) -> Iterator[Pair]:
+    """Fly pairs of gains."""
+    for gains, flew in zip(of, flown(flights, of, KEPT, console=console), strict=True):
+        nominal, noisy, drop, eight, *lags = flew
+        settings = scenario(load("urban_step", chosen(gains))).settings
+        admitted = [step(settings, WAYS[way], way).exact or 0.0 for way in WAYS]
+        yield Pair(
+            *gains, unstable(settings.law, settings.guard), nominal.rms, noisy.rms, drop.rms, eight.rms,
+            nominal.there_s, tuple(lag.rms for lag in lags), float(np.mean(admitted)),
+        )  # fmt: skip
 
 
 def draw(found: Sequence[Pair], path: Path) -> None:
@@ -122,7 +138,7 @@ def draw(found: Sequence[Pair], path: Path) -> None:
 @click.option("--json", "as_json", is_flag=True, help="the table as JSON")
 def main(figure: Path, as_json: bool) -> None:
     """Fly every pair, draw the front and print the table."""
-    found = list(each(pair, list(product(F_M, GAMMAS)), console=Console(stderr=True)))
+    found = list(pairs(list(product(F_M, GAMMAS)), Console(stderr=True)))
     draw(found, figure)
     if as_json:
         click.echo(json.dumps([p._asdict() for p in found], indent=2))

@@ -18,22 +18,24 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.table import Table as Shown
 
 from fcu.guard import foreseen
 from fcu.guard.stability import unstable
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.kernel.rows import column
 from fcu.settings import Settings
-from fcu.tick import Tick
-from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.many.flights import Random, drawn, each
-from gcs_tools.missions.mission import Mission, from_tables
+from gcs_tools.flight.several import Keep
+from gcs_tools.many.flights import Asked, Flight, Random, drawn, flown
+from gcs_tools.missions.mission import from_tables
+from gcs_tools.recording.table import Table
 
-Rows = np.ndarray[Any, np.dtype[np.float64]]
-
+SATURATED = ("outputs.saturation.thrust", "outputs.saturation.tilt", "guard.margin.force")
+ROTORS = ("outputs.saturation.torque", "outputs.saturation.yaw")
+KEPT = Keep(
+    plant=(), law=(*SATURATED, *ROTORS, "guard.margin.condition", "measured.r_E", "setpoint.r_c")
+)
 SECOND_S, END_S = 30.0, 65.0  # when the second setpoint comes, and the flight ends
 LAST_S, NEAR = 1.0, 0.3  # s, m: arrived
 COARSE_S = 0.005  # step of the look ahead
@@ -105,15 +107,12 @@ def draw(random: Random) -> dict[str, Any]:
     }
 
 
-def saturated(rows: Rows) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def saturated(law: Table) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """At which ticks thrust or tilt is at a limit, or the demand beyond what can be reached.
 
     The law keeps a demand off the ground before it clips it, so its flags alone miss some.
     """
-    thrust, tilt, margin = (
-        column(Tick, rows, name)
-        for name in ("outputs.saturation.thrust", "outputs.saturation.tilt", "guard.margin.force")
-    )
+    thrust, tilt, margin = (law[name] for name in SATURATED)
     return np.asarray((np.maximum(thrust, tilt) > 0.5) | (margin < 0.0))
 
 
@@ -128,47 +127,40 @@ def foreseen_n(settings: Settings, sent: Sequence[Setpoint]) -> list[float]:
     ]
 
 
-def fly(mission: Mission) -> Flown:
-    """Fly a mission of two setpoints and look."""
-    scene = scenario(mission)
-    _, rows = law_alone.fly(scene)
+def look(flight: Flight) -> Flown:
+    """What came of a flight of two setpoints."""
+    scene, law = flight.scene, flight.law
     rate = scene.rate_hz
     transient = max(float(foreseen.transient_s(scene.guard, scene.law)), 0.3)
     settled, second = round(transient * rate), round(SECOND_S * rate)
     last = round(LAST_S * rate)
-    limited = saturated(rows)
+    limited = saturated(law)
     ways = (slice(settled, second), slice(second, None))  # adaptation begins once
     ends = (slice(second - last, second), slice(-last, None))
-    whole = len(rows) == scene.ticks
-    away = np.linalg.norm(
-        column(Tick, rows, "measured.r_E") - column(Tick, rows, "setpoint.r_c"), axis=1
-    )
+    whole = flight.lasted
+    away = np.linalg.norm(law["measured.r_E"] - law["setpoint.r_c"], axis=1)
     reachable = foreseen_n(scene.settings, [scene.sent[0], scene.sent[-1]])
     return Flown(
         inside=(reachable[0] >= 0.0, min(reachable) >= 0.0),
         saturated=(bool(limited[ways[0]].any()), bool(limited[ways[1]].any()) or not whole),
         at_start=bool(limited[:settled].any()),
-        rotors=any(
-            bool((column(Tick, rows[settled:], f"outputs.saturation.{of}") > 0.5).any())
-            for of in ("torque", "yaw")
-        ),
+        rotors=any(bool((law[of][settled:] > 0.5).any()) for of in ROTORS),
         arrived=(
             whole and bool((away[ends[0]] < NEAR).all()),
             whole and bool((away[ends[1]] < NEAR).all()),
         ),
-        condition=float(column(Tick, rows[settled:], "guard.margin.condition").min()),
+        condition=float(law["guard.margin.condition"][settled:].min()),
         transient_s=transient,
     )
 
 
-def pair(tables: dict[str, Any]) -> tuple[Flown, Flown]:
+def pair(tables: dict[str, Any]) -> list[Asked[Flown]]:
     """The same drawn flight as it is asked, and governed."""
-    missions = (
+    warn, govern = (
         from_tables("drawn", {**tables, "law": {**tables["law"], "guard": policy}})
         for policy in ("warn", "govern")
     )
-    warned, governed = (fly(mission) for mission in missions)
-    return warned, governed
+    return [Asked(scenario(warn), look), Asked(scenario(govern), look)]
 
 
 class Check(NamedTuple):
@@ -203,15 +195,16 @@ WORDS = {
 
 
 def stable(tables: dict[str, Any]) -> bool:
-    """Whether the gains of a draw are."""
-    scene = scenario(from_tables("drawn", tables))
+    """Whether the gains of a draw are, wherever it flies to."""
+    still = {"rate_hz": tables["flight"]["rate_hz"], "setpoints": [[0.0, 0.0, 0.0, 0.0]]}
+    scene = scenario(from_tables("drawn", {**tables, "flight": {**still, "duration_s": 1.0}}))
     return not unstable(scene.law, scene.guard)
 
 
 def check(n: int, seed: int = 1, console: Console | None = None) -> Check:
     """Fly `n` draws under both policies."""
     draws, refused = drawn(draw, stable, n, seed)
-    pairs = list(each(pair, draws, console=console))
+    pairs = list(flown(pair, draws, KEPT, console=console))
     warned, governed = ([p[i] for p in pairs] for i in (0, 1))
     ways = [
         (inside, saturated, arrived)
@@ -254,7 +247,7 @@ def main(n: int, seed: int, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({**found._asdict(), "holds": holds(found)}, indent=2))
     else:
-        table = Table("of flights of two setpoints each", "", box=None)
+        table = Shown("of flights of two setpoints each", "", box=None)
         for name, value in found._asdict().items():
             table.add_row(WORDS[name], f"{value:.4g}")
         Console().print(table)

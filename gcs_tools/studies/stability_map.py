@@ -19,11 +19,10 @@ import numpy as np
 from rich.console import Console
 
 from fcu.guard.stability import unstable
-from fcu.kernel.rows import column
-from fcu.tick import Tick
-from gcs_tools.flight import law_alone
+from fcu.settings import Settings
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.many.flights import Random, drawn, each
+from gcs_tools.flight.several import Keep
+from gcs_tools.many.flights import Asked, Flight, Random, drawn, flown
 from gcs_tools.missions.fields import RATES
 from gcs_tools.missions.mission import Mission, load, override
 
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 LAST_S = 5.0  # of a flight: what is judged
+KEPT = Keep(plant=(), law=("measured.w_B", "setpoint.psi_dot_c", "command.u.r1", "outputs.e_r"))
 STILL = (
     "wind.amplitude_m_s=[0, 0, 0]", "wind.rotation_amplitude_rad_s=[0, 0, 0]",
     "flight.yaw.amplitude_rad=0.0",
@@ -127,36 +127,52 @@ def gentle(mission: Mission) -> Mission:
     return still(mission)
 
 
-def flies(scene: Scenario, wind: bool) -> bool:
+def flies(flight: Flight, wind: bool) -> bool:
     """Whether a flight ends at its reference and at rest, as far as the wind lets it."""
-    _, rows = law_alone.fly(scene)
-    if len(rows) < scene.ticks:
+    if not flight.lasted:
         return False
-    last = rows[-round(LAST_S * scene.rate_hz) :]
-    rate = column(Tick, last, "measured.w_B").copy()
-    rate[:, 2] -= column(Tick, last, "setpoint.psi_dot_c")
+    last = flight.law.take(slice(-round(LAST_S * flight.scene.rate_hz), None))
+    rate = np.array(last["measured.w_B"], order="C")
+    rate[:, 2] -= last["setpoint.psi_dot_c"]
     most, far = LIMITS[wind]
     rms = np.sqrt((rate * rate).mean(axis=0)).max()
-    chatter = np.abs(np.diff(column(Tick, last, "command.u.r1"), axis=0)).mean()
-    way_off = np.abs(column(Tick, last, "outputs.e_r")).max()
+    chatter = np.abs(np.diff(last["command.u.r1"])).mean()
+    way_off = np.abs(last["outputs.e_r"]).max()
     return bool(rms < most and chatter < CHATTER and way_off < far)
 
 
-def point(mission: Mission) -> Point:
-    """What the rule says of a mission's law, and how it flies."""
-    windy, calm, small = (scenario(m) for m in (mission, still(mission), gentle(mission)))
-    return Point(
-        unstable(windy.law, windy.guard), flies(calm, False), flies(windy, True), flies(small, False)
-    )  # fmt: skip
+class Seen(NamedTuple):
+    """A law, and whether it flew."""
+
+    settings: Settings
+    well: bool
+
+
+def asked(scene: Scenario, wind: bool) -> Asked[Seen]:
+    """Whether a scene flies."""
+    return Asked(scene, lambda flight: Seen(flight.scene.settings, flies(flight, wind)))
+
+
+def three(mission: Mission) -> list[Asked[Seen]]:
+    """A mission in still air, in wind, and gently."""
+    calm, windy, small = (scenario(m) for m in (still(mission), mission, gentle(mission)))
+    return [asked(calm, False), asked(windy, True), asked(small, False)]
+
+
+def points(missions: Sequence[Mission]) -> list[Point]:
+    """What the rule says of each mission's law, and how it flies."""
+    return [
+        Point(unstable(*windy.settings), calm.well, windy.well, small.well)
+        for calm, windy, small in flown(three, missions, KEPT, console=Console(stderr=True))
+    ]
 
 
 def fly_map(chart: Map, mission: Mission) -> list[list[Point]]:
     """Rows of y, each of x."""
     rows = [changed(mission, chart.y, y) for y in chart.y.values]
-    missions = [changed(row, chart.x, x) for row in rows for x in chart.x.values]
-    points = list(each(point, missions, console=Console(stderr=True)))
+    found = points([changed(row, chart.x, x) for row in rows for x in chart.x.values])
     width = len(chart.x.values)
-    return [points[i : i + width] for i in range(0, len(points), width)]
+    return [found[i : i + width] for i in range(0, len(found), width)]
 
 
 class Count(NamedTuple):
@@ -203,8 +219,8 @@ def fly_random(mission: Mission, n: int) -> tuple[int, int, list[float]]:
         return scenario(changed)
 
     scenes, refused = drawn(draw, lambda scene: not unstable(scene.law, scene.guard), n)
-    flown = each(lambda scene: flies(scene, False), scenes, console=Console(stderr=True))
-    bad = [scene.law.f_m for scene, well in zip(scenes, flown, strict=True) if not well]
+    found = flown(lambda scene: [asked(scene, False)], scenes, KEPT, console=Console(stderr=True))
+    bad = [seen.settings.law.f_m for (seen,) in found if not seen.well]
     return refused, len(bad), bad
 
 

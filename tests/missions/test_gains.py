@@ -6,13 +6,13 @@ import pytest
 
 from fcu.interface.airframe import believed
 from fcu.settings import settings
-from gcs_tools.studies.gains import pair
+from gcs_tools.studies.gains import pairs
 
 
 @pytest.mark.slow
 def test_the_defaults_track_as_they_were_chosen_to():
     law = settings(*believed(), 500.0).law
-    found = pair((law.f_m, law.gamma))
+    (found,) = pairs([(law.f_m, law.gamma)])
     assert found.refused == ""
     assert found.nominal <= 0.012
     assert max(found.lags) <= 1.1 * found.nominal  # m, from 20 to 120 ms where 50 are believed
