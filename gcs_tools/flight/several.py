@@ -3,7 +3,7 @@
 Flights that share a law, a control rate and the number of plant steps in a tick are flown side by side
 in lanes (`lane_flights`). One by one fly those that find nobody to share with, those of a law that
 cannot be compiled for lanes, and those of lanes that part: that take different branches of a law which
-which branches on data. Rows are the same bits either way; `Flown.in_lanes` says which it was.
+branches on data. Rows are the same bits either way; `Flown.in_lanes` says which it was.
 
 Lanes are compiled once for a version, a law, and settings that are alike or not, which takes as long as
 some millions of ticks: flights fly one by one where lanes are not compiled yet, and too few to repay it.
