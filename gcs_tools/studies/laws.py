@@ -4,7 +4,8 @@
     python -m gcs_tools.studies.laws mmrac px4 --seeds 20 --untuned
 
 Tunes what has no file of gains in docs/laws yet, compares, and writes the part of docs/laws.md between
-its two marks and docs/figures/laws.png; results.json and results.parquet go to --out.
+its two marks, of all variants that were compared, and docs/figures/laws.png; results.json and results.parquet
+go to --out.
 """
 
 from __future__ import annotations
@@ -180,10 +181,10 @@ def main(
     untuned: bool, docs: Path,
 ) -> None:  # fmt: skip
     """Tune, compare and write docs/laws.md's table and figure."""
-    laws, airframes, found = laws or LAWS, airframes or AIRFRAMES, {}
+    laws, airframes = laws or LAWS, airframes or AIRFRAMES
     figure, path = docs / "figures" / "laws.png", docs / "laws.md"
     for variant in variants or VARIANTS:
-        said, settings = VARIANTS[variant]
+        _, settings = VARIANTS[variant]
         folder, results = docs / "laws" / variant, out / variant
         if not untuned:
             tuned(laws, airframes, folder, settings)
@@ -193,9 +194,14 @@ def main(
             *(part for setting in settings for part in ("--set", setting)),
             *(() if untuned else ("--gains", folder)),
         )  # fmt: skip
-        found[said] = json.loads((results / "results.json").read_text())
         if variant == "with":
             figure.write_bytes((results / "results.png").read_bytes())
+        there = {each: out / each / "results.json" for each in VARIANTS}
+        found = {
+            VARIANTS[each][0]: json.loads(file.read_text())
+            for each, file in there.items()
+            if file.exists()
+        }
         before, _, rest = path.read_text().partition(BEGIN)
         after = rest.partition(END)[2]
         path.write_text(f"{before}{BEGIN}\n\n{page(found)}\n{END}{after}")
