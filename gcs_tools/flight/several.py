@@ -50,6 +50,7 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 _ENDED = column_of(PlantRecord, "ended")
 REPAID = 40e6  # ticks, from which lanes save more time than it takes to compile them
+ROOM = 500_000_000  # bytes, of the rows of flights beside each other
 ALWAYS = math.inf  # flights in all: compile, whatever it takes
 # laws that cannot be compiled for lanes: which, and whether with settings that are alike
 _never: set[tuple[str, bool]] = set()
@@ -94,13 +95,23 @@ def each(
 
     Arguments as for `fly`.
     """
-    for group in groups(scenes, width, in_all):
+    for group in groups(scenes, min(width, _room(scenes, keep)), in_all):
         beside = _beside([scenes[i] for i in group], keep, width) if len(group) > 1 else {}
         for at, i in enumerate(group):
             try:
                 yield i, beside.get(at) or by_itself(scenes[i], keep)
             except LawError as error:
                 yield i, error
+
+
+def _room(scenes: Sequence[Scenario], keep: Keep) -> int:
+    """How many of the flights have room in memory beside each other."""
+    longest = max(scenes, key=lambda scene: scene.ticks, default=None)
+    if longest is None:
+        return 1
+    tick = longest.flown.ticks.Tick
+    columns = len(keep.columns(PlantRecord, keep.plant)) + len(keep.columns(tick, keep.law))
+    return max(1, ROOM // (1 + 8 * columns * (longest.ticks // keep.every)))
 
 
 def repays(scene: Scenario, n: int) -> bool:

@@ -184,6 +184,17 @@ def test_what_is_kept_has_its_names(scene):
             assert np.array_equal(law[name], every[1][name])
 
 
+def test_rows_have_room(scene, monkeypatch):
+    scenes = varied(scene, 8)
+    flown = fly(scenes)
+    kept = flown[0].plant.nbytes + flown[0].law.nbytes
+    for room, together in ((9 * kept, True), (1.5 * kept, False)):
+        monkeypatch.setattr(several, "ROOM", int(room))
+        again = fly(scenes)
+        assert [one.in_lanes for one in again] == [together] * 8
+        assert [one.plant.tobytes() for one in again] == [one.plant.tobytes() for one in flown]
+
+
 def test_no_rows_at_all(scene):
     one, _ = fly(varied(scene, 2), several.Keep(plant=(), law=()))
     assert one.plant.shape[1] == one.law.shape[1] == 0
