@@ -180,7 +180,7 @@ def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
     for i in in_time:
         scene = scenes[i]
         kind = (
-            scene.flown.source, scene.period_us, scene.world.steps, bool(scene.legs), _choices(scene)
+            scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs), _choices(scene)
         )  # fmt: skip
         alike[kind, to_buffer(scene.settings).tobytes()].append(i)
     rest: dict[Any, list[int]] = defaultdict(list)
@@ -199,7 +199,7 @@ def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
 def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     """The flights of a group, those that could be flown in lanes."""
     alike = _alike(scenes, range(len(scenes)))
-    law = scenes[0].flown.source, alike
+    law = scenes[0].flown.package, alike
     if scenes[0].legs or law in _never:
         return {}
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -288,3 +289,14 @@ def test_a_law_that_cannot_be_compiled_for_lanes_flies_by_itself():
     for one, each in zip(fly(scenes), scenes, strict=True):
         assert not one.in_lanes
         same(one, each)
+
+
+def test_two_versions_of_a_law_share_no_lanes(tmp_path):
+    file = tmp_path / "law.py"
+    scenes = []
+    for version in ("", "# another version\n"):
+        file.write_text(Path("tests/own_law/plain_cascade.py").read_text() + version)
+        scenes += [prepared("gust_step", ["flight.duration_s=0.1"], law=str(file))[1]] * 4
+    assert scenes[0].flown.source == scenes[4].flown.source
+    groups = several.groups(scenes, in_all=several.ALWAYS)
+    assert sorted(map(sorted, groups)) == [[0, 1, 2, 3], [4, 5, 6, 7]]
