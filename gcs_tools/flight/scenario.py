@@ -96,8 +96,11 @@ class _Script(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _script(asks: Same[Flight]) -> _Script:
-    flight = asks.of
+def _shared(asks: Same[Flight]) -> _Script:
+    return _script(asks.of)
+
+
+def _script(flight: Flight) -> _Script:
     begin, sent = foreseen(flight) if flight.items else (None, asked(flight).sent())
     decoded = [setpoint_through_the_wire(each.setpoint) for each in sent]
     for each, flown in zip(sent, decoded, strict=True):
@@ -121,7 +124,8 @@ def scenario(mission: Mission) -> Scenario:
     """
     flight = mission.flight
     start = flight.start.model_dump(exclude_none=True)
-    begin, sent, setpoints, wrong = _script(same(flight))
+    script = _script(flight) if flight.items else _shared(same(flight))
+    begin, sent, setpoints, wrong = script
     if wrong:
         raise MissionError(f"{mission.source}: [flight] {wrong}")
     ticks = round(flight.duration_s * flight.rate_hz)

@@ -103,7 +103,8 @@ class Timed:
 
 
 def same(flight: Flight) -> Same[Flight]:
-    """A key that is equal for what asks the same, whatever its seed."""
+    """A key that is equal for what asks the same, whatever its seed; not of items, which follow files."""
+    assert not flight.items
     return Same(flight, flight.model_dump_json(exclude={"seed"}))
 
 

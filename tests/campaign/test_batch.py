@@ -14,6 +14,12 @@ from gcs_tools.missions.mission import load, with_values
 from tests.campaign.conftest import HOVER
 
 FLIGHTS = 9
+FOLLOW = """title = "Along a track."
+[flight]
+duration_s = 60.0
+start = { on_ground = true }
+items = [{ kind = "take_off", height_m = 5.0 }, { kind = "follow", file = "track.csv" }]
+"""
 
 
 @pytest.fixture
@@ -78,3 +84,14 @@ def test_what_is_worked_out_once_is_of_what_is_the_same_to_the_bit(tmp_path):
     assert made(**{"law.f_m": 0.9}).settings != one.settings
     assert made(**{"flight.rate_hz": 250}).settings != one.settings
     assert replace(again, sent_at=one.sent_at).sent == one.sent
+
+
+def test_a_track_that_is_read_is_the_one_that_is_flown(tmp_path):
+    track, mission = tmp_path / "track.csv", tmp_path / "follow.toml"
+    mission.write_text(FOLLOW)
+    ends = []
+    for x in (1.0, -8.0):
+        rows = (f"{0.5 * i},{x * i / 40},0,5" for i in range(41))
+        track.write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]))
+        ends.append(scenario(load(mission)).sent[-1].r_c.x)
+    assert ends == pytest.approx([1.0, -8.0], abs=0.01)
