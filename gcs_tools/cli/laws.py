@@ -127,8 +127,8 @@ def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str
             gains = gains_file.of(files, law, made.airframe)
             if gains is not None:
                 made, used[law, made.airframe] = replace(made, gains=gains.values), gains
-                if gains.digest != made.law.digest:
-                    log.print(f"{gains.path}: {law} has changed since it was tuned")
+                for change in gains_file.changes(gains, made):
+                    log.print(f"{gains.path}: {change}", soft_wrap=True)
             elif asked.gains is not None:
                 log.print(f"{law} on {made.airframe}: no gains in {asked.gains}, flown with its defaults")  # fmt: skip
             entrants.append(made)

@@ -114,3 +114,20 @@ def of(gains: Iterable[Gains], law: str, airframe: str) -> Gains | None:
         both = " and ".join(str(each.path) for each in found[:2])
         raise GainsError(f"{both}: both are gains of {law} on {airframe}")
     return found[0] if found else None
+
+
+def changes(gains: Gains, entrant: Entrant) -> list[str]:
+    """What is not as it was when an entrant's gains were found, each a sentence."""
+    found, given = [], gains.provenance
+    if gains.digest != entrant.law.digest:
+        found.append(f"{entrant.name} has changed since it was tuned")
+    if given.get("airframe_sha256") != entrant.vehicle.sha256:
+        found.append(f"{entrant.airframe} has changed since {entrant.name} was tuned for it")
+    then = given.get("settings", [])
+    if then != (now := list(entrant.settings)):
+        told, is_told = (
+            " ".join(map(str, each)) or "no --set" if isinstance(each, list) else repr(each)
+            for each in (then, now)
+        )
+        found.append(f"{entrant.name} was tuned with {told}, and flies with {is_told}")
+    return found

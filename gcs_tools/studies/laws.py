@@ -47,10 +47,13 @@ def tuned(
     files = [gains_file.read(path) for path in folder.glob("*.toml")]
     for airframe in airframes:
         for law in laws:
-            made = entrant(law, airframe)
+            made = entrant(law, airframe, settings=tuple(settings))
             known = gains_file.of(files, law, made.airframe)
-            now = made.law.digest, followed
-            if known is None or (known.digest, known.provenance.get("procedure_sha256")) != now:
+            if (
+                known is None
+                or known.provenance.get("procedure_sha256") != followed
+                or gains_file.changes(known, made)
+            ):
                 out = folder / f"{gains_file.name(made)}.toml"
                 sets = (f"--set={each}" for each in settings)
                 gcs("tune", law, "--airframe", airframe, "--out", out, *sets)

@@ -157,6 +157,10 @@ def test_gains_are_flown_and_told(tmp_path, cascade, hover, short):
     assert tuned < plain
     assert told[0]["laws"][0]["provenance"] is None
     assert told[1]["laws"][0]["provenance"]["optimiser_seeds"] == [1, 2]
+    other = (cascade, "--missions", hover, "--seeds", 1, "--gains", file.parent, "--set")
+    done = gcs("compare", *other, "plant.mass_kg=8.0")
+    told = "was tuned with no --set, and flies with plant.mass_kg=8.0"
+    assert told in done.stderr.replace("\n", " ")
     again = gcs("compare", "mmrac", "--missions", hover, "--seeds", 1, "--gains", file.parent)
     assert again.exit_code == 0
     assert "mmrac on s1000: no gains" in again.stderr
