@@ -26,7 +26,7 @@ FAR = 1.8  # standard deviation of these
 COMPONENTS = 4
 POINTS = 10  # that a component is fitted to, at least
 DEVIATIONS = (1.0, 1.2)  # of a component, least and most
-FEW = 30.0  # failures of equal weight, below which an interval is too short
+FEW = 30.0  # failures of equal weight, below which a few flights decide
 
 
 class Mixture(NamedTuple):
@@ -92,7 +92,7 @@ class Estimate(NamedTuple):
         if self.effective < FEW:
             return (
                 f"The failures say as much as {self.effective:.1f} of equal weight: with fewer than"
-                f" {FEW:g} the interval is too short. Fly more flights, or larger stages."
+                f" {FEW:g} a few flights decide. Fly more flights, or larger stages."
             )
         return ""
 

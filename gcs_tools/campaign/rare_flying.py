@@ -86,7 +86,7 @@ def _severity(campaign: Campaign, store: Store, numbers: range) -> Numbers:
 def _plain_flights(found: Estimate, confidence: float) -> float:
     from scipy.special import ndtri
 
-    half = 0.5 * (found.high - found.low)
+    half = found.high - found.probability  # the lower end may be cut off at 0
     p, z = found.probability, float(ndtri(0.5 + 0.5 * confidence))
     return z * z * p * (1.0 - p) / (half * half) if half > 0.0 and p > 0.0 else math.inf
 
