@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import errno
 import os
 import sys
+import threading
 from importlib import import_module
 from typing import Any
 
@@ -81,6 +83,8 @@ class Program(click.Group):
                 interrupts.ignore()
         if bus := sys.modules.get("gcs_tools.live.bus"):
             bus.leave(code)  # whatever threads Zenoh still has
+        if code == INTERRUPTED:
+            _leave_threads()
         sys.exit(code)
 
     def _code(self, *args: Any, **options: Any) -> int:
@@ -108,6 +112,17 @@ class Program(click.Group):
                 raise
             return INTERRUPTED  # matplotlib's C++ makes another error of an interruption
         return code if isinstance(code, int) else OK
+
+
+def _leave_threads() -> None:
+    """End the process now if it would wait for other threads: a law in one may go round and round."""
+    if any(
+        each is not threading.main_thread() and not each.daemon for each in threading.enumerate()
+    ):
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(INTERRUPTED)
 
 
 @click.group(cls=Program, epilog=f"\b\n{table()}")

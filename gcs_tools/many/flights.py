@@ -92,7 +92,8 @@ def chunked(
     log = console or Console(quiet=True)
     columns = TextColumn("[bold]{task.description}"), BarColumn(bar_width=40), MofNCompleteColumn()
     bar = Progress(*columns, console=log, transient=True, disable=not log.is_terminal)
-    with bar, ThreadPoolExecutor(threads) as pool:
+    pool, waits = ThreadPoolExecutor(threads), True
+    with bar:
         task = bar.add_task(what, total=len(items))
         begun = [pool.submit(work, chunk) for chunk in chunks]
         try:
@@ -100,9 +101,12 @@ def chunked(
                 found = future.result()
                 bar.advance(task, len(found))
                 yield from found
+        except (KeyboardInterrupt, GeneratorExit):
+            waits = False  # a law may go round and round
+            raise
         finally:
             on_end()
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(wait=waits, cancel_futures=True)
 
 
 def flown(
