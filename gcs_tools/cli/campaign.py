@@ -133,6 +133,8 @@ def _flown(asked: Asked, log: Console) -> int:
     else:
         asked_for = campaign_file.read(asked.name, asked.flights)
         out = asked.out or new_folder(None, asked_for.name)
+    if out.exists() and not out.is_dir():
+        raise campaign_file.CampaignError(f"--out {out}: expected a folder")
     with store.locked(out):
         if not is_cached("together"):
             log.print(COMPILING)

@@ -51,22 +51,12 @@ def compare_laws(asked: Asked) -> int:
     from gcs_tools.many.gains_file import GainsError
     from gcs_tools.many.procedure import ProcedureError
     from gcs_tools.missions.mission import MissionError
-    from gcs_tools.pictures import picture_file
 
     log = PipedConsole(stderr=True, highlight=False)
     try:
         if asked.out is not None:
             _probe(asked.out)
         found = _compared(asked, log)
-        if asked.out is not None:
-            picture_file.write(asked.out / results.JSON, results.as_json(found).encode())
-            if results.with_parquet():
-                picture_file.write(asked.out / results.PARQUET, results.as_parquet(found))
-            else:
-                log.print(NO_PARQUET)
-            _draw(found, asked.out / PICTURE)
-        if asked.figure is not None:
-            _draw(found, asked.figure)
     except (EntrantError, GainsError, LawError, MissionError, ProcedureError) as error:
         raise Failure(error, USAGE) from error
     except OSError as error:
@@ -75,10 +65,30 @@ def compare_laws(asked: Asked) -> int:
         print_json(results.content(found))
     else:
         _print(found, PipedConsole(highlight=False))
-        for path in (asked.out, asked.figure):
-            if path is not None:
-                print_line(f"{path}")
+    try:  # it is shown already: a full disk does not lose it
+        _write(found, asked, log)
+    except OSError as error:
+        raise Failure(f"{error.filename or asked.out}: {error.strerror}", USAGE) from error
+    for path in (asked.out, asked.figure):
+        if path is not None and not asked.as_json:
+            print_line(f"{path}")
     return OK
+
+
+def _write(found: Comparison, asked: Asked, log: Console) -> None:
+    """The files that were asked for. Raises OSError."""
+    from gcs_tools.many import results
+    from gcs_tools.pictures import picture_file
+
+    if asked.out is not None:
+        picture_file.write(asked.out / results.JSON, results.as_json(found).encode())
+        if results.with_parquet():
+            picture_file.write(asked.out / results.PARQUET, results.as_parquet(found))
+        else:
+            log.print(NO_PARQUET)
+        _draw(found, asked.out / PICTURE)
+    if asked.figure is not None:
+        _draw(found, asked.figure)
 
 
 def _probe(folder: Path) -> None:

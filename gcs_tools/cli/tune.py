@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,11 +57,19 @@ def tune(
         warm_up([asked], load(how.training.missions[0]))
         with _Shown(how, asked) as shown:
             found = tuning.tune(asked, how, shown)
-        picture_file.write(path, gains_file.text(asked, found, how).encode())
     except (procedure.ProcedureError, EntrantError, MissionError, LawError) as error:
         raise Failure(error, USAGE) from error
     except OSError as error:
         raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
+    text = gains_file.text(asked, found, how)
+    try:
+        picture_file.write(path, text.encode())
+    except OSError as error:  # what took so long is not lost
+        if as_json:
+            print_json(_json(found, path))
+        else:
+            print_line(text)
+        raise Failure(f"{error.filename or path}: {error.strerror}", USAGE) from error
     if as_json:
         print_json(_json(found, path))
     else:
@@ -73,11 +82,15 @@ def _probe(path: Path) -> None:
     if path.exists() and not path.is_file():
         raise Failure(f"{path}: expected a file", USAGE)
     path.parent.mkdir(parents=True, exist_ok=True)
-    is_new = not path.exists()
-    with path.open("ab"):
-        pass
-    if is_new:
-        path.unlink()
+    if path.exists():
+        with path.open("ab"):
+            pass
+    else:
+        try:
+            with tempfile.TemporaryFile(dir=path.resolve().parent):
+                pass
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 class _Shown:

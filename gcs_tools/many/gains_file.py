@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -92,6 +93,12 @@ def read(path: Path) -> Gains:
         raise GainsError(f"{path}: expected [law] and [provenance], as gcs tune writes them")
     if not all(isinstance(provenance.get(name), str) for name in _TOLD):
         raise GainsError(f"{path}: [provenance] expected texts for {', '.join(_TOLD)}")
+    try:
+        json.dumps(provenance, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise GainsError(
+            f"{path}: [provenance] expected texts, numbers and lists ({error})"
+        ) from error
     name, digest, airframe = (provenance[key] for key in _TOLD)
     values = {key: value for key, value in flat(law) if key != "module"}
     return Gains(path, name, digest, airframe, values, provenance)

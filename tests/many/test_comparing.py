@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
+import sys
+from pathlib import Path
+from subprocess import PIPE, Popen
 
 import pytest
 
-from gcs_tools.many import comparing, results
+from gcs_tools.many import comparing, gains_file, results
 from gcs_tools.many.comparing import Row
 from gcs_tools.many.procedure import read
 from gcs_tools.many.score import NAMES, Score, lost
 from tests.command_line import gcs
+from tests.patience import PATIENCE_S, until
 
 OBJECTIVE = read().objective
 
@@ -167,6 +173,7 @@ def test_gains_are_flown_and_told(tmp_path, cascade, hover, short):
 
 
 RAISES = "    limits, v, angles = params.limits, measured.v_E, euler(matrix(measured.q_EB))\n"
+ENDLESS = (RAISES, RAISES + "    while params.k_v > 3.3:\n        pass\n")
 
 
 @pytest.mark.slow
@@ -234,6 +241,10 @@ def test_a_command_line_that_cannot_be_done_is_refused(arguments, said, tmp_path
         ("[law]\nf_m = 2.0\n", "expected [law] and [provenance]"),
         ("law", "mmrac.toml:1:"),
         ("[law]\n[provenance]\nlaw = 1\n", "expected texts for law"),
+        (
+            "[law]\n[provenance]\nlaw = 'a'\nlaw_digest = 'b'\nairframe = 'c'\nsince = 2020-01-01\n",
+            "expected texts, numbers and lists",
+        ),
     ],
 )
 def test_a_file_of_gains_that_is_none_is_refused(tmp_path, text, said):
@@ -264,3 +275,64 @@ def test_a_procedure_that_cannot_be_followed_is_refused(tmp_path, change, said):
     done = gcs("tune", "mmrac", "--procedure", path)
     assert done.exit_code == 2
     assert said in done.stderr
+
+
+def never(path, *_):
+    """As a full disk answers."""
+    raise OSError(28, "No space left on device", str(path))
+
+
+@pytest.mark.slow
+def test_what_a_full_disk_takes_is_shown(tmp_path, cascade, hover, short, monkeypatch):
+    out = tmp_path / "new" / "gains.toml"
+    monkeypatch.setattr("gcs_tools.pictures.picture_file.write", never)
+    done = gcs("tune", cascade, "--procedure", short, "--out", out)
+    assert done.exit_code == 2
+    assert f"{out}: No space left on device" in done.stderr.replace("\n", "")
+    assert gains_file_of(done.stdout, tmp_path).law == cascade
+    done = gcs("compare", cascade, "--missions", hover, "--seeds", 2, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "No space left on device" in done.stderr
+    assert "all missions" in done.stdout
+
+
+def gains_file_of(text, folder):
+    (folder / "shown.toml").write_text(text)
+    return gains_file.read(folder / "shown.toml")
+
+
+@pytest.mark.slow
+def test_a_link_to_a_file_of_gains_stays_one(tmp_path, cascade, short):
+    link, target = tmp_path / "link.toml", tmp_path / "gains.toml"
+    link.symlink_to(target)
+    assert gcs("tune", cascade, "--procedure", short, "--out", link).exit_code == 0
+    assert link.is_symlink()
+    assert gains_file.read(target).law == cascade
+
+
+def cpu_s(pid):
+    """Of a process, s."""
+    spent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11]
+    return int(spent) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.slow
+def test_a_law_that_goes_round_and_round_is_left(tmp_path, cascade, short):
+    """The defaults fly; what the search tries next never ends."""
+    law = tmp_path / "endless.py"
+    text = Path(cascade).read_text()
+    assert ENDLESS[0] in text
+    law.write_text(text.replace(*ENDLESS))
+    command = [sys.executable, "-m", "gcs_tools", "tune", str(law), "--procedure", str(short)]
+    with Popen(command, cwd=tmp_path, stderr=PIPE, text=True, start_new_session=True) as tune:
+        try:
+            lines = iter(tune.stderr.readline, "")
+            assert any("2 searches" in line for line in lines)
+            busy = cpu_s(tune.pid) + 2.0
+            until(lambda: cpu_s(tune.pid) > busy, "the law goes round")
+            tune.send_signal(signal.SIGINT)
+            assert tune.wait(PATIENCE_S) == 130
+        finally:
+            if tune.poll() is None:
+                tune.kill()
+    assert not list(tmp_path.glob("*-s1000.toml"))
