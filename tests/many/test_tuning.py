@@ -133,7 +133,7 @@ def test_what_was_tuned_flies_as_it_was_validated(cascade, followed, tmp_path):
     path.write_text(gains_file.text(made, found, followed))
     read = gains_file.read(path)
     assert (read.law, read.airframe, read.digest) == (cascade, "s1000", made.law.digest)
-    validation = tuning.Flights(made, followed.validation, Stream.VALIDATION, followed)
+    validation = tuning.Flights(made, followed.validation, Stream.VALIDATION, followed, times=1)
     (scores,) = validation.scores([read.values])
     assert tuning.mean_cost(scores, followed.objective) == read.provenance["cost"]
     assert read.provenance["procedure_sha256"] == followed.sha256
@@ -141,7 +141,9 @@ def test_what_was_tuned_flies_as_it_was_validated(cascade, followed, tmp_path):
 
 @pytest.mark.slow
 def test_gains_that_no_vehicle_would_arm_with_cost_a_loss(followed):
-    flights = tuning.Flights(entrant("mmrac"), followed.training, Stream.TRAINING, followed)
+    flights = tuning.Flights(
+        entrant("mmrac"), followed.training, Stream.TRAINING, followed, times=1
+    )
     (scores,) = flights.scores([{"c_angle": 150.0, "c_rate": 5.0}])
     assert {score.lost for score in scores} == {REFUSED}
 
