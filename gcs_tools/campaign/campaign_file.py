@@ -348,9 +348,9 @@ def parsed(text: str, source: str, folder: Path, name: str, flights: int | None 
     if isinstance(given.get("draw"), dict):
         drawn = list(_flat(given["draw"]))
         given["draw"] = dict(drawn)
-        for name, n in Counter(name for name, _ in drawn).items():
+        for quantity, n in Counter(quantity for quantity, _ in drawn).items():
             if n > 1:
-                raise CampaignError(f"{where('draw', name)}: draw.{name}: drawn twice")
+                raise CampaignError(f"{where('draw', quantity)}: draw.{quantity}: drawn twice")
     if flights is not None:
         given["flights"] = flights
     try:

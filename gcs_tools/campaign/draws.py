@@ -196,9 +196,23 @@ def _original(at: Key, base: Mapping[str, Any]) -> Any:
 
 
 def multiplied(name: str, factor: Any, value: Any) -> Any:
-    """A value, or each number of an array, times a factor. Raises DrawError."""
+    """A value, or each number of an array, times a factor. Raises DrawError, of nothing but 0 too."""
+    if _is_nothing(value):
+        raise DrawError(
+            f"{name}: relative = true multiplies what the mission has there, which is 0"
+        )
+    return _multiplied(name, factor, value)
+
+
+def _is_nothing(value: Any) -> bool:
     if isinstance(value, list | tuple):
-        return [multiplied(name, factor, each) for each in value]
+        return all(map(_is_nothing, value))
+    return value == 0 and not isinstance(value, bool)
+
+
+def _multiplied(name: str, factor: Any, value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_multiplied(name, factor, each) for each in value]
     if isinstance(value, int | float) and not isinstance(value, bool):
         return factor * value
     raise DrawError(

@@ -209,3 +209,14 @@ def test_a_seed_that_the_file_sets_is_not_drawn(make):
 def test_a_normal_quantity_is_not_infinite_at_the_ends():
     found = Distribution.model_validate({"normal": [0.0, 1.0]}).at(np.array([0.0, 1.0]))
     assert all(map(math.isfinite, found))
+
+
+def test_a_campaign_is_called_as_its_file_whatever_it_draws(make):
+    assert make().name == "drawn"
+
+
+@pytest.mark.parametrize("key", ["wind.amplitude_m_s", "plant.delay_s", "wind.steady_m_s[1]"])
+def test_nothing_cannot_be_multiplied(make, key):
+    with pytest.raises(CampaignError, match="which is 0"):
+        make(draw=f'"{key}" = {{ uniform = [0.5, 2.0], relative = true }}\n')
+    make(draw='"wind.steady_m_s" = { uniform = [0.5, 2.0], relative = true }\n')  # [2, 0, 0]
