@@ -375,6 +375,13 @@ def _print_law(console: Console, law: OfLaw, found: Analysis, named: bool, out: 
             ends = (_number(getattr(q, name), "?") for q in metric.quantiles)
             table.add_row({"low": "  from", "high": "  to"}[name], *ends, style="dim")
     console.print(table)
+    if law.metrics:
+        console.print(
+            Text(
+                f"from, to: {confidence} interval of each quantile (?: too few flights)",
+                style="dim",
+            )
+        )
     if clear := [cause for cause in law.causes if cause.p < LIKELY]:
         named_causes = ", ".join(f"{c.name} ({_direction(c.direction)})" for c in clear[:5])
         console.print(f"Failed flights differ in: {named_causes}")

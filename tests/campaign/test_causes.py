@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gcs_tools.campaign.analysis import LIKELY, _of_words
+from gcs_tools.campaign.shares import share
+from gcs_tools.pictures.plot.campaign import shrinking
 
 WORDS = list("abcdef")
 RARE = [0.9, 0.02, 0.02, 0.02, 0.02, 0.02]
@@ -26,3 +28,10 @@ def test_a_word_that_makes_flights_fail_is_found():
     cause = _of_words("x", words, failed)
     assert cause.p <= 1e-3
     assert cause.effect > 0.5
+
+
+def test_few_flights_are_counted_in_plain_numbers():
+    for n in (30, 80, 300):
+        drawn = shrinking({"a law": np.ones(n, dtype=bool)}, lambda k, of: share(k, of, 0.95)[2:])
+        assert "flights" in drawn
+        assert "math" not in drawn

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gcs_tools.pictures.plot.several import COLOURS
-from gcs_tools.pictures.plot.style import GREY, INK, LIMIT, MUTED, STYLE, legend
+from gcs_tools.pictures.plot.style import GREY, INK, LIMIT, MUTED, STYLE, legend, logarithmic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +52,7 @@ def shrinking(success: Mapping[str, Flags], interval: Interval) -> str:
             colour = COLOURS[i % len(COLOURS)]
             axes.fill_between(n, 100 * ends[:, 0], 100 * ends[:, 1], color=colour, alpha=0.16, linewidth=0)  # fmt: skip
             axes.plot(n, 100 * count / n, color=colour, label=law)
-        axes.set_xscale("log")
+        logarithmic(axes, "x")
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
         axes.set_xlabel("flights")
         axes.set_ylim(top=min(axes.get_ylim()[1], 101.0), bottom=max(axes.get_ylim()[0], -1.0))
