@@ -6,6 +6,7 @@ Reads a table of flights (`flights.parquet`), so it says the same whoever flew t
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -76,6 +77,7 @@ class OfLaw:
     law: str
     success: Share
     endings: dict[str, int]
+    missed: dict[str, int]  # of what a flight must meet: how many did not, the most first
     metrics: tuple[Metric, ...]
     causes: tuple[
         Cause, ...
@@ -126,6 +128,7 @@ class Flights:
         self.number = self._table["number"].to_numpy()
         self.success: Flags = self._table["success"].to_numpy(zero_copy_only=False)
         self.ended: list[str] = self._table["ended"].to_pylist()
+        self.missed: list[str] = self._table["missed"].to_pylist()
         self.error: list[str] = self._table["error"].to_pylist()
 
     def __len__(self) -> int:
@@ -161,6 +164,11 @@ def analysis(campaign: Campaign, table: Any) -> Analysis:
             label,
             share(int(flights.success.sum()), len(flights), confidence),
             {word: flights.ended.count(word) for word in sorted(set(flights.ended))},
+            dict(
+                Counter(
+                    name for of in flights.missed if of for name in of.split(", ")
+                ).most_common()
+            ),
             tuple(_metric(flights, name, document.confidence) for name in shown(campaign, flights)),
             causes(flights, campaign.draws.names),
             worst(flights, campaign.ranked_by, campaign.floors),

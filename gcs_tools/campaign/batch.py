@@ -53,6 +53,7 @@ class Row(NamedTuple):
     ticks: int
     trajectory_sha256: str
     metrics: Mapping[str, float | None]
+    missed: str = ""  # which of what it must meet it did not, with commas between
 
 
 class _Ready(NamedTuple):
@@ -112,6 +113,7 @@ def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Ro
         asked.number, asked.law, mission.flight.seed, judged.passed, ended, "", OK,
         float(plant[-1, 0]) if len(plant) else 0.0, len(fcu),
         trajectory_sha256(plant) if len(plant) else "", judged.metrics,
+        ", ".join(each.name for each in judged.expectations if not each.passed),
     )  # fmt: skip
 
 

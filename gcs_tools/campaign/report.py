@@ -188,12 +188,14 @@ def _about(campaign: Campaign, found: Analysis) -> str:
 
 def _card(of: OfLaw, found: Analysis) -> str:
     ends = ", ".join(f"{n:,} {word}" for word, n in of.endings.items())
+    missed = ", ".join(f"{name} by {n:,}" for name, n in of.missed.items())
+    missed = f"; missed: {escape(missed)}" if missed else ""
     low, high = (_percent(end) for end in (of.success.low, of.success.high))
     return (
         f'<div class="card"><span class="dim">{escape(of.law)}: success</span>'
         f"<b>{_percent(of.success.value)}</b>{low} to {high}"
         f' <span class="dim">with {100 * found.confidence:g} % confidence</span><br>'
-        f"<small>{of.success.successes:,} of {of.success.of:,}; ended by: {escape(ends)}</small></div>"
+        f"<small>{of.success.successes:,} of {of.success.of:,}; ended by: {escape(ends)}{missed}</small></div>"
     )
 
 

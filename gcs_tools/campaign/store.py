@@ -36,7 +36,7 @@ JSON, TOML, PARTS, PARQUET, LOCK, PROPOSALS = (
 PART_S = 1.0  # wall: what a crash may lose
 MOST_PARTS = 200  # more are joined to one
 UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
-OWN = ("number", "law", "seed", "success", "ended", "error", "exit_code", "sim_time_s", "ticks",
+OWN = ("number", "law", "seed", "success", "ended", "missed", "error", "exit_code", "sim_time_s", "ticks",
        "trajectory_sha256")  # fmt: skip
 _KNOWN = ("number", "law", "success", "exit_code")  # of every flight
 _CODES = (OK, USAGE, INFRASTRUCTURE)  # that a flight ends with

@@ -382,6 +382,9 @@ def _print_law(console: Console, law: OfLaw, found: Analysis, named: bool, out: 
                 style="dim",
             )
         )
+    if law.missed:
+        missed = ", ".join(f"{name} by {n}" for name, n in law.missed.items())
+        console.print(f"Missed: {missed}")
     if clear := [cause for cause in law.causes if cause.p < LIKELY]:
         named_causes = ", ".join(f"{c.name} ({_direction(c.direction)})" for c in clear[:5])
         console.print(f"Failed flights differ in: {named_causes}")

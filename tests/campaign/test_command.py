@@ -72,6 +72,11 @@ def test_a_campaign_is_told_and_kept(flown):
     drawn = table["draw.wind.step_m_s[0]"].to_numpy().reshape(40, 2)
     assert (drawn[:, 0] == drawn[:, 1]).all()
     (first, second) = told["laws"]
+    failed = 40 - first["success"]["successes"]
+    assert first["missed"]["setpoint_error_max_m"] == failed
+    own = [row for row in table.to_pylist() if row["law"] == "mmrac"]
+    assert all(row["success"] == (not row["missed"]) for row in own)
+    assert f"setpoint_error_max_m by {failed}" in (out / "report.html").read_text()
     assert first["success"]["of"] == second["success"]["of"] == 40
     assert 0 < first["success"]["successes"] < 40
     assert told["differences"][0]["first"] == "mmrac"
