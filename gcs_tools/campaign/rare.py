@@ -4,8 +4,9 @@ Every quantity is drawn by way of a standard normal number z. Stage after stage,
 a mixture of normal distributions whose centres were fitted to the worst tenth of the flights before:
 cross-entropy (Rubinstein and Kroese, The Cross-Entropy Method, 2004, chapter 3). Several components
 hold several regions of failures. They are no narrower than what they stand for: narrow ones, as a fit
-of all moments has them, give intervals that are far too short. Part of the flights are drawn more widely in all directions, to meet what the fit has missed, and part as they
-would be without any of this, so that no weight is above ten.
+of all moments has them, give intervals that are far too short. Part of the flights are drawn more
+widely in all directions, to meet what the fit has missed, and part as they would be without any of
+this, so that no weight is above ten.
 """
 
 from __future__ import annotations
