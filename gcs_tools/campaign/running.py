@@ -23,13 +23,13 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from gcs_tools.campaign.batch import Asked, Row, fly_batch
 from gcs_tools.campaign.campaign_file import Campaign
-from gcs_tools.campaign.shares import Share, share
+from gcs_tools.campaign.shares import Looks, Share, share
 from gcs_tools.campaign.store import SUCCESS, Store
 from gcs_tools.flight.interrupts import interrupts_wait
 
@@ -75,16 +75,33 @@ class End(Protocol):
         """Of the flights that are there, one share a law."""
 
 
+class Outcomes(Protocol):
+    """What has come of flights so far: a Store's."""
+
+    @property
+    def outcome(self) -> np.ndarray[Any, np.dtype[np.int8]]:
+        """int8[laws, n]: UNKNOWN, FAILURE or SUCCESS."""
+
+    @property
+    def whole(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """bool[n]: whether each number is flown, by every law."""
+
+
 class Ending:
     """At how many flights a campaign ends, found from its outcomes in the order of their numbers."""
 
-    def __init__(self, campaign: Campaign, store: Store) -> None:
-        self.confidence = campaign.document.confidence
-        self.looks = campaign.looks
+    def __init__(self, looks: Looks, confidence: float, store: Outcomes) -> None:
+        self.confidence = confidence
+        self.looks = looks
         self.numbers = range(self.looks.at[-1])
         self._store = store
         self._left = list(self.looks.at)
         self.n: int | None = None  # flights of each law, once it is known
+
+    @classmethod
+    def of(cls, campaign: Campaign, store: Store) -> Ending:
+        """That of a campaign."""
+        return cls(campaign.looks, campaign.document.confidence, store)
 
     def look(self) -> bool:
         """Whether the end is known. A look is taken when all flights before it are there."""

@@ -150,7 +150,7 @@ def _flown(asked: Asked, log: Console) -> int:
                     rare = rare_flying.fly(asked_for, kept, workers, told)
                     n = asked_for.n
                 else:
-                    ending = Ending(asked_for, kept)
+                    ending = Ending.of(asked_for, kept)
                     run(asked_for, kept, workers, ending, told)
                     n = ending.n or asked_for.n
             path = kept.finish(n)

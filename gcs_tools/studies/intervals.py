@@ -12,33 +12,20 @@ import json
 import sys
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gcs_tools.campaign.campaign_file import Campaign
 from gcs_tools.campaign.running import Ending
 from gcs_tools.campaign.shares import Looks, Share, share
-from gcs_tools.campaign.store import Store
 
 PROBABILITIES = 0.5, 0.9, 0.99, 0.999
 WIDTHS = None, 0.08, 0.02  # that a campaign ends early at; None: it does not
 FLIGHTS = 1000  # of a campaign, at most
 CONFIDENCE = 0.95
-
-
-@dataclass(frozen=True)
-class _Document:
-    confidence: float
-
-
-@dataclass(frozen=True)
-class _Campaign:
-    document: _Document
-    looks: Looks
 
 
 @dataclass(frozen=True)
@@ -52,9 +39,7 @@ class _Flown:
 def ended(outcome: np.ndarray[Any, Any], looks: Looks, confidence: float) -> Share:
     """The share at which a campaign of one law ends whose flights have these outcomes, bool[n]."""
     kept = _Flown(outcome.astype(np.int8)[None, :], np.ones(len(outcome), dtype=bool))
-    ending = Ending(
-        cast(Campaign, _Campaign(_Document(confidence), looks)), cast(Store, kept)
-    )  # of which it reads nothing else
+    ending = Ending(looks, confidence, kept)
     assert ending.look()
     assert ending.n is not None
     (found,) = ending.shares(ending.n)

@@ -35,7 +35,7 @@ def local(workers: int):
 
 def finished(campaign, folder, workers, told=lambda at: None) -> bytes:
     kept = Store(folder, campaign, {})
-    ending = Ending(campaign, kept)
+    ending = Ending.of(campaign, kept)
     run(campaign, kept, workers, ending, told)
     return kept.finish(ending.n).read_bytes()
 

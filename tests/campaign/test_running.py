@@ -63,7 +63,7 @@ def invented(_plan, batch):
 
 def finished(campaign, folder, workers) -> bytes:
     kept = Store(folder, campaign, HERE)
-    ending = Ending(campaign, kept)
+    ending = Ending.of(campaign, kept)
     run(campaign, kept, workers, ending)
     return kept.finish(ending.n).read_bytes()
 
@@ -81,7 +81,7 @@ def test_what_was_flown_before_an_end_is_not_flown_again(make, tmp_path):
     first = Fake(invented, ends_after=11)
     cut = Store(tmp_path / "cut", campaign, HERE)
     with pytest.raises(RunningError):
-        run(campaign, cut, first, Ending(campaign, cut))
+        run(campaign, cut, first, Ending.of(campaign, cut))
     there = Store(tmp_path / "cut", campaign, HERE)
     assert there.flown == len(first.flown) > 0
     second = Fake(invented, seed=8)
@@ -94,7 +94,7 @@ def test_an_early_end_is_at_the_same_flight_for_all(make, tmp_path):
     ends = set()
     for i, workers in enumerate((1, 5, 30)):
         kept = Store(tmp_path / str(i), campaign, HERE)
-        ending = Ending(campaign, kept)
+        ending = Ending.of(campaign, kept)
         run(campaign, kept, Fake(invented, workers, seed=i), ending)
         ends.add((ending.n, kept.finish(ending.n).read_bytes()))
     ((n, _),) = ends
@@ -112,7 +112,7 @@ def test_parts_are_joined_before_there_are_too_many(make, tmp_path, monkeypatch)
         nonlocal most
         most = max(most, len(list((tmp_path / "out" / "parts").iterdir())))
 
-    ending = Ending(campaign, kept)
+    ending = Ending.of(campaign, kept)
     run(campaign, kept, Fake(invented, workers=1), ending, count)
     assert MOST_PARTS // 2 < most <= MOST_PARTS + 1
     assert kept.finish(ending.n).read_bytes() == finished(
@@ -124,7 +124,7 @@ def test_a_part_that_was_joined_and_not_yet_removed_counts_once(make, tmp_path):
     campaign = make("flights = 40")
     whole = finished(campaign, tmp_path / "one", Fake(invented))
     kept = Store(tmp_path / "two", campaign, HERE)
-    ending = Ending(campaign, kept)
+    ending = Ending.of(campaign, kept)
     run(campaign, kept, Fake(invented), ending)
     (part,) = (tmp_path / "two" / "parts").iterdir()
     part.with_name("00000007.parquet").write_bytes(part.read_bytes())
@@ -243,7 +243,7 @@ def test_a_full_disk_loses_nothing_that_was_written(make, tmp_path, monkeypatch)
     monkeypatch.setattr(stores, "PART_S", 0.0)
     monkeypatch.setattr(stores.picture_file, "write", full)
     with pytest.raises(OSError, match="No space left"):
-        run(campaign, kept, Fake(invented, workers=1), Ending(campaign, kept))
+        run(campaign, kept, Fake(invented, workers=1), Ending.of(campaign, kept))
     monkeypatch.setattr(stores.picture_file, "write", write)
     assert Store(tmp_path / "out", campaign, HERE).flown == 72
     assert finished(campaign, tmp_path / "out", Fake(invented)) == whole

@@ -55,9 +55,8 @@ def test_a_campaign_does_not_end_before_a_flight_that_is_missing():
     n = 1000
     store = SimpleNamespace(outcome=np.ones((1, n), dtype=np.int8), whole=np.ones(n, dtype=bool))
     looks = Looks.of(n, CONFIDENCE, 0.05)
-    campaign = SimpleNamespace(document=SimpleNamespace(confidence=CONFIDENCE), looks=looks)
     store.whole[looks.at[0] - 1] = False
-    ending = Ending(campaign, store)
+    ending = Ending(looks, CONFIDENCE, store)
     assert not ending.look()
     store.whole[:] = True
     assert ending.look()
