@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients readers browser fly test test-quick check bench schemas console stability figures laws
+.PHONY: help setup clients readers browser fly test test-quick check mutate mutate-tenth bench schemas console stability figures laws
 .DEFAULT_GOAL := setup
 
 # Bytecode is kept, whatever the shell says: without it every worker rewrites every assertion at
@@ -65,17 +65,26 @@ test: clients readers browser  ## all tests
 test-quick: setup  ## those that start no processes and need no browser, Node.js or clients
 	@.venv/bin/pytest -q --quick -n 2 --dist worksteal
 
-check: setup  ## linters, types, who may import whom
+check: setup  ## linters, types, import contracts, wording of docstrings
 	@.venv/bin/ruff check -q .
 	@.venv/bin/ruff format -q --check .
 	@.venv/bin/mypy
 	@.venv/bin/lint-imports
+	@.venv/bin/python -m tests.rooms.words
+
+mutate: setup  ## changes the source in 200 places: does a quick test fail for each?
+	@.venv/bin/python -m tests.mutation
+
+mutate-tenth: setup  ## a tenth of them again, another with every commit
+	@.venv/bin/python -m tests.mutation --tenth
 
 schemas: setup  ## written again: the schemas of recordings and missions, the page of parameters
 	@.venv/bin/python -m gcs_tools.recording.schema docs/schemas
 	@.venv/bin/python -m gcs_tools.missions.schema
 	@.venv/bin/python -m fcu.parameters_page docs/parameters.md
 	@.venv/bin/python -m tests.rooms.readme_imports
+	@.venv/bin/python -m tests.parameters.defaults
+	@.venv/bin/python -m tests.rooms.words --write
 
 bench: setup  ## the measurements of docs/bench.md
 	@.venv/bin/python -m gcs_tools.studies.bench

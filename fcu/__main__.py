@@ -6,6 +6,7 @@ try:
     import math
     import signal
     import sys
+    from functools import partial
     from pathlib import Path
     from typing import TYPE_CHECKING
 
@@ -50,6 +51,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
     help="Control rate, Hz.",
 )
 @click.option("--law", "law_name", metavar="NAME|FILE.py", default="mmrac", show_default=True, help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
+@click.option("--unstable-gains", type=click.Choice(["refuse", "fly"]), default="refuse", show_default=True, help="Start with gains that the rule of stability refuses, for a study.")  # fmt: skip
 @options.AIRFRAME
 @click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON; replaces the airframe's defaults and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="Autopilot type to report. Both use PX4's mode numbers.")  # fmt: skip
@@ -59,12 +61,14 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 @click.option("--law-sha256", help="Refuse a law of other sources.", hidden=True)
 @click.option("--airframe-sha256", help="Refuse an airframe file of another text.", hidden=True)
 @click.option("--record-fd", type=int, hidden=True)
+@click.option("--events-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
 def main(
     instance: int | None,
     rate_hz: float,
     law_name: str,
+    unstable_gains: str,
     airframe: str | None,
     handover: Path | None,
     autopilot: str,
@@ -74,6 +78,7 @@ def main(
     law_sha256: str | None,
     airframe_sha256: str | None,
     record_fd: int | None,
+    events_fd: int | None,
     lifeline_fd: int | None,
     drop: bool,
 ) -> None:
@@ -85,21 +90,24 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
-    from fcu.configuration import ConfigurationError, read_airframe, read_settings
+    from fcu.guard.gains import FLY
+    from fcu.interface import event_log
     from fcu.interface.link import PortBusy
     from fcu.interface.parameter import ParameterError
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import BATCH, FULL_SPEED_BATCH, RecorderPipe
     from fcu.interface.starter import announce, watched
-    from fcu.kernel.compile import is_cached
     from fcu.laws import loader
-    from fcu.loop import INFRASTRUCTURE, Loop, say
     from fcu.mavlink.definitions import Autopilot
     from fcu.mavlink.geodesy import Origin
     from fcu.parameters import Parameters, ParamsFileError
-    from fcu.reporting import Reporter, row_width
+    from fcu.process.configuration import ConfigurationError, read_airframe, read_settings
+    from fcu.process.law_compiler import law_compiler
+    from fcu.process.loop import INFRASTRUCTURE, Loop, say
+    from fcu.process.reporting import Reporter, row_width
     from fcu.services.streams import Identity
 
+    write = partial(event_log.write, fd=events_fd)
     try:
         number = first_free_instance(*FCU_PORTS) if instance is None else instance
         law = loader.load(law_name)
@@ -108,7 +116,7 @@ def main(
         vehicle = read_airframe(law, airframe)
         if airframe_sha256 not in (None, vehicle.sha256):
             raise ConfigurationError(f"{airframe}: has changed since it was read for this flight")
-        settings = read_settings(law, handover, rate_hz, vehicle)
+        settings = read_settings(law, handover, rate_hz, vehicle, unstable_gains == FLY)
         params = Parameters(settings, ports(number).system_id, params_file, law, vehicle)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), vehicle.drag)
@@ -116,19 +124,22 @@ def main(
         tape = RecorderPipe(row_width(law), record_fd, wait=not drop, batch=batch)
         reporter = Reporter(law, tape, PublisherFeed(number, "fcu", law.identity), identity.drag)
         with watched(lifeline_fd):
-            if not is_cached("tick_at", law.package):
-                say(-1, "info", "compiling the law, once for this version (up to a minute)")
+            is_cold = not law.is_cached()
+            if is_cold:
+                say(-1, "info", "compiling the law, once for this version (up to a minute)", write)
             sim_only = link_clock == "sim"
-            loop = Loop(
-                ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file,
-                resets=record_fd is None,  # a recording is of one flight
-            )  # fmt: skip
-            loop.warm_up()
+            with law_compiler(law if is_cold else None) as other:
+                loop = Loop(
+                    ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file,
+                    resets=record_fd is None,  # a recording is of one flight
+                    write=write,
+                )  # fmt: skip
+                loop.warm_up(other.wait)
     except PortBusy as error:
-        say(-1, "error", str(error.strerror))
+        say(-1, "error", str(error.strerror), write)
         sys.exit(INFRASTRUCTURE)
     except OSError as error:
-        say(-1, "error", str(error))
+        say(-1, "error", str(error), write)
         sys.exit(INFRASTRUCTURE)
     except (ConfigurationError, loader.LawError, ParameterError, ParamsFileError) as error:
         raise click.UsageError(str(error)) from error
@@ -139,7 +150,7 @@ def main(
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     at = ports(number)
-    say(-1, "info", f"instance {number}: waiting for the plant on 127.0.0.1:{at.fcu_plant}")
+    say(-1, "info", f"instance {number}: waiting for the plant on 127.0.0.1:{at.fcu_plant}", write)
     announce({"ready": "fcu", "instance": number, **at._asdict()})
     code = loop.run()
     ended = {"ended": "fcu", "exit_code": code, "law_raised": loop.law_raised}
@@ -152,14 +163,14 @@ def load(law: Law) -> None:
 
     A loop is made, on ports of its own, and stopped before it has begun.
     """
-    from fcu.configuration import read_airframe, read_settings
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import RecorderPipe
-    from fcu.loop import Loop
     from fcu.mavlink.definitions import Autopilot
     from fcu.mavlink.geodesy import Origin
     from fcu.parameters import Parameters
-    from fcu.reporting import Reporter, row_width
+    from fcu.process.configuration import read_airframe, read_settings
+    from fcu.process.loop import Loop
+    from fcu.process.reporting import Reporter, row_width
     from fcu.services.streams import Identity
 
     vehicle = read_airframe(law)

@@ -18,33 +18,29 @@ import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
+from weakref import WeakSet
 
 import numpy as np
 
-from fcu.configuration import read_airframe
 from fcu.guard import stability
+from fcu.guard.gains import RULE, has_rule
 from fcu.guard.types import GuardParams
 from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
-from fcu.kernel.buffers import fields
 from fcu.laws import loader
 from fcu.laws.face import Pace
 from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import Params
-from fcu.settings import Settings
+from fcu.process.configuration import read_airframe
+from fcu.process.settings import Settings
 
 __all__ = ["VEHICLE", "Entry", "Parameters", "ParamsFileError", "Refused", "entries"]
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
 MOST_BYTES = input_file.MIB // 4  # of a file of parameters
-RULE = (
-    " (the loop has to be stable in hover, estimates right or 3 dB off:"
-    ' fcu/guard/README.md, "Which gains go together")'
-)
-
 P = Parameter
 
 VEHICLE: tuple[Parameter, ...] = (
@@ -83,6 +79,7 @@ VEHICLE: tuple[Parameter, ...] = (
     ),
     *group(
         "Battery",
+        P("", "COM_LOW_BAT_ACT", 0.0, 0.0, 3.0, "", "low in flight: 0 warn, 2 land if critical, 3 return, land in an emergency", values=(0.0, 2.0, 3.0), integer=True),
         P("", "BAT_EMERGEN_THR", 0.05, 0.0, 1.0, "", "charge at which it is an emergency", below="BAT_CRIT_THR"),
         P("", "BAT_CRIT_THR", 0.07, 0.0, 1.0, "", "charge at which it is critical", below="BAT_LOW_THR"),
         P("", "BAT_LOW_THR", 0.15, 0.0, 1.0, "", "charge at which the battery is low"),
@@ -207,6 +204,13 @@ def _number(value: float) -> str:
     return f"{value:.9g}"
 
 
+class Follower(Protocol):
+    """An object that works with values of parameters."""
+
+    def parameters_changed(self) -> None:
+        """Take the values in force."""
+
+
 class Parameters:
     """Every parameter of one vehicle, and the Settings in force."""
 
@@ -226,7 +230,7 @@ class Parameters:
         self.flown = flown = flown or loader.load()
         self._module = flown.settings
         # which values go together is known of the law of the paper alone
-        self._rule = stability if fields(self._module.Settings)["law"] is Params else None
+        self._rule = stability if has_rule(flown) else None
         tables = self._tables = (airframe or read_airframe(flown)).tables
         self._of_law = entries(self._module.PARAMETERS, tables)  # in the order of `put`
         of_vehicle = entries(VEHICLE, tables)
@@ -242,6 +246,7 @@ class Parameters:
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
         self.settings = settings  # in force
+        self.followers: WeakSet[Follower] = WeakSet()  # told of every change
         # what starts unstable, or unable to hover, may fly on, for a study
         self._stable, self._able = not self._unstable(settings), not self._grounded(settings)
         self._values = self._bases(self._changed)
@@ -298,13 +303,13 @@ class Parameters:
         if p.row.disarmed_only and armed:
             raise Refused(PERMISSION_DENIED, f"{name} can be set while disarmed only")
         before = self._values
-        self._adopt({**self._changed, name: value}, f"{name} {_number(value)} refused: ")
+        self._adopt({**self._changed, name: value}, name)
         self.changed = tuple(n for n in self.names if self._values[n] != before[n])
         return True
 
     def reset(self) -> None:
         """Every parameter as it was at the start, after the file was read."""
-        self._adopt(self._at_start, "")
+        self._adopt(self._at_start)
 
     # --- what is in force
 
@@ -344,8 +349,12 @@ class Parameters:
         if not allowed:  # nor is what is not a number
             raise Refused(OUT_OF_RANGE, f"{p.name} {_number(value)} refused: {p.expected()}")
 
-    def _adopt(self, wanted: dict[str, float], refused: str) -> None:
-        """Put values in force that are in range each. Raises Refused if not so together."""
+    def _adopt(self, wanted: dict[str, float], name: str = "") -> None:
+        """Put values in force that are in range each. Raises Refused if not so together.
+
+        `name`: the parameter that is set, if it is one alone.
+        """
+        refused = f"{name} {_number(wanted[name])} refused: " if name else ""
         bases = self._bases(wanted)
         changed = {k: v for k, v in wanted.items() if v != bases[k]}
         values = {**self._bases(changed), **changed}
@@ -354,8 +363,8 @@ class Parameters:
                 continue
             must = "must be below" if strict else "must not be above"
             at = f"{low} {_number(values[low])} {must} {high} {_number(values[high])}"
-            first = high if refused.startswith(f"{low} ") else low
-            at += f" (set {first} first)" if refused else ""
+            first = high if name == low else low
+            at += f" (set {first} first)" if name else ""
             raise Refused(OUT_OF_RANGE, refused + at)
         if self._law_alone(changed) != self._law_alone(self._changed):
             settings = self._with(changed)
@@ -373,6 +382,8 @@ class Parameters:
                 settings = self._module.derived(settings)
             self.settings, self._stable, self._able = settings, not channel, not why
         self._changed, self._values = changed, values
+        for follower in self.followers:
+            follower.parameters_changed()
 
     def _why(self, channel: str, changed: dict[str, float], values: dict[str, float]) -> str:
         """Why a combination that is not stable is refused: the channel, with what, what would do."""
@@ -470,7 +481,7 @@ class Parameters:
                 got = _number(values[name])
                 raise ParamsFileError(f"{where}: expected {p.expected()}, got {got}") from error
         try:
-            self._adopt(values, "")
+            self._adopt(values)
         except Refused:
             name, why = self._one_too_many(values)
             where = f"{path}:{_line(text, name)}: {name} {_number(values[name])}"
@@ -484,7 +495,7 @@ class Parameters:
         for each, value in values.items():
             so_far[each] = value
             try:
-                self._adopt(so_far, "")
+                self._adopt(so_far)
                 name = ""
             except Refused as refused:
                 name, why = name or each, refused

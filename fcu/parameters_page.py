@@ -12,11 +12,11 @@ from typing import Any
 
 import click
 
-from fcu.configuration import read_airframe
 from fcu.interface.parameter import Parameter, default
 from fcu.laws import loader
 from fcu.parameters import VEHICLE, entries
-from fcu.settings import PARAMETERS
+from fcu.process.configuration import read_airframe
+from fcu.process.settings import PARAMETERS
 
 HEAD = """# Parameters
 

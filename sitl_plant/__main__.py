@@ -5,6 +5,7 @@ from __future__ import annotations
 try:
     import signal
     import sys
+    from functools import partial
     from pathlib import Path
 
     import click
@@ -28,6 +29,7 @@ except KeyboardInterrupt:
 @click.option("--stay/--end", default=False, show_default=True, help="After a crash: hold time until a reset, or end.")  # fmt: skip
 @click.option("--record-fd", type=int, hidden=True)
 @click.option("--control-fd", type=int, hidden=True)
+@click.option("--events-fd", type=int, hidden=True)
 @click.option("--lifeline-fd", type=int, hidden=True)
 @click.option("--drop/--wait", default=False, hidden=True)
 def main(
@@ -39,6 +41,7 @@ def main(
     stay: bool,
     record_fd: int | None,
     control_fd: int | None,
+    events_fd: int | None,
     lifeline_fd: int | None,
     drop: bool,
 ) -> None:
@@ -50,6 +53,7 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # a signal ends it at once until the flight
 
+    from fcu.interface import event_log
     from fcu.interface.airframe import AirframeError, find, read
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
@@ -62,6 +66,7 @@ def main(
     from sitl_plant.physics.world import World
     from sitl_plant.physics.world import world as still_air
 
+    write = partial(event_log.write, fd=events_fd)
     try:
         if world_file is not None and airframe is not None:
             raise click.UsageError(
@@ -79,19 +84,20 @@ def main(
         batch = BATCH if pacer.paced else FULL_SPEED_BATCH
         tape = RecorderPipe(WIDTH, record_fd, wait=not drop, batch=batch)
         with watched(control_fd, lifeline_fd):
-            if not is_cached("physics.tick.advance"):
-                say(0.0, "info", "compiling the simulator, once per version (about half a minute)")
+            if not is_cached("burst.begin"):
+                why = "compiling the simulator, once per version (about half a minute)"
+                say(0, "info", why, write)
             feed = PublisherFeed(number, "plant")
             server = Server(
                 ports(number), world, tape, feed, pacer, control_fd, lifeline_fd,
-                stays=stay, announce=announce,
+                stays=stay, announce=announce, write=write,
             )  # fmt: skip
             server.warm_up()
     except PortBusy as error:
-        say(0.0, "error", str(error.strerror))
+        say(0, "error", str(error.strerror), write)
         sys.exit(INFRASTRUCTURE)
     except OSError as error:
-        say(0.0, "error", str(error))
+        say(0, "error", str(error), write)
         sys.exit(INFRASTRUCTURE)
 
     def stop(_signal: int, _frame: object) -> None:
@@ -100,7 +106,7 @@ def main(
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     at = ports(number)
-    say(0.0, "info", f"instance {number}: expecting the flight controller on 127.0.0.1:{at.fcu_plant}")  # fmt: skip
+    say(0, "info", f"instance {number}: expecting the flight controller on 127.0.0.1:{at.fcu_plant}", write)  # fmt: skip
     announce({"ready": "plant", "instance": number, **at._asdict()})
     code = server.run()
     figures = {

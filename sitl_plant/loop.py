@@ -24,12 +24,15 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface import event_log
 from fcu.interface.diagnostics import PlantTiming
+from fcu.interface.event_log import Event, Said
 from fcu.interface.handover import GRANT, granted
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import RecorderPipe
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel import system
 from fcu.kernel.rows import column
 from fcu.mavlink.plant_link import WireError
@@ -83,18 +86,21 @@ class Server:
         burst_ticks: int = sys.maxsize,
         stays: bool = False,
         announce: Callable[[dict[str, Any]], None] = lambda said: None,
+        write: Callable[[Event], None] = event_log.write,
     ) -> None:
         """`control`: file descriptor of the grants, or None to let time run freely.
 
-        `lifeline`: a file descriptor; its end of file ends the flight. `burst_ticks`: ticks that
+        `lifeline`: a file descriptor. Its end of file ends the flight. `burst_ticks`: ticks that
         compiled code flies at once, at most what is left of the recorder's batch. `stays`: when a
         flight ends it holds time until a reset. `announce`: told of resets, and of such an end.
+        `write`: takes an event.
         Raises PortBusy.
         """
         self._lifeline = lifeline
         self._world, self._system = world, ports.system_id
         self._stays = stays
         self._announce = announce
+        self._write = write
         self._tape = tape
         self._feed = feed
         self.pacer = pacer
@@ -110,7 +116,7 @@ class Server:
         self._begin_flight()
 
     def _begin_flight(self) -> None:
-        self._simulator = Simulator(self._world, self._system)
+        self._simulator = Simulator(self._world, self._system, self._write)
         self._plant = self._simulator.plant
         self._timing = column(Progress, self._plant.progress, "timing")
         self._granted = 0 if self._control is not None else sys.maxsize
@@ -184,10 +190,9 @@ class Server:
         self._feed.close()
         return code
 
-    def _say(self, level: str, text: str) -> None:
-        """Write a log line, and send it as an event to the publisher."""
-        self._simulator.say(level, text)
-        self._feed.event(self._simulator.time_s, level, text)
+    def _say(self, level: str, said: Said) -> None:
+        """An event, for the log and for whoever listens to the publisher."""
+        self._feed.event(self._simulator.say(level, said))
 
     @property
     def _rotors(self) -> int:
@@ -248,7 +253,7 @@ class Server:
         self.figures.resets += 1
         self.figures.flight_ended = ""
         self._feed.reset()
-        self._say("info", "reset: at the start again")
+        self._say("info", Told(Code.PLANT_RESET))
         self._link.send(self._simulator.codec.pack_reset_done())
         self._announce({"reset": self.figures.resets})
 

@@ -9,9 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fcu.interface import event_log
+from fcu.interface.event_log import Event, Said
 from fcu.interface.messages import Battery, VehicleState
-from fcu.interface.starter import log
-from fcu.interface.status_texts import FLIGHT_ENDED
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import from_buffer
 from fcu.kernel.rows import slice_of
 from fcu.mavlink.plant_link import LONGEST, Ending, PlantCodec
@@ -27,8 +28,10 @@ _MOVING = np.r_[tuple(slice_of(VehicleState, name) for name in ("v_E", "w_B", "O
 class Simulator:
     """One flight of one vehicle, from its first state."""
 
-    def __init__(self, world: World, system_id: int, write: Callable[[str], None] = log) -> None:
-        """`system_id`: MAVLink's. `write`: takes a line of log."""
+    def __init__(
+        self, world: World, system_id: int, write: Callable[[Event], None] = event_log.write
+    ) -> None:
+        """`system_id`: MAVLink's. `write`: takes an event."""
         self._write = write
         self._world = world
         self.codec = PlantCodec(system_id, world.params.airframe.spin)
@@ -75,7 +78,7 @@ class Simulator:
             self.time_us, plant.reported, from_buffer(Battery, plant.battery), self.ending
         )
 
-    def end(self, status: int) -> str:
+    def end(self, status: int) -> Told:
         """The flight has ended, and the vehicle lies where it was; what is to be said of it."""
         self.flight_ended = ENDINGS[status]
         self.ending = Ending.CRASHED if status == dynamics.CRASHED else Ending.DIVERGED
@@ -83,13 +86,17 @@ class Simulator:
         if np.isfinite(plant.state).all():
             plant.reported[:] = plant.state
         plant.reported[_MOVING] = 0.0
-        return f"{FLIGHT_ENDED}: the vehicle {self.flight_ended}"
+        return Told(Code.FLIGHT_ENDED, (self.flight_ended,))
 
-    def say(self, level: str, text: str) -> None:
-        """A line of log."""
-        say(self.time_s, level, text, self._write)
+    def say(self, level: str, said: Said) -> Event:
+        """An event of now."""
+        return say(self.time_us, level, said, self._write)
 
 
-def say(time_s: float, level: str, text: str, write: Callable[[str], None] = log) -> None:
-    """Log one line: simulation time, level, process, text."""
-    write(f"{time_s:10.3f} {level:<7} plant {text}")
+def say(
+    time_us: int, level: str, said: Said, write: Callable[[Event], None] = event_log.write
+) -> Event:
+    """An event of the simulator."""
+    made = event_log.event(time_us / 1e6, level, "plant", said)
+    write(made)
+    return made

@@ -20,8 +20,9 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.laws.mmrac.reference_model import a_ref, advance, carried
+from fcu.laws.mmrac.reference_model import a_ref, advance
 from fcu.laws.mmrac.types import Params
+from fcu.laws.setpoint import carried
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Way = Sequence[tuple[Setpoint, float]]

@@ -14,7 +14,8 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
-from fcu.laws.mmrac.reference_model import a_ref, carried
+from fcu.laws.mmrac.reference_model import a_ref
+from fcu.laws.setpoint import carried
 
 QUICK = 0.6  # of a time constant of the reference model: attitude and rates may lag so much
 QUICKEST = (

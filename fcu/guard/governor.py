@@ -13,7 +13,7 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select, select3
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import wrap
-from fcu.laws.mmrac.approach import approach
+from fcu.laws.approach import approach
 from fcu.laws.mmrac.reference_model import a_ref
 
 SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says

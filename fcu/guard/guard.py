@@ -10,12 +10,26 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import contradictions, governor, margin
-from fcu.guard.types import Contradicted, GuardInternals, GuardState, Margin, Signs
+from fcu.guard.parameters import PARAMETERS, check, derived, followed, guard_params, printed
+from fcu.guard.types import (
+    Contradicted,
+    GuardInternals,
+    GuardParams,
+    GuardState,
+    Margin,
+    Signs,
+)
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, select, select3
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix
 from fcu.laws.mmrac import position, reference_model
+from fcu.laws.mmrac.types import Params as LawParams
+
+__all__ = [
+    "PARAMETERS", "GuardInternals", "GuardParams", "GuardState", "LawParams", "after", "before",
+    "check", "derived", "followed", "guard_params", "idle", "printed", "take_over",
+]  # fmt: skip  # what the shell knows of a guard; LawParams: what the guard has to know of its law
 
 
 class Governed(NamedTuple):

@@ -1,7 +1,7 @@
 """What both processes say of each tick beside the law's and the plant's own values.
 
-A row of the flight controller is a Tick (fcu.tick) and then a Report: `fcu_row(Tick)`;
-a row of the plant is a PlantRecord and then a PlantReport: `plant_row(PlantRecord)`. Whoever
+A row of the flight controller is a Tick (fcu.process.tick) and then a Report: `fcu_row(Tick)`.
+A row of the plant is a PlantRecord and then a PlantReport: `plant_row(PlantRecord)`. Whoever
 records or publishes a flight gets whole rows.
 Wall times are of this machine: they differ from flight to flight, and nothing flown reads them.
 """

@@ -7,6 +7,7 @@ on file, in the run's folder.
 from __future__ import annotations
 
 import json
+import math
 import struct
 from pathlib import Path
 from typing import Any, TypeVar
@@ -45,6 +46,11 @@ def load(path: Path, cls: type[T]) -> T:
         named = json.loads(path.read_text())[cls.__name__]
         if list(named) != columns(cls):
             raise ValueError("other names than this version's")
+        for name, number in named.items():
+            if isinstance(number, bool) or not isinstance(number, int | float):
+                raise ValueError(f"{name}: expected a number, got {number!r}")
+            if not math.isfinite(number):
+                raise ValueError(f"{name}: expected a finite number, got {number!r}")
         return from_buffer(cls, list(named.values()))
     except OSError as error:
         raise HandoverError(f"{path}: {error.strerror}") from error

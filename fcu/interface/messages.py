@@ -57,7 +57,7 @@ class Battery(NamedTuple):
 
 
 class PositionRequest(NamedTuple):
-    """Where a script asks a vehicle to be, and how to move there. None: left to the vehicle."""
+    """Where a script asks a vehicle to be, and how to move there. None, or NaN on an axis: left out."""
 
     r: Vec3 | None  # m
     v: Vec3 | None  # m/s

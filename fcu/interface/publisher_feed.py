@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.event_log import Event, as_json
 from fcu.interface.link import PortBusy
 
 LOOK_S = (
@@ -161,9 +162,9 @@ class PublisherFeed:
         data = json.dumps(said).encode()
         self.tell(data if len(data) % 8 else data + b" ")
 
-    def event(self, t: float, level: str, text: str) -> None:
-        """Something happened at simulation time t (s)."""
-        self.say({"event": text, "t": t, "level": level})
+    def event(self, event: Event) -> None:
+        """Hand on something that happened."""
+        self.say(as_json(event._replace(t=max(event.t, 0.0))))
 
     def reset(self) -> None:
         """The rows that follow begin again, at time 0."""

@@ -1,6 +1,6 @@
-"""What a vehicle says, as codes with numbers; and the one table of their texts.
+"""Codes with numbers for all that a vehicle tells, and the one table of their texts.
 
-Whoever decides something tells it as `Told(code, values)`; whoever sends or shows it asks for
+Whoever decides something tells it as `Told(code, values)`. Whoever sends or shows it asks for
 its `words`. A code's value is its text, with a place for each of its values.
 """
 
@@ -13,13 +13,12 @@ from enum import Enum, unique
 from functools import cache
 from typing import Any, NamedTuple
 
-FLIGHT_ENDED = "the flight ended"  # what the simulator logs, before how
 GREAT = 1e6  # m, N: above it a number is only told to be so
 
 
 @unique
 class Code(Enum):
-    """Everything that is said. Values in SI; a value may be a Told itself."""
+    """Everything that is said. Values are in SI. A value may be a Told itself."""
 
     # --- what happens by itself
     LANDED = "Landed"
@@ -27,6 +26,11 @@ class Code(Enum):
     LED_INTO_GROUND = "Ground contact: motors idle"
     DISARMED_LANDED = "Disarmed after landing"
     DISARMED_IDLE = "Disarmed: no takeoff"
+    BATTERY_LOW = "Battery low: {:.0f} %"
+    BATTERY_CRITICAL = "Battery critical: {:.0f} %"
+    BATTERY_EMERGENCY = "Battery emergency: {:.0f} %"
+    FAILSAFE_MODE = "Failsafe: mode {}"
+    FAILSAFE_STOPPED = "Failsafe: rotors stopped"
     OFFBOARD_LOST_MODE = "Offboard lost: no setpoint for {:g} s, mode {}"
     OFFBOARD_LOST_STOPPED = "Offboard lost: no setpoint for {:g} s, rotors stopped"
     PLAN_COMPLETE = "{} complete, mode {}"
@@ -41,6 +45,11 @@ class Code(Enum):
     STATE_STUCK = "The plant's state has not changed for 1 s"
     PLANT_SILENT = "No state from the plant for {:.0f} s"
     PLANT_SILENT_STOPS = "No state from the plant for {:.0f} s, controller stops"
+
+    # --- what the log alone says
+    FLIGHT_ENDED = "the flight ended: the vehicle {}"
+    PLANT_RESET = "reset: at the start again"
+    LINK_SILENT = "the plant has been silent for {:.0f} s"
 
     # --- what contradicts a belief
     LIGHTER = "mass below {:g} kg, or wind from below lasts"
@@ -93,12 +102,13 @@ class Code(Enum):
     WAS_TERMINATED = "flight was terminated (gcs reset)"
     HAS_ENDED = "the flight has ended (gcs reset)"
     TILTED = "tilted by more than {:.0f} degrees"
-    BATTERY_CRITICAL = "battery at {:.0f} %"
+    CHARGE_CRITICAL = "battery at {:.0f} %"
     IN_FLIGHT = "in flight (land first)"
     ARMED_NOT_RESET = "armed (disarm, or force it: gcs reset --force)"
     ONE_FLIGHT = "its flight is recorded (gcs fly)"
     TAKEOFF_HEIGHT = "{:.1f} m up (expected above 0, at most 1000)"
     SPEED_RANGE = "{:g} m/s (expected 0.1 to {:g})"
+    SPEED_LIMITED = "Speed limited: {:g} to {:g} m/s"
     ASKS_TOO_MUCH = "needs {:.1f} m/s^2 (MPC_ACC_HOR is {:g})"
     LACKS = "{} needs {:newtons} more than available; {} would do"
 
@@ -113,7 +123,6 @@ class Code(Enum):
 
     # --- why: the command
     TO_NO_SYSTEM = "expected this system as target"
-    SEND_AS_INT = "send it as COMMAND_INT"
     COMMAND_FRAME = "frame {}"
     PARAMETER_NAN = "parameter {} is NaN"
     PARAMETER_UNUSED = "parameter {} is unused (expected 0 or NaN)"
@@ -122,6 +131,7 @@ class Code(Enum):
     PLACE_NOT_HERE = "the position is not the vehicle's"
     HEIGHT_IMPOSSIBLE = "height out of range"
     NO_PLACE_NEAR = "expected a position within 20 km"
+    NO_HEIGHT_NEAR = "expected 100 m below home to 20 km above"
     LANDS_HERE = "lands at the current position (reposition first)"
     NO_MISSION = "no mission uploaded"
     GROUND_SPEED_ONLY = "expected speed type 1 (ground speed)"
@@ -170,7 +180,7 @@ class Told(NamedTuple):
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What two of them share that differ in their numbers at most."""
+        """The same for two of them that differ in their numbers at most."""
         parts = (v.kind if isinstance(v, Told) else v for v in self.values)
         return self.code, *(part for part in parts if isinstance(part, str | tuple))
 
@@ -239,5 +249,8 @@ def _pattern(code: Code) -> re.Pattern[str]:
 
 
 def says(text: str, code: Code) -> bool:
-    """Whether a text that a vehicle has sent, or its first chunk, is the text of `code`."""
+    """Return true if a STATUSTEXT, or its first chunk, is the text of `code`.
+
+    For MAVLink clients alone: nothing but words comes over that link.
+    """
     return _pattern(code).match(text) is not None

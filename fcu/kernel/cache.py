@@ -21,15 +21,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numba
+from llvmlite import binding as ll
 from numba import types
-from numba.core.caching import _Cache
-from numba.core.codegen import ll
-from numba.core.compiler import CompileResult
-from numba.core.runtime import _nrt_python
-from numba.core.serialize import dumps
-from numba.core.sigutils import normalize_signature
 
-_SUFFIX = ".kernel"
+try:  # names that numba may change: without them nothing is kept
+    from numba.core.compiler import CompileResult
+    from numba.core.runtime import _nrt_python
+    from numba.core.serialize import dumps
+except ImportError as missing:
+    _missing: Exception | None = missing
+else:
+    _missing = None
+
+_SUFFIX, _INNER = ".kernel", ".inner"  # called from Python, by other kernels
 _START = b"m-mrac kernel 1\n"
 _DIGEST = hashlib.sha256().digest_size
 _LENGTH = 8  # of the length of what comes first, bytes
@@ -41,6 +46,7 @@ KEPT, KEPT_S, JUST_NOW_S = 32, 30 * 86400.0, 3600.0
 
 COMPILING = "compiling, once for this version (up to a minute)"
 _told: set[str] = set()
+watchers: list[Callable[[], None]] = []  # called whenever a kernel was compiled
 
 
 def _tell(text: str) -> None:
@@ -77,6 +83,12 @@ class Folder:
         if not held and told:
             _told.add(COMPILING)
         return held
+
+    def count(self) -> int:
+        """Count the kernels that have a file."""
+        with contextlib.suppress(OSError):
+            return sum(file.endswith((_SUFFIX, _INNER)) for file in os.listdir(self.path))
+        return 0
 
     def read(self, name: str) -> bytes | None:
         """What was written as `name`, or None if it is not there, whole and ours."""
@@ -175,11 +187,18 @@ def _clean(home: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-class Cache(_Cache):  # type: ignore[misc]  # numba has no types
+def tell_missing(error: Exception, instead: str) -> None:
+    """Tell that this version of numba lacks a name, and what that costs."""
+    _tell(f"numba {numba.__version__}: {error}: {instead}")
+
+
+class Cache:
     """What numba asks for the compiled code of one function, and gives it to."""
 
-    def __init__(self, function: Callable[..., Any], folder: Folder) -> None:
+    def __init__(self, function: Callable[..., Any], folder: Folder, inner: bool = False) -> None:
+        """`inner`: it is called by other kernels alone, never from Python."""
         self._function = function
+        self._suffix = _INNER if inner else _SUFFIX
         self._folder = folder
         self._enabled = True
 
@@ -201,20 +220,33 @@ class Cache(_Cache):  # type: ignore[misc]  # numba has no types
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is kept of the function for these types, or None: then numba compiles it."""
-        if not self._enabled:
+        if not self._enabled or _missing is not None:
             return None
-        name = self._name(sig, target_context.codegen())
-        data = self._folder.read(name)
-        if data is not None:
-            try:
+        try:
+            name = self._name(sig, target_context.codegen())
+            data = self._folder.read(name)
+            if data is not None:
                 return _loaded(data, target_context)
-            except Exception:  # whole, but not what this Python can unpickle
-                self._folder.damaged(name)
+        except AttributeError as error:
+            _do_without(error)
+        except Exception:  # whole, but not what this Python can unpickle
+            self._folder.damaged(name)
         _tell(COMPILING)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what has been compiled."""
+        if _missing is not None:
+            _do_without(_missing)
+        else:
+            try:
+                self._keep(sig, data)
+            except AttributeError as error:
+                _do_without(error)
+        for watcher in watchers:
+            watcher()
+
+    def _keep(self, sig: Any, data: Any) -> None:
         if data.library.has_dynamic_globals or data.lifted:
             name = f"{self._function.__module__}.{self._function.__qualname__}"
             _tell(
@@ -224,13 +256,19 @@ class Cache(_Cache):  # type: ignore[misc]  # numba has no types
             self._folder.write(self._name(sig, data.codegen), _kept(data))
 
     def _name(self, sig: Any, codegen: Any) -> str:
-        args, returns = normalize_signature(sig)
         code = hashlib.sha256(self._function.__code__.co_code).hexdigest()
-        told = [*map(_spelled, args), str(returns), *map(str, codegen.magic_tuple()), code]
+        told = [*map(_spelled, sig), *map(str, codegen.magic_tuple()), code]
         digest = hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
         kernel = f"{self._function.__module__}.{self._function.__qualname__}"
         safe = re.sub(r"[^\w.]", "_", kernel)[-200:]
-        return f"{safe}-{digest}{_SUFFIX}"
+        return f"{safe}-{digest}{self._suffix}"
+
+
+def _do_without(error: Exception) -> None:
+    """Neither read nor write from now on: numba has changed a name."""
+    global _missing
+    _missing = error
+    tell_missing(error, "compiled code is not kept, so every start compiles")
 
 
 def _spelled(kind: Any) -> str:

@@ -1,4 +1,4 @@
-"""The one decorator through which everything compiled is compiled, and the cache of its code.
+"""The one decorator of kernels, and the cache of their compiled code.
 
 `@kernel` is `numba.njit` with the project's flags: without the GIL, IEEE arithmetic (never
 `fastmath`: the same text must give the same bits in plain Python, in a process and in a
@@ -17,11 +17,18 @@ import os
 import platform
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache as cache_of
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core.codegen import ll
+from llvmlite import binding as ll
+
+try:
+    from numba.core.cpu import CPUTargetOptions as _Options
+except ImportError:
+    _Options = None
 
 from fcu.kernel import cache
 from fcu.kernel.cache import Cache, Folder
@@ -34,7 +41,11 @@ _PACKAGES = ("fcu", "sitl_plant", "gcs_tools")
 
 
 def _sources() -> Iterator[tuple[str, bytes]]:
-    """Path and text of every file of compiled code, or of the layout of a value that it works on."""
+    """Path and text of every file of compiled code, or of the layout of a value that it works on.
+
+    A file of kernels or of values imports fcu.kernel. A file that does not, but that a law is
+    compiled with, begins with "Once a law".
+    """
     for package in _PACKAGES:
         for folder, below, files in os.walk(_ROOT / package):
             below.sort()
@@ -44,7 +55,7 @@ def _sources() -> Iterator[tuple[str, bytes]]:
                         text = file.read()
                     values = b"fcu.kernel" in text and (b"@kernel" in text or b"NamedTuple" in text)
                     here = folder == str(_KERNEL) and path != cache.__file__  # which has a version
-                    if values or here:
+                    if values or here or text.startswith(b'"""Once a law'):
                         yield Path(path).relative_to(_ROOT).as_posix(), text
 
 
@@ -88,6 +99,11 @@ def is_cached(name: str, package: str = "fcu", told: bool = True) -> bool:
     return _folders[package].holds(name, told)
 
 
+def kept(package: str = "fcu") -> int:
+    """Count the kernels on disk, of our packages and of this one."""
+    return sum(folder.count() for folder in {_folders["fcu"], _folders[package]})
+
+
 def _is_strange(kind: Any) -> bool:
     """Whether a type holds a NamedTuple that is declared outside our packages."""
     if not isinstance(kind, numba.types.BaseTuple):
@@ -113,6 +129,24 @@ class _OurCache(Cache):
             super().save_overload(sig, data)
 
 
+def _known(**flag: bool) -> dict[str, bool]:
+    """Return an undocumented flag of numba, or nothing if this version does not have it."""
+    (name,) = flag
+    if hasattr(_Options, name):
+        return flag
+    lacks = "flags of the compiler" if _Options is None else name
+    cache.tell_missing(AttributeError(f"no {lacks}"), "compiling or flying takes longer")
+    return {}
+
+
+def _known_cache(made: Any) -> bool:
+    """Tell if numba asks the cache that a dispatcher is given."""
+    known = hasattr(made, "_cache")
+    if not known:
+        cache.tell_missing(AttributeError("no cache of a dispatcher"), "every start compiles")
+    return known
+
+
 def kernel(function: F, makes_arrays: bool = False) -> F:
     """Compile `function` on first call, with the project's flags.
 
@@ -121,13 +155,29 @@ def kernel(function: F, makes_arrays: bool = False) -> F:
     """
     package = function.__module__.partition(".")[0]
     # inlined, a kernel costs no copies of its NamedTuples: a flight runs 1.6 times as fast
-    flags = {"nogil": True, "error_model": "numpy", "forceinline": True}
-    # counting who holds an array costs a third of a tick
-    flags["_nrt"] = makes_arrays or package not in _PACKAGES
-    compiled: Any = numba.njit(**flags)(function)
+    flags = {"nogil": True, "error_model": "numpy", **_known(forceinline=True)}
+    # counting references to arrays costs a third of a tick
+    flags |= _known(_nrt=makes_arrays or package not in _PACKAGES)
     from_file = not function.__code__.co_filename.startswith("<")
-    if package in _folders and from_file and function.__closure__ is None:
-        kind = _OurCache if package in _PACKAGES else Cache
-        compiled._cache = kind(function, _folders[package])
-    made: F = compiled
-    return made
+    is_kept = package in _folders and from_file and function.__closure__ is None
+    kind = _OurCache if package in _PACKAGES else Cache
+
+    def compiled(inner: bool) -> Any:
+        made: Any = numba.njit(**flags, **_known(no_cpython_wrapper=inner))(function)
+        if is_kept and _known_cache(made):
+            made._cache = kind(function, _folders[package], inner)
+        return made
+
+    made: Any = compiled(False)
+    # The code that takes arguments from Python is as long to compile as the kernel itself. Other
+    # kernels call a second dispatcher of the same function, which is compiled without.
+    inner = cache_of(partial(compiled, True))
+    made.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
+    made.get_overload = lambda sig: inner().get_overload(sig)
+    result: F = made
+    return result
+
+
+def compile_for(kernel: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments of these types, or load it, without calling it."""
+    kernel.compile(tuple(map(numba.typeof, arguments)))

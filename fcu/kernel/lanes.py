@@ -23,13 +23,9 @@ import operator
 from typing import Any
 
 import numpy as np
+from llvmlite import binding as ll
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
-from numba.core.codegen import ll
-from numba.core.imputils import lower_builtin, lower_cast
-from numba.core.typeconv import Conversion
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
     NativeValue,
     intrinsic,
@@ -39,6 +35,22 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
+
+from fcu.kernel import cache
+
+try:  # names that numba may change: without them there are no lanes
+    from numba.core import cgutils
+    from numba.core.imputils import lower_builtin, lower_cast
+    from numba.core.typeconv import Conversion
+    from numba.core.types import BaseNamedTuple  # type: ignore[attr-defined]
+    from numba.core.typing.templates import AbstractTemplate, infer_global
+except ImportError as error:
+    _missing: Exception | None = error
+    AbstractTemplate = BaseNamedTuple = types.Type
+
+    infer_global = lower_builtin = lower_cast = lambda *_arguments: lambda made: made
+else:
+    _missing = None
 
 WIDTH = 8 if ll.get_host_cpu_features().get("avx512f") else 4  # that suits this machine
 
@@ -58,6 +70,11 @@ class Lanes(types.Type):  # type: ignore[misc]  # numba has no types; and no Num
     """A float64 for each of `width` lanes."""
 
     def __init__(self, width: int) -> None:
+        """Raises NotImplementedError where this version of numba lacks what lanes need."""
+        if _missing is not None:
+            cache.tell_missing(_missing, "vehicles fly one at a time")
+            raise NotImplementedError(str(_missing))
+        BaseNamedTuple.unify = _unified  # of no concern to processes without lanes
         self.width = width
         super().__init__(name=f"Lanes{width}")
 
@@ -158,7 +175,7 @@ def _truth_literal_to_mask(context: Any, builder: Any, kind: Any, to: Any, value
 
 def _unified(kind: Any, typing: Any, other: Any) -> Any:
     """A named tuple of numbers and the same of lanes: of lanes."""
-    if not isinstance(other, types.BaseNamedTuple) or kind.instance_class != other.instance_class:
+    if not isinstance(other, BaseNamedTuple) or kind.instance_class != other.instance_class:
         return None
     pairs = list(zip(kind.types, other.types, strict=True))
     made = [a if a == b else typing.unify_pairs(a, b) for a, b in pairs]
@@ -172,10 +189,7 @@ def _holds_lanes(kind: Any) -> bool:
     return isinstance(kind, (Lanes, Mask)) or any(map(_holds_lanes, parts))
 
 
-types.BaseNamedTuple.unify = _unified
-
-
-@lower_cast(types.BaseNamedTuple, types.BaseNamedTuple)
+@lower_cast(BaseNamedTuple, BaseNamedTuple)
 def _named_to_named(context: Any, builder: Any, kind: Any, to: Any, value: Any) -> Any:
     parts = [
         context.cast(builder, builder.extract_value(value, i), a, b)
@@ -211,7 +225,7 @@ def _operator(function: Any, of: Any, fits: Any, result: Any, generate: Any) -> 
     class _Template(AbstractTemplate):  # type: ignore[misc]  # numba has no types
         def generic(self, arguments: Any, _keywords: Any) -> Any:
             kind = _all_lanes(arguments, of, fits)
-            return None if kind is None else signature(result(kind), *[kind] * len(arguments))
+            return None if kind is None else result(kind)(*[kind] * len(arguments))
 
     def lower(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return generate(builder, *arguments)
@@ -411,7 +425,7 @@ def _one_by_one(function: Any, arity: int) -> None:
     twice is computed once, and what nobody reads, never.
     """
     name = f"{function.__module__}.{function.__name__}"
-    scalar = signature(types.float64, *[types.float64] * arity)
+    scalar = types.float64(*[types.float64] * arity)
 
     def code(typing: Any, kind: Any) -> Any:
         resolved = typing.resolve_value_type(function)
@@ -514,7 +528,7 @@ class _Read(AbstractTemplate):  # type: ignore[misc]  # numba has no types
     def generic(self, arguments: Any, _keywords: Any) -> Any:
         buffer, index = arguments
         if isinstance(buffer, Buffer) and isinstance(index, types.Integer):
-            return signature(buffer.of, buffer, types.intp)
+            return buffer.of(buffer, types.intp)
         return None
 
 
@@ -528,7 +542,7 @@ class _Write(AbstractTemplate):  # type: ignore[misc]  # numba has no types
     def generic(self, arguments: Any, _keywords: Any) -> Any:
         buffer, index, value = arguments
         if isinstance(buffer, Buffer) and isinstance(index, types.Integer) and _is_number(value):
-            return signature(types.none, buffer, types.intp, buffer.of)
+            return types.none(buffer, types.intp, buffer.of)
         return None
 
 

@@ -48,12 +48,12 @@ def array_at(address, size):
     return carray(_float64_at(address), size)
 
 
-# (t, engaged, age, and five addresses): how the tick of any law is called, `fcu.tick.tick_at`
+# (t, engaged, age, and five addresses): how the tick of any law is called, `fcu.process.tick.tick_at`
 LAW_CALL = types.none(*[types.float64] * 3, *[types.intp] * 5)
 
 
 def lanes_call(width: int) -> Any:
-    """The same of a tick of several vehicles, with an age for each: `fcu.tick.lanes_at`."""
+    """The same of a tick of several vehicles, with an age for each: `fcu.process.tick.lanes_at`."""
     return types.none(types.float64, types.float64, Lanes(width), *[types.intp] * 5)
 
 

@@ -1,18 +1,17 @@
-"""What a law may ask of position and tilt, whichever it is: shared by laws that are not M-MRAC.
+"""Limits on what a law asks of position, thrust and tilt: shared by laws of other papers than M-MRAC's.
 
 Publications assume setpoints that a vehicle can follow. A step, or a gust, asks for more than
-thrust and tilt can do; these functions say what is asked for then.
+thrust and tilt can do. These functions say what is asked for then.
 """
 
 from __future__ import annotations
 
 import math
 
-from fcu.kernel.algebra import Vec3, hypot, maximum, minimum, select
+from fcu.interface.airframe import G as G
+from fcu.kernel.algebra import Vec3, clip, clip3, hypot, maximum, minimum, select
 from fcu.kernel.compile import kernel
-from fcu.laws.mmrac.approach import approach
-
-G = 9.81  # m/s^2
+from fcu.laws.approach import approach
 
 
 @kernel
@@ -44,6 +43,31 @@ def within_tilt(F, least, phi_star):
     aside = hypot(F.x, F.y)
     k = minimum(1.0, F_z * math.tan(phi_star) / maximum(aside, 1e-30))
     return Vec3(k * F.x, k * F.y, F_z), select((k < 1.0) | (F.z < least), 1.0, 0.0)
+
+
+@kernel
+def within_thrust(limits, T):
+    """A total thrust (N) held within its limits, and 1 if they cut T."""
+    T_c = clip(T, limits.T_min, limits.T_max)
+    return T_c, select(T_c != T, 1.0, 0.0)
+
+
+@kernel
+def asked_tilt(limits, setpoint):
+    """Roll and pitch (x, y, rad) of a setpoint, held within the tilt limit, and 1 if it cuts them."""
+    asked = setpoint.tilt_c
+    tilt = clip3(asked, -limits.phi_star, limits.phi_star)
+    return tilt, select((tilt.x != asked.x) | (tilt.y != asked.y), 1.0, 0.0)
+
+
+@kernel
+def trimmed(limits, T_trim, gain, most, T_c, T_achieved):
+    """The trim of thrust (N) one tick on: an integral, at most `most` (N), of the thrust not achieved.
+
+    gain : rate of the trim times the control period.  While T_c (N) is at a limit, the trim rests.
+    """
+    inside = (T_c > limits.T_min) & (T_c < limits.T_max)
+    return clip(T_trim + select(inside, gain, 0.0) * (T_c - T_achieved), -most, most)
 
 
 @kernel

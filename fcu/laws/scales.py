@@ -37,12 +37,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.airframe import G as G
 from fcu.interface.airframe import airframe, effect, full_thrust, shares
 from fcu.kernel.algebra import Vec3
 
 Tables = Mapping[str, Any]
 
-G = 9.81  # m/s^2
 QUICKER = 5.0  # times, that a rotor is made to look quicker than it is
 QUICKEST = 0.005  # s
 ROTOR = 1.0 / 7.0  # of 1/rho, that the rates are fast

@@ -9,6 +9,12 @@ from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import Parameter, Value
 from fcu.kernel.compile import kernel
 
+# Every guard has these names.
+NAMES = (
+    "GuardParams", "GuardState", "GuardInternals", "take_over", "before", "after", "idle",
+    "PARAMETERS", "printed", "guard_params", "followed", "derived", "check",
+)  # fmt: skip
+
 
 class GuardParams(NamedTuple):
     """Nothing."""

@@ -126,11 +126,16 @@ def file_transfer(payload: bytes, to: Source) -> Packed:
     return _message("FILE_TRANSFER_PROTOCOL", payload=payload, **_to(to))
 
 
-def autopilot_version(capabilities: int, version: int, hash8: bytes, uid: int) -> Packed:
-    """AUTOPILOT_VERSION; `version` as flight_sw_version, `hash8` eight bytes that tell builds apart."""
+def autopilot_version(
+    capabilities: int, presented: int, version: int, hash8: bytes, uid: int
+) -> Packed:
+    """AUTOPILOT_VERSION: flight_sw_version as `presented`, and middleware_sw_version as `version`.
+
+    `hash8` : eight bytes that tell builds apart.
+    """
     return _message(
-        "AUTOPILOT_VERSION", capabilities=capabilities, flight_sw_version=version,
-        flight_custom_version=hash8, uid=uid,
+        "AUTOPILOT_VERSION", capabilities=capabilities, flight_sw_version=presented,
+        middleware_sw_version=version, flight_custom_version=hash8, uid=uid,
     )  # fmt: skip
 
 

@@ -132,25 +132,37 @@ class SetpointMessage(NamedTuple):
 
 
 def requested(target: Target, type_mask: int, frame: int) -> PositionRequest:
-    """What a target asks for, with the axes of its frame.
+    """What a target asks for, with the axes of its frame. An axis that the mask ignores is NaN.
 
     The body frames' axes are the heading's: forward, left, up from forward, right, down, and a
     yaw that is counter-clockwise.
     """
-    r, v, a = Vec3(*target[0:3]), Vec3(*target[3:6]), Vec3(*target[6:9])
+    used = [math.nan if type_mask >> i & 1 else target[i] for i in range(9)]  # a bit for each field
+    r, v, a = Vec3(*used[0:3]), Vec3(*used[3:6]), Vec3(*used[6:9])
     ahead, offset = frame in BODY_FRAMES, frame in OFFSET_FRAMES
     axes = body if ahead else earth
     psi = -target.yaw if offset else heading(target.yaw)
-    placeless = type_mask & IGNORE_POSITION or frame in GLOBAL_FRAMES
+    placeless = _ignores(type_mask, IGNORE_POSITION) or frame in GLOBAL_FRAMES
     return PositionRequest(
         r=None if placeless else body(r) if offset else earth(r),
-        v=None if type_mask & IGNORE_VELOCITY else axes(v),
-        a=None if type_mask & IGNORE_ACCELERATION else axes(a),
+        v=None if _ignores(type_mask, IGNORE_VELOCITY) else axes(v),
+        a=None if _ignores(type_mask, IGNORE_ACCELERATION) else axes(a),
         psi=None if type_mask & IGNORE_YAW else psi,
         psi_dot=0.0 if type_mask & IGNORE_YAW_RATE else -target.yaw_rate,
         along_heading=ahead,
         from_here=offset or frame == Frame.LOCAL_OFFSET_NED,
     )
+
+
+def placed(request: PositionRequest, type_mask: int, r: Vec3) -> PositionRequest:
+    """A request in a global frame at the place `r` (m, E). What its mask ignores of that is NaN."""
+    x, y = (math.nan, math.nan) if type_mask & 3 else (r.x, r.y)
+    return request._replace(r=Vec3(x, y, math.nan if type_mask & 4 else r.z))
+
+
+def _ignores(type_mask: int, group: int) -> bool:
+    """True if every field of a group is ignored."""
+    return type_mask & group == group
 
 
 def _refusal(
@@ -166,19 +178,22 @@ def _refusal(
     if type_mask & ~_KNOWN_BITS:
         return Told(Code.MASK_BITS, (type_mask,))
     for name, (bits, where, limit, unit) in _GROUPS.items():
-        if type_mask & bits not in (0, bits):
-            return Told(Code.PARTLY_IGNORED, (name,))
-        if type_mask & bits or (name == "position" and geodetic is not None):
+        if _ignores(type_mask, bits) or (name == "position" and geodetic is not None):
             continue
-        numbers: tuple[float, ...] = tuple(target)[where]
+        first = bits & -bits  # the group's bits follow one another, as its fields do
+        numbers = [x for i, x in enumerate(tuple(target)[where]) if not type_mask & first << i]
         if not all(map(math.isfinite, numbers)):
             return Told(Code.NOT_FINITE, (name,))
         if max(map(abs, numbers)) > limit:
             return Told(Code.ABOVE_LIMIT, (name, limit, unit))
-    if geodetic is not None and not type_mask & IGNORE_POSITION:
-        if not (abs(geodetic.lat_deg) <= 90.0 and abs(geodetic.lon_deg) <= 180.0):
+    if geodetic is not None and not _ignores(type_mask, IGNORE_POSITION):
+        level = type_mask & IGNORE_POSITION & 3  # latitude, longitude
+        if level not in (0, 3):
+            return Told(Code.PARTLY_IGNORED, ("latitude and longitude",))
+        on_earth = abs(geodetic.lat_deg) <= 90.0 and abs(geodetic.lon_deg) <= 180.0
+        if not (level or on_earth):
             return Told(Code.OFF_EARTH)
-        if not abs(geodetic.alt_m) <= FARTHEST:
+        if not (type_mask & 4 or abs(geodetic.alt_m) <= FARTHEST):
             return Told(Code.HEIGHT_RANGE, (FARTHEST,))
     if geodetic is None and frame in GLOBAL_FRAMES:
         return Told(Code.FRAME_NOT_LOCAL, (frame,))

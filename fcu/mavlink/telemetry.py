@@ -30,6 +30,7 @@ from fcu.mavlink.px4_modes import custom_mode, main_and_sub
 
 Fields = dict[str, Any]
 _UNKNOWN_16 = 2**16 - 1
+_CELLS, _MORE_CELLS = 10, 4  # of BATTERY_STATUS: lengths of voltages and voltages_ext
 _NAN_21 = (math.nan, *[0.0] * 20)  # a covariance that is not known
 
 
@@ -78,15 +79,39 @@ def battery_status(
     voltage: float, current: float, drawn_Ah: float, remaining: float, left_s: float, cells: int,
     charge_state: int, energy_J: float,
 ) -> Packed:  # fmt: skip
-    """BATTERY_STATUS, lithium polymer for all functions; V, A, A h, fraction, s, J."""
-    each = _known(1e3 * voltage / max(cells, 1), _UNKNOWN_16)
-    volts = [each] * min(cells, 10) + [_UNKNOWN_16] * (10 - min(cells, 10))
+    """BATTERY_STATUS of a lithium polymer battery: V, A, A h, fraction, s, J.
+
+    voltage : of the whole pack, shared equally by its `cells`.
+    """
+    first, more = _cell_voltages(voltage, cells)
     return _message(
-        "BATTERY_STATUS", battery_function=1, type=1, temperature=2**15 - 1, voltages=volts,
+        "BATTERY_STATUS", battery_function=1, type=1, temperature=2**15 - 1, voltages=first,
+        voltages_ext=more,
         current_battery=_known(1e2 * current, -1), current_consumed=_known(1e3 * drawn_Ah, -1),
         energy_consumed=_known(1e-2 * energy_J, -1), battery_remaining=_known(1e2 * remaining, -1),
         time_remaining=_known(left_s, 0), charge_state=charge_state,
     )  # fmt: skip
+
+
+def _cell_voltages(voltage: float, cells: int) -> tuple[list[float], list[float]]:
+    """The fields `voltages` and `voltages_ext`, mV: cells 1 to 10, and 11 to 14.
+
+    A pack of more cells than the fields have room for is told as the standard says: its whole
+    voltage fills the first fields, none above 65.534 V.
+    """
+    total = 1e3 * voltage
+    if math.isnan(total):
+        each = []
+    elif cells <= _CELLS + _MORE_CELLS:
+        each = [total / max(cells, 1)] * cells
+    else:
+        most = _UNKNOWN_16 - 1
+        each = [min(total - n * most, most) for n in range(_CELLS) if total > n * most]
+    first, more = each[:_CELLS], each[_CELLS:]
+    return (
+        first + [_UNKNOWN_16] * (_CELLS - len(first)),
+        more + [0.0] * (_MORE_CELLS - len(more)),  # 0: no such cell
+    )
 
 
 def extended_state(landed_state: int) -> Packed:

@@ -95,7 +95,7 @@ class Spec(NamedTuple):
     used: tuple[int, ...] = ()  # parameters that mean something; NaN: default
     required: tuple[int, ...] = ()  # of these, those that must be numbers
     to_all: bool = True  # also when it is sent to every system
-    place: bool = False  # parameters 5 to 7 are a place on Earth: named exactly in COMMAND_INT only
+    place: bool = False  # parameters 5 to 7 are a place on Earth: to a metre in COMMAND_LONG
     what: str = ""
 
 
@@ -123,7 +123,7 @@ class Commands:
             ),
             CommandId.PAUSE_CONTINUE: Spec(self._pause, (1,), (1,), what="Pause"),
             CommandId.CHANGE_SPEED: Spec(self._speed, (1, 2, 3), (2,), what="Speed"),
-            CommandId.SET_HOME: Spec(self._set_home, (1, 5, 6, 7), (1,), what="Home"),
+            CommandId.SET_HOME: Spec(self._set_home, (1, 2, 3, 4, 5, 6, 7), (1,), what="Home"),
             CommandId.FLIGHT_TERMINATION: Spec(
                 self._terminate, (1,), (1,), to_all=False, what="Termination"
             ),
@@ -141,9 +141,6 @@ class Commands:
             )
         if command.target_system == 0 and not spec.to_all:
             return denied(spec.what, Code.TO_NO_SYSTEM)
-        named = not (math.isnan(command.params[4]) and math.isnan(command.params[5]))
-        if command.frame is None and spec.place and named:
-            return denied(spec.what, Code.SEND_AS_INT, Result.COMMAND_INT_ONLY)
         if command.frame is not None and spec.place and command.frame not in GLOBAL_FRAMES:
             return _wrong_frame(spec.what, command.frame)
         for n, value in enumerate(command.params, start=1):
@@ -184,18 +181,21 @@ class Commands:
     def _select(self, mode: Mode, request: Request) -> Verdict:
         return _verdict(mode.value, self._vehicle.select(mode, request.t_us, request.wall_s))
 
-    def _place(self, request: Request) -> Vec3 | None:
-        """Parameters 5 to 7 as a position; what is left out is where the vehicle comes to rest."""
+    def _place(self, request: Request) -> Vec3 | Code:
+        """Parameters 5 to 7 as a position, or what is wrong with them.
+
+        What is left out is where the vehicle comes to rest.
+        """
         vehicle = self._vehicle
         here = vehicle.stopping_place(request.t_us)
         lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
         if abs(lat) > 90.0 or abs(lon) > 180.0 or math.isnan(lat) != math.isnan(lon):
-            return None
+            return Code.NO_PLACE_NEAR
         r = here
         if not (math.isnan(lat) or math.isnan(lon)):
             r = to_local(self._origin, lat, lon, self._origin.alt_m)
             if not math.dist(r[:2], here[:2]) <= FARTHEST:  # 0, 0: mostly one that was left out
-                return None
+                return Code.NO_PLACE_NEAR
         if math.isnan(alt):
             return Vec3(r.x, r.y, here.z)
         z = alt - self._origin.alt_m
@@ -203,7 +203,7 @@ class Commands:
             z = alt + vehicle.home.z
         ground = here.z if vehicle.home is None else vehicle.home.z
         if not ground - LOWEST <= z <= ground + FARTHEST:  # as above: a height of 0
-            return None
+            return Code.NO_HEIGHT_NEAR
         return Vec3(r.x, r.y, z)
 
     def _take_off(self, request: Request) -> Verdict:
@@ -212,9 +212,9 @@ class Commands:
             return denied("Takeoff", Code.NO_STATE)
         lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
         named = not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0)
-        place = self._place(request) if named else None
+        place = self._place(_level(request)) if named else Code.NO_PLACE
         here = vehicle.pose().r_E
-        if named and (place is None or math.dist(place[:2], here[:2]) > TAKEOFF_ASIDE):
+        if named and (isinstance(place, Code) or math.dist(place[:2], here[:2]) > TAKEOFF_ASIDE):
             return denied("Takeoff", Code.PLACE_NOT_HERE)
         if math.isnan(alt) or (alt == 0.0 and not named):
             return self._climb(None, request)
@@ -230,13 +230,14 @@ class Commands:
         return _verdict("Takeoff", self._vehicle.take_off(z, request.t_us, request.wall_s))
 
     def _land(self, request: Request) -> Verdict:
+        """Land here, whatever the height that is asked for, as PX4 does."""
         lat, lon = request.parameter(5), request.parameter(6)
         if not (math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0):
             if self._vehicle.state is None:
                 return denied("Landing", Code.NO_STATE)
-            place = self._place(request)
-            if place is None:
-                return denied("Landing", Code.NO_PLACE_NEAR)
+            place = self._place(_level(request))
+            if isinstance(place, Code):
+                return denied("Landing", place)
             if math.dist(place[:2], self._vehicle.pose().r_E[:2]) > TAKEOFF_ASIDE:
                 return denied("Landing", Code.LANDS_HERE)
         return self._select(Mode.LAND, request)
@@ -256,8 +257,8 @@ class Commands:
                 return self._select(Mode.HOLD, request)
             return _verdict("Reposition", vehicle.turn(psi, request.t_us))
         to = self._place(request)
-        if to is None:
-            return denied("Reposition", Code.NO_PLACE_NEAR)
+        if isinstance(to, Code):
+            return denied("Reposition", to)
         told = None if speed == -1.0 else speed
         return _verdict("Reposition", vehicle.reposition(to, psi, request.t_us, told))
 
@@ -280,13 +281,12 @@ class Commands:
             return denied("Home", Code.NO_STATE)
         if any(math.isnan(request.parameter(n)) for n in (5, 6, 7)):
             return denied("Home", Code.NO_PLACE)
-        if request.command.frame is None:
-            return denied("Home", Code.SEND_AS_INT, Result.COMMAND_INT_ONLY)
-        if request.command.frame not in GLOBAL_FRAMES:
-            return _wrong_frame("Home", request.command.frame)
+        frame = request.command.frame
+        if frame is not None and frame not in GLOBAL_FRAMES:
+            return _wrong_frame("Home", frame)
         place = self._place(request)
-        if place is None:
-            return denied("Home", Code.NO_PLACE_NEAR)
+        if isinstance(place, Code):
+            return denied("Home", place)
         return _verdict("Home", self._vehicle.set_home(place))
 
     def _terminate(self, request: Request) -> Verdict:
@@ -310,6 +310,12 @@ class Commands:
         why = self._vehicle.why_not_arm(request.t_us, request.wall_s)
         told = Told(Code.READY_TO_ARM) if why is None else Told(Code.NOT_READY_TO_ARM, (why,))
         return Verdict(Result.ACCEPTED, told)
+
+
+def _level(request: Request) -> Request:
+    """A request without its height, parameter 7."""
+    params = (*request.command.params[:6], math.nan)
+    return request._replace(command=request.command._replace(params=params))
 
 
 def _forces_reset(request: Request) -> bool:
@@ -403,14 +409,23 @@ class CommandProtocol:
         return True
 
     def _is_repeated(self, port: GroundPort, link: Link, command: Command, now: float) -> bool:
-        """Whether its answer was lost. What only asks is not remembered: it is answered anew."""
-        if command.confirmation == 0:
-            return False
+        """True if its answer was lost: the same was asked before, with a lower confirmation.
+
+        Some clients (MAVROS) send each command with confirmation 1. What only asks is not
+        remembered: it is answered anew.
+        """
         known = [
             known for known in link.acknowledged
             if known.command == command.command and now - known.at < REPEAT_S
         ]  # fmt: skip
-        same = next((each for each in known if each.asked == _asked(command)), None)
+        same = next(
+            (
+                each
+                for each in known
+                if each.asked == _asked(command) and each.confirmation < command.confirmation
+            ),
+            None,
+        )
         if same is None:
             return False
         if same is known[0]:
@@ -448,7 +463,9 @@ class CommandProtocol:
         self, port: GroundPort, link: Link, command: Command, verdict: Verdict, now: float
     ) -> None:
         if command.command not in self._questions:
-            done = Acknowledged(command.command, _asked(command), verdict.result, now)
+            done = Acknowledged(
+                command.command, _asked(command), command.confirmation, verdict.result, now
+            )
             link.acknowledged = [done, *link.acknowledged][:REMEMBERED]
         _acknowledge(port, link, command, verdict.result)
         self.explain(verdict, now)  # after: who waits for the answer then hears the reason

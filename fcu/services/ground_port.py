@@ -32,14 +32,15 @@ _LONGEST = 65535
 
 
 class Bucket:
-    """So much a second, so much at once; wall time."""
+    """So much a second, so much at once, of a clock that a reset may set back, s."""
 
     def __init__(self, rate: float, burst: float) -> None:
         self._rate, self._burst, self._left, self._at = rate, burst, burst, 0.0
 
     def take(self, now: float) -> bool:
-        """Whether there is one more."""
-        self._left = min(self._burst, self._left + (now - self._at) * self._rate)
+        """Take one: False if there is none left."""
+        passed = max(now - self._at, 0.0)
+        self._left = min(self._burst, self._left + passed * self._rate)
         self._at = now
         if self._left < 1.0:
             return False
@@ -82,6 +83,7 @@ class Acknowledged(NamedTuple):
 
     command: int
     asked: bytes  # by whom, with which parameters
+    confirmation: int  # 0 of a first transmission
     result: Result
     at: float
 

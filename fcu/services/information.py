@@ -16,6 +16,7 @@ from fcu.mavlink import replies
 from fcu.mavlink.definitions import (
     SERIAL_REPLY,
     SERIAL_RESPOND,
+    Autopilot,
     Capability,
     CommandId,
     MissionResult,
@@ -71,9 +72,14 @@ _GROUPS = {
 }  # fmt: skip
 
 
-def software_version() -> int:
-    """AUTOPILOT_VERSION.flight_sw_version: major, minor, patch, and 255 for a release."""
-    major, minor, patch = (int(part) for part in VERSION.split(".")[:3])
+# The PX4 whose modes, commands and parameters these are: stations and scripts choose by it how they
+# talk, and warn of an old one.
+PX4_VERSION = "1.16.0"
+
+
+def software_version(version: str) -> int:
+    """A version as AUTOPILOT_VERSION has it: major, minor, patch, and 255 for a release."""
+    major, minor, patch = (int(part) for part in version.split(".")[:3])
     return major << 24 | minor << 16 | patch << 8 | 255
 
 
@@ -143,8 +149,16 @@ class Information:
             return [heartbeat(v, int(view.params["MAV_TYPE"]), view.identity.autopilot)]
         if number == AUTOPILOT_VERSION:
             git = hashlib.sha256(VERSION.encode()).digest()[:8]
-            system = view.identity.system_id
-            return [replies.autopilot_version(CAPABILITIES, software_version(), git, system)]
+            as_px4 = view.identity.autopilot == Autopilot.PX4
+            presented, own = (
+                software_version(PX4_VERSION if as_px4 else VERSION),
+                software_version(VERSION),
+            )
+            return [
+                replies.autopilot_version(
+                    CAPABILITIES, presented, own, git, view.identity.system_id
+                )
+            ]
         return STREAMS[number].build(view)
 
     def _set_interval(self, request: Request) -> Verdict:

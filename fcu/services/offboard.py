@@ -15,7 +15,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.mavlink.definitions import IGNORE_POSITION, RELATIVE_FRAMES, Severity
 from fcu.mavlink.geodesy import Origin, to_local
 from fcu.mavlink.requests import ManualControl
-from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage, echo
+from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage, echo, placed
 from fcu.parameters import Parameters
 from fcu.services.ground_port import GroundPort, Link
 from fcu.vehicle.modes import Mode
@@ -62,9 +62,10 @@ class OffboardProtocol:
             return
         if self._falls_short(setpoint, now):
             script.refused += 1
-            self._say(vehicle.keep_script(t_us, now))
+            if script.owner in (None, who):
+                self._say(vehicle.keep_script(t_us, now))
             return
-        script.take(setpoint, t_us, now)
+        script.take(setpoint, t_us, now, who)
         self.message = message
         self._say(vehicle.fly_script(t_us))
         port.send(link, echo(t_us * 1e-6, message))
@@ -80,13 +81,16 @@ class OffboardProtocol:
         if isinstance(message, AttitudeSetpointMessage) or isinstance(request, AttitudeRequest):
             return request
         place = message.geodetic
-        if place is None or message.type_mask & IGNORE_POSITION:
+        if place is None or message.type_mask & IGNORE_POSITION == IGNORE_POSITION:
             return request
-        alt = place.alt_m
+        alt, here = place.alt_m, (self._origin.lat_deg, self._origin.lon_deg)
+        lat, lon = (
+            here if message.type_mask & IGNORE_POSITION & 3 else (place.lat_deg, place.lon_deg)
+        )
         if message.frame in RELATIVE_FRAMES:
             home = self._vehicle.home or self._vehicle.pose().r_E
             alt += self._origin.alt_m + home.z
-        return request._replace(r=to_local(self._origin, place.lat_deg, place.lon_deg, alt))
+        return placed(request, message.type_mask, to_local(self._origin, lat, lon, alt))
 
     def _falls_short(self, setpoint: Setpoint, now: float) -> bool:
         """Whether the guard refuses a setpoint; says so, or warns of it, once."""

@@ -40,6 +40,7 @@ from fcu.services.streams import (
     View,
 )
 from fcu.services.wind import Wind
+from fcu.vehicle.conditions import ROWS
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -48,13 +49,11 @@ Bind = Callable[[int, str], Datagrams]
 WIND_S = 0.05  # wall: between two looks at the wind
 
 SEVERITIES = {  # of what happens by itself; else INFO
+    **{row.code: Severity[row.severity] for row in ROWS.values()},
     Code.LED_INTO_GROUND: Severity.WARNING,
-    Code.STATE_STUCK: Severity.WARNING,
-    Code.OFFBOARD_LOST_MODE: Severity.CRITICAL,
+    Code.FAILSAFE_MODE: Severity.CRITICAL,
+    Code.FAILSAFE_STOPPED: Severity.CRITICAL,
     Code.OFFBOARD_LOST_STOPPED: Severity.CRITICAL,
-    Code.POSITION_JUMPED: Severity.CRITICAL,
-    Code.CRASHED: Severity.CRITICAL,
-    Code.DIVERGED: Severity.CRITICAL,
     Code.RESET: Severity.NOTICE,
     Code.NOT_RESET: Severity.WARNING,
 }
@@ -70,10 +69,10 @@ class Station:
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, vehicle: StateMachine,
-        file: Path | None, say: Callable[[str, str], None], bind: Bind, resets: bool = False,
+        file: Path | None, say: Callable[[str, Told], None], bind: Bind, resets: bool = False,
         before: Station | None = None,
     ) -> None:  # fmt: skip
-        """`file`: where parameters are saved. `say`: a line of log (level, text).
+        """`file`: where parameters are saved. `say`: takes what is told, with its level.
 
         `bind`: opens a port, given its number and name. `resets`: as for Commands. `before`: the
         one before a reset, whose ports and links this one takes over. Raises PortBusy.
@@ -136,9 +135,8 @@ class Station:
     def tell(self, told: Told, severity: Severity | None = None) -> None:
         """A STATUSTEXT to everyone, and a line of log. `severity`: as it is of this code."""
         severity = SEVERITIES.get(told.code, Severity.INFO) if severity is None else severity
-        text = words(told)
-        self.streams.text(severity, text)
-        self._say("info" if severity >= Severity.NOTICE else "warning", text)
+        self.streams.text(severity, words(told))
+        self._say("info" if severity >= Severity.NOTICE else "warning", told)
 
     @property
     def is_pending(self) -> bool:

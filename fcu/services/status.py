@@ -83,10 +83,12 @@ def custom_mode(mode: Mode) -> int:
 def system_status(vehicle: StateMachine) -> SystemStatus:
     """BOOT until the plant was heard, then STANDBY, ACTIVE, or CRITICAL in a failsafe.
 
-    EMERGENCY once it was terminated, has crashed or is lost.
+    EMERGENCY once it has crashed or is lost, FLIGHT_TERMINATION once it was terminated, as PX4.
     """
-    if vehicle.terminated or vehicle.ended is not None:
+    if vehicle.ended is not None:
         return SystemStatus.EMERGENCY
+    if vehicle.terminated:
+        return SystemStatus.FLIGHT_TERMINATION
     if vehicle.state is None:
         return SystemStatus.BOOT
     if vehicle.armed:

@@ -25,7 +25,6 @@ from fcu.kernel.buffers import field_type, from_buffer
 from fcu.kernel.rotations import euler, from_euler, matrix, rotate_back
 from fcu.kernel.rows import column
 from fcu.laws.face import Outputs, SharedTick
-from fcu.laws.mmrac.types import Internals, State
 from fcu.mavlink import replies, setpoints
 from fcu.mavlink import telemetry as tm
 from fcu.mavlink.definitions import (
@@ -42,6 +41,7 @@ from fcu.mavlink.geodesy import Geodetic, Origin, to_geodetic
 from fcu.mavlink.px4_modes import MainMode
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
 from fcu.parameters import Parameters
+from fcu.process.tick import Internals, State
 from fcu.services.ground_port import GroundPort, Link
 from fcu.services.status import MODES, custom_mode, landed_state, system_status
 from fcu.services.wind import Wind
@@ -51,13 +51,15 @@ from fcu.vehicle.state_machine import StateMachine
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 
-CELLS = 6
 AVAILABLE_MODES, CURRENT_MODE, HOME_POSITION = (
     definition(name).id for name in ("AVAILABLE_MODES", "CURRENT_MODE", "HOME_POSITION")
 )
 
 _ESTIMATED = Estimated.ATTITUDE | Estimated.VELOCITY_ACROSS | Estimated.VELOCITY_UP
-_PLACED = Estimated.POSITION_RELATIVE | Estimated.POSITION | Estimated.HEIGHT
+_PLACED = (
+    Estimated.POSITION_RELATIVE | Estimated.POSITION | Estimated.HEIGHT
+    | Estimated.PREDICTS_RELATIVE | Estimated.PREDICTS_POSITION  # scripts wait for these
+)  # fmt: skip
 _SENSORS = (
     Sensor.GYRO | Sensor.ACCEL | Sensor.MAG | Sensor.PRESSURE | Sensor.GPS | Sensor.MOTORS
     | Sensor.AHRS | Sensor.BATTERY | Sensor.PREARM
@@ -241,9 +243,10 @@ def _battery(v: View) -> Sequence[Packed]:
         left_s = 3.6 * b.remaining * v.params["BAT1_CAPACITY"] / b.current
     low, critical, emergency = (v.params[f"BAT_{n}_THR"] for n in ("LOW", "CRIT", "EMERGEN"))
     state = 1 + (b.remaining < low) + (b.remaining < critical) + (b.remaining < emergency)
+    cells = int(v.params["BAT1_N_CELLS"])
     return [
         tm.battery_status(
-            b.voltage, b.current, b.drawn_Ah, b.remaining, left_s, CELLS, state, b.energy_J
+            b.voltage, b.current, b.drawn_Ah, b.remaining, left_s, cells, state, b.energy_J
         )
     ]
 

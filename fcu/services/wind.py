@@ -6,7 +6,7 @@ import math
 
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Vec3
-from fcu.wind import of
+from fcu.process.wind import of
 
 SMOOTHED_S = 1.0  # WIND_COV: "a 1 Hz low-passed estimate" and how it varies
 

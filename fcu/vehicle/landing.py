@@ -24,7 +24,7 @@ from fcu.kernel.algebra import Rotors, Vec3, dot, hypot, maximum, norm, select, 
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of
-from fcu.laws.mmrac.reference_model import carried
+from fcu.laws.setpoint import carried
 from fcu.vehicle.plans import STILL, PlanLimits, Pose, pose_of, stop
 from fcu.vehicle.setpoints import ATTITUDE, POSITION
 

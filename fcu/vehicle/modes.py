@@ -58,17 +58,6 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     **{(mode, Event.DISARMED): Mode.HOLD for mode in Mode},
 }
 
-# COM_OBL_RC_ACT: what is done when a script's stream of setpoints ends. None: not a mode.
-ON_LOSS: dict[int, Mode | None] = {
-    0: Mode.POSITION,
-    3: Mode.RETURN,
-    4: Mode.LAND,
-    5: Mode.HOLD,
-    6: None,  # terminate
-    7: None,  # disarm
-}
-TERMINATE = 6
-
 
 def denied(wanted: Mode, met: frozenset[Need]) -> Need | None:
     """The first need of a mode that is not met; None if it may be entered."""

@@ -301,12 +301,23 @@ def _way_home(here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> list[Ve
 class Leader:
     """Which piece of a plan is flown, and until when. Times: simulation time, us."""
 
-    def __init__(self) -> None:
+    def __init__(self, until: Row) -> None:
+        """`until`: float64[1], shared with compiled code: when the piece that is flown ends, us."""
         self.setpoint: Setpoint | None = None
         self.since_us = 0  # when the setpoint took effect
+        self._until = until
         self.until_us = NEVER_US
         self._plan: Iterator[Piece] = iter(())
         self._ends = False
+
+    @property
+    def until_us(self) -> int:
+        """When the piece that is flown ends."""
+        return int(self._until[0])
+
+    @until_us.setter
+    def until_us(self, t_us: int) -> None:
+        self._until[0] = t_us
 
     def take(self, setpoint: Setpoint | None, since_us: int) -> None:
         """Somebody else's setpoint; None: nothing is flown."""

@@ -19,11 +19,12 @@ from fcu.kernel.algebra import norm, select
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of, slice_of
+from fcu.vehicle.conditions import LOOK_US, ROWS, Condition
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 JUMP = 1.0  # m in one tick, beside v h; no impact moves a vehicle so far
-STUCK_US, LOOK_US = 1_000_000, 20_000  # simulation time
+STUCK_US = ROWS[Condition.STATE_STUCK].hold_us  # simulation time
 
 
 class Faults(NamedTuple):

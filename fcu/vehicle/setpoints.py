@@ -7,6 +7,7 @@ the tick; wall time keeps a stream alive that a fast simulation outruns.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,11 +15,12 @@ from fcu.interface.messages import AttitudeRequest, PositionRequest, Setpoint
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import euler, matrix, wrap
-from fcu.laws.mmrac import reference_model
+from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
 from fcu.vehicle.plans import STILL, Pose, at, length
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
+SILENT_US = 500_000  # after so long another sender's setpoints count
 STANDARD_GRAVITY = 9.80665  # m/s^2
 POSITION, ATTITUDE, RATES = 0.0, 1.0, 2.0  # Setpoint.level
 
@@ -62,6 +64,9 @@ class Script:
     """The stream of setpoints of one script at a time."""
 
     sim_only: bool  # lost by simulation time alone
+    changed: Callable[[], None] = field(
+        default=lambda: None, repr=False
+    )  # called by what changes it
     setpoint: Setpoint | None = None
     since_us: int = 0  # when it takes effect
     refused: int = 0
@@ -81,26 +86,38 @@ class Script:
             return False
         return self.sim_only or (wall_s - self._last.wall_s) * 1e6 > lost_us
 
-    def deadline_us(self, lost_us: int) -> int:
-        """The first microsecond at which the stream may be lost."""
-        return self._last.sim_us + lost_us + 1 if self._last is not None else 0
+    @property
+    def heard_us(self) -> float:
+        """Simulation time of the last setpoint, us, or -inf before the first."""
+        return -math.inf if self._last is None else self._last.sim_us
 
     def heard(self, owner: Owner, at_us: int, wall_s: float, lost_us: int) -> Told | None:
-        """Why setpoints of `owner` do not count now; None if they do."""
-        if self.owner not in (None, owner) and not self.lost(at_us, wall_s, lost_us):
+        """Why setpoints of `owner` do not count now. None if they do. Changes nothing.
+
+        The first sender owns the stream until it is silent for SILENT_US, or lost. The sender of
+        the next valid setpoint owns it then.
+        """
+        silent_us = min(lost_us, SILENT_US)
+        if self.owner not in (None, owner) and not self.lost(at_us, wall_s, silent_us):
             assert self.owner is not None
             return Told(Code.ANOTHER_SENDS, self.owner[0])
-        if owner != self.owner:
-            self.owner, self._stream, self._last = owner, False, None
         return None
 
-    def take(self, setpoint: Setpoint, at_us: int, wall_s: float) -> None:
-        """A valid setpoint, in effect from `at_us`."""
+    def take(
+        self, setpoint: Setpoint, at_us: int, wall_s: float, owner: Owner | None = None
+    ) -> None:  # fmt: skip
+        """Take a valid setpoint, in effect from `at_us`.
+
+        Its sender owns the stream from now on. `owner` None: the one that owns it.
+        """
+        if owner not in (None, self.owner):
+            self.owner, self._stream, self._last = owner, False, None
         last = self._last
         if last is not None:
             self._stream = at_us - last.sim_us <= APART_US or wall_s - last.wall_s <= APART_S
         self.setpoint, self.since_us = setpoint, at_us
         self._last = Clocks(at_us, wall_s)
+        self.changed()
 
     def keep(self, at_us: int, wall_s: float) -> None:
         """The script speaks, and what it says is not flown: on as before, at a steady velocity."""
@@ -109,12 +126,14 @@ class Script:
             return
         self._last = Clocks(at_us, wall_s)
         if was.a_c != STILL:
-            now: Setpoint = reference_model.carried(was, (at_us - self.since_us) * 1e-6)
+            now: Setpoint = carried(was, (at_us - self.since_us) * 1e-6)
             self.setpoint, self.since_us = now._replace(a_c=STILL), at_us
+        self.changed()
 
     def forget(self) -> None:
         """A new stream has to begin."""
         self.setpoint, self.owner, self._last, self._stream = None, None, None, False
+        self.changed()
 
 
 def of_position(
@@ -123,13 +142,12 @@ def of_position(
     """What a request asks for, and what of it was limited.
 
     `flown`: the setpoint flown now, carried to this moment: what the request leaves out is
-    taken from it. Without a position the reference moves on from where it is; without a
-    velocity too, its velocity changes by the acceleration asked for.
+    taken from it, each axis for itself. Without a position the reference moves on from where it
+    is. Without a velocity too, its velocity changes by the acceleration asked for.
     """
     warning = None
-    turn = pose.psi if asked.along_heading else 0.0
-    v = STILL if asked.v is None else turned(asked.v, turn)
-    a = STILL if asked.a is None else turned(asked.a, turn)
+    v_asked = _in_earth(asked.v, asked, pose)
+    a_asked = _in_earth(asked.a, asked, pose)
 
     psi_dot = asked.psi_dot
     if abs(psi_dot) > limits.yaw_rate:
@@ -139,12 +157,14 @@ def of_position(
     if asked.psi is not None and asked.along_heading and asked.from_here:
         psi = wrap(pose.psi + psi)
 
+    r_asked = LEFT_OUT if asked.r is None else asked.r
+    if asked.from_here:
+        r_asked = pose.r_E + _in_earth(asked.r, asked, pose)
+    axes = zip(r_asked, v_asked, a_asked, flown.r_c, flown.v_c, strict=True)
+    r, v, a = (Vec3(*row) for row in zip(*(_axis(*axis) for axis in axes), strict=True))
     if asked.r is not None:
-        r = asked.r
-        if asked.from_here:
-            r = pose.r_E + (turned(r, pose.psi) if asked.along_heading else r)
         lowest = home.z - limits.below_home
-        if r.z < lowest:
+        if r_asked.z < lowest:
             warning = Told(Code.SETPOINT_LOW, (home.z - r.z, limits.below_home))
             r = Vec3(r.x, r.y, lowest)
         away = r - pose.r_E
@@ -152,21 +172,49 @@ def of_position(
         if far > limits.away:
             r = pose.r_E + (limits.away / far) * away
             warning = Told(Code.SETPOINT_FAR, (far, limits.away))
-    else:
-        r = flown.r_c  # its velocity, its acceleration, or its yaw alone
-        if asked.v is None and asked.a is not None:
-            v = flown.v_c
     allowed = _slowed(v, limits)
     if allowed != v:
         warning = Told(Code.SETPOINT_FAST, (length(v), length(allowed)))
+        # a velocity that was worked up by an acceleration alone has come to its end
+        ends = (
+            math.isnan(each) and k != kept
+            for each, k, kept in zip(v_asked, v, allowed, strict=True)
+        )
+        a = Vec3(*(0.0 if end else each for end, each in zip(ends, a, strict=True)))
         v = allowed
-        if asked.v is None:
-            a = STILL
     push = length(a)
     if push > limits.acceleration:
         a = (limits.acceleration / push) * a
         warning = Told(Code.SETPOINT_HARD, (push, limits.acceleration))
     return Setpoint(r_c=r, v_c=v, a_c=a, psi_c=psi, psi_dot_c=psi_dot), warning
+
+
+LEFT_OUT = Vec3(math.nan, math.nan, math.nan)
+
+
+def _in_earth(part: Vec3 | None, asked: PositionRequest, pose: Pose) -> Vec3:
+    """A vector of a request in Earth axes, NaN where it is left out.
+
+    Ahead and left turn together: along the heading one that is left out beside the other is 0.
+    """
+    if part is None:
+        return LEFT_OUT
+    if not asked.along_heading or (math.isnan(part.x) and math.isnan(part.y)):
+        return part
+    x, y = (0.0 if math.isnan(c) else c for c in part[:2])
+    return turned(Vec3(x, y, part.z), pose.psi)
+
+
+def _axis(r: float, v: float, a: float, r_0: float, v_0: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration on one axis. r_0, v_0 : flown now.
+
+    What is left out (NaN) is gone on from: a velocity goes on from r_0, an acceleration alone from
+    v_0 too. An axis of which nothing is asked for is held.
+    """
+    alone = math.isnan(r) and math.isnan(v) and not math.isnan(a)
+    if math.isnan(v):
+        v = v_0 if alone else 0.0
+    return r_0 if math.isnan(r) else r, v, 0.0 if math.isnan(a) else a
 
 
 def _slowed(v: Vec3, limits: SetpointLimits) -> Vec3:
@@ -203,10 +251,26 @@ def anchored(flown: Setpoint | None, age_s: float, pose: Pose, near: float) -> S
     here = at(pose.r_E, pose.psi, v=pose.v_E)
     if flown is None:
         return here
-    now: Setpoint = reference_model.carried(flown, age_s)
+    now: Setpoint = carried(flown, age_s)
     if now.level > POSITION or length(now.r_c - pose.r_E) > near:
         return here._replace(psi_c=now.psi_c if now.level < RATES else pose.psi)
     return now
+
+
+def anchored_by_axis(flown: Setpoint | None, age_s: float, pose: Pose, near: float) -> Setpoint:
+    """The same, each axis for itself: one that is held stays where it is, however another leads."""
+    whole = anchored(flown, age_s, pose, near)
+    if flown is None or flown.level > POSITION:
+        return whole
+    now: Setpoint = carried(flown, age_s)
+    close = [abs(r - at) <= near for r, at in zip(now.r_c, pose.r_E, strict=True)]
+    r_c = Vec3(
+        *(r if is_close else at for r, at, is_close in zip(now.r_c, pose.r_E, close, strict=True))
+    )
+    v_c = Vec3(
+        *(v if is_close else at for v, at, is_close in zip(now.v_c, pose.v_E, close, strict=True))
+    )
+    return whole._replace(r_c=r_c, v_c=v_c)
 
 
 def turned(v: Vec3, psi: float) -> Vec3:

@@ -10,7 +10,7 @@ simulation time in whole microseconds, unless they are called wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,26 +28,84 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rotations import matrix
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.mmrac.reference_model import carried
+from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
 from fcu.vehicle import landing, modes, plans
+from fcu.vehicle.conditions import (
+    MODES,
+    ROWS,
+    Action,
+    Clears,
+    Condition,
+    Due,
+    Held,
+    Values,
+    Watch,
+    look,
+    warm_up,
+)
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import NEVER_US, Leader, Piece, PlanLimits, Pose
-from fcu.vehicle.setpoints import Script, anchored, of_attitude, of_position, script_limits
-from fcu.vehicle.watch import LOOK_US, Given, Watch, warm_up
+from fcu.vehicle.plans import Leader, Piece, PlanLimits, Pose
+from fcu.vehicle.setpoints import (
+    Script,
+    anchored,
+    anchored_by_axis,
+    of_attitude,
+    of_position,
+    script_limits,
+)
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 TILT_TO_ARM = math.radians(25.0)
 
-_LOOK_AT, _WAKE_AT = column_of(Watch, "look_us"), column_of(Watch, "wake_us")
+_FOUND, _VALUE = column_of(Watch, "found"), column_of(Watch, "value")
 _LANDED, _TOUCHDOWN = slice_of(Watch, "landed"), slice_of(Watch, "touchdown")
-_GIVEN = slice_of(Watch, "given")
+_UNTIL, _LIMITS = slice_of(Watch, "due.until_us"), slice_of(Watch, "limits")
+_VALUES, _HOME = slice_of(Watch, "values"), slice_of(Watch, "home")
+_BATTERY = slice_of(Watch, "battery")
+_ASKED = slice_of(Watch, "script.asked")
+_C_T, _DUE = slice_of(Watch, "c_T"), slice_of(Watch, "due")
+_APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE = (
+    column_of(Watch, name)
+    for name in (
+        "script.approach", "script.known", "script.since_us", "due.heard_us",
+        "due.lost_us", "anywhere_us",
+    )
+)  # fmt: skip
+_MODE = slice(column_of(Watch, "in_offboard"), column_of(Watch, "in_idle") + 1)
 
 _NOTHING = plans.at(plans.STILL, 0.0)
+_IDLE = Mode.HOLD, Mode.POSITION  # on the ground a vehicle waits in these
+
+
+def _flag(name: str) -> property:
+    """A yes or no of the Watch."""
+    at = column_of(Watch, name)
+
+    def get(self: StateMachine) -> bool:
+        return bool(self.watch[at])
+
+    def put(self: StateMachine, yes: bool) -> None:
+        self.watch[at] = yes
+
+    return property(get, put)
+
+
+def _number(name: str) -> property:
+    """A number of the Watch."""
+    at = column_of(Watch, name)
+
+    def get(self: StateMachine) -> float:
+        return float(self.watch[at])
+
+    def put(self: StateMachine, value: float) -> None:
+        self.watch[at] = value
+
+    return property(get, put)
 
 
 class Answer(NamedTuple):
@@ -63,18 +121,25 @@ def _refused(code: Code, *values: float) -> Answer:
 
 
 class StateMachine:
-    """Arming, modes and setpoint of one vehicle."""
+    """Arming, modes and setpoint of one vehicle.
+
+    What looks decide by is in `watch`, which is shared with compiled code, and nowhere else.
+    """
+
+    armed = _flag("armed")
+    _untold = _flag("script.untold")  # a script's setpoint leads into the ground: to be told
+    _armed_us, _landed_us = _number("armed_us"), _number("landed_us")
 
     def __init__(self, params: Parameters, sim_only: bool = False) -> None:
         """`sim_only`: a script's stream is lost by simulation time alone."""
         self._params = params
-        self.armed = False
+        self.watch = np.zeros(size(Watch))
         self.mode = Mode.HOLD
-        self.home: Vec3 | None = None
+        self.home = None
         self.home_changed = 0  # how often
         self.terminated = False
         self.ended: Told | None = None  # how the plant's flight has ended, if it has
-        self.failsafe: Told | None = None  # why the vehicle is not where it was told to be
+        self._active: dict[Condition, Action] = {}  # the conditions that have not cleared
         self.battery: Battery | None = None
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
         self.reference_model: Row | None = None  # float64[6]: its r_m and v_m, after the last tick
@@ -82,25 +147,99 @@ class StateMachine:
         self.beginning: Callable[[], Row] | None = (
             None  # of a law whose demand is known: see `reference`
         )
-        self.leader = Leader()
-        self.script = Script(sim_only)
+        self.leader = Leader(self.watch[_UNTIL])
+        self.script = Script(sim_only, self._write_script)
         self.feasibility = FeasibilityCheck(params)
-        self.cruise: float | None = None  # m/s, as told; None: MPC_XY_CRUISE
-        self.watch = np.zeros(size(Watch))  # shared with compiled code: see `arm_watch`
+        self._cruise: float | None = None
+        self._on_ground = True  # until a state has shown otherwise
         self._landed = LandedDetector(
             params.law.rotors.c_T, params.pace.T_hover, self.watch[_LANDED]
         )
-        self._approach = Approach.AS_ASKED  # how the script's setpoint is flown
         self._touchdown = TouchdownDetector(self.watch[_TOUCHDOWN])
         self._take_off_to: float | None = None  # m, E: once it is armed; None: MIS_TAKEOFF_ALT
-        self._armed_us = 0
-        self._landed_us = 0
-        self._untold: Told | None = None  # of the script's setpoint, as it was entered
+        self._took_over = False  # a condition has entered a mode, and nobody another since
+        self._acts: Mapping[int, Callable[[int, float, list[Told]], None]] = {
+            Condition.FIRST_STATE: self._first_state,
+            Condition.LANDED: self._has_landed,
+            Condition.APPROACH: self._approaches,
+            Condition.UNTOLD: self._tell_script,
+            Condition.TOUCHDOWN: self._touched_down,
+            Condition.IDLE_LANDED: self._disarm_landed,
+            Condition.IDLE_ARMED: self._disarm_idle,
+            Condition.OFFBOARD_LOST: self._script_lost,
+            Condition.PLAN_DUE: lambda t_us, wall_s, told: self._advance(t_us, told),
+        }
+        self._write_script()
+        self.parameters_changed()
+        params.followers.add(self)
 
     def warm_up(self) -> None:
         """Compile what is asked at ticks and looks."""
         self.feasibility.warm_up()
         warm_up(self._limits())
+
+    # --- what looks decide by
+
+    @property
+    def mode(self) -> Mode:
+        """The flight mode."""
+        return self._mode
+
+    @mode.setter
+    def mode(self, mode: Mode) -> None:
+        self._mode = mode
+        self.watch[_MODE] = mode is Mode.OFFBOARD, mode is Mode.LAND, mode in _IDLE
+
+    @property
+    def home(self) -> Vec3 | None:
+        """The place to which a return flies."""
+        return self._home
+
+    @home.setter
+    def home(self, home: Vec3 | None) -> None:
+        self._home = home
+        self.watch[_HOME] = math.nan if home is None else to_buffer(home)
+
+    @property
+    def cruise(self) -> float | None:
+        """Cruise speed that was asked for, m/s. None stands for MPC_XY_CRUISE."""
+        return self._cruise
+
+    @cruise.setter
+    def cruise(self, speed: float | None) -> None:
+        self._cruise = speed
+        self.watch[_LIMITS] = to_buffer(self._limits())
+
+    @property
+    def _approach(self) -> Approach:
+        """How the script's setpoint is flown."""
+        return Approach(int(self.watch[_APPROACH]))
+
+    @_approach.setter
+    def _approach(self, approach: Approach) -> None:
+        self.watch[_APPROACH] = approach
+
+    def _write_script(self) -> None:
+        """Take over what the script's setpoint has become."""
+        asked, watch = self.script.setpoint, self.watch
+        watch[_KNOWN] = asked is not None
+        if asked is not None:
+            watch[_ASKED] = to_buffer(asked)
+        watch[_ASKED_SINCE], watch[_HEARD] = self.script.since_us, self.script.heard_us
+
+    def parameters_changed(self) -> None:
+        """Take over the parameters in force."""
+        p, watch = self._params, self.watch
+        watch[_LOST] = self.lost_us
+        watch[_VALUES] = [p[name] for name in Values._fields]
+        watch[_LIMITS] = to_buffer(self._limits())
+        watch[_C_T] = to_buffer(self._landed.c_T)
+        watch[_ANYWHERE] = landing.anywhere_us(p.pace.f_m)
+
+    @property
+    def failsafe(self) -> bool:
+        """True while the vehicle flies a mode that a condition has entered."""
+        return self._took_over
 
     # --- where it is, and what it flies
 
@@ -156,8 +295,8 @@ class StateMachine:
 
     @property
     def on_ground(self) -> bool:
-        """Whether the detector has it on the ground."""
-        return self._landed.landed
+        """True on the ground, as of the last tick that was decided about: a burst may be ahead."""
+        return self._on_ground
 
     @property
     def is_landing(self) -> bool:
@@ -181,129 +320,141 @@ class StateMachine:
     # --- what happens by itself
 
     def observe(self, state: Row, t_us: int, wall_s: float) -> list[Told]:
-        """The VehicleState buffer of this tick: what happened, as codes.
+        """Act on the conditions of a tick, and return their codes. `state`: a VehicleState buffer.
 
-        Called at every tick; does nothing before `wake_us`.
+        Called at every tick. Does nothing before `wake_us`.
         """
         self.state = state
-        if t_us < self.watch[_WAKE_AT]:
-            return []
         told: list[Told] = []
-        if t_us >= self.watch[_LOOK_AT]:
-            self.watch[_LOOK_AT] = t_us + LOOK_US
-            self._look(state, t_us, told)
-        if self.armed and self.mode is Mode.OFFBOARD:
-            self._watch_script(t_us, wall_s, told)
-        self._advance(t_us, told)
+        found = int(self.watch[_FOUND])  # by compiled code, at this tick
+        if not found and t_us < self.wake_us:
+            return told
+        found = found or self._look(t_us)
+        while found:
+            act = self._acts.get(found)
+            if act is None:
+                self._meet(Condition(found), (float(self.watch[_VALUE]),), t_us, told)
+            else:
+                act(t_us, wall_s, told)
+            found = self._look(t_us)
         return told
 
-    def _set_wake(self) -> None:
-        self.watch[_WAKE_AT] = min(self.watch[_LOOK_AT], self.leader.until_us, self._deadline_us)
+    def _look(self, t_us: int) -> int:
+        """The next condition that is new at this tick, or 0."""
+        flown = _NOTHING if self.setpoint is None else self.setpoint
+        age = (t_us - self.since_us) * 1e-6
+        remaining = math.nan if self.battery is None else self.battery.remaining
+        return int(look(self.watch, self.state, to_buffer(flown), age, remaining, float(t_us)))
 
     @property
-    def wake_us(self) -> int:
+    def wake_us(self) -> float:
         """Nothing happens by itself before."""
-        return int(self.watch[_WAKE_AT])
-
-    @property
-    def _deadline_us(self) -> int:
-        """The first microsecond at which the script may be lost."""
+        due = from_buffer(Due, self.watch[_DUE])
         scripted = self.armed and self.mode is Mode.OFFBOARD
-        return self.script.deadline_us(self.lost_us) if scripted else NEVER_US
+        lost = due.heard_us + due.lost_us + 1.0 if scripted else math.inf
+        return min(due.look_us, due.until_us, lost)
 
-    def arm_watch(self) -> None:
-        """Before compiled code flies on by itself: what `watch.quiet_look` has to know.
+    # --- conditions
 
-        To be called again after whatever else this object was asked for, or has observed.
+    def _meet(
+        self, condition: Condition, values: tuple[Any, ...], t_us: int, told: list[Told]
+    ) -> None:
+        """Tell of a condition. Unless it only warns take the most severe action of all active ones."""
+        row = ROWS[condition]
+        action = self._active[condition] = row.action(self._params)
+        if action > Action.NONE:
+            told.append(Told(row.code, values))
+        if action <= Action.WARN:
+            return
+        mode = self._take_worst(t_us)
+        if mode is not None:
+            told.append(Told(Code.FAILSAFE_MODE, (mode.value,)))
+        elif not self.armed:
+            told.append(Told(Code.FAILSAFE_STOPPED))
+
+    def _take_worst(self, t_us: int) -> Mode | None:
+        """Take the most severe action of the active conditions: the mode that it enters, if one.
+
+        On the ground a vehicle holds in place of a return. A landing goes on in place of one.
         """
-        scripted = self.armed and self.mode is Mode.OFFBOARD
-        asked = self.script.setpoint
-        self.watch[_GIVEN] = to_buffer(
-            Given(
-                until_us=self.leader.until_us,
-                deadline_us=self._deadline_us,
-                armed=self.armed,
-                scripted=scripted,
-                lands=self.is_landing,
-                python=self.home is None
-                or self._untold is not None
-                or (scripted and not self._flies_on(asked)),
-                approach=self._approach,
-                asked=_NOTHING if asked is None else asked,
-                asked_us=self.script.since_us,
-                limits=self._limits(),
-                c_T=self._landed.c_T,
-                anywhere_us=landing.anywhere_us(self._params.pace.f_m),
-            )
-        )
+        worst = max(self._active.values(), default=Action.NONE)
+        if worst >= Action.DISARM:
+            self.terminated |= worst is Action.TERMINATE
+            self._disarm(t_us)
+            return None
+        if worst is Action.RETURN and self._landed.landed:
+            worst = Action.HOLD
+        elif worst is Action.RETURN and (self._touchdown.done or self._approach is Approach.DOWN):
+            worst = Action.LAND  # it has met the ground, or a script lands it
+        flown = next((action for action, mode in MODES.items() if mode is self.mode), Action.NONE)
+        goes_on = flown > worst or (flown is worst and worst is not Action.HOLD)
+        if worst not in MODES or goes_on:  # in Hold it may be on its way to another place
+            return None
+        if self._touchdown.done:
+            self._rest_in(MODES[worst])
+        else:
+            self._enter(MODES[worst], t_us)
+        self._took_over = True
+        return MODES[worst]
 
-    def _flies_on(self, asked: Setpoint | None) -> bool:
-        """Whether a look that finds the approach as it was would leave what is flown alone."""
-        if self._approach is Approach.AS_ASKED:
-            as_asked = self.setpoint is asked and self.since_us == self.script.since_us
-            return as_asked and self.leader.until_us == NEVER_US and asked is not None
-        return self._approach is Approach.DOWN and asked is not None
+    def _rest_in(self, mode: Mode) -> None:
+        """Be in a mode on the ground that was met, where the vehicle goes on to rest.
 
-    def _look(self, state: Row, t_us: int, told: list[Told]) -> None:
-        if self.home is None:
-            self._set_home(self.pose().r_E)
-        was = self._landed.landed
-        if self._landed.see(state, t_us) and not was:
+        It may be unknown yet whether it has landed: one that held its position there would lean
+        against the wind.
+        """
+        self.mode, self._approach, self.script.owner = mode, Approach.AS_ASKED, None
+
+    def _clear(self, *ends: Clears) -> None:
+        """Forget the conditions that clear in one of these ways."""
+        for condition in [c for c in self._active if ROWS[c].clears in ends]:
+            del self._active[condition]
+        if Clears.CHOSEN in ends:
+            self._took_over = False
+        if Clears.DISARMED in ends:
+            self.watch[_BATTERY] = Held(level=0.0, pending=0.0, since_us=math.nan)
+
+    def _first_state(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        self._set_home(self.pose().r_E)
+
+    def _has_landed(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        self._on_ground = self._landed.landed
+        if self._on_ground:
             self._landed_us = t_us
             told.append(Told(Code.LANDED))
-        if self.armed and self.mode is Mode.OFFBOARD and self._steer(t_us):
-            self._untold = Told(Code.SETPOINT_INTO_GROUND)
-        if self._untold is not None:
-            told.append(self._untold)
-            self._untold = None
-        lands, scripted = self.is_landing, self.mode is Mode.OFFBOARD
-        if self.armed and (lands or not scripted) and self._touch_down(t_us, lands) and not lands:
-            told.append(Told(Code.LED_INTO_GROUND))
-        if not self.armed or not self._landed.landed:
-            return
-        if self._landed.has_flown:
-            wait, since = self._params["COM_DISARM_LAND"], self._landed_us
-            if wait >= 0.0 and self._goes_down() and t_us - since >= wait * 1e6:
-                self._disarm(t_us)
-                told.append(Told(Code.DISARMED_LANDED))
-        else:
-            wait, idle = self._params["COM_DISARM_PRFLT"], self.mode in (Mode.HOLD, Mode.POSITION)
-            if wait >= 0.0 and idle and t_us - self._armed_us >= wait * 1e6:
-                self._disarm(t_us)
-                told.append(Told(Code.DISARMED_IDLE))
 
-    def _goes_down(self) -> bool:
-        """Whether what is flown is not above the vehicle: a script may be about to take off."""
-        if self.is_landing:
-            return True
-        assert self.measured is not None
-        return self.setpoint is None or self.setpoint.level > 0.0 or (
-            self.setpoint.r_c.z <= self.measured.r_E.z + 0.1 and self.setpoint.v_c.z <= 0.0
-        )  # fmt: skip
+    def _approaches(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        self._untold |= self._steer(t_us)
+
+    def _tell_script(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        self._untold = False
+        told.append(Told(Code.SETPOINT_INTO_GROUND))
+
+    def _disarm_landed(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        self._disarm(t_us)
+        told.append(Told(Code.DISARMED_LANDED))
+
+    def _disarm_idle(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        self._disarm(t_us)
+        told.append(Told(Code.DISARMED_IDLE))
 
     @property
     def lost_us(self) -> int:
         """How old a script's last setpoint may be, us."""
         return round(self._params["COM_OF_LOSS_T"] * 1e6)
 
-    def _watch_script(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+    def _script_lost(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """The script is lost by simulation time, and is lost indeed if it is by the wall's too."""
         if not self.script.lost(t_us, wall_s, self.lost_us):
             return
-        action = int(self._params["COM_OBL_RC_ACT"])
         self.script.forget()
-        silent = self._params["COM_OF_LOSS_T"]
-        mode = modes.ON_LOSS[action]
-        if mode is Mode.RETURN and self._landed.landed:
-            mode = Mode.HOLD
+        row, silent = ROWS[Condition.OFFBOARD_LOST], self._params["COM_OF_LOSS_T"]
+        self._active[Condition.OFFBOARD_LOST] = row.action(self._params)
+        mode = self._take_worst(t_us)
         if mode is None:
-            if action == modes.TERMINATE:
-                self.terminated = True
-            self._disarm(t_us)
             told.append(Told(Code.OFFBOARD_LOST_STOPPED, (silent,)))
-            return
-        self._enter(mode, t_us)
-        self.failsafe = Told(Code.OFFBOARD_LOST_MODE, (silent, mode.value))
-        told.append(self.failsafe)
+        else:
+            told.append(Told(row.code, (silent, mode.value)))
 
     def _advance(self, t_us: int, told: list[Told]) -> None:
         """On to the setpoint of this moment, and to the mode that follows at the end of a plan."""
@@ -311,7 +462,6 @@ class StateMachine:
             following = modes.after(self.mode, Event.ARRIVED)
             told.append(Told(Code.PLAN_COMPLETE, (self.mode.value, following.value)))
             self._enter(following, t_us)
-        self._set_wake()
 
     # --- what it is asked for
 
@@ -322,7 +472,8 @@ class StateMachine:
         why = self.why_not_arm(t_us, wall_s)
         if why is not None:
             return Answer(False, why)
-        self.armed, self._armed_us, self.failsafe = True, t_us, None
+        self.armed, self._armed_us = True, t_us
+        self._clear(Clears.CHOSEN, Clears.DISARMED)
         self._landed.has_flown = not self._landed.landed
         if self._landed.landed:
             self._set_home(self.pose().r_E)
@@ -351,9 +502,14 @@ class StateMachine:
             return Told(Code.WAS_TERMINATED)
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
             return Told(Code.TILTED, (math.degrees(TILT_TO_ARM),))
-        if self.battery is not None and self.battery.remaining < self._params["BAT_CRIT_THR"]:
-            return Told(Code.BATTERY_CRITICAL, (100.0 * self.battery.remaining,))
-        return None
+        return self._charge_critical
+
+    @property
+    def _charge_critical(self) -> Told | None:
+        """The reason against leaving the ground with a critical charge; None if it is not."""
+        if self.battery is None or not self.battery.remaining < self._params["BAT_CRIT_THR"]:
+            return None
+        return Told(Code.CHARGE_CRITICAL, (100.0 * self.battery.remaining,))
 
     def disarm(self, t_us: int, forced: bool = False) -> Answer:
         """Stop the rotors: on the ground, or whatever happens if forced."""
@@ -387,6 +543,8 @@ class StateMachine:
             refused = missing and self.feasibility.refused
             return Answer(False, Told(Code.GUARD_REFUSES if refused else need.value), missing)
         too_much = plans.asks_too_much(wanted, self._params)
+        if wanted is Mode.TAKEOFF:
+            too_much = too_much or self._charge_critical
         if too_much is not None:
             return Answer(False, too_much)
         lack: Shortfall | None = None
@@ -395,7 +553,7 @@ class StateMachine:
             lack = self.feasibility.of_step(self._from(t_us), away, self._limits(), self.reference)
         if lack is not None and self.feasibility.refuses:
             return Answer(False, lack.reason)
-        self.failsafe = None
+        self._clear(Clears.CHOSEN)
         self._enter(wanted, t_us)
         name = wanted.value
         short = lack is not None and Told(Code.MODE_SHORT, (name, lack.short))
@@ -410,7 +568,7 @@ class StateMachine:
         if why is not None:
             return Answer(False, why)
         height = self._climb(to_z, t_us)
-        self.failsafe = None
+        self._clear(Clears.CHOSEN)
         if self.armed:
             self._take_off(height, t_us)
             return Answer(True, Told(Code.TAKING_OFF, (height,)))
@@ -422,6 +580,8 @@ class StateMachine:
         need = modes.denied(Mode.TAKEOFF, self._met(t_us, wall_s))
         if need is not None:
             return Told(need.value)
+        if self._charge_critical is not None:
+            return self._charge_critical
         height = self._climb(to_z, t_us)
         return None if 0.0 < height <= 1000.0 else Told(Code.TAKEOFF_HEIGHT, (height,))
 
@@ -431,6 +591,7 @@ class StateMachine:
 
     def _take_off(self, height: float, t_us: int) -> None:
         here, settle_s = self._from(t_us), plans.settle_s(self._params)
+        self._landed_us = t_us  # what takes off does not wait on the ground
         self._become(Mode.TAKEOFF)
         self._follow(plans.take_off(here, height, self._limits(), settle_s), t_us, ends=True)
 
@@ -458,17 +619,19 @@ class StateMachine:
         if self._landed.landed:
             return _refused(Code.NOT_AIRBORNE)
         was = self.cruise
+        limited = None
         if speed is not None:
             changed = self.change_speed(speed)
             if not changed.granted:
                 return changed
+            limited = changed.told
         here, led = self._from(t_us), self._limits()
         psi = here.psi if psi is None else psi
         lack = None if to is None else self.feasibility.of_move(here, to, led, self.reference)
         if lack is not None and self.feasibility.refuses:
             self.cruise = was
             return Answer(False, lack.reason)
-        self.failsafe = None
+        self._clear(Clears.CHOSEN)
         self._become(Mode.HOLD)
         way = [] if to is None else [to]
         self._follow(plans.through(here.r_E, here.v_E, way, psi, led), t_us)
@@ -476,15 +639,19 @@ class StateMachine:
             return Answer(True, Told(Code.MODE, (self.mode.value,)))
         far = plans.length(to - here.r_E)
         short = lack is not None and Told(Code.GOING_SHORT, (far, lack.short))
-        return Answer(True, short or Told(Code.GOING, (far,)))
+        return Answer(True, short or limited or Told(Code.GOING, (far,)))
 
     def change_speed(self, speed: float) -> Answer:
-        """Cruise speed (m/s) of what is laid down from now on; -1: MPC_XY_CRUISE again."""
+        """Cruise speed (m/s) of what is laid down from now on. -1: MPC_XY_CRUISE again.
+
+        A speed above MPC_XY_VEL_MAX is limited to that.
+        """
         greatest = self._params["MPC_XY_VEL_MAX"]
-        if speed != -1.0 and not 0.1 <= speed <= greatest:
+        if speed != -1.0 and not speed >= 0.1:
             return _refused(Code.SPEED_RANGE, speed, greatest)
-        self.cruise = None if speed == -1.0 else speed
-        return Answer(True)
+        self.cruise = None if speed == -1.0 else min(speed, greatest)
+        limited = speed > greatest
+        return Answer(True, Told(Code.SPEED_LIMITED, (speed, greatest)) if limited else None)
 
     def move(self, v: Vec3, psi_dot: float, t_us: int) -> None:
         """Sticks in position mode: a velocity (m/s, E) and a yaw rate (rad/s)."""
@@ -525,7 +692,7 @@ class StateMachine:
     ) -> tuple[Setpoint | None, Told | None]:
         """The setpoint that a request asks for, and what of it was limited; None, and why not."""
         here = self.pose()
-        flown = self.flown(t_us, here)
+        flown = anchored_by_axis(self.setpoint, (t_us - self.since_us) * 1e-6, here, NEAR)
         if isinstance(asked, AttitudeRequest):
             return of_attitude(asked, flown, self._params.law.limits.T_max)
         limits = script_limits(self._params)
@@ -541,7 +708,6 @@ class StateMachine:
     def fly_script(self, t_us: int) -> Told | None:
         """The script has a new setpoint: it is flown in offboard mode. What is to be said of it."""
         lands = self.mode is Mode.OFFBOARD and self.armed and self._steer(t_us)
-        self._set_wake()
         return Told(Code.SETPOINT_INTO_GROUND) if lands else None
 
     def keep_script(self, t_us: int, wall_s: float) -> Told | None:
@@ -583,11 +749,11 @@ class StateMachine:
             self.script.owner = None
 
     def _disarm(self, t_us: int) -> None:
-        self.armed, self.failsafe = False, None
+        self.armed = False
+        self._clear(Clears.CHOSEN, Clears.DISARMED)
         self.leader.take(None, t_us)
         self._landed.has_flown = False
         self._become(modes.after(self.mode, Event.DISARMED))
-        self._set_wake()
 
     def _enter(self, mode: Mode, t_us: int) -> None:
         """Be in a mode, and lay down what it flies."""
@@ -598,7 +764,7 @@ class StateMachine:
         if not self.armed:
             return
         if mode is Mode.OFFBOARD:
-            self._untold = self.fly_script(t_us)
+            self._untold = self.fly_script(t_us) is not None
             return
         assert self.home is not None
         plan = plans.plan_of(mode, self._from(t_us), self.home, self._params, self._limits())
@@ -622,7 +788,7 @@ class StateMachine:
             return False
         age, ground = (t_us - since_us) * 1e-6, self._landed.ground
         self._approach = landing.approach_at(
-            int(was), to_buffer(asked), age, self.state, ground, to_buffer(self._limits())
+            int(was), self.watch[_ASKED], age, self.state, ground, self.watch[_LIMITS]
         )
         if self._approach is not Approach.DOWN:
             raised = self._approach is Approach.RAISED
@@ -635,20 +801,16 @@ class StateMachine:
             return True
         return False
 
-    def _touch_down(self, t_us: int, meant: bool) -> bool:
-        """Rest on the ground once what leads it down has met it, `meant` so or not; whether it has."""
+    def _touched_down(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Rest on the ground that was met, or land from here if the vehicle has left it again."""
         assert self.setpoint is not None
-        here = self.pose()
         flown: Setpoint = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
-        if not self._touchdown.see(
-            flown, here, self._landed.ground, t_us, meant, self._params.pace.f_m
-        ):
-            return False
-        if self._touchdown.done:
-            self.leader.take(landing.resting(flown, self._landed.light), t_us)
-            return True
-        self._land_from(here._replace(psi=flown.psi_c), t_us)
-        return False
+        if not self._touchdown.done:
+            self._land_from(self.pose()._replace(psi=flown.psi_c), t_us)
+            return
+        self.leader.take(landing.resting(flown, self._landed.light), t_us)
+        if not self.is_landing:
+            told.append(Told(Code.LED_INTO_GROUND))
 
     def _land_from(self, here: Pose, t_us: int) -> None:
         r, v, psi = here

@@ -15,14 +15,14 @@ from fcu.interface.airframe import AirframeError
 from fcu.interface.parameter import ParameterError
 from fcu.laws.loader import LawError
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import several
 from gcs_tools.flight.arrival import arrival
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.processes import InfrastructureError
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.judging.expectations import LIMITED
-from gcs_tools.judging.preflight_check import refusal
+from gcs_tools.judging.preflight_check import refusal, refused_gains
 from gcs_tools.judging.result import Judged, trajectory_sha256
 from gcs_tools.missions.mission import Mission, MissionError, from_tables, with_values
 from gcs_tools.recording.table import Rows
@@ -70,7 +70,7 @@ def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
     plan : Campaign.plan().
     """
     fly, n, missions = _loaded(plan)
-    made = [_ready(Asked(*one), missions[one[1]], fly) for one in asked]
+    made = [_ready(Asked(*one), missions[one[1]]) for one in asked]
     ready = [one for one in made if isinstance(one, _Ready)]
     flown = _vehicles(ready) if fly == VEHICLE else _laws(ready, n * len(missions))
     rows = {ready[i].asked[:2]: _judged(ready[i], how) for i, how in flown}
@@ -85,7 +85,7 @@ def _loaded(plan: str) -> tuple[str, int, tuple[Mission, ...]]:
     return tables["fly"], tables["flights"], missions
 
 
-def _ready(asked: Asked, base: Mission, fly: str) -> _Ready | Row:
+def _ready(asked: Asked, base: Mission) -> _Ready | Row:
     """The flight, or the row of one that is rejected."""
     try:
         mission = with_values(base, asked.values, "draw")
@@ -93,9 +93,9 @@ def _ready(asked: Asked, base: Mission, fly: str) -> _Ready | Row:
     except (MissionError, ParameterError, AirframeError) as error:
         seed = int(asked.values.get("flight.seed", base.flight.seed))
         return _lost(asked, seed, REJECTED, str(error), USAGE)
-    why = refusal(scene, mission.expectations().get(LIMITED) is True)
-    if not why and fly != VEHICLE:
-        why = law_alone.refusal(scene)
+    why = refused_gains(mission, scene) or refusal(
+        scene, mission.expectations().get(LIMITED) is True
+    )
     if why:  # the vehicle's own decision
         return _lost(asked, mission.flight.seed, REJECTED, why, OK)
     return _Ready(asked, mission, scene)

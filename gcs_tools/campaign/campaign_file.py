@@ -44,6 +44,7 @@ from gcs_tools.campaign.rare import Mixture
 from gcs_tools.campaign.shares import Looks
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
+from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.fields import Table, optional, wrong
 from gcs_tools.missions.mission import (
@@ -479,12 +480,18 @@ def _check(campaign: Campaign) -> None:
         tried += [{**middle, each.name: end} for end in distribution.ends()]
     tried += [dict(point) for point in campaign.document.points[:MOST_DIMENSIONS]]
     for variant in campaign.variants:
+        refused = []
         for quantities in tried:
             values = draws.values(0, quantities, variant.base)
             try:
-                scenario(with_values(variant.mission, values, "[draw]"))
+                mission = with_values(variant.mission, values, "[draw]")
+                refused.append(refused_gains(mission, scenario(mission)))
             except MissionError as error:
                 raise MissionError(f"{error}{_hint(draws)}") from error
+        if all(
+            refused
+        ):  # a single refused draw is a lost flight; nothing but refused draws is a mistake
+            raise MissionError(refused[0])
 
 
 def _hint(draws: Draws) -> str:

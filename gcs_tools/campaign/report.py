@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from gcs_tools.campaign.campaign_file import Campaign
 from gcs_tools.campaign.distributions import Distribution
 from gcs_tools.campaign.rare_flying import RareFound
 from gcs_tools.campaign.refly import command
-from gcs_tools.campaign.shares import share
+from gcs_tools.campaign.shares import interval
 from gcs_tools.campaign.store import DRAWN
 from gcs_tools.campaign.verdict import Shown
 from gcs_tools.judging.metrics import SETTLE_S
@@ -131,12 +132,8 @@ def _body(
     for each in shown:
         state, word = ("met", "Met") if each.passed else ("missed", "Missed")
         yield f'<div class="verdict {state}"><b>{word}.</b> {escape(str(each))}.</div>'
-    each_look = found.looks.confidence(found.confidence)
-
-    def interval(count: int, of: int) -> tuple[float, float]:
-        return share(count, of, each_look)[2:]
-
-    yield plot.shrinking({law: of.success for law, of in flights.items()}, interval)
+    at_each_look = partial(interval, confidence=found.looks.confidence(found.confidence))
+    yield plot.shrinking({law: of.success for law, of in flights.items()}, at_each_look)
     yield f"<p><small>{_of_the_interval(campaign, found)}</small></p>"
     if found.differences:
         yield "<h2>Differences between laws, flight by flight</h2>"
@@ -266,7 +263,7 @@ def _failures(
         yield "<h3>Failed flights, %</h3>"
         yield plot.failures(
             [_panel(law, cause.name) for cause in of.causes[:PANELS]],
-            lambda count, n: share(count, n, found.confidence)[2:],
+            partial(interval, confidence=found.confidence),
         )
     yield (
         "<p><small>How much they differ: the greatest distance between the distributions of a quantity in"

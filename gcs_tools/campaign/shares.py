@@ -42,6 +42,11 @@ def share(successes: int, of: int, confidence: float) -> Share:
     return Share(successes, of, _above(successes, of, each), 1.0 - _above(of - successes, of, each))
 
 
+def interval(successes: int, of: int, confidence: float) -> tuple[float, float]:
+    """The interval of `share` alone."""
+    return share(successes, of, confidence)[2:]
+
+
 def at_least(successes: int, of: int, confidence: float) -> float:
     """The bound that the probability is above with this confidence: one-sided, Clopper and Pearson."""
     return _above(successes, of, 1.0 - confidence)

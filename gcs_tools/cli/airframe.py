@@ -22,10 +22,13 @@ DOES_NOT_FLY = 1  # exit code
 
 @click.command(
     epilog="\b\n"
-    "Authority   torque beside a level hover, about one axis at a time, and over inertia\n"
-    "Margins     gain: how far the estimates of mass and inertia may be off; delay: from measurement\n"
-    "            to rotor; each alone, with all else as believed\n"
-    "Gains       of M-MRAC and its guard, that follow from the airframe or are pinned in its file\n\n"
+    "Authority  torque beside a level hover, about one axis at a time, and over\n"
+    "           inertia\n"
+    "Margins    gain: how far the estimates of mass and inertia may be off;\n"
+    "           delay: from measurement to rotor; each alone, with all else as\n"
+    "           believed\n"
+    "Gains      of M-MRAC and its guard, that follow from the airframe or are\n"
+    "           pinned in its file\n\n"
     "Exit codes: 0 it flies; 1 its gains are unstable, or hover leaves no room for what is believed;\n"
     "2 the file is invalid, no such vehicle can fly, or the figure cannot be written; 130 interrupted."
 )

@@ -60,7 +60,6 @@ A campaign file in a few lines (docs/campaigns.md has all keys):
   "plant.mass_kg" = { uniform = [6.0, 10.0] }
   "wind.azimuth_deg" = { uniform = [0.0, 360.0] }
 
-\b
 FILE is such a file, the name of a shipped campaign (paper_noise), or the folder of a campaign that was
 interrupted: it goes on where it was. Exit codes: 0 flown, and what [expect] says is shown; 1 it is not
 shown; 2 invalid command line, campaign or law; 3 a flight or what flies it failed, or the disk is full;

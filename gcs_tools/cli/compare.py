@@ -37,7 +37,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 compared, 2 something cannot be read, flown or written, 130 interrupted.\n"
+    epilog="Exit codes: 0 compared, 2 something cannot be read, flown or written, 130 interrupted.\n\n"
     "LAW is a name or your own FILE.py; MISSION a name, a file, or a folder of shipped ones (benchmark)."
 )
 @click.argument("compared", nargs=-1, required=True, metavar="RUN RUN... | LAW...")

@@ -47,9 +47,10 @@ ALONE = {  # by what is changed
 
 @click.command(
     epilog="\b\n"
-    "Exact set   the actuators' own limits along the reference trajectory; used by the guard\n"
-    "Ball        the largest ball of forces around hover\n"
-    "(31)        the paper's condition, repaired, evaluated at the target\n\n"
+    "Exact set  the actuators' own limits along the reference trajectory; used by\n"
+    "           the guard\n"
+    "Ball       the largest ball of forces around hover\n"
+    "(31)       the paper's condition, repaired, evaluated at the target\n\n"
     "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
     "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
     "it fails, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"

@@ -14,10 +14,10 @@ from gcs_tools.flight.interrupts import interrupts_wait
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 all expectations met, 1 at least one missed, 2 invalid command line or\n"
+    epilog="Exit codes: 0 all expectations met, 1 at least one missed, 2 invalid command line or\n"
     "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM and\n"
     "SIGHUP). With several missions: the highest; one that is invalid does not keep the others from\n"
-    "flying.\n\n\b\n"
+    "flying.\n\n"
     "MISSION is a file, the name of a shipped mission, or 'FOLDER#1234', a flight of a campaign in\n"
     "FOLDER. Of the shipped ones airframe_... and benchmark/... are for every airframe, the others for\n"
     "the S1000 (docs/missions.md)."
@@ -27,6 +27,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @arguments.SEEDS
 @click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Control rate, Hz; default: the mission's.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="DIR may hold an earlier run, which is removed.")
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
 @arguments.LAW
 @arguments.AIRFRAME
@@ -50,7 +51,7 @@ def fly(
     out: Path | None, junit: Path | None, law: str | None, airframe: str | None,
     controller: str | None, controller_timeout_s: float, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
-    jobs: int | None, figure: str | None, record: str,
+    jobs: int | None, figure: str | None, record: str, overwrite: bool,
 ) -> int:  # fmt: skip
     """Fly each MISSION and compare it with its expectations.
 
@@ -73,7 +74,7 @@ def fly(
                 settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
                 zenoh=arguments.publication(published if publish is None else publish, zenoh),
                 jobs=jobs, figure=figure, record=record, controller=controller,
-                controller_timeout_s=controller_timeout_s,
+                controller_timeout_s=controller_timeout_s, overwrite=overwrite,
             )  # fmt: skip
         except UsageError as error:
             raise Failure(error, USAGE) from error

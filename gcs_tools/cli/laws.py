@@ -114,7 +114,9 @@ def _compared(asked: Asked, log: Console) -> Comparison:
         raise EntrantError(f"two missions are called {several[0]}")
     for each in entrants:
         if why := refusal(each, missions[0]):
-            log.print(f"{each.label} on {each.airframe}: {why}; its flights count as lost")
+            log.print(
+                f"{each.label} on {each.airframe}: {why}; its flights count as lost", markup=False
+            )
     warm_up(entrants, missions[0])
     rows = comparing.fly(entrants, missions, asked.seeds, how, log)
     lost_at = margins.margins(entrants, how, log) if asked.margins else []

@@ -13,7 +13,7 @@ from gcs_tools.cli.output import Failure
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 the vehicle is at its start and time runs, 2 invalid command line,\n"
+    epilog="Exit codes: 0 the vehicle is at its start and time runs, 2 invalid command line,\n"
     "3 no vehicle ready or no reply within --timeout, or rejected: it is armed."
 )
 @click.option("--force", is_flag=True, help="Reset an armed vehicle too, also in flight.")

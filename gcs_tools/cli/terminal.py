@@ -17,13 +17,14 @@ from gcs_tools.exit_codes import MISSED, OK
 from gcs_tools.flight.display import Display
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
+    from rich.progress import Progress, TaskID
 
     from gcs_tools.judging.result import Result
 
 INDENT = "  "  # of a sentence's second line and those after it
 COMMAND = ": gcs "  # what begins a command at the end of a sentence
 DRAW_S = 0.1  # wall: between two looks of a bar
+LINE_S = 5.0  # wall: between two lines off a terminal about how far it has come
 
 
 class PipedConsole(Console):
@@ -50,6 +51,8 @@ class Terminal(Display):
         self._log = PipedConsole(stderr=True, highlight=False)
         self._out = PipedConsole(highlight=False)
         self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self._said_s = 0.0  # wall: when such a line was printed
 
     @contextmanager
     def _without_bar(self) -> Iterator[None]:
@@ -64,6 +67,17 @@ class Terminal(Display):
         """One line."""
         self._log.print(Text(text, style="dim"), soft_wrap=True)
 
+    def compiling(self, done: int, of: int, wall_s: float) -> None:
+        """The bar, or a line now and then."""
+        told = f"compiling: {done} of about {of} kernels"
+        if 10 * done >= of:  # before, nobody can tell
+            told += f", {wall_s * (of - done) / done:.0f} s to go"
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, completed=done, total=of, told=told, refresh=True)
+        elif (now := time.monotonic()) - self._said_s >= LINE_S:
+            self._said_s = now
+            self.note(told)
+
     @contextmanager
     def flight(self, mission: str, duration_s: float) -> Iterator[Callable[[float], None]]:
         """A bar in simulation time, drawn when it is told: no thread may run where a flight forks."""
@@ -76,7 +90,7 @@ class Terminal(Display):
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=40),
             TaskProgressColumn(),
-            TextColumn("{task.completed:5.1f} / {task.total:.1f} s"),
+            TextColumn("{task.fields[told]}"),
             console=self._log,
             transient=True,
             auto_refresh=False,
@@ -85,14 +99,15 @@ class Terminal(Display):
         )
         self._bar = bar
         with bar:
-            task = bar.add_task(mission, total=duration_s)
+            self._task = task = bar.add_task(mission, total=duration_s, told="")
             drawn = 0.0
 
             def tell(time_s: float) -> None:
                 nonlocal drawn
                 due = (now := time.monotonic()) - drawn >= DRAW_S
                 drawn = now if due else drawn
-                bar.update(task, completed=time_s, refresh=due)
+                told = f"{time_s:5.1f} / {duration_s:.1f} s"
+                bar.update(task, completed=time_s, total=duration_s, told=told, refresh=due)
 
             try:
                 yield tell

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 tuned, 2 invalid command line, law or procedure, or the file cannot be\n"
-    "written, 130 interrupted: nothing is kept, and the same command finds the same gains.\n"
+    epilog="Exit codes: 0 tuned, 2 invalid command line, law or procedure, or the file cannot be\n"
+    "written, 130 interrupted: nothing is kept, and the same command finds the same gains.\n\n"
     "LAW is a name or your own FILE.py, whose table marks what may be chosen with gain=True."
 )
 @click.argument("law")

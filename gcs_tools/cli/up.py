@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog="\b\nExit codes: 0 Ctrl-C, SIGTERM or SIGHUP once the vehicle was up, 2 invalid command line, mission\n"
+    epilog="Exit codes: 0 Ctrl-C, SIGTERM or SIGHUP once the vehicle was up, 2 invalid command line, mission\n"
     "or law, 3 a process died or stalled, a port was busy or the vehicle did not arm in the air,\n"
     "130 interrupted before."
 )
@@ -50,13 +50,14 @@ def up(
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
     }  # fmt: skip
     options = [word for name, value in given.items() if value for word in (name, value)]
-    from fcu.configuration import ConfigurationError, read_airframe
     from fcu.laws import loader
+    from fcu.process.configuration import ConfigurationError, read_airframe, read_settings
     from gcs_tools.flight.interrupts import interrupts_wait
     from gcs_tools.flight.live_vehicle import LiveVehicle
     from gcs_tools.flight.pair import Pair
     from gcs_tools.flight.processes import InfrastructureError, Misused, claimed
     from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
+    from gcs_tools.judging.preflight_check import refused_gains
 
     try:
         chosen, scene = (
@@ -64,6 +65,10 @@ def up(
         )
         flown = loader.load(law or loader.DEFAULT) if scene is None else scene.flown
         carried = read_airframe(flown, airframe) if scene is None else scene.airframe
+        if chosen is None or scene is None:
+            read_settings(flown, None, 500.0, carried)
+        elif why := refused_gains(chosen, scene):
+            raise UsageError(why)
     except (UsageError, loader.LawError, ConfigurationError) as error:
         raise Failure(error, USAGE) from error
     code = INTERRUPTED

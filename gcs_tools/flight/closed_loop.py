@@ -7,13 +7,13 @@ plant link rounds, and what it refuses, is worked out on the values (`plant_link
 
 from __future__ import annotations
 
-from fcu.burst import decide, unpack_course
 from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.face import SharedTick
 from fcu.mavlink.plant_link import controls_received, state_received
+from fcu.process.burst import decide, unpack_course
 from gcs_tools.flight.joined import ENDED, LEFT, NOISE, RAISED, TICKS
 from sitl_plant.burst import NO_NOISE, advance, observe
 from sitl_plant.physics import dynamics

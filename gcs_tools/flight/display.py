@@ -16,6 +16,9 @@ class Display:
     def note(self, text: str) -> None:
         """Something a person waits for is going on."""
 
+    def compiling(self, done: int, of: int, wall_s: float) -> None:
+        """Show that so many kernels are compiled, of about so many, after so long."""
+
     @contextmanager
     def flight(self, mission: str, duration_s: float) -> Iterator[Callable[[float], None]]:
         """A flight is under way; what is yielded is told the simulation time flown, s."""

@@ -55,7 +55,6 @@ LOOK_S = 0.01  # wall: between two looks whether it has
 FORESEEN_S = 0.5  # a setpoint that moves goes on for so long, if no other comes
 PAGE = "docs/flight-controller-of-your-own.md"
 _WORD = re.compile(r"\{([a-z_]+)\}")
-_SAID = re.compile(r" error plant (.+)")  # in its log
 _ENDED = column_of(PlantRecord, "ended")
 
 
@@ -249,7 +248,9 @@ class ForeignPair:
     ) -> None:  # fmt: skip
         """Start both. Raises InfrastructureError when one of them ends, OSError."""
         forks = can_fork() and is_cached("begin")
-        simulator = Child("plant", "sitl_plant", plant, folder / "plant.log", plant_fds, forks)
+        simulator = Child(
+            "plant", "sitl_plant", plant, folder / "plant.log", plant_fds, forks, tells=True
+        )
         self.children.append(simulator)
         self.controller = Controller(words, folder / "controller.log", os.dup(self._life))
         self.controller.listen()
@@ -264,10 +265,10 @@ class ForeignPair:
             try:
                 child.check()
             except InfrastructureError as error:
-                if (said := _SAID.search(child.last_words())) is None:
+                if (said := child.last_error()) is None:
                     raise
                 how = self.controller.how_it_is() or PAGE
-                raise type(error)(f"{said[1]} ({how})") from error
+                raise type(error)(f"{said.text} ({how})") from error
             child.check_suspended()
 
     def stop(self) -> dict[str, dict[str, Any]]:

@@ -46,7 +46,7 @@ def load(law: Law) -> bool:
     """
     if law in _loaded:
         return True
-    if not (is_cached("tick_at", law.package) and is_cached("begin")):
+    if not (law.is_cached() and is_cached("begin")):
         return False
     collects = gc.isenabled()
     gc.freeze()  # what they do before they fly takes no time here

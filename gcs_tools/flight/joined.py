@@ -1,6 +1,6 @@
 """Ticks of a simulator and of a flight controller in one process, one call for many of them.
 
-Both halves of `sitl_plant.burst`, and between them `fcu.burst.tick`: the datagrams that two
+Both halves of `sitl_plant.burst`, and between them `fcu.process.burst.tick`: the datagrams that two
 processes would send each other are written and read, with their checksums, and go nowhere.
 """
 
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcu.burst import tick
 from fcu.kernel.compile import kernel
+from fcu.process.burst import tick
 from sitl_plant.burst import FLOWN, NO_NOISE, begin, finish
 from sitl_plant.physics import dynamics
 
@@ -23,13 +23,13 @@ _LEFT = LEFT, FILTERED, RAISED
 def together(flight, law, plant, datagram, plant_rows, fcu_rows, decided_us):
     """Fly quiet ticks, one for each pair of rows at most.
 
-    flight, law : as for `fcu.burst.tick`.  plant : `sitl_plant.burst.Plant`.
+    flight, law : as for `fcu.process.burst.tick`.  plant : `sitl_plant.burst.Plant`.
     datagram : uint8[LONGEST], for the state.  plant_rows : float64[n, WIDTH].
     fcu_rows : float64[n, size(Tick) or more].
     Returns how many were flown, why no more, and what that leaves: for ENDED the status of the
-    flight; for LEFT, FILTERED and RAISED, as `tick` said of it, the bytes of the state; for REFUSED what
+    flight. For LEFT, FILTERED and RAISED, as `tick` said of it, the bytes of the state. For REFUSED what
     `finish` said of the answer.
-    decided_us : as for `tick`; then one tick of the controller is flown, and none of the plant.
+    decided_us : as for `tick`. Then one tick of the controller is flown, and none of the plant.
     """
     n = min(len(plant_rows), len(fcu_rows))
     for k in range(n):

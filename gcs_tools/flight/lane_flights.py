@@ -182,7 +182,7 @@ def seen_late(lanes, own, k):
 def burst(lanes, own, like, law, k, until, every, period_us, steps, noisy):
     """Fly from tick k to tick `until`, or until all lanes have ended.
 
-    like : Lanes of the width.  law : address of `fcu.tick.compiled_for_lanes`.  every : of so many ticks
+    like : Lanes of the width.  law : address of `fcu.process.tick.compiled_for_lanes`.  every : of so many ticks
     the rows of one are kept.  noisy : whether `own.blocks` holds the noise of these ticks.
     Returns whether no branch was found that not all lanes take.
     """
@@ -262,7 +262,7 @@ class Group:
     def __init__(
         self, scenes: Sequence[Scenario], width: int, keep: Keep, law: Pointer, alike: bool
     ) -> None:
-        """law : `fcu.tick.compiled_for_lanes`, of settings that are `alike` or not."""
+        """law : `fcu.process.tick.compiled_for_lanes`, of settings that are `alike` or not."""
         self._scenes, self._keep = scenes, keep
         padded = [*scenes, *[scenes[0]] * (width - len(scenes))]
         ticks = scenes[0].flown.ticks

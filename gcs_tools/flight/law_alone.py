@@ -9,27 +9,24 @@ the end of its time where a vehicle has arrived. Of many flights `several` flies
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from fcu import burst
-from fcu.burst import Course, Flight
-from fcu.guard import stability
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.pointers import Pointer
-from fcu.kernel.rows import column_of
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import TAKE_OVER
 from fcu.laws.loader import LawError
 from fcu.mavlink.plant_link import PlantCodec, fault_in_words
+from fcu.process import burst
+from fcu.process.burst import Course, Flight
+from fcu.vehicle.conditions import Due, Watch
 from fcu.vehicle.position_filter import Filtered
-from fcu.vehicle.watch import Watch
 from gcs_tools.flight.closed_loop import closed
 from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.missions.same import Same
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics.types import PlantRecord
 from sitl_plant.simulator import Simulator
@@ -40,7 +37,7 @@ SYSTEM = 1  # MAVLink's
 _TIME, _ARMED, _ENGAGED, _SINCE = (
     column_of(Course, name) for name in ("time_us", "armed", "engaged", "since_us")
 )
-_WAKE = column_of(Watch, "wake_us")
+_DUE = slice_of(Watch, "due")
 _TRUTH = size(PlantRecord)
 
 
@@ -50,7 +47,8 @@ def flight(scene: Scenario) -> tuple[Flight, Pointer]:
     with scene.flown.compiling():
         pointer = ticks.compiled()
     watch = np.zeros(size(Watch))
-    watch[_WAKE] = np.inf  # nothing is looked for
+    never = Due(look_us=np.inf, until_us=np.inf, heard_us=np.inf, lost_us=0.0)
+    watch[_DUE] = to_buffer(never)  # nothing is looked for
     alone = burst.flight(
         PlantCodec(SYSTEM, rotors=scene.law.rotors.n), to_buffer(scene.settings), scene.law.h, size(ticks.Remembered),
         np.zeros(size(Filtered)), watch,
@@ -89,21 +87,6 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
             if why not in (TICKS, NOISE):
                 raise LawError(f"tick {k}: {fault_in_words(left)}")
     return plant_rows[:, :_TRUTH], fcu_rows
-
-
-def refusal(scene: Scenario) -> str:
-    """Why a vehicle would not arm with these gains; empty: it would."""
-    if (
-        scene.flown.file is not None
-    ):  # which gains go together is known of the law of the paper alone
-        return ""
-    channel = _unstable(Same(scene.settings, to_buffer(scene.settings).tobytes()))
-    return f"a vehicle refuses these gains: {channel} unstable" if channel else ""
-
-
-@lru_cache(maxsize=16)
-def _unstable(settings: Same[Any]) -> str:
-    return stability.unstable(settings.of.law, settings.of.guard)
 
 
 def warm_up(scene: Scenario) -> None:

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fcu.autopilot import TIMES, Autopilot, Lost
-from fcu.interface import options
+from fcu.interface import event_log, options
 from fcu.interface.diagnostics import PlantTiming
+from fcu.interface.event_log import Event
 from fcu.interface.link import MemoryNetwork
 from fcu.interface.ports import owner, ports
 from fcu.interface.publisher_feed import PublisherFeed
@@ -31,7 +31,8 @@ from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin
 from fcu.mavlink.plant_link import LONGEST, fault_in_words
 from fcu.parameters import Parameters
-from fcu.reporting import Reporter, row_width
+from fcu.process.autopilot import TIMES, Autopilot, Lost
+from fcu.process.reporting import Reporter, row_width
 from fcu.services.streams import Identity
 from gcs_tools.flight.ground_script import ME, Vehicle
 from gcs_tools.flight.interrupts import interrupts_wait
@@ -57,7 +58,7 @@ class MemoryFlight(ScriptedFlight):
         self, scene: Scenario, folder: Path | None, on_rows: tuple[Take, Take],
         progress: Callable[[float], None] = lambda time_s: None,
     ) -> None:  # fmt: skip
-        """`folder`: where fcu.log and plant.log are written; None: what is said is dropped.
+        """`folder`: where logs and events are written. None: what is said is dropped.
 
         `on_rows`: takes plant rows, takes fcu rows. `progress` is told the time flown, s.
         """
@@ -119,28 +120,35 @@ class MemoryFlight(ScriptedFlight):
         )
         self._autopilot = Autopilot(
             at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe), reporter,
-            sim_only=True, bind=self._network.socket, write=self._log(stack, "fcu.log"),
+            sim_only=True, bind=self._network.socket, write=self._log(stack, "fcu"),
+            fly_decided=self._fly_decided,
         )  # fmt: skip
         stack.callback(self._autopilot.close)
-        self._simulator = Simulator(scene.world, at.system_id, self._log(stack, "plant.log"))
+        self._simulator = Simulator(scene.world, at.system_id, self._log(stack, "plant"))
         self._plant_timing = column(Progress, self._simulator.plant.progress, "timing")
-        self._autopilot.fly_decided = self._fly_decided  # type: ignore[method-assign]
         self._simulator.warm_up()
         self._autopilot.warm_up()
         self._hold()
 
-    def _log(self, stack: ExitStack, name: str) -> Callable[[str], None]:
-        """Writes lines to a file. A log that cannot be written does not end a flight."""
+    def _log(self, stack: ExitStack, who: str) -> Callable[[Event], None]:
+        """Writes the events of a process. A file that cannot be written does not end a flight."""
         if self._folder is None:
-            return lambda line: None
+            return lambda event: None
+        log = self._folder / f"{who}.log"
         try:
-            file = stack.enter_context((self._folder / name).open("w", buffering=1))
+            files = [
+                stack.enter_context(path.open("w", buffering=1))
+                for path in (log, event_log.beside(log))
+            ]
         except OSError as error:
-            raise InfrastructureError(f"{self._folder / name}: {error.strerror}") from error
+            raise InfrastructureError(f"{error.filename}: {error.strerror}") from error
 
-        def write(line: str) -> None:
-            with suppress(OSError):
-                file.write(f"{line}\n")
+        def write(event: Event) -> None:
+            for file, text in zip(
+                files, (event_log.line(event), event_log.as_line(event)), strict=True
+            ):
+                with suppress(OSError):
+                    file.write(f"{text}\n")
 
         return write
 
@@ -247,7 +255,7 @@ class MemoryFlight(ScriptedFlight):
 
 def is_compiled(law: Law) -> bool:
     """Whether what such a flight runs is compiled already."""
-    return is_cached("tick_at", law.package) and is_cached("together")
+    return law.is_cached() and is_cached("together")
 
 
 def refused(fault: int) -> InfrastructureError:

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from fcu.guard.gains import FLY
 from fcu.interface import handover
 from fcu.interface.airframe import AirframeFile
 from fcu.laws.loader import Law
@@ -24,15 +25,17 @@ class Pair:
         self, stack: ExitStack, folder: Path, instance: int, law: Law,
         airframe: AirframeFile, zenoh: Zenoh | None,
         flies: dict[str, Any], look: Callable[[], None] = lambda: None,
+        starting: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
         """`stack`: stops them. `law`: that is flown. `airframe`: with which. `zenoh`: how they are published, None: not;
         `flies`: what is then said of them. `look`: called by every check; may raise.
+        `starting`: called several times a second until both are ready.
         """
         self.children: list[Child] = []  # flight controller, plant
         self.publisher: PublisherProcess | None = None
         self._folder, self._instance, self._law = folder, instance, law
         self._airframe = airframe
-        self._look = look
+        self._look, self._starting = look, starting
         self._forks = can_fork() and load(law)
         self._life, held = os.pipe()  # who reads it ends when it is closed, with us at the latest
         for end in (self._life, held):
@@ -66,6 +69,7 @@ class Pair:
             handover.save(settings, scene.settings)
             handover.save(world, scene.world)
             fcu += ["--handover", str(settings)]
+            fcu += ["--unstable-gains", FLY] if scene.flies_unstable else []
             plant += ["--world", str(world)]
         else:
             plant += ["--airframe", self._airframe.source]
@@ -74,7 +78,7 @@ class Pair:
             ("plant", "sitl_plant", plant, "plant.log", plant_fds),
         ):
             self.children.append(
-                Child(name, module, arguments, self._folder / log, fds, self._forks)
+                Child(name, module, arguments, self._folder / log, fds, self._forks, tells=True)
             )
         for child in self.children:
             child.wait_ready(self._check_start)
@@ -83,6 +87,7 @@ class Pair:
     def _check_start(self) -> None:
         """Raise InfrastructureError if one of the two has ended, or hangs before it is ready."""
         self.check()
+        self._starting()
         for child in self.children:
             child.is_ready()
 

@@ -19,6 +19,8 @@ from typing import IO, Any, Protocol
 
 import numpy as np
 
+from fcu.interface import event_log
+from fcu.interface.event_log import Event
 from fcu.interface.link import HOST, PortBusy
 from fcu.interface.ports import INSTANCES, NoFreeInstance, busy, ports
 from gcs_tools.exit_codes import USAGE
@@ -29,7 +31,7 @@ LAST_BYTES = 1 << 16  # of a log, that may hold its last words
 HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
 SUSPENDED = "is stopped (SIGSTOP): continue it, or start again"
 COMPILED_S = 600.0  # wall: for one that works all the time
-LOOK_S = 0.25  # wall: between two looks at whether a process is suspended
+LOOK_S = 0.25  # wall: between two looks at whether a process works, or is suspended
 HURRY_S = 0.2  # wall: how long at most nothing is recorded while time stands
 BEHIND = 32  # batches that may wait to be recorded
 AT_A_TIME = 64  # rows that are recorded without looking whether somebody is in a hurry
@@ -38,7 +40,6 @@ TURN_S = 1e-4  # wall: how long a thread of the runner keeps another from runnin
 STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
 STOPPED_S = 10.0  # wall: and one that works all the time
 BUSY_S, BUSY_PART = 0.5, 0.05  # wall: who uses that part of it, of a processor, computes
-LOOK_S = 0.05  # wall: between two looks whether it works
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]
@@ -76,16 +77,22 @@ def _stat(pid: int) -> list[str]:
 
 
 def _worked_s(pid: int) -> float:
-    """Processor time that a process has used so far, s; 0 where Linux does not tell."""
-    if not (stat := _stat(pid)):
-        return 0.0
-    user, system = stat[11:13]
-    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+    """Processor time (s) that a process and its children have used, 0 where Linux does not tell."""
+    stats = [stat[11:13] for stat in map(_stat, _family(pid)) if stat]
+    return sum(int(n) for times in stats for n in times) / os.sysconf("SC_CLK_TCK")
 
 
 def _is_kept(pid: int) -> bool:
-    """Whether a process would work, and waits for a processor or for a disk."""
-    return _stat(pid)[:1] in (["R"], ["D"])
+    """Tell if a process or a child of it works, or waits for a processor or a disk."""
+    return any(_stat(each)[:1] in (["R"], ["D"]) for each in _family(pid))
+
+
+def _family(pid: int) -> list[int]:
+    """A process and its children, as far as Linux tells. A child may compile for its parent."""
+    try:
+        return [pid, *map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split())]
+    except OSError:
+        return [pid]
 
 
 def is_stopped(pid: int) -> bool:
@@ -98,15 +105,21 @@ class Child:
 
     def __init__(
         self, name: str, module: str, arguments: Sequence[str], log: Path, fds: Sequence[int],
-        forks: bool = False,
+        forks: bool = False, tells: bool = False,
     ) -> None:  # fmt: skip
-        """`fds`: file descriptors it inherits; they are closed on our side.
+        """`fds`: file descriptors it inherits. They are closed on our side.
 
-        `forks`: it begins from what is loaded here, if this process can be forked.
+        `forks`: it begins from what is loaded here, if this process can be forked. `tells`: it is one
+        of ours, which writes its events to a file beside its log.
         """
         self.name = name
         self._log_path = log
         self._log: IO[bytes] = log.open("wb")
+        self._events = event_log.beside(log) if tells else None
+        if self._events is not None:
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+            events = os.open(self._events, flags, 0o666)
+            arguments, fds = [*arguments, "--events-fd", str(events)], (*fds, events)
         self._lines: queue.Queue[dict[str, Any]] = queue.Queue()
         self._said: dict[str, Any] = {}  # last of itself
         self._is_ready = False
@@ -160,7 +173,8 @@ class Child:
             return True
         pid, now, worked = self.process.pid, time.monotonic(), _worked_s(self.process.pid)
         self._began_s = self._began_s or now
-        if worked > self._worked_s or _is_kept(pid) or not self._idle_since_s:
+        works = (worked > self._worked_s or _is_kept(pid)) and not is_stopped(pid)
+        if works or not self._idle_since_s:
             self._worked_s, self._idle_since_s = worked, now
         idle, waited = now - self._idle_since_s, now - self._began_s
         hangs = idle >= HANGS_S and bool(_stat(pid))
@@ -211,17 +225,23 @@ class Child:
                 return self.process.poll() is None
         return False
 
+    def last_error(self) -> Event | None:
+        """The last error that it told. None if it told none, or is none of ours."""
+        told = () if self._events is None else event_log.read(self._events)
+        errors = [event for event in told if event.level == "error"]
+        return errors[-1] if errors else None
+
     def last_words(self) -> str:
-        """The last error in its log, or its last line."""
+        """The last error that it told, or the last line of its log."""
+        if error := self.last_error():
+            return " ".join(event_log.line(error).split())
         try:
             with self._log_path.open("rb") as log:
                 log.seek(max(0, self._log_path.stat().st_size - LAST_BYTES))
                 lines = log.read().decode(errors="replace").strip().splitlines()
         except OSError:
             lines = []
-        errors = [line for line in lines if " error " in line]
-        chosen = errors[-1:] or lines[-1:] or ["it left no log"]
-        return " ".join(chosen[0].split())
+        return " ".join((lines or ["it left no log"])[-1].split())
 
     def ask_to_stop(self) -> None:
         """Tell it to end, also if it is suspended; `stop` waits for it."""

@@ -41,7 +41,7 @@ class PublisherProcess:
             "publisher", "gcs_tools",
             ["publish", "--instance", str(instance), "--law", law, "--run", self.run,
              "--about", str(about), "--lifeline-fd", str(lifeline), *config],
-            folder / "publisher.log", (lifeline,), forks=True,
+            folder / "publisher.log", (lifeline,), forks=True, tells=True,
         )  # fmt: skip
         self.pid = self._child.process.pid
         self._publishes = False
@@ -60,8 +60,8 @@ class PublisherProcess:
         try:
             self._child.wait_ready(check)
         except InfrastructureError as error:
-            _, _, said = str(error).partition(" error pub ")  # of its log
-            return said or str(error)
+            said = self._child.last_error()
+            return str(error) if said is None else said.text
         self._publishes = True
         return ""
 

@@ -7,13 +7,14 @@ assert result.passed
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import shlex
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, nullcontext, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -27,6 +28,7 @@ from fcu.kernel.compile import is_cached
 from fcu.laws.loader import LawError
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight.arrival import UntilArrival, arrival
+from gcs_tools.flight.compiling import Compiled, Compiling
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.foreign_flight import (
     OPENS_S,
@@ -48,7 +50,7 @@ from gcs_tools.judging import result
 from gcs_tools.judging.belief_check import unbelieved
 from gcs_tools.judging.expectations import LIMITED, untold
 from gcs_tools.judging.metrics import OF_THE_TRUTH
-from gcs_tools.judging.preflight_check import refusal
+from gcs_tools.judging.preflight_check import refusal, refused_gains
 from gcs_tools.judging.result import Result, judge
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import (
@@ -70,13 +72,16 @@ from gcs_tools.recording.reader import (
     CONTROLLER,
     LAW,
     LAW_SOURCES,
+    VALUES,
     RecordingError,
     flies_with,
 )
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.truth import truth
 
-RUNS = Path("runs")
+RUNS, RESULT = Path("runs"), "result.json"
+LEFT = (RESULT, "settings.json", "world.json", "flight.mcap")  # in the folder of a run
+LEFT_SUFFIXES = (".log", ".jsonl", ".png", ".svg")
 LONGEST = 50  # characters of a mission's name in that of its run's folder
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
 COMPILING = "compiling law and plant, once for this version (up to a minute)"
@@ -153,11 +158,45 @@ def new_folder(out: Path | None, name: str) -> Path:
             raise UsageError(f"--out {out}: this is a file (name a new or an empty folder)")
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise UsageError(f"--out {out}: the folder is not empty (name a new or an empty one)")
+            raise UsageError(
+                f"--out {out}: the folder is not empty (name a new or an empty one, or replace the run in"
+                " it: --overwrite)"
+            )
         return out
     except OSError as error:
         where = RUNS if out is None else out
         raise UsageError(f"{where}: cannot make the run's folder: {error.strerror}") from error
+
+
+def emptied(out: Path) -> None:
+    """Remove what earlier runs left in a folder. Raises UsageError for one that holds anything else."""
+    try:
+        if not out.exists() or not any(out.iterdir()):
+            return
+        runs = [out] if (out / RESULT).is_file() else list(out.iterdir())
+        if strange := next((each for run in runs for each in _strange(run)), None):
+            raise UsageError(
+                f"--out {out}: {strange} was not left by a run: nothing is removed (name a new or an"
+                " empty folder)"
+            )
+        for run in runs:
+            for path in run.iterdir():
+                path.unlink()
+            if run != out:
+                run.rmdir()
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be emptied: {error.strerror}") from error
+
+
+def _strange(run: Path) -> Iterator[Path]:
+    """What is in the folder of a run and is not of a run; the folder itself if it is of none."""
+    if run.is_symlink() or not run.is_dir() or not (run / RESULT).is_file():
+        yield run
+        return
+    for path in run.iterdir():
+        known = path.name in LEFT or path.suffix in LEFT_SUFFIXES
+        if path.is_symlink() or not path.is_file() or not known:
+            yield path
 
 
 def fly_missions(
@@ -179,6 +218,7 @@ def fly_missions(
     record: str = light.FULL,
     controller: str | None = None,
     controller_timeout_s: float = OPENS_S,
+    overwrite: bool = False,
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted.
 
@@ -192,7 +232,8 @@ def fly_missions(
     wall time within which it opens its port.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
     flight always, of several of those that failed.  `record`: full, light (100 ticks a second) or
-    none; hash and verdict are of all ticks in any case.
+    none; hash and verdict are of all ticks in any case.  `overwrite`: `out` may hold the results of an
+    earlier run, which are removed.
     """
     for name, given, allowed in (("figure", figure, FIGURES), ("record", record, light.MODES)):
         if given is not None and given not in allowed:
@@ -228,6 +269,8 @@ def fly_missions(
         jobs = 1 if in_turn else cores()
     elif instance is not None and jobs > 1:
         raise UsageError("an instance is one vehicle: it flies one mission at a time")
+    if out is not None and overwrite:
+        emptied(out)
     if out is not None and many:
         new_folder(out, "")
     names: list[str] = []
@@ -281,13 +324,18 @@ def _admitted(
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
             ours = {} if controller else ready  # of another's guard nothing is known
             for place, (mission, scene) in list(ours.items()):
-                if why := refusal(scene, mission.expectations().get(LIMITED) is True):
-                    why_not[place] = f'{mission.name}: {why} (law.guard = "refuse")'
+                why = refused_gains(mission, scene)
+                if not why and (
+                    lack := refusal(scene, mission.expectations().get(LIMITED) is True)
+                ):
+                    why = f'{mission.name}: {lack} (law.guard = "refuse")'
+                if why:
+                    why_not[place] = why
                     del ready[place]
     if not ready:
         raise UsageError("\n".join(dict.fromkeys(why_not[place] for place in sorted(why_not))))
     rejected = {
-        place: result.rejected(asked[place][0], why_not[place], versions())
+        place: result.rejected(mission_file.called(asked[place][0]), why_not[place], versions())
         for place in sorted(why_not)
     }
     return list(ready.values()), rejected
@@ -315,7 +363,7 @@ def _fly_in_turn(runs: Sequence[_Run], display: Display) -> list[Result]:
         for run in runs:
             run.make_folder()
             with display.flight(run.name, run.duration_s) as progress:
-                flown = run.fly(display.note, progress)
+                flown = run.fly(display.note, progress, display.compiling)
             display.verdict(flown, str(run.folder))
             drawn = run.draw(flown)
             if drawn.error != flown.error:
@@ -344,6 +392,7 @@ def fly(
     zenoh: Zenoh | None = None,
     controller: str | None = None,
     controller_timeout_s: float = OPENS_S,
+    overwrite: bool = False,
 ) -> Result:
     """Fly one mission and judge it, as `gcs fly MISSION` does.
 
@@ -362,6 +411,7 @@ def fly(
     zenoh : how every tick is published; None: not. Not in process.
     controller : the command of a process that flies in place of fcu (it is executed).
     controller_timeout_s : wall time within which it opens its port.
+    overwrite : `out` may hold the results of an earlier run, which are removed.
 
     Returns the Result: `passed`, `metrics` (name -> number or None), `expectations`, `warnings`,
     `causes`, `trajectory_sha256`, `folder` and all else that result.json holds. Raises UsageError for a
@@ -372,7 +422,7 @@ def fly(
         [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
         in_process=in_process, speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
         figure=figure, display=display, zenoh=zenoh, controller=controller,
-        controller_timeout_s=controller_timeout_s,
+        controller_timeout_s=controller_timeout_s, overwrite=overwrite,
     )  # fmt: skip
     return result
 
@@ -404,6 +454,7 @@ class _Run:
         self._left = _nothing()
         self._note: Callable[[str], None] = lambda text: None
         self._progress: Callable[[float], None] = lambda time_s: None
+        self._compiling: Compiling | None = None  # if it is cold
 
     def make_folder(self) -> None:
         """Make its folder, before it flies. Raises UsageError."""
@@ -416,7 +467,7 @@ class _Run:
             return not is_compiled(self._law)
         if self._scene.controller:
             return not is_cached("begin")
-        return not (is_cached("tick_at", self._law.package) and is_cached("begin"))
+        return not (self._law.is_cached() and is_cached("begin"))
 
     def load(self) -> None:
         """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
@@ -431,13 +482,18 @@ class _Run:
                 MemoryFlight(self._scene, None, (_drop, _drop)).begin(stack)
 
     def fly(
-        self, note: Callable[[str], None], progress: Callable[[float], None]
+        self, note: Callable[[str], None], progress: Callable[[float], None],
+        compiling: Compiled = lambda done, of, wall_s: None,
     ) -> Result:  # fmt: skip
         """Fly, judge, and write everything down; never raises for what a flight can do.
 
-        `note` is told what a person waits for, `progress` the simulation time flown, s.
+        `note` is told what a person waits for, `progress` the simulation time flown, s,
+        `compiling` how far that has come.
         """
         self._note, self._progress = note, progress
+        if self.is_cold:
+            self._note(COMPILING)
+            self._compiling = Compiling(self._law.package, compiling)
         with interrupts_wait() as interrupts:
             with result.reserved(self.folder):
                 self._left, exit_code, error = self._recorded()
@@ -495,7 +551,7 @@ class _Run:
 
     def _written(self, judged: Result) -> Result:
         try:
-            judged.write(self.folder / "result.json")
+            judged.write(self.folder / RESULT)
         except (OSError, result.ResultError) as failed:
             return _spoilt(judged, INFRASTRUCTURE, str(failed))
         return judged
@@ -517,10 +573,9 @@ class _Run:
                     flown, exit_code, error = cut.flown, cut.exit_code, cut.error
                 until.finish()
                 for each in flown.begun:
-                    at_s = each.tick / self._scene.rate_hz
-                    recorder.event(at_s, each.told(self._mission.flight))
+                    recorder.event(each.event(self._mission.flight))
                 for event in logged(self.folder):
-                    recorder.event(event.t, event.text, event.level)
+                    recorder.event(event)
         except RecordingError as failed:
             exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"
         except KeyboardInterrupt:
@@ -528,10 +583,9 @@ class _Run:
         return flown, exit_code, error
 
     def _flown(self, on_rows: tuple[Take, Take]) -> Flown:
-        if self.is_cold:
-            self._note(COMPILING)
         if self._in_process:
-            return self._in_memory(on_rows)
+            with nullcontext() if self._compiling is None else self._compiling.here():
+                return self._in_memory(on_rows)
         return self._over_the_wire(on_rows)
 
     def _in_memory(self, on_rows: tuple[Take, Take]) -> Flown:
@@ -567,6 +621,7 @@ class _Run:
             flight = WireFlight(
                 self._scene, self.folder, instance, self._speed, on_rows, self._progress, self._zenoh,
                 flies(self._mission, self._scene, self._scene.airframe), self._note,
+                (lambda: None) if self._compiling is None else self._compiling.look,
             )  # fmt: skip
         try:
             return self._cut_at_arrival(flight.fly())
@@ -597,7 +652,7 @@ class _Run:
             "seed": str(mission.flight.seed),
             "rate_hz": str(self._scene.rate_hz),
             **{f"version.{k}": v for k, v in versions().items()},
-            **{k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
+            VALUES: json.dumps(_values(mission)),
             AIRFRAME: mission.airframe.name,  # not where it is
             AIRFRAME_SHA256: mission.airframe.sha256,
             "believed_drag": str(list(mission.airframe.drag)),
@@ -617,9 +672,14 @@ def flies(
         "title": mission.title,
         "seed": mission.flight.seed,
         "rate_hz": scene.rate_hz,
-        "values": {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()},
+        VALUES: _values(mission),
         "versions": versions(),
     }
+
+
+def _values(mission: Mission) -> dict[str, Any]:
+    """Dotted key -> value in force and where it came from."""
+    return {name: asdict(value) for name, value in mission.values_in_force().items()}
 
 
 def heading(mission: Mission) -> str:

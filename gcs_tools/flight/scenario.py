@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.guard.gains import FLY, unstable
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
@@ -52,6 +53,15 @@ class Scenario:
     controller: tuple[
         str, ...
     ] = ()  # command of a process in place of fcu; empty: fcu flies `flown`
+    flies_unstable: bool = False  # gains that the rule of stability refuses are flown, for a study
+
+    @property
+    def unstable(self) -> str:
+        """The channel for which a vehicle refuses to start with these gains. Empty if it flies them."""
+        if self.settings is None or self.flies_unstable:
+            return ""
+        key = self.flown.identity, to_buffer(self.settings).tobytes().hex()
+        return _unstable(self.flown, Same(self.settings, *key))
 
     @property
     def kinds(self) -> Kinds:
@@ -158,9 +168,15 @@ def scenario(mission: Mission) -> Scenario:
         flight=flight,
         legs=legs(flight),
         controller=mission.controller,
+        flies_unstable=getattr(mission.law, "unstable_gains", None) == FLY,
     )
     vars(made)["setpoints"] = setpoints
     return made
+
+
+@lru_cache(maxsize=16)
+def _unstable(flown: Law, settings: Same[Any]) -> str:
+    return unstable(flown, settings.of)
 
 
 def with_gains(made: Scenario, mission: Mission, gains: Mapping[str, Any]) -> Scenario:

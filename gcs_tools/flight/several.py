@@ -128,7 +128,9 @@ def is_compiled(package: str, alike: bool = True, told: bool = False) -> bool:
     """
     if (package, alike) not in _ready:
         of_law = "tick.lanes_at" if alike else "tick.lanes_each_at"
-        if is_cached(of_law, package, told) and is_cached("lane_flights.burst", told=told):
+        root = package.partition(".")[0]
+        ready = is_cached(f"{package}.{of_law}", root, told)
+        if ready and is_cached("lane_flights.burst", told=told):
             _ready.add((package, alike))
     return (package, alike) in _ready
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 
 from fcu.interface.ports import INSTANCES
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED
+from gcs_tools.flight.compiling import Compiled
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.forking import Forked, fork
 from gcs_tools.flight.interrupts import Interrupts, interrupts_wait
@@ -50,7 +51,9 @@ class Run(Protocol):
     def make_folder(self) -> None:
         """Make its folder."""
 
-    def fly(self, note: Tell, progress: Callable[[float], None]) -> Result:
+    def fly(
+        self, note: Tell, progress: Callable[[float], None], compiling: Compiled
+    ) -> Result:  # fmt: skip
         """Fly it."""
 
     def draw(self, judged: Result) -> Result:
@@ -112,7 +115,7 @@ def fly_side_by_side(runs: Sequence[Run], jobs: int, display: Display) -> list[R
                     begun.append(flight)
                 for heard in wait(list(under_way), TELL_S):
                     end = cast("Connection", heard)
-                    _hear(end, under_way[end], display.note)
+                    _hear(end, under_way[end], display)
                     if end.closed:
                         del under_way[end]
                 progress(sum(flight.time_s for flight in begun))
@@ -158,7 +161,10 @@ def _fly(run: Run, there: Connection) -> None:
             last = now
             there.send(("time", time_s))  # raises when nobody is left: the flight ends
 
-    flown = run.fly(lambda text: there.send(("note", text)), progress)
+    def compiled(done: int, of: int, wall_s: float) -> None:
+        there.send(("compiling", (done, of, wall_s)))
+
+    flown = run.fly(lambda text: there.send(("note", text)), progress, compiled)
     there.send(("result", flown))
     drawn = run.draw(flown)
     if drawn != flown:
@@ -166,7 +172,7 @@ def _fly(run: Run, there: Connection) -> None:
         there.send(("note", drawn.error))
 
 
-def _hear(end: Connection, flight: _Flight, note: Tell) -> None:
+def _hear(end: Connection, flight: _Flight, display: Display) -> None:
     """Take what a flight says of itself; closes `end` when it has said everything."""
     try:
         what, value = end.recv()
@@ -181,7 +187,9 @@ def _hear(end: Connection, flight: _Flight, note: Tell) -> None:
     if what == "time":
         flight.time_s = value
     elif what == "note":
-        note(f"{flight.run.name}: {value}")
+        display.note(f"{flight.run.name}: {value}")
+    elif what == "compiling":
+        display.compiling(*value)
     else:
         flight.result, flight.time_s = value, flight.run.duration_s
 

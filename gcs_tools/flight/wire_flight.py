@@ -40,16 +40,18 @@ class WireFlight(ScriptedFlight):
         zenoh: Zenoh | None = None,
         flies: dict[str, Any] | None = None,
         note: Callable[[str], None] = lambda text: None,
+        starting: Callable[[], None] = lambda: None,
     ) -> None:
         """`speed` None: as fast as it goes.  `on_rows`: takes plant rows, takes fcu rows.
 
         `progress` is told the simulation time flown, s. `zenoh`: how it is published, None: not;
         `flies`: what is then said of it. `note` is told what does not end the flight.
+        `starting` is called while the processes start.
         """
         super().__init__(scene, on_rows, progress)
         self._zenoh = zenoh
         self._flies = flies or {}
-        self._note = note
+        self._note, self._starting = note, starting
         self._folder = folder
         self._instance = instance
         self._speed = speed
@@ -98,7 +100,7 @@ class WireFlight(ScriptedFlight):
         self._pair: Started
         self._pair = pair = Pair(
             stack, self._folder, self._instance, self._scene.flown,
-            self._scene.airframe, self._zenoh, self._flies, look,
+            self._scene.airframe, self._zenoh, self._flies, look, self._starting,
         )  # fmt: skip
         why = pair.start(
             self._scene,

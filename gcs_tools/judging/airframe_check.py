@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from fcu.configuration import pinned
 from fcu.guard import governor, margin, stability, wrench
 from fcu.interface.airframe import LAW, PINNED, AirframeFile, full_thrust
 from fcu.interface.parameter import default
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.laws import loader, scales
-from fcu.settings import PARAMETERS, Settings, settings
+from fcu.process.configuration import pinned
+from fcu.process.settings import PARAMETERS, Settings, settings
 from sitl_plant.physics import battery
 from sitl_plant.physics.parameters import plant_params
 from sitl_plant.physics.truth import truth

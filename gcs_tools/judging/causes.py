@@ -40,16 +40,19 @@ def causes(
     mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value],
     missed: Standing | None = None,
 ) -> list[str]:  # fmt: skip
-    """Sentences; none of a flight that ended in time, saturated next to nothing and missed no setpoint.
+    """Sentences. None of a flight that ended in time, saturated next to nothing and missed no setpoint.
 
+    The first names a number that was not finite, if the law computed one.
     flight : all of it.  ended : how.  passed : whether its expectations are met.  values : in force.
     missed : the setpoint that was missed by most.
     """
     if not len(flight.t):
         return []
+    broken = flight.first_not_finite()
     slowed = [] if missed is None or ended in EARLY else _slowed(mission, flight, missed)
     return (
-        slowed
+        ([] if broken is None else [str(broken)])
+        + slowed
         + _not_arrived(mission, flight, ended)
         + _limits_and_ending(mission, flight, ended, passed, values)
     )

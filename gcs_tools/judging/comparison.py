@@ -72,8 +72,8 @@ def _of_result(path: Path, file: Path) -> Flown:
 def _of_recording(path: Path, file: Path) -> Flown:
     recording = reader.read(file)
     told = recording.metadata
-    keys = (key for key in told if key.startswith(_TABLES))
-    values = {key: told[key].rpartition(" (")[0] for key in keys}
+    in_force = reader.values_told(told)
+    values = {key: str(value) for key, value in in_force.items() if key.startswith(_TABLES)}
     values |= {key: told[key] for key in (reader.AIRFRAME,) if key in told}
     name = file.resolve().parent.name if file.name == RECORDING else file.stem
     metrics = engaged_ticks(recording).metrics()

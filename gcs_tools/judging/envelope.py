@@ -22,7 +22,7 @@ from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
-from fcu.settings import PARAMETERS, Settings, derived
+from fcu.process.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.belief_check import inertias

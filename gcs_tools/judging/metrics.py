@@ -27,6 +27,7 @@ REACHED_M = (
 BOUNCE_S = 0.5  # in the air for less, between two contacts with the ground, is no flight
 FINAL_S = 1.0  # length of the last part of a flight that metrics of its end look at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
+_OF_THE_LAW = "command.", "outputs.", "state.", "internals.", "guard_state.", "guard."
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"
 _CONTRADICTED = "guard.contradicted."
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
@@ -68,6 +69,19 @@ def _flying(fcu: Table) -> Table:
 
 
 @dataclass(frozen=True)
+class NotFinite:
+    """When a law first computed a number that is not finite, and which."""
+
+    time_s: float
+    fields: list[str]  # all of that tick, as recordings name them
+
+    def __str__(self) -> str:
+        """One sentence."""
+        more = f" (and {len(self.fields) - 1} more)" if len(self.fields) > 1 else ""
+        return f"{self.fields[0]}{more} was not finite, first at {self.time_s:.3f} s."
+
+
+@dataclass(frozen=True)
 class EngagedTicks:
     """A flight's ticks at which the law was flying, and the errors at each."""
 
@@ -80,6 +94,7 @@ class EngagedTicks:
     plant: Table  # the truth, at the same ticks
     fcu: Table  # what the controller told
     settle_from_s: float
+    computed: list[int]  # columns of `fcu` that have to be finite
 
     @classmethod
     def of(
@@ -118,6 +133,7 @@ class EngagedTicks:
             plant=plant,
             fcu=fcu,
             settle_from_s=settle_from(fcu) if settle_from_s is None else settle_from_s,
+            computed=_computed(fcu),
         )
 
     def told(self, name: str) -> Rows:
@@ -142,7 +158,17 @@ class EngagedTicks:
             self.plant.take(which),
             self.fcu.take(which),
             self.settle_from_s,
+            self.computed,
         )
+
+    def first_not_finite(self) -> NotFinite | None:
+        """The first number that the law computed and that was not finite. None if all were."""
+        finite = np.isfinite(self.fcu.rows[:, self.computed])
+        bad = np.flatnonzero(~finite.all(axis=1))
+        if not len(bad):
+            return None
+        names = [self.fcu.names[self.computed[i]] for i in np.flatnonzero(~finite[bad[0]])]
+        return NotFinite(float(self.t[bad[0]]), names)
 
     def metric(
         self, name: str, t_from: float | None = None, t_to: float | None = None
@@ -267,12 +293,25 @@ def _energy(flight: EngagedTicks) -> float:
 
 
 def _nonfinite(flight: EngagedTicks) -> float:
-    """Ticks at which the error is not finite, or what the law commands and tells of itself."""
+    """Ticks at which the error is not finite, or a number that the law computes."""
     error = flight.reference_error if flight.has_reference else flight.setpoint_error
     error = np.where(flight.is_asked | flight.has_reference, error, 0.0)
-    told = [i for i, name in enumerate(flight.fcu.names) if _is_always_a_number(name)]
-    finite = np.isfinite(error) & np.isfinite(flight.fcu.rows[:, told]).all(axis=1)
+    finite = np.isfinite(error) & np.isfinite(flight.fcu.rows[:, flight.computed]).all(axis=1)
     return float(np.sum(~finite))
+
+
+def _computed(fcu: Table) -> list[int]:
+    """The columns that have to be finite at all ticks at which a law flies.
+
+    Its command and outputs have to be, but for the reference model, which it may not have. Of this,
+    and of what it remembers and computes on the way, it tells what is finite as it takes over.
+    """
+    first = np.isfinite(fcu.rows[0]) if len(fcu.rows) else np.zeros(len(fcu.names), dtype=bool)
+    return [
+        i
+        for i, name in enumerate(fcu.names)
+        if name.startswith(_OF_THE_LAW) and (first[i] or _is_always_a_number(name))
+    ]
 
 
 def _is_always_a_number(name: str) -> bool:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import admission
+from fcu.guard.gains import why_refused
 from fcu.guard.parameters import REFUSE
 from fcu.interface.messages import PositionRequest, Setpoint
 from fcu.interface.status_texts import Code, Told, lacks, words
@@ -30,7 +31,7 @@ from gcs_tools.flight.scenario import Scenario
 from gcs_tools.judging.expectations import LIMITED
 from gcs_tools.judging.item_checks import good_endings
 from gcs_tools.judging.setpoint_checks import coordinates, grounded
-from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.mission import Mission, written
 
 
 class Looked(NamedTuple):
@@ -153,6 +154,25 @@ def _received(scene: Scenario) -> Iterator[tuple[float, Setpoint, Told | None]]:
             admission.follow(guard_buffer, law_buffer, to_buffer(made), ticks, reference)
             if k == 0:  # it takes over there
                 reference[:3] += law.initial.r_m_offset
+
+
+def refused_gains(mission: Mission, scene: Scenario) -> str:
+    """Why a vehicle refuses the gains of a mission, with the file and line of each. Empty if it flies them."""
+    channel = scene.unstable
+    if not channel:
+        return ""
+    given = [
+        (key, each)
+        for key, each in mission.values_in_force().items()
+        if key.startswith("law.") and each.origin != "default"
+    ]
+    given.sort(key=lambda item: item[1].origin == mission.airframe.path.name)  # what it pins last
+    chosen = {
+        key.removeprefix("law."): f"{written(each.value)} ({mission.placed(key, each.origin)})"
+        for key, each in given
+    }
+    why = why_refused(scene.flown, channel, chosen)
+    return f'{mission.source}: [law] {why}. [law] unstable_gains = "fly" flies them all the same'
 
 
 def first_refused(scene: Scenario) -> Looked | None:

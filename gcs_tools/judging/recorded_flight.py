@@ -1,8 +1,7 @@
-"""What a recording's mission asked for, as its metadata have it."""
+"""The mission of a recording, by its metadata and events."""
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,7 +9,7 @@ from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.missions.asked import asked, read_begun
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.paths import PathError
-from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.reader import Recording, values_told
 
 _ASKED = (
     "duration_s", "rate_hz", "setpoints", "curve", "items", "ground_z_m", "arena_m", "stream_hz",
@@ -19,17 +18,12 @@ _ASKED = (
 
 
 def flight_of(metadata: Mapping[str, str]) -> Flight | None:
-    """The setpoints and the duration of a mission; None of a vehicle that flew none."""
-    given: dict[str, Any] = {}
+    """The setpoints and the duration of a mission. None if the vehicle flew none."""
+    values, given = values_told(metadata), dict[str, Any]()
     for key in _ASKED:
-        told = metadata.get(f"flight.{key}") or metadata.get(f"values.flight.{key}", "")
-        written, _, _origin = told.rpartition(" (")
-        try:
-            value = ast.literal_eval(written)
-        except (ValueError, SyntaxError):
-            continue
-        table, _, name = key.rpartition(".")
-        (given.setdefault(table, {}) if table else given)[name] = value
+        if f"flight.{key}" in values:
+            table, _, name = key.rpartition(".")
+            (given.setdefault(table, {}) if table else given)[name] = values[f"flight.{key}"]
     try:
         return Flight.model_validate(given)
     except ValueError:
@@ -45,7 +39,7 @@ def engaged_ticks(recording: Recording) -> EngagedTicks:
     if flight is None:
         return EngagedTicks.of(recording.plant, recording.fcu)
     try:
-        begun = read_begun(flight, [(event.t, event.text) for event in recording.events])
+        begun = read_begun(flight, recording.events)
         wanted = asked(flight, begun)
         settled_from_s = wanted.last_change_s + SETTLE_S
     except PathError:  # of a file that is elsewhere

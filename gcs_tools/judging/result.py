@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 import numpy as np
 
 from fcu.interface import input_file
+from fcu.interface.event_log import Event
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging.causes import causes
@@ -36,13 +37,12 @@ from gcs_tools.judging.item_checks import (
     slowed,
     unfinished,
 )
-from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
+from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, NotFinite
 from gcs_tools.judging.setpoint_checks import Standing, changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.schema import UNTOLD
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
@@ -84,6 +84,7 @@ class Result:
     folder: str = ""  # of the run, as it was named when it was flown
     changes: list[str] = field(default_factory=list)  # of the mission, from the command line
     causes: list[str] = field(default_factory=list)  # why it saturated or ended early: sentences
+    not_finite: NotFinite | None = None  # what the law computed first that was no number
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
     controller: str = ""  # command of a controller in place of fcu, judged by the truth alone
     error: str | None = None  # what ended the flight when the exit code is 2, 3 or 130
@@ -192,6 +193,7 @@ def judge(
         changes=mission.changes(),
         items=[] if found is None else found.items,
         causes=why,
+        not_finite=None if found is None else found.flight.first_not_finite(),
         warnings=warnings(said, sim_time),
         controller=shlex.join(mission.controller),
         error=error,
@@ -208,7 +210,7 @@ def _not_done(flight: Flight, begun: tuple[Begun, ...], plant: Table, refusal: s
 
 
 def rejected(mission: str, why: str, versions: dict[str, str]) -> Result:
-    """The result of a mission that cannot be flown. `mission`: its name or file, as it was given."""
+    """The result of a mission that cannot be flown. `mission`: its name."""
     return Result(
         mission=mission, title="", passed=False, exit_code=USAGE, ended="rejected", seed=0,
         rate_hz=0.0, sim_time_s=0.0, wall_time_s=0.0, real_time_factor=0.0, startup_s=0.0, ticks=0,
@@ -304,10 +306,12 @@ def read(path: Path) -> Result:
         expectations = [Expectation(**entry) for entry in content.pop("expectations")]
         warned = [Warned(**entry) for entry in content.pop("warnings")]
         items = [ItemFlown(**entry) for entry in content.pop("items", [])]
+        broken = content.pop("not_finite", None)
         given = {name: value for name, value in content.items() if name in known}
         found = Result(
-            values=values, expectations=expectations, warnings=warned, items=items, **given
-        )
+            values=values, expectations=expectations, warnings=warned, items=items,
+            not_finite=None if broken is None else NotFinite(**broken), **given,
+        )  # fmt: skip
     except (KeyError, TypeError, AttributeError) as error:
         raise ResultError(f"{path}: not a result ({error})") from error
     for name, hint in get_type_hints(Result).items():
@@ -322,7 +326,7 @@ def _fits(value: Any, hint: Any) -> bool:
         return True
     if is_dataclass(hint):
         hints = get_type_hints(hint).items()
-        return all(_fits(getattr(value, name), each) for name, each in hints)
+        return type(value) is hint and all(_fits(getattr(value, n), each) for n, each in hints)
     of = get_args(hint)
     match get_origin(hint):
         case None if hint is float:

@@ -1,19 +1,18 @@
-"""What the vehicle warned of in a flight: STATUSTEXTs of severity WARNING or worse, as logged.
+"""Warnings of the vehicle in a flight: its events of level warning or worse.
 
-What the guard finds not as believed is one of them. Of texts that differ in their numbers alone the
+What the guard finds not as believed is one of them. Of those that differ in their numbers alone the
 first is kept: how often a vehicle tells of a moving setpoint depends on the wall clock.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
-from gcs_tools.recording.events import Event
+from fcu.interface.event_log import Event
 
-_VEHICLE = "fcu: "  # who says it, in what is logged
-_NUMBER = re.compile(r"-?\d+(\.\d+)?")
+_VEHICLE = "fcu"  # the process that tells it
 _LEVELS = ("warning", "error", "fatal")
 
 
@@ -32,18 +31,18 @@ class Warned:
 
 
 def warnings(said: Iterable[Event], until_s: float) -> list[Warned]:
-    """Each kind of text that the vehicle warned by, in the order in which they came first.
+    """Each kind of event that the vehicle warned by, in the order in which they came first.
 
-    until_s : when the flight was over; what is said after that is left out.
+    until_s : when the flight was over. What is said after that is left out.
     """
-    found: dict[str, Warned] = {}
+    found: dict[tuple[Any, ...], Warned] = {}
     for event in sorted(said, key=lambda event: event.t):
-        text = event.text.removeprefix(_VEHICLE)
-        if event.level not in _LEVELS or text == event.text or event.t > until_s:
+        if event.level not in _LEVELS or event.who != _VEHICLE or event.t > until_s:
             continue
-        kind = _NUMBER.sub("#", text)
-        before = found.get(kind)
-        found[kind] = (
-            Warned(event.t, text) if before is None else replace(before, count=before.count + 1)
+        before = found.get(event.kind)
+        found[event.kind] = (
+            Warned(event.t, event.text)
+            if before is None
+            else replace(before, count=before.count + 1)
         )
     return list(found.values())

@@ -15,7 +15,7 @@ import select
 import signal
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
@@ -26,10 +26,11 @@ import numpy as np
 import zenoh
 
 from fcu.interface import airframe as airframes
-from fcu.interface import publisher_feed
+from fcu.interface import event_log, publisher_feed
 from fcu.interface import topics as keys
+from fcu.interface.event_log import Event
 from fcu.interface.ports import ports
-from fcu.interface.starter import announce, log
+from fcu.interface.starter import announce
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
 from fcu.laws.loader import Law
@@ -37,7 +38,6 @@ from gcs_tools.live import bus, samples
 from gcs_tools.live.samples import Numbers, Packer
 from gcs_tools.live.subscriber import printable
 from gcs_tools.recording import events
-from gcs_tools.recording.events import LEVELS, Event
 from gcs_tools.recording.reader import AIRFRAME, LAW, LAW_SOURCES, SCHEMA_VERSION, flies_with
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, Kinds, Topic
 from gcs_tools.recording.table import Rows
@@ -187,8 +187,9 @@ class Source:
             elif "bye" in word:
                 word["dropped"] = _count(word["dropped"])
             else:
-                word["event"].encode()
-                if not 0.0 <= word["t"] < _T_MAX:
+                told = event_log.of_json(word)
+                events.encode(told)
+                if not 0.0 <= told.t < _T_MAX:
                     raise FeedError("an event at no time")
         except FeedError:
             raise
@@ -447,10 +448,15 @@ class Publisher:
     """Between the feed of one instance and its vehicle on the bus."""
 
     def __init__(
-        self, feeds: FeedListener, vehicle: PublishedVehicle, law: Law, lifeline: int | None
-    ) -> None:
-        """`law`: that is flown.  `lifeline`: a file descriptor at whose end of file it ends."""
+        self, feeds: FeedListener, vehicle: PublishedVehicle, law: Law, lifeline: int | None,
+        write: Callable[[Event], None] = event_log.write,
+    ) -> None:  # fmt: skip
+        """`law`: that is flown.  `lifeline`: a file descriptor at whose end of file it ends.
+
+        `write`: takes an event.
+        """
         self._feeds = feeds
+        self._write = write
         self._params = columns(Kinds.of(law).params_row)
         self._vehicle = vehicle
         self._lifeline = select.poll()
@@ -499,7 +505,9 @@ class Publisher:
             if lost:
                 flown = self.published[who] + lost
                 say(
-                    "warning", f"{lost} of {flown} ticks of the {who} came too fast to be published"
+                    "warning",
+                    f"{lost} of {flown} ticks of the {who} came too fast to be published",
+                    self._write,
                 )
 
     def pass_on(self) -> bool:
@@ -558,13 +566,11 @@ class Publisher:
         self._end(source)
         if why not in self._refused:
             self._refused.add(why)
-            say("warning", f"process {source.pid} feeds {why}: not published")
+            say("warning", f"process {source.pid} feeds {why}: not published", self._write)
 
     def _say(self, source: Source, said: dict[str, Any]) -> None:
         if "event" in said:
-            level = said.get("level")
-            known = level if level in LEVELS else "unknown"
-            self._vehicle.event(Event(float(said["t"]), known, f"{source.who}: {said['event']}"))
+            self._vehicle.event(event_log.of_json(said)._replace(who=source.who))
 
     def _told(self, row: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         named = dict(zip(self._params, row.tolist(), strict=True))
@@ -594,11 +600,11 @@ def about(run: str, instance: int, law: Law, flies: dict[str, Any]) -> dict[str,
 
 def publish(
     instance: int, law: Law, run: str, flies: dict[str, Any], config: Path | None,
-    lifeline: int | None,
+    lifeline: int | None, write: Callable[[Event], None] = event_log.write,
 ) -> None:  # fmt: skip
     """Publish an instance until told to stop by a signal, or by the end of `lifeline`.
 
-    `config`: Zenoh's own. Raises BusError, and PortBusy when another publisher has the instance.
+    `config`: Zenoh's own. `write`: takes an event. Raises BusError, and PortBusy when another publisher has the instance.
     """
     feeds = FeedListener(instance, law)
     try:
@@ -607,7 +613,7 @@ def publish(
             vehicle = PublishedVehicle(session, str(ports(instance).system_id), topics, law)
             vehicle.about = about(run, instance, law, flies)
             vehicle.alive("publisher", True)
-            publisher = Publisher(feeds, vehicle, law, lifeline)
+            publisher = Publisher(feeds, vehicle, law, lifeline, write)
 
             def stop(_signal: int, _frame: object) -> None:
                 publisher.stopping = True
@@ -625,6 +631,6 @@ def publish(
         feeds.close()
 
 
-def say(level: str, text: str) -> None:
-    """One line of log."""
-    log(f"{'-':>10} {level:<7} pub  {text}")
+def say(level: str, text: str, write: Callable[[Event], None] = event_log.write) -> None:
+    """An event of the publisher."""
+    write(event_log.event(event_log.BEFORE_S, level, "pub", text))

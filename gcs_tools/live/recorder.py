@@ -23,7 +23,7 @@ from gcs_tools.live.subscriber import LOOK_S, Subscriber
 from gcs_tools.recording import events
 from gcs_tools.recording.layout import LayoutError, decode
 from gcs_tools.recording.mcap_file import Block, RecordingFile, block_of, message_head, number
-from gcs_tools.recording.reader import BUS, SOURCE
+from gcs_tools.recording.reader import BUS, SOURCE, VALUES
 from gcs_tools.recording.schema import PARAMS, TIMING, TOPICS, Topic
 
 GONE_S = 2.0  # wall: a vehicle that is back within it has not left
@@ -133,7 +133,7 @@ def _flat(about: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name, value in about.items():
         if name == "schema_version":
             continue  # the file has its own
-        if isinstance(value, dict):
+        if isinstance(value, dict) and name != VALUES:
             yield from ((f"{name}.{inner}", text) for inner, text in _flat(value))
         else:
             yield name, value if isinstance(value, str) else json.dumps(value)

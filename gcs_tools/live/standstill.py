@@ -1,4 +1,4 @@
-"""Whether the simulation time of a vehicle that is followed stands, and which end of a flight it told."""
+"""Tell that the simulation time of a followed vehicle stands, and how its flight ended."""
 
 from __future__ import annotations
 
@@ -6,35 +6,31 @@ import math
 import time
 from collections.abc import Iterable
 
-from fcu.interface.status_texts import FLIGHT_ENDED, Code
+from fcu.interface.event_log import Event
+from fcu.interface.status_texts import Code
 from gcs_tools.live.samples import Sample
 from gcs_tools.recording import events
-from gcs_tools.recording.events import Event
 
 STANDS = "simulation time stands"
 STANDS_S = 10.0  # wall: how long time may stand, unless told
 LEAST_S = 2.0  # wall: as long it may take until the first tick comes
 START_S = 100.0  # wall: and until the first of a vehicle that compiles, unless told
-_ENDS = (
-    Code.CRASHED.value,
-    Code.DIVERGED.value,
-    FLIGHT_ENDED,
-)  # time stands after these, until the vehicle is reset
+_ENDS = {Code.CRASHED.name, Code.DIVERGED.name, Code.FLIGHT_ENDED.name}  # then time stands
 
 
 class Standstill:
     """Watches a simulation time: it stands once it has not changed for long enough."""
 
     def __init__(self, after_s: float | None) -> None:
-        """`after_s`: wall, LEAST_S at least; None: STANDS_S, or START_S for the first tick."""
+        """`after_s`: wall, LEAST_S at least. None: STANDS_S, or START_S for the first tick."""
         self._after_s = STANDS_S if after_s is None else max(after_s, LEAST_S)
         self._start_s = START_S if after_s is None else self._after_s
         self._last, self._since = math.nan, time.monotonic()
 
     def see(self, t: float, end: str) -> bool:
-        """Whether time stands, which is `t` now (s; nan: nothing has come yet).
+        """Return true if time stands, which is `t` now (s, nan before the first tick).
 
-        `end`: of the flight, as the vehicle told it; empty: it told none.
+        `end`: how the flight ended, as `end_told` has it.
         """
         now = time.monotonic()
         if t != self._last and not math.isnan(t):
@@ -44,25 +40,25 @@ class Standstill:
 
 
 def why(end: str) -> str:
-    """Why it ended. `end`: of the flight, as the vehicle told it; empty: it told none."""
+    """The reason for which somebody who follows a vehicle stops. `end`: as `end_told` has it."""
     return f"{STANDS}: {end}" if end else STANDS
 
 
 def end_told(told: Iterable[Event], before: str = "") -> str:
-    """How the flight ended, by events in the order in which they came; empty: it has not.
+    """The end of the flight as events tell it, for people. Empty if it has not ended.
 
-    `before`: the same of the events before them.
+    told : in the order in which they came.  before : the end that earlier events told.
     """
     for event in told:
-        if Code.RESET.value in event.text:
+        if event.code == Code.RESET.name:
             before = ""
-        elif any(end in event.text for end in _ENDS):
-            before = event.text
+        elif event.code in _ENDS:
+            before = event.shown
     return before
 
 
 def end_in(sample: Sample, before: str) -> str:
-    """The same by a sample of /events; one that cannot be read tells nothing."""
+    """The same by a sample of /events. A sample that cannot be read tells nothing."""
     try:
         return end_told(events.decode(events.schema(), sample.ticks), before)
     except (ValueError, KeyError):

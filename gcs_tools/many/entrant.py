@@ -13,6 +13,7 @@ from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.many import score
 from gcs_tools.many.draws import Stream, drawn
 from gcs_tools.many.procedure import Draws, Procedure
@@ -141,7 +142,8 @@ def fly(
 
 def refusal(entrant: Entrant, mission: Mission) -> str:
     """Why a vehicle would not arm with the gains of an entrant; empty: it would. Raises EntrantError."""
-    return law_alone.refusal(scene(entrant.mission(mission)))
+    made = entrant.mission(mission)
+    return refused_gains(made, scene(made))
 
 
 def warm_up(entrants: Iterable[Entrant], mission: Mission) -> None:

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
@@ -84,7 +83,7 @@ def fly_several(
     allowed = [
         Asked(scene, partial(_score, mission=mission, far_m=far_m))
         for scene, mission in of
-        if not law_alone.refusal(scene)
+        if not scene.unstable
     ]
     found = iter(flights.fly(allowed, KEPT, in_all))
     known = {id(each.scene) for each in allowed}

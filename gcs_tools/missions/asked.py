@@ -7,7 +7,6 @@ begins when the one before is done. Frame: Earth East-North-Up; SI.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from fcu.interface.event_log import Event
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S
@@ -128,6 +128,7 @@ class Leg(NamedTuple):
 
 
 LANDS = ("land", "return")
+ITEM_BEGUN = "ITEM_BEGUN"  # its values: item from 1, of how many, its kind, the leg's, place
 
 
 def legs(flight: Flight) -> tuple[Leg, ...]:
@@ -166,30 +167,27 @@ class Begun(NamedTuple):
     tick: int
     place: Vec3 | None  # m, E: where to be at its end; a take-off's is above where it began
 
-    def told(self, flight: Flight) -> str:
-        """As an event of a recording says it: `read_begun` reads that."""
+    def event(self, flight: Flight) -> Event:
+        """The event of a recording that tells it: `read_begun` reads that."""
         leg = legs(flight)[self.leg]
         kind = flight.items[leg.item].kind
         what = kind if kind == leg.kind or leg.kind == "path" else f"{kind}, to its begin"
         where = "" if self.place is None else f": to ({', '.join(map(repr, self.place))}) m"
-        return f"item {leg.item + 1} of {len(flight.items)}, {what}{where}"
+        text = f"item {leg.item + 1} of {len(flight.items)}, {what}{where}"
+        values = (leg.item + 1, len(flight.items), kind, leg.kind, *(self.place or ()))
+        return Event(self.tick / flight.rate_hz, "info", text, code=ITEM_BEGUN, values=values)
 
 
-_TOLD = re.compile(r"item (\d+) of \d+, (\w+)(, to its begin)?(?:: to \(([^)]*)\) m)?")
-
-
-def read_begun(flight: Flight, told: Iterable[tuple[float, str]]) -> tuple[Begun, ...]:
-    """The legs of a flight from events of its recording: times, s, and texts, of others too."""
+def read_begun(flight: Flight, told: Iterable[Event]) -> tuple[Begun, ...]:
+    """The legs of a flight from the events of its recording."""
+    number = {(leg.item + 1, leg.kind): n for n, leg in enumerate(legs(flight))}
     found = []
-    for t, text in told:
-        if (match := _TOLD.fullmatch(text)) is None:
-            continue
-        item, first = int(match[1]) - 1, match[3] is not None
-        of_item = [n for n, leg in enumerate(legs(flight)) if leg.item == item]
-        if of_item:
-            place = None if match[4] is None else Vec3(*map(float, match[4].split(", ")))
-            leg = of_item[0 if first else -1]
-            found.append(Begun(leg, round(t * flight.rate_hz), place))
+    for event in told:
+        if event.code == ITEM_BEGUN:
+            item, _, _, kind, *place = event.values
+            if (leg := number.get((item, kind))) is not None:
+                r = Vec3(*place) if place else None
+                found.append(Begun(leg, round(event.t * flight.rate_hz), r))
     return tuple(found)
 
 

@@ -11,8 +11,9 @@ import copy
 import difflib
 import json
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from os.path import exists, isdir, isfile
 from pathlib import Path
@@ -20,13 +21,13 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from fcu.configuration import ConfigurationError, read_airframe
 from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.input_file import TomlError
 from fcu.interface.toml_lines import KeyPath, lines, nearest
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
+from fcu.process.configuration import ConfigurationError, read_airframe
 from gcs_tools.judging.metrics import RENAMED
 from gcs_tools.missions import items
 from gcs_tools.missions.fields import Table
@@ -77,6 +78,17 @@ class Mission:
     controller: tuple[
         str, ...
     ] = ()  # command of a process in place of fcu; empty: fcu flies `flown`
+    lines: Mapping[KeyPath, int] = field(default_factory=dict)  # of the keys of the file
+
+    def placed(self, key: str, origin: str) -> str:
+        """The origin of the value of a dotted key, with the line where a file sets it."""
+        path: KeyPath = tuple(key.split("."))
+        line = None
+        if origin == "mission":
+            line = self.lines.get(path)
+        elif origin == self.airframe.path.name:
+            line = self.airframe.lines.get(("law", self.flown.name, *path[1:]))
+        return origin if line is None else f"{origin}:{line}"
 
     def expectations(self) -> dict[str, Any]:
         """[expect] as plain values: metric -> { limit or at_least, from, to }, ended -> a word."""
@@ -187,13 +199,18 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
     return mission
 
 
+def called(name_or_path: str) -> str:
+    """The name of the mission of a name or a file, whether it can be read or not."""
+    return Path(name_or_path).name.removesuffix(".toml")
+
+
 def from_tables(name: str, given: Mapping[str, Any]) -> Mission:
     """A mission from tables that a program has made. Raises MissionError."""
     return _checked(name, name, Path(), dict(given), {})
 
 
 def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
-    """`mission` with TABLE.KEY=VALUE changed; a VALUE that is not TOML is taken as a word.
+    """`mission` with TABLE.KEY=VALUE changed. A VALUE of one word needs no quotes.
 
     `option` is the origin that the value is reported with. Raises MissionError.
     """
@@ -204,13 +221,16 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
         value = input_file.toml(f"value = {written}")["value"]
     except TomlError as error:
         if not re.fullmatch(r"[A-Za-z_][\w-]*", written):
+            quoted = f"{key}=" + json.dumps(written)
             raise MissionError(
-                f"{option} {_short(setting)}: expected a TOML value, got {_short(written)}"
+                f"{option} {_short(setting)}: expected a TOML value, got {_short(written)} (a text"
+                f" stands in quotes: {_short(shlex.quote(quoted))})"
             ) from error
         value = written
     if key.count(".") >= input_file.DEEPEST:
         raise MissionError(f"{option} {_short(setting)}: expected TABLE.KEY=VALUE")
-    return with_values(mission, {key: value}, option, _short(setting))
+    said = setting if option == "--set" else written  # an option of its own has its value alone
+    return with_values(mission, {key: value}, option, _short(said))
 
 
 def with_values(
@@ -239,7 +259,7 @@ def with_values(
         mission.name, source, mission.folder, given, changed, flown=flown,
         airframe=mission.airframe if same else None,
     )  # fmt: skip
-    return replace(made, source=mission.source)
+    return replace(made, source=mission.source, lines=mission.lines)
 
 
 def with_law(mission: Mission, law: str, where: str = "") -> Mission:
@@ -252,7 +272,11 @@ def with_law(mission: Mission, law: str, where: str = "") -> Mission:
     changed = {path: option for path, option in mission.changed.items() if path[0] != "law"}
     changed["law", "module"] = "--law"
     made = _checked(mission.name, where or f"--law {law}", mission.folder, given, changed)
-    return mission if made.flown is mission.flown else replace(made, source=mission.source)
+    return (
+        mission
+        if made.flown is mission.flown
+        else replace(made, source=mission.source, lines=mission.lines)
+    )
 
 
 def with_airframe(mission: Mission, airframe: str, where: str = "") -> Mission:
@@ -265,7 +289,7 @@ def with_airframe(mission: Mission, airframe: str, where: str = "") -> Mission:
     changed = {**mission.changed, ("airframe",): "--airframe"}
     said = where or f"--airframe {airframe}"
     made = _checked(mission.name, said, mission.folder, given, changed, flown=mission.flown)
-    return replace(made, source=mission.source)
+    return replace(made, source=mission.source, lines=mission.lines)
 
 
 def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
@@ -288,7 +312,7 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
             )
     given = {name: table for name, table in mission.given.items() if name != "law"}
     made = _checked(mission.name, mission.source, mission.folder, given, mission.changed)
-    return replace(made, controller=command)
+    return replace(made, controller=command, lines=mission.lines)
 
 
 def _checked(
@@ -343,6 +367,7 @@ def _checked(
         expect=tables.expect,
         given=given,
         changed=changed,
+        lines=found,
     )
 
 

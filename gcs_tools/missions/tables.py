@@ -14,9 +14,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
+from fcu.guard.gains import UNSTABLE_GAINS, has_rule
 from fcu.interface.parameter import Parameter, not_one_of
 from fcu.laws.loader import Law
-from fcu.settings import PARAMETERS
+from fcu.process.settings import PARAMETERS
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S
 from gcs_tools.missions.bounds import LIMITS
 from gcs_tools.missions.fields import (
@@ -80,15 +81,22 @@ def _in_order(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-def law_table(rows: Iterable[Parameter], guarded: bool = True) -> type[Table]:
+def law_table(
+    rows: Iterable[Parameter], guarded: bool = True, has_rule: bool = True
+) -> type[Table]:
     """[law] for a law's table of parameters: a key a row, a table for keys with a dot.
 
-    `guarded`: whether the law names a guard; without one, nothing but `guard = "warn"` is true.
+    `guarded`: True for a law that names a guard. Without a guard, nothing but `guard = "warn"` is
+    true. `has_rule`: True for a law whose gains the rule of stability judges.
     """
     module = "the law: a name, or a Python file of yours (relative to the mission), which is run"
     tables: dict[str, dict[str, Any]] = {"": {"module": (str | None, optional(module))}}
     if not guarded:
         tables[""]["guard"] = Annotated[str, AfterValidator(_no_guard)] | None, optional("warn")
+    if has_rule:
+        said = 'gains that the rule of stability refuses: "fly" flies them, for a study (default "refuse")'
+        words = Annotated[Literal["fly", "refuse"], one_of(*UNSTABLE_GAINS)]
+        tables[""]["unstable_gains"] = words | None, optional(said)
     for row in rows:
         if row.key:
             above, _, key = row.key.rpartition(".")
@@ -284,8 +292,8 @@ class Document(Table):
 @cache
 def document(law: Law) -> type[Document]:
     """A mission of a law."""
-    if law.file is None:
+    if law.settings.PARAMETERS is PARAMETERS:
         return Document
-    table = law_table(law.settings.PARAMETERS, guarded=law.guard is not None)
+    table = law_table(law.settings.PARAMETERS, law.guard is not None, has_rule(law))
     made: type[Document] = create_model("Document", __base__=Document, law=(table, table()))
     return made

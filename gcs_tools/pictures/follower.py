@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 
+from fcu.interface.event_log import Event
 from fcu.interface.options import LATEST_S
 from gcs_tools.live.samples import Sample
 from gcs_tools.live.subscriber import Subscriber, printable
 from gcs_tools.pictures.history import WINDOW_S, FlightHistory, ground_z
 from gcs_tools.pictures.quantities import SHOWN, Limits
 from gcs_tools.recording import events
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import LayoutError, decode
+from gcs_tools.recording.reader import values_told
 from gcs_tools.recording.schema import PARAMS
 from gcs_tools.recording.table import Table
 
@@ -29,7 +30,7 @@ class Follower:
         told = {name: topic.columns for name, topic in vehicle.topics.items() if name != PARAMS}
         title = str(mission or f"vehicle {about.get('vehicle')}")
         self.flight = FlightHistory(title, told, keep_s)
-        self.flight.ground_z = ground_z(about.get("values"))
+        self.flight.ground_z = ground_z(values_told(about))
         self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self.params: dict[str, float] | None = None  # the law's in force
         self.unusable = 0  # samples that are not what their topic says
@@ -49,7 +50,9 @@ class Follower:
         try:
             if name == events.TOPIC:
                 found = events.decode(events.schema(), sample.ticks)
-                self.events.extend(e._replace(text=printable(e.text)) for e in found)
+                self.events.extend(
+                    e._replace(text=printable(e.text), who=printable(e.who)) for e in found
+                )
             elif name in self._shown and (topic := self.vehicle.topics.get(name)) is not None:
                 self._append(name, Table(decode(topic.layout, sample.ticks), topic.columns))
         except (ValueError, KeyError):

@@ -17,7 +17,7 @@ from fcu.interface.airframe import AirframeError
 from fcu.interface.input_file import TomlError
 from fcu.mavlink.px4_modes import AutoMode, MainMode
 from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
-from gcs_tools.recording.reader import AIRFRAME_FILE, RecordingError, read
+from gcs_tools.recording.reader import AIRFRAME_FILE, RecordingError, read, values_told
 from gcs_tools.recording.schema import FCU, PLANT_TIMING, STATUS, TIMING, TRUTH, WIND
 from gcs_tools.recording.table import Rows, Table
 
@@ -227,14 +227,12 @@ def recorded(path: Path) -> FlightHistory:
         raise RecordingError(f"{path}: {error}") from error
     tables = {TRUTH: recording.plant, FCU: recording.fcu, **recording.reports}
     flight = FlightHistory.of(recording.metadata.get("title") or path.name, tables, limits)
-    if (z := ground_z(recording.metadata)) is not None:
+    if (z := ground_z(values_told(recording.metadata))) is not None:
         flight.ground_z = z
     return flight
 
 
-def ground_z(values: Any) -> float | None:
-    """The height of the ground (m) in a mission's values, which say "-10.0 (default)"."""
-    try:
-        return float(values["flight.ground_z_m"].split()[0])
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-        return None
+def ground_z(values: Mapping[str, Any]) -> float | None:
+    """The height of the ground (m) in the values of a mission."""
+    height = values.get("flight.ground_z_m")
+    return float(height) if isinstance(height, int | float) else None

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fcu.interface.event_log import Event
 from gcs_tools.recording.schema import Kinds
 from gcs_tools.recording.table import Rows
 from gcs_tools.recording.writer import RecordingWriter
@@ -73,7 +74,7 @@ class NoRecording(AbstractContextManager["NoRecording"]):
     def set_params(self, row: Rows, t: float = 0.0) -> None:
         """Forget them."""
 
-    def event(self, t: float, text: str, level: str = "info") -> None:
+    def event(self, event: Event) -> None:
         """Forget it."""
 
     def __exit__(self, *error: object) -> None:

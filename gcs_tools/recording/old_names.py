@@ -1,15 +1,22 @@
-"""What older recordings call otherwise: the one table of old and new names.
+"""Older recordings: the one table of old and new names, and what they told in sentences.
 
 Versions 1 to 3 do not say where in a row the fields of a topic belong: `ROWS` does. Version 1 has
-nothing but truth, ticks, parameters and events; version 2 had no guard: what they lack is read as
-not a number. Names that changed are in `COLUMNS` and `PARAMS`, by what they begin with.
+nothing but truth, ticks, parameters and events. Version 2 had no guard: what they lack is read as
+not a number. Names that changed are in `COLUMNS` and `PARAMS`, by what they begin with. Versions 1
+to 4 tell events and values in force in sentences, which nothing else reads.
 """
 
 from __future__ import annotations
 
+import ast
+import json
+import re
 from collections.abc import Mapping
+from typing import Any
 
-VERSIONS = ("1", "2", "3")
+from fcu.interface.event_log import Event
+
+VERSIONS = (*(WITHOUT_ROWS := ("1", "2", "3")), "4")
 
 ROWS: dict[str, dict[str, str]] = {  # topic -> metadata of its channel, as version 4 has it
     "/plant/truth": {"row": "plant", "own": "", "prefix": ""},
@@ -116,3 +123,53 @@ def _renamed(name: str, names: Mapping[str, str]) -> str:
         if found := names.get(".".join(parts[:n])):
             return ".".join([found, *parts[n:]])
     return ""
+
+
+# --- sentences
+
+_TABLES = ("flight.", "law.", "wind.", "plant.")  # of values in force
+_OF_A_BUS = "values."
+_WHO = ("fcu", "plant")
+_CODES = {  # what a text holds -> its code
+    "Crashed: hit the ground (gcs reset puts it back)": "CRASHED",
+    "Lost: left the arena (gcs reset puts it back)": "DIVERGED",
+    "Reset: at the start, time begins again": "RESET",
+    "the flight ended": "FLIGHT_ENDED",
+}
+_ITEM = re.compile(r"item (\d+) of (\d+), (\w+)(, to its begin)?(?:: to \(([^)]*)\) m)?")
+
+
+def of_metadata(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Metadata as they are now: values in force as JSON, in place of "60.0 (mission)"."""
+    found, values = {}, {}
+    for name, told in metadata.items():
+        key = name.removeprefix(_OF_A_BUS)
+        written, _, origin = told.rpartition(" (")
+        if written and (key != name or key.startswith(_TABLES)):
+            values[key] = {"value": _literal(written), "origin": origin.removesuffix(")")}
+        else:
+            found[name] = told
+    return {**found, "values": json.dumps(values)} if values else found
+
+
+def _literal(written: str) -> Any:
+    try:
+        value = ast.literal_eval(written)
+        json.dumps(value)
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+        return written
+    return value
+
+
+def of_event(told: Event) -> Event:
+    """An event as it is now, with the code and the numbers that others read of it."""
+    who, colon, text = told.text.partition(": ")
+    if colon and who in _WHO:
+        codes = (code for part, code in _CODES.items() if part in text)
+        return told._replace(text=text, who=who, code=next(codes, ""))
+    if (match := _ITEM.fullmatch(told.text)) is None:
+        return told
+    item, of, kind, to_begin, place = match.groups()
+    leg = "go_to" if to_begin else "path" if kind == "follow" else kind
+    r = map(float, place.split(", ")) if place else ()
+    return told._replace(code="ITEM_BEGUN", values=(float(item), float(of), kind, leg, *r))

@@ -7,6 +7,7 @@ all the same; what it knows and the file does not have is not a number.
 
 from __future__ import annotations
 
+import json
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,15 +22,15 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Message, Metadata, Schema
 
 from fcu.interface.airframe import AirframeFile
+from fcu.interface.event_log import Event
 from fcu.interface.input_file import opened
 from gcs_tools.recording import events, old_names
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import LayoutError, decode, encode
 from gcs_tools.recording.records import MAGIC_BYTES, records, whole_records
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, TOPICS, TRUTH, Topic
 from gcs_tools.recording.table import Rows, Table
 
-SCHEMA_VERSION = 4  # of what a recording holds; a reader refuses a newer one
+SCHEMA_VERSION = 5  # of what a recording holds; a reader refuses a newer one
 READ = (*old_names.VERSIONS, str(SCHEMA_VERSION))
 SOURCE, BUS = "recorded_from", "bus"  # of metadata: a bus, unlike a flight, may lose messages
 METADATA = "flight"  # name of the metadata record
@@ -38,6 +39,7 @@ LAW, OUR_LAW = "law", "mmrac"  # of metadata: which law was flown; without it, o
 AIRFRAME, AIRFRAME_SHA256 = "airframe", "airframe_sha256"  # of metadata: name, hash of the file
 AIRFRAME_FILE = "airframe_file"  # of metadata: its text, where no law's parameters tell of it
 CONTROLLER = "controller"  # of metadata: the command of a controller that tells nothing of itself
+VALUES = "values"  # of metadata, as JSON: those in force, as {key: {"value": ..., "origin": ...}}
 LAW_SOURCES = "law_sha256"  # of metadata: the first 16 digits of the hash of its sources
 # Topics whose fields are another law's own, or that of its guard, if it has one.
 OF_A_LAW = ("/fcu/law", "/fcu/internals", "/fcu/guard", "/fcu/guard_state", PARAMS)
@@ -52,6 +54,16 @@ def flies_with(airframe: AirframeFile) -> dict[str, Any]:
         AIRFRAME_SHA256: airframe.sha256,
         "believed_drag": list(airframe.drag),
     }
+
+
+def values_told(told: Mapping[str, Any]) -> dict[str, Any]:
+    """The values in force by dotted key, of metadata or of what a vehicle says of itself."""
+    values = told.get(VALUES, {})
+    try:
+        found = json.loads(values) if isinstance(values, str) else values
+        return {name: each["value"] for name, each in found.items()}
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return {}  # of nobody of ours
 
 
 class RecordingError(Exception):
@@ -101,6 +113,11 @@ class _Contents:
                 raise
 
     @property
+    def is_old(self) -> bool:
+        """Return true if an older version has written it."""
+        return self.version in old_names.VERSIONS
+
+    @property
     def is_of_a_bus(self) -> bool:
         """Whether it was recorded off a bus, which may lose messages."""
         return self.metadata.get(SOURCE) == BUS
@@ -125,7 +142,7 @@ class _Contents:
         for name, channel in self.channels.items():
             schema = self.schemas[channel.schema_id]
             of_row: Mapping[str, str] = channel.metadata
-            if self.version in old_names.VERSIONS:
+            if self.version in old_names.WITHOUT_ROWS:
                 of_row = old_names.ROWS.get(name, {})
             elif not of_row and name in TOPICS:  # a copy by a tool that does not keep it
                 of_row = TOPICS[name].metadata
@@ -153,7 +170,7 @@ class _Contents:
 
     def present_names(self, topic: Topic) -> list[str]:
         """The columns of a topic, called what this version calls them."""
-        if self.version not in old_names.VERSIONS:
+        if self.version not in old_names.WITHOUT_ROWS:
             return topic.columns
         if topic.name == PARAMS:
             return [old_names.of_params(name) for name in topic.columns]
@@ -238,7 +255,8 @@ def _events(contents: _Contents) -> list[Event]:
     if channel is None:
         raise LayoutError(f"{events.TOPIC} is missing")
     schema = contents.schemas[channel.schema_id].data
-    return events.decode(schema, [message.data for message in contents.of(events.TOPIC)])
+    found = events.decode(schema, [message.data for message in contents.of(events.TOPIC)])
+    return [*map(old_names.of_event, found)] if contents.is_old else found
 
 
 class Messages(NamedTuple):
@@ -267,9 +285,12 @@ def messages(path: Path) -> tuple[dict[str, str], dict[str, Topic], dict[str, Me
             )
             encoding = topics[name].encoding if name in topics else events.encoding(schema)
             found[name] = Messages(encoding, sequence, time_ns, [message.data for message in of])
-        if contents.version in old_names.VERSIONS:
-            told = {name: found[name] for name in found if name not in topics}
-            topics, found = TOPICS, {**_as_present(contents, topics), **told}
+        if contents.is_old and events.TOPIC in found:
+            told = [*map(events.encode, _events(contents))]
+            found[events.TOPIC] = found[events.TOPIC]._replace(data=told)
+        if contents.version in old_names.WITHOUT_ROWS:
+            beside = {name: found[name] for name in found if name not in topics}
+            topics, found = TOPICS, {**_as_present(contents, topics), **beside}
     return contents.metadata, topics, found
 
 
@@ -301,6 +322,8 @@ def _opened(path: Path) -> tuple[_Contents, bool]:
         if version not in READ:
             raise LayoutError(f"recording version {version}; this program reads {SCHEMA_VERSION}")
         contents.version = version
+        if contents.is_old:
+            contents.metadata = old_names.of_metadata(contents.metadata)
     return contents, complete
 
 

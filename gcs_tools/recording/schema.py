@@ -31,8 +31,8 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel import algebra
 from fcu.kernel.buffers import fields, is_value
 from fcu.laws.loader import Law
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.process.settings import Settings
+from fcu.process.tick import Tick
 from gcs_tools.recording.layout import Layout, LayoutError, layout
 from sitl_plant.physics.types import PlantRecord
 

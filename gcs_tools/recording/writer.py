@@ -14,9 +14,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from fcu.interface.event_log import LEVELS, Event
 from fcu.kernel.buffers import columns, size
 from gcs_tools.recording import events
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import Stack
 from gcs_tools.recording.mcap_file import (
     CHUNK_BYTES,
@@ -202,11 +202,11 @@ class RecordingWriter:
         self._has_params = True
         self._add(self._params, np.concatenate([[t], row])[None, :])
 
-    def event(self, t: float, text: str, level: str = "info") -> None:
-        """Record that something happened at simulation time t (s); level: one of events.LEVELS."""
-        if level not in events.LEVELS:
-            raise ValueError(f"level {level}: expected one of {', '.join(events.LEVELS)}")
-        self._events.append(Event(t, level, text))
+    def event(self, event: Event) -> None:
+        """Record that something happened. Raises ValueError."""
+        if event.level not in LEVELS:
+            raise ValueError(f"level {event.level}: expected one of {', '.join(LEVELS)}")
+        self._events.append(event)
 
     def _event_block(self) -> Block | None:
         if not self._events:

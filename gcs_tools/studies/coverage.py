@@ -33,7 +33,7 @@ from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
-from fcu.tick import Remembered, Tick, beginning
+from fcu.process.tick import Remembered, Tick, beginning
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.envelope import WAYS
 from gcs_tools.many.flights import each

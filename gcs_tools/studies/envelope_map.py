@@ -21,7 +21,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from fcu.settings import Settings
+from fcu.process.settings import Settings
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard

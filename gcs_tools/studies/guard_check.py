@@ -24,7 +24,7 @@ from fcu.guard import foreseen
 from fcu.guard.stability import unstable
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from fcu.settings import Settings
+from fcu.process.settings import Settings
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.many.flights import Asked, Flight, Random, drawn, flown

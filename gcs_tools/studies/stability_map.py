@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 
 from fcu.guard.stability import unstable
-from fcu.settings import Settings
+from fcu.process.settings import Settings
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.many.flights import Asked, Flight, Random, drawn, flown

@@ -22,8 +22,8 @@ from tests.bad_input.hovering import HOLD, NAN, OFFBOARD
         (400, (0.0,), 2),  # C10: in flight
         (22, (0, 0, 0, NAN, NAN, NAN, 1e38), 2), (22, (0, 7, 0, 0, 0, 0, 5), 2),
         (176, (1, 1, 0), 2), (176, (0, 4, 3), 2), (176, (1, NAN, 0), 2), (176, (1, 4, 4), 2),
-        (178, (1, 1e9, -1), 2), (178, (1, NAN, -1), 2), (178, (3, 5, -1), 2),
-        (179, (0, 0, 0, 0, 95.0, 0, 0), 8), (192, (-1, 1, 0, NAN, 47.0, 8.0, 500.0), 8),
+        (178, (1, 0.0, -1), 2), (178, (1, NAN, -1), 2), (178, (3, 5, -1), 2),
+        (179, (0, 0, 0, 0, 95.0, 0, 0), 2), (192, (-1, 1, 0, NAN, 47.0, 8.0, 500.0), 2),
         (193, (1,), 2), (245, (1,), 2), (245, (7,), 2), (420, (1, 1, 1), 3), (300, (), 3),
         (246, (1,), 2), (31999, (), 3), (65535, (), 3), (511, (30, NAN), 2), (511, (65000, 1e4), 3),
         (511, (0, 1e4), 2), (512, (65000,), 3), (512, (NAN,), 2), (510, (9999,), 3),
@@ -184,7 +184,8 @@ def test_only_a_place_that_could_be_meant_is_flown_to(flying, x, y, z):
         assert result == mavlink.MAV_RESULT_ACCEPTED
     else:
         assert result == mavlink.MAV_RESULT_DENIED
-        flying.says(Told(Code.DENIED, ("Reposition", Told(Code.NO_PLACE_NEAR))))
+        why = Code.NO_HEIGHT_NEAR if z < 0.0 else Code.NO_PLACE_NEAR
+        flying.says(Told(Code.DENIED, ("Reposition", Told(why))))
         assert flying.mode() == OFFBOARD
 
 

@@ -22,7 +22,7 @@ from tests.bad_input.hovering import MASK_POSITION, NAN, OFFBOARD, POSITION
         ({"mask": 0xDC7, "v": (NAN, 0, 0)}, Told(Code.NOT_FINITE, ("velocity",))),
         ({"mask": 0xFFF}, Told(Code.COMMANDS_NOTHING)),  # S3
         ({"mask": 0xC3F | 512}, Told(Code.FORCE)),
-        ({"mask": 0xDF9}, Told(Code.PARTLY_IGNORED, ("position",))),
+        ({"mask": 0xDF9, "r": (0, NAN, 0)}, Told(Code.NOT_FINITE, ("position",))),
         ({"frame": 4}, Told(Code.FRAME_UNSUPPORTED, (4,))),  # S4
         ({"frame": 255}, Told(Code.FRAME_UNSUPPORTED, (255,))),
         ({"r": (1e9, 0, 0)}, Told(Code.ABOVE_LIMIT, ("position", 100000.0, "m"))),  # S6

@@ -76,6 +76,10 @@ def words() -> Iterator[bytes]:
         '{"hello": ["fcu"], "dropped": 0}', '{"bye": "fcu", "dropped": "x"}', '{"event": "x"}',
         '{"event": "x", "t": NaN}', '{"event": "x", "t": 1e300}', '{"event": "\\ud800", "t": 1}',
         '{"event": "x", "t": ' + "9" * 5000 + "}", '{"event": 5, "t": 1, "level": []}',
+        '{"event": "x", "t": 1, "code": 5}', '{"event": "x", "t": 1, "code": "A", "values": 5}',
+        '{"event": "x", "t": 1, "values": [null]}', '{"event": "x", "t": 1, "values": [NaN]}',
+        '{"event": "x", "t": 1, "values": [{"code": "A"}]}',
+        '{"event": "x", "t": 1, "values": ' + '[{"code": "A", "values": ' * 99 + "[]" + "}]" * 99 + "}",
     ):  # fmt: skip
         data = text.encode()
         yield data if len(data) % 8 else data + b" "

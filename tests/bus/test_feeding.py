@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fcu.interface import publisher_feed
+from fcu.interface.event_log import Event
 from fcu.interface.ports import ports
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
@@ -194,7 +195,7 @@ def test_words_go_through_when_rows_do_not(instance):
     while not fed.dropped:
         fed.send(np.frombuffer(row(n)))
         n += 1
-    fed.event(1.0, "info", "still heard")
+    fed.event(Event(1.0, "info", "still heard", "fcu"))
     fed.close()
     feeds.accept()
     [source] = feeds.sources
@@ -205,7 +206,7 @@ def test_words_go_through_when_rows_do_not(instance):
         rows += len(taken.rows)
     assert (rows, source.lost) == (n - 1, 1)
     assert [*said[0], *said[1], *said[2]] == [
-        "hello", "pid", "law", "dropped", "event", "t", "level", "bye", "dropped",
+        "hello", "pid", "law", "dropped", "t", "level", "who", "event", "bye", "dropped",
     ]  # fmt: skip
     feeds.close()
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from gcs_tools.campaign.analysis import LIKELY, _of_words
-from gcs_tools.campaign.shares import share
+from gcs_tools.campaign.shares import interval
 from gcs_tools.pictures.plot.campaign import shrinking
 
 WORDS = list("abcdef")
@@ -32,6 +34,6 @@ def test_a_word_that_makes_flights_fail_is_found():
 
 def test_few_flights_are_counted_in_plain_numbers():
     for n in (30, 80, 300):
-        drawn = shrinking({"a law": np.ones(n, dtype=bool)}, lambda k, of: share(k, of, 0.95)[2:])
+        drawn = shrinking({"a law": np.ones(n, dtype=bool)}, partial(interval, confidence=0.95))
         assert "flights" in drawn
         assert "math" not in drawn

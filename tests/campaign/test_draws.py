@@ -220,3 +220,18 @@ def test_nothing_cannot_be_multiplied(make, key):
     with pytest.raises(CampaignError, match="which is 0"):
         make(draw=f'"{key}" = {{ uniform = [0.5, 2.0], relative = true }}\n')
     make(draw='"wind.steady_m_s" = { uniform = [0.5, 2.0], relative = true }\n')  # [2, 0, 0]
+
+
+def test_a_log_normal_quantity_stays_between_its_ends():
+    expected = stats.lognorm(0.3, scale=1.0)
+    for low, high in ((0.8, None), (None, 1.2), (0.8, 1.2), (0.0, None)):
+        ends = {name: end for name, end in (("low", low), ("high", high)) if end is not None}
+        given = {"log_normal": [1.0, 0.3], **ends}
+        found = np.array(Distribution.model_validate(given).at(U))
+        below, above = expected.cdf(low or 0.0), expected.cdf(high or math.inf)
+        np.testing.assert_allclose(found, expected.ppf(below + U * (above - below)), rtol=1e-6)
+
+
+def test_an_end_that_a_log_normal_quantity_never_comes_below_leaves_nothing():
+    with pytest.raises(ValueError, match="above low, -inf"):
+        Distribution.model_validate({"log_normal": [1.0, 0.3], "high": 0.0})

@@ -7,7 +7,7 @@ import pytest
 
 from fcu.guard import arrival
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.run import prepared
 from gcs_tools.judging.envelope import arrives_s

@@ -7,8 +7,9 @@ import pytest
 
 from fcu.guard import contradictions
 from fcu.guard.types import Contradicted, Signs
+from fcu.interface.status_texts import Code
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.run import fly, prepared
 from gcs_tools.pictures.quantities import CONTRADICTED
@@ -86,9 +87,10 @@ def test_a_mass_dropped_out_of_the_belief_is_told_to_stations_and_recorded(tmp_p
         run = tmp_path / way
         result = fly("package_drop", in_process=in_process, out=run, figure="never")
         recording = read(run / "flight.mcap")
-        (event,) = (e for e in recording.events if "Not as believed" in e.text)
+        (event,) = (e for e in recording.events if e.code == Code.NOT_AS_BELIEVED.name)
         first = recording.fcu["t"][np.argmax(recording.fcu["guard.contradicted.lighter"] > 0.5)]
-        assert event.level == "warning" and "mass below 7 kg" in event.text
+        assert event.level == "warning"
+        assert event.values == ({"code": Code.LIGHTER.name, "values": [7.0]},)
         assert event.t == pytest.approx(first)
         assert 12.0 < first < 12.0 + LASTED_S
         assert result.metrics["contradicted_fraction"] > 0.1

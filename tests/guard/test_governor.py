@@ -11,8 +11,8 @@ from fcu.guard import governor, guard, margin, wrench
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.buffers import to_buffer
+from fcu.laws.approach import approach
 from fcu.laws.face import Reference
-from fcu.laws.mmrac.approach import approach
 
 STILL = Vec3(0.0, 0.0, 0.0)
 THERE = Reference(STILL, STILL)

@@ -240,3 +240,14 @@ def test_python_and_compiled_code_give_the_same_bits(settings_of):
     assert margin.condition.py_func(known_of(settings), a, v, 1.5) == margin.condition(
         known_of(settings), a, v, 1.5
     )
+
+
+def test_how_the_reference_lags_has_nothing_to_do_with_yaw(settings_of):
+    law = settings_of().law
+    yaw = law._replace(
+        c_angle=law.c_angle._replace(z=0.1), c_rate=law.c_rate._replace(x=law.c_rate.x, z=0.2)
+    )
+    assert foreseen.lags(yaw) == foreseen.lags(law)
+    assert foreseen.lags(law) == pytest.approx(
+        2.0 * law.zeta_m * law.f_m * (1.0 / law.c_angle.y + 1.0 / law.c_rate.y)
+    )

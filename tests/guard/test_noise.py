@@ -9,11 +9,11 @@ import pytest
 from scipy import stats
 
 from fcu.guard import margin, noise, stability, wrench
-from fcu.guard.noise import NOTHING, SIGMAS, response, sums, taken
+from fcu.guard.noise import NOTHING, SIGMAS, amounts, response, sums, taken
 from fcu.guard.stability import Hover, fade
 from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import from_tables, load
 from gcs_tools.studies.attack.flight import fly
@@ -244,3 +244,23 @@ def test_a_loop_that_hardly_settles_takes_no_longer_to_work_out(settings_of, mon
     for gaussian in (False, True):
         few, all_of_it = sums(cut, gaussian), sums(whole, gaussian)
         assert (few >= 0.99 * all_of_it).all() and (few <= 1.15 * all_of_it).all()
+
+
+def test_of_the_printed_law_noise_takes_nothing_that_is_known(settings_of):
+    printed = settings_of(prediction="demanded", **NOISY)
+    assert amounts(printed.guard).any()
+    assert taken(printed.guard, printed.law) == NOTHING
+
+
+def test_noise_turns_about_roll_by_the_gains_of_roll(settings_of):
+    """Of a law with other gains about roll than about pitch the two torques differ."""
+    told = settings_of(**NOISY)
+    law = told.law
+    c_angle, c_rate = law.c_angle, law.c_rate
+    soft = law._replace(
+        c_angle=c_angle._replace(x=0.5 * c_angle.x), c_rate=c_rate._replace(x=0.5 * c_rate.x)
+    )
+    both, one = (noise._of(told.guard, each, 8.0, 8.0, 80.0) for each in (law, soft))
+    assert both.torque[0] == pytest.approx(both.torque[1])
+    assert one.torque[0] < 0.8 * one.torque[1]
+    assert one.torque[1] == pytest.approx(both.torque[1])

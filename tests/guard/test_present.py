@@ -9,9 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fcu.guard import admission, foreseen, margin, present, wrench
+from fcu.guard.present import Beginning
+from fcu.guard.types import GuardState
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
+from fcu.laws.mmrac import law as mmrac
 
 STILL = Vec3(0.0, 0.0, 0.0)
 
@@ -186,3 +189,41 @@ def test_a_descent_and_an_updraft_leave_less_to_turn_with(settings_of):
     assert not turns(calm, -1.0, aside)
     assert turns(calm, -1.0, Vec3(0.0, 0.0, most))  # along the thrust nothing turns
     assert not turns(hover(guard, law, T_0=Vec3(0.0, 0.0, 48.0)), 0.0, aside)
+
+
+def test_where_a_way_lies_does_not_matter(settings_of):
+    """Only differences of places count."""
+    told = settings_of(guard="warn")
+
+    def found(there, believed):
+        setpoint = Setpoint(Vec3(20.0 + there, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
+        here = Vec3(there, 0.0, 0.0)
+        begins = Beginning(
+            r_m=here, v_m=STILL, a_m=STILL, present=hover(told.guard, told.law, r=here)
+        )
+        way = np.concatenate([[math.inf], to_buffer(setpoint)])[None]
+        return admission.tightest(
+            to_buffer(told.guard), to_buffer(told.law), way, to_buffer(begins), believed
+        )
+
+    for believed in (0.0, 1.0):
+        assert found(0.0, believed)[:2] == pytest.approx(found(50.0, believed)[:2], rel=1e-9)
+
+
+def test_what_is_seen_after_a_tick_is_the_vehicle_a_tick_on_and_the_way_its_thrust_points(
+    settings_of, hover
+):
+    settings = settings_of(m_hat_0=8.0)
+    law, v = settings.law, Vec3(2.0, -1.0, 0.5)
+    measured = hover(r=(1.0, 2.0, 3.0), v=v, angles=(0.1, 0.2, 0.7))
+    state = mmrac.beginning(law, measured)
+    memory = state.memory._replace(f_c=Vec3(0.5, 0.0, law.g), e3=Vec3(0.6, 0.0, 0.8))
+    guard_state = GuardState(*[0.0] * len(GuardState._fields))._replace(
+        beta=3.0
+    )  # all else is not looked at
+    found = present.seen(law, state._replace(memory=memory), guard_state, measured)
+    assert (found.v, found.up, found.beta) == (v, (0.6, 0.0, 0.8), 3.0)
+    assert found.r == pytest.approx(np.array([1.0, 2.0, 3.0]) + law.h * np.array(v))
+    assert np.array(found.T_0) == pytest.approx(8.0 * np.array([0.5, 0.0, law.g]))
+    assert found.psi == pytest.approx(0.7)
+    assert found.told == 1.0

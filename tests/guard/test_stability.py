@@ -11,7 +11,7 @@ from fcu.guard import stability
 from fcu.guard.stability import hover_of, radius, rotor_lag, unstable
 from fcu.interface.airframe import SHIPPED
 from fcu.interface.airframe import believed as airframe_file
-from fcu.settings import settings
+from fcu.process.settings import settings
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.many.flights import fly
 from gcs_tools.missions.mission import load, override
@@ -163,3 +163,24 @@ def test_a_roll_that_differs_from_pitch_by_its_inertia_alone_is_looked_at_too():
         made, {**tables, "vehicle": slow}, 500.0, {"gamma_LambdaJ": 0.0, "J_hat_0": 0.32}
     )
     assert unstable(*wide) == "roll"
+
+
+def test_next_to_nothing_is_left_of_a_hover_that_an_updraft_carries(settings_of, monkeypatch):
+    """A drag beyond the weight pushes no thrust below nought: a ten-thousandth of the weight at most."""
+    params, guard = settings_of()
+    weight, seen = guard.m_min * params.g, []
+    tilt = stability.tilt
+
+    def watched(law, lag, off, axis, here):
+        seen.append(here.T_0)
+        return tilt(law, lag, off, axis, here)
+
+    monkeypatch.setattr(stability, "tilt", watched)
+    for drag, least, greatest in (
+        (0.0, weight, weight), (0.25 * weight, 0.75 * weight, 0.75 * weight),
+        (weight, 0.0, 1e-4 * weight), (2.0 * weight, 0.0, 1e-4 * weight),
+    ):  # fmt: skip
+        seen.clear()
+        stability.recovers(params, guard, drag)
+        assert seen
+        assert all(least <= T_0 <= greatest and T_0 > 0.0 for T_0 in seen)

@@ -21,8 +21,8 @@ from fcu.kernel.rotations import euler, from_euler, matrix
 from fcu.kernel.rows import column
 from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.types import Params, State
-from fcu.tick import FLYING, Remembered, Tick
-from fcu.tick import tick as law_tick
+from fcu.process.tick import FLYING, Remembered, Tick
+from fcu.process.tick import tick as law_tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.parameters import plant_params, steps_per_tick

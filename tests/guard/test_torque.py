@@ -11,7 +11,7 @@ from fcu.guard import margin, stability, torque, wrench
 from fcu.guard.stability import INPUTS, LAGS, Hover
 from fcu.kernel.algebra import Vec3, dot, norm
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import from_tables

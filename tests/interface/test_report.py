@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.configuration import read_settings
 from fcu.interface.airframe import read
 from fcu.interface.diagnostics import fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
@@ -13,7 +12,8 @@ from fcu.interface.recorder_pipe import RecorderPipe
 from fcu.kernel.rows import column, slice_of
 from fcu.laws import loader
 from fcu.parameters import Parameters
-from fcu.reporting import Reporter, row_width
+from fcu.process.configuration import read_settings
+from fcu.process.reporting import Reporter, row_width
 from fcu.vehicle.state_machine import StateMachine
 
 LAW = loader.load()

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import fcu
+import sitl_plant
 from fcu.interface.status_texts import Code, Told, lacks, says, words
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.replies import status_text
@@ -33,7 +34,7 @@ def test_every_code_has_a_text_of_its_own_and_is_known_by_it(code):
 
 @pytest.mark.parametrize("code", Code)
 def test_every_code_is_told_by_somebody(code):
-    sources = Path(fcu.__file__).parent.rglob("*.py")
+    sources = (p for room in (fcu, sitl_plant) for p in Path(room.__file__).parent.rglob("*.py"))
     users = [p for p in sources if f"Code.{code.name}" in p.read_text()]
     assert users, "nobody says so"
 
@@ -54,6 +55,8 @@ def test_a_wind_that_follows_from_an_airframe_is_told_in_three_digits():
         ((30.0, 0.0, 4.1, 0.5), "30.0 m needs 5 N more than available; 15.0 m of it would do"),
         ((30.0, 0.0, 4.1, 0.0), "30.0 m needs 5 N more than available; no part of it would do"),
         ((0.5, 8.0, 4.1, 0.507), "8.0 m/s needs 5 N more than available; 50 % of it would do"),
+        ((0.5, 8.0, 4.1, 0.017), "8.0 m/s needs 5 N more than available; 1 % of it would do"),
+        ((0.5, 8.0, 4.1, 0.009), "8.0 m/s needs 5 N more than available; no part of it would do"),
         ((2.0, 8.0, 4.1, 0.0), "8.0 m/s and 2.0 m needs 5 N more than available; no part of it would do"),
         ((30.0, 0.0, 2e6, 0.5), "30.0 m needs 2e+06 N more than available; 15.0 m of it would do"),
     ],

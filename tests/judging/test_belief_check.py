@@ -46,3 +46,8 @@ def test_fly_says_so_on_one_line_of_standard_error_and_envelope_among_its_remark
     assert "about z is 0.9 kg m^2" in " ".join(
         command_line.gcs("envelope", "gust_step", "--set", ROUND).stdout.split()
     )
+
+
+@pytest.mark.parametrize(("part", "told"), [(5e-10, False), (5e-9, True)])
+def test_an_end_of_what_is_believed_is_believed_but_for_rounding(part, told):
+    assert bool(unbelieved(load("gust_step", [f"plant.mass_kg={9.0 * (1.0 + part)!r}"]))) is told

@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 from fcu.kernel.buffers import columns, size
-from fcu.tick import Tick
-from gcs_tools.judging.metrics import METRICS, EngagedTicks, metric, metrics, settle_from
+from fcu.process.tick import Tick
+from gcs_tools.judging.metrics import (
+    BOUNCE_S,
+    METRICS,
+    EngagedTicks,
+    metric,
+    metrics,
+    on_ground,
+    settle_from,
+)
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
 
@@ -190,6 +198,26 @@ def test_ticks_of_a_law_that_is_not_finite_are_counted() -> None:
     assert metrics(*told(plant, fcu))["nonfinite_samples"] == 4.0
 
 
+@pytest.mark.parametrize("name", ["state.estimates.m_hat", "internals.demand.tau_d.y", "guard_state.beta", "guard.governed"])  # fmt: skip
+def test_a_number_that_stops_being_finite_is_named_with_its_time(name: str) -> None:
+    plant, fcu = flight(20.0)
+    assert EngagedTicks.of(*told(plant, fcu)).first_not_finite() is None
+    put(fcu, Tick, name, np.nan, slice(100, 103))
+    found = EngagedTicks.of(*told(plant, fcu))
+    assert found.metric("nonfinite_samples") == 3.0
+    broken = found.first_not_finite()
+    assert broken is not None
+    assert (broken.time_s, broken.fields) == (fcu[100, 0], [name])
+
+
+def test_a_number_that_a_law_never_tells_is_none_that_it_lost() -> None:
+    plant, fcu = flight(20.0)
+    put(fcu, Tick, "internals.demand.tau_d", np.nan)
+    found = EngagedTicks.of(*told(plant, fcu))
+    assert found.first_not_finite() is None
+    assert found.metric("nonfinite_samples") == 0.0
+
+
 def test_a_metric_without_a_value_says_why() -> None:
     plant, fcu = flight(20.0)
     found = EngagedTicks.of(*told(plant, fcu))
@@ -235,3 +263,12 @@ def test_a_flight_that_never_flew_has_no_metrics() -> None:
     found = metrics(*told(plant, fcu))
     assert found.pop("nonfinite_samples") == 0.0
     assert set(found.values()) == {None}
+
+
+@pytest.mark.parametrize(("gap_s", "bounced"), [(0.9 * BOUNCE_S, True), (1.1 * BOUNCE_S, False)])
+def test_between_two_touches_a_vehicle_that_bounces_counts_as_on_the_ground(gap_s, bounced) -> None:
+    plant, _ = flight(1.0)
+    plant[:, 0] = 0.5 * gap_s * np.arange(len(plant))
+    put(plant, PlantRecord, "on_ground", 1.0, [2, 4])  # a gap apart, in the air between
+    found = on_ground(Table.of(PlantRecord, plant))
+    assert found.tolist() == [i in (2, 4) or (bounced and i == 3) for i in range(len(plant))]

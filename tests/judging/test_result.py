@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fcu.interface.event_log import Event, event
+from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel.buffers import columns, size
 from gcs_tools.judging.expectations import Expectation
 from gcs_tools.judging.result import Result, ResultError, junit, read, trajectory_sha256
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.mission import Value
-from gcs_tools.recording.events import Event
 from sitl_plant.physics.types import PlantRecord
 
 MET = Expectation("ended", "time or arrived", "time", True, "ended = time or arrived")
@@ -176,22 +177,30 @@ def test_what_would_exhaust_its_reader_is_no_result(tmp_path: Path, what: str) -
         read(path)
 
 
+def told(t: float, what: Told | str, level: str = "warning", who: str = "fcu") -> Event:
+    return event(t, level, who, what)
+
+
 def test_what_the_vehicle_warned_of_is_kept_once_and_counted() -> None:
     """In the order in which it came; neither what it merely says, nor the plant, nor after the end."""
     said = [
-        Event(8.0, "warning", "fcu: Not as believed: rotors"),
-        Event(2.0, "warning", "fcu: Setpoint limited"),
-        Event(3.0, "warning", "fcu: Setpoint limited"),
-        Event(3.5, "warning", "fcu: Setpoint 12.5 m away"),
-        Event(3.6, "warning", "fcu: Setpoint 12.4 m away"),
-        Event(4.0, "info", "fcu: Armed"),
-        Event(5.0, "error", "fcu: The law computed numbers that are not finite: T_c"),
-        Event(6.0, "warning", "plant: crashed"),
-        Event(10.1, "warning", "fcu: Setpoint limited"),
+        told(8.0, Told(Code.NOT_AS_BELIEVED, (Told(Code.THRUST_OFF),))),
+        told(2.0, "free text of 2 words"),
+        told(3.0, "free text of 2 words"),
+        told(3.2, "free text of 3 words"),
+        told(3.5, Told(Code.SETPOINT_FAR, (12.5, 10.0))),
+        told(3.6, Told(Code.SETPOINT_FAR, (12.4, 10.0))),
+        told(4.0, Told(Code.ARMED), "info"),
+        told(5.0, Told(Code.LAW_NOT_FINITE, ("T_c",)), "error"),
+        told(6.0, Told(Code.FLIGHT_ENDED, ("hit the ground",)), who="plant"),
+        told(7.0, Told(Code.NOT_AS_BELIEVED, (Told(Code.HEAVIER, (9.0,)),))),
+        told(10.1, Told(Code.SETPOINT_FAR, (12.3, 10.0))),
     ]
     found = warnings(said, until_s=10.0)
-    assert found[1].text == "Setpoint 12.5 m away"
-    assert [(each.time_s, each.count) for each in found] == [(2.0, 2), (3.5, 2), (5.0, 1), (8.0, 1)]
+    assert found[2].text == words(Told(Code.SETPOINT_FAR, (12.5, 10.0)))
+    assert [(each.time_s, each.count) for each in found] == [
+        (2.0, 2), (3.2, 1), (3.5, 2), (5.0, 1), (7.0, 1), (8.0, 1),
+    ]  # fmt: skip
 
 
 def test_the_hash_is_of_the_first_22_columns() -> None:

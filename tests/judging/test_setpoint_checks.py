@@ -10,7 +10,7 @@ import pytest
 
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.judging.expectations import ExpectError, judge_each
 from gcs_tools.judging.setpoint_checks import Standing, changed, standing
 from gcs_tools.missions.asked import Asked, asked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 
 import numba
@@ -130,3 +131,32 @@ def test_clip_holds_each_component_and_turns_a_nan_into_its_lower_limit():
 def test_select_takes_the_first_where_the_condition_holds():
     assert algebra.select(True, 1.0, 2.0) == 1.0
     assert algebra.select(False, 1.0, 2.0) == 2.0
+
+
+def test_the_length_of_a_vector_of_two_is_correctly_rounded():
+    """The bits of Python's own: the root of the sum of squares alone is off by a last bit now and then."""
+    rng, off = np.random.default_rng(1), 0
+    for x, y in rng.normal(size=(2000, 2)).tolist():
+        assert algebra.hypot(x, y) == math.hypot(x, y)
+        off += math.sqrt(x * x + y * y) != math.hypot(x, y)
+    assert off > 100
+    assert algebra.hypot(0.0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("cls", [Vec3, Quat, Rotors])
+def test_each_operator_that_numba_is_taught_is_the_one_of_python(cls, monkeypatch):
+    """The operands in their order, whichever of the two is a number."""
+    taught = []
+    monkeypatch.setattr(
+        algebra, "overload", lambda op: lambda rule: taught.append((op, rule)) or rule
+    )
+    algebra._teach(cls)
+    a, b, s = cls(*range(1, len(cls._fields) + 1)), cls(*[3.0] * len(cls._fields)), 2.0
+    known = 0
+    for op, rule in taught:
+        for operands in ((a, b), (a, s), (s, a), (a,)):
+            if len(operands) == len(inspect.signature(rule).parameters):
+                text = rule(*map(numba.typeof, operands))
+                assert text is None or text(*operands) == op(*operands)
+                known += text is not None
+    assert known == {Vec3: 8, Quat: 5, Rotors: 5}[cls]

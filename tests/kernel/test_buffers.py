@@ -12,8 +12,8 @@ from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel import buffers, rows
 from fcu.kernel.algebra import Vec3
 from fcu.laws.mmrac.types import Params, State
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.process.settings import Settings
+from fcu.process.tick import Tick
 from sitl_plant.physics.types import PlantParams, PlantRecord
 
 VALUES = [

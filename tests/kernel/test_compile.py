@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from fcu.interface.messages import Setpoint
+from fcu.kernel import compile
+from fcu.kernel.buffers import fields, is_value
+from fcu.laws import loader
+from fcu.vehicle.conditions import Due, Watch
+from fcu.vehicle.plans import PlanLimits
+from sitl_plant.physics.types import PlantRecord
 
 ROOT = Path(__file__).parents[2]
 LEVERS = """
@@ -29,6 +39,16 @@ from fcu.kernel.compile import keep_apart
 keep_apart("levers", "0123")
 from levers import Lever, longer
 print(longer(Lever(2.0), Lever(1.0)).arm)
+"""
+
+
+CALLED_BOTH_WAYS = """
+from fcu.kernel.algebra import Quat
+from fcu.kernel.rotations import conjugate, normalised
+
+q = Quat(0.1, 0.2, 0.3, 0.4)
+print(*(x.hex() for x in normalised(q)), *(x.hex() for x in conjugate(q)))
+assert normalised(q) == normalised.py_func(q)
 """
 
 
@@ -78,3 +98,46 @@ def test_checkouts_of_one_version_share_what_is_compiled(tmp_path: Path) -> None
     assert "other" in said[1][0]
     assert written[0]
     assert written[1] == written[0]
+
+
+@pytest.mark.slow
+def test_a_kernel_is_compiled_for_calls_from_python_only_where_python_calls_it(
+    tmp_path: Path,
+) -> None:
+    said = _run(tmp_path, CALLED_BOTH_WAYS)
+    assert _run(tmp_path, CALLED_BOTH_WAYS) == said
+    (folder,) = (tmp_path / "cache" / "m-mrac").iterdir()
+    names = sorted(
+        file.rpartition("-")[0].rpartition(".")[2]
+        for file in _files(folder)
+        if file.endswith(".kernel")
+    )
+    assert names == ["conjugate", "normalised"]
+    assert any(file.endswith(".inner") for file in _files(folder))
+
+
+def nested(kind: type) -> set[type]:
+    """A NamedTuple, and all that its fields hold."""
+    inside = (of for of in fields(kind).values() if is_value(of))
+    return {kind}.union(*map(nested, inside))
+
+
+def test_every_value_that_a_tick_works_on_is_declared_in_a_file_that_the_cache_is_named_by() -> (
+    None
+):
+    kinds = {PlantRecord, Watch, Due, PlanLimits, Setpoint}
+    for name in loader.SHIPPED:
+        law = loader.load(name)
+        kinds |= {law.ticks.Tick, law.ticks.Remembered, law.settings.Settings}
+    hashed = {ROOT / name for name, _ in compile._sources()}
+    for kind in set().union(*map(nested, kinds)):
+        file = inspect.getsourcefile(sys.modules[kind.__module__])
+        assert file is not None and Path(file) in hashed, kind
+    assert ROOT / "fcu" / "process" / "flown.py" in hashed
+
+
+def test_a_hash_of_sources_has_16_digits_and_tells_folders_apart() -> None:
+    """The folder of the cache, and what a recording says of its law, are named by it."""
+    hashes = [compile.FINGERPRINT, compile.digest(), compile.digest("fcu/laws")]
+    assert all(re.fullmatch("[0-9a-f]{16}", each) for each in hashes)
+    assert len(set(hashes)) == 3

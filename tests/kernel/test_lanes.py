@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
+from fcu.kernel import lanes
 from fcu.kernel.algebra import Vec3, as_float32, maximum, minimum, select, select3
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.lanes import LanesPart, Zeros, any_lane, buffer_at, spread
@@ -149,6 +150,19 @@ def test_a_branch_is_taken_where_all_lanes_agree(width):
         x[0, odd] = -3.0
         with pytest.raises(LanesPart):
             branching(x, out, Zeros(width))
+
+
+@WIDTHS
+def test_a_truth_of_lanes_is_that_of_all_of_them_or_there_is_none(width, monkeypatch):
+    """The rule in Python, by how many lanes are true: that of the compiled branch above."""
+    for true in range(width + 1):
+        monkeypatch.setattr(lanes, "_counted", lambda mask, true=true: true)
+        truth = lanes._truth(lanes.Mask(width))
+        if true in (0, width):
+            assert truth(None) is (true == width)
+        else:
+            with pytest.raises(LanesPart):
+                truth(None)
 
 
 class Pair(NamedTuple):

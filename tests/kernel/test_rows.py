@@ -12,7 +12,7 @@ from fcu.interface.diagnostics import Report, fcu_row
 from fcu.kernel import buffers
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column, column_of, joined, slice_of, view
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from sitl_plant.physics.types import PlantRecord
 
 

@@ -19,8 +19,8 @@ from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.types import Params, State
-from fcu.settings import Settings, settings
-from fcu.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
+from fcu.process.settings import Settings, settings
+from fcu.process.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.run import prepared
 from gcs_tools.flight.scenario import Scenario

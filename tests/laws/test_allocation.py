@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from fcu.interface.airframe import airframe
 from fcu.kernel.algebra import Rotors, Vec3, inverse8, total
 from fcu.laws import allocation
+from fcu.laws.actuation import rotor_lag
 from fcu.laws.allocation import rotor_mean
 
 
@@ -155,6 +156,15 @@ def test_a_rotor_without_lag_has_one_speed_in_a_tick(law):
     uneven = Rotors(300.0, *[0.0] * 7)
     assert allocation.mean_omega_m(rotors, before, uneven) == 300.0
     assert rotors.kappa == 1.0
+
+
+@pytest.mark.parametrize("lag", [0.0005, 0.002, 0.02, 0.05, 0.3])
+def test_a_lag_that_is_read_off_and_written_again_does_not_drift(law, lag):
+    """It is the least of those that give a tick's weight to the bit."""
+    params = law(rotor_lag_s=lag)
+    found = rotor_lag(params)
+    assert rotor_mean(params.h, found) == params.rotors.mean
+    assert rotor_lag(law(rotor_lag_s=found)) == found
 
 
 # --- of any airframe

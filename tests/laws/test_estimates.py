@@ -14,7 +14,7 @@ from fcu.laws.mmrac import adaptation, prediction
 from fcu.laws.mmrac import law as mmrac
 from fcu.laws.mmrac.prediction import Past
 from fcu.laws.mmrac.types import PredictionError
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from tests.laws.values import with_fields
 
 G_E = np.array([0.0, 0.0, -9.81])

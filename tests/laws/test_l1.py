@@ -235,3 +235,31 @@ def test_leaning_against_the_unmatched_force_leaves_no_error(paper):
         law = paper._replace(params=paper.params._replace(tilted=tilted))
         measured = fly(law, at(), 15.0, lambda t: (push, ZERO), 0.0, 1)[-1][0]
         assert measured.r_E.x == pytest.approx(left, abs=0.003)
+
+
+def test_what_is_fed_forward_is_the_derivative_of_the_commanded_rate_in_body_axes(paper):
+    """(4) and (6): of R_EB^T R_c Omega_c, while body and command turn both."""
+    rng = np.random.default_rng(4)
+    params, h = paper.params, 1e-6
+    for _ in range(20):
+        measured, _ = random_tick(paper, rng)
+        w, w_c, w_c_dot = rng.normal(size=(3, 3))
+        R_0, R_c = Rotation.random(2, rng)
+        measured = measured._replace(w_B=Vec3(*w.tolist()))
+        axes = paper.face.Matrix(*(Vec3(*row) for row in R_c.as_matrix().T.tolist()))
+        zero = Vec3(0.0, 0.0, 0.0)
+        target = paper.face.Target(
+            R=axes, w=Vec3(*w_c.tolist()), w_dot=Vec3(*w_c_dot.tolist()), angles=zero, cut=0.0,
+            fed_cut=0.0,
+        )  # fmt: skip
+        R_EB = paper.face.Matrix(*(Vec3(*row) for row in R_0.as_matrix().T.tolist()))
+        base = paper.face.baseline(params, at(), measured, R_EB, target)
+
+        def w_d(t, w=w, w_c=w_c, w_c_dot=w_c_dot, R_0=R_0, R_c=R_c):
+            body = R_0 * Rotation.from_rotvec(t * w)
+            command = R_c * Rotation.from_rotvec(t * w_c)
+            return body.inv().apply(command.apply(w_c + t * w_c_dot))
+
+        closed = np.array(params.k_R) * base.e_R + np.array(params.k_w) * base.e_w
+        fed = (np.array(base.M_b) - np.cross(w, J * w)) / J + closed
+        assert fed == pytest.approx((w_d(h) - w_d(-h)) / (2.0 * h), abs=1e-6)

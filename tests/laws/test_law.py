@@ -16,7 +16,7 @@ from fcu.kernel.rotations import from_euler, matrix
 from fcu.kernel.rows import column, view
 from fcu.laws.mmrac import attitude, position, reference_model
 from fcu.laws.mmrac import law as mmrac
-from fcu.tick import IDLE, Remembered, Tick, tick
+from fcu.process.tick import IDLE, Remembered, Tick, tick
 from tests.laws.values import with_fields
 
 EARTH = ("r_m", "v_m", "v_hat", "s_v_hat", "f_c", "e3")  # of State

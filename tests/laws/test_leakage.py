@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.run import prepared
 from gcs_tools.flight.scenario import scenario

@@ -10,7 +10,7 @@ import pytest
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column, view
-from fcu.tick import Remembered, Tick, tick
+from fcu.process.tick import Remembered, Tick, tick
 from gcs_tools.flight import law_alone
 
 W = 8.0 * 9.81

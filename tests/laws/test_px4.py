@@ -31,8 +31,7 @@ def px4():
 @pytest.fixture(scope="module")
 def defaults(believed):
     """Params of the octocopter."""
-    parameters = loader.load("px4").module("fcu.laws.mmrac.parameters")
-    return parameters.law_params(believed, OCTO, 500.0, {})
+    return loader.load("px4").settings.settings(believed, OCTO, 500.0).law
 
 
 @pytest.fixture
@@ -246,3 +245,15 @@ def test_the_unit_of_torque_is_that_of_px4s_allocator(defaults):
     assert tuple(defaults.torque_unit) == pytest.approx((tilt, tilt, yaw), rel=1e-9)
     loop = 0.15 * defaults.torque_unit.x / 0.3245
     assert loop == pytest.approx(24.0, rel=0.01)  # 1/s, of roll and pitch
+
+
+def test_a_tick_remembers_what_it_measured_and_its_integrals(px4, defaults, fixed, hover):
+    measured = hover(v=(0.3, -0.2, 0.1), w=(0.05, -0.04, 0.03))
+    state = px4.take_over(defaults, fixed((1.0, 2.0, 3.0)), measured)[0]
+    state, *_ = px4.step(state, defaults, fixed((1.0, 2.0, 3.0)), measured)
+    after, _, _, told = px4.step(state, defaults, fixed((1.0, 2.0, 3.0)), measured)
+    assert (after.v_E, after.w_B) == (measured.v_E, measured.w_B)
+    a_c = px4.acceleration(defaults, state.v_int, told.v_c - measured.v_E, ZERO, ZERO)
+    *_, v_int = px4.thrust(defaults, state.v_int, told.v_c - measured.v_E, a_c)
+    assert after.v_int == pytest.approx(v_int)
+    assert after.v_int != state.v_int

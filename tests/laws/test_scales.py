@@ -11,7 +11,7 @@ import pytest
 from fcu.guard import stability
 from fcu.interface.airframe import OCTO, SHIPPED, Airframe, believed, checked
 from fcu.laws import scales
-from fcu.settings import Settings, settings
+from fcu.process.settings import Settings, settings
 
 NAMES = tuple(SHIPPED)
 HAND_MADE = {  # set for the octocopter by the paper and by flights, before any of it followed

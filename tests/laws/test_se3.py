@@ -29,8 +29,7 @@ def se3():
 @pytest.fixture(scope="module")
 def paper(believed):
     """The paper's vehicle and gains, without the integrals and without a limit."""
-    parameters = loader.load("se3").module("fcu.laws.mmrac.parameters")
-    return parameters.law_params(believed, OCTO, 500.0, {})._replace(
+    return loader.load("se3").settings.settings(believed, OCTO, 500.0).law._replace(
         h=H, limits=Limits(T_min=-1e6, T_max=1e6, phi_star=1.5), m=M, J=vec3(J),
         k_x=K_X / M, k_v=K_V / M, k_i=0.0, v_max=1e3, a_max=1e6, A_z_min=0.0,
         k_R_tilt=K_R / J[0], k_W_tilt=K_W / J[0], k_R_yaw=K_R / J[2], k_W_yaw=K_W / J[2],
@@ -164,3 +163,24 @@ def test_without_its_integrals_it_is_the_law_of_2010(se3, paper):
     fresh = se3.State(e_i=ZERO, e_I=ZERO)
     tau = [se3.step(s, paper, at_origin(0.0), measured)[3].tau_c for s in (wound, fresh)]
     assert tau[0] == tau[1]
+
+
+def test_an_attitude_that_is_asked_for_turns_about_the_vertical(se3):
+    tilt, psi, rate = Vec3(0.3, -0.2, 0.0), 0.7, 0.9
+    given = se3.given_attitude(tilt, at_origin(0.0)._replace(psi_c=psi, psi_dot_c=rate))
+    h = 1e-6
+
+    def turned(t):
+        return Rotation.from_euler("ZYX", [psi + rate * t, tilt.y, tilt.x])
+
+    w = (turned(-h).inv() * turned(h)).as_rotvec() / (2.0 * h)
+    assert np.array(given.W) == pytest.approx(w, abs=1e-8)
+    assert given.W_dot == ZERO
+
+
+def test_the_weaker_of_roll_and_pitch_limits_the_gains(se3, monkeypatch):
+    strong, weak = 100.0, 25.0
+    for alpha in (Vec3(strong, weak, 10.0), Vec3(weak, strong, 10.0)):
+        monkeypatch.setattr(se3.scales, "authority", lambda tables, alpha=alpha: alpha)
+        monkeypatch.setattr(se3.scales, "rotor_response", lambda tables: 1e-6)
+        assert se3._speed(OCTO) == pytest.approx(math.sqrt(weak / 0.7 / (8.81 / 0.0820)))

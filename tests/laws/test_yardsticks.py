@@ -12,7 +12,7 @@ from fcu.interface.airframe import airframe
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.laws import loader
+from fcu.laws import loader, parameters
 from tests.laws.conftest import OCTO
 from tests.laws.values import TILTS
 
@@ -33,8 +33,7 @@ def face(name):
 
 @pytest.fixture
 def params(name, believed):
-    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
-    return parameters.law_params(believed, OCTO, 500.0, {})
+    return loader.load(name).settings.settings(believed, OCTO, 500.0).law
 
 
 @pytest.fixture
@@ -212,8 +211,7 @@ def of_airframe(name, **changed):
     heavier = changed.get("inertia", 1.0)
     vehicle["inertia_kg_m2"] = [[heavier * v for v in ends] for ends in vehicle["inertia_kg_m2"]]
     tables = {**OCTO, "rotors": rotors, "vehicle": vehicle}
-    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
-    return parameters.law_params(airframe(rotors), tables, 500.0, {})
+    return loader.load(name).settings.settings(airframe(rotors), tables, 500.0).law
 
 
 def bandwidths(name, **changed):
@@ -261,8 +259,7 @@ def test_every_gain_may_be_tuned_to_four_times_its_default_and_to_a_quarter(name
 
 
 def test_a_law_says_its_pace(name, params):
-    parameters = loader.load(name).module("fcu.laws.mmrac.parameters")
-    pace = parameters.pace(params, OCTO)
+    pace = parameters.pace(loader.load(name).face, params, OCTO)
     assert pace.T_hover == pytest.approx(8.0 * 9.81)
     assert 0.5 < pace.f_m < 3.0 and 0.3 < pace.yaw_rate_max < 2.0
 

@@ -30,7 +30,7 @@ def flown(name: str, tables: Mapping[str, Any], rate_hz: float = 500.0, **chosen
     """The law of that name for an airframe file's tables, with values other than the defaults."""
     law = loader.load(name)
     believed = airframe(tables["rotors"])
-    params = law.module("fcu.laws.built").law_params(believed, tables, rate_hz, chosen)
+    params = law.settings.settings(believed, tables, rate_hz, chosen).law
     return Flown(law.face, params)
 
 

@@ -129,7 +129,10 @@ def test_gains_that_no_vehicle_arms_with_are_lost_and_told(cascade, hover):
                "--set", "law.rotor_response_s=1.0", "--set", "law.allocation=plain")  # fmt: skip
     assert done.exit_code == 0, done.output
     assert [row["why_lost"] for row in json.loads(done.stdout)["flights"]] == ["refused", ""]
-    assert "mmrac on s1000: a vehicle refuses these gains" in done.stderr.replace("\n", " ")
+    said = " ".join(done.stderr.split())
+    assert "mmrac on s1000: " in said and "[law] unstable_gains" in said
+    assert "a vehicle refuses these gains" in said
+    assert "rotor_response_s = 1.0 (--set)" in said
 
 
 @pytest.mark.slow

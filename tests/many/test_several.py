@@ -11,7 +11,7 @@ import pytest
 from fcu.kernel import cache, compile
 from fcu.kernel.rows import column_of
 from fcu.laws.loader import LawError
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.run import prepared
 from gcs_tools.studies import lanes_check
@@ -267,9 +267,9 @@ def test_ticks_are_counted_for_each_law_and_kind_of_settings(scene, compiled):
 
 def test_lanes_that_are_compiled_fly_any_flights(scene, compiled):
     scenes = varied(scene, 4)
-    compiled |= {"tick.lanes_each_at", "lane_flights.burst"}
+    compiled |= {"fcu.process.tick.lanes_each_at", "lane_flights.burst"}
     assert len(list(several.groups(scenes))) == 4  # their settings are alike
-    compiled |= {"tick.lanes_at"}
+    compiled |= {"fcu.process.tick.lanes_at"}
     assert len(list(several.groups(scenes))) == 1
 
 

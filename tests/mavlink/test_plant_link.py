@@ -221,6 +221,36 @@ def test_no_battery_is_too_much_for_its_datagram(battery):
     assert received.battery.remaining == pytest.approx(battery.remaining, abs=5.1e-3)
 
 
+@pytest.mark.parametrize("field", Battery._fields)
+def test_a_battery_of_which_anything_is_unknown_is_not_believed(field):
+    """A single field without a value takes the state along, and the last battery stays."""
+    unknown = FLOWN_FOR._replace(**{field: math.nan})
+    received = PlantCodec(SYSTEM)
+    received.battery = FLOWN_FOR
+    with pytest.raises(wire.WireError):
+        received.parse_state(CODEC.pack_state(TIME, to_buffer(FLYING), unknown), untouched(21))
+    assert received.battery == FLOWN_FOR
+
+
+@pytest.mark.parametrize(
+    ("field", "unknown"),
+    [("charge", -1), ("energy", -1), ("current", -1), ("voltage", 65535), ("percent", -1), ("percent", 101)],
+)  # fmt: skip
+def test_a_number_that_stands_for_unknown_leaves_no_battery(field, unknown):
+    """The standard's numbers for unknown: -1, and 65535 mV. More than 100 % is none either."""
+    told = {"charge": 4567, "energy": 3705, "voltage": 22987, "current": 5123, "percent": 70}
+
+    def read(charge, energy, voltage, current, percent):
+        cells = (voltage, *[65535] * 9)
+        payload = struct.pack(
+            "<iih10HhBBBb", charge, energy, 32767, *cells, current, 0, 1, 1, percent
+        )
+        return wire._battery(np.frombuffer(payload, dtype=np.uint8).copy())
+
+    assert read(**told) == pytest.approx((22.987, 51.23, 4.567, 0.70, 370500.0), rel=1e-12)
+    assert read(**told | {field: unknown}).remaining < 0.0
+
+
 def test_a_longer_payload_of_a_newer_dialect_is_read():
     message = controls_by_pymavlink([0.5] * 8)
     header, payload = bytearray(message[:10]), message[10:-2] + b"\x07\x07"

@@ -84,8 +84,8 @@ CASES = [  # a message, and its fields
         {"payload": list(range(251)), "target_network": 0},
     ),
     (
-        replies.autopilot_version(8 | 8192, 0x01020304, b"\1\2\3\4\5\6\7\10", 2**63 + 1),
-        {"capabilities": 8 | 8192, "flight_sw_version": 0x01020304,
+        replies.autopilot_version(8 | 8192, 0x01020304, 0xFF, b"\1\2\3\4\5\6\7\10", 2**63 + 1),
+        {"capabilities": 8 | 8192, "flight_sw_version": 0x01020304, "middleware_sw_version": 0xFF,
          "flight_custom_version": [1, 2, 3, 4, 5, 6, 7, 8], "uid": 2**63 + 1},
     ),
 ]  # fmt: skip

@@ -231,9 +231,10 @@ def test_the_masks_of_dronekit_and_mavproxy_are_flown(mask):
         (0, 6, {}, (Code.FRAME_NOT_LOCAL, (6,))),
         (0x1000, 1, {}, (Code.MASK_BITS, (0x1000,))),
         (3583, 1, {}, (Code.COMMANDS_NOTHING,)),
-        (1, 1, {}, (Code.PARTLY_IGNORED, ("position",))),
-        (16, 1, {}, (Code.PARTLY_IGNORED, ("velocity",))),
-        (64 | 128, 1, {}, (Code.PARTLY_IGNORED, ("acceleration",))),
+        (1, 1, {"z": math.nan}, (Code.NOT_FINITE, ("position",))),
+        (16, 1, {"vx": math.inf}, (Code.NOT_FINITE, ("velocity",))),
+        (64 | 128, 1, {"afz": math.nan}, (Code.NOT_FINITE, ("acceleration",))),
+        (16, 1, {"vz": 1.01 * FASTEST}, (Code.ABOVE_LIMIT, ("velocity", 100, "m/s"))),
         (0, 1, {"y": math.nan}, (Code.NOT_FINITE, ("position",))),
         (IGNORE_POSITION, 1, {"vz": math.inf}, (Code.NOT_FINITE, ("velocity",))),
         (IGNORE_VELOCITY, 1, {"afx": -math.inf}, (Code.NOT_FINITE, ("acceleration",))),
@@ -263,11 +264,29 @@ def test_a_setpoint_that_must_not_be_flown_says_why(mask, frame, fields, reason)
         (0, 6, {"alt": math.inf}, (Code.HEIGHT_RANGE, (FARTHEST,))),
         (0, 6, {"alt": -1.01 * FARTHEST}, (Code.HEIGHT_RANGE, (FARTHEST,))),
         (0, 6, {"vx": math.nan}, (Code.NOT_FINITE, ("velocity",))),
-        (3, 6, {}, (Code.PARTLY_IGNORED, ("position",))),
+        (1, 6, {}, (Code.PARTLY_IGNORED, ("latitude and longitude",))),
+        (3, 6, {"alt": math.nan}, (Code.HEIGHT_RANGE, (FARTHEST,))),
+        (4, 6, {"lat": 900000001}, (Code.OFF_EARTH,)),
     ],
 )
 def test_a_global_setpoint_that_must_not_be_flown_says_why(mask, frame, fields, reason):
     assert heard(globally(mask, frame, **fields)).refusal == Told(*reason)
+
+
+@pytest.mark.parametrize("bit", range(9))
+def test_each_axis_may_be_left_out_by_itself(bit):
+    """Bits and fields in the order x, y, z: north, east, down."""
+    fields = dict(
+        zip(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz"), range(1, 10), strict=True)
+    )
+    name = list(fields)[bit]
+    message = heard(local(1 << bit, 1, **{**fields, name: math.nan}))
+    assert message.refusal is None
+    north, east, down = (np.array([fields[f"{p}{c}"] for p in ("", "v", "af")]) for c in "xyz")
+    told = np.array([message.request.r, message.request.v, message.request.a])
+    expected = np.stack([east, north, -down], axis=1).astype(float)
+    expected[bit // 3, (1, 0, 2)[bit % 3]] = math.nan
+    np.testing.assert_array_equal(told, expected)
 
 
 @pytest.mark.parametrize("frame", [0, 6])
@@ -285,5 +304,12 @@ def test_no_setpoint_raises_and_an_accepted_one_is_finite_where_it_is_used(setpo
     other = heard(wire.setpoint_global(FCU, 1.0, frame, place, setpoint, mask))
     for accepted in (m.request for m in (message, other) if not m.refusal):
         used = (each for each in (accepted.r, accepted.v, accepted.a) if each is not None)
-        assert np.isfinite([x for each in used for x in each]).all()
+        numbers = np.array([x for each in used for x in each])
+        assert np.isfinite(numbers[~np.isnan(numbers)]).all()  # NaN: an axis that is left out
         assert accepted.psi is None or math.isfinite(accepted.psi)
+
+
+def test_each_field_of_a_target_is_of_one_group():
+    """Groups follow each other, and none reaches beyond the fields that there are."""
+    taken = [n for _, where, *_ in wire._GROUPS.values() for n in range(where.start, where.stop)]
+    assert taken == list(range(len(wire.Target._fields)))

@@ -86,6 +86,23 @@ def test_battery_status_is_of_equal_cells():
     assert fields(m, "type", "battery_function") == (1, 1)
 
 
+@pytest.mark.parametrize(
+    ("cells", "volts", "first", "more"),
+    [
+        (1, 4.2, [4200] + [65535] * 9, [0] * 4),
+        (12, 48.0, [4000] * 10, [4000, 4000, 0, 0]),
+        (14, 56.0, [4000] * 10, [4000] * 4),
+        (16, 60.0, [60000] + [65535] * 9, [0] * 4),
+        (20, 80.0, [65534, 80000 - 65534] + [65535] * 8, [0] * 4),
+    ],
+)
+def test_more_cells_than_battery_status_has_are_told_as_the_standard_says(
+    cells, volts, first, more
+):
+    m = read(tm.battery_status(volts, 0.0, 0.0, 1.0, math.nan, cells, 1, 0.0))
+    assert (m.voltages, m.voltages_ext) == (first, more)
+
+
 def test_landed_state_and_times():
     assert read(tm.extended_state(LandedState.IN_AIR)).landed_state == 2
     m = read(tm.system_time(1.5e9, 2.5))

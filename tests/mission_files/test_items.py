@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from gcs_tools.missions.asked import foreseen, legs
 from gcs_tools.missions.mission import MissionError, load
 
 HEAD = """title = "Items."
@@ -145,3 +146,12 @@ def test_a_track_that_cannot_be_flown_is_an_error(tmp_path: Path, track: str, sa
 def test_a_track_that_is_no_regular_file_is_not_read(tmp_path: Path) -> None:
     with pytest.raises(MissionError, match="expected a regular file"):
         load(written(tmp_path, UP, '{ kind = "follow", file = "/dev/zero" }'))
+
+
+def test_before_a_flight_it_rests_towards_where_its_first_item_looks(tmp_path: Path) -> None:
+    turned = THERE.replace(" }", ", yaw_deg = 90.0 }")
+    flight = load(written(tmp_path, UP, turned)).flight
+    _, sent = foreseen(flight)
+    assert sent[0].tick == 0
+    assert sent[0].setpoint.psi_c == pytest.approx(legs(flight)[0].psi)
+    assert legs(flight)[0].psi != legs(flight)[1].psi

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from fcu.settings import PARAMETERS
+from fcu.process.settings import PARAMETERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions import schema as mission_schema
 from gcs_tools.missions.mission import MissionError, Value, folder, load, override, shipped
@@ -196,7 +196,16 @@ def test_a_setting_changes_the_mission_and_not_the_original(setting, value):
         ("law.f_m=", "--set law.f_m=: expected TABLE.KEY=VALUE"),
         ("law.f_m=-1", "--set law.f_m=-1: [law] f_m: expected a number >= 0.1, got -1"),
         ("law.fm=1", "--set law.fm=1: [law] fm: no such key (did you mean f_m?)"),
-        ("law.f_m=[1", "--set law.f_m=[1: expected a TOML value, got [1"),
+        (
+            "law.f_m=[1",
+            "--set law.f_m=[1: expected a TOML value, got [1 (a text stands in quotes: "
+            """'law.f_m="[1"')""",
+        ),
+        (
+            "law.module=pd.py",
+            "--set law.module=pd.py: expected a TOML value, got pd.py (a text stands in quotes: "
+            """'law.module="pd.py"')""",
+        ),
         ("law.f_m.x=1", "--set law.f_m.x=1: f_m is not a table"),
         (
             "plant.mass_change={at_s=1.0, mass_kg=6.0, mass_ratio=0.5}",
@@ -249,6 +258,7 @@ def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():
         *keys,
         "bounds",
         "module",
+        "unstable_gains",
     }
     assert set(Expect.model_fields) == {*METRICS, "ended", "reached", "limited"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fcu.interface.airframe import believed
-from fcu.settings import settings
+from fcu.process.settings import settings
 from gcs_tools.studies.gains import pairs
 
 

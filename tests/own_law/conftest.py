@@ -29,7 +29,7 @@ from fcu.laws import loader
 compiled = event.RecordingListener()
 event.register("numba:compile", compiled)
 law = loader.load(sys.argv[1])
-ticks = law.module("fcu.tick")
+ticks = law.ticks
 measured, row = np.zeros(size(VehicleState)), np.zeros(size(ticks.Tick))
 measured[6] = 1.0
 remembered, settings = np.zeros(size(ticks.Remembered)), np.ones(size(ticks.Settings))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fcu.interface.status_texts import Code
 from fcu.laws.loader import LawError
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
@@ -119,14 +120,21 @@ THRUSTS = "    thrusts, gave_up = allocate(params.rotors, T_c, tau_c)\n"
 COMMAND = "    u = speed_command(params.rotors, thrusts, measured.Omega)\n"
 
 
+HIGH = "select(measured.r_E.z > 1.0, nan, 1.0)"
+STOPPED, OF_TORQUE = "rotors stopped", "internals.tau_c.x, internals.tau_c.y, internals.tau_c.z"
+
+
 @pytest.mark.parametrize(
-    ("line", "more", "column"),
+    ("line", "more", "column", "told"),
     [
-        (THRUSTS, "    thrusts = select(measured.r_E.z > 1.0, nan, 1.0) * thrusts\n", "outputs.thrusts"),
-        (COMMAND, "    u = select(measured.r_E.z > 1.0, nan, 1.0) * u\n", "command.u"),
+        (THRUSTS, f"    thrusts = {HIGH} * thrusts\n", "outputs.thrusts", STOPPED),
+        (COMMAND, f"    u = {HIGH} * u\n", "command.u", STOPPED),
+        (COMMAND, f"    tau_c = {HIGH} * tau_c\n", "internals.tau_c", OF_TORQUE),
     ],
-)  # fmt: skip
-def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission, line, more, column):
+)
+def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(
+    own_mission, line, more, column, told
+):
     """NaN stops the rotors and ends no flight; the mission expects nothing that would see it."""
     law = own_mission.with_name("plain_cascade.py")
     law.write_text(law.read_text().replace(line, line + more))
@@ -142,9 +150,13 @@ def test_a_law_that_is_not_finite_is_told_of_and_does_not_pass(own_mission, line
         fcu = recording.fcu
         bad = np.isnan(fcu[column]).any(axis=1) & (fcu["engaged"] > 0.5)
         assert not result["passed"]
-        assert result["metrics"]["nonfinite_samples"] == bad.sum() > 10
-        (event,) = (e for e in recording.events if "not finite" in e.text)
-        assert event.level == "error" and event.text.endswith("rotors stopped")
+        assert result["metrics"]["nonfinite_samples"] >= bad.sum() > 10
+        first = result["not_finite"]
+        assert first["time_s"] == pytest.approx(fcu["t"][bad][0])
+        assert any(name.startswith(column) for name in first["fields"])
+        assert any(first["fields"][0] in cause for cause in result["causes"])
+        (event,) = (e for e in recording.events if e.code == Code.LAW_NOT_FINITE.name)
+        assert event.level == "error" and event.values[0].startswith(told)
         assert event.t == pytest.approx(fcu["t"][bad][0])
         log = (folder / way / "fcu.log").read_text().splitlines()
         said[way] = [line for line in log if "not finite" in line]

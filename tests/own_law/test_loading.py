@@ -12,9 +12,11 @@ import pytest
 
 from fcu.interface.airframe import believed
 from fcu.interface.parameter import ParameterError
-from fcu.laws import loader
+from fcu.kernel.buffers import fields
+from fcu.laws import loader, unguarded
 from fcu.laws.loader import LawError
 from fcu.parameters import Parameters
+from fcu.process import settings, tick
 
 HERE = Path(__file__).parent
 
@@ -42,6 +44,14 @@ def test_a_second_start_compiles_nothing_and_a_change_is_noticed(one_tick, own_l
     third = one_tick(own_law)
     assert third["compiled"] > 0
     assert third["digest"] != second["digest"]
+
+
+@pytest.mark.slow
+def test_a_second_start_compiles_nothing_for_a_law_that_is_shipped(one_tick, cache):
+    assert one_tick("px4")["compiled"] > 0
+    assert one_tick("px4")["compiled"] == 0
+    assert one_tick("mmrac")["compiled"] > 0
+    assert one_tick("px4")["compiled"] == one_tick("mmrac")["compiled"] == 0
 
 
 @pytest.mark.slow
@@ -99,6 +109,74 @@ def test_a_package_beside_it_is_of_the_law(own_law, tmp_path, monkeypatch):
     assert law.face.gentle == law.face.shaping.gains.gentle == 0.3
     (tmp_path / "shaping" / "gains.py").write_text("gentle = 0.6\n")
     assert loader.load(own_law).face.gentle == 0.6
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from shaping import gains; gentle = gains.gentle",
+        "from shaping.gains import gentle",
+        "import shaping.gains as of_yaw; gentle = of_yaw.gentle",
+        "import shaping, shaping.gains; gentle = shaping.gains.gentle",
+        "gentle = (lambda: __import__('shaping.gains').gains.gentle)()",
+        "from shaping import *; gentle = gains.gentle",
+    ],
+)
+def test_every_way_to_import_a_module_beside_it_finds_that_of_the_law(own_law, tmp_path, line):
+    (tmp_path / "shaping").mkdir()
+    (tmp_path / "shaping" / "__init__.py").write_text(
+        "import shaping.gains\nfrom shaping import gains\n"
+    )
+    (tmp_path / "shaping" / "gains.py").write_text("import math\n\ngentle = math.sqrt(0.09)\n")
+    text = own_law.read_text()
+    own_law.write_text(
+        text.replace(
+            "from yawing import gentle\n", f"{line}\nif False:\n    import shaping.gains\n"
+        )
+    )
+    law = loader.load(own_law)
+    assert law.face.gentle == 0.3
+    assert "shaping" not in sys.modules
+
+
+def test_threads_that_load_a_law_at_once_have_one(own_law):
+    own_law.write_text(own_law.read_text() + "\n# for threads\n")
+
+    def load(_: int) -> tuple[loader.Law, object]:
+        law = loader.load(own_law)
+        return law, law.ticks.Tick
+
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(load, range(8)))) == 1
+
+
+def test_what_is_compiled_once_a_law_is_a_module_of_its_own(own_law):
+    laws = [loader.load(name) for name in (*loader.SHIPPED, own_law)]
+    assert loader.load().ticks is tick and loader.load().settings is settings
+    for law in laws:
+        assert fields(law.ticks.Tick)["state"] is law.face.State
+        assert fields(law.settings.Settings)["law"] is law.face.Params
+        assert fields(law.ticks.Tick)["guard"] is (law.guard or unguarded).GuardInternals
+        assert law.ticks.Settings is law.settings.Settings
+    assert len({law.ticks.Tick for law in laws}) == len({law.package for law in laws}) == len(laws)
+
+
+def test_a_default_may_follow_from_what_was_chosen(own_law):
+    own_law.write_text(
+        own_law.read_text()
+        + "\n\ndef printed(chosen, airframe):\n"
+        + "    return {'k_v': 2.0} if 'k_r' in chosen else {}\n"
+    )
+    made = loader.load(own_law).settings
+    _, tables = believed()
+    assert made.settings(*believed(), 500.0).law.k_v == 3.0
+    assert made.settings(*believed(), 500.0, {"k_r": 1.2}).law.k_v == 2.0
+    assert made.printed({"k_r": 1.2}, tables) == {"k_v": 2.0}
+
+
+def test_a_guard_says_what_it_has_to_know_of_its_law(own_law):
+    _changed(own_law, "class Params(", 'GUARD = "fcu.guard.guard"\n\n\nclass Params(')
+    _refused(own_law, "fcu.guard.guard needs Params.", "Params.gamma")
 
 
 def _refused(path: Path, *said: str) -> None:
@@ -169,7 +247,9 @@ def _changed(own_law: Path, old: str, new: str) -> Path:
         ('Parameter("k_r"', 'Parameter("guard"', "guard"),
         ('Parameter("k_r"', 'Parameter("h"', "h is filled in"),
         ('Parameter("k_r"', 'Parameter("k_x"', "k_x"),
-        ("1.0, 0.1, 5.0", "6.0, 0.1, 5.0", "k_r"),
+        ("1.0, 0.1, 5.0", "6.0, 0.1, 5.0", r"'k_r': its default is 6\.0: .* 0\.1 to 5"),
+        ('"PC_K_R"', '("PC_K_R", "PC_K_V")', "'k_r': expected a name of MAVLink, or Parts"),
+        ("PARAMETERS = (\n", 'PARAMETERS = (\n    "k_q",\n', "expected a Parameter"),
         ("1.0, 0.1, 5.0", "None, 0.1, 5.0", "expected a default"),
         ("1.0, 0.1, 5.0", "1.0, 5.0, 0.1", "expected a range"),
     ],

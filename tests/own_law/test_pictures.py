@@ -39,7 +39,10 @@ class Flight:
 
     def __init__(self) -> None:
         law = loader.load(Path(__file__).with_name("plain_cascade.py"))
-        tick, settings = law.module("fcu.tick").Tick, law.module("fcu.settings").Settings
+        tick, settings = (
+            law.ticks.Tick,
+            law.settings.Settings,
+        )
         self.kinds = Kinds(tick, settings, PlantRecord)
         self.plant = np.zeros((N, size(PlantRecord)))
         self.fcu, self.params = np.zeros((N, size(tick))), np.ones(size(settings))

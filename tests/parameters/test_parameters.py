@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from fcu.interface.airframe import OCTO, believed, load
+from fcu.interface.parameter import Parameter, ParameterError
 from fcu.parameters import Parameters, ParamsFileError, Refused, entries
 from fcu.parameters_page import page
-from fcu.settings import PARAMETERS, settings
+from fcu.process.settings import PARAMETERS, settings
 from tests.laws.conftest import PAPER
 
 LAW = entries(PARAMETERS, load(OCTO))
@@ -347,3 +348,11 @@ def test_a_file_is_judged_as_a_whole(start, tmp_path):
 
 def test_the_page_in_docs_is_current():
     assert (Path(__file__).parents[2] / "docs" / "parameters.md").read_text() == page()
+
+
+def test_a_value_a_hair_beyond_either_end_passes_with_slack_alone():
+    row = Parameter("k", "", 2.0, 1.0, 3.0, "1/s", "a gain")
+    for end in (1.0 - 1e-7, 3.0 + 1e-7):
+        row.check((end,), slack=1e-6)
+        with pytest.raises(ParameterError):
+            row.check((end,))

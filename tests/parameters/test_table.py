@@ -17,7 +17,7 @@ from fcu.kernel.buffers import columns
 from fcu.laws import loader
 from fcu.parameters import VEHICLE, Parameters, Refused, entries
 from fcu.parameters_page import page
-from fcu.settings import PARAMETERS, Settings, check, settings
+from fcu.process.settings import PARAMETERS, Settings, check, settings
 from gcs_tools.missions import schema
 from gcs_tools.missions.mission import MissionError, override
 from gcs_tools.missions.mission import load as mission

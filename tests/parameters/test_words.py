@@ -9,7 +9,7 @@ import pytest
 from fcu.interface.airframe import AirframeError, airframe, read
 from fcu.interface.input_file import shown
 from fcu.interface.parameter import ParameterError
-from fcu.settings import PARAMETERS
+from fcu.process.settings import PARAMETERS
 from gcs_tools.missions.mission import MissionError, load
 
 WORDS = {row.key: row for row in PARAMETERS if row.words is not None}

@@ -177,3 +177,16 @@ def test_a_truth_that_cannot_be_is_refused_by_table_and_key(tmp_path, text, said
     assert "mine.truth.toml" in str(error.value)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_an_inertia_of_two_axes_is_refused(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(QUAD.read_text())
+    path_of(read(path)).write_text("[vehicle]\ninertia_kg_m2 = [0.03, 0.03]\n")
+    with pytest.raises(AirframeError, match="three numbers"):
+        truth(read(path))
+
+
+@pytest.mark.parametrize(("rate_hz", "steps"), [(1000.0, 1), (500.0, 2), (400.0, 3), (250.0, 4)])
+def test_no_integration_step_is_longer_than_a_millisecond(rate_hz, steps):
+    assert plant_params(truth(read(QUAD)), rate_hz).h == pytest.approx(1.0 / (rate_hz * steps))

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import fcu
-from fcu import tick as control
 from fcu.interface.airframe import airframe, load, read
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.kernel.rows import column, slice_of
-from fcu.settings import settings
-from fcu.tick import Remembered, Tick
+from fcu.process import tick as control
+from fcu.process.settings import settings
+from fcu.process.tick import Remembered, Tick
 from sitl_plant.physics import tick
 from sitl_plant.physics.parameters import plant_params, start_state, steps_per_tick
 from sitl_plant.physics.truth import truth

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
-from sitl_plant.physics import dynamics, rotors
+from fcu.kernel.buffers import columns, size
+from sitl_plant.physics import dynamics, rotors, tick
 from sitl_plant.physics.parameters import start_state, wind_params
 
 STILL = Vec3(0.0, 0.0, 0.0)
@@ -270,3 +271,20 @@ def test_attitude_stays_a_rotation(plant, fly):
     start = start_state(params)._replace(w_B=Vec3(30.0, -20.0, 25.0))
     end = fly(params, start, 0.0, 5.0)
     assert math.hypot(*end.q_EB) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_each_number_of_the_noise_disturbs_one_component_of_the_report():
+    """Three each of position, velocity, attitude (a small rotation about body axes) and body rate."""
+    true = np.zeros(size(VehicleState))
+    true[columns(VehicleState).index("q_EB.w")] = 1.0
+    whole = ["r_E", "v_E", "q_EB", "w_B"]
+    for i in range(tick.NOISE):
+        noise, reported = np.zeros(tick.NOISE), np.zeros(size(VehicleState))
+        noise[i] = 0.02
+        tick.sense(true, noise, reported)
+        name, axis = whole[i // 3], "xyz"[i % 3]
+        off = {columns(VehicleState)[k]: reported[k] for k in np.flatnonzero(reported)}
+        q_w = off.pop("q_EB.w")
+        half = 0.5 if name == "q_EB" else 1.0  # of a quaternion: half the angle
+        assert off == pytest.approx({f"{name}.{axis}": half * 0.02}, rel=1e-4)
+        assert q_w == pytest.approx(1.0, abs=1e-4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +14,9 @@ import pytest
 from fcu.interface.airframe import believed
 from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.kernel.rows import column
-from fcu.settings import Settings, settings
-from fcu.tick import Tick
-from gcs_tools.recording.reader import Recording
+from fcu.process.settings import Settings, settings
+from fcu.process.tick import Tick
+from gcs_tools.recording.reader import VALUES, Recording
 from gcs_tools.recording.schema import PLANT_TIMING, TIMING, TOPICS, WIND, FcuRow, PlantRow
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
@@ -24,8 +25,12 @@ RATE_HZ = 500.0
 METADATA = {
     "mission": "made_up",
     "title": "A flight made up.",
-    "plant.drag_torque": "[0.05, 0.06, 0.07] (sitl_plant/airframes/s1000.toml)",
-    "plant.drag": "[0.15, 0.15, 0.15] (sitl_plant/airframes/s1000.toml)",
+    VALUES: json.dumps(
+        {
+            "plant.drag_torque": {"value": [0.05, 0.06, 0.07], "origin": "s1000.toml"},
+            "plant.drag": {"value": [0.15, 0.15, 0.15], "origin": "s1000.toml"},
+        }
+    ),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from gcs_tools.pictures.plot import estimates, limits, overview, prediction, timing, tracking, wind
 from gcs_tools.pictures.plot.numbers import length, percent, short
 from gcs_tools.pictures.plot.window import Missing, Window
+from gcs_tools.recording.reader import VALUES
 
 
 def all_of(made: Any, t_from: float | None = None, t_to: float | None = None) -> Window:
@@ -35,10 +37,12 @@ def test_the_setpoint_is_the_one_that_the_mission_asked_for(made: Any) -> None:
     """As its metadata have it, not as the vehicle limited it."""
     made.set_fcu(**{"setpoint.r_c.x": 100.0})
     assert tracking.numbers(all_of(made))["setpoint_error_final_m"] == pytest.approx(100.0)
-    made.metadata |= {
-        "flight.duration_s": "8.0 (mission)",
-        "flight.setpoints": "[{'at_s': 0.0, 'position_m': [1000.0, 0.0, 0.0]}] (mission)",
+    asked = {
+        "flight.duration_s": 8.0,
+        "flight.setpoints": [{"at_s": 0.0, "position_m": [1000.0, 0.0, 0.0]}],
     }
+    values = {key: {"value": value, "origin": "mission"} for key, value in asked.items()}
+    made.metadata[VALUES] = json.dumps(values)
     assert tracking.numbers(all_of(made))["setpoint_error_final_m"] == pytest.approx(1000.0)
 
 
@@ -135,7 +139,7 @@ def test_the_angular_truth_is_unknown_on_the_ground_and_without_the_coefficient(
     p = estimates.angular(all_of(made))[0].truth
     assert p is not None
     assert np.isnan(p[made.t < 1.0]).all() and (p[made.t >= 1.0] == 0.0).all()
-    del made.metadata["plant.drag_torque"]
+    del made.metadata[VALUES]
     window = all_of(made)
     assert all(e.truth is None for e in estimates.angular(window))
     assert estimates.numbers(window)["angular_rms_settled_rad_s2"] is None

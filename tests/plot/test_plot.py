@@ -7,8 +7,8 @@ import pytest
 
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.process.settings import Settings
+from fcu.process.tick import Tick
 from gcs_tools.pictures.plot.overview import flight_figure
 from gcs_tools.pictures.plot.style import POINTS, thin
 from gcs_tools.recording.table import Table

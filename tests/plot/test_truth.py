@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from fcu.kernel.buffers import columns, to_buffer
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.process.settings import Settings
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
 from gcs_tools.pictures.plot import estimates
 from gcs_tools.pictures.plot.window import Window
-from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.reader import VALUES, Recording
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
 
@@ -26,9 +28,9 @@ def test_the_angular_truth_explains_the_motion() -> None:
     mission = override(mission, "plant.rotor_loss=[{rotor=1, at_s=2.0, effectiveness=0.6}]")
     scene = scenario(mission)
     plant, fcu = law_alone.fly(scene)
-    metadata = {k: f"{v.value} ({v.origin})" for k, v in mission.values_in_force().items()}
+    values = {k: asdict(v) for k, v in mission.values_in_force().items()}
     recording = Recording(
-        path=Path("weak.mcap"), metadata=metadata, plant=Table.of(PlantRecord, plant),
+        path=Path("weak.mcap"), metadata={VALUES: json.dumps(values)}, plant=Table.of(PlantRecord, plant),
         fcu=Table.of(Tick, fcu), params=dict(zip(columns(Settings), to_buffer(scene.settings).tolist(), strict=True)),
         events=[], reports={}, topics={}, lost={}, complete=True,
     )  # fmt: skip

@@ -8,7 +8,6 @@ import threading
 import numpy as np
 import pytest
 
-from fcu.configuration import read_settings
 from fcu.interface.airframe import read
 from fcu.interface.handover import GRANT
 from fcu.interface.messages import Setpoint
@@ -19,11 +18,12 @@ from fcu.kernel import system
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import slice_of
 from fcu.laws import loader
-from fcu.loop import Loop
 from fcu.mavlink.definitions import Autopilot, CommandId
 from fcu.mavlink.geodesy import Origin
 from fcu.parameters import Parameters
-from fcu.reporting import Reporter, row_width
+from fcu.process.configuration import read_settings
+from fcu.process.loop import Loop
+from fcu.process.reporting import Reporter, row_width
 from fcu.services.streams import Identity
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.recording.schema import Kinds

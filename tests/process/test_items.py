@@ -13,7 +13,7 @@ import gcs_tools
 from gcs_tools.flight.run import UsageError
 from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.judging.result import Result
-from gcs_tools.missions.asked import asked
+from gcs_tools.missions.asked import ITEM_BEGUN, asked
 from gcs_tools.missions.mission import load
 from gcs_tools.recording.reader import read
 
@@ -70,14 +70,14 @@ def test_a_recording_tells_the_same_errors_as_its_flight(tmp_path: Path) -> None
     result = gcs_tools.fly("square_and_land", in_process=True, out=tmp_path / "run", figure="never")
     recording = read(tmp_path / "run" / "flight.mcap")
     assert engaged_ticks(recording).metrics() == pytest.approx(result.metrics, rel=1e-12)
-    told = [event.text for event in recording.events if event.text.startswith("item ")]
+    told = [event.values for event in recording.events if event.code == ITEM_BEGUN]
     assert told == [
-        "item 1 of 5, take_off: to (0.0, 0.0, 5.0) m",
-        "item 2 of 5, go_to: to (10.0, 0.0, 6.0) m",
-        "item 3 of 5, follow, to its begin: to (10.0, 0.0, 6.0) m",
-        "item 3 of 5, follow: to (0.0, 0.0, 6.0) m",
-        "item 4 of 5, hold: to (0.0, 0.0, 6.0) m",
-        "item 5 of 5, land",
+        (1, 5, "take_off", "take_off", 0.0, 0.0, 5.0),
+        (2, 5, "go_to", "go_to", 10.0, 0.0, 6.0),
+        (3, 5, "follow", "go_to", 10.0, 0.0, 6.0),
+        (3, 5, "follow", "path", 0.0, 0.0, 6.0),
+        (4, 5, "hold", "hold", 0.0, 0.0, 6.0),
+        (5, 5, "land", "land"),
     ]
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -18,6 +20,7 @@ from tests.patience import PATIENCE_S, until
 from tests.process.conftest import alive
 
 SAID_WITHIN_S = 10.0
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(
@@ -53,6 +56,38 @@ def test_a_process_that_works_at_its_start_is_waited_for(tmp_path, monkeypatch):
         child.wait_ready(lambda: None)
     finally:
         child.stop()
+
+
+def test_a_process_that_waits_for_one_that_works_for_it_is_waited_for(tmp_path, monkeypatch):
+    (tmp_path / "busy.py").write_text(
+        "import time\nend = time.monotonic() + 2.0\nwhile time.monotonic() < end: pass\n"
+    )
+    (tmp_path / "waits.py").write_text(
+        "import subprocess, sys\nsubprocess.run([sys.executable, '-m', 'busy'], check=True)\n"
+        "print('{\"ready\": 1}', flush=True)\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(processes, "HANGS_S", 0.7)
+    child = Child("plant", "waits", [], tmp_path / "log", ())
+    try:
+        child.wait_ready(lambda: None)
+    finally:
+        child.stop()
+
+
+@pytest.mark.slow
+def test_a_first_flight_tells_how_far_it_has_compiled(fly, tmp_path):
+    cold = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    mission = ROOT / "tests" / "own_law" / "step_in_still_air.toml"
+    program = fly(mission, "--figure", "never", "--set", "flight.duration_s=10", env=cold)
+    program.wait()
+    assert result.read(tmp_path / "run" / "result.json").error is None
+    told = [int(n) for n in re.findall(r"(\d+) of about \d+", program.text())]
+    assert len(told) > 1
+    assert told == sorted(set(told))
+    files = list((tmp_path / "cache").rglob("*-*.*"))
+    assert {file.suffix for file in files} == {".kernel", ".inner"}
+    assert told[-1] <= len(files)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """What is recorded is read back to the bit, by us and by others, also after a sudden end."""
 
+import math
 import signal
 import subprocess
 import sys
@@ -17,18 +18,22 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from fcu.guard.types import GuardInternals, GuardParams, GuardState
+from fcu.interface.event_log import Event, event
 from fcu.interface.messages import VehicleState
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.process.settings import Settings
+from fcu.process.tick import Tick
 from gcs_tools.judging.metrics import metrics
+from gcs_tools.judging.recorded_flight import flight_of
+from gcs_tools.missions.asked import ITEM_BEGUN, read_begun
+from gcs_tools.missions.mission import load
 from gcs_tools.recording import events, old_names, schema
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import decode, encode, layout
 from gcs_tools.recording.mcap_file import RecordingFile, block_of
-from gcs_tools.recording.reader import RecordingError, messages, read
+from gcs_tools.recording.reader import RecordingError, messages, read, values_told
 from gcs_tools.recording.schema import TOPICS, Declaration, FcuRow, Kinds, PlantRow, topic_of
 from gcs_tools.recording.table import Rows, Table
 from gcs_tools.recording.writer import RecordingWriter
@@ -90,22 +95,24 @@ def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
 def test_parameters_and_events_come_back(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     told = any_rows(1, Settings)[0]
+    why = Told(Code.ABOVE_LIMIT, ("position", -0.0, "m"))
+    lost = event(2.002, "warning", "fcu", Told(Code.DENIED, ("Take-off: now", why)))
+    taken_over = Event(0.5, "info", "take-over")
     with RecordingWriter(path, {}) as recorder:
         recorder.set_params(told)
-        recorder.event(2.002, "rotor 3 lost", level="warning")
-        recorder.event(0.5, "take-over")
+        for each in (lost, taken_over):
+            recorder.event(each)
         with pytest.raises(ValueError, match="already"):
             recorder.set_params(told)
         with pytest.raises(ValueError, match="level loud"):
-            recorder.event(0.0, "", level="loud")
+            recorder.event(Event(0.0, "loud", ""))
     recording = read(path)
     assert recording.params is not None
     values = [recording.params[name] for name in columns(Settings)]
     assert np.array(values).tobytes() == told.tobytes()
-    assert recording.events == [
-        Event(0.5, "info", "take-over"),
-        Event(2.002, "warning", "rotor 3 lost"),
-    ]
+    assert recording.events == [taken_over, lost]
+    (_, reason) = recording.events[1].values
+    assert reason["code"] == "ABOVE_LIMIT" and math.copysign(1.0, reason["values"][1]) == -1.0
 
 
 @pytest.mark.slow
@@ -270,8 +277,8 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"flight.mcap"):
         read(path)
     version = b"schema_version\x01\x00\x00\x00"  # a name, and the length of its value
-    path.write_bytes(whole.replace(version + b"4", version + b"9"))
-    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 4"):
+    path.write_bytes(whole.replace(version + b"5", version + b"9"))
+    with pytest.raises(RecordingError, match=r"recording version 9; this program reads 5"):
         read(path)
 
 
@@ -288,7 +295,7 @@ def as_written(path: Path) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize("version", old_names.VERSIONS[1:])
+@pytest.mark.parametrize("version", old_names.WITHOUT_ROWS[1:])
 def test_an_older_recording_is_read_by_present_names(version: str) -> None:
     """Five ticks of paper_nominal as older versions wrote them: every number, and no other."""
     path = Path(__file__).with_name(f"version_{version}.mcap")
@@ -331,7 +338,7 @@ def test_what_version_2_did_not_have_is_not_a_number() -> None:
     assert found["governed_fraction"] is found["margin_min_n"] is None
 
 
-@pytest.mark.parametrize("version", old_names.VERSIONS[1:])
+@pytest.mark.parametrize("version", old_names.WITHOUT_ROWS[1:])
 def test_an_older_recording_is_replayed_in_present_messages(version: str) -> None:
     path = Path(__file__).with_name(f"version_{version}.mcap")
     recording = read(path)
@@ -342,6 +349,44 @@ def test_an_older_recording_is_replayed_in_present_messages(version: str) -> Non
         assert said.time_ns.tolist() == [0, 2_000_000, 4_000_000, 6_000_000, 8_000_000]
         rows = np.stack([recording.fcu[name] for name in topic.columns], axis=1)
         assert decode(topic.layout, said.data).tobytes() == rows.tobytes()
+
+
+def test_version_4_told_events_and_values_in_sentences() -> None:
+    """Five ticks of square_and_land, and all of its events."""
+    path = Path(__file__).with_name("version_4.mcap")
+    recording, square = read(path), load("square_and_land").flight
+    values = values_told(recording.metadata)
+    assert values["flight.duration_s"] == 90.0 and values["law.module"] == "mmrac"
+    assert values["wind.steady_m_s"] == [4.0, 2.0, 0.0]
+    assert not any(name.startswith(("flight.", "law.")) for name in recording.metadata)
+    assert recording.metadata["mission"] == "square_and_land"
+    flight = flight_of(recording.metadata)
+    assert flight is not None and [*map(type, flight.items)] == [*map(type, square.items)]
+    assert flight.ground_z_m == square.ground_z_m and flight.start == square.start
+    begun = read_begun(flight, recording.events)
+    assert [each.leg for each in begun] == [0, 1, 2, 3, 4, 5]
+    assert [each.place and each.place.z for each in begun] == [5.0, 6.0, 6.0, 6.0, 6.0, None]
+    assert begun[1].tick > 0
+    beside = [event for event in recording.events if event.code != ITEM_BEGUN]
+    assert {event.who for event in beside} == {"fcu"} and not any(e.code for e in beside)
+    metadata, topics, found = messages(path)
+    assert metadata == recording.metadata and topics == recording.topics
+    assert events.decode(events.schema(), found[events.TOPIC].data) == recording.events
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("fcu: Crashed: hit the ground (gcs reset puts it back)", Code.CRASHED),
+        ("fcu: Lost: left the arena (gcs reset puts it back)", Code.DIVERGED),
+        ("fcu: Reset: at the start, time begins again", Code.RESET),
+        ("plant: the flight ended: the vehicle hit the ground", Code.FLIGHT_ENDED),
+    ],
+)
+def test_what_older_recordings_told_of_an_end_has_its_code(text: str, code: Code) -> None:
+    told = old_names.of_event(Event(1.0, "warning", text))
+    assert told.code == code.name and told.shown == text
+    assert old_names.of_event(told._replace(who="", text="fcu: Armed")).code == ""
 
 
 class Estimates(NamedTuple):

@@ -7,7 +7,7 @@ import pytest
 from mcap.reader import make_reader
 
 from fcu.kernel.buffers import size
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.recording.reader import RecordingError, read
 from gcs_tools.recording.repair import recover
 from gcs_tools.recording.writer import RecordingWriter

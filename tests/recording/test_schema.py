@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from fcu.kernel.buffers import columns
-from fcu.settings import Settings
-from fcu.tick import Tick
+from fcu.process.settings import Settings
+from fcu.process.tick import Tick
 from gcs_tools.recording import events, schema
 from gcs_tools.recording.layout import LayoutError, layout
 from gcs_tools.recording.schema import TICK_TOPICS, TOPICS

@@ -8,8 +8,8 @@ import pytest
 import gcs_tools
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
-from fcu.settings import Settings
-from fcu.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
+from fcu.process.settings import Settings
+from fcu.process.tick import FLYING, TAKE_OVER, Remembered, Tick, tick
 from gcs_tools.recording import reader as recording
 
 

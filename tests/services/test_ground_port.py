@@ -10,7 +10,7 @@ import pytest
 from fcu.interface.link import MemoryNetwork, exclusive_socket
 from fcu.mavlink.definitions import message
 from fcu.services import ground_port
-from fcu.services.ground_port import GONE_S, GroundPort
+from fcu.services.ground_port import GONE_S, Bucket, GroundPort
 
 SYSTEM = 1
 
@@ -241,3 +241,11 @@ def test_what_waits_for_its_turn_takes_no_more_than_its_room(monkeypatch, port, 
     assert len(waiting) <= ground_port.BURST
     assert len(waiting) * size <= ground_port.WAITING_BYTES
     assert made.dropped["over rate"] >= 1500
+
+
+def test_a_clock_that_is_set_back_takes_nothing_away():
+    bucket = Bucket(10.0, 5.0)
+    assert all(bucket.take(100.0) for _ in range(4))
+    assert bucket.take(0.0)
+    assert not bucket.take(0.0)
+    assert bucket.take(0.1)

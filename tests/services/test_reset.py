@@ -16,9 +16,9 @@ from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin
 from fcu.mavlink.requests import Command
 from fcu.parameters import Parameters
+from fcu.process.settings import settings
 from fcu.services.command_protocol import FORCE_REBOOT, Commands, Request
 from fcu.services.status import landed_state, system_status
-from fcu.settings import settings
 from fcu.vehicle.state_machine import Answer, StateMachine
 
 FRAME_MISSION, GLOBAL = 2, 0

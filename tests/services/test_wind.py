@@ -9,8 +9,8 @@ import pytest
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.rotations import from_euler, matrix, rotate, rotate_back
+from fcu.process.wind import of
 from fcu.services.wind import Wind
-from fcu.wind import of
 
 DRAG = Vec3(0.15, 0.2, 0.25)
 M = 8.0

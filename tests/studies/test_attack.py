@@ -14,7 +14,7 @@ from fcu.guard import margin, noise, stability
 from fcu.interface.airframe import believed
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.studies.attack import report
 from gcs_tools.studies.attack.__main__ import campaign, flown, main, show

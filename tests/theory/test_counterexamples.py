@@ -15,6 +15,24 @@ def test_13_without_the_rate_of_lambda_is_exceeded():
     assert found.measured < found.repaired
 
 
+def test_13_is_shown_with_a_lambda_hat_that_is_one_number_learnt_within_its_set(monkeypatch):
+    """The first fiftieth of a second, in which the prediction error has hardly begun to grow."""
+    runs = []
+
+    def begun(loop, start, duration, h, every):
+        assert (duration, loop.laws.Lambda.gamma) == (1.0, 100.0)
+        runs.append(simulate(loop, start, 0.02, h, every=every))
+        return runs[-1]
+
+    simulate = counterexamples.simulate
+    monkeypatch.setattr(counterexamples, "simulate", begun)
+    found = counterexamples.moving_lambda()
+    Lambda_hat = runs[0].states.estimates.Lambda
+    assert Lambda_hat[0].item() == 1.0
+    assert 0.9 < Lambda_hat[-1].item() < 1.0
+    assert 0.0 < found.measured < found.printed < found.repaired
+
+
 @pytest.mark.parametrize("name", ["command_over_lambda", "limit_of_channels"])
 def test_conditions_that_hold_while_the_control_saturates(name):
     found = getattr(counterexamples, name)()

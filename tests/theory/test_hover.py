@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from fcu.guard import margin
 from fcu.interface.airframe import airframe
 from fcu.kernel.algebra import Vec3
-from fcu.settings import settings
+from fcu.process.settings import settings
 from fcu.theory.hover import (
     Air,
     K,

@@ -11,6 +11,7 @@ from fcu.theory.loop_bounds import Flight, at_rest, position_bounds, position_lo
 from fcu.theory.sweep import (
     HIGH,
     LOW,
+    STEP,
     believing,
     hover_assumed,
     hover_run,
@@ -18,6 +19,7 @@ from fcu.theory.sweep import (
     prediction_against_gamma,
     with_gamma,
 )
+from fcu.theory.systems import constant
 
 MASS, DRAG = 8.0, 0.15
 AMPLITUDE, OMEGA = scenes.WIND
@@ -53,6 +55,16 @@ def test_a_disturbance_at_the_loops_own_frequency_comes_closer(law):
     run = hover_run(params, MASS, scenes.triangle(RATE, 28.0 * np.ones(3)), 4.0)
     measured = norm((run.states.x - run.states.x_hat)[:, 3:])
     assert measured < found.prediction < 2.0 * measured
+
+
+def test_a_hover_is_integrated_in_a_part_of_its_fastest_oscillation(law):
+    """Of s_hat, and of a mass estimate whose regressor is the weight with a third to spare."""
+    for gamma, gamma_Lambda in ((1000.0, 1e-9), (1.0, 1.0), (400.0, 0.1)):
+        params = law()._replace(gamma=gamma, gamma_Lambda=gamma_Lambda, lambda_v=1.0)
+        run = hover_run(params, MASS, constant(np.array([[0.1], [0.0], [0.0]])), 0.5)
+        fastest = np.sqrt(gamma + gamma_Lambda * (1.3 * MASS * params.g) ** 2)
+        assert 0.95 * STEP < run.t[1] * fastest <= STEP
+        assert norm(run.states.x[:, :3]) < 0.1
 
 
 def test_a_wrong_start_is_forgotten_under_the_bound(law):
@@ -107,3 +119,16 @@ def test_the_lyapunov_bound_by_hand(law):
     level = (s_error**2 + np.linalg.norm(RATE) * s_error / params.lambda_v) / params.gamma
     level += Lambda_error**2 / params.gamma_Lambda
     assert lyapunov_settled(params, assumed) == pytest.approx(np.sqrt(level))
+
+
+def test_bounds_of_motion_do_not_depend_on_the_unit_of_mass(law):
+    """The same vehicle in grams: gamma_Lambda goes with 1/m^2, a force with m, all else stays."""
+    tilted = WIND._replace(z_0=np.array([0.05, 0.0, 0.05]))
+    params = with_gamma(law(), 10_000.0)
+    kilos = position_bounds(believing(params, MASS), MASS, tilted)
+    scale = 1000.0
+    heavy = believing(params, scale * MASS)._replace(gamma_Lambda=params.gamma_Lambda / scale**2)
+    grams = position_bounds(heavy, scale * MASS, tilted)
+    assert grams.prediction == pytest.approx(kilos.prediction, rel=1e-9)
+    assert grams.tracking == pytest.approx(kilos.tracking, rel=1e-9)
+    assert grams.control.peak == pytest.approx(scale * kilos.control.peak, rel=1e-9)

@@ -184,3 +184,11 @@ def test_the_ball_of_attraction_of_any_design_holds_everywhere_and_ends_where_it
 def test_a_regressor_that_its_own_bound_blows_up_is_refused():
     with pytest.raises(NoBoundError, match="too far"):
         guarantee(MODEL, assumptions(x_m=30.0, Theta_error=50.0), v_star=2.0)
+
+
+@pytest.mark.parametrize("end", [0.1234567, 1.0 / 3.0, 2.0, 3.3, 71.7, 1234.5678])
+def test_the_largest_that_is_admitted_is_found_to_the_precision(end):
+    for precision in (1e-9, 1e-6):
+        kind = {} if precision == 1e-9 else {"precision": precision}
+        found = largest(lambda value: value <= end, **kind)
+        assert end * (1.0 - precision) <= found <= end

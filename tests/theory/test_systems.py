@@ -15,6 +15,7 @@ from fcu.theory.systems import (
     ReferenceModel,
     Uncertainty,
     constant,
+    require_positive_definite,
     sat,
     swinging,
     symmetric,
@@ -78,3 +79,8 @@ def test_each_channel_saturates_on_its_own():
 def test_what_is_outside_the_assumptions_is_refused(build, says):
     with pytest.raises(AssumptionError, match=says):
         build()
+
+
+def test_a_matrix_that_is_only_semidefinite_is_refused():
+    with pytest.raises(AssumptionError, match="positive definite"):
+        require_positive_definite("P", np.zeros((1, 1)))

@@ -122,7 +122,7 @@ def test_a_figure_that_cannot_be_written(tmp_path):
 def test_the_margins_are_those_of_the_matrices():
     """Just inside a margin the loop settles, just outside it does not."""
     from fcu.guard import stability
-    from fcu.settings import settings
+    from fcu.process.settings import settings
 
     file = read(SHIPPED["racer"])
     law, guard = settings(file.rotors, file.tables, 500.0)

@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from fcu.interface.event_log import Event, event
+from fcu.interface.status_texts import Code, Told
 from gcs_tools.live import standstill
 from gcs_tools.live.recorder import BusRecorder
 from gcs_tools.live.samples import Sample
 from gcs_tools.live.standstill import Standstill, end_in, end_told
 from gcs_tools.recording import events
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.reader import read
 from gcs_tools.recording.schema import TOPICS
 
@@ -51,23 +52,30 @@ def test_what_is_late_to_a_chunk_that_has_it_is_left_out(tmp_path, monkeypatch):
     assert [event.t for event in read(path).events] == [4, 5]
 
 
-CRASHED = "fcu: Crashed: hit the ground (gcs reset puts it back)"
+def told(*values, who="fcu"):
+    return event(1.0, "warning", who, Told(*values))
+
+
+CRASHED = told(Code.CRASHED).shown
+LEFT = told(Code.FLIGHT_ENDED, ("left the arena",), who="plant")
 
 
 @pytest.mark.parametrize(
-    ("texts", "end"),
+    ("happened", "end"),
     [
         ([], ""),
-        (["fcu: Armed", CRASHED, "fcu: Arming denied"], CRASHED),
-        (["plant: the flight ended: the vehicle left the arena"], "plant: the flight ended: the vehicle left the arena"),
-        ([CRASHED, "fcu: Reset: at the start, time begins again"], ""),
+        ([told(Code.ARMED), told(Code.CRASHED), told(Code.NOT_ARMED)], CRASHED),
+        ([LEFT], LEFT.shown),
+        ([told(Code.DIVERGED)], told(Code.DIVERGED).shown),
+        ([told(Code.CRASHED), told(Code.RESET)], ""),
+        ([told(Code.CRASHED)._replace(code="")], ""),  # free text says nothing to a program
     ],
-)  # fmt: skip
-def test_how_the_flight_ended_is_known_until_the_vehicle_is_reset(texts, end):
-    assert end_told(Event(1.0, "warning", text) for text in texts) == end
-    sample = said(*range(len(texts)))
-    told = [events.encode(Event(1.0, "warning", text)) for text in texts]
-    assert end_in(Sample(sample.sequence, sample.time_ns, told), "") == end
+)
+def test_how_the_flight_ended_is_known_until_the_vehicle_is_reset(happened, end):
+    assert end_told(happened) == end
+    sample = said(*range(len(happened)))
+    encoded = [*map(events.encode, happened)]
+    assert end_in(Sample(sample.sequence, sample.time_ns, encoded), "") == end
     assert end_in(Sample(sample.sequence, sample.time_ns, [b"\xff"]), end) == end
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from fcu.guard import margin
 from fcu.kernel.algebra import Vec3
-from fcu.settings import Settings
+from fcu.process.settings import Settings
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Terms, envelope, largest, terms, tightest, with_guard
 from gcs_tools.judging.preflight_check import refusal

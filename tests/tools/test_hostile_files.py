@@ -21,7 +21,7 @@ from fcu.interface.toml_lines import lines
 from fcu.laws.loader import LawError
 from fcu.laws.loader import load as load_law
 from fcu.parameters import Parameters, ParamsFileError
-from fcu.settings import settings
+from fcu.process.settings import settings
 from gcs_tools.missions.mission import MissionError, load
 from gcs_tools.recording import records
 from gcs_tools.recording.reader import RecordingError, read

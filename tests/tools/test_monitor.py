@@ -61,7 +61,7 @@ def test_a_picture_on_file(replay, start, instance, tmp_path):
 def test_it_watches_so_much_of_the_flight_or_until_that_ends(replay, tool, seconds, least, most):
     """Seconds of simulation time, of a flight that ends at 3 s."""
     replay("--speed", "1", "--wait", "--to", "3")
-    assert least <= tool("monitor", "--for", seconds)["time_s"] <= most
+    assert least <= tool("monitor", "--for", seconds, "--timeout", 60)["time_s"] <= most
 
 
 def test_it_waits_for_a_vehicle_as_long_as_it_is_to_watch(start, instance):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from fcu.interface.event_log import Event
 from gcs_tools.live.recorder import Latency
 from gcs_tools.live.samples import Sample, SampleError, describe, described
 from gcs_tools.live.subscriber import _object
 from gcs_tools.pictures.follower import Follower
 from gcs_tools.recording import events
-from gcs_tools.recording.events import Event
 from gcs_tools.recording.layout import encode
 from gcs_tools.recording.reader import RecordingError, read
 from gcs_tools.recording.schema import TIMING, TOPICS

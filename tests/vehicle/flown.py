@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from fcu import tick as control
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column
 from fcu.parameters import Parameters
-from fcu.settings import settings
-from fcu.tick import Remembered, Tick
+from fcu.process import tick as control
+from fcu.process.settings import settings
+from fcu.process.tick import Remembered, Tick
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 from sitl_plant.physics import dynamics, tick

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.belief_watch import BeliefWatch
 from fcu.interface.airframe import believed
 from fcu.interface.status_texts import Code
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
 from fcu.laws import loader
 from fcu.laws.face import FLYING, TAKE_OVER
-from fcu.settings import settings
-from fcu.tick import Tick
+from fcu.process.belief_watch import BeliefWatch
+from fcu.process.settings import settings
+from fcu.process.tick import Tick
 
 SETTINGS = settings(*believed(), 500.0)
 LIGHTER = column_of(Tick, "guard.contradicted.lighter")

@@ -16,10 +16,12 @@ from fcu.interface.status_texts import Code, Told, lacks, words
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.laws.mmrac.reference_model import a_ref, advance, carried
+from fcu.laws.mmrac.reference_model import a_ref, advance
+from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
-from fcu.settings import settings
+from fcu.process.settings import settings
 from fcu.vehicle import plans
+from fcu.vehicle.feasibility_check import FeasibilityCheck
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 from tests.laws.conftest import PAPER
@@ -139,6 +141,19 @@ def test_what_settles_is_seen_to_settle(far):
     admission.follow(to_buffer(guard), to_buffer(law), to_buffer(there), 5000, reference)
     assert abs(reference[0] - far) < 0.001
     assert short < 20.0
+
+
+@pytest.mark.parametrize(("far", "is_over"), [(1.06, True), (1.1, False)])
+def test_a_swing_that_is_over_before_the_last_quarter_of_a_look_costs_nothing(far, is_over):
+    """All that is missing then is what the way itself lacks, a newton or so: it has been seen to an end."""
+    windy = {"guard": "refuse", "guard_wind_rate_m_s2": 5.0, "f_m": 2.4}
+    law, guard = settings(*AIRFRAME, 500.0, windy)
+    way = [(at(Vec3(far, 0.0, 0.0)), math.inf)]
+    own = -flown_out(guard, law, way, AT_REST)
+    assert 0.0 < own < 2.0
+    short = admission.Look(guard, law).short(way, AT_REST)
+    assert (short < 2.0) is is_over
+    assert is_over or short > 20.0
 
 
 @pytest.mark.parametrize("f_m", [0.5, 1.0, 1.4, 1.8])
@@ -361,3 +376,13 @@ def test_what_is_admitted_is_reached_in_the_time_that_the_look_states():
             admitted, swings = admitted + (found.margin >= 0.0), swings + (off > 0.3)
     assert admitted > 10
     assert swings > 10
+
+
+def test_the_way_back_at_the_same_place_is_another_setpoint():
+    check = FeasibilityCheck(
+        Parameters(settings(*AIRFRAME, 500.0, {**PAPER, "guard": "refuse"}), 1)
+    )
+    there = at(r=Vec3(30.0, 0.0, 0.0), v=Vec3(3.0, 0.0, 0.0))
+    check.told(there, 5.0)
+    assert check.complaint(there, 5.0, AT_REST) is None
+    assert check.complaint(there._replace(v_c=Vec3(-3.0, 0.0, 0.0)), 5.0, AT_REST) is not None

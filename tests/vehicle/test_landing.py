@@ -220,3 +220,8 @@ def test_entering_offboard_with_a_setpoint_in_the_ground_is_told():
     flown.up(2.5)
     flown.stream(lambda: at(0.0, 0.0, -0.7), 30.0, lambda: not flown.vehicle.armed)
     assert flown.told.count(INTO) == 1
+
+
+def test_a_lazy_reference_model_has_longer_to_take_up_a_speed():
+    assert landing.anywhere_us(landing.LAZY) == landing.ANYWHERE_US
+    assert landing.anywhere_us(0.25) == 8_000_000

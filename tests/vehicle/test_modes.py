@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 from fcu.vehicle import modes
-from fcu.vehicle.modes import NEEDS, ON_LOSS, TRANSITIONS, Event, Mode, Need
+from fcu.vehicle.modes import NEEDS, TRANSITIONS, Event, Mode, Need
 
 
 def test_a_mode_is_entered_exactly_when_its_needs_are_met():
@@ -25,8 +25,3 @@ def test_every_mode_and_event_has_a_mode_that_follows():
     assert modes.after(Mode.RETURN, Event.ARRIVED) is Mode.LAND
     assert modes.after(Mode.HOLD, Event.ARRIVED) is Mode.HOLD
     assert all(TRANSITIONS[mode, Event.DISARMED] is Mode.HOLD for mode in Mode)
-
-
-def test_the_loss_of_a_script_never_means_to_go_on():
-    assert Mode.OFFBOARD not in ON_LOSS.values()
-    assert set(ON_LOSS) == {0, 3, 4, 5, 6, 7}

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from fcu.kernel.algebra import Vec3
-from fcu.laws.mmrac.reference_model import carried
+from fcu.laws.setpoint import carried
 from fcu.vehicle import plans
 from fcu.vehicle.plans import PlanLimits, length
 

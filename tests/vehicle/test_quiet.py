@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from fcu.interface.messages import VehicleState
+from fcu.interface.messages import Battery, VehicleState
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
-from fcu.kernel.rows import column_of, slice_of
+from fcu.kernel.rows import column_of
+from fcu.vehicle.conditions import Condition, look
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.position_filter import PositionFilter, quiet
 from fcu.vehicle.state_machine import StateMachine
-from fcu.vehicle.watch import Watch, quiet_look
 from tests.vehicle.flown import ZERO, Flown, at
 
 H, TICK_US = 0.002, 2000
-CHANGED = slice(0, slice_of(Watch, "given").start)  # by looks
 
 
 class Both:
@@ -40,27 +41,27 @@ class Both:
 
 
 class Vehicles(Both):
-    """One is observed at every tick, the other only where `quiet_look` declines."""
+    """One is observed at every tick, the other only where a look has found something."""
 
     def __init__(self, params):
         super().__init__(StateMachine(params, True), StateMachine(params, True))
-        self.__dict__.update(script=Both(self.one.script, self.other.script), quiet=[])
+        self.__dict__.update(script=Both(self.one.script, self.other.script), quiet=[], charge=None)
 
     def observe(self, state, t_us, wall_s):
         one, other = self.one, self.other
-        other.arm_watch()
-        before = other.watch.copy()
         flown = at(0.0, 0.0, 0.0) if other.setpoint is None else other.setpoint
-        age = (t_us - other.since_us) * 1e-6
-        is_quiet = quiet_look(other.watch, state, to_buffer(flown), age, float(t_us))
-        if not is_quiet:
-            assert other.watch.tobytes() == before.tobytes()
+        age, remaining = (t_us - other.since_us) * 1e-6, math.nan
+        if self.charge is not None:
+            remaining = self.charge(t_us)
+            one.battery = other.battery = Battery(22.0, 10.0, 0.0, remaining, 0.0)
+        found = look(other.watch, state, to_buffer(flown), age, remaining, float(t_us))
+        is_quiet = found == Condition.NOTHING
         told = [] if is_quiet else other.observe(state, t_us, wall_s)
         self.quiet.append(is_quiet)
         assert told == one.observe(state, t_us, wall_s)
         for name in ("armed", "mode", "setpoint", "since_us", "_approach", "terminated", "home"):
             assert repr(getattr(one, name)) == repr(getattr(other, name)), (name, t_us)
-        assert one.watch[CHANGED].tobytes() == other.watch[CHANGED].tobytes(), t_us
+        assert one.watch.tobytes() == other.watch.tobytes(), t_us
         return told
 
 
@@ -115,6 +116,22 @@ def test_a_reposition_into_the_ground_and_idling_on_it(flown):
     flown.vehicle.reposition(Vec3(3.0, 0.0, -3.0), None, flown.t_us)
     flown.fly(30.0, lambda: not flown.vehicle.armed)
     assert Code.LED_INTO_GROUND in flown.told
+
+
+def test_a_battery_that_runs_low_returns_and_lands(flown):
+    """It falls by 2 % a second, and each report is off by up to 1 %."""
+    random = np.random.default_rng(1)
+    flown.params.set("COM_LOW_BAT_ACT", 3.0, False)
+    flown.up(3.0)
+    flown.stream(lambda: at(4.0, 0.0, 4.0), 4.0)
+    began = flown.t_us
+    flown.vehicle.__dict__["charge"] = lambda t_us: (
+        0.2 - 2e-8 * (t_us - began) + 0.01 * random.uniform(-1.0, 1.0)
+    )
+    flown.fly(60.0, lambda: not flown.vehicle.armed)
+    levels = Code.BATTERY_LOW, Code.BATTERY_CRITICAL, Code.BATTERY_EMERGENCY
+    assert [code for code in flown.told if code in levels] == list(levels)
+    assert flown.told[-2:] == [Code.LANDED, Code.DISARMED_LANDED]
 
 
 @pytest.mark.parametrize("kind", ["noise", "jump", "stuck"])

@@ -7,12 +7,20 @@ import math
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
-from fcu.interface.messages import Setpoint
+from fcu.interface.messages import AttitudeRequest, PositionRequest, Setpoint
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
+from fcu.kernel.rotations import from_euler
 from fcu.mavlink.ground_link import GroundCodec
 from fcu.vehicle.plans import STILL, Pose
-from fcu.vehicle.setpoints import Script, SetpointLimits, of_position
+from fcu.vehicle.setpoints import (
+    ATTITUDE,
+    Script,
+    SetpointLimits,
+    anchored_by_axis,
+    of_attitude,
+    of_position,
+)
 
 EAST_30 = math.radians(30.0)
 POSE = Pose(Vec3(10.0, 20.0, 30.0), Vec3(1.0, 0.0, 0.0), EAST_30)  # heading 60 deg from North
@@ -99,3 +107,82 @@ def test_a_stream_is_two_in_half_a_second_each_time():
     assert at(1_500_001)
     assert not at(60_000_000)  # one, after a minute of nothing
     assert at(60_400_000)
+
+
+def test_another_sender_waits_until_the_first_is_silent_by_both_clocks():
+    script, one, other = Script(False, lambda: None), ("one", 1), ("other", 2)
+    t_us, lost_us = 10_000_000, 1_000_000
+    assert script.heard(one, t_us, 10.0, lost_us) is None
+    script.take(FLOWN, t_us, 10.0, one)
+    assert script.heard(other, t_us + 500_000, 10.5, lost_us).code is Code.ANOTHER_SENDS
+    assert script.heard(other, t_us + 500_000, 12.0, lost_us).code is Code.ANOTHER_SENDS
+    assert script.heard(other, t_us + 2_000_000, 10.5, lost_us).code is Code.ANOTHER_SENDS
+    assert script.heard(other, t_us + 2_000_000, 12.0, lost_us) is None
+
+
+@pytest.mark.parametrize(
+    ("mask", "r", "v"),
+    [
+        (0xDE3, (9.0, 19.0, 5.0), (2.0, 1.0, 0.0)),  # vx, vy, z: height held, as MAVROS sends it
+        (0x5E3, (9.0, 19.0, 5.0), (2.0, 1.0, 0.0)),  # with a rate of yaw
+        (0xDC6, (9.0, 3.0, 29.0), (2.0, 0.0, 3.0)),  # x north, and velocities east and up
+        (0xDFE, (9.0, 3.0, 29.0), (0.0, 0.0, 0.0)),  # x alone: the other axes are held
+        (0xDEF, (9.0, 19.0, 29.0), (2.0, 0.0, 0.0)),  # vy alone
+    ],
+)
+def test_each_axis_is_flown_for_itself(mask, r, v):
+    mask |= 0x8 if mask == 0xDC6 else 0
+    found, told = local(1, mask, (3.0, 4.0, -5.0), (1.0, 2.0, -3.0))
+    assert told is None
+    assert (found.r_c, found.v_c) == (Vec3(*r), Vec3(*v))
+
+
+def test_along_the_heading_what_is_left_out_is_still():
+    found, _ = local(8, 0xDC7 | 0x10, v=(2.0, math.nan, 0.0))
+    assert found.v_c == pytest.approx((2.0 * AHEAD[0], 2.0 * AHEAD[1], 0.0))
+
+
+def test_another_sender_owns_the_stream_once_the_first_is_silent_for_half_a_second():
+    script, one, other = Script(True), ("one", 1), ("other", 2)
+    lost_us = 1_000_000
+    assert script.heard(one, 0, 0.0, lost_us) is None
+    script.take(FLOWN, 0, 0.0, one)
+    assert script.heard(other, 500_000, 0.5, lost_us).code is Code.ANOTHER_SENDS
+    assert script.heard(other, 502_000, 0.502, lost_us) is None
+    assert not script.lost(900_000, 0.9, lost_us)  # by what it may say: that is not flown yet
+    script.take(FLOWN, 502_000, 0.502, other)
+    assert not script.lost(1_400_000, 1.4, lost_us)  # the vehicle never was without
+    assert script.heard(one, 600_000, 0.6, lost_us).code is Code.ANOTHER_SENDS
+
+
+def test_an_attitude_leaves_roll_and_pitch_to_the_tilt_and_yaw_to_the_heading():
+    """In steps of the full thrust, with no body rate but that of yaw."""
+    asked = AttitudeRequest(from_euler(0.2, -0.1, 0.7), Vec3(0.0, 0.0, 0.3), 0.25)
+    setpoint, refusal = of_attitude(asked, FLOWN, 120.0)
+    assert refusal is None
+    assert setpoint.tilt_c == pytest.approx((0.2, -0.1, 0.0))
+    assert (setpoint.level, setpoint.T_c, setpoint.w_c) == (ATTITUDE, 30.0, STILL)
+    assert (setpoint.psi_c, setpoint.psi_dot_c) == pytest.approx((0.7, 0.3))
+    assert setpoint.r_c == FLOWN.r_c
+    rolling = asked._replace(w_B=Vec3(0.1, 0.0, 0.3))
+    assert of_attitude(rolling, FLOWN, 120.0) == (None, Told(Code.YAW_RATE_ONLY))
+
+
+def test_an_acceleration_alone_ends_at_the_limit_of_its_own_axis():
+    """Velocities north and east are asked for, and up an acceleration."""
+    found = FLOWN._replace(v_c=Vec3(0.0, 0.0, 2.9))
+    asked = PositionRequest(
+        None, Vec3(1.0, 0.5, math.nan), Vec3(math.nan, math.nan, 9.0), None, 0.0
+    )
+    for v_z, a_z in ((2.9, 9.0), (3.5, 0.0)):
+        made, _ = of_position(asked, POSE, HOME, found._replace(v_c=Vec3(0.0, 0.0, v_z)), LIMITS)
+        assert made.v_c == Vec3(1.0, 0.5, min(v_z, 3.0))
+        assert made.a_c == Vec3(0.0, 0.0, a_z)
+
+
+def test_an_axis_that_is_held_stays_while_another_one_leads():
+    flown = Setpoint(Vec3(20.0, 20.0, 30.0), Vec3(5.0, 0.0, 0.0), STILL, 0.0, 0.0)
+    pose = Pose(Vec3(10.0, 19.0, 29.5), Vec3(4.0, 0.3, -0.2), 0.0)
+    now = anchored_by_axis(flown, 0.0, pose, 2.0)
+    assert now.r_c == Vec3(10.0, 20.0, 30.0)  # east the vehicle is too far behind
+    assert now.v_c == Vec3(4.0, 0.0, 0.0)

@@ -7,15 +7,17 @@ import math
 import pytest
 
 from fcu.interface.airframe import believed
-from fcu.interface.messages import Battery, Setpoint, VehicleState
+from fcu.interface.messages import Battery, PositionRequest, Setpoint, VehicleState
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.mavlink.definitions import LandedState, SystemStatus
 from fcu.parameters import Parameters
+from fcu.process.settings import settings
 from fcu.services.status import landed_state, system_status
-from fcu.settings import settings
+from fcu.vehicle import plans
+from fcu.vehicle.conditions import ROWS, Action, Always, Condition
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import Pose
 from fcu.vehicle.state_machine import Answer, StateMachine
@@ -87,7 +89,7 @@ def test_before_the_plant_is_heard_nothing_is_possible(params):
         (lambda v: v.observe(state(roll=0.5), 40_000, 0.0), Told(Code.TILTED, (25.0,))),
         (
             lambda v: setattr(v, "battery", Battery(20.0, 1.0, 14.4, 0.04, 1e6)),
-            Told(Code.BATTERY_CRITICAL, (4.0,)),
+            Told(Code.CHARGE_CRITICAL, (4.0,)),
         ),
         (lambda v: v.terminate(0), Told(Code.WAS_TERMINATED)),
         (
@@ -124,7 +126,7 @@ def test_it_is_not_disarmed_in_flight_but_by_force(armed):
 
 def test_termination_is_for_good(armed):
     assert armed.terminate(TICK).granted
-    assert system_status(armed) is SystemStatus.EMERGENCY
+    assert system_status(armed) is SystemStatus.FLIGHT_TERMINATION
     assert not armed.arm(TICK, 0.0).granted
 
 
@@ -264,7 +266,7 @@ def test_setpoints_are_flown_from_when_they_take_effect(armed):
     ("action", "mode", "status"),
     [(0, Mode.POSITION, SystemStatus.CRITICAL), (3, Mode.RETURN, SystemStatus.CRITICAL),
      (4, Mode.LAND, SystemStatus.CRITICAL), (5, Mode.HOLD, SystemStatus.CRITICAL),
-     (6, Mode.HOLD, SystemStatus.EMERGENCY), (7, Mode.HOLD, SystemStatus.STANDBY)],
+     (6, Mode.HOLD, SystemStatus.FLIGHT_TERMINATION), (7, Mode.HOLD, SystemStatus.STANDBY)],
 )  # fmt: skip
 def test_a_script_is_lost_to_the_tick_and_the_vehicle_does_what_it_was_told_to(
     armed, params, action, mode, status
@@ -314,6 +316,201 @@ def test_a_lost_script_does_not_come_back_by_itself(armed):
     assert system_status(armed) is SystemStatus.ACTIVE
 
 
+# --- a battery that runs low
+
+
+def drain(vehicle, remaining, from_us, seconds=1.5):
+    """Codes that are told in the air with so much charge left."""
+    vehicle.battery = Battery(20.0, 1.0, 14.4, remaining, 1e6)
+    told = fly(vehicle, from_us, from_us + round(seconds * 1e6), state())
+    return [told.code for _, told in told]
+
+
+LEVELS = {0.14: Code.BATTERY_LOW, 0.06: Code.BATTERY_CRITICAL, 0.04: Code.BATTERY_EMERGENCY}
+
+
+@pytest.mark.parametrize(
+    ("action", "modes"),
+    [
+        (0, [Mode.HOLD, Mode.HOLD, Mode.HOLD]),
+        (2, [Mode.HOLD, Mode.LAND, Mode.LAND]),
+        (3, [Mode.HOLD, Mode.RETURN, Mode.LAND]),
+    ],
+)
+def test_each_level_of_a_battery_is_told_once_and_acted_on(armed, params, action, modes):
+    params.set("COM_LOW_BAT_ACT", float(action), armed=True)
+    armed.set_home(HERE + Vec3(300.0, 0.0, 0.0))
+    was, at_us = Mode.HOLD, 0
+    for (remaining, code), mode in zip(LEVELS.items(), modes, strict=True):
+        entered = [Code.FAILSAFE_MODE] if mode is not was else []
+        assert drain(armed, remaining, at_us) == [code, *entered]
+        assert drain(armed, remaining + 0.02, at_us + 2_000_000) == []  # a hair more
+        assert drain(armed, remaining, at_us + 4_000_000) == []  # and again
+        assert armed.mode is mode
+        critical = mode is not Mode.HOLD
+        expected = SystemStatus.CRITICAL if critical else SystemStatus.ACTIVE
+        assert system_status(armed) is expected
+        was, at_us = mode, at_us + 6_000_000
+
+
+def test_a_battery_that_is_an_emergency_at_once_lands_without_a_return(armed, params):
+    params.set("COM_LOW_BAT_ACT", 3.0, armed=True)
+    assert drain(armed, 0.01, 0) == [Code.BATTERY_EMERGENCY, Code.FAILSAFE_MODE]
+    assert armed.mode is Mode.LAND
+
+
+def test_one_report_that_is_wrong_moves_nothing(armed, params):
+    params.set("COM_LOW_BAT_ACT", 2.0, armed=True)
+    assert drain(armed, 0.0, 0, 0.9) == []
+    assert drain(armed, 0.9, 1_000_000) == []
+    assert drain(armed, 0.0, 3_000_000, 0.9) == []
+    assert armed.mode is Mode.HOLD
+
+
+def test_a_second_counts_the_highest_charge_that_was_reported_in_it(armed, params):
+    params.set("COM_LOW_BAT_ACT", 2.0, armed=True)
+    assert drain(armed, 0.14, 0, 0.9) == []
+    assert drain(armed, 0.0, 902_000, 0.3) == [Code.BATTERY_LOW]
+    assert drain(armed, 0.14, 1_204_000) == []
+    assert armed.mode is Mode.HOLD
+
+
+def test_a_second_in_the_air_does_not_begin_on_the_ground(vehicle, params):
+    on_ground = state(Vec3(1.0, 2.0, 0.0), Omega=0.0)
+    fly(vehicle, 0, 1_000_000, on_ground)
+    assert vehicle.arm(1_000_000, 1.0).granted
+    vehicle.battery = Battery(20.0, 1.0, 14.4, 0.1, 1e6)
+    assert Code.BATTERY_LOW not in [
+        t.code for _, t in fly(vehicle, 1_002_000, 3_000_000, on_ground)
+    ]
+    assert vehicle.on_ground
+    assert drain(vehicle, 0.1, 3_002_000, 0.9) == []
+    assert drain(vehicle, 0.1, 3_904_000, 0.2) == [Code.BATTERY_LOW]
+
+
+def test_a_take_off_is_refused_with_a_critical_charge(vehicle):
+    on_ground = state(Vec3(1.0, 2.0, 0.0), Omega=0.0)
+    fly(vehicle, 0, 1_000_000, on_ground)
+    assert vehicle.arm(1_000_000, 1.0).granted
+    vehicle.battery = Battery(20.0, 1.0, 14.4, 0.06, 1e6)
+    refusal = refused(Code.CHARGE_CRITICAL, pytest.approx(6.0))
+    assert vehicle.take_off(None, 1_000_000, 1.0) == refusal
+    assert vehicle.select(Mode.TAKEOFF, 1_000_000, 1.0) == refusal
+    assert vehicle.mode is Mode.HOLD
+
+
+def test_a_critical_battery_does_not_end_a_landing(armed, params):
+    params.set("COM_LOW_BAT_ACT", 3.0, armed=True)
+    assert armed.select(Mode.LAND, 0, 0.0).granted
+    assert drain(armed, 0.06, 0) == [Code.BATTERY_CRITICAL]
+    assert armed.mode is Mode.LAND
+
+
+def test_a_landing_of_a_script_goes_on_when_the_battery_is_critical(vehicle, params):
+    params.set("COM_LOW_BAT_ACT", 3.0, armed=True)
+    fly(vehicle, 0, 1_000_000, state(HERE - Vec3(0.0, 0.0, 0.8), Omega=0.0))
+    assert vehicle.arm(1_000_000, 1.0).granted
+    vehicle.set_home(HERE + Vec3(300.0, 0.0, 0.0))
+    below = THERE._replace(r_c=HERE - Vec3(0.0, 0.0, 5.0), v_c=ZERO, a_c=ZERO, psi_dot_c=0.0)
+    stream(vehicle, 1_000_000, 1_100_000, setpoint=below)
+    assert vehicle.select(Mode.OFFBOARD, 1_100_000, 1.1).granted
+    vehicle.battery = Battery(20.0, 1.0, 14.4, 0.06, 1e6)
+    told, landing = [], []
+    for t_us in range(1_200_000, 2_600_000, TICK):
+        if t_us % 100_000 == 0:
+            stream(vehicle, t_us, setpoint=below)
+        falls = Vec3(0.0, 0.0, -0.3)
+        sinking = state(HERE + (t_us * 1e-6 - 1.2) * falls, falls)
+        told += [told.code for told in vehicle.observe(sinking, t_us, t_us * 1e-6)]
+        landing.append(vehicle.is_landing)
+    assert Code.BATTERY_CRITICAL in told
+    assert all(landing[100:])
+    assert vehicle.mode is Mode.LAND
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"), [(0, Mode.POSITION), (3, Mode.LAND), (4, Mode.LAND), (5, Mode.HOLD)]
+)
+def test_a_script_that_is_lost_on_the_ground_it_has_met_leaves_the_vehicle_at_rest(
+    vehicle, params, action, mode
+):
+    """Between touch-down and landed: a vehicle that held its position there would lean."""
+    hindered = state(HERE + Vec3(0.0, 0.0, 0.3))
+    params.set("COM_OBL_RC_ACT", float(action), armed=True)
+    fly(vehicle, 0, 1_000_000, state(HERE, Omega=0.0))
+    assert vehicle.arm(1_000_000, 1.0).granted
+    vehicle.set_home(HERE + Vec3(300.0, 0.0, 0.0))
+    below = THERE._replace(r_c=HERE - Vec3(0.0, 0.0, 5.0), v_c=ZERO, a_c=ZERO, psi_dot_c=0.0)
+    stream(vehicle, 1_000_000, 1_100_000, setpoint=below)
+    assert vehicle.select(Mode.OFFBOARD, 1_100_000, 1.1).granted
+    for t_us in range(1_200_000, 2_400_000, TICK):
+        if t_us % 100_000 == 0:
+            stream(vehicle, t_us, setpoint=below)
+        vehicle.observe(hindered, t_us, t_us * 1e-6)
+    rests = vehicle.setpoint
+    assert rests.level > 0.0  # no position is held
+    assert not vehicle.on_ground
+    told = fly(vehicle, 2_400_000, 3_500_000, hindered)
+    assert Code.OFFBOARD_LOST_MODE in [told.code for _, told in told]
+    assert (vehicle.mode, vehicle.setpoint) == (mode, rests)
+    assert system_status(vehicle) is SystemStatus.CRITICAL
+
+
+def test_a_pilot_takes_over_and_a_lost_script_returns_though_it_was_to_hold(armed, params):
+    params.set("COM_LOW_BAT_ACT", 3.0, armed=True)
+    drain(armed, 0.06, 0)
+    stream(armed, 2_000_000, 2_100_000)
+    assert armed.select(Mode.OFFBOARD, 2_100_000, 2.1).granted
+    assert armed.mode is Mode.OFFBOARD
+    assert system_status(armed) is SystemStatus.ACTIVE
+    told = fly(armed, 3_102_000, 3_110_000)
+    assert [(told.code, told.values[1]) for _, told in told] == [
+        (Code.OFFBOARD_LOST_MODE, Mode.RETURN.value)
+    ]
+    assert armed.mode is Mode.RETURN
+    assert system_status(armed) is SystemStatus.CRITICAL
+
+
+def acts(monkeypatch, condition, action):
+    """Have a condition take an action, whatever the parameters say."""
+    monkeypatch.setitem(ROWS, condition, ROWS[condition]._replace(action=Always(action)))
+
+
+def test_a_hold_ends_the_way_to_another_place_that_is_flown_in_hold(armed, monkeypatch):
+    acts(monkeypatch, Condition.BATTERY_CRITICAL, Action.HOLD)
+    assert armed.reposition(HERE + Vec3(100.0, 0.0, 0.0), None, 0).granted
+    assert armed.mode is Mode.HOLD
+    assert drain(armed, 0.06, 0) == [Code.BATTERY_CRITICAL, Code.FAILSAFE_MODE]
+    fly(armed, 1_502_000, 20_000_000)
+    assert plans.length(armed.led_to(20_000_000) - HERE) < 20.0
+
+
+def test_a_pilot_who_has_taken_over_is_not_overruled_by_a_warning(armed, params, monkeypatch):
+    acts(monkeypatch, Condition.BATTERY_EMERGENCY, Action.WARN)
+    params.set("COM_LOW_BAT_ACT", 3.0, armed=True)
+    armed.set_home(HERE + Vec3(300.0, 0.0, 0.0))
+    drain(armed, 0.06, 0)
+    assert armed.mode is Mode.RETURN
+    assert armed.select(Mode.HOLD, 2_000_000, 2.0).granted
+    assert drain(armed, 0.01, 2_002_000) == [Code.BATTERY_EMERGENCY]
+    assert armed.mode is Mode.HOLD
+
+
+def test_a_condition_with_no_action_is_not_told(armed, monkeypatch):
+    acts(monkeypatch, Condition.BATTERY_LOW, Action.NONE)
+    assert drain(armed, 0.1, 0) == []
+
+
+def test_disarmed_or_on_the_ground_a_battery_is_not_acted_on_and_disarming_forgets(vehicle, params):
+    params.set("COM_LOW_BAT_ACT", 2.0, armed=True)
+    assert drain(vehicle, 0.1, 0) == []
+    assert vehicle.arm(2_000_000, 2.0).granted
+    assert drain(vehicle, 0.1, 2_000_000) == [Code.BATTERY_LOW]
+    assert vehicle.disarm(4_000_000, forced=True).granted
+    assert vehicle.arm(4_002_000, 4.0).granted
+    assert drain(vehicle, 0.1, 4_004_000) == [Code.BATTERY_LOW]
+
+
 # --- what is laid down
 
 
@@ -333,10 +530,23 @@ def test_a_reposition_leads_there_within_the_speed_and_holds(armed):
 
 def test_speed_is_changed_within_its_limit(armed):
     assert armed.change_speed(2.0).granted
-    assert armed.change_speed(50.0) == refused(Code.SPEED_RANGE, 50.0, 12.0)
+    assert armed.change_speed(0.05) == refused(Code.SPEED_RANGE, 0.05, 12.0)
     armed.reposition(HERE + Vec3(30.0, 0.0, 0.0), None, 0)
     armed.observe(state(), 5_000_000, 0.0)
     assert armed.setpoint.v_c.x == pytest.approx(2.0)
+
+
+def test_a_speed_above_the_limit_is_limited_and_said(armed):
+    told = Told(Code.SPEED_LIMITED, (50.0, 12.0))
+    assert armed.change_speed(50.0) == Answer(True, told)
+    assert armed.cruise == 12.0
+    assert armed.change_speed(1.0).granted and armed.cruise == 1.0
+    assert armed.change_speed(-1.0).granted and armed.cruise is None
+
+
+def test_a_place_that_is_gone_to_too_fast_is_gone_to_at_the_limit_and_that_is_said(armed):
+    answer = armed.reposition(HERE + Vec3(30.0, 0.0, 0.0), None, 0, speed=50.0)
+    assert answer == Answer(True, Told(Code.SPEED_LIMITED, (50.0, 12.0)))
 
 
 def test_a_return_climbs_goes_home_and_lands(armed):
@@ -395,3 +605,49 @@ def test_a_generator_stops_first(armed, mode):
     a = armed.feasibility.pace.acceleration
     assert 0.5 < a < 3.0  # MPC_ACC_HOR is more than the guard leaves
     assert armed.setpoint.a_c.x == pytest.approx(-a, abs=0.01)
+
+
+# --- the ground, after a flight
+
+
+def test_after_a_landing_it_is_disarmed_after_the_time_that_is_set_and_no_sooner(vehicle, params):
+    params.set("COM_DISARM_LAND", 2.0, armed=True)
+    on_ground = state(Vec3(1.0, 2.0, 0.0), Omega=0.0)
+    fly(vehicle, 0, 1_000_000, on_ground)
+    assert vehicle.arm(1_000_000, 1.0).granted
+    fly(vehicle, 1_002_000, 3_000_000, state(Vec3(1.0, 2.0, 3.0)))
+    told = fly(vehicle, 3_002_000, 9_000_000, on_ground)
+    (landed,) = (t_us for t_us, told in told if told.code is Code.LANDED)
+    (disarmed,) = (t_us for t_us, told in told if told.code is Code.DISARMED_LANDED)
+    assert disarmed - landed == pytest.approx(2_000_000, abs=40_000)
+
+
+def test_a_take_off_that_is_granted_after_a_landing_is_not_ended_by_the_wait_of_the_landing(
+    vehicle, params
+):
+    params.set("COM_DISARM_LAND", 2.0, armed=True)
+    on_ground = state(Vec3(1.0, 2.0, 0.0), Omega=0.0)
+    fly(vehicle, 0, 1_000_000, on_ground)
+    assert vehicle.arm(1_000_000, 1.0).granted
+    fly(vehicle, 1_002_000, 3_000_000, state(Vec3(1.0, 2.0, 3.0)))
+    t_us = 3_002_000
+    while not vehicle.on_ground:
+        vehicle.observe(on_ground, t_us, t_us * 1e-6)
+        t_us += TICK
+    fly(vehicle, t_us, t_us + 1_900_000, on_ground)
+    t_us += 1_902_000
+    assert vehicle.take_off(None, t_us, t_us * 1e-6).granted
+    fly(vehicle, t_us, t_us + 300_000, on_ground)
+    assert vehicle.armed
+
+
+def test_a_velocity_goes_on_from_where_the_setpoint_is_by_now(armed):
+    moving = THERE._replace(r_c=HERE, v_c=Vec3(1.0, 0.0, 0.0), a_c=ZERO, psi_dot_c=0.0)
+    stream(armed, 10_000_000, 10_100_000, setpoint=moving)
+    assert armed.select(Mode.OFFBOARD, 10_100_000, 10.1).granted
+    armed.observe(state(HERE + Vec3(0.9, 0.0, 0.0)), 10_200_000, 10.2)
+    asked = PositionRequest(None, Vec3(0.0, 1.0, 0.0), None, None, 0.0)
+    made, told = armed.resolve(asked, 11_100_000)
+    assert told is None
+    assert made.r_c == pytest.approx(HERE + Vec3(1.0, 0.0, 0.0))
+    assert made.v_c == Vec3(0.0, 1.0, 0.0)

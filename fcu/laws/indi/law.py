@@ -8,22 +8,26 @@ from typing import Any, NamedTuple
 
 from fcu.interface.messages import RotorCommand
 from fcu.interface.parameter import Parameter, Part, group
-from fcu.kernel.algebra import Quat, Rotors, Vec3, clip, clip3, dot, maximum, norm, select, select3
+from fcu.kernel.algebra import Quat, Rotors, Vec3, dot, maximum, norm, select, select3
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, normalised, rotate_back
 from fcu.laws import scales
 from fcu.laws.allocation import RotorParams, achieved, allocate, mean_squares, speed_command
 from fcu.laws.demand import (
     G,
+    asked_tilt,
     axis_of,
     tilt_of,
+    trimmed,
     turned_with,
     velocity_towards,
+    within_thrust,
     within_tilt,
     yaw_error,
 )
-from fcu.laws.face import Limits, Outputs, Pace, Reference, Saturation
+from fcu.laws.face import Limits, Pace
 from fcu.laws.filter import Filtered, low_pass
+from fcu.laws.outputs import without_reference
 
 
 class Params(NamedTuple):
@@ -186,16 +190,14 @@ def step(state, params, setpoint, measured):
 @kernel
 def sensed(state, params, setpoint, measured):
     """The State with this tick's measurement filtered: what the last tick did to the vehicle."""
-    h, limits = params.h, params.limits
+    h = params.h
     R_EB = matrix(measured.q_EB)
     Omega2 = mean_squares(params.rotors, state.Omega, measured.Omega)
     T, tau = achieved(params.rotors, Omega2)
     a = (measured.v_E - state.v) / h  # (16) departure 1
     alpha = (measured.w_B - state.w) / h
     f = (0.5 * T / params.m) * (state.e3 + R_EB.e3)
-    inside = (state.T_c > limits.T_min) & (state.T_c < limits.T_max)
-    gain = h * select(inside, params.trim_rate, 0.0)
-    most = 0.3 * G * params.m
+    gain, most = h * params.trim_rate, 0.3 * G * params.m
     return State(
         v=measured.v_E,
         w=measured.w_B,
@@ -207,7 +209,7 @@ def sensed(state, params, setpoint, measured):
         tau_f=low_pass(state.tau_f, tau, params.cutoff_w, h),
         a_ref_f=low_pass(state.a_ref_f, setpoint.a_c, params.cutoff_j, h),  # departure 2
         T_c=state.T_c,
-        T_trim=clip(state.T_trim + gain * (state.T_c - T), -most, most),  # (36) departure 3
+        T_trim=trimmed(params.limits, state.T_trim, gain, most, state.T_c, T),  # (36) departure 3
     )
 
 
@@ -230,14 +232,12 @@ def command(state, params, setpoint, measured):
     f_c = state.f_f.x + a_c - state.a_f.x  # (20)
     F, narrowed = within_tilt(params.m * f_c, 0.25 * G * params.m, limits.phi_star)
     T_0 = select(by_angle, setpoint.T_c, dot(F, R_EB.e3))  # (21) departure 5
-    T_c = clip(T_0, limits.T_min, limits.T_max)
+    T_c, thrust_cut = within_thrust(limits, T_0)
 
     # the thrust's axis, from the position or from the setpoint
-    asked = setpoint.tilt_c
-    tilt = clip3(asked, -limits.phi_star, limits.phi_star)
+    tilt, past = asked_tilt(limits, setpoint)
     axis = select3(by_angle, axis_of(tilt.x, tilt.y, angles.z), F / norm(F))
     axis = select3(by_rate, R_EB.e3, axis)
-    past = select((tilt.x != asked.x) | (tilt.y != asked.y), 1.0, 0.0)
     cut = select(by_rate, 0.0, select(by_angle, past, narrowed))
     psi_c = select(by_rate, angles.z, setpoint.psi_c)
     phi_c, theta_c = tilt_of(axis, psi_c)
@@ -254,20 +254,9 @@ def command(state, params, setpoint, measured):
     thrusts, gave_up = allocate(rotors, T_c + state.T_trim, tau_c)  # (33) departure 8
     u = speed_command(rotors, thrusts, measured.Omega)
 
-    T_achieved, _ = achieved(rotors, measured.Omega * measured.Omega)
-    none = Vec3(math.nan, math.nan, math.nan)
-    outputs = Outputs(
-        reference=Reference(r_m=none, v_m=none),
-        e_r=none,
-        T_c=T_c,
-        T_achieved=T_achieved,
-        angles=angles,
-        angles_c=Vec3(phi_c, theta_c, psi_c),
-        w_c=w_c,
-        thrusts=thrusts,
-        saturation=Saturation(
-            thrust=select(T_c != T_0, 1.0, 0.0), tilt=cut, torque=gave_up.torque, yaw=gave_up.yaw
-        ),
+    angles_c = Vec3(phi_c, theta_c, psi_c)
+    outputs = without_reference(
+        rotors, measured, T_c, angles, angles_c, w_c, thrusts, thrust_cut, cut, gave_up
     )
     internals = Internals(
         a_c=a_c,

@@ -8,25 +8,25 @@ from typing import Any, NamedTuple
 
 from fcu.interface.messages import RotorCommand
 from fcu.interface.parameter import Parameter, Part, group
-from fcu.kernel.algebra import (
-    Rotors,
-    Vec3,
-    clip,
-    clip3,
-    cross,
-    dot,
-    maximum,
-    norm,
-    select,
-    select3,
-)
+from fcu.kernel.algebra import Rotors, Vec3, clip3, cross, dot, maximum, norm, select, select3
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import Matrix, euler, matrix, rotate, rotate_back, wrap
 from fcu.laws import scales
 from fcu.laws.allocation import RotorParams, achieved, allocate, mean_squares, speed_command
-from fcu.laws.demand import G, axis_of, tilt_of, velocity_towards, within_tilt, yaw_error
-from fcu.laws.face import Limits, Outputs, Pace, Reference, Saturation
+from fcu.laws.demand import (
+    G,
+    asked_tilt,
+    axis_of,
+    tilt_of,
+    trimmed,
+    velocity_towards,
+    within_thrust,
+    within_tilt,
+    yaw_error,
+)
+from fcu.laws.face import Limits, Pace
 from fcu.laws.filter import Filtered, low_pass
+from fcu.laws.outputs import without_reference
 
 LEFT, TILTED = "left", "tilted"
 
@@ -216,7 +216,7 @@ def piecewise_constant(a, h):
 @kernel
 def learnt(state, params, setpoint, measured):
     """The State with what the last tick taught: prediction, adaptation, low-pass filters."""
-    h, m, J, limits = params.h, params.m, params.J, params.limits
+    h, m, J = params.h, params.m, params.J
     R_EB = matrix(measured.q_EB)
     last = state.predictor
     T, tau = achieved(params.rotors, mean_squares(params.rotors, state.Omega, measured.Omega))
@@ -246,8 +246,7 @@ def learnt(state, params, setpoint, measured):
         M2=f.M2 + k_2 * (M1 - f.M2),  # (11)
     )
 
-    inside = (state.T_c > limits.T_min) & (state.T_c < limits.T_max)
-    gain, most = h * select(inside, params.trim_rate, 0.0), 0.3 * G * m
+    gain, most = h * params.trim_rate, 0.3 * G * m
     return State(
         v=measured.v_E,
         w=measured.w_B,
@@ -257,7 +256,7 @@ def learnt(state, params, setpoint, measured):
         filters=filters,
         a_ref_f=low_pass(state.a_ref_f, setpoint.a_c, params.cutoff_j, h),  # departure 4
         T_c=state.T_c,
-        T_trim=clip(state.T_trim + gain * (state.T_c - T), -most, most),  # departure 2
+        T_trim=trimmed(params.limits, state.T_trim, gain, most, state.T_c, T),  # departure 2
     )
 
 
@@ -330,109 +329,156 @@ def attitude_error(R_c, R):
 @kernel
 def command(state, params, setpoint, measured):
     """The rest of a tick: from position to the rotors, with the estimates as they stand."""
-    limits, rotors, J, m = params.limits, params.rotors, params.J, params.m
-    R_EB, w = matrix(measured.q_EB), measured.w_B
+    filters, R_EB, by_angle = state.filters, matrix(measured.q_EB), setpoint.level > 0.5
     angles = euler(R_EB)
-    by_angle, by_rate = setpoint.level > 0.5, setpoint.level > 1.5
-    filters = state.filters
 
-    # demanded force, and how it moves with the acceleration that model and estimate give
+    force = demanded_force(state, params, setpoint, measured, R_EB)
+    target = commanded_attitude(params, setpoint, R_EB, angles, force)
+    base = baseline(params, setpoint, measured, R_EB, target)
+
+    # with the adaptive part
+    along = (1.0 - params.tilted) * filters.T
+    T_0 = select(by_angle, setpoint.T_c, force.f_b - along)  # (7) (11)
+    T_c, thrust_cut = within_thrust(params.limits, T_0)
+    tau_c = base.M_b - filters.M2  # (7) (11)
+    thrusts, gave_up = allocate(params.rotors, T_c + state.T_trim, tau_c)  # departure 7
+    u = speed_command(params.rotors, thrusts, measured.Omega)
+
+    outputs = without_reference(
+        params.rotors, measured, T_c, angles, target.angles, base.w_c, thrusts, thrust_cut,
+        target.cut, gave_up,
+    )  # fmt: skip
+    internals = recorded(params, state.predictor, R_EB, force, target, base, tau_c)
+    return commanding(state, T_c), RotorCommand(u=u), outputs, internals
+
+
+class Force(NamedTuple):
+    """The demanded force, and its derivatives by model and estimate."""
+
+    F_d: Vec3  # N, E
+    F_dot: Vec3  # N/s, E
+    F_ddot: Vec3  # N/s^2, E
+    f_b: float  # its part along the thrust axis, N
+    cut: float  # 1 if the tilt limit cut it
+
+
+@kernel
+def demanded_force(state, params, setpoint, measured, R_EB):
+    """The Force that leads to the setpoint."""
+    m, w, f, a_ref_dot = params.m, measured.w_B, state.filters.f, state.a_ref_f.x_dot
     v_c, slope = velocity_towards(
         setpoint.r_c - measured.r_E, params.k_p / params.k_v, params.a_brake
     )
     e_v = measured.v_E - setpoint.v_c
     F_0 = (
-        m * (setpoint.a_c + params.k_v * (v_c - e_v) + Vec3(0.0, 0.0, G))
-        - params.tilted * filters.f
+        m * (setpoint.a_c + params.k_v * (v_c - e_v) + Vec3(0.0, 0.0, G)) - params.tilted * f
     )  # (1) departure 3, 8
-    F_d, cut = within_tilt(F_0, 0.25 * G * m, limits.phi_star)
+    F_d, cut = within_tilt(F_0, 0.25 * G * m, params.limits.phi_star)
     f_b = dot(F_d, R_EB.e3)  # (2)
-    e_a = (f_b * R_EB.e3 + filters.f) / m + Vec3(0.0, 0.0, -G) - setpoint.a_c  # departure 4
-    F_dot = m * (state.a_ref_f.x_dot - params.k_v * (slope * e_v + e_a))
+    e_a = (f_b * R_EB.e3 + f) / m + Vec3(0.0, 0.0, -G) - setpoint.a_c  # departure 4
+    F_dot = m * (a_ref_dot - params.k_v * (slope * e_v + e_a))
     e3_dot = w.y * R_EB.e1 - w.x * R_EB.e2
     f_dot = dot(F_dot, R_EB.e3) + dot(F_d, e3_dot)
-    e_j = (f_dot / m) * R_EB.e3 + (f_b / m) * e3_dot - state.a_ref_f.x_dot
+    e_j = (f_dot / m) * R_EB.e3 + (f_b / m) * e3_dot - a_ref_dot
     F_ddot = -m * (params.k_v * (slope * e_a + e_j))
+    return Force(F_d=F_d, F_dot=F_dot, F_ddot=F_ddot, f_b=f_b, cut=cut)
 
-    # commanded attitude, from the position or from the setpoint
-    asked = setpoint.tilt_c
-    tilt = clip3(asked, -limits.phi_star, limits.phi_star)
-    still = by_angle | (cut > 0.5)
-    axis = select3(by_angle, axis_of(tilt.x, tilt.y, angles.z), F_d)
+
+class Target(NamedTuple):
+    """The commanded attitude, of the position or of the setpoint, and what is fed forward of its turn."""
+
+    R: Matrix
+    w: Vec3  # rad/s, in its own axes
+    w_dot: Vec3  # rad/s^2, in its own axes
+    angles: Vec3  # phi_c, theta_c, psi_c, rad
+    cut: float  # 1 if the tilt limit cut it
+    fed_cut: float  # 1 if it turns faster than is fed forward
+
+
+@kernel
+def commanded_attitude(params, setpoint, R_EB, angles, force):
+    """The Target that points the thrust along a Force, or that a setpoint below the position level gives."""
+    by_angle, by_rate = setpoint.level > 0.5, setpoint.level > 1.5
+    tilt, past = asked_tilt(params.limits, setpoint)
+    axis = select3(by_angle, axis_of(tilt.x, tilt.y, angles.z), force.F_d)
     axis = select3(by_rate, R_EB.e3, axis)
-    fed = select(still, 0.0, 1.0)
-    b3 = unit(axis, fed * F_dot, fed * F_ddot)
+    fed = select(by_angle | (force.cut > 0.5), 0.0, 1.0)
+    b3 = unit(axis, fed * force.F_dot, fed * force.F_ddot)
     c, e_psi = params.k_R.z / params.k_w.z, wrap(setpoint.psi_c - angles.z)
     e_psi = yaw_error(e_psi, c, params.yaw_acceleration, params.yaw_rate_max)  # departure 6
     psi_c = select(by_rate, angles.z, setpoint.psi_c)
     psi_now = select(by_rate, angles.z, angles.z + e_psi)
     target = commanded(b3, psi_now, select(by_rate, 0.0, setpoint.psi_dot_c))
     most = params.w_feed_max
-    w_fed = clip3(target.w, -most, most)  # departure 4
-    fed_cut = (target.w.x != w_fed.x) | (target.w.y != w_fed.y) | (target.w.z != w_fed.z)
-    w_dot = select(fed_cut, 0.0, 1.0) * target.w_dot
-
-    # torque of the baseline
-    e_R = select3(by_rate, Vec3(0.0, 0.0, 0.0), attitude_error(target.R, R_EB))
-    w_d = select3(by_rate, setpoint.w_c, rotate_back(R_EB, rotate(target.R, w_fed)))
-    w_d_dot = select3(
-        by_rate, Vec3(0.0, 0.0, 0.0), rotate_back(R_EB, rotate(target.R, w_dot)) - cross(w, w_d)
-    )
-    e_w = w - w_d  # (5)
-    M_b = J * (w_d_dot - params.k_R * e_R - params.k_w * e_w) + cross(w, J * w)  # (6)
-
-    # with the adaptive part
-    along = (1.0 - params.tilted) * filters.T
-    T_0 = select(by_angle, setpoint.T_c, f_b - along)  # (7) (11)
-    T_c = clip(T_0, limits.T_min, limits.T_max)
-    tau_c = M_b - filters.M2  # (7) (11)
-    thrusts, gave_up = allocate(rotors, T_c + state.T_trim, tau_c)  # departure 7
-    u = speed_command(rotors, thrusts, measured.Omega)
-
-    T_achieved, _ = achieved(rotors, measured.Omega * measured.Omega)
+    w = clip3(target.w, -most, most)  # departure 4
+    fed_cut = (target.w.x != w.x) | (target.w.y != w.y) | (target.w.z != w.z)
     phi_c, theta_c = tilt_of(b3.u, psi_c)
-    past = select((tilt.x != asked.x) | (tilt.y != asked.y), 1.0, 0.0)
-    none = Vec3(math.nan, math.nan, math.nan)
-    outputs = Outputs(
-        reference=Reference(r_m=none, v_m=none),
-        e_r=none,
-        T_c=T_c,
-        T_achieved=T_achieved,
-        angles=angles,
-        angles_c=Vec3(phi_c, theta_c, psi_c),
-        w_c=w_d - params.k_R / params.k_w * e_R,
-        thrusts=thrusts,
-        saturation=Saturation(
-            thrust=select(T_c != T_0, 1.0, 0.0),
-            tilt=select(by_rate, 0.0, select(by_angle, past, cut)),
-            torque=gave_up.torque,
-            yaw=gave_up.yaw,
-        ),
-    )
-    s_v, s_w = state.predictor.s_v_hat, state.predictor.s_w_hat
-    internals = Internals(
-        F_d=F_d,
-        e_R=e_R,
-        e_w=e_w,
-        M_b=M_b,
-        tau_c=tau_c,
-        sigma_T=m * dot(R_EB.e3, s_v),  # (10)
-        sigma_M=J * s_w,  # (10)
-        sigma_um=Vec3(m * dot(R_EB.e1, s_v), m * dot(R_EB.e2, s_v), 0.0),  # (10)
+    return Target(
+        R=target.R,
+        w=w,
+        w_dot=select(fed_cut, 0.0, 1.0) * target.w_dot,
+        angles=Vec3(phi_c, theta_c, psi_c),
+        cut=select(by_rate, 0.0, select(by_angle, past, force.cut)),
         fed_cut=select(fed_cut, 1.0, 0.0),
     )
-    after = State(
+
+
+class Baseline(NamedTuple):
+    """The torque of the geometric baseline, and the errors that it closes."""
+
+    e_R: Vec3  # error of attitude, B
+    e_w: Vec3  # error of body rate, rad/s, B
+    w_c: Vec3  # body rate that closes the error of attitude, rad/s, B
+    M_b: Vec3  # N m, B
+
+
+@kernel
+def baseline(params, setpoint, measured, R_EB, target):
+    """The Baseline of a Target, or of a setpoint of body rates."""
+    J, w, zero, by_rate = params.J, measured.w_B, Vec3(0.0, 0.0, 0.0), setpoint.level > 1.5
+    e_R = select3(by_rate, zero, attitude_error(target.R, R_EB))
+    w_d = select3(by_rate, setpoint.w_c, rotate_back(R_EB, rotate(target.R, target.w)))
+    w_d_dot = rotate_back(R_EB, rotate(target.R, target.w_dot)) - cross(w, w_d)
+    w_d_dot = select3(by_rate, zero, w_d_dot)
+    e_w = w - w_d  # (5)
+    M_b = J * (w_d_dot - params.k_R * e_R - params.k_w * e_w) + cross(w, J * w)  # (6)
+    return Baseline(e_R=e_R, e_w=e_w, w_c=w_d - params.k_R / params.k_w * e_R, M_b=M_b)
+
+
+# --- what is remembered and recorded of a tick
+
+
+@kernel
+def commanding(state, T_c):
+    """The State with the commanded thrust T_c (N)."""
+    return State(
         v=state.v,
         w=state.w,
         e3=state.e3,
         Omega=state.Omega,
         predictor=state.predictor,
-        filters=filters,
+        filters=state.filters,
         a_ref_f=state.a_ref_f,
         T_c=T_c,
         T_trim=state.T_trim,
     )
-    return after, RotorCommand(u=u), outputs, internals
+
+
+@kernel
+def recorded(params, predictor, R_EB, force, target, base, tau_c):
+    """The Internals of a tick."""
+    m, s_v, s_w = params.m, predictor.s_v_hat, predictor.s_w_hat
+    return Internals(
+        F_d=force.F_d,
+        e_R=base.e_R,
+        e_w=base.e_w,
+        M_b=base.M_b,
+        tau_c=tau_c,
+        sigma_T=m * dot(R_EB.e3, s_v),  # (10)
+        sigma_M=params.J * s_w,  # (10)
+        sigma_um=Vec3(m * dot(R_EB.e1, s_v), m * dot(R_EB.e2, s_v), 0.0),  # (10)
+        fed_cut=target.fed_cut,
+    )
 
 
 def pace(params: Params) -> Pace:

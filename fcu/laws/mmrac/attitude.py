@@ -8,7 +8,7 @@ from typing import NamedTuple
 from fcu.kernel.algebra import Vec3, clip, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import Matrix, euler, matrix, wrap
-from fcu.laws.mmrac.approach import approach
+from fcu.laws.approach import approach
 
 
 class Attitude(NamedTuple):

@@ -7,12 +7,14 @@ achieved force differ, each form is a function of its own; which of them flies i
 from __future__ import annotations
 
 from fcu.interface.messages import RotorCommand
-from fcu.kernel.algebra import Rotors, Vec3, select
+from fcu.kernel.algebra import Vec3, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix
 from fcu.laws import allocation
 from fcu.laws.face import Outputs, Reference, Saturation
 from fcu.laws.mmrac import adaptation, attitude, entry, position, prediction, rates, reference_model
+from fcu.laws.mmrac.parameters import PARAMETERS, check, pace, printed
+from fcu.laws.mmrac.parameters import law_params as params
 from fcu.laws.mmrac.types import (
     Achieved,
     Demand,
@@ -20,10 +22,17 @@ from fcu.laws.mmrac.types import (
     Flags,
     Internals,
     Memory,
+    Params,
     PredictionError,
     Predictor,
     State,
 )  # fmt: skip
+from fcu.laws.outputs import at_rest
+
+__all__ = [
+    "GUARD", "PARAMETERS", "Internals", "Params", "State", "check", "idle", "pace", "params",
+    "printed", "step", "take_over",
+]  # fmt: skip  # what the shell knows of a law
 
 GUARD = "fcu.guard.guard"  # which the law is flown with
 
@@ -56,7 +65,7 @@ def command(state, params, setpoint, measured, error, T_trim):
 
     error : PredictionError of this tick.  T_trim : trim of thrust, N.
     """
-    estimates, memory, limits, rotors = state.estimates, state.memory, params.limits, params.rotors
+    estimates, memory, rotors = state.estimates, state.memory, params.rotors
     lies = attitude.measured(measured.q_EB)
 
     # force and tilt from the position, angle rates from the tilt
@@ -64,7 +73,7 @@ def command(state, params, setpoint, measured, error, T_trim):
         wanted = position.achieved(params, estimates, setpoint, measured, lies)
     else:
         wanted = position.demanded(params, estimates, setpoint, measured, lies)
-    force = entry.force(limits, estimates, setpoint, lies, wanted)
+    force = entry.force(params.limits, estimates, setpoint, lies, wanted)
     tilt_filter = attitude.filtered(params, memory.tilt_filter, force.angles_c)
     if params.achieved > 0.5:
         turn = attitude.achieved(params, lies, force.angles_c, tilt_filter, setpoint.psi_dot_c)
@@ -79,9 +88,38 @@ def command(state, params, setpoint, measured, error, T_trim):
     thrusts, gave_up = allocation.allocate(rotors, force.T_c + T_trim, tau_d)
     u = allocation.speed_command(rotors, thrusts, measured.Omega)
 
-    T_achieved, tau_a = allocation.achieved(rotors, measured.Omega * measured.Omega)
     reference = reference_model.shown(setpoint, measured, state.reference)
-    outputs = Outputs(
+    after = State(
+        reference=reference_model.followed(params, setpoint, measured, reference),
+        predictor=state.predictor,
+        estimates=estimates,
+        memory=remembered(measured, lies, force, f_wc, T_trim, tilt_filter),
+    )
+    outputs = outputs_of(params, measured, reference, lies, force, turn, thrusts, gave_up)
+    internals = recorded(params, estimates, measured, lies, error, force, turn, tau_d, T_trim)
+    return after, RotorCommand(u=u), outputs, internals
+
+
+@kernel
+def remembered(measured, lies, force, f_wc, T_trim, tilt_filter):
+    """The Memory of a tick for the next."""
+    return Memory(
+        f_c=force.f_c,
+        f_wc=f_wc,
+        T_c=force.T_c,
+        e3=lies.R_EB.e3,
+        w=measured.w_B,
+        Omega=measured.Omega,
+        T_trim=T_trim,
+        tilt_filter=tilt_filter,
+    )
+
+
+@kernel
+def outputs_of(params, measured, reference, lies, force, turn, thrusts, gave_up):
+    """The Outputs of a tick."""
+    T_achieved, _ = allocation.achieved(params.rotors, measured.Omega * measured.Omega)
+    return Outputs(
         reference=reference,
         e_r=measured.r_E - reference.r_m,
         T_c=force.T_c,
@@ -91,14 +129,20 @@ def command(state, params, setpoint, measured, error, T_trim):
         w_c=turn.w_c,
         thrusts=thrusts,
         saturation=Saturation(
-            thrust=position.at_limit(limits, force.T_c),
+            thrust=position.at_limit(params.limits, force.T_c),
             tilt=force.cut,
             torque=gave_up.torque,
             yaw=gave_up.yaw,
         ),
     )
+
+
+@kernel
+def recorded(params, estimates, measured, lies, error, force, turn, tau_d, T_trim):
+    """The Internals of a tick."""
+    T_achieved, tau_a = allocation.achieved(params.rotors, measured.Omega * measured.Omega)
     T_a = T_achieved * lies.R_EB.e3
-    internals = Internals(
+    return Internals(
         prediction=error,
         demand=Demand(f_c=force.f_c, T_0=force.T_0, T_d=force.T_d, tau_d=tau_d),
         achieved=Achieved(T_a=T_a, tau_a=tau_a, delta_u=T_a - force.T_d),  # (9)
@@ -109,22 +153,6 @@ def command(state, params, setpoint, measured, error, T_trim):
             trim=select(abs(T_trim) >= params.trim_max, 1.0, 0.0),
         ),
     )
-    after = State(
-        reference=reference_model.followed(params, setpoint, measured, reference),
-        predictor=state.predictor,
-        estimates=estimates,
-        memory=Memory(
-            f_c=force.f_c,
-            f_wc=f_wc,
-            T_c=force.T_c,
-            e3=lies.R_EB.e3,
-            w=measured.w_B,
-            Omega=measured.Omega,
-            T_trim=T_trim,
-            tilt_filter=tilt_filter,
-        ),
-    )
-    return after, RotorCommand(u=u), outputs, internals
 
 
 @kernel
@@ -180,7 +208,6 @@ def nothing_learnt(m_hat, J_hat):
 def idle(measured):
     """(state, outputs, internals) of a law that does not fly: it follows the measurement."""
     zero = Vec3(0.0, 0.0, 0.0)
-    angles = euler(matrix(measured.q_EB))
     reference = Reference(r_m=measured.r_E, v_m=measured.v_E)
     state = State(
         reference=reference,
@@ -197,21 +224,10 @@ def idle(measured):
             tilt_filter=zero,
         ),
     )
-    outputs = Outputs(
-        reference=reference,
-        e_r=zero,
-        T_c=0.0,
-        T_achieved=0.0,
-        angles=angles,
-        angles_c=angles,
-        w_c=zero,
-        thrusts=Rotors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        saturation=Saturation(thrust=0.0, tilt=0.0, torque=0.0, yaw=0.0),
-    )
     internals = Internals(
         prediction=PredictionError(v_til=zero, w_til=zero),
         demand=Demand(f_c=zero, T_0=zero, T_d=zero, tau_d=zero),
         achieved=Achieved(T_a=zero, tau_a=zero, delta_u=zero),
         flags=Flags(projected=0.0, tilt_rate=0.0, yaw_rate=0.0, trim=0.0),
     )
-    return state, outputs, internals
+    return state, at_rest(measured, reference, zero), internals

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fcu.interface.airframe import Airframe
+from fcu.interface.airframe import Airframe, G
 from fcu.interface.parameter import (
     Conversion,
     Parameter,
@@ -27,7 +27,6 @@ from fcu.laws.allocation import believed_rotors
 from fcu.laws.face import Pace
 from fcu.laws.mmrac.types import Params
 
-G = 9.81  # m/s^2
 ACHIEVED, DEMANDED = "achieved", "demanded"
 PREDICTIONS = {ACHIEVED: 1.0, DEMANDED: 0.0}
 
@@ -284,7 +283,7 @@ def law_params(
     return law
 
 
-def pace(law: Params, airframe: Mapping[str, Any]) -> Pace:
+def pace(law: Params) -> Pace:
     """What modes that lead the vehicle have to know of the law, which estimates its mass itself."""
     return Pace(f_m=law.f_m, yaw_rate_max=law.yaw_rate_max, T_hover=law.initial.m_hat_0 * law.g)
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
+from fcu.laws.demand import trimmed
 from fcu.laws.mmrac.reference_model import a_ref
 
 
@@ -122,8 +123,5 @@ def trim(params, memory, T_achieved):
     noise of the rotor command, and an uncalibrated thrust curve does the same. Off while
     the thrust is saturated.
     """
-    T_c, limits = memory.T_c, params.limits
-    inside = (T_c > limits.T_min) & (T_c < limits.T_max)
-    rate = select(inside, params.trim_rate, 0.0)
-    moved = memory.T_trim + params.h * rate * (T_c - T_achieved)  # departure 14
-    return clip(moved, -params.trim_max, params.trim_max)
+    gain, most = params.h * params.trim_rate, params.trim_max
+    return trimmed(params.limits, memory.T_trim, gain, most, memory.T_c, T_achieved)  # departure 14

@@ -7,7 +7,7 @@ README.md. E is Earth East-North-Up, B is body Forward-Left-Up, SI units through
 from __future__ import annotations
 
 import math
-from math import acos, asin, cos, nan, pi, sin, sqrt
+from math import acos, asin, cos, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -39,10 +39,11 @@ from fcu.kernel.rotations import (
     rotate_back,
 )
 from fcu.laws import scales
-from fcu.laws.allocation import RotorParams, achieved, allocate, speed_command
-from fcu.laws.face import Limits, Outputs, Pace, Reference, Saturation
+from fcu.laws.allocation import RotorParams, allocate, speed_command
+from fcu.laws.demand import G, asked_tilt, within_thrust
+from fcu.laws.face import Limits, Pace
+from fcu.laws.outputs import without_reference
 
-G = 9.81  # m/s^2
 I_FADES = math.radians(400.0)  # rad/s, error of a body rate at which nothing is integrated
 YAW_AUTO = math.radians(45.0)  # rad/s, MPC_YAWRAUTO_MAX: yaw of modes that lead the vehicle
 
@@ -242,13 +243,8 @@ def step(state, params, setpoint, measured):
     v_int = select3(at_position, v_int, state.v_int)
 
     T_asked = select(at_position, norm(T_E), setpoint.T_c)
-    T_c = clip(T_asked, limits.T_min, limits.T_max)
-    tilt = Vec3(
-        clip(setpoint.tilt_c.x, -limits.phi_star, limits.phi_star),
-        clip(setpoint.tilt_c.y, -limits.phi_star, limits.phi_star),
-        0.0,
-    )
-    past = (tilt.x != setpoint.tilt_c.x) | (tilt.y != setpoint.tilt_c.y)  # departure 2
+    T_c, T_cut = within_thrust(limits, T_asked)
+    tilt, past = asked_tilt(limits, setpoint)  # departure 2
     asked = select3(at_position, euler(attitude_of(T_E, setpoint.psi_c)), tilt)
     q_d = from_euler(asked.x, asked.y, setpoint.psi_c)
     angles = euler(R_EB)
@@ -264,18 +260,11 @@ def step(state, params, setpoint, measured):
     thrusts, gave_up = allocate(params.rotors, T_c, tau_c)  # departure 4
     u = speed_command(params.rotors, thrusts, measured.Omega)
 
-    none = Vec3(nan, nan, nan)
-    cut = Saturation(
-        thrust=select(at_position, thrust_cut, select(T_c != T_asked, 1.0, 0.0)),
-        tilt=select(at_position, tilt_cut, select(past & (not at_rates), 1.0, 0.0)),
-        torque=gave_up.torque,
-        yaw=gave_up.yaw,
+    thrust_cut = select(at_position, thrust_cut, T_cut)
+    tilt_cut = select(at_position, tilt_cut, select(at_rates, 0.0, past))
+    outputs = without_reference(
+        params.rotors, measured, T_c, angles, angles_c, w_c, thrusts, thrust_cut, tilt_cut, gave_up
     )
-    outputs = Outputs(
-        reference=Reference(r_m=none, v_m=none), e_r=none, T_c=T_c,
-        T_achieved=achieved(params.rotors, measured.Omega * measured.Omega)[0],
-        angles=angles, angles_c=angles_c, w_c=w_c, thrusts=thrusts, saturation=cut,
-    )  # fmt: skip
     refused = Vec3(gave_up.torque * unit.x, gave_up.torque * unit.y, gave_up.yaw * unit.z)
     after = State(
         v_E=v, v_dot=v_dot, v_int=v_int, w_B=w, w_dot=w_dot, w_int=w_int, tau_yaw=tau_yaw,

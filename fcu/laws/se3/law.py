@@ -7,18 +7,16 @@ East-North-Up, B is body Forward-Left-Up, SI units throughout; the paper's z axe
 from __future__ import annotations
 
 import math
-from math import cos, nan, sin, sqrt, tan
+from math import cos, sin, sqrt
 from typing import NamedTuple
 
 from fcu.interface.messages import RotorCommand
 from fcu.interface.parameter import Parameter, group
 from fcu.kernel.algebra import (
     Vec3,
-    clip,
     clip3,
     cross,
     dot,
-    hypot,
     maximum,
     minimum,
     norm,
@@ -28,10 +26,11 @@ from fcu.kernel.algebra import (
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import Matrix, euler, from_euler, matrix, rotate, rotate_back
 from fcu.laws import scales
-from fcu.laws.allocation import RotorParams, achieved, allocate, speed_command
-from fcu.laws.face import Limits, Outputs, Pace, Reference, Saturation
+from fcu.laws.allocation import RotorParams, allocate, speed_command
+from fcu.laws.demand import G, asked_tilt, within_thrust, within_tilt
+from fcu.laws.face import Limits, Pace
+from fcu.laws.outputs import without_reference
 
-G = 9.81  # m/s^2
 NEAR = 0.2  # rad, error of attitude below which it is integrated
 
 
@@ -170,12 +169,10 @@ def step(state, params, setpoint, measured):
     e_x, e_v, far = position_errors(params, setpoint, measured)
     A, tilted = force(params, state.e_i, e_x, e_v, setpoint.a_c)
     T_asked = select(at_position, params.m * dot(A, R.e3), setpoint.T_c)  # (19)
-    T_c = clip(T_asked, limits.T_min, limits.T_max)
-    thrust_cut = select(T_c != T_asked, 1.0, 0.0)
+    T_c, thrust_cut = within_thrust(limits, T_asked)
     held = (tilted > 0.0) | (thrust_cut > 0.0)
 
-    tilt = clip3(setpoint.tilt_c, -limits.phi_star, limits.phi_star)
-    past = (tilt.x != setpoint.tilt_c.x) | (tilt.y != setpoint.tilt_c.y)
+    tilt, past = asked_tilt(limits, setpoint)
     e = measured.r_E - setpoint.r_c
     followed = followed_attitude(params, setpoint, state.e_i, e, e_v, far, A, T_c, R, W, held)
     given = given_attitude(tilt, setpoint)
@@ -214,20 +211,12 @@ def step(state, params, setpoint, measured):
         select(yaws, state.e_I.z, grown.z),
     )  # fmt: skip
 
-    none = Vec3(nan, nan, nan)
     angles = euler(R)
-    cut = Saturation(
-        thrust=thrust_cut,
-        tilt=select(at_position, tilted, select(past & (not at_rates), 1.0, 0.0)),
-        torque=gave_up.torque,
-        yaw=gave_up.yaw,
+    angles_c = select3(at_rates, angles, euler(c.R))
+    tilt_cut = select(at_position, tilted, select(at_rates, 0.0, past))
+    outputs = without_reference(
+        params.rotors, measured, T_c, angles, angles_c, W_d, thrusts, thrust_cut, tilt_cut, gave_up
     )
-    outputs = Outputs(
-        reference=Reference(r_m=none, v_m=none), e_r=none, T_c=T_c,
-        T_achieved=achieved(params.rotors, measured.Omega * measured.Omega)[0],
-        angles=angles, angles_c=select3(at_rates, angles, euler(c.R)), w_c=W_d, thrusts=thrusts,
-        saturation=cut,
-    )  # fmt: skip
     internals = Internals(A=A, e_R=e_R, e_W=e_W, Psi=Psi, W_c=c.W, W_dot_c=c.W_dot, tau_c=tau_c)
     return State(e_i=e_i, e_I=e_I), RotorCommand(u=u), outputs, internals
 
@@ -283,11 +272,7 @@ def force(params, e_i, e_x, e_v, a_c):
     Kept upright first: its vertical part has a floor, its horizontal part shrinks to the limit.
     """
     A = unlimited(params, e_i, e_x, e_v, a_c)
-    A_z = maximum(A.z, params.A_z_min * G)
-    across = hypot(A.x, A.y)
-    most = A_z * tan(params.limits.phi_star)
-    k = minimum(1.0, most / maximum(across, 1e-9))
-    return Vec3(k * A.x, k * A.y, A_z), select((k < 1.0) | (A_z != A.z), 1.0, 0.0)  # departure 3
+    return within_tilt(A, params.A_z_min * G, params.limits.phi_star)  # departure 3
 
 
 @kernel

@@ -217,7 +217,7 @@ def bus(r: Readings, _width: int) -> Panel:
 def events(r: Readings, height: int) -> Panel:
     """What happened? `height`: lines inside the frame."""
     lines = [
-        Text(f"{event.t:8.2f}  {event.text}", style=_LEVEL.get(event.level, ""), no_wrap=True)
+        Text(f"{event.t:8.2f}  {event.shown}", style=_LEVEL.get(event.level, ""), no_wrap=True)
         for event in list(r.follower.events)[-height:]
     ]
     for line in lines:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +11,7 @@ from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.quantities import BY_TITLE, Limits
-from gcs_tools.recording.reader import Recording
+from gcs_tools.recording.reader import Recording, values_told
 from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Rows, Table
 
@@ -120,9 +119,5 @@ class Window:
 
     def truth(self, key: str) -> list[float] | None:
         """Numbers of the plant that the recording's metadata names, as `plant.drag`."""
-        written, _, _origin = self.metadata.get(key, "").rpartition(" (")
-        try:
-            value = ast.literal_eval(written)
-        except (ValueError, SyntaxError):
-            return None
+        value = values_told(self.metadata).get(key)
         return [float(v) for v in value] if isinstance(value, list) else None

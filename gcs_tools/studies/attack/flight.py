@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu import burst
 from fcu.guard import admission, margin
 from fcu.guard.parameters import REFUSE
 from fcu.guard.present import Beginning
@@ -25,7 +24,8 @@ from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.loader import LawError
 from fcu.laws.mmrac.types import Params
 from fcu.mavlink.plant_link import LONGEST
-from fcu.tick import Tick, beginning
+from fcu.process import burst
+from fcu.process.tick import Tick, beginning
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.joined import ENDED, RAISED, TICKS, together
 from gcs_tools.flight.scenario import Scenario

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.studies.attack.draws import Attack
 from gcs_tools.studies.attack.flight import Flown, Rows
 from gcs_tools.studies.attack.verdict import away, limits, transient_s

@@ -11,7 +11,7 @@ from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
 from fcu.guard.parameters import REFUSE
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.studies.attack.draws import Attack
 from gcs_tools.studies.attack.flight import Flown, Rows

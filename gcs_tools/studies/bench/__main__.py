@@ -78,10 +78,10 @@ def compiled(scene: Scenario, repeats: int) -> Iterator[Figure]:
     from fcu.kernel.algebra import Vec3
     from fcu.kernel.buffers import size, to_buffer
     from fcu.kernel.rows import column, slice_of
-    from fcu.tick import FLYING, Remembered, Tick, tick
+    from fcu.process.steps import law_steps
+    from fcu.process.tick import FLYING, Remembered, Tick, tick
     from gcs_tools.flight import law_alone
     from gcs_tools.judging.envelope import with_guard
-    from gcs_tools.studies.bench.law_loop import law_steps
     from gcs_tools.studies.bench.loops import margin_steps, plant_steps
 
     n, settings, world = scene.ticks, to_buffer(scene.settings), scene.world
@@ -189,7 +189,7 @@ def laws(repeats: int) -> Iterator[Figure]:
 
     for name in sorted(set(loader.SHIPPED) - {loader.DEFAULT}):
         scene = prepared(MISSION, law=name, rate_hz=RATE_HZ)[1]
-        ticks, loop = scene.flown.ticks, scene.flown.module("gcs_tools.studies.bench.law_loop")
+        ticks, loop = scene.flown.ticks, scene.flown.module("steps")
         rows = law_alone.fly(scene)[1]
         row, settings = rows[len(rows) // 2], to_buffer(scene.settings)
         remembered = np.zeros(size(ticks.Remembered))

@@ -56,12 +56,12 @@ def _reports(instance: int) -> float:
     """Median of a Reporter.report, s; with a publisher if there is one."""
     import numpy as np
 
-    from fcu.configuration import read_airframe, read_settings
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import RecorderPipe
     from fcu.laws import loader
     from fcu.parameters import Parameters
-    from fcu.reporting import Reporter, row_width
+    from fcu.process.configuration import read_airframe, read_settings
+    from fcu.process.reporting import Reporter, row_width
     from fcu.vehicle.state_machine import StateMachine
 
     law = loader.load()

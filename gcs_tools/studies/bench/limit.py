@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcu import burst as controller
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import ports
 from fcu.kernel import system
 from fcu.kernel.buffers import size
 from fcu.kernel.compile import kernel
 from fcu.mavlink.plant_link import LONGEST
+from fcu.process import burst as controller
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.processes import claimed
 from sitl_plant.burst import WIDTH, begin, finish

@@ -6,7 +6,7 @@ from fcu.guard import margin
 from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
-from fcu.tick import unpack_remembered, unpack_settings
+from fcu.process.tick import unpack_remembered, unpack_settings
 from sitl_plant.physics import dynamics, tick
 
 _unpack_measured = unpacker(VehicleState)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fcu.laws.mmrac.types import Params
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import EngagedTicks

@@ -1,12 +1,11 @@
-"""One control tick of law and guard: what is recorded of it, and the tick itself."""
+"""Once a law, `fcu.laws.seam` compiles this module: one control tick of law and guard."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import NamedTuple
 
-from fcu.guard import guard, present
-from fcu.guard.types import GuardInternals, GuardState
+from fcu.guard import present
 from fcu.interface.messages import RotorCommand, Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors
 from fcu.kernel.buffers import packer, size, unpacker
@@ -17,10 +16,16 @@ from fcu.laws.face import FLYING as FLYING
 from fcu.laws.face import IDLE as IDLE
 from fcu.laws.face import TAKE_OVER as TAKE_OVER
 from fcu.laws.face import Outputs
-from fcu.laws.mmrac import law
-from fcu.laws.mmrac.reference_model import carried
-from fcu.laws.mmrac.types import Internals, State
-from fcu.settings import Settings
+from fcu.laws.outputs import at_rest, no_reference
+from fcu.laws.setpoint import carried
+
+from .flown import guard, law
+from .settings import Settings
+
+State = law.State
+Internals = law.Internals
+GuardState = guard.GuardState
+GuardInternals = guard.GuardInternals
 
 
 class Remembered(NamedTuple):
@@ -76,10 +81,25 @@ def engaged_tick(t, engaged, remembered, settings, setpoint, measured):
     )
 
 
+_state, _internals = unpacker(State), unpacker(Internals)
+_NO_STATE, _NO_INTERNALS = (0.0,) * size(State), (0.0,) * size(Internals)
+
+
+@kernel
+def rest(measured):
+    """(state, outputs, internals) of a law that does not fly, and has no `idle` of its own: zeros."""
+    reference = no_reference()
+    outputs = at_rest(measured, reference, reference.r_m)
+    return _state(_NO_STATE), outputs, _internals(_NO_INTERNALS)
+
+
+_idle = getattr(law, "idle", rest)
+
+
 @kernel
 def idle_tick(t, setpoint, measured):
     """The Tick of a law that does not fly: it follows the measurement, and the rotors stand."""
-    state, outputs, internals = law.idle(measured)
+    state, outputs, internals = _idle(measured)
     guard_state, guarded = guard.idle(measured)
     return Tick(
         t=t,

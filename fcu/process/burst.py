@@ -14,16 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.messages import Battery, Setpoint, VehicleState
 from fcu.kernel import system
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.pointers import Pointer, address_of, call_law
-from fcu.kernel.rows import slice_of
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
+from fcu.vehicle.conditions import look
 from fcu.vehicle.position_filter import Filtered, quiet, take
-from fcu.vehicle.watch import quiet_look
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Integers = np.ndarray[Any, np.dtype[np.int64]]
@@ -36,6 +36,7 @@ LOAD_SMOOTHED = 1.0 / 256.0
 SAID = 300  # characters at most of what a law has raised
 
 _command = slice_of(SharedTick, "command")
+_REMAINING = column_of(Battery, "remaining")
 _FIRST_COMMAND, _END_COMMAND = _command.start, _command.stop
 
 
@@ -62,7 +63,7 @@ class Flight(NamedTuple):
     received: Buffer  # VehicleState, as it was parsed
     measured: Buffer  # VehicleState, as it is flown on
     filtered: Buffer  # vehicle.position_filter.Filtered, of which `measured` is a part
-    watch: Buffer  # vehicle.watch.Watch
+    watch: Buffer  # vehicle.conditions.Watch
     settings: Buffer
     setpoint: Buffer
     remembered: Buffer
@@ -78,7 +79,7 @@ def flight(
     """What flies by `settings`, on the ground and disarmed, before its first tick.
 
     h : control period, s.  remembered : size of the law's Remembered.  filtered : float64[n] of a
-    PositionFilter.  watch : float64[size(Watch)], see `quiet_look`.
+    PositionFilter.  watch : float64[size(Watch)], see `look`.
     """
     course = Course(
         system=codec.system, period_us=round(h * 1e6), h=h,
@@ -114,12 +115,12 @@ _put_answer_bytes = packer(Course, "answer_bytes")
 def tick(flight, law, datagram, length, row, decided_us):
     """One whole tick, if it is a quiet one: the length of its answer, which is in `flight`.
 
-    law : address of `fcu.tick.compiled()` of the law that is flown.  datagram : uint8[n], of which `length` bytes
+    law : address of `fcu.process.tick.compiled()` of the law that is flown.  datagram : uint8[n], of which `length` bytes
     were received.  row : float64[size(Tick) or more].
-    NOT_QUIET: nothing was done.  NOT_QUIET_FILTERED: the state was read and let through; Python
-    goes on with a look at it.  LAW_RAISED: there is no answer; `what_was_raised` says what.
+    NOT_QUIET: nothing was done.  NOT_QUIET_FILTERED: the state was read and let through, and a
+    look has found a condition, on which Python acts.  LAW_RAISED: there is no answer. `what_was_raised` says what.
     decided_us : the time of a tick for which Python has done all that,
-    and for which `measured` is flown on as it is; negative: there is none.
+    and for which `measured` is flown on as it is. Negative: there is none.
     """
     course, told = unpack_course(flight.course), flight.told
     time_us = np.int64(decided_us)
@@ -140,7 +141,10 @@ def tick(flight, law, datagram, length, row, decided_us):
         if told[2] != 0:
             flight.has_battery[0] = 1
         age = (time_us - course.since_us) * 1e-6
-        if not quiet_look(flight.watch, flight.measured, flight.setpoint, age, np.float64(time_us)):
+        remaining = flight.battery[_REMAINING] if flight.has_battery[0] != 0 else np.nan
+        if look(
+            flight.watch, flight.measured, flight.setpoint, age, remaining, np.float64(time_us)
+        ):
             return NOT_QUIET_FILTERED
     if decide(flight, law, course, time_us, row):
         return LAW_RAISED

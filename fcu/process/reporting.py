@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from fcu import wind
 from fcu.interface.diagnostics import Report, Status, fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import Tape
 from fcu.kernel.algebra import Vec3, maximum
-from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.buffers import columns, size, to_buffer
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.face import IDLE, SharedTick
+from fcu.laws.face import IDLE, TAKE_OVER, SharedTick
 from fcu.laws.loader import Law
-from fcu.laws.mmrac.types import State
+from fcu.process import wind
+from fcu.process.tick import State
 from fcu.services.status import MODES, landed_state, system_status
 from fcu.vehicle.state_machine import StateMachine
 
@@ -38,8 +38,9 @@ _WIND_FIRST = _WIND.start
 _ENGAGED = column_of(SharedTick, "engaged")
 _COMMAND = slice_of(SharedTick, "command")
 _FIRST_COMMAND, _END_COMMAND = _COMMAND.start, _COMMAND.stop
-# what every law tells of itself: all but its reference model, which it may not have
+# what every law has to compute: all but its reference model, which it may not have
 _FIRST_TOLD, _END_TOLD = column_of(SharedTick, "outputs.T_c"), size(SharedTick)
+_EXPONENT = 0x7FF0000000000000  # the bits that an infinity, or what is not a number, has all set
 
 
 def row_width(law: Law) -> int:
@@ -48,24 +49,36 @@ def row_width(law: Law) -> int:
 
 
 @kernel
-def is_finite(row):
-    """Whether all is finite that a law commands and tells in a Tick; what it tells of a reference apart."""
-    zero = 0.0
-    for i in range(_FIRST_COMMAND, _END_COMMAND):
-        zero += 0.0 * row[i]
-    for i in range(_FIRST_TOLD, _END_TOLD):
-        zero += 0.0 * row[i]
-    return zero == 0.0
+def note_computed(row, computed):
+    """Note in `computed` what a law computes as it takes over: the columns that are numbers then.
+
+    row : float64[n], a Tick.  computed : int64[n], 1 for a column that has to stay finite.
+    Command and outputs have to be numbers from the first tick on, but for the reference model.
+    """
+    bits = row.view(np.int64)
+    for i in range(_FIRST_COMMAND, len(computed)):
+        must = i < _END_COMMAND or _FIRST_TOLD <= i < _END_TOLD
+        computed[i] = 1 if must or (bits[i] & _EXPONENT) != _EXPONENT else 0
 
 
 @kernel
-def complete(rows, times, report, drag, at, tells_wind):
-    """Write the Reports of Ticks into their rows, from column `at` on; `report` goes on with them.
+def is_finite(row, computed):
+    """True if all is finite that a law computes in a Tick. Arguments as for `note_computed`."""
+    bits, strange = row.view(np.int64), 0
+    for i in range(_FIRST_COMMAND, len(computed)):
+        strange |= computed[i] & ((bits[i] & _EXPONENT) == _EXPONENT)
+    return strange == 0
+
+
+@kernel
+def complete(rows, times, report, drag, at, tells_wind, computed):
+    """Write the Reports of Ticks into their rows, from column `at` on. `report` goes on with them.
 
     rows : float64[n, width].  times : float64[n, 3], of each tick: when it was answered (wall,
     monotonic, s), how long that took (s), and the load.  report : Report (its buffer), of the next
     tick: `published` is what is added to a time, `cycle_max` is of those before.
-    drag : believed, float64[3], N/(m/s)^2, body axes.  tells_wind : whether the Ticks are fcu.tick's.
+    drag : believed, float64[3], N/(m/s)^2, body axes.  tells_wind : whether the Ticks are fcu.process.tick's.
+    computed : int64[at], of `note_computed`, renewed where a law takes over.
     Returns the first Tick of a law that flies at which it is not finite, -1 without one.
     """
     not_finite = -1
@@ -80,7 +93,9 @@ def complete(rows, times, report, drag, at, tells_wind):
         row[at + _CYCLE_MAX] = report[_CYCLE_MAX]
         if tells_wind:
             wind.read(row, drag, row[at + _WIND_FIRST : at + _WIND_FIRST + 3])
-        if not_finite < 0 and row[_ENGAGED] != IDLE and not is_finite(row):
+        if row[_ENGAGED] == TAKE_OVER:
+            note_computed(row, computed)
+        if not_finite < 0 and row[_ENGAGED] != IDLE and not is_finite(row, computed):
             not_finite = i
     return not_finite
 
@@ -97,6 +112,7 @@ class Reporter:
         self.tape = tape
         self.feed = feed
         self._drag = to_buffer(drag)
+        self._computed = np.zeros(self._at, dtype=np.int64)
         self._report = np.zeros(size(Report))  # what the next tick has of it already
         self._report[_WIND] = wind.NOT_KNOWN
         self._seen: tuple[Any, ...] = ()
@@ -118,8 +134,15 @@ class Reporter:
         self._complete(row[None], np.zeros((1, 3)), self._report.copy())
 
     def _complete(self, rows: Row, times: Row, report: Row) -> int:
-        first: int = complete(rows, times, report, self._drag, self._at, self._tells_wind)
+        first: int = complete(
+            rows, times, report, self._drag, self._at, self._tells_wind, self._computed
+        )
         return first
+
+    def not_finite(self, row: Row) -> tuple[str, ...]:
+        """Names of what the law computes that is not finite in a row, as recordings name it."""
+        names, bad = columns(self._law.ticks.Tick), ~np.isfinite(row[: self._at])
+        return tuple(names[i] for i in np.flatnonzero(bad & (self._computed != 0)))
 
     def report(
         self, rows: Row, times: Row, vehicle: StateMachine, off: float, resent: int, refused: int

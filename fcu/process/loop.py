@@ -11,28 +11,34 @@ from __future__ import annotations
 import gc
 import select
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from fcu.autopilot import TIMES, Autopilot, LawRaised, Lost, Row, say
-from fcu.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
+from fcu.interface import event_log
+from fcu.interface.event_log import Event
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told, words
 from fcu.kernel import system
+from fcu.kernel.compile import compile_for
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import LONGEST
 from fcu.parameters import Parameters
-from fcu.reporting import Reporter
+from fcu.process.autopilot import TIMES, Autopilot, LawRaised, Lost, Row, say
+from fcu.process.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
+from fcu.process.reporting import Reporter
 from fcu.services.ground_port import GroundPort
 from fcu.services.streams import Identity
+from fcu.vehicle.conditions import ROWS, Condition
+from fcu.vehicle.conditions import Row as ConditionRow
 from fcu.vehicle.state_machine import StateMachine
 
 __all__ = ["INFRASTRUCTURE", "OK", "Loop", "say"]
 
-WARN_S, END_S = 1.0, 5.0  # wall: a plant that has spoken and falls silent
+SILENCE, LOST = ROWS[Condition.PLANT_SILENT], ROWS[Condition.PLANT_LOST]  # by wall time
 PATIENCE_S = 0.02  # wall: how long a burst waits for a state
 RESET_AGAIN_S, RESET_S = 0.1, 2.0  # wall: a plant is asked to reset so often, for so long
 OK, INFRASTRUCTURE = 0, 3
@@ -45,19 +51,21 @@ class Loop:
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
         lifeline: int | None, sim_only: bool = False, file: Path | None = None,
         burst_ticks: int | None = None, resets: bool = False,
+        write: Callable[[Event], None] = event_log.write,
     ) -> None:  # fmt: skip
         """`lifeline`: a file descriptor whose end of file ends the loop.
 
         `sim_only`: simulation time alone decides. `file`: where parameters are saved.
-        `burst_ticks`: the most ticks of a burst; None: as many as the recorder takes at once.
-        `resets`: ground stations may reset the vehicle and its plant. Raises PortBusy.
+        `burst_ticks`: the most ticks of a burst. None: as many as the recorder takes at once.
+        `resets`: ground stations may reset the vehicle and its plant. `write`: takes an event. Raises PortBusy.
         """
         self._lifeline = lifeline
         self._reporter = reporter
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
         self._make = partial(
-            Autopilot, ports, identity, params, sim_only=sim_only, file=file, resets=resets
-        )
+            Autopilot, ports, identity, params, sim_only=sim_only, file=file, resets=resets,
+            write=write, fly_decided=self._fly_decided if system.HAS_LIBC else None,
+        )  # fmt: skip
         self._autopilot = self._make(reporter)
         self._most = burst_ticks
         self._reset_since = self._reset_due = 0.0  # wall: the plant was asked to; 0: it was not
@@ -72,8 +80,12 @@ class Loop:
         self._exit = OK
         self.law_raised: str | None = None  # why there was no going on, if it was that
 
-    def warm_up(self) -> None:
-        """Compile what a tick needs, by flying one that goes nowhere."""
+    def warm_up(self, wait_for_law: Callable[[], None] = lambda: None) -> None:
+        """Compile what a tick needs, by flying one that goes nowhere.
+
+        `wait_for_law`: called when all is compiled that does not hold the law.
+        """
+        reporter = self._reporter
         if system.HAS_LIBC:
             self._plant.let_wait(PATIENCE_S)
             served = [port.fileno() for port in self._autopilot.ground.ports]
@@ -82,17 +94,16 @@ class Loop:
                 link=np.array([self._plant.fileno()]), others=system.polled(*others),
                 datagram=self._datagram, due=np.zeros(1), scratch=np.zeros(2, dtype=np.int64),
             )  # fmt: skip
-        self._warm_up()
+            rows, times = np.zeros((1, reporter.width)), self._times[:1]
+            compile_for(serve, self._autopilot.flight, 0, self._wire, rows, times, -1)
+        reporter.warm_up(np.zeros(reporter.width))
+        wait_for_law()
+        self._autopilot.warm_up()
 
     @property
     def vehicle(self) -> StateMachine:
         """The vehicle: another one after a reset."""
         return self._autopilot.vehicle
-
-    def _warm_up(self) -> None:
-        if self._wire is not None:
-            self._autopilot.fly_decided = self._fly_decided  # type: ignore[method-assign]
-        self._autopilot.warm_up()
 
     def run(self) -> int:
         """Fly until told to stop; returns the exit code."""
@@ -126,13 +137,14 @@ class Loop:
             self._autopilot.idle(now)
             if self._autopilot.heard_s:
                 silent = now - self._autopilot.heard_s
-                if silent > END_S:
-                    self._tell_silence("error", END_S, Code.PLANT_SILENT_STOPS)
+                if silent > LOST.hold_us * 1e-6:
+                    self._tell_silence("error", LOST)
                     self._exit = INFRASTRUCTURE
                     break
-                if silent > WARN_S and not warned:
-                    self._tell_silence("warning", WARN_S)
-                warned = silent > WARN_S
+                late = silent > SILENCE.hold_us * 1e-6
+                if late and not warned:
+                    self._tell_silence("warning", SILENCE)
+                warned = late
         self._close()
         return self._exit
 
@@ -173,7 +185,7 @@ class Loop:
         self._reporter.tape.flush()
         self._reporter = self._autopilot.reporter.renewed()
         self._autopilot = self._make(self._reporter, before=self._autopilot)
-        self._warm_up()
+        self._autopilot.warm_up()
         gc.collect()  # what a reset has left: the objects of before the first flight are frozen
         self._autopilot.ground.tell(Told(Code.RESET))
 
@@ -256,10 +268,11 @@ class Loop:
         self._autopilot.say("error", why)
         self._exit, self.stopping = INFRASTRUCTURE, True
 
-    def _tell_silence(self, level: str, for_s: float, code: Code = Code.PLANT_SILENT) -> None:
-        self._autopilot.say(level, f"the plant has been silent for {for_s:.0f} s")
-        text = words(Told(code, (for_s,)))
-        self._autopilot.ground.streams.text(Severity.CRITICAL, text)
+    def _tell_silence(self, level: str, row: ConditionRow) -> None:
+        for_s = row.hold_us * 1e-6
+        self._autopilot.say(level, Told(Code.LINK_SILENT, (for_s,)))
+        text = words(Told(row.code, (for_s,)))
+        self._autopilot.ground.streams.text(Severity[row.severity], text)
 
     def _close(self) -> None:
         try:

@@ -1,17 +1,22 @@
-"""What law and guard are told: constant in flight; a changed value is a new Settings."""
+"""Once a law, `fcu.laws.seam` imports this module: what law and guard are told, and their table.
+
+Constant in flight. A changed value is a new Settings.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from fcu.guard import parameters as guard
-from fcu.guard.types import GuardParams
 from fcu.interface.airframe import Airframe
 from fcu.interface.parameter import Conversion, Parameter, Part, Value, flat
+from fcu.laws import parameters as of_law
 from fcu.laws.face import Pace
-from fcu.laws.mmrac import parameters as mmrac
-from fcu.laws.mmrac.types import Params
+
+from .flown import guard, law
+
+Params = law.Params
+GuardParams = guard.GuardParams
 
 
 class Settings(NamedTuple):
@@ -27,15 +32,15 @@ def settings(
     rate_hz: float,
     chosen: Mapping[str, Any] | None = None,
 ) -> Settings:
-    """Settings for an airframe and a control rate; arguments as for `law_params`.
+    """Settings for an airframe and a control rate. Arguments as for `law_params` of fcu/laws/parameters.py.
 
     `chosen`: values of PARAMETERS. Raises ParameterError, AirframeError.
     """
-    given, of_guard = dict(flat(chosen or {})), {row.key for row in guard.PARAMETERS}
-    of_law = {key: value for key, value in given.items() if key not in of_guard}
-    law = mmrac.law_params(believed, airframe, rate_hz, of_law)
-    rest = {key: value for key, value in given.items() if key in of_guard}
-    return Settings(law=law, guard=guard.guard_params(airframe, law, rest))
+    given, guards = dict(flat(chosen or {})), {row.key for row in guard.PARAMETERS}
+    laws = {key: value for key, value in given.items() if key not in guards}
+    params = of_law.law_params(law, believed, airframe, rate_hz, laws)
+    rest = {key: value for key, value in given.items() if key in guards}
+    return Settings(law=params, guard=guard.guard_params(airframe, params, rest))
 
 
 def derived(settings: Settings) -> Settings:
@@ -45,19 +50,18 @@ def derived(settings: Settings) -> Settings:
 
 def check(settings: Settings) -> None:
     """Raise ParameterError for values that the kernels cannot work with."""
-    mmrac.check(settings.law)
+    of_law.check(law, settings.law)
     guard.check(settings.guard, settings.law)
 
 
 def printed(chosen: Mapping[str, Any], airframe: Mapping[str, Any]) -> Mapping[str, Value]:
     """The defaults that are others with what was chosen; `airframe`: the tables of its file."""
-    return {**mmrac.printed(chosen, airframe), **guard.printed(chosen)}
+    return {**of_law.printed(law, chosen, airframe), **guard.printed(chosen)}
 
 
 def pace(settings: Settings, airframe: Mapping[str, Any]) -> Pace:
     """What modes that lead the vehicle have to know of the law; `airframe`: the tables of its file."""
-    told: Pace = mmrac.pace(settings.law, airframe)
-    return told
+    return of_law.pace(law, settings.law, airframe)
 
 
 # --- the tables of both, as one of Settings
@@ -98,4 +102,4 @@ def _within(name: str, convert: Conversion) -> Conversion:
     )
 
 
-PARAMETERS = (*_of("law", mmrac.PARAMETERS), *_of("guard", guard.PARAMETERS))
+PARAMETERS = (*_of("law", of_law.table(law)), *_of("guard", guard.PARAMETERS))

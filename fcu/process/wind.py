@@ -14,7 +14,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, rotate, rotate_back
-from fcu.tick import Tick
+from fcu.process.tick import Tick
 
 ROUNDS, CLOSE = 20, 1e-3  # of two equations for the drag upwards, N
 NOT_KNOWN = math.nan

@@ -15,32 +15,35 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from fcu.belief_watch import BeliefWatch
-from fcu.burst import (
+from fcu.guard.parameters import GOVERN, REFUSE
+from fcu.guard.present import Beginning
+from fcu.guard.types import GuardState
+from fcu.interface import event_log
+from fcu.interface.event_log import Event, Said
+from fcu.interface.link import exclusive_socket
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.ports import Ports
+from fcu.interface.status_texts import Code, Told, words
+from fcu.kernel.buffers import fields, size, to_buffer
+from fcu.kernel.pointers import Pointer
+from fcu.kernel.rows import column_of, slice_of
+from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference, SharedTick
+from fcu.laws.loader import Law
+from fcu.mavlink.definitions import Severity
+from fcu.mavlink.plant_link import LONGEST, Ending, OtherRotors, PlantCodec, WireError
+from fcu.parameters import Parameters
+from fcu.process.belief_watch import BeliefWatch
+from fcu.process.burst import (
     LAW_RAISED,
+    LOAD_SMOOTHED,
     NOT_QUIET_FILTERED,
     Course,
     flight,
     tick,
     what_was_raised,
 )
-from fcu.guard.parameters import GOVERN, REFUSE
-from fcu.guard.present import Beginning
-from fcu.guard.types import GuardState
-from fcu.interface.link import exclusive_socket
-from fcu.interface.messages import Setpoint, VehicleState
-from fcu.interface.ports import Ports
-from fcu.interface.starter import log
-from fcu.interface.status_texts import Code, Told, words
-from fcu.kernel.buffers import columns, fields, size, to_buffer
-from fcu.kernel.pointers import Pointer
-from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.face import FLYING, IDLE, TAKE_OVER, Reference, SharedTick
-from fcu.laws.mmrac.types import State
-from fcu.mavlink.definitions import Severity
-from fcu.mavlink.plant_link import LONGEST, Ending, OtherRotors, PlantCodec, WireError
-from fcu.parameters import Parameters
-from fcu.reporting import Reporter
+from fcu.process.reporting import Reporter
+from fcu.process.tick import State
 from fcu.services.ground_port import GroundPort
 from fcu.services.station import Bind, Station
 from fcu.services.streams import Identity
@@ -62,11 +65,11 @@ _MOVES = [column_of(Setpoint, f"{of}.{axis}") for of in ("v_c", "a_c") for axis 
 _MOVES += [column_of(Setpoint, "psi_dot_c")]
 _R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
 _COMMAND, _THRUSTS = slice_of(SharedTick, "command"), slice_of(SharedTick, "outputs.thrusts")
-_TOLD_FROM = column_of(SharedTick, "outputs.T_c")
-_LOAD_SMOOTHED = 1.0 / 256.0
+NAMED = 3  # numbers that are not finite are told by name, so many of them
 TIMES, LOAD = 3, 2  # columns of the times of a tick: answered, cycle, load
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
+FlyDecided = Callable[[int, Row], bool]
 
 
 class Lost(Exception):
@@ -91,22 +94,31 @@ class Figures:
     ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
 
 
+def tells_beginning(law: Law) -> bool:
+    """Tell if a Beginning follows from what a law and its guard remember."""
+    return law.tells("state", State) and law.tells("guard_state", GuardState)
+
+
 class Autopilot:
     """One flight controller, between its plant link and its ground stations."""
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
         sim_only: bool = False, file: Path | None = None, bind: Bind = exclusive_socket,
-        write: Callable[[str], None] = log, resets: bool = False, before: Autopilot | None = None,
+        write: Callable[[Event], None] = event_log.write, resets: bool = False,
+        fly_decided: FlyDecided | None = None, before: Autopilot | None = None,
     ) -> None:  # fmt: skip
         """`sim_only`: simulation time alone decides. `file`: where parameters are saved.
 
-        `bind`: opens the ports of ground stations. `write`: takes a line of log. `resets`: who asks
-        for a reset is heard. `before`: the one before a reset, whose ports and figures go on; of
-        what it knew nothing does. Raises PortBusy.
+        `bind`: opens the ports of ground stations. `write`: takes an event. `resets`: a request
+        for a reset is obeyed. `fly_decided`: flies a tick (time in us, row) for which Python has
+        decided, and returns False if the law raised an error. A process that flies bursts hands in
+        a call of their kernel, which holds the law already. `before`: the autopilot before a reset.
+        Its ports and figures are kept, and nothing else of it. Raises PortBusy.
         """
         self._params = params
         self._write = write
+        self._fly_decided = fly_decided or self._fly_alone
         self._law = params.flown
         self.reporter = reporter
         self.codec = PlantCodec(ports.system_id, rotors=params.law.rotors.n)
@@ -144,7 +156,7 @@ class Autopilot:
         if "a_m" in fields(fields(remembers)["guard"]):
             at = slice_of(remembers, "guard.a_m")
             self.vehicle.reference_acceleration = self.flight.remembered[at]
-        if self._law.tells("state", State) and self._law.tells("guard_state", GuardState):
+        if tells_beginning(self._law):
             self.vehicle.beginning = self._beginning
         self.period_us = round(h * 1e6)
         self._course = self.flight.course
@@ -154,11 +166,8 @@ class Autopilot:
         self._beliefs = BeliefWatch(self._law)
         self._unreported: Row | None = None  # the row of a tick whose answer is to be sent first
 
-    def fly_decided(self, time_us: int, row: Row) -> bool:
-        """Fly a tick for which Python has decided; False if the law raised an error.
-
-        Who flies bursts puts their own kernel in the place of this, which holds the law already.
-        """
+    def _fly_alone(self, time_us: int, row: Row) -> bool:
+        """Fly a tick for which Python has decided, in no burst. Returns False if the law raised an error."""
         said: int = tick(self.flight, self.law_at, self._datagram, 0, row, time_us)
         return said != LAW_RAISED
 
@@ -186,7 +195,7 @@ class Autopilot:
             self.law_at = self._compiled.address
             for engaged in (IDLE, TAKE_OVER, FLYING):
                 self._course[_ENGAGED] = engaged
-                self.fly_decided(0, row)
+                self._fly_decided(0, row)
         for array, was in zip((self._course, flown.remembered, measured), before, strict=True):
             array[:] = was
         self.codec.desk.sequence[0] = 0
@@ -254,7 +263,6 @@ class Autopilot:
         course[_SINCE] = vehicle.since_us
         course[_ARMED] = vehicle.armed
         course[_AIRBORNE] = vehicle.armed and not vehicle.on_ground
-        vehicle.arm_watch()
 
     def _look_again(self) -> None:
         """What was accepted before a parameter was set, or what the vehicle has led itself to: governed
@@ -286,13 +294,13 @@ class Autopilot:
 
     def _tell_not_finite(self, row: Row) -> None:
         """Say of the first tick of its kind, whose row this is, that its law is not finite."""
-        told = Told(Code.LAW_NOT_FINITE, (_not_finite(row),))
+        told = Told(Code.LAW_NOT_FINITE, (_not_finite(row, self.reporter.not_finite(row)),))
         self._tell_of_tick(Severity.CRITICAL, "error", told, round(row[0] * 1e6))
 
     def _tell_of_tick(self, severity: Severity, level: str, told: Told, at_us: int) -> None:
         """A STATUSTEXT, and a line of log, of a tick that was flown already."""
         self.ground.streams.text(severity, words(told))
-        self.say(level, words(told), at_us)
+        self.say(level, told, at_us)
 
     def take(self, datagram: bytes, wall_s: float) -> bytes | None:
         """A datagram of the plant: what is sent back; then it is to `report`. Raises Lost, BrokenPipeError."""
@@ -363,7 +371,7 @@ class Autopilot:
         self._tell(self.vehicle.observe(self._measured, time_us, self.clock(wall_s)))
         self.prepare()
         row = self.reporter.tape.row()
-        if not self.fly_decided(time_us, row):
+        if not self._fly_decided(time_us, row):
             self.raise_for_law(row)
         return self._answered(row, started)
 
@@ -390,7 +398,7 @@ class Autopilot:
 
     def _answered(self, row: Row, started: float) -> bytes:
         now = time.monotonic()
-        load = self._course[_LOAD] + _LOAD_SMOOTHED * (
+        load = self._course[_LOAD] + LOAD_SMOOTHED * (
             (now - started) / self._course[_H] - self._course[_LOAD]
         )
         self._course[_LOAD] = load
@@ -433,14 +441,13 @@ class Autopilot:
         for told in happened:
             self.ground.tell(told)
 
-    def say(self, level: str, text: str, time_us: int | None = None) -> None:
-        """A line of log, and an event for whoever listens to the publisher.
+    def say(self, level: str, said: Said, time_us: int | None = None) -> None:
+        """An event, for the log and for whoever listens to the publisher.
 
-        `time_us`: of what is said; None: of the last tick.
+        `time_us`: of what is said. None: of the last tick.
         """
         time_us = self.time_us if time_us is None else time_us
-        say(time_us, level, text, self._write)
-        self.reporter.feed.event(max(time_us, 0) * 1e-6, level, text)
+        self.reporter.feed.event(say(time_us, level, said, self._write))
 
     def close(self) -> None:
         """Hand over what was flown. Raises BrokenPipeError when the recorder is gone."""
@@ -452,18 +459,22 @@ class Autopilot:
         self.reporter.feed.close()
 
 
-def _not_finite(row: Row) -> str:
+def _not_finite(row: Row, names: Sequence[str]) -> str:
     """What becomes of a law that is not finite: of the rotors, or else which numbers it is."""
     command, thrusts = row[_COMMAND], row[_THRUSTS]
     stopped = np.isnan(command) | (~np.isfinite(thrusts) & (command == 0.0))
     if stopped.any():
         return "rotors stopped" if stopped.all() else "some rotors stopped"
-    names = columns(SharedTick)
-    told = [*range(_COMMAND.start, _COMMAND.stop), *range(_TOLD_FROM, size(SharedTick))]
-    return ", ".join(names[i].removeprefix("outputs.") for i in told if not np.isfinite(row[i]))
+    shown = [name.removeprefix("outputs.") for name in names[:NAMED]]
+    more = len(names) - len(shown)
+    return ", ".join(shown) + (f" and {more} more" if more else "")
 
 
-def say(time_us: int, level: str, text: str, write: Callable[[str], None] = log) -> None:
-    """One line of log an event: simulation time, level, process."""
-    stamp = f"{time_us * 1e-6:10.3f}" if time_us >= 0 else f"{'-':>10}"
-    write(f"{stamp} {level:<7} fcu  {text}")
+def say(
+    time_us: int, level: str, said: Said, write: Callable[[Event], None] = event_log.write
+) -> Event:
+    """An event of the flight controller. `time_us`: negative before time begins."""
+    time_s = time_us / 1e6 if time_us >= 0 else event_log.BEFORE_S
+    made = event_log.event(time_s, level, "fcu", said)
+    write(made)
+    return made

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from fcu.guard.gains import unstable, why_refused
 from fcu.interface import airframe as airframes
 from fcu.interface.airframe import LAW, PINNED, AirframeError, AirframeFile, meant
 from fcu.interface.handover import HandoverError, load
@@ -64,18 +65,36 @@ def pinned(file: AirframeFile, law: Law) -> AirframeFile:
 
 
 def read_settings(
-    law: Law, path: Path | None, rate_hz: float, airframe: AirframeFile | None = None
-) -> Any:
+    law: Law, path: Path | None, rate_hz: float, airframe: AirframeFile | None = None,
+    flies_unstable: bool = False,
+) -> Any:  # fmt: skip
     """Settings of a law, from a file, or of an airframe at a control rate (Hz).
 
-    `airframe`: None: an S1000. Raises ConfigurationError.
+    `airframe`: None: an S1000. `flies_unstable`: gains that the rule of stability refuses are
+    accepted. Raises ConfigurationError.
     """
+    file = airframe or read_airframe(law)
+    made = _read(law, path, rate_hz, file)
+    if not flies_unstable and (channel := unstable(law, made)):
+        pinned_values = {} if path is not None else file.tables[PINNED]
+        chosen = {
+            key: f"{value} ({file.path.name}:{nearest(file.lines, (LAW, law.name, *key.split('.')))})"
+            for key, value in pinned_values.items()
+        }
+        raise ConfigurationError(f"{path or file.path}: {why_refused(law, channel, chosen)}")
+    return made
+
+
+def _read(law: Law, path: Path | None, rate_hz: float, file: AirframeFile) -> Any:
+    """Read Settings as `read_settings` does, without a look at the gains."""
     try:
         if path is None:
-            file = airframe or read_airframe(law)
             return law.settings.settings(file.rotors, file.tables, rate_hz)
         handed = load(path, law.settings.Settings)
-        law.settings.check(handed)
+        try:
+            law.settings.check(handed)
+        except ParameterError as error:
+            raise ConfigurationError(f"{path}: {error}") from error
         return handed
     except (AirframeError, ParameterError, HandoverError) as error:
         raise ConfigurationError(str(error)) from error

@@ -1,14 +1,12 @@
-"""A loop around one step of a law, compiled: what `bench` times of each of them.
-
-Written for M-MRAC; `Law.module` imports it once more around another law.
-"""
+"""Once a law, `fcu.laws.seam` compiles this module: a loop around one step, which benchmarks time."""
 
 from __future__ import annotations
 
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.buffers import packer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.tick import FLYING, Remembered, Tick, engaged_tick, unpack_remembered, unpack_settings
+
+from .tick import FLYING, Remembered, Tick, engaged_tick, unpack_remembered, unpack_settings
 
 _unpack_setpoint = unpacker(Setpoint)
 _unpack_measured = unpacker(VehicleState)

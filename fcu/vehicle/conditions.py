@@ -1,0 +1,389 @@
+"""Conditions of a vehicle in flight: one row each, and one compiled look that finds them all.
+
+A row of `ROWS` names the code that is told, its severity, the action, for how long the detector
+has to find the condition, and how the condition clears. A detector is a kernel. `look` runs the
+detectors in the order of `Condition`, 50 times a second, and stops at the first that finds
+something new. The state machine acts on it, and the look goes on behind it. Most looks find
+nothing, and a flight stays in compiled code. Times: simulation time, us.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import Enum, IntEnum, auto
+from typing import NamedTuple
+
+import numpy as np
+
+from fcu.interface.messages import Setpoint, VehicleState
+from fcu.interface.status_texts import Code
+from fcu.kernel.algebra import Rotors, Vec3, minimum
+from fcu.kernel.buffers import packer, size, to_buffer, unpacker
+from fcu.kernel.compile import kernel
+from fcu.laws.setpoint import carried
+from fcu.parameters import Parameters
+from fcu.vehicle import landing
+from fcu.vehicle.landing import LandedState, TouchdownState
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.plans import STILL, PlanLimits, at, pose_at, pose_of, stop
+
+LOOK_US = 20_000  # between looks
+RISES = 0.1  # m: a place so far above the vehicle is a take-off
+BATTERY_HELD_US = 1_000_000  # ten reports: one that is wrong does not land a vehicle
+
+
+class Condition(IntEnum):
+    """Everything that can be found, in the order of a look. After PLAN_DUE others find it."""
+
+    NOTHING = 0
+    FIRST_STATE = auto()
+    LANDED = auto()
+    APPROACH = auto()  # a script's setpoint near the ground is to be flown in another way
+    UNTOLD = auto()  # a text of the script's setpoint has not been sent yet
+    TOUCHDOWN = auto()
+    IDLE_LANDED = auto()
+    IDLE_ARMED = auto()
+    BATTERY_LOW = auto()  # the three levels stay together, in this order
+    BATTERY_CRITICAL = auto()
+    BATTERY_EMERGENCY = auto()
+    OFFBOARD_LOST = auto()
+    PLAN_DUE = auto()  # the next piece of a plan
+    POSITION_JUMPED = auto()
+    STATE_STUCK = auto()
+    PLANT_SILENT = auto()
+    PLANT_LOST = auto()
+    CRASHED = auto()
+    DIVERGED = auto()
+    LAW_NOT_FINITE = auto()
+    NOT_AS_BELIEVED = auto()
+
+
+class Action(IntEnum):
+    """Reactions to a condition, by severity: of several the greatest is taken, as PX4 does."""
+
+    NONE = 0
+    WARN = 1
+    POSITION = 2
+    HOLD = 3
+    RETURN = 4
+    LAND = 5
+    DISARM = 6
+    TERMINATE = 7
+    STOP = 8  # the flight controller ends
+
+
+MODES: dict[Action, Mode] = {
+    Action.POSITION: Mode.POSITION,
+    Action.HOLD: Mode.HOLD,
+    Action.RETURN: Mode.RETURN,
+    Action.LAND: Mode.LAND,
+}
+
+
+class Clears(Enum):
+    """The end of a condition."""
+
+    AT_ONCE = "told, and over"
+    GONE = "its detector no longer finds it"  # of detectors beside the look, which tell of both
+    CHOSEN = "another mode, place or take-off is chosen, or the vehicle is disarmed"
+    DISARMED = "the vehicle is disarmed"
+    NEVER = "the vehicle is reset"
+
+
+class Row(NamedTuple):
+    """One condition."""
+
+    code: Code
+    severity: str  # of its STATUSTEXT: MAV_SEVERITY
+    action: Always | By
+    clears: Clears
+    hold_us: int = 0  # for so long the detector has to find it: as `held` is told, or its own room
+
+
+class Always(NamedTuple):
+    """One action, whatever the parameters say."""
+
+    action: Action
+
+    def __call__(self, params: Parameters) -> Action:
+        """The action."""
+        return self.action
+
+
+class By(NamedTuple):
+    """The action that a parameter chooses."""
+
+    parameter: str
+    actions: Mapping[int, Action]
+
+    def __call__(self, params: Parameters) -> Action:
+        """The action of the parameter's value."""
+        return self.actions[int(params[self.parameter])]
+
+
+_WARN = Always(Action.WARN)
+_OFFBOARD_LOST = {
+    0: Action.POSITION, 3: Action.RETURN, 4: Action.LAND, 5: Action.HOLD, 6: Action.TERMINATE,
+    7: Action.DISARM,
+}  # fmt: skip
+_CRITICAL = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
+_EMERGENCY = {0: Action.WARN, 2: Action.LAND, 3: Action.LAND}
+
+# The other conditions are steps of a flight, on which StateMachine acts by methods of its own.
+ROWS: dict[Condition, Row] = {
+    Condition.BATTERY_LOW: Row(
+        code=Code.BATTERY_LOW, severity="WARNING", action=_WARN, clears=Clears.DISARMED,
+        hold_us=BATTERY_HELD_US,
+    ),
+    Condition.BATTERY_CRITICAL: Row(
+        code=Code.BATTERY_CRITICAL, severity="CRITICAL", action=By("COM_LOW_BAT_ACT", _CRITICAL),
+        clears=Clears.DISARMED, hold_us=BATTERY_HELD_US,
+    ),
+    Condition.BATTERY_EMERGENCY: Row(
+        code=Code.BATTERY_EMERGENCY, severity="EMERGENCY",
+        action=By("COM_LOW_BAT_ACT", _EMERGENCY), clears=Clears.DISARMED, hold_us=BATTERY_HELD_US,
+    ),
+    Condition.OFFBOARD_LOST: Row(  # its hold time is COM_OF_LOSS_T
+        code=Code.OFFBOARD_LOST_MODE, severity="CRITICAL",
+        action=By("COM_OBL_RC_ACT", _OFFBOARD_LOST), clears=Clears.CHOSEN,
+    ),
+    Condition.POSITION_JUMPED: Row(  # position_filter
+        code=Code.POSITION_JUMPED, severity="CRITICAL", action=_WARN, clears=Clears.GONE
+    ),
+    Condition.STATE_STUCK: Row(  # position_filter
+        code=Code.STATE_STUCK, severity="WARNING", action=_WARN, clears=Clears.GONE,
+        hold_us=1_000_000,
+    ),
+    Condition.PLANT_SILENT: Row(  # the loop: wall time
+        code=Code.PLANT_SILENT, severity="CRITICAL", action=_WARN, clears=Clears.GONE,
+        hold_us=1_000_000,
+    ),
+    Condition.PLANT_LOST: Row(  # the loop: wall time
+        code=Code.PLANT_SILENT_STOPS, severity="CRITICAL", action=Always(Action.STOP),
+        clears=Clears.NEVER, hold_us=5_000_000,
+    ),
+    Condition.CRASHED: Row(  # the plant tells it
+        code=Code.CRASHED, severity="CRITICAL", action=Always(Action.DISARM), clears=Clears.NEVER
+    ),
+    Condition.DIVERGED: Row(  # the plant tells it
+        code=Code.DIVERGED, severity="CRITICAL", action=Always(Action.DISARM), clears=Clears.NEVER
+    ),
+    Condition.LAW_NOT_FINITE: Row(  # the rows of a burst
+        code=Code.LAW_NOT_FINITE, severity="CRITICAL", action=_WARN, clears=Clears.DISARMED
+    ),
+    Condition.NOT_AS_BELIEVED: Row(  # belief_watch
+        code=Code.NOT_AS_BELIEVED, severity="WARNING", action=_WARN, clears=Clears.AT_ONCE
+    ),
+}  # fmt: skip
+
+
+class Due(NamedTuple):
+    """The times that a tick compares with its own, us."""
+
+    look_us: float  # the next look
+    until_us: float  # the end of the piece of a plan that is flown
+    heard_us: float  # the script's last setpoint; -inf: there is none
+    lost_us: float  # age of that at which the script may be lost
+
+
+class Script(NamedTuple):
+    """The script's setpoint, and the way in which it is flown."""
+
+    asked: Setpoint
+    since_us: float  # when it took effect
+    known: float  # 0: there is none
+    untold: float  # 1: a text of it has not been sent yet
+    approach: float  # landing.Approach
+
+
+class Values(NamedTuple):
+    """Parameters that detectors go by, under MAVLink's names: written when one is set."""
+
+    BAT_LOW_THR: float
+    BAT_CRIT_THR: float
+    BAT_EMERGEN_THR: float
+    COM_DISARM_LAND: float
+    COM_DISARM_PRFLT: float
+
+
+class Held(NamedTuple):
+    """The greatest level that a detector has found for its hold time, and one that may follow."""
+
+    level: float  # 0: none
+    pending: float  # the lowest of the levels above it that were found since `since_us`
+    since_us: float  # since when a greater level is found; NaN: none is
+
+
+class Watch(NamedTuple):
+    """All that a look decides by. StateMachine writes what it changes where it changes it.
+
+    0 and 1: no and yes.
+    """
+
+    due: Due
+    found: float  # Condition at which the look of this tick stands; NOTHING: it is done
+    value: float  # what the detector measured, as the code of the condition tells it
+    landed: LandedState
+    touchdown: TouchdownState
+    battery: Held  # 1: low, 2: critical, 3: an emergency
+    script: Script
+    home: Vec3  # m, E; NaN: not known
+    armed: float
+    in_offboard: float  # mode
+    in_land: float  # mode
+    in_idle: float  # mode: one in which a vehicle on the ground waits
+    armed_us: float
+    landed_us: float
+    values: Values
+    limits: PlanLimits
+    c_T: Rotors  # thrust coefficients, N s^2, believed
+    anywhere_us: float  # as in `landing.touches`
+
+
+_unpack_measured, _unpack_setpoint = unpacker(VehicleState), unpacker(Setpoint)
+_unpack, _unpack_due = unpacker(Watch), unpacker(Watch, "due")
+_unpack_found = unpacker(Watch, "found")
+_unpack_armed, _unpack_in_offboard = unpacker(Watch, "armed"), unpacker(Watch, "in_offboard")
+_pack_found, _pack_look = packer(Watch, "found"), packer(Watch, "due.look_us")
+_pack_landed, _pack_touchdown = packer(Watch, "landed"), packer(Watch, "touchdown")
+_pack_battery = packer(Watch, "battery")
+_pack_value = packer(Watch, "value")
+
+
+@kernel
+def changes_approach(script, pose, ground, limits, t_us):
+    """True if the script's setpoint is to be flown otherwise than now, or is raised anew."""
+    was = int(script.approach)
+    asked = carried(script.asked, (t_us - script.since_us) * 1e-6)
+    now = landing.approach(was, asked, pose, ground, limits)
+    return now != was or now == landing.Approach.RAISED
+
+
+@kernel
+def goes_down(watch, flown, height):
+    """True if the setpoint `flown` is not above the vehicle: a script may be about to take off."""
+    lands = watch.in_land != 0.0 or int(watch.script.approach) == landing.Approach.DOWN
+    return lands or flown.level > 0.0 or (flown.r_c.z <= height + RISES and flown.v_c.z <= 0.0)
+
+
+@kernel
+def battery_level(values, remaining):
+    """0: enough, 1: low, 2: critical, 3: an emergency. `remaining` : 0 to 1, NaN without a battery."""
+    level = 0.0
+    for below in (values.BAT_LOW_THR, values.BAT_CRIT_THR, values.BAT_EMERGEN_THR):
+        if remaining < below:
+            level += 1.0
+    return level
+
+
+@kernel
+def held(was, level, hold_us, t_us):
+    """The Held after `was`, at a look at which a detector finds a level; 0: nothing.
+
+    A greater level counts once it was found at every look for `hold_us`.
+    """
+    if not level > was.level:
+        return Held(level=was.level, pending=0.0, since_us=math.nan)
+    first = math.isnan(was.since_us)
+    lowest = level if first else minimum(was.pending, level)
+    since_us = t_us if first else was.since_us
+    if t_us - since_us >= hold_us:
+        return Held(level=lowest, pending=0.0, since_us=math.nan)
+    return Held(level=was.level, pending=lowest, since_us=since_us)
+
+
+@kernel
+def _find(buffer, state, setpoint, age, remaining, behind, t_us):
+    """The first Condition after `behind` that is new at a look. Other arguments as of `look`."""
+    watch, measured = _unpack(buffer), _unpack_measured(state)
+    pose, was = pose_of(measured), watch.landed
+    armed, scripted = watch.armed != 0.0, watch.armed * watch.in_offboard != 0.0
+    if behind < Condition.FIRST_STATE and math.isnan(watch.home.x):
+        return Condition.FIRST_STATE.value
+    landed = was
+    if behind < Condition.LANDED:
+        landed = landing.stands(was, watch.c_T, measured, t_us)
+        _pack_landed(buffer, landed)
+        if landed.landed != was.landed:  # either way: what is reported of a tick is of that tick
+            return Condition.LANDED.value
+    if (
+        behind < Condition.APPROACH
+        and scripted
+        and watch.script.known != 0.0
+        and changes_approach(watch.script, pose, landed.ground, watch.limits, t_us)
+    ):
+        return Condition.APPROACH.value
+    if behind < Condition.UNTOLD and watch.script.untold != 0.0:
+        return Condition.UNTOLD.value
+    lands = watch.in_land != 0.0 or int(watch.script.approach) == landing.Approach.DOWN
+    if behind < Condition.TOUCHDOWN and armed and (lands or not scripted):
+        flown = carried(_unpack_setpoint(setpoint), age)
+        touchdown = landing.touches(
+            watch.touchdown, flown, pose, landed.ground, t_us, lands, watch.anywhere_us
+        )
+        _pack_touchdown(buffer, touchdown)
+        if touchdown.done != watch.touchdown.done:
+            return Condition.TOUCHDOWN.value
+    values, waits = watch.values, armed and landed.landed != 0.0
+    wait, has_flown = values.COM_DISARM_LAND, landed.has_flown != 0.0
+    late = waits and has_flown and wait >= 0.0 and t_us - watch.landed_us >= wait * 1e6
+    if (
+        behind < Condition.IDLE_LANDED
+        and late
+        and goes_down(watch, _unpack_setpoint(setpoint), pose.r_E.z)
+    ):
+        return Condition.IDLE_LANDED.value
+    wait = values.COM_DISARM_PRFLT
+    late = waits and not has_flown and wait >= 0.0 and t_us - watch.armed_us >= wait * 1e6
+    if behind < Condition.IDLE_ARMED and late and watch.in_idle != 0.0:
+        return Condition.IDLE_ARMED.value
+    if behind < Condition.BATTERY_LOW:
+        flies = armed and landed.landed == 0.0
+        level = battery_level(values, remaining) if flies else 0.0
+        battery = held(watch.battery, level, BATTERY_HELD_US, t_us)
+        _pack_battery(buffer, battery)
+        if battery.level != watch.battery.level:
+            _pack_value(buffer, 100.0 * remaining)
+            return Condition.BATTERY_LOW.value + int(battery.level) - 1
+    return Condition.NOTHING.value
+
+
+@kernel
+def look(buffer, state, setpoint, age, remaining, t_us):
+    """The next Condition that is new at this tick, as an int. NOTHING ends the look of this tick.
+
+    To be called again once a condition is acted on: the look goes on behind it.
+
+    buffer : float64[size(Watch)].  state : float64[size(VehicleState)], measured.
+    setpoint : float64[size(Setpoint)], the setpoint that is flown, `age` seconds after it took
+    effect, or any while the vehicle is disarmed.  remaining : charge of the battery, 0 to 1, NaN
+    without one.  t_us : a float.
+    """
+    due, behind = _unpack_due(buffer), int(_unpack_found(buffer))
+    scripted = _unpack_armed(buffer) * _unpack_in_offboard(buffer) != 0.0
+    late = scripted and t_us > due.heard_us + due.lost_us
+    found = Condition.NOTHING.value
+    if t_us >= due.look_us:
+        found = _find(buffer, state, setpoint, age, remaining, behind, t_us)
+        if found == Condition.NOTHING:
+            _pack_look(buffer, t_us + LOOK_US)
+    if found == Condition.NOTHING and late and behind < Condition.OFFBOARD_LOST:
+        found = Condition.OFFBOARD_LOST.value
+    if found == Condition.NOTHING and t_us >= due.until_us:
+        found = Condition.PLAN_DUE.value
+    if found != behind:
+        _pack_found(buffer, found)
+    return found
+
+
+def warm_up(limits: PlanLimits) -> None:
+    """Compile what Python calls at looks. A burst compiles `look` in itself."""
+    measured, asked = np.zeros(size(VehicleState)), at(STILL, 0.0)
+    pose = pose_at(measured)
+    landing.approach_at(0, to_buffer(asked), 0.0, measured, 0.0, to_buffer(limits))
+    landing.raised(asked, pose, 0.0)
+    landing.landing_from(asked, pose, 0.0)
+    stop(STILL, STILL, limits)
+    carried(asked, 0.0)
+    look(np.zeros(size(Watch)), measured, to_buffer(asked), 0.0, math.nan, 0.0)

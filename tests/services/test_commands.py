@@ -1,0 +1,158 @@
+"""Commands as clients send them: places in COMMAND_LONG, and repetitions by their confirmation."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fcu.interface.airframe import believed
+from fcu.interface.messages import VehicleState
+from fcu.interface.status_texts import Code
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import columns
+from fcu.mavlink.definitions import CommandId, Result
+from fcu.mavlink.framing import Source
+from fcu.mavlink.geodesy import Origin, to_geodetic
+from fcu.mavlink.requests import Command
+from fcu.parameters import Parameters
+from fcu.process.settings import settings
+from fcu.services.command_protocol import CommandProtocol, Commands, Request
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.state_machine import StateMachine
+
+ORIGIN, NAN = Origin(47.0, 8.0, 500.0), math.nan
+GLOBAL, LONG = 0, None
+
+
+@pytest.fixture
+def vehicle():
+    """Armed, and in the air."""
+    names = columns(VehicleState)
+    state = np.array([320.0 if name.startswith("Omega") else 0.0 for name in names])
+    state[names.index("q_EB.w")] = 1.0
+    made = StateMachine(Parameters(settings(*believed(), 500.0), 1))
+    made.observe(state, 0, 0.0)
+    assert made.arm(0, 0.0).granted
+    return made
+
+
+@pytest.fixture
+def commands(vehicle):
+    return Commands(vehicle, ORIGIN)
+
+
+def asked(commands, number, *params, frame=LONG):
+    """(result, reason) of a command with so many parameters, the others 0."""
+    seven = (*map(float, params), *[0.0] * (7 - len(params)))
+    command = Command(Source(255, 190), 1, 1, number, seven, frame, 0)
+    result, told = commands.answer(Request(command, 0, 0.0))
+    return result, told.values[1].code if told and told.code is Code.DENIED else None
+
+
+def place(x, y, z):
+    """Latitude and longitude in degrees and the height above the sea of a place, m, E."""
+    return tuple(to_geodetic(ORIGIN, Vec3(x, y, z)))
+
+
+@pytest.mark.parametrize("frame", [LONG, GLOBAL])
+def test_a_landing_is_here_whatever_the_height(vehicle, commands, frame):
+    for lat, lon, alt in ((0, 0, 0), (*place(3.0, 0.0, 0.0)[:2], 0), (NAN, NAN, NAN)):
+        assert asked(commands, CommandId.LAND, 0, 0, 0, NAN, lat, lon, alt, frame=frame) == (
+            Result.ACCEPTED, None,
+        )  # fmt: skip
+        assert vehicle.mode is Mode.LAND
+        assert vehicle.select(Mode.HOLD, 0, 0.0).granted
+    far = place(50.0, 0.0, 0.0)
+    denied = asked(commands, CommandId.LAND, 0, 0, 0, NAN, *far, frame=frame)
+    assert denied == (Result.DENIED, Code.LANDS_HERE)
+
+
+@pytest.mark.parametrize("frame", [LONG, GLOBAL])
+def test_a_place_is_flown_to_however_it_is_sent(vehicle, commands, frame):
+    where = place(30.0, -20.0, 10.0)
+    assert (
+        asked(commands, CommandId.REPOSITION, -1, 1, 0, NAN, *where, frame=frame)[0]
+        is Result.ACCEPTED
+    )
+    for t_us in range(0, 60_000_000, 20_000):
+        vehicle.leader.advance(t_us)
+    assert vehicle.setpoint.r_c == pytest.approx((30.0, -20.0, 10.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("frame", [LONG, GLOBAL])
+def test_home_is_set_with_whatever_else_is_sent(vehicle, commands, frame):
+    """MAVROS sends a yaw with it."""
+    where = place(30.0, -20.0, 10.0)
+    assert (
+        asked(commands, CommandId.SET_HOME, 0, 0, 0, 90.0, *where, frame=frame)[0]
+        is Result.ACCEPTED
+    )
+    assert vehicle.home == pytest.approx((30.0, -20.0, 10.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(("below_m", "why"), [(50.0, None), (200.0, Code.NO_HEIGHT_NEAR)])
+def test_home_is_not_set_far_below_the_ground(commands, below_m, why):
+    where = place(30.0, -20.0, -below_m)
+    assert asked(commands, CommandId.SET_HOME, 0, 0, 0, 0, *where, frame=GLOBAL)[1] is why
+
+
+def test_a_place_out_of_reach_is_not_a_matter_of_height(commands):
+    where = place(30_000.0, 0.0, 10.0)
+    denied = asked(commands, CommandId.SET_HOME, 0, 0, 0, 0, *where, frame=GLOBAL)
+    assert denied == (Result.DENIED, Code.NO_PLACE_NEAR)
+
+
+class Client:
+    """Sends commands over one link, and hears how each is acknowledged."""
+
+    def __init__(self, vehicle, commands):
+        self._protocol = CommandProtocol(commands, frozenset(), vehicle, lambda *told: None)
+        self._link, self._at = SimpleNamespace(acknowledged=[]), 0.0
+        self.results = []
+
+    def send(self, _link, *messages):
+        self.results += messages
+
+    def ask(self, number, *params, confirmation=0):
+        seven = (*map(float, params), *[0.0] * (7 - len(params)))
+        self._at += 0.1
+        command = Command(Source(255, 190), 1, 1, number, seven, LONG, confirmation)
+        self._protocol.take(self, self._link, command, 0, self._at)
+
+
+@pytest.fixture
+def client(vehicle, commands):
+    return Client(vehicle, commands)
+
+
+def test_a_client_that_always_confirms_arms_and_disarms_as_often_as_it_asks(vehicle, client):
+    """MAVROS sends each command with confirmation 1."""
+    for _ in range(3):
+        client.ask(CommandId.ARM_DISARM, 0, 21196.0, confirmation=1)
+        assert not vehicle.armed
+        client.ask(CommandId.ARM_DISARM, 1, confirmation=1)
+        assert vehicle.armed
+
+
+def test_a_repetition_is_of_a_command_that_was_sent_with_a_lower_confirmation(vehicle, client):
+    client.ask(CommandId.ARM_DISARM, 0, 21196.0)
+    assert vehicle.arm(0, 0.0).granted  # by another client
+    client.ask(CommandId.ARM_DISARM, 0, 21196.0, confirmation=1)
+    assert vehicle.armed  # its answer was lost: it is not done again
+    client.ask(CommandId.ARM_DISARM, 0, 21196.0)
+    assert not vehicle.armed
+
+
+def test_a_take_off_names_the_place_by_its_latitude_and_longitude_alone(vehicle, commands):
+    """Its height may be above the sea or above home, wherever the origin is."""
+    assert vehicle.disarm(0, forced=True).granted
+    vehicle.state[columns(VehicleState).index("Omega.r1") :] = 0.0
+    for t_us in range(0, 1_000_000, 20_000):
+        vehicle.observe(vehicle.state, t_us, 0.0)
+    here = place(0.0, 0.0, 0.0)[:2]
+    for height in (10.0, 510.0):
+        answered = asked(commands, CommandId.TAKEOFF, 0, 0, 0, NAN, *here, height, frame=GLOBAL)
+        assert answered == (Result.ACCEPTED, None)

@@ -1,0 +1,162 @@
+"""The two ports of a vehicle, in memory: commands that are repeated, streams, and home."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pymavlink.dialects.v20.all as mavlink
+import pytest
+
+from fcu.interface.airframe import believed
+from fcu.interface.link import MemoryNetwork
+from fcu.interface.messages import VehicleState
+from fcu.interface.ports import ports
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import columns, size
+from fcu.mavlink.definitions import Autopilot
+from fcu.mavlink.geodesy import Origin
+from fcu.parameters import Parameters
+from fcu.process.settings import settings
+from fcu.services.station import Station
+from fcu.services.streams import STREAMS, Identity
+from fcu.vehicle.state_machine import StateMachine
+
+AT = ports(0)
+ARM, SET_INTERVAL = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION
+ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
+
+
+class Met:
+    """A station, the vehicle behind it, and the script that speaks to it."""
+
+    def __init__(self):
+        params = Parameters(settings(*believed(), 500.0), 1)
+        self.vehicle = StateMachine(params)
+        network = MemoryNetwork()
+        identity = Identity(1, Autopilot.PX4, Origin(47.4, 8.5, 488.0), Vec3(0.0, 0.0, 0.0))
+        self.station = Station(
+            AT, identity, params, self.vehicle, None, lambda level, told: None, network.socket
+        )
+        self._link = network.link(AT.script, AT.fcu_script, "script")
+        self._mav = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
+
+    def observe(self):
+        """A first state: level, on the ground."""
+        state = np.zeros(size(VehicleState))
+        state[columns(VehicleState).index("q_EB.w")] = 1.0
+        self.vehicle.observe(state, 0, 0.0)
+
+    def heard(self):
+        """Collect the messages that have come meanwhile."""
+        messages = []
+        while (datagram := self._link.receive()) is not None:
+            messages += mavlink.MAVLink(None).parse_buffer(bytearray(datagram))
+        return messages
+
+    def say(self, message, now=0.0):
+        """Collect the answers to a message, but for texts."""
+        self._link.send(message.pack(self._mav))
+        self.station.serve(self.station.script, 0, now)
+        return [each for each in self.heard() if each.get_type() != "STATUSTEXT"]
+
+    def ask(self, command, first, second=0.0, confirmation=0):
+        """Give a command, and return its result."""
+        (answer,) = self.say(
+            mavlink.MAVLink_command_long_message(
+                1, 1, command, confirmation, first, second, 0, 0, 0, 0, 0
+            )
+        )
+        assert (answer.get_type(), answer.command) == ("COMMAND_ACK", command)
+        return answer.result
+
+
+@pytest.fixture
+def met():
+    return Met()
+
+
+def test_a_command_whose_answer_was_lost_is_answered_and_not_done_again(met):
+    met.observe()
+    assert met.ask(ARM, 1.0) == ACCEPTED
+    assert met.ask(ARM, 1.0, confirmation=1) == ACCEPTED
+    assert met.ask(ARM, 0.0) == ACCEPTED
+    assert met.ask(ARM, 1.0, confirmation=2) == DENIED  # what was asked for later stands
+    assert not met.vehicle.armed
+
+
+def test_home_is_told_at_once_also_to_one_who_has_no_stream_of_it(met):
+    assert met.ask(SET_INTERVAL, HOME, -1.0) == ACCEPTED
+    met.station.idle(0, 1.0, 1.0)
+    assert "HOME_POSITION" not in {each.get_type() for each in met.heard()}
+    met.observe()
+    met.station.idle(0, 2.0, 2.0)
+    (home,) = (each for each in met.heard() if each.get_type() == "HOME_POSITION")
+    assert (home.latitude, home.longitude, home.altitude) == (474_000_000, 85_000_000, 488_000)
+    met.station.idle(0, 20.0, 20.0)
+    assert "HOME_POSITION" not in {each.get_type() for each in met.heard()}  # it has not moved
+
+
+def test_a_stream_that_is_looked_at_late_is_no_slower(met):
+    """A look every 7 ms, and 50 messages in a second all the same."""
+    met.observe()
+    assert met.ask(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_ATTITUDE, 20_000) == ACCEPTED
+    met.station.idle(0, 100.0, 100.0)
+    met.heard()
+    for look in range(1, 144):
+        met.station.idle(0, 100.0 + 0.007 * look, 100.0)
+    count = sum(each.get_type() == "ATTITUDE" for each in met.heard())
+    assert count == pytest.approx(50, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("group", "names"),
+    [
+        (mavlink.MAV_DATA_STREAM_RAW_SENSORS, set()),
+        (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, {"GPS_RAW_INT", "EXTENDED_SYS_STATE", "SYS_STATUS"}),
+        (mavlink.MAV_DATA_STREAM_POSITION, {"LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"}),
+        (mavlink.MAV_DATA_STREAM_EXTRA1, {"ATTITUDE", "ATTITUDE_QUATERNION"}),
+        (mavlink.MAV_DATA_STREAM_EXTRA2, {"VFR_HUD"}),
+        (mavlink.MAV_DATA_STREAM_EXTRA3, set()),
+    ],
+)  # fmt: skip
+def test_the_groups_of_a_ground_station_are_paced_together(met, group, names):
+    """Groups as old ground stations name them, at 7 Hz: no message has this rate by default."""
+    assert not met.say(mavlink.MAVLink_request_data_stream_message(1, 1, group, 7, 1))
+    rates = met.station.script.listener.streams
+    paced = {STREAMS[n].name for n, (interval, _) in rates.items() if interval == 1.0 / 7.0}
+    assert paced == names
+    met.say(mavlink.MAVLink_request_data_stream_message(1, 1, group, 7, 0))
+    assert not names & {STREAMS[n].name for n in rates}
+
+
+def test_a_script_hears_its_setpoint_in_the_message_it_has_sent(met):
+    """A place on Earth is echoed as one, a local place as a local one, and nothing twice."""
+    met.observe()
+    echoes = {}
+    for setpoint in (
+        mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, 1, 0xDF8, 3.0, 4.0, -5.0, 0, 0, 0, 0, 0, 0, 0, 0
+        ),
+        mavlink.MAVLink_set_position_target_global_int_message(
+            0, 1, 1, 5, 0xDF8, 474_000_100, 85_000_200, 493.0, 0, 0, 0, 0, 0, 0, 0, 0
+        ),
+    ):
+        met.say(setpoint)
+        view = met.station.view()
+        view.flying = True
+        view.vehicle = SimpleNamespace(
+            setpoint=met.vehicle.script.setpoint, mode=met.vehicle.mode.OFFBOARD
+        )
+        for stream in STREAMS.values():
+            if stream.name.startswith("POSITION_TARGET"):
+                names = [packed.definition.name for packed in stream.build(view)]
+                echoes[setpoint.get_type(), stream.name] = names
+    as_local, as_global = "POSITION_TARGET_LOCAL_NED", "POSITION_TARGET_GLOBAL_INT"
+    assert echoes == {
+        ("SET_POSITION_TARGET_LOCAL_NED", as_local): [as_local],
+        ("SET_POSITION_TARGET_LOCAL_NED", as_global): [],
+        ("SET_POSITION_TARGET_GLOBAL_INT", as_local): [],
+        ("SET_POSITION_TARGET_GLOBAL_INT", as_global): [as_global],
+    }
