@@ -57,7 +57,7 @@ def script(vehicle, until):
     vehicle.set_setpoint(to(1.0, 0.5, 4.5))
     until(500)
     with pytest.raises(VehicleError):
-        vehicle.command(CommandId.CHANGE_SPEED, 1.0, 1e6)
+        vehicle.command(CommandId.CHANGE_SPEED, 1.0, -5.0)
     vehicle.set_setpoint(to(1.0, 0.5, -3.0))  # into the ground: above it, and then down
     until(2400)  # the stream is lost on the way
     vehicle.command(CommandId.LAND)

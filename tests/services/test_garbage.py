@@ -17,11 +17,12 @@ from tests.attacks import generators
 
 TIMES = 30  # each: one cycle an answer would be more than all that is allowed
 ALLOWED = 25  # objects: what Python itself does once
+ROUNDS = 3  # a cycle an answer is in each; what is done once, or by another thread, is not
 
 
 @pytest.fixture
 def asked():
-    """`asked(datagrams)`: how many objects the collector finds, once a vehicle has answered them."""
+    """`asked(datagrams)`: the fewest objects that the collector finds after a vehicle has answered them."""
     _, scene = prepared("gust_step")
     with ExitStack() as stack:
         flight = MemoryFlight(scene, None, (lambda rows: None, lambda rows: None))
@@ -36,7 +37,6 @@ def asked():
                     pass
 
         def collected(datagrams):
-            serve(datagrams)  # what is done once is done
             gc.collect()
             gc.disable()
             try:
@@ -45,7 +45,7 @@ def asked():
             finally:
                 gc.enable()
 
-        yield collected
+        yield lambda datagrams: min(collected(datagrams) for _ in range(ROUNDS))
 
 
 def packed(messages):
