@@ -45,21 +45,23 @@ def view(
     if recording is not None and (instance is not None or zenoh is not None):
         raise click.UsageError("--instance and --zenoh are for a live vehicle, not for a RECORDING")
     try:
-        from gcs_tools.pictures.view.app import NoPort, free_port
+        from gcs_tools.pictures.view.app import NoPort, on_free_port
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("fcu", "gcs_tools", "sitl_plant")):
             raise
         raise Failure(f"the page needs {error.name}, which is not installed: {INSTALL}") from error
     from gcs_tools.recording.reader import RecordingError
 
-    try:
-        at = free_port(port, FIRST_PORT)
+    def show(at: int) -> None:
         if port is None and at != FIRST_PORT:
             click.echo(f"port {FIRST_PORT} is in use, {at} is not", err=True)
         if recording is not None:
             _recorded(recording, at, no_open)
         else:
             _live(at, no_open, instance, zenoh, timeout_s)
+
+    try:
+        on_free_port(port, FIRST_PORT, show)
     except RecordingError as error:
         raise Failure(error, USAGE) from error
     except NoPort as error:

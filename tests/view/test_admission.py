@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view import admission
-from gcs_tools.pictures.view.app import App, free_port
+from gcs_tools.pictures.view.app import App, NoPort, on_free_port
 from gcs_tools.recording.schema import TOPICS
 
 
@@ -25,9 +25,15 @@ class Led(urllib.request.HTTPRedirectHandler):
 
 
 @pytest.fixture(scope="module")
-def app():
-    flight = FlightHistory("under test", {name: topic.columns for name, topic in TOPICS.items()})
-    shown = App(flight, free_port(None, 8300), whole=False)
+def flight():
+    return FlightHistory("under test", {name: topic.columns for name, topic in TOPICS.items()})
+
+
+@pytest.fixture(scope="module")
+def app(flight):
+    made = []
+    on_free_port(None, 8300, lambda port: made.append(App(flight, port, whole=False)))
+    (shown,) = made
     yield shown
     shown.stop()
 
@@ -159,3 +165,24 @@ def test_the_secret_is_in_no_log_and_no_referer(recording, gcs_view):
     out, err = started.process.communicate()
     assert secret not in out + err
     assert "Traceback" not in err
+
+
+def test_a_port_that_is_taken_after_the_look_is_passed_over(flight):
+    """Two programs that begin at once find the same free port."""
+    others, shown = [], []
+
+    def show(port):
+        if not others:
+            others.append(socket.create_server(("127.0.0.1", port)))
+        with App(flight, port, whole=False) as app:
+            shown.append(urlsplit(app.url).port)
+
+    try:
+        on_free_port(None, 8400, show)
+        taken = others[0].getsockname()[1]
+        assert shown[0] > taken
+        with pytest.raises(NoPort):
+            on_free_port(taken, 8400, show)
+    finally:
+        for other in others:
+            other.close()

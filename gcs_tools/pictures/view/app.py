@@ -6,6 +6,7 @@ import io
 import math
 import socket
 import time
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from types import TracebackType
 from typing import Any, Self
@@ -31,6 +32,13 @@ class NoPort(Exception):
     """No port to serve on: names those that are in use."""
 
 
+class PortTaken(NoPort):
+    """One port is in use."""
+
+    def __init__(self, port: int) -> None:
+        super().__init__(f"port {port} of {HOST} is in use (another: --port N)")
+
+
 def free_port(wanted: int | None, first: int) -> int:
     """`wanted`, or from `first` on one that nobody has. Raises NoPort."""
     tried = range(first, first + PORTS) if wanted is None else range(wanted, wanted + 1)
@@ -43,12 +51,24 @@ def free_port(wanted: int | None, first: int) -> int:
                 continue
             return port
     if wanted is not None:
-        raise _busy(wanted)
+        raise PortTaken(wanted)
     raise NoPort(f"ports {tried[0]} to {tried[-1]} of {HOST} are all in use (another: --port N)")
 
 
-def _busy(port: int) -> NoPort:
-    return NoPort(f"port {port} of {HOST} is in use (another: --port N)")
+def on_free_port(wanted: int | None, first: int, show: Callable[[int], None]) -> None:
+    """Call `show` with `wanted`, or with the first port from `first` on that nobody has.
+
+    A port that another program takes between the look and the start of the server is passed over.
+    Raises NoPort.
+    """
+    while True:
+        port = free_port(wanted, first)
+        try:
+            return show(port)
+        except PortTaken:
+            if wanted is not None:
+                raise
+            first = port + 1
 
 
 class App:
@@ -58,7 +78,7 @@ class App:
         self, flight: FlightHistory, port: int, *, whole: bool, secret: str | None = None
     ) -> None:  # fmt: skip
         """whole : the flight is over; the page has a slider of time.  secret : what `url` holds, and
-        who opens the page must know; None: a new one. Raises NoPort.
+        who opens the page must know; None: a new one. Raises PortTaken.
         """
         self._flight, self._whole = flight, whole
         secret = secret or new_secret()
@@ -67,7 +87,7 @@ class App:
             self._server = viser.ViserServer(HOST, port, verbose=False)
         if self._server.get_port() != port:  # taken since it was free
             self.stop()
-            raise _busy(port)
+            raise PortTaken(port)
         self.url = f"http://{HOST}:{port}/?token={secret}"
         self.gone = False  # whether the vehicle of a live flight has left
         self._now = flight.span[0] if flight.span else 0.0
