@@ -43,7 +43,8 @@ class Interrupts:
     def take(self) -> bool:
         """Whether a signal has come that nobody knew of; whoever asks does now."""
         is_news = self.is_heard and not self._is_told
-        self._is_told |= self.is_heard
+        if is_news:  # one that comes between these lines is news to who asks next
+            self._is_told = True
         return is_news
 
     def look(self) -> None:
