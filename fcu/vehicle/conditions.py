@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import Enum, IntEnum, auto
-from typing import NamedTuple
+from typing import NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -82,7 +82,7 @@ MODES: dict[Action, Mode] = {
 
 
 class Clears(Enum):
-    """The end of a condition."""
+    """When a condition is forgotten. What its detector remembers is the detector's own (`Held`)."""
 
     AT_ONCE = "told, and over"
     GONE = "its detector no longer finds it"  # of detectors beside the look, which tell of both
@@ -98,7 +98,7 @@ class Row(NamedTuple):
     severity: str  # of its STATUSTEXT: MAV_SEVERITY
     action: Always | By
     clears: Clears
-    hold_us: int = 0  # for so long the detector has to find it: as `held` is told, or its own room
+    hold_us: int = 0  # for so long the detector finds it before it counts: what `held` is given
 
 
 class Always(NamedTuple):
@@ -208,7 +208,11 @@ class Values(NamedTuple):
 
 
 class Held(NamedTuple):
-    """The greatest level that a detector has found for its hold time, and one that may follow."""
+    """What a detector remembers: the greatest level found for its hold time, and one that may follow.
+
+    The level only rises. Disarming makes it 0. A detector that finds a condition again, once it was
+    gone, returns `Held(level=0.0, pending=0.0, since_us=nan)` when it is gone.
+    """
 
     level: float  # 0: none
     pending: float  # the lowest of the levels above it that were found since `since_us`
@@ -240,6 +244,8 @@ class Watch(NamedTuple):
     c_T: Rotors  # thrust coefficients, N s^2, believed
     anywhere_us: float  # as in `landing.touches`
 
+
+HELD = tuple(name for name, kind in get_type_hints(Watch).items() if kind is Held)
 
 _unpack_measured, _unpack_setpoint = unpacker(VehicleState), unpacker(Setpoint)
 _unpack, _unpack_due = unpacker(Watch), unpacker(Watch, "due")

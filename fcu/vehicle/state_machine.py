@@ -32,6 +32,7 @@ from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
 from fcu.vehicle import landing, modes, plans
 from fcu.vehicle.conditions import (
+    HELD,
     MODES,
     ROWS,
     Action,
@@ -66,7 +67,7 @@ _FOUND, _VALUE = column_of(Watch, "found"), column_of(Watch, "value")
 _LANDED, _TOUCHDOWN = slice_of(Watch, "landed"), slice_of(Watch, "touchdown")
 _UNTIL, _LIMITS = slice_of(Watch, "due.until_us"), slice_of(Watch, "limits")
 _VALUES, _HOME = slice_of(Watch, "values"), slice_of(Watch, "home")
-_BATTERY = slice_of(Watch, "battery")
+_HELD = tuple(slice_of(Watch, name) for name in HELD)
 _ASKED = slice_of(Watch, "script.asked")
 _C_T, _DUE = slice_of(Watch, "c_T"), slice_of(Watch, "due")
 _APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE = (
@@ -412,7 +413,8 @@ class StateMachine:
         if Clears.CHOSEN in ends:
             self._took_over = False
         if Clears.DISARMED in ends:
-            self.watch[_BATTERY] = Held(level=0.0, pending=0.0, since_us=math.nan)
+            for held in _HELD:
+                self.watch[held] = Held(level=0.0, pending=0.0, since_us=math.nan)
 
     def _first_state(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         self._set_home(self.pose().r_E)

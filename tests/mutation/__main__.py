@@ -414,6 +414,7 @@ def main() -> int:
     parser.add_argument("-j", type=int, default=min(2, os.cpu_count() or 1), help="at a time")
     parser.add_argument("--draw", action="store_true", help="show the changes, and run nothing")
     chosen = parser.parse_args()
+    chosen.tenth |= chosen.turn is not None
     rooms = chosen.room or list(ROOMS)
     if chosen.draw:
         for mutant in drawn(ROOT, rooms):
