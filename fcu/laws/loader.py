@@ -144,7 +144,7 @@ def _own(path: Path) -> Law:
         if guard is not None:
             _check_guard(guard, face, path)
         parameters.check_table(face)
-    package = f"{name.partition('.')[0]}.{seam.PLAIN}"  # no file beside FILE may be called fcu
+    package = f"{name.partition('.')[0]}.{seam.PLAIN}"  # no module beside FILE is called fcu
     seam.bind(package, face, guard or unguarded)
     law = _laws[digest] = Law(file.stem, digest, package, face, file, guard)
     return law

@@ -27,6 +27,8 @@ from fcu.kernel import compile
 from fcu.laws import seam
 
 MOST_BYTES = input_file.MIB  # of a FILE
+_ROOT = Path(__file__).resolve().parents[2]
+_OURS = tuple(_ROOT / package for package in ("fcu", "gcs_tools", "sitl_plant"))
 
 
 class LawError(ValueError):
@@ -131,6 +133,8 @@ def _sources(file: Path, stem: str, shown: Path) -> dict[str, bytes]:
                 part = ".".join(parts[:n])
                 if part in found or (at := _beside(file.parent, part)) is None:
                     continue
+                if _is_ours(at):  # a FILE in a checkout has them beside it
+                    continue
                 if n == 1 and _is_installed(part, at):
                     raise LawError(
                         f"{path}:{line}: import {part}: {at.name} beside it, or the installed"
@@ -168,6 +172,11 @@ def _imports(tree: ast.Module, name: str, is_package: bool) -> Iterator[tuple[st
                 yield start, node.lineno
             for alias in node.names:
                 yield (f"{start}.{alias.name}" if start else alias.name), node.lineno
+
+
+def _is_ours(at: Path) -> bool:
+    """True for a file of the packages that fly the law."""
+    return any(at.resolve().is_relative_to(package) for package in _OURS)
 
 
 def _is_installed(name: str, beside: Path) -> bool:

@@ -14,11 +14,13 @@ from fcu.interface.airframe import believed
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.buffers import fields
 from fcu.laws import loader, unguarded
+from fcu.laws.face import Limits
 from fcu.laws.loader import LawError
 from fcu.parameters import Parameters
 from fcu.process import settings, tick
 
 HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
 
 
 def _files(folder: Path) -> dict[str, bytes]:
@@ -137,6 +139,16 @@ def test_every_way_to_import_a_module_beside_it_finds_that_of_the_law(own_law, t
     law = loader.load(own_law)
     assert law.face.gentle == 0.3
     assert "shaping" not in sys.modules
+
+
+def test_a_law_in_a_checkout_flies_with_the_packages_beside_it(own_law):
+    for package in ("fcu", "gcs_tools", "sitl_plant"):
+        own_law.with_name(package).symlink_to(ROOT / package)
+    own_law.write_text(own_law.read_text() + "\n# in a checkout\n")
+    law = loader.load(own_law)
+    inside = [name for name in sys.modules if name.startswith(law.package.partition(".")[0])]
+    assert not [name for name in inside if name.endswith((".face", ".kernel", ".compile"))]
+    assert law.face.Limits is Limits
 
 
 def test_threads_that_load_a_law_at_once_have_one(own_law):
