@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterable, Iterator
 from enum import IntEnum, IntFlag
 from typing import Any, NamedTuple
 
@@ -43,6 +44,7 @@ class Definition(NamedTuple):
     layout: struct.Struct
     crc_extra: bytes
     size: int  # bytes of its payload before trailing zeros are trimmed
+    core_size: int  # bytes of that without the extensions, which MAVLink 1 does not have
 
     def offset(self, name: str) -> int:
         """The byte of the payload at which a field begins. Raises ValueError if it has none."""
@@ -68,10 +70,26 @@ class Definition(NamedTuple):
         return out
 
 
-def _definition(name: str, number: int, fields: list[Field], crc_extra: int) -> Definition:
-    codes = "".join(f"{f.length}{f.code}" if f.length else f.code for f in fields)
-    layout = struct.Struct("<" + codes)
-    return Definition(name, number, tuple(fields), layout, bytes([crc_extra]), layout.size)
+def _codes(fields: list[Field]) -> str:
+    return "<" + "".join(f"{f.length}{f.code}" if f.length else f.code for f in fields)
+
+
+def _definition(
+    name: str, number: int, fields: list[Field], crc_extra: int, core: int
+) -> Definition:
+    """`core`: how many of the fields are no extensions."""
+    layout, core_size = struct.Struct(_codes(fields)), struct.calcsize(_codes(fields[:core]))
+    return Definition(
+        name, number, tuple(fields), layout, bytes([crc_extra]), layout.size, core_size
+    )
+
+
+def _crc_extra(name: str, fields: Iterable[tuple[str, str, int]]) -> Iterator[int]:
+    """CRC_EXTRA of a message that ends after each of its fields: type, name and length of each."""
+    crc = mcrf4xx(f"{name} ".encode())
+    for base, field, count in fields:
+        crc = mcrf4xx(f"{base} {field} ".encode() + (bytes([count]) if count else b""), crc)
+        yield (crc & 0xFF) ^ (crc >> 8)
 
 
 def of(message: Any) -> Definition:
@@ -81,7 +99,19 @@ def of(message: Any) -> Definition:
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     for name in message.ordered_fieldnames:
         fields.append(Field(name, _TYPES[types[name]][0], lengths[name]))
-    return _definition(message.msgname, message.id, fields, message.crc_extra)
+    spelled = [(_spelled(types[f.name]), f.name, f.length) for f in fields]
+    # The dialect does not say which fields are extensions. CRC_EXTRA is of the others.
+    ends = [
+        n
+        for n, crc in enumerate(_crc_extra(message.msgname, spelled), 1)
+        if crc == message.crc_extra
+    ]
+    return _definition(message.msgname, message.id, fields, message.crc_extra, ends[-1])
+
+
+def _spelled(type_: str) -> str:
+    """A type as CRC_EXTRA counts it."""
+    return "uint8_t" if type_ == "uint8_t_mavlink_version" else type_
 
 
 def declared(
@@ -98,11 +128,9 @@ def declared(
         return base, field, int(count or 0)
 
     core = sorted(map(parsed, declaration), key=lambda f: -_TYPES[f[0]][1])
-    crc = mcrf4xx(f"{name} ".encode())
-    for base, field, count in core:
-        crc = mcrf4xx(f"{base} {field} ".encode() + (bytes([count]) if count else b""), crc)
+    *_, crc_extra = _crc_extra(name, core)
     fields = [Field(f, _TYPES[b][0], n) for b, f, n in (*core, *map(parsed, extensions))]
-    return _definition(name, number, fields, (crc & 0xFF) ^ (crc >> 8))
+    return _definition(name, number, fields, crc_extra, len(core))
 
 
 _RANGES = {

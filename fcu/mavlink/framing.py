@@ -15,6 +15,7 @@ from fastcrc.crc16 import mcrf4xx
 from fcu.mavlink.definitions import Definition
 
 V1, V2 = 0xFE, 0xFD
+LAST_OF_V1 = 255  # the greatest number of a message in MAVLink 1
 SIGNED = 1  # incompatibility flag
 FRAMES_AT_ONCE = 16  # of one datagram: no client sends more
 _HEADER = struct.Struct("<BBBBBBBHB")  # marker, length, flags, flags, sequence, source, id
@@ -54,6 +55,17 @@ def framed(
         V2, len(payload), 0, 0, sequence, system, component, number & 0xFFFF, number >> 16
     )
     frame = head + payload
+    return frame + _CRC.pack(mcrf4xx(frame[1:] + definition.crc_extra))
+
+
+def framed_v1(
+    definition: Definition, payload: bytes, sequence: int, system: int, component: int
+) -> bytes | None:
+    """A MAVLink 1 frame, without the extensions; None for a message that MAVLink 1 cannot number."""
+    if definition.id > LAST_OF_V1:
+        return None
+    size = definition.core_size
+    frame = bytes([V1, size, sequence, system, component, definition.id]) + payload[:size]
     return frame + _CRC.pack(mcrf4xx(frame[1:] + definition.crc_extra))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from fcu.mavlink import replies, requests, setpoints, telemetry
 from fcu.mavlink.definitions import AUTOPILOT, DEFINITIONS, Packed
-from fcu.mavlink.framing import FRAMES_AT_ONCE, Source, framed, frames
+from fcu.mavlink.framing import FRAMES_AT_ONCE, Source, framed, framed_v1, frames
 
 GroundMessage = requests.Message | setpoints.Message | telemetry.Message | replies.Message
 READERS: dict[str, Callable[[dict[str, Any], Source], GroundMessage]] = {
@@ -25,7 +25,11 @@ _KNOWN = {number: each for number, each in DEFINITIONS.items() if each.name in R
 
 
 class GroundCodec:
-    """One end of a ground link. `dropped` counts, by reason, what `parse` did not return."""
+    """One end of a ground link. `dropped` counts, by reason, what `parse` did not return.
+
+    `heard` is the newest version of MAVLink in the last datagram parsed, 0 without a message.
+    `speaks_v1`: messages are framed as MAVLink 1, for a peer that has sent nothing newer.
+    """
 
     def __init__(
         self, system_id: int, component_id: int = AUTOPILOT, at_once: int = FRAMES_AT_ONCE
@@ -35,10 +39,15 @@ class GroundCodec:
         self._me = Source(system_id, component_id)
         self._at_once = at_once
         self._sequence = 0
+        self.heard = 0
+        self.speaks_v1 = False
 
     def framed(self, message: Packed) -> bytes:
-        """The bytes of a message on this link."""
-        frame = framed(*message, self._sequence, *self._me)
+        """The bytes of a message on this link; none of one that MAVLink 1 cannot carry."""
+        build = framed_v1 if self.speaks_v1 else framed
+        frame = build(*message, self._sequence, *self._me)
+        if frame is None:
+            return b""
         self._sequence = (self._sequence + 1) & 0xFF
         return frame
 
@@ -49,6 +58,7 @@ class GroundCodec:
         from one datagram to the next. Telemetry may hold NaN: a flight may have diverged.
         """
         messages = []
+        self.heard = 0
         for frame in frames(datagram, _KNOWN, self.dropped, at_once=self._at_once):
             if frame.source == self._me:
                 self.dropped["from ourselves"] += 1
@@ -57,6 +67,7 @@ class GroundCodec:
             message = READERS[frame.definition.name](fields, frame.source)
             if self._is_addressed(message):
                 messages.append(message)
+                self.heard = max(self.heard, frame.version)
             else:
                 self.dropped["for another"] += 1
         return messages

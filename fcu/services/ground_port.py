@@ -6,6 +6,7 @@ a datagram of its own: clients read with buffers of 300 to 512 bytes, and lose w
 Nobody can take more of the loop's time than AT_ONCE_S, nor the place of one who still beats: when
 all are taken, a newcomer is answered and no more. The listener and those who beat are read in turns,
 a datagram each, and all others have one turn together: a flood keeps nobody else waiting for long.
+A client that has sent MAVLink 1 alone is answered in MAVLink 1, without the messages that it cannot carry.
 What a client has asked for ends with it: when its port refuses a datagram, or when it has beaten and
 was silent for GONE_S.
 """
@@ -95,7 +96,6 @@ class Link:
         self.address = address
         self.codec = codec
         self.hears_telemetry = False
-        self.is_greeted = False
         self.has_rates = False
         self.streams: dict[int, list[float]] = {}  # message id: interval, next due (s)
         self.list_at: int | None = None  # the next parameter of a list that is being sent
@@ -104,13 +104,15 @@ class Link:
         self.told: set[str] = set()  # of which messages it was told that they are not taken
         self.beats = False  # has sent a heartbeat
         self.is_met = False  # has sent anything since it was new
+        self.has_v2 = False  # has sent MAVLink 2 since it was new
         self.heard = now
         self.spoken = Bucket(RATE, BURST)
         self.unread = Queue()
 
     def renew(self) -> None:
         """Whoever was there has gone: the next one finds what they would find on a new link."""
-        self.is_greeted = self.has_rates = self.beats = self.is_met = False
+        self.has_rates = self.beats = self.is_met = self.has_v2 = False
+        self.codec.speaks_v1 = False
         self.streams = {}
         self.list_at = None
         self.acknowledged = []
@@ -203,6 +205,10 @@ class GroundPort:
             link.renew()
         if any(isinstance(message, Heartbeat) for message in messages):
             link.hears_telemetry = link.beats = True
+        if self._parser.heard == 2:
+            link.has_v2, link.codec.speaks_v1 = True, False
+        elif not link.has_v2:
+            link.codec.speaks_v1 = True
         link.heard, link.is_met = now, True
         self._waiting.extend((message, link) for message in messages)
         if address in self._peers:  # the most recent is the last to go
@@ -235,7 +241,7 @@ class GroundPort:
 
     def send(self, link: Link, *messages: Packed) -> None:
         """To one link, a datagram a message, one right after the other; lost if nobody is there."""
-        for datagram in [link.codec.framed(message) for message in messages]:
+        for datagram in filter(None, [link.codec.framed(message) for message in messages]):
             # an earlier datagram was refused, not this one: here, or at another's port
             if not self._send(datagram, link.address) and (
                 link.address in self._see_refusals() or not self._send(datagram, link.address)

@@ -6,6 +6,7 @@ import math
 import struct
 from collections import Counter
 
+import pymavlink.dialects.v10.common as v1
 import pymavlink.dialects.v20.all as everything
 import pymavlink.dialects.v20.common as mavlink
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fcu.mavlink.definitions import DEFINITIONS, FLOAT32_MAX, Packed, declared, of, packed
-from fcu.mavlink.framing import framed, frames
+from fcu.mavlink.framing import framed, framed_v1, frames
 
 TIMESYNC, SERIAL_CONTROL = 111, 126  # the dialect has not their extensions
 EXTENDED = {TIMESYNC, SERIAL_CONTROL}
@@ -50,6 +51,22 @@ def test_a_message_with_newer_fields_is_the_dialects_up_to_them(number):
     assert ours.crc_extra == bytes([theirs.crc_extra])
     names = [f.name for f in ours.fields]
     assert names == [*theirs.ordered_fieldnames, "target_system", "target_component"]
+
+
+@pytest.mark.parametrize("number", sorted(set(v1.mavlink_map) & set(DEFINITIONS)))
+def test_without_its_extensions_a_message_is_that_of_mavlink_1(number):
+    ours, theirs = DEFINITIONS[number], v1.mavlink_map[number]
+    assert ours.core_size == theirs.unpacker.size
+    payload = bytes(1 + i % 7 for i in range(ours.size))
+    frame = framed_v1(ours, payload, 200, 3, 1)
+    (message,) = v1.MAVLink(None).parse_buffer(bytearray(frame))
+    assert (message.get_msgId(), message.get_seq(), message.get_srcSystem()) == (number, 200, 3)
+    assert frame[6:-2] == payload[: ours.core_size]  # zeros at its end are not left out
+
+
+def test_a_number_that_mavlink_1_has_not_is_not_framed():
+    modes = DEFINITIONS[435]
+    assert framed_v1(modes, bytes(modes.size), 0, 3, 1) is None
 
 
 def declarations(message):

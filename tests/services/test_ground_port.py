@@ -55,6 +55,39 @@ def speak(port, sock, datagram, now=0.0):
     return list(port.receive(now))
 
 
+V1_BEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(
+    mavlink.MAVLink(None, srcSystem=255, srcComponent=190), force_mavlink1=True
+)
+
+
+def versions(port, link, sock):
+    """The first bytes of two messages that are sent to a link: HEARTBEAT, and one beyond MAVLink 1."""
+    port.send(link, message("HEARTBEAT"), message("CURRENT_MODE"))
+    return [sock.recv(300)[0] for _ in range(2 if not link.codec.speaks_v1 else 1)]
+
+
+def test_who_sends_mavlink_1_alone_is_answered_in_it_until_the_first_mavlink_2(port, client):
+    made, listener = port
+    sock = client()
+    ((_, link),) = speak(made, sock, V1_BEAT)
+    assert versions(made, link, sock) == [0xFE]
+    with pytest.raises(BlockingIOError):
+        sock.recv(300)  # CURRENT_MODE, 436, was left out
+    assert versions(made, made.listener, listener) == [0xFD, 0xFD]  # has sent nothing
+    speak(made, sock, BEAT)
+    assert versions(made, link, sock) == [0xFD, 0xFD]
+    speak(made, sock, V1_BEAT)
+    assert versions(made, link, sock) == [0xFD, 0xFD]  # it has shown that it reads them
+
+
+def test_who_comes_to_the_port_of_one_who_is_gone_is_asked_anew(port, client):
+    made, _ = port
+    sock = client()
+    ((_, link),) = speak(made, sock, BEAT)
+    speak(made, sock, V1_BEAT, now=GONE_S + 1.0)
+    assert versions(made, link, sock) == [0xFE]
+
+
 @pytest.mark.parametrize("size", [296, 512])
 def test_whoever_reads_so_many_bytes_at_a_time_loses_nothing(port, size):
     """296: MAVROS (libmavconn, `MsgBuffer::MAX_SIZE`); 512: gomavlib (`bufferSize`)."""
