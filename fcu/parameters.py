@@ -29,6 +29,7 @@ from fcu.guard.types import GuardParams
 from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
+from fcu.interface.status_texts import ROOM
 from fcu.laws import loader
 from fcu.laws.face import Pace
 from fcu.laws.loader import Law
@@ -181,9 +182,21 @@ def _pairs(table: Mapping[str, Entry]) -> Iterator[tuple[str, str, bool]]:
 class Refused(ValueError):
     """A parameter that was not set: `kind`, one of the four above, and the reason in words."""
 
-    def __init__(self, kind: str, message: str) -> None:
+    def __init__(self, kind: str, message: str, brief: str = "") -> None:
+        """`brief`: the reason in the room of a STATUSTEXT."""
         super().__init__(message)
         self.kind = kind
+        self.brief = brief or message
+
+
+def _briefly(name: str, value: float, *whys: str) -> str:
+    """Why a parameter was not set, in the room of a STATUSTEXT: the first of the texts that fits.
+
+    `whys`: the reason, the fullest first. The value is left out where it finds no room.
+    """
+    names = f"{name} {_number(value)}", name
+    texts = [f"{named} refused: {why}" for why in whys for named in names]
+    return next((text for text in texts if len(text) <= ROOM), texts[-1])
 
 
 class Unstable(Refused):
@@ -298,7 +311,7 @@ class Parameters:
         if value == self._values[name]:
             return False
         if p.row.read_only:
-            raise Refused(READ_ONLY, f"{name} is read only: {p.sentence}")
+            raise Refused(READ_ONLY, f"{name} is read only: {p.sentence}", f"{name} is read only")
         self._in_range(p, value)
         if p.row.disarmed_only and armed:
             raise Refused(PERMISSION_DENIED, f"{name} can be set while disarmed only")
@@ -347,7 +360,11 @@ class Parameters:
     def _in_range(p: Entry, value: float) -> None:
         allowed = value in p.values if p.values is not None else p.low <= value <= p.high
         if not allowed:  # nor is what is not a number
-            raise Refused(OUT_OF_RANGE, f"{p.name} {_number(value)} refused: {p.expected()}")
+            raise Refused(
+                OUT_OF_RANGE,
+                f"{p.name} {_number(value)} refused: {p.expected()}",
+                _briefly(p.name, value, p.expected()),
+            )
 
     def _adopt(self, wanted: dict[str, float], name: str = "") -> None:
         """Put values in force that are in range each. Raises Refused if not so together.
@@ -355,6 +372,10 @@ class Parameters:
         `name`: the parameter that is set, if it is one alone.
         """
         refused = f"{name} {_number(wanted[name])} refused: " if name else ""
+
+        def brief(*whys: str) -> str:
+            return _briefly(name, wanted.get(name, math.nan), *whys)
+
         bases = self._bases(wanted)
         changed = {k: v for k, v in wanted.items() if v != bases[k]}
         values = {**self._bases(changed), **changed}
@@ -365,19 +386,27 @@ class Parameters:
             at = f"{low} {_number(values[low])} {must} {high} {_number(values[high])}"
             first = high if name == low else low
             at += f" (set {first} first)" if name else ""
-            raise Refused(OUT_OF_RANGE, refused + at)
+            raise Refused(OUT_OF_RANGE, refused + at, brief(f"set {first} first"))
         if self._law_alone(changed) != self._law_alone(self._changed):
             settings = self._with(changed)
             try:
                 self._module.check(settings)
             except ParameterError as error:
-                raise Refused(OUT_OF_RANGE, f"{refused}{error}") from error
+                raise Refused(
+                    OUT_OF_RANGE, f"{refused}{error}", brief(str(error), "see the log")
+                ) from error
             why = self._grounded(settings)
             if why and self._able:
-                raise Refused(OUT_OF_RANGE, refused + why)
+                raise Refused(
+                    OUT_OF_RANGE,
+                    refused + why,
+                    brief(why, why.partition(" (")[0], "it would not hover"),
+                )
             channel = self._unstable(settings)
             if channel and self._stable:
-                raise Unstable(OUT_OF_RANGE, refused + self._why(channel, changed, values))
+                why = self._why(channel, changed, values)
+                short = f"{channel} unstable; {why.rpartition('; ')[2]}", f"{channel} unstable"
+                raise Unstable(OUT_OF_RANGE, refused + why, brief(*short))
             if settings is not self._start:  # which was worked out as it was handed over
                 settings = self._module.derived(settings)
             self.settings, self._stable, self._able = settings, not channel, not why

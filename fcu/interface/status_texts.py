@@ -1,7 +1,9 @@
 """Codes with numbers for all that a vehicle tells, and the one table of their texts.
 
 Whoever decides something tells it as `Told(code, values)`. Whoever sends or shows it asks for
-its `words`. A code's value is its text, with a place for each of its values.
+its `words`. A code's value is its text, with a place for each of its values. A STATUSTEXT has room
+for 50 characters: `brief` is the text in that room, and SHORT has the shorter texts of the codes
+that may need more.
 """
 
 from __future__ import annotations
@@ -9,11 +11,15 @@ from __future__ import annotations
 import math
 import re
 import string
+from collections.abc import Iterator
 from enum import Enum, unique
 from functools import cache
+from itertools import product
 from typing import Any, NamedTuple
 
 GREAT = 1e6  # m, N: above it a number is only told to be so
+ROOM = 50  # characters of a STATUSTEXT, whose text old clients take for the whole
+CUT = "..."  # ends a text that was cut: of names and reasons that are not ours
 
 
 @unique
@@ -83,7 +89,7 @@ class Code(Enum):
     NOT_TAKEN = "{} is ignored"
     NOT_TAKEN_ORIGIN = "{} is ignored (see --origin)"
     NOT_KNOWN_YET = "Message {}: no data yet"
-    PARAMETER_REFUSED = "{}"  # the reason, in words
+    PARAMETER_REFUSED = "{}"  # the reason, in words, and in fewer
     PARAMETER_UNKNOWN = "Unknown parameter {}"
     PARAMETER_TYPE = "Parameter {}: expected type {}"
     PARAMETERS_TOO_MANY = "Too many parameters at once: ask again"
@@ -172,6 +178,79 @@ class Code(Enum):
     YAW_RATE_ONLY = "expected only a yaw rate beside attitude"
 
 
+# Shorter texts of codes whose own may be too long for a STATUSTEXT, the longest first. A value is taken
+# by its place. A reason within a text is shortened first.
+SHORT: dict[Code, tuple[str, ...]] = {
+    Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
+    Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
+    Code.NOT_AS_BELIEVED: ("Not believed: {0}",),
+    Code.LIGHTER: ("mass < {0:.3g} kg or wind upwards",),
+    Code.HEAVIER: ("mass > {0:.3g} kg or wind downwards",),
+    Code.MORE_DRAG: ("drag beyond a wind of {0:.3g} m/s",),
+    Code.THRUST_OFF: ("rotors do not give their thrust",),
+    Code.TRIM_PINNED: ("trim of thrust at {0:g} N",),
+    Code.LAW_NOT_FINITE: ("Law is not finite: {0}", "Law computed numbers that are not finite"),
+    Code.CRASHED: ("Crashed: hit the ground (gcs reset)",),
+    Code.DIVERGED: ("Lost: left the arena (gcs reset)",),
+    Code.PLANT_SILENT_STOPS: ("No state for {0:.0f} s, controller stops",),
+    Code.MODE_SHORT: ("Mode {0}: lacks {1:newtons}",),
+    Code.TAKES_OFF_ONCE_ARMED: ("Takes off to {0:.1f} m once armed",),
+    Code.GOING_SHORT: ("Flying {0:.0f} m: lacks {1:newtons}",),
+    Code.MODE_UNKNOWN: ("Mode {0} denied: not supported",),
+    Code.BUSY: ("{0} is in progress",),
+    Code.LATE_REPETITION: ("{0} came late",),
+    Code.PARAMETER_REFUSED: ("{1}",),
+    Code.PARAMETERS_NOT_SAVED: ("Parameters not saved (see the log)",),
+    Code.PARAMETERS_NO_FILE: ("Not saved: start with --params FILE",),
+    Code.NO_STREAM: ("needs a stream of setpoints",),
+    Code.HAS_ENDED: ("flight has ended (gcs reset)",),
+    Code.WAS_TERMINATED: ("terminated (gcs reset)",),
+    Code.GUARD_REFUSES: ("the guard rejects setpoints",),
+    Code.TILTED: ("tilted over {0:.0f} degrees",),
+    Code.ONE_FLIGHT: ("its flight is recorded",),
+    Code.ARMED_NOT_RESET: ("armed (gcs reset --force)",),
+    Code.TAKEOFF_HEIGHT: ("{0:.4g} m up (0 to 1000)",),
+    Code.SPEED_RANGE: ("{0:.4g} m/s (0.1 to {1:g})", "expected 0.1 to {1:.3g} m/s"),
+    Code.SPEED_LIMITED: ("Speed limited to {1:g} m/s",),
+    Code.ASKS_TOO_MUCH: (
+        "needs {0:.3g} m/s^2 (MPC_ACC_HOR)",
+        "MPC_ACC_HOR is too low",
+    ),
+    Code.LACKS: ("lacks {1:newtons}; {2}", "lacks {1:newtons}"),
+    Code.METRES_OF_IT: ("{0:metres} would do",),
+    Code.PERCENT_OF_IT: ("{0:percent} would do",),
+    Code.PERCENT_LED: ("{0:percent} would do",),
+    Code.TO_NO_SYSTEM: ("must name this system",),
+    Code.NO_PLACE_NEAR: ("position not within 20 km",),
+    Code.RESETS_ONLY: ("parameter 1 must be 0 or 1",),
+    Code.SAVES_OR_RESETS: ("expected 1 or 2 (reset)",),
+    Code.HEARTBEATS_KEEP: ("HEARTBEAT has a fixed rate",),
+    Code.INTERVAL_NEGATIVE: ("interval is below -1 us",),
+    Code.PARAMETER_UNUSED: ("parameter {0} must be 0 or NaN",),
+    Code.CUSTOM_MODES_ONLY: ("base mode must be 1 (custom)",),
+    Code.PLACE_NOT_HERE: ("position is elsewhere",),
+    Code.NO_HEIGHT_NEAR: ("height not -100 m to 20 km",),
+    Code.LANDS_HERE: ("lands here (reposition first)",),
+    Code.GROUND_SPEED_ONLY: ("speed type must be 1 (ground)",),
+    Code.SETPOINT_REFUSED: ("Setpoint rejected: {0}", "Setpoint: {0}"),
+    Code.SETPOINT_SHORT: ("Setpoint lacks {1:newtons}, may saturate",),
+    Code.SETPOINT_TURNS: ("Setpoint yaw rate limited to {1:.1f} rad/s",),
+    Code.SETPOINT_LOW: ("Setpoint below home limited to {1:g} m",),
+    Code.SETPOINT_FAR: ("Setpoint distance limited to {1:.0f} m",),
+    Code.SETPOINT_FAST: ("Setpoint speed limited to {1:.1f} m/s",),
+    Code.SETPOINT_HARD: ("Setpoint limited to {1:.0f} m/s^2",),
+    Code.PARTLY_IGNORED: ("mask ignores part of {0}", "part of {0} ignored"),
+    Code.NOT_UNIT: ("not a unit quaternion",),
+    Code.NEEDS_BODY_RATES: ("needs three body rates",),
+    Code.YAW_RATE_ONLY: ("only a yaw rate with attitude",),
+    Code.COMMANDS_NOTHING: ("type mask ignores all",),
+    Code.FORCE: ("force is not supported",),
+    Code.THRUST_RANGE: ("thrust must be 0 to 1",),
+    Code.OFF_EARTH: ("not a latitude or longitude",),
+    Code.FRAME_NOT_GLOBAL: ("frame {0} is not global",),
+}
+
+
 class Told(NamedTuple):
     """Something said: a code, and the values of its text, each a number, a name or a Told."""
 
@@ -240,17 +319,42 @@ def words(told: Told) -> str:
     return _FORMATTER.vformat(told.code.value, told.values, {})
 
 
+def _texts(told: Told) -> Iterator[str]:
+    """Every text of what is told: of its code, each with every text of the reasons in it."""
+    inner = [list(_texts(v)) if isinstance(v, Told) else [v] for v in told.values]
+    for text in (told.code.value, *SHORT.get(told.code, ())):
+        for values in product(*inner):
+            yield _FORMATTER.vformat(text, values, {})
+
+
+def brief(told: Told) -> str:
+    """The text of what is told, in the room of a STATUSTEXT: the longest that fits.
+
+    A law's own error or a user's name may be too long for each of them. The text is then cut, and ends
+    in dots.
+    """
+    whole = words(told)
+    if len(whole) <= ROOM:
+        return whole
+    texts = list(_texts(told))
+    fitting = [text for text in texts if len(text) <= ROOM]
+    return max(fitting, key=len) if fitting else min(texts, key=len)[: ROOM - len(CUT)] + CUT
+
+
 @cache
-def _pattern(code: Code) -> re.Pattern[str]:
-    literals = [text for text, *_ in string.Formatter().parse(code.value)]
-    has_last = not code.value.endswith("}")
-    between = ".*".join(map(re.escape, literals))
-    return re.compile(between if has_last else between + ".*")
+def _patterns(code: Code) -> tuple[re.Pattern[str], ...]:
+    found = []
+    for text in (code.value, *SHORT.get(code, ())):
+        literals = [literal for literal, *_ in string.Formatter().parse(text)]
+        has_last = not text.endswith("}")
+        between = ".*".join(map(re.escape, literals))
+        found.append(re.compile(between if has_last else between + ".*"))
+    return tuple(found)
 
 
 def says(text: str, code: Code) -> bool:
-    """Return true if a STATUSTEXT, or its first chunk, is the text of `code`.
+    """Return true if a STATUSTEXT is the text of `code`, or one of its shorter texts.
 
     For MAVLink clients alone: nothing but words comes over that link.
     """
-    return _pattern(code).match(text) is not None
+    return any(pattern.match(text) for pattern in _patterns(code))

@@ -8,15 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from fastcrc.crc16 import mcrf4xx
-
 from fcu.mavlink.definitions import EXT_UNSUPPORTED, INT32, REAL32, SERIAL_REPLY, Packed
 from fcu.mavlink.definitions import message as _message
 from fcu.mavlink.framing import Source
 from fcu.mavlink.parameter_values import bytewise, read
 
 Fields = dict[str, Any]
-_CHUNK = 50  # bytes of STATUSTEXT
 
 
 def _to(to: Source) -> dict[str, int]:
@@ -144,21 +141,10 @@ def protocol_version() -> Packed:
     return _message("PROTOCOL_VERSION", version=200, min_version=100, max_version=200)
 
 
-def status_text(severity: int, words: str) -> list[Packed]:
-    """STATUSTEXT in as many chunks of 50 characters as it needs, at most 256.
-
-    A character that is not ASCII becomes `?`.
-    """
-    raw = words.encode("ascii", errors="replace").replace(b"\0", b"?")
-    if len(raw) <= _CHUNK:
-        return [_message("STATUSTEXT", severity=severity, text=raw)]
-    number = mcrf4xx(raw) or 1  # the same in all chunks, another in another text
-    # A chunk that is not full ends the text: one that fills its last is followed by none.
-    chunks = [raw[at : at + _CHUNK] for at in range(0, len(raw) + 1, _CHUNK)][:256]
-    return [
-        _message("STATUSTEXT", severity=severity, text=chunk, id=number, chunk_seq=i)
-        for i, chunk in enumerate(chunks)
-    ]
+def status_text(severity: int, brief: str) -> Packed:
+    """STATUSTEXT of at most 50 characters; one that is not ASCII becomes `?`."""
+    raw = brief.encode("ascii", errors="replace").replace(b"\0", b"?")
+    return _message("STATUSTEXT", severity=severity, text=raw)
 
 
 # --- read back

@@ -23,7 +23,7 @@ from fcu.interface.event_log import Event, Said
 from fcu.interface.link import exclusive_socket
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.ports import Ports
-from fcu.interface.status_texts import Code, Told, words
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import fields, size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of, slice_of
@@ -299,7 +299,7 @@ class Autopilot:
 
     def _tell_of_tick(self, severity: Severity, level: str, told: Told, at_us: int) -> None:
         """A STATUSTEXT, and a line of log, of a tick that was flown already."""
-        self.ground.streams.text(severity, words(told))
+        self.ground.streams.text(severity, told)
         self.say(level, told, at_us)
 
     def take(self, datagram: bytes, wall_s: float) -> bytes | None:

@@ -21,7 +21,7 @@ from fcu.interface import event_log
 from fcu.interface.event_log import Event
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
-from fcu.interface.status_texts import Code, Told, words
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel import system
 from fcu.kernel.compile import compile_for
 from fcu.mavlink.definitions import Severity
@@ -271,8 +271,7 @@ class Loop:
     def _tell_silence(self, level: str, row: ConditionRow) -> None:
         for_s = row.hold_us * 1e-6
         self._autopilot.say(level, Told(Code.LINK_SILENT, (for_s,)))
-        text = words(Told(row.code, (for_s,)))
-        self._autopilot.ground.streams.text(Severity[row.severity], text)
+        self._autopilot.ground.streams.text(Severity[row.severity], Told(row.code, (for_s,)))
 
     def _close(self) -> None:
         try:

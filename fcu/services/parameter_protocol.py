@@ -121,7 +121,7 @@ class ParameterProtocol:
         try:
             changed = self._params.set(name, message.value, self._vehicle.armed)
         except Refused as refused:
-            told = Told(Code.PARAMETER_REFUSED, (str(refused),))
+            told = Told(Code.PARAMETER_REFUSED, (str(refused), refused.brief))
             return self._not_set(message, ParameterError[refused.kind], told)
         if not changed:
             return [self._value(self._params.index(name))], [], None

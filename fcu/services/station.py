@@ -14,14 +14,13 @@ import numpy as np
 
 from fcu.interface.link import Datagrams
 from fcu.interface.ports import Ports, owner
-from fcu.interface.status_texts import Code, Told, words
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
 from fcu.mavlink.definitions import CommandId, Result, Severity
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
 from fcu.mavlink.requests import Command, ManualControl, NotTaken, SetMode
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
-from fcu.mavlink.telemetry import Heartbeat
 from fcu.parameters import Parameters
 from fcu.services import status
 from fcu.services.command_protocol import CommandProtocol, Commands, Request, Verdict
@@ -135,7 +134,7 @@ class Station:
     def tell(self, told: Told, severity: Severity | None = None) -> None:
         """A STATUSTEXT to everyone, and a line of log. `severity`: as it is of this code."""
         severity = SEVERITIES.get(told.code, Severity.INFO) if severity is None else severity
-        self.streams.text(severity, words(told))
+        self.streams.text(severity, told)
         self._say("info" if severity >= Severity.NOTICE else "warning", told)
 
     @property
@@ -207,9 +206,6 @@ class Station:
                 self._protocol.explain(verdict, now)
             elif isinstance(message, ManualControl):
                 self._offboard.sticks(message, t_us)
-            elif isinstance(message, Heartbeat) and not link.is_greeted:
-                link.is_greeted = True
-                self.streams.greet(port, link)
             elif isinstance(message, NotTaken):
                 told = Told(NOT_TAKEN[message.name], (message.name,))
                 if message.name not in link.told and self._offboard.complain(told, now):

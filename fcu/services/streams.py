@@ -20,6 +20,7 @@ import numpy as np
 
 from fcu.guard.types import GuardInternals
 from fcu.interface.messages import Battery, VehicleState
+from fcu.interface.status_texts import Told, brief
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import field_type, from_buffer
 from fcu.kernel.rotations import euler, from_euler, matrix, rotate_back
@@ -519,10 +520,6 @@ class Streams:
         for port in self._ports:
             port.broadcast(packed)
 
-    def greet(self, port: GroundPort, link: Link) -> None:
-        """A heartbeat to one who has just shown up, and would wait for the next one else."""
-        port.send(link, heartbeat(self._vehicle, self._kind, self._autopilot))
-
     @property
     def due_s(self) -> float:
         """Wall, monotonic, s: when it is time to look at the streams."""
@@ -580,10 +577,9 @@ class Streams:
             if hz > 0.0:
                 link.streams[number] = [1.0 / hz, 0.0]
 
-    def text(self, severity: int, text: str) -> None:
+    def text(self, severity: int, told: Told) -> None:
         """STATUSTEXT to everyone who hears telemetry."""
-        for port in self._ports:
-            port.broadcast(*replies.status_text(severity, text))
+        self.broadcast(replies.status_text(severity, brief(told)))
 
     def broadcast(self, *messages: Packed) -> None:
         """Something of interest to everyone, at once."""

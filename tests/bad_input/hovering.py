@@ -14,7 +14,7 @@ import pymavlink.dialects.v20.common as mavlink
 from fcu.interface.airframe import believed
 from fcu.interface.messages import VehicleState
 from fcu.interface.ports import ports
-from fcu.interface.status_texts import Code, Told, words
+from fcu.interface.status_texts import Code, Told, brief
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
@@ -157,7 +157,7 @@ class Flight:
 
     def says(self, what):
         """A text for people that is this Told, or holds this text; chunks are put together."""
-        text = words(what) if isinstance(what, Told) else what
+        text = brief(what) if isinstance(what, Told) else what
         whole, last = "", None
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
@@ -177,7 +177,7 @@ class Flight:
 
         what : a Told, or a part of its text.
         """
-        text = words(what) if isinstance(what, Told) else what
+        text = brief(what) if isinstance(what, Told) else what
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             self.send(setpoint, **options)

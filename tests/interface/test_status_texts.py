@@ -10,9 +10,8 @@ import pytest
 
 import fcu
 import sitl_plant
-from fcu.interface.status_texts import Code, Told, lacks, says, words
-from fcu.mavlink.definitions import Severity
-from fcu.mavlink.replies import status_text
+from fcu.interface.status_texts import CUT, ROOM, Code, Told, brief, lacks, says, words
+from fcu.mavlink.definitions import command_name
 
 
 def places(code):
@@ -28,7 +27,6 @@ def example(code):
 def test_every_code_has_a_text_of_its_own_and_is_known_by_it(code):
     text = words(example(code))
     assert text.isascii() and not re.search(r"[{}]", text)
-    assert all(len(chunk.payload[1:51]) <= 50 for chunk in status_text(Severity.INFO, text))
     assert says(text, code)
 
 
@@ -73,7 +71,85 @@ def test_a_kind_is_without_its_numbers():
     assert far(1.0).kind != Told(Code.SETPOINT_REFUSED, (Told(Code.FORCE),)).kind
 
 
-def test_a_text_cut_into_chunks_is_known_by_its_first():
-    text = words(Told(Code.SETPOINT_REFUSED, (lacks(30.0, 0.0, 4.1, 0.5),)))
-    assert says(text[:50], Code.SETPOINT_REFUSED)
-    assert not says(text[50:], Code.SETPOINT_REFUSED)
+# --- in the 50 characters of a STATUSTEXT
+
+CODES = list(Code)
+LONG = {"": "Figure eight", "#x": 0xFFFF, "newtons": 1e300, "metres": 99_999.9, "percent": 0.0}
+NAMES = {  # the longest that stands there, where it is not the name of a mode
+    Code.BUSY: max((command_name(n) for n in range(5000)), key=len),
+    Code.LATE_REPETITION: max((command_name(n) for n in range(5000)), key=len),
+    Code.UNSUPPORTED: max((command_name(n) for n in range(5000)), key=len),
+    Code.NOT_TAKEN: "SET_ACTUATOR_CONTROL_TARGET",
+    Code.PARAMETER_UNKNOWN: 16 * "X",
+    Code.PARTLY_IGNORED: "latitude and longitude",
+    Code.PARAMETER_UNUSED: 7,
+    Code.PARAMETER_NAN: 7,
+    Code.ANOTHER_SENDS: 255,
+    Code.COMMAND_FRAME: 255,
+    Code.FRAME_UNSUPPORTED: 255,
+    Code.FRAME_NOT_LOCAL: 255,
+    Code.FRAME_NOT_GLOBAL: 255,
+    Code.NOT_FINITE: "acceleration",
+    Code.NOT_KNOWN_YET: 2**24,
+}
+
+
+def longest(code):
+    """What is told with values as long as they get."""
+    if code is Code.PARAMETER_TYPE:
+        return Told(code, (16 * "X", "REAL32"))
+    if code is Code.ABOVE_LIMIT:
+        return Told(code, ("acceleration", 99_999.9, "m/s^2"))
+    longer = {**LONG, "": NAMES.get(code, LONG[""])}
+    return Told(code, tuple(longer.get(spec, -9999.9) for spec in places(code)))
+
+
+def section(first, last):
+    return CODES[CODES.index(first) : CODES.index(last) + 1]
+
+
+LACKING = [
+    Told(Code.LACKS, (Told(what, n * (9999.9,)), short, Told(part, (of,))))
+    for what, n in ((Code.WAY, 1), (Code.WAY_LED, 2), (Code.SPEED_AND_WAY, 2))
+    for part in (Code.METRES_OF_IT, Code.PERCENT_OF_IT, Code.PERCENT_LED)
+    for of in (0.0, 1.0)
+    for short in (1e300, 99_999.9)
+]
+VEHICLES = [longest(code) for code in section(Code.NO_STATE, Code.ASKS_TOO_MUCH)] + LACKING
+COMMANDS = [longest(code) for code in section(Code.TO_NO_SYSTEM, Code.INTERVAL_NEGATIVE)]
+SETPOINTS = [longest(code) for code in section(Code.ANOTHER_SENDS, Code.YAW_RATE_ONLY)] + LACKING
+BELIEFS = [longest(code) for code in section(Code.LIGHTER, Code.TRIM_PINNED)]
+REASONS = [
+    *(Told(Code.DENIED, ("Figure eight", why)) for why in VEHICLES + COMMANDS),
+    *(Told(Code.NOT_READY_TO_ARM, (why,)) for why in VEHICLES),
+    *(Told(Code.SETPOINT_REFUSED, (why,)) for why in SETPOINTS),
+    *(Told(Code.NOT_AS_BELIEVED, (why,)) for why in BELIEFS),
+]
+OUTER = [longest(code) for code in CODES if code.value[0].isupper()]
+
+
+@pytest.mark.parametrize("told", OUTER + REASONS, ids=words)
+def test_every_text_fits_a_statustext_whatever_its_numbers(told):
+    text = brief(told)
+    assert 0 < len(text) <= ROOM
+    assert CUT not in text
+    assert says(text, told.code)
+
+
+def test_a_text_that_fits_is_told_whole():
+    told = Told(Code.DENIED, ("Takeoff", Told(Code.NO_STATE)))
+    assert brief(told) == words(told)
+
+
+def test_of_two_texts_that_fit_the_longer_is_told():
+    why = Told(Code.LACKS, (Told(Code.WAY, (30.0,)), 4.1, Told(Code.METRES_OF_IT, (15.0,))))
+    assert (
+        brief(Told(Code.SETPOINT_REFUSED, (why,)))
+        == "Setpoint rejected: lacks 5 N; 15.0 m would do"
+    )
+
+
+def test_a_name_that_is_longer_than_the_text_is_cut_and_shown_to_be():
+    text = brief(Told(Code.UNSUPPORTED, (80 * "x",)))
+    assert len(text) == ROOM
+    assert text.endswith(CUT)

@@ -109,33 +109,14 @@ def test_protocol_version_is_mavlink_2_and_1():
 # --- texts
 
 
-@pytest.mark.parametrize(
-    ("length", "sizes"),
-    [(0, [0]), (1, [1]), (50, [50]), (51, [50, 1]), (100, [50, 50, 0]), (120, [50, 50, 20])],
-)
-def test_text_is_sent_in_chunks_that_say_where_it_ends(length, sizes):
-    text = ("0123456789" * 20)[:length]
-    chunks = read(*replies.status_text(Severity.WARNING, text))
-    assert [len(c.text) for c in chunks] == sizes
-    assert "".join(c.text for c in chunks) == text
-    assert [c.chunk_seq for c in chunks] == list(range(len(sizes)))
-    assert {c.severity for c in chunks} == {4}
-    (number,) = {c.id for c in chunks}
-    assert (number == 0) == (len(sizes) == 1)
-
-
-def test_texts_that_follow_each_other_have_different_numbers():
-    first, second = (replies.status_text(Severity.INFO, 60 * letter) for letter in "ab")
-    assert read(*first)[0].id != read(*second)[0].id
+def test_text_is_one_message():
+    (m,) = read(replies.status_text(Severity.WARNING, 50 * "x"))
+    assert (m.text, m.severity, m.id, m.chunk_seq) == (50 * "x", 4, 0, 0)
 
 
 def test_text_that_is_not_ascii_stays_readable():
-    (chunk,) = read(*replies.status_text(Severity.INFO, "wind 3 m/s²\0"))
-    assert chunk.text == "wind 3 m/s??"
-
-
-def test_a_text_without_end_ends():
-    assert len(replies.status_text(Severity.INFO, 20_000 * "x")) == 256
+    (m,) = read(replies.status_text(Severity.INFO, "wind 3 m/s²\0"))
+    assert m.text == "wind 3 m/s??"
 
 
 # --- whatever is asked

@@ -249,7 +249,7 @@ def test_answers_come_back():
     assert told(replies.param_value("MASS", 8.25, 3, 40)) == replies.ParamValue(
         FCU, "MASS", 8.25, 9, 3, 40
     )
-    (text,) = replies.status_text(Severity.WARNING, "Arming denied")
+    text = replies.status_text(Severity.WARNING, "Arming denied")
     assert told(text) == replies.StatusText(FCU, 4, "Arming denied", 0, 0)
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from fcu.interface.airframe import OCTO, believed, load
 from fcu.interface.parameter import Parameter, ParameterError
+from fcu.interface.status_texts import ROOM
 from fcu.parameters import Parameters, ParamsFileError, Refused, entries
 from fcu.parameters_page import page
 from fcu.process.settings import PARAMETERS, settings
@@ -45,6 +46,7 @@ def refused(params, name, value, armed=False):
     with pytest.raises(Refused) as refusal:
         params.set(name, value, armed)
     assert ({n: params[n] for n in params.names}, params.settings) == before  # nothing changed
+    assert len(refusal.value.brief) <= ROOM
     return refusal.value.kind, str(refusal.value)
 
 
@@ -163,6 +165,18 @@ def test_refusals_name_value_and_reason(params):
     assert refused(params, "MR_PRED", 0.0, armed=True) == (
         "PERMISSION_DENIED", "MR_PRED can be set while disarmed only",
     )  # fmt: skip
+
+
+def test_every_refusal_of_a_value_fits_a_statustext(params):
+    for name in params.names:
+        refused(params, name, -1.2345679e38)
+
+
+def test_a_short_refusal_has_the_reason_and_what_would_do(params):
+    with pytest.raises(Refused) as refusal:
+        params.set("MR_C_TILT", 80.0, False)
+    assert refusal.value.brief.startswith("MR_C_TILT refused: pitch unstable; ")
+    assert refusal.value.brief.endswith(" would do")
 
 
 @pytest.mark.parametrize(

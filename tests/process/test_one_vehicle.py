@@ -24,7 +24,6 @@ from fcu.mavlink.definitions import IGNORE_POSITION, CommandId, Result
 from fcu.mavlink.framing import Source
 from fcu.mavlink.ground_link import GroundCodec
 from fcu.mavlink.px4_modes import AutoMode, MainMode
-from fcu.mavlink.telemetry import Heartbeat, ground_heartbeat
 from gcs_tools.flight import ground_script
 from gcs_tools.flight.ground_script import ME, Vehicle, VehicleError
 from gcs_tools.flight.memory_flight import MemoryFlight
@@ -332,22 +331,6 @@ def test_who_has_asked_twice_awaits_both_answers(monkeypatch):
     Vehicle(0, link).command(CommandId.LAND)
     assert link.asked == 2
     assert not link.inbox
-
-
-def test_who_shows_up_need_not_wait_for_the_next_heartbeat(tmp_path):
-    flight = InMemory(scene("lands"), tmp_path, (lambda rows: None,) * 2)
-    with ExitStack() as stack:
-        flight._make(stack)
-        flight._serve()  # whatever is due at the start
-        link = flight._network.link(ITS_PORT, flight._at.fcu_station, "late")
-        codec = GroundCodec(*ANOTHER)
-        heard = []
-        for _ in range(2):
-            link.send(codec.framed(ground_heartbeat()))
-            flight._serve()
-            while (datagram := link.receive()) is not None:
-                heard += [m for m in codec.parse(datagram) if isinstance(m, Heartbeat)]
-        assert len(heard) == 1  # and is not greeted again
 
 
 @pytest.mark.parametrize("option", [{"speed": 1.0}, {"instance": 3}], ids=str)

@@ -98,6 +98,28 @@ def test_home_is_told_at_once_also_to_one_who_has_no_stream_of_it(met):
     assert "HOME_POSITION" not in {each.get_type() for each in met.heard()}  # it has not moved
 
 
+def test_a_client_that_shows_up_draws_no_heartbeat_between_those_of_each_second(met):
+    met.observe()
+    beats = []
+    for look in range(301):  # three seconds, in steps of 10 ms
+        if look == 120:
+            beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+            assert not [m for m in met.say(beat, 101.2) if m.get_type() == "HEARTBEAT"]
+        met.station.idle(0, 100.0 + 0.01 * look, 100.0)
+        beats += [look for each in met.heard() if each.get_type() == "HEARTBEAT"]
+    assert beats == pytest.approx([0, 100, 200, 300], abs=4)
+
+
+def test_a_heartbeat_comes_at_once_when_the_vehicle_is_armed(met):
+    met.observe()
+    met.station.idle(0, 100.0, 100.0)
+    met.heard()
+    assert met.ask(ARM, 1.0) == ACCEPTED
+    met.station.idle(0, 100.01, 100.0)
+    (beat,) = (m for m in met.heard() if m.get_type() == "HEARTBEAT")
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
 def test_a_stream_that_is_looked_at_late_is_no_slower(met):
     """A look every 7 ms, and 50 messages in a second all the same."""
     met.observe()
