@@ -113,7 +113,7 @@ def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Ro
         asked.number, asked.law, mission.flight.seed, judged.passed, ended, "", OK,
         float(plant[-1, 0]) if len(plant) else 0.0, len(fcu),
         trajectory_sha256(plant) if len(plant) else "", judged.metrics,
-        ", ".join(each.name for each in judged.expectations if not each.passed),
+        ", ".join(each.name for each in judged.expectations if each.is_missed),
     )  # fmt: skip
 
 

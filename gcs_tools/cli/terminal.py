@@ -144,8 +144,10 @@ class Terminal(Display):
             table.add_column("expected")
             table.add_column("measured", justify="right")
             for line in result.expectations:
-                style = "green" if line.passed else "red"
-                mark = Text("met" if line.passed else "MISSED", style=style)
+                style = "red" if line.is_missed else "green" if line.passed else "dim"
+                mark = Text(
+                    "MISSED" if line.is_missed else "met" if line.passed else "-", style=style
+                )
                 table.add_row(mark, line.text, Text(line.shown, style=style))
             self._out.print(table)
         for line in result.expectations:

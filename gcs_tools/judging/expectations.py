@@ -6,6 +6,7 @@
     reference_error_rms_m = { limit = 0.03, from = 12.0, to = 20.0 }  # in a window of time, s
     reference_error_max_m = { at_least = 50.0 }
     margin_min_n = 0.0                                       # at least: a minimum has a floor
+    margin_min_n = { at_least = 0.0, laws_with = "guard" }   # does not apply to laws without one
     ended = "diverged"                                       # how the flight must end
     reached = 0.1                                            # m, of setpoints that stand; false: no
     limited = true                                           # the vehicle limits a setpoint
@@ -27,6 +28,7 @@ from gcs_tools.judging.metrics import (
     METRICS,
     OF_ITEMS,
     OF_THE_TRUTH,
+    PARTS,
     REACHED_M,
     SETTLE_S,
 )
@@ -34,12 +36,15 @@ from gcs_tools.judging.setpoint_checks import Changed, Standing
 
 MetricFunction = Callable[[str, float | None, float | None], float | None]
 Reason = Callable[[str, float | None, float | None], str]
+Has = Callable[[str], bool]  # whether the law has one of PARTS
 
 GOOD_ENDINGS = ("time", "arrived")
 BAD_ENDINGS = ("diverged", "crashed", "refused")  # after which nothing is asked for any more
 NOT_FINITE = "nonfinite_samples"
+LAWS_WITH = "laws_with"
+NOT_APPLICABLE = "not applicable"
 ENDED, REACHED, LIMITED = OTHERS = ("ended", "reached", "limited")  # entries that are no metric
-_KEYS = ("limit", "at_least", "from", "to")
+_KEYS = ("limit", "at_least", "from", "to", LAWS_WITH)
 
 
 class ExpectError(ValueError):
@@ -53,7 +58,7 @@ class Expectation:
     name: str
     limit: float | str  # at most, or at least, as `text` says; for `ended`, the ending(s)
     value: float | str | None  # measured; None: the metric has no value, which fails
-    passed: bool
+    passed: bool | None  # None: it does not apply to the law that flew
     text: str  # the expectation as a person reads it, without the value
     why: str | None = None  # why there is no value, or what was missed and how
 
@@ -63,8 +68,15 @@ class Expectation:
         return f"{self.text}: {self.shown}{why}"
 
     @property
+    def is_missed(self) -> bool:
+        """True unless it is met, or does not apply."""
+        return self.passed is False
+
+    @property
     def shown(self) -> str:
         """What was measured, as a person reads it."""
+        if self.passed is None:
+            return NOT_APPLICABLE
         if self.value is None:
             return "no value"
         if self.name == REACHED:
@@ -82,12 +94,16 @@ class _Bound(NamedTuple):
     at_least: bool
     t_from: float | None
     t_to: float | None
+    part: str | None  # of PARTS: it is expected of laws that have it
 
 
 def untold(expect: Mapping[str, Any]) -> list[str]:
     """Its entries that need what a controller tells of itself."""
     inside = METRICS.keys() - OF_THE_TRUTH | {LIMITED}
-    return [name for name in expect if name in inside]
+    return [
+        name for name, entry in expect.items()
+        if name in inside and not (isinstance(entry, Mapping) and LAWS_WITH in entry)
+    ]  # fmt: skip
 
 
 def _number(value: float | str) -> str:
@@ -104,25 +120,38 @@ def _bound(name: str, entry: Any) -> _Bound:
         raise ExpectError(f"[expect] {name}.limit: expected at_least ({FLOOR})")
     if ("limit" in table) == ("at_least" in table):
         raise ExpectError(f"[expect] {name}: expected either limit or at_least")
+    part = table.pop(LAWS_WITH, None)
+    if part is not None and part not in PARTS:
+        raise ExpectError(
+            f"[expect] {name}.{LAWS_WITH}: expected one of {', '.join(PARTS)}, got {part!r}"
+        )
     for key, value in table.items():
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not math.isfinite(value):
             raise ExpectError(f"[expect] {name}.{key}: expected a finite number, got {value!r}")
     at_least = "at_least" in table
     limit = float(table["at_least" if at_least else "limit"])
-    return _Bound(limit, at_least, table.get("from"), table.get("to"))
+    return _Bound(limit, at_least, table.get("from"), table.get("to"), part)
 
 
 def judge_metric(
-    name: str, entry: Any, metric: MetricFunction, reason: Reason | None = None
+    name: str,
+    entry: Any,
+    metric: MetricFunction,
+    reason: Reason | None = None,
+    has: Has | None = None,
 ) -> Expectation:
-    """One metric held against its entry; `reason`: why it has no value. Raises ExpectError."""
+    """One metric held against its entry.
+
+    reason : why a metric has no value.  has : which of PARTS the law has. None: all of them.
+    Raises ExpectError.
+    """
     bound = _bound(name, entry)
     known = name in METRICS or name in OF_ITEMS
     value = metric(name, bound.t_from, bound.t_to) if known else None
     if value is not None and not math.isfinite(value):
         value = None
-    passed = value is not None and (
+    passed: bool | None = value is not None and (
         value >= bound.limit if bound.at_least else value <= bound.limit
     )
     text = f"{name} {'≥' if bound.at_least else '≤'} {_number(bound.limit)}"
@@ -130,6 +159,8 @@ def judge_metric(
         text += f" from {bound.t_from:g} s"
     if bound.t_to is not None:
         text += f" to {bound.t_to:g} s"
+    if bound.part is not None and has is not None and not has(bound.part):
+        return Expectation(name, bound.limit, None, None, text)
     why = None if value is not None or reason is None else reason(name, bound.t_from, bound.t_to)
     return Expectation(name, bound.limit, value, passed, text, why)
 
@@ -194,6 +225,7 @@ def judge_each(
     standing: Sequence[Standing] = (),
     changed: Sequence[Changed] = (),
     good: Sequence[str] = GOOD_ENDINGS,
+    has: Has | None = None,
 ) -> list[Expectation]:
     """Each entry of `expect` judged: how the flight ended first, then its setpoints.
 
@@ -202,6 +234,7 @@ def judge_each(
     ended like that, with samples that are not finite, misses an expectation that nobody has to name.
     good : how a flight ends well, of which any will do where nothing else is expected.
     reason : why a metric has no value, from and to a time, in words.
+    has : which of PARTS the law has. None: all of them.
     standing, changed : setpoints that stood, and that were not flown as asked for. A mission that
     expects a flight to end badly expects nothing of them that it does not name.
     Raises ExpectError for an entry that is none of the forms above.
@@ -220,7 +253,9 @@ def judge_each(
         checks.append(_judge_limited(expect.get(LIMITED), changed))
     rest = [check for check in checks if check is not None]
     rest += [
-        judge_metric(n, entry, metric, reason) for n, entry in expect.items() if n not in OTHERS
+        judge_metric(n, entry, metric, reason, has)
+        for n, entry in expect.items()
+        if n not in OTHERS
     ]
     if NOT_FINITE not in expect and ended in good:  # nothing follows from such a flight
         finite = judge_metric(NOT_FINITE, 0.0, metric)

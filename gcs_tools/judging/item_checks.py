@@ -117,9 +117,9 @@ def judge_items(
             return own.why_no_value(name, *_shifted(item.began_s, t_from, t_to))
 
         for name, entry in entries.items():
-            judged = judge_metric(name, entry, metric, reason)
+            judged = judge_metric(name, entry, metric, reason, ticks.law_has)
             said = judged.why
-            if own is not None and not judged.passed and judged.value is not None:
+            if own is not None and judged.is_missed and judged.value is not None:
                 said = _why_missed(name, entry, own, item, flight, begun)
             why = None if said is None else f"of {item.name}: {said}"
             found.append(replace(judged, text=f"{item.name}: {judged.text}", why=why))
@@ -194,7 +194,7 @@ def _followed(
     name = "setpoint_error_max_m"
     judged = judge_metric(name, REACHED_M, window.metric, window.why_no_value)
     why = judged.why
-    if not judged.passed and judged.value is not None:
+    if judged.is_missed and judged.value is not None:
         why = f"of {item.name}: {_why_missed(name, REACHED_M, window, item, flight, begun)}"
     return [replace(judged, text=f"{item.name}: {judged.text} along its path", why=why)]
 
@@ -208,7 +208,7 @@ def slowed(
     flown: Iterable[ItemFlown], judged: Iterable[Expectation], ticks: EngagedTicks
 ) -> list[str]:
     """Which items the guard flew more gently, of those that missed what was expected of them."""
-    missed = [line.text for line in judged if not line.passed]
+    missed = [line.text for line in judged if line.is_missed]
     found = []
     for item in flown:
         if item.began_s is None or not any(text.startswith(f"{item.name}: ") for text in missed):

@@ -20,6 +20,7 @@ from gcs_tools.recording.table import Rows, Table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
+PARTS = GUARD, REFERENCE = "guard", "reference"  # of a law, which it may be without
 SETTLE_S = 5.0  # from a change of setpoint, or take-over, to where settled metrics begin
 REACHED_M = (
     0.5  # how near a setpoint that stands that long is to be reached, if a mission does not say
@@ -136,6 +137,12 @@ class EngagedTicks:
             computed=_computed(fcu),
         )
 
+    def law_has(self, part: str) -> bool:
+        """True if the law has one of PARTS. Of a law that never flew nothing is ruled out."""
+        if not len(self.t):
+            return True
+        return self.has_reference if part == REFERENCE else "guard.governed" in self.fcu
+
     def told(self, name: str) -> Rows:
         """A column of what the controller told of each tick; of what it did not, not a number."""
         return self.fcu[name] if name in self.fcu else np.full(len(self.t), math.nan)
@@ -200,7 +207,7 @@ class EngagedTicks:
             return "the vehicle was on the ground"
         if "_settled_" in name and not len(_settled(ticks).t):
             return f"the flight counts as settled from {self.settle_from_s:g} s"
-        if name.startswith(_OF_A_GUARD) and "guard.governed" not in self.fcu:
+        if name.startswith(_OF_A_GUARD) and not self.law_has(GUARD):
             return "this law has no guard"
         return "of numbers that are not finite"
 

@@ -139,14 +139,14 @@ class Judged(NamedTuple):
             stood = standing(wanted, told[0])
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
-                changed(wanted, told[1]), good_endings(mission.flight),
+                changed(wanted, told[1]), good_endings(mission.flight), flight.law_has,
             )  # fmt: skip
-            if any(each.name == REACHED and not each.passed for each in judged) and stood:
+            if any(each.name == REACHED and each.is_missed for each in judged) and stood:
                 missed = max(stood, key=lambda each: each.away_m)
             of_items = [item["expect"] for item in mission.items()]
             followed = mission.expectations().get(REACHED) is not False
             judged += judge_items(mission.flight, of_items, items, flight, told[0], begun, followed)
-        passed = whole and all(each.passed for each in judged)
+        passed = whole and not any(each.is_missed for each in judged)
         return Judged(judged, flight.metrics(), items, passed, flight, missed)
 
 
@@ -365,7 +365,9 @@ def junit(results: Iterable[Result], path: Path) -> None:
             suite, "testcase", classname="missions", name=result.name, time=f"{seconds:.3f}"
         )
         count["tests"] += 1
-        missed = [str(e) for e in result.expectations if not e.passed]
+        missed = [str(e) for e in result.expectations if e.is_missed]
+        if left := [str(e) for e in result.expectations if e.passed is None]:
+            ET.SubElement(case, "system-out").text = "\n".join(f"[expect] {line}" for line in left)
         if result.exit_code >= USAGE:
             count["errors"] += 1
             problem = ET.SubElement(case, "error", message=result.error or result.ended)

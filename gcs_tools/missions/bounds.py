@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS
-from gcs_tools.missions.fields import NotNegative, Table, optional, wrong
+from gcs_tools.judging.metrics import FLOOR, FLOORS, METRICS, PARTS
+from gcs_tools.missions.fields import NotNegative, Table, one_of, optional, wrong
 
 
 class Bound(Table):
@@ -21,6 +21,9 @@ class Bound(Table):
     at_least: float | None = optional("at least")
     t_from: NotNegative | None = Field(None, alias="from", description="s")
     t_to: NotNegative | None = Field(None, alias="to", description="s")
+    laws_with: Annotated[Literal["guard", "reference"], one_of(*PARTS)] | None = optional(
+        "what a law has that this is expected of; it does not apply to the others"
+    )
 
     @model_validator(mode="after")
     def _one_limit(self) -> Self:
@@ -36,7 +39,7 @@ def _bound(value: Any) -> Any:
     if isinstance(value, dict):
         return value
     if not isinstance(value, int | float) or isinstance(value, bool):
-        raise wrong((), "a number, or a table { limit or at_least, from, to }", value)
+        raise wrong((), "a number, or a table { limit or at_least, from, to, laws_with }", value)
     return {"limit": value}
 
 

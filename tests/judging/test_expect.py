@@ -59,6 +59,19 @@ def test_a_flight_that_ends_well_has_finite_samples(ended, samples, named, passe
     assert [e.passed for e in judged] == passed
 
 
+@pytest.mark.parametrize(("parts", "passed"), [({"guard"}, False), (set(), None)])
+@pytest.mark.parametrize("entry", [{"limit": 0.0}, {"at_least": 1.0}])
+def test_what_is_expected_of_laws_with_a_part_does_not_apply_to_others(entry, parts, passed):
+    expect = {"reference_error_rms_m": {**entry, "laws_with": "guard"}}
+    _, judged = judge_each(expect, measured, "time", has=parts.__contains__)
+    assert judged.passed is passed and judged.is_missed is (passed is False)
+    assert (judged.value is None) is (passed is None)
+    _, judged = judge_each(expect, measured, "time")
+    assert judged.passed is False
+    with pytest.raises(ExpectError, match="laws_with: expected one of guard, reference"):
+        judge_each({"reference_error_rms_m": {**entry, "laws_with": "wings"}}, measured, "time")
+
+
 @pytest.mark.parametrize("name", ["setpoint_error_rms_m", "thrust_max_n", "no_such_metric"])
 def test_a_metric_missing_or_not_finite_fails(name: str) -> None:
     for entry in (1e9, {"at_least": -1e9}):

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 import gcs_tools
 from fcu.interface.airframe import SHIPPED
+from gcs_tools.judging.result import junit
+from gcs_tools.judging.result import read as read_result
 from gcs_tools.missions.mission import shipped
 from tests.command_line import gcs
 
+OWN_LAW = Path(__file__).parents[1] / "own_law" / "plain_cascade.py"
 MISSIONS = ("airframe_step", "airframe_eight", "airframe_noise", "airframe_tour")
 PAGE = Path(__file__).parents[2] / "docs" / "missions.md"
 SECTION = PAGE.read_text().partition("## Which shipped mission")[2].partition("\n## ")[0]
@@ -35,6 +39,36 @@ def test_the_page_says_of_each_shipped_mission_once_which_vehicle_it_is_for():
     assert sorted(named) == sorted([*shipped(), "benchmark/..."])
     assert named[: len(MISSIONS)] == list(MISSIONS)
     assert "benchmark/... are for every airframe" in " ".join(gcs("fly", "--help").stdout.split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["px4", str(OWN_LAW)])
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_laws_without_a_guard_are_judged_by_the_truth(mission, law, tmp_path):
+    flight = gcs_tools.fly(
+        mission, law=law, in_process=True, figure="never", record="none", out=tmp_path / "run"
+    )
+    assert flight.passed, flight.expectations
+    assert {each.passed for each in flight.expectations} == {True, None}
+    written = read_result(tmp_path / "run" / "result.json")
+    assert [each.passed for each in written.expectations] == [
+        each.passed for each in flight.expectations
+    ]
+    junit([flight], tmp_path / "junit.xml")
+    (case,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    (out,) = case
+    left = [each for each in flight.expectations if each.passed is None]
+    assert out.tag == "system-out" and out.text.count("laws_with") == 0
+    assert len(out.text.splitlines()) == len(left)
+
+
+@pytest.mark.slow
+def test_a_law_that_drops_the_vehicle_fails_by_the_truth(tmp_path):
+    flight = gcs_tools.fly(
+        "airframe_step", law="px4", settings=["plant.mass_kg=20.0"], in_process=True, figure="never",
+        record="none", out=tmp_path / "run",
+    )  # fmt: skip
+    assert not flight.passed and any(each.is_missed for each in flight.expectations)
 
 
 @pytest.mark.slow
