@@ -53,7 +53,7 @@ ALONE = {  # by what is changed
     "(31)       the paper's condition, repaired, evaluated at the target\n\n"
     "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
     "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
-    "it fails, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"
+    "it fails, the gains are unstable, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"
     "written (too far away or too fast, beyond arena_m, below the ground) and [expect] does not say\n"
     "so; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
 )
@@ -118,6 +118,13 @@ def _show(found: Envelope, console: Console) -> None:
 
     colour = "green" if found.holds else "yellow"
     console.print(Text(found.mission, style="bold"), Text(f"guard {found.guard}", style="dim"))
+    if found.unstable:
+        said = f"{found.unstable} is unstable with these gains: a vehicle refuses them."
+        console.print(Text(said[:1].upper() + said[1:], style="bold red"))
+        console.print(
+            "The margins would describe no flight. gcs airframe says whether gains are stable."
+        )
+        return
     _show_headline(found, console)
     for each in found.unflyable:
         expected = " (expected)" if each.expected else ""

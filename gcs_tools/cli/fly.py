@@ -18,9 +18,9 @@ from gcs_tools.flight.interrupts import interrupts_wait
     "mission, 3 a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM and\n"
     "SIGHUP). With several missions: the highest; one that is invalid does not keep the others from\n"
     "flying.\n\n"
-    "MISSION is a file, the name of a shipped mission, or 'FOLDER#1234', a flight of a campaign in\n"
-    "FOLDER. Of the shipped ones airframe_... and benchmark/... are for every airframe, the others for\n"
-    "the S1000 (docs/missions.md)."
+    "MISSION is a file, the name of a shipped mission, 'benchmark' for all missions of that folder, or\n"
+    "'FOLDER#1234', a flight of a campaign in FOLDER. Of the shipped missions airframe_... and\n"
+    "benchmark/... are for every airframe, the others for the S1000 (docs/missions.md)."
 )
 @click.argument("missions", nargs=-1, required=True, metavar="MISSION...")
 @arguments.speed("max")
@@ -65,10 +65,11 @@ def fly(
         from gcs_tools.flight.display import Display
         from gcs_tools.flight.run import UsageError, fly_missions
         from gcs_tools.judging import result
+        from gcs_tools.missions.mission import members
 
         published = speed is not None and controller is None
         try:
-            again = Again(missions)
+            again = Again([each for name in missions for each in members(name)])
             results = fly_missions(
                 again.missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
                 settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),

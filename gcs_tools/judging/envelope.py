@@ -144,6 +144,9 @@ class Envelope:
     can_be_governed: bool  # by a guard that is told to
     governed: bool  # the guard will govern what does not fit, and hover has room to
     refused: str  # the setpoint that the vehicle would refuse, as `gcs fly` says it; empty: none
+    unstable: (
+        str  # the channel that is unstable with the gains, which a vehicle refuses; empty: none
+    )
     remarks: tuple[str, ...]
     unflyable: tuple[Unflyable, ...]  # setpoints that cannot be flown as written
     beliefs: tuple[Belief, ...]
@@ -642,9 +645,9 @@ def envelope(mission: Mission) -> Envelope:
             "it flies the printed law, which winds up when it saturates: the condition is that of"
             " the law with what was achieved",
         )
-    if channel := unstable(law, guard):
-        late = f" with guard_delay_s {guard.delay_s:g}" if guard.delay_s > 0.0 else ""
-        remarks += (f"{channel} is unstable with these gains{late}: a vehicle would refuse them",)
+    channel = unstable(law, guard)
+    if channel and guard.delay_s > 0.0:
+        channel += f" (with guard_delay_s {guard.delay_s:g})"
     spare = float(wrench.spare(guard, law))
     calm = float(wrench.spare(guard._replace(w_max=0.0), law))
     if calm < 0.0 and not noise.amounts(guard).any():
@@ -679,7 +682,7 @@ def envelope(mission: Mission) -> Envelope:
         mission=mission.name,
         title=mission.title,
         guard=("warn", "govern", "refuse")[int(guard.policy)],
-        holds=holds,
+        holds=holds and not channel,
         margin_n=worst.margin,
         at_s=worst.at,
         terms=terms(settings, worst.a_d, worst.v, worst.margin),
@@ -695,8 +698,9 @@ def envelope(mission: Mission) -> Envelope:
         unstated=unstated(scene),
         arrivals=arrivals(mission.flight, scene),
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
-        governed=guard.policy == GOVERN and not holds and bool(at_rest > 0.0),
+        governed=guard.policy == GOVERN and not (holds or channel) and bool(at_rest > 0.0),
         refused=refusal(scene),
+        unstable=channel,
         remarks=remarks,
         unflyable=unflyable(mission, scene),
         beliefs=beliefs(mission, settings),

@@ -136,6 +136,13 @@ def shipped(of: str = "") -> list[str]:
     return [f"{of}/{p.stem}" if of else p.stem for p in sorted((folder() / of).glob("*.toml"))]
 
 
+def members(name: str) -> list[str]:
+    """The shipped missions of a folder that is named like a mission (benchmark). Else the name alone."""
+    if name != CAMPAIGNS and "/" not in name and not exists(name) and shipped(name):
+        return shipped(name)
+    return [name]
+
+
 def _path(name: str) -> Path:
     path, of = folder() / f"{name}.toml", name.rpartition("/")[0]
     # of os.path: of a name that no file can have these are false, where those of Path raise

@@ -16,7 +16,7 @@ from gcs_tools.exit_codes import USAGE
 from gcs_tools.many import margins, procedure
 from gcs_tools.many.entrant import entrant
 from gcs_tools.many.flights import each
-from gcs_tools.missions.mission import MissionError, load
+from gcs_tools.missions.mission import MissionError, load, shipped
 
 
 @pytest.mark.parametrize(
@@ -64,6 +64,14 @@ def test_a_mission_of_a_folder_is_found_by_who_forgets_the_folder(name, said):
     with pytest.raises(MissionError) as caught:
         load(name)
     assert said in str(caught.value)
+
+
+def test_a_folder_of_missions_is_flown_whole(tmp_path):
+    asked = ["fly", "benchmark", "--set", "law.f_m=5", "--out", str(tmp_path / "out")]
+    ran = CliRunner().invoke(main, asked)
+    assert ran.exit_code == USAGE
+    assert all(f"{path}.toml" in ran.output for path in shipped("benchmark"))
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_word_that_is_an_array_is_refused():

@@ -129,6 +129,17 @@ def test_why_no_arrival_is_stated_is_told_with_the_wind_for_which_it_is():
     assert (warns["arrives_s"], warns["unstated"]) == (None, "")
 
 
+@pytest.mark.parametrize("mission", ["paper_nominal", "gust_step"])
+def test_gains_that_a_vehicle_refuses_come_first_and_without_margins(mission):
+    """Of the guarded mission too: a guard governs no loop that is unstable."""
+    done = gcs(mission, "--set", "law.f_m=5")
+    assert done.exit_code == 1 and " N" not in done.stdout
+    found = json.loads(gcs(mission, "--set", "law.f_m=5", "--json").stdout)
+    assert found["unstable"].startswith("pitch")
+    assert not found["holds"] and not found["governed"]
+    assert json.loads(gcs(mission, "--json").stdout)["unstable"] == ""
+
+
 def test_every_key_of_its_json_is_explained():
     said = json.loads(
         gcs("urban_step", "--set", "law.guard_noise_velocity_m_s=0.002", "--set",
