@@ -44,16 +44,30 @@ READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
 MOST_BYTES = input_file.MIB // 4  # of a file of parameters
 P = Parameter
 
+
+def _fixed(name: str, value: float, why: str, unit: str = "") -> Parameter:
+    """A parameter of PX4's that has one value here. `why`: the reason of it, which a refusal says."""
+    return P("", name, value, value, value, unit, why, read_only=True, integer=True)
+
+
+def _rotors(airframe: Mapping[str, Any]) -> float:
+    return float(len(airframe["rotors"]["spin"]))
+
+
 VEHICLE: tuple[Parameter, ...] = (
     *group(
         "Modes that lead the vehicle",
         P("", "MIS_TAKEOFF_ALT", 2.5, 0.5, 80.0, "m", "height of a take-off that names none"),
         P("", "RTL_RETURN_ALT", 10.0, 0.0, 150.0, "m", "height above home of the way back"),
+        P("", "RTL_DESCEND_ALT", 10.0, 0.0, 100.0, "m", "height above home at which it waits RTL_LAND_DELAY"),
+        P("", "RTL_LAND_DELAY", 0.0, -1.0, 300.0, "s", "time above home before it lands; below 0 for ever, 0 lands at once"),
         P("", "MPC_XY_CRUISE", 5.0, 0.5, 20.0, "m/s", "speed across of modes that lead the vehicle"),
         P("", "MPC_XY_VEL_MAX", 12.0, 0.5, 20.0, "m/s", "greatest speed across that is asked for"),
         P("", "MPC_Z_VEL_MAX_UP", 3.0, 0.5, 8.0, "m/s", "greatest speed of a climb"),
+        P("", "MPC_TKO_SPEED", 3.0, 1.0, 5.0, "m/s", "speed of a take-off, if MPC_Z_VEL_MAX_UP is not less"),
         P("", "MPC_Z_VEL_MAX_DN", 1.5, 0.5, 4.0, "m/s", "greatest speed of a descent"),
         P("", "MPC_ACC_HOR", 3.0, 0.1, 8.0, "m/s^2", "acceleration across of modes that lead, as far as the guard leaves it"),
+        P("", "MPC_TILTMAX_AIR", 45.0, 20.0, 89.0, "deg", "tilt that modes that lead, and setpoints, accelerate across with"),
         P("", "MPC_ACC_UP_MAX", 3.0, 0.1, 6.0, "m/s^2", "vertical acceleration of those modes, up and down, likewise"),
         P("", "MPC_LAND_SPEED", 0.7, 0.3, 1.5, "m/s", "speed of a landing near the ground"),
         P("", "MPC_MAN_Y_MAX", 60.0, 1.0, 180.0, "deg/s", "yaw rate at full stick in position mode"),
@@ -71,6 +85,7 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "MR_SP_BELOW", 1.0, 0.0, 10000.0, "m", "setpoints farther below home are flown there"),
         P("", "COM_OF_LOSS_T", 1.0, 0.1, 60.0, "s", "age of the last setpoint at which offboard is lost"),
         P("", "COM_OBL_RC_ACT", 0.0, 0.0, 7.0, "", "then: 0 position, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm", values=(0.0, 3.0, 4.0, 5.0, 6.0, 7.0), integer=True),
+        P("", "COM_RCL_EXCEPT", 7.0, 4.0, 7.0, "", "modes that lost sticks do not end: 4 Offboard, always; 1 and 2 have no effect", values=(4.0, 5.0, 6.0, 7.0), integer=True),
         P("", "COM_RC_LOSS_T", 0.5, 0.1, 35.0, "s", "time for which a joystick's last word is flown"),
     ),
     *group(
@@ -85,16 +100,33 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "BAT_CRIT_THR", 0.07, 0.0, 1.0, "", "charge at which it is critical", below="BAT_LOW_THR"),
         P("", "BAT_LOW_THR", 0.15, 0.0, 1.0, "", "charge at which the battery is low"),
         P("", "BAT1_CAPACITY", None, 100.0, 100000.0, "mAh", "of a full battery, for the time left", airframe="battery.capacity_mah"),
+        P("", "BAT1_V_EMPTY", 3.27, 0.0, 5.0, "V", "of an empty cell, as the plant has it", read_only=True),
         P("", "BAT1_N_CELLS", None, 1.0, 16.0, "", "cells in series, as the plant has them", read_only=True, airframe="battery.cells", integer=True),
     ),
     *group(
         "What ground stations ask for",
-        P("", "COM_DL_LOSS_T", 10.0, 5.0, 300.0, "s", "no effect: see NAV_DLL_ACT", read_only=True, integer=True),
-        P("", "NAV_DLL_ACT", 0.0, 0.0, 6.0, "", "no action on the loss of a ground station", read_only=True, integer=True),
-        P("", "SYS_FAILURE_EN", 0.0, 0.0, 1.0, "", "failures cannot be injected by command", read_only=True, integer=True),
         P("", "SYS_AUTOSTART", None, 0.0, 9999999.0, "", "PX4's number of the airframe", read_only=True, airframe="mavlink.autostart", integer=True),
+        P("", "CA_ROTOR_COUNT", None, 1.0, 32.0, "", "rotors of the airframe", read_only=True, rule=_rotors, integer=True),
         P("", "MAV_SYS_ID", 1.0, 1.0, 250.0, "", "MAVLink system, set at the start", read_only=True, integer=True),
         P("", "MAV_TYPE", None, 0.0, 45.0, "", "MAVLink type of the vehicle", read_only=True, airframe="mavlink.type", integer=True),
+    ),
+    *group(
+        "With a fixed value: stations and scripts ask for them",
+        _fixed("CAL_ACC0_ID", 1310988.0, "nothing to calibrate: the state comes from the simulator"),
+        _fixed("CAL_GYRO0_ID", 1310988.0, "nothing to calibrate: the state comes from the simulator"),
+        _fixed("CAL_MAG0_ID", 197388.0, "nothing to calibrate: the state comes from the simulator"),
+        _fixed("CBRK_IO_SAFETY", 22027.0, "no safety switch"),
+        _fixed("CBRK_SUPPLY_CHK", 894281.0, "no check of the power supply"),
+        _fixed("COM_ARM_WO_GPS", 1.0, "arming needs a state from the simulator, no GPS"),
+        _fixed("COM_DL_LOSS_T", 10.0, "no effect: see NAV_DLL_ACT", "s"),
+        _fixed("COM_FLTMODE1", -1.0, "no receiver whose switch selects a mode"),
+        _fixed("NAV_DLL_ACT", 0.0, "no action on the loss of a ground station"),
+        _fixed("RC_MAP_ROLL", 0.0, "no receiver whose channels are mapped"),
+        _fixed("RTL_TYPE", 0.0, "a return flies straight home"),
+        _fixed("SENS_BOARD_ROT", 0.0, "no board that can be turned"),
+        _fixed("SYS_AUTOCONFIG", 0.0, "the airframe is chosen at the start (--airframe)"),
+        _fixed("SYS_FAILURE_EN", 0.0, "failures cannot be injected by command"),
+        _fixed("SYS_HAS_MAG", 1.0, "the heading comes from the simulator"),
     ),
 )  # fmt: skip
 

@@ -33,6 +33,8 @@ EIGHT_HZ = 20.0  # at which the figure of eight is laid down
 EIGHT_RAMP_S = 5.0  # from rest to full speed
 NEVER_US = 2**62
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home
+FOREVER_S = 1e9  # so long a plan waits that is not to go on
+STANDARD_GRAVITY = 9.80665  # m/s^2
 SLOW_BELOW = 5.0  # m above home: from there a landing is slow
 
 
@@ -241,10 +243,15 @@ def limits(params: Parameters, cruise: float | None, pace: Pace = ENDLESS) -> Pl
         cruise=min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"], top),
         up=min(p["MPC_Z_VEL_MAX_UP"], top),
         down=min(p["MPC_Z_VEL_MAX_DN"], top),
-        acceleration=min(p["MPC_ACC_HOR"], pace.acceleration),
+        acceleration=min(p["MPC_ACC_HOR"], tilted(p), pace.acceleration),
         acceleration_up=acceleration_up,
         late_s=max(LATE_S, TAKES_UP * acceleration_up / pace.jerk),
     )
+
+
+def tilted(params: Parameters) -> float:
+    """The acceleration across (m/s^2) that MPC_TILTMAX_AIR leaves."""
+    return STANDARD_GRAVITY * math.tan(math.radians(params["MPC_TILTMAX_AIR"]))
 
 
 def settle_s(params: Parameters) -> float:
@@ -273,7 +280,7 @@ def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: PlanLimits) 
     if mode is Mode.LAND:
         return descent(r, v, psi, home.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
     if mode is Mode.RETURN:
-        return through(r, v, _way_home(here, home, p, led), psi, led, settle_s(p))
+        return _return(here, home, p, led)
     if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
         stopping, stop = brake(r, v, psi, led)
         return chain(stopping, _generated(mode, stop, psi, p))
@@ -285,6 +292,16 @@ def _generated(mode: Mode, r: Vec3, psi: float, p: Parameters) -> Iterator[Piece
         away = Vec3(p["REF_STEP_E"], p["REF_STEP_N"], p["REF_STEP_U"])
         return steps(r, away, p["REF_STEP_T"], psi)
     return figure_eight(r, (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["REF_8_SPEED"], psi)
+
+
+def _return(here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> list[Piece]:
+    """Home, and there wait as RTL_LAND_DELAY says, at RTL_DESCEND_ALT at the highest."""
+    r, v, psi = here
+    way, waits = _way_home(here, home, p, led), p["RTL_LAND_DELAY"]
+    if waits != 0.0:
+        last = way[-1] if way else brake(r, v, psi, led)[1]
+        way.append(Vec3(last.x, last.y, min(last.z, home.z + p["RTL_DESCEND_ALT"])))
+    return through(r, v, way, psi, led, settle_s(p) + (FOREVER_S if waits < 0.0 else waits))
 
 
 def _way_home(here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> list[Vec3]:

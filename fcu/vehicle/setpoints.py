@@ -17,11 +17,10 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
-from fcu.vehicle.plans import STILL, Pose, at, length
+from fcu.vehicle.plans import STANDARD_GRAVITY, STILL, Pose, at, length, tilted
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
 SILENT_US = 500_000  # after so long another sender's setpoints count
-STANDARD_GRAVITY = 9.80665  # m/s^2
 POSITION, ATTITUDE, RATES = 0.0, 1.0, 2.0  # Setpoint.level
 
 Owner = tuple[tuple[int, int], object]  # who sends: system and component, and from where
@@ -48,6 +47,7 @@ def script_limits(params: Parameters) -> SetpointLimits:
         up=params["MPC_Z_VEL_MAX_UP"],
         down=params["MPC_Z_VEL_MAX_DN"],
         yaw_rate=params.pace.yaw_rate_max,
+        acceleration=tilted(params) if params["MPC_TILTMAX_AIR"] < 45.0 else STANDARD_GRAVITY,
     )
 
 

@@ -595,7 +595,9 @@ class StateMachine:
         here, settle_s = self._from(t_us), plans.settle_s(self._params)
         self._landed_us = t_us  # what takes off does not wait on the ground
         self._become(Mode.TAKEOFF)
-        self._follow(plans.take_off(here, height, self._limits(), settle_s), t_us, ends=True)
+        led = self._limits()
+        led = led._replace(up=min(led.up, self._params["MPC_TKO_SPEED"]))
+        self._follow(plans.take_off(here, height, led, settle_s), t_us, ends=True)
 
     def stopping_place(self, t_us: int) -> Vec3:
         """Where it comes to rest (m, E) if it is to hold from now on."""

@@ -13,7 +13,7 @@ import pytest
 from fcu.interface.airframe import OCTO, believed, load
 from fcu.interface.parameter import Parameter, ParameterError
 from fcu.interface.status_texts import ROOM
-from fcu.parameters import Parameters, ParamsFileError, Refused, entries
+from fcu.parameters import VEHICLE, Parameters, ParamsFileError, Refused, entries
 from fcu.parameters_page import page
 from fcu.process.settings import PARAMETERS, settings
 from tests.laws.conftest import PAPER
@@ -165,6 +165,19 @@ def test_refusals_name_value_and_reason(params):
     assert refused(params, "MR_PRED", 0.0, armed=True) == (
         "PERMISSION_DENIED", "MR_PRED can be set while disarmed only",
     )  # fmt: skip
+
+
+FIXED = [row.parts[0].name for row in VEHICLE if row.parts and row.low == row.high]
+
+
+def test_few_parameters_have_a_value_that_cannot_be_changed_and_each_says_why(params):
+    assert 0 < len(FIXED) <= 15
+    for name in FIXED:
+        value = params[name]
+        assert not params.set(name, value, False)  # accepted, and nothing has changed
+        kind, why = refused(params, name, value + 1.0)
+        assert kind == "READ_ONLY"
+        assert why == f"{name} is read only: {params.info(name).sentence}"
 
 
 def test_every_refusal_of_a_value_fits_a_statustext(params):

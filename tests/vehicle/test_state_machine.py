@@ -20,6 +20,7 @@ from fcu.vehicle import plans
 from fcu.vehicle.conditions import ROWS, Action, Always, Condition
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import Pose
+from fcu.vehicle.setpoints import script_limits
 from fcu.vehicle.state_machine import Answer, StateMachine
 
 ZERO = Vec3(0.0, 0.0, 0.0)
@@ -565,6 +566,58 @@ def test_a_return_climbs_goes_home_and_lands(armed):
     assert said == [Told(Code.PLAN_COMPLETE, ("Return", "Land"))]
     assert highest == pytest.approx(home.z + 10.0, abs=0.01)
     assert math.dist(armed.flown(t_us).r_c[:2], home[:2]) < 1e-3
+
+
+def return_home(armed, for_us):
+    """Each height at which the setpoint rests above home, with the time that it does, s; then the mode."""
+    armed.observe(state(HERE + Vec3(20.0, 0.0, 0.0)), TICK, 0.0)
+    armed.select(Mode.RETURN, TICK, 0.0)
+    rests = {}
+    for t_us in range(2 * TICK, for_us, TICK):
+        now = armed.flown(t_us)
+        armed.observe(state(now.r_c, now.v_c), t_us, 0.0)
+        if armed.mode is not Mode.RETURN:
+            break
+        if now.v_c == ZERO:
+            up = round(now.r_c.z - armed.home.z, 2)
+            rests[up] = rests.get(up, 0.0) + TICK * 1e-6
+    return rests, armed.mode
+
+
+def test_a_return_waits_above_home_as_long_and_as_low_as_it_is_told(armed, params):
+    assert params.set("RTL_DESCEND_ALT", 4.0, False) and params.set("RTL_LAND_DELAY", 6.0, False)
+    rests, mode = return_home(armed, 60_000_000)
+    settles = 4.0 / params.pace.f_m
+    assert mode is Mode.LAND
+    assert rests[4.0] == pytest.approx(6.0 + settles, abs=0.1)
+
+
+def test_a_return_that_is_told_to_wait_for_ever_does_not_land(armed, params):
+    assert params.set("RTL_LAND_DELAY", -1.0, False)
+    rests, mode = return_home(armed, 60_000_000)
+    assert mode is Mode.RETURN
+    assert rests[10.0] > 25.0
+
+
+def test_a_take_off_is_as_fast_as_it_is_told(grounded, params):
+    assert params.set("MPC_TKO_SPEED", 1.5, False)
+    assert grounded.arm(2_000_000, 2.0).granted
+    assert grounded.take_off(30.0, 2_000_000, 2.0).granted
+    fastest = 0.0
+    for t_us in range(2_000_000, 10_000_000, 100_000):
+        grounded.leader.advance(t_us)
+        flown = grounded.flown(t_us, Pose(grounded.setpoint.r_c, ZERO, 0.0))
+        fastest = max(fastest, flown.v_c.z)
+    assert fastest == pytest.approx(1.5)
+
+
+def test_the_tilt_that_is_allowed_bounds_the_acceleration_across(armed, params):
+    asked = params["MPC_ACC_HOR"]
+    assert params.set("MPC_ACC_HOR", 8.0, False) and params.set("MPC_TILTMAX_AIR", 20.0, False)
+    most = 9.80665 * math.tan(math.radians(20.0))
+    assert asked < most < 8.0
+    assert plans.limits(params, None).acceleration == pytest.approx(most)
+    assert script_limits(params).acceleration == pytest.approx(most)
 
 
 def test_sticks_move_it_in_position_mode_for_as_long_as_they_speak(armed):
