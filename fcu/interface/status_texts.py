@@ -75,6 +75,7 @@ class Code(Enum):
     GOING = "Flying {:.0f} m"
     GOING_SHORT = "Flying {:.0f} m: lacks {:newtons}, may saturate"
     HOME_SET = "Home set"
+    ORIGIN_SET = "Origin set"
     READY_TO_ARM = "Ready to arm"
     NOT_READY_TO_ARM = "Not ready to arm: {}"
     PARAMETERS_SAVED = "Parameters saved"
@@ -87,7 +88,6 @@ class Code(Enum):
     BUSY = "{} rejected: the last one is still in progress"
     LATE_REPETITION = "{}: late repetition ignored"
     NOT_TAKEN = "{} is ignored"
-    NOT_TAKEN_ORIGIN = "{} is ignored (see --origin)"
     NOT_KNOWN_YET = "Message {}: no data yet"
     PARAMETER_REFUSED = "{}"  # the reason, in words, and in fewer
     PARAMETER_UNKNOWN = "Unknown parameter {}"

@@ -110,6 +110,21 @@ def _not_taken(name: str) -> Callable[[Fields, Source], NotTaken]:
     return read
 
 
+class GlobalOrigin(NamedTuple):
+    """SET_GPS_GLOBAL_ORIGIN: the place of local (0, 0, 0)."""
+
+    source: Source
+    target_system: int
+    lat_deg: float
+    lon_deg: float
+    alt_m: float  # above the sea
+
+
+def _global_origin(f: Fields, source: Source) -> GlobalOrigin:
+    place = f["latitude"] / 1e7, f["longitude"] / 1e7, f["altitude"] / 1e3
+    return GlobalOrigin(source, f["target_system"], *place)
+
+
 class SetMode(NamedTuple):
     """SET_MODE, which COMMAND_LONG has replaced."""
 
@@ -323,7 +338,7 @@ def _extended(kind: str) -> Callable[[Fields, Source], ExtendedParameter]:
 
 
 Message = (
-    Command | ManualControl | NotTaken | SetMode | ParamRequestList | ParamRequestRead | ParamSet
+    Command | ManualControl | NotTaken | GlobalOrigin | SetMode | ParamRequestList | ParamRequestRead | ParamSet
     | StreamRequest | Ping | TimeSync | MissionMessage | FileTransfer | LogRequestList
     | LogRequestData | SerialControl | ExtendedParameter
 )  # fmt: skip
@@ -332,7 +347,7 @@ READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "COMMAND_INT": _command_int,
     "MANUAL_CONTROL": _manual_control,
     "SET_MODE": _set_mode,
-    "SET_GPS_GLOBAL_ORIGIN": _not_taken("SET_GPS_GLOBAL_ORIGIN"),
+    "SET_GPS_GLOBAL_ORIGIN": _global_origin,
     "SET_ACTUATOR_CONTROL_TARGET": _not_taken("SET_ACTUATOR_CONTROL_TARGET"),
     "RC_CHANNELS_OVERRIDE": _not_taken("RC_CHANNELS_OVERRIDE"),
     "PARAM_REQUEST_LIST": _param_request_list,

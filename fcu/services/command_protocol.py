@@ -105,7 +105,7 @@ class Commands:
     def __init__(self, vehicle: StateMachine, origin: Origin, resets: bool = False) -> None:
         """`resets`: whoever asks about `reset_asked` then resets vehicle and plant."""
         self._vehicle = vehicle
-        self._origin = origin
+        self.origin = origin  # of local positions: may be set anew
         self._resets = resets
         self.reset_asked = False  # and granted
         # of a command that is being done: asked until it tells what became of it
@@ -193,12 +193,12 @@ class Commands:
             return Code.NO_PLACE_NEAR
         r = here
         if not (math.isnan(lat) or math.isnan(lon)):
-            r = to_local(self._origin, lat, lon, self._origin.alt_m)
+            r = to_local(self.origin, lat, lon, self.origin.alt_m)
             if not math.dist(r[:2], here[:2]) <= FARTHEST:  # 0, 0: mostly one that was left out
                 return Code.NO_PLACE_NEAR
         if math.isnan(alt):
             return Vec3(r.x, r.y, here.z)
-        z = alt - self._origin.alt_m
+        z = alt - self.origin.alt_m
         if request.command.frame in RELATIVE_FRAMES and vehicle.home is not None:
             z = alt + vehicle.home.z
         ground = here.z if vehicle.home is None else vehicle.home.z
@@ -218,7 +218,7 @@ class Commands:
             return denied("Takeoff", Code.PLACE_NOT_HERE)
         if math.isnan(alt) or (alt == 0.0 and not named):
             return self._climb(None, request)
-        z = alt - self._origin.alt_m
+        z = alt - self.origin.alt_m
         # Above the sea, as PX4 reads it; what would be below ground is a height above home.
         above_home = request.command.frame in RELATIVE_FRAMES or z <= vehicle.home.z
         z = alt + vehicle.home.z if above_home else z

@@ -35,7 +35,7 @@ class OffboardProtocol:
         """`tell`: to everyone."""
         self._vehicle = vehicle
         self._params = params
-        self._origin = origin
+        self.origin = origin  # of local positions: may be set anew
         self._tell = tell
         self.message: SetpointMessage | AttitudeSetpointMessage | None = None  # last accepted
         self._complained: dict[tuple[object, ...], float] = {}  # by kind: when, wall
@@ -83,14 +83,14 @@ class OffboardProtocol:
         place = message.geodetic
         if place is None or message.type_mask & IGNORE_POSITION == IGNORE_POSITION:
             return request
-        alt, here = place.alt_m, (self._origin.lat_deg, self._origin.lon_deg)
+        alt, here = place.alt_m, (self.origin.lat_deg, self.origin.lon_deg)
         lat, lon = (
             here if message.type_mask & IGNORE_POSITION & 3 else (place.lat_deg, place.lon_deg)
         )
         if message.frame in RELATIVE_FRAMES:
             home = self._vehicle.home or self._vehicle.pose().r_E
-            alt += self._origin.alt_m + home.z
-        return placed(request, message.type_mask, to_local(self._origin, lat, lon, alt))
+            alt += self.origin.alt_m + home.z
+        return placed(request, message.type_mask, to_local(self.origin, lat, lon, alt))
 
     def _falls_short(self, setpoint: Setpoint, now: float) -> bool:
         """Whether the guard refuses a setpoint; says so, or warns of it, once."""

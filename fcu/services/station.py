@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,15 @@ from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
 from fcu.mavlink.definitions import CommandId, Result, Severity
+from fcu.mavlink.geodesy import Geodetic, Origin
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
-from fcu.mavlink.requests import Command, ManualControl, NotTaken, SetMode
+from fcu.mavlink.requests import Command, GlobalOrigin, ManualControl, NotTaken, SetMode
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
+from fcu.mavlink.telemetry import gps_global_origin
 from fcu.parameters import Parameters
 from fcu.services import status
-from fcu.services.command_protocol import CommandProtocol, Commands, Request, Verdict
+from fcu.services.command_protocol import CommandProtocol, Commands, Request, Verdict, denied
 from fcu.services.ground_port import GroundPort, Link
 from fcu.services.information import Information
 from fcu.services.offboard import OffboardProtocol
@@ -57,10 +60,19 @@ SEVERITIES = {  # of what happens by itself; else INFO
     Code.NOT_RESET: Severity.WARNING,
 }
 NOT_TAKEN = {  # messages that ask for what this vehicle does not do
-    "SET_GPS_GLOBAL_ORIGIN": Code.NOT_TAKEN_ORIGIN,
     "SET_ACTUATOR_CONTROL_TARGET": Code.NOT_TAKEN,
     "RC_CHANNELS_OVERRIDE": Code.NOT_TAKEN,
 }
+
+
+HIGHEST, LOWEST = 100_000.0, -12_000.0  # m above the sea: PX4's limits of an origin
+
+
+def out_of_range(origin: Origin) -> Code | None:
+    """Why a place cannot be the origin; None if it can."""
+    if abs(origin.lat_deg) > 90.0 or abs(origin.lon_deg) > 180.0:
+        return Code.OFF_EARTH
+    return None if LOWEST < origin.alt_m < HIGHEST else Code.HEIGHT_IMPOSSIBLE
 
 
 class Station:
@@ -206,12 +218,33 @@ class Station:
                 self._protocol.explain(verdict, now)
             elif isinstance(message, ManualControl):
                 self._offboard.sticks(message, t_us)
+            elif isinstance(message, GlobalOrigin):
+                self._set_origin(port, link, message, now)
             elif isinstance(message, NotTaken):
                 told = Told(NOT_TAKEN[message.name], (message.name,))
                 if message.name not in link.told and self._offboard.complain(told, now):
                     link.told.add(message.name)  # once: it may be a stream
             else:
                 self._other(port, link, message, t_us, now)
+
+    def _set_origin(self, port: GroundPort, link: Link, message: GlobalOrigin, now: float) -> None:
+        """Move the place on Earth of local (0, 0, 0). Local positions stay as they are.
+
+        Its sender hears the origin in force, whether it has changed or not, as from PX4.
+        """
+        origin = Origin(message.lat_deg, message.lon_deg, message.alt_m)
+        why = out_of_range(origin)
+        if why is None:
+            self._identity = replace(self._identity, origin=origin)
+            self._commands.origin = self._offboard.origin = origin
+            self._home_told = -1  # it is another place on Earth
+        verdict = denied("Origin", why) if why else Verdict(Result.ACCEPTED, Told(Code.ORIGIN_SET))
+        told = gps_global_origin(Geodetic(*self._identity.origin))
+        if why is None:
+            self.streams.broadcast(told)
+        if why is not None or not link.hears_telemetry:
+            port.send(link, told)
+        self._protocol.explain(verdict, now)
 
     def _other(
         self, port: GroundPort, link: Link, message: GroundMessage, t_us: int, now: float

@@ -135,12 +135,6 @@ def test_an_attitude_goes_with_a_yaw_rate_only(flying):
     ("message", "told"),
     [
         (
-            lambda system: mavlink.MAVLink_set_gps_global_origin_message(
-                system, 473_977_420, 85_455_940, 489_400
-            ),
-            Told(Code.NOT_TAKEN_ORIGIN, ("SET_GPS_GLOBAL_ORIGIN",)),
-        ),
-        (
             lambda system: mavlink.MAVLink_set_actuator_control_target_message(
                 0, 0, system, 1, [0.5] * 8
             ),

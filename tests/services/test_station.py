@@ -61,6 +61,9 @@ class Met:
         self.station.serve(self.station.script, 0, now)
         return [each for each in self.heard() if each.get_type() != "STATUSTEXT"]
 
+    def long(self, command, params):
+        return mavlink.MAVLink_command_long_message(1, 1, command, 0, *params)
+
     def ask(self, command, first, second=0.0, confirmation=0):
         """Give a command, and return its result."""
         (answer,) = self.say(
@@ -118,6 +121,42 @@ def test_a_heartbeat_comes_at_once_when_the_vehicle_is_armed(met):
     met.station.idle(0, 100.01, 100.0)
     (beat,) = (m for m in met.heard() if m.get_type() == "HEARTBEAT")
     assert beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def origins(messages):
+    return [
+        (m.latitude, m.longitude, m.altitude)
+        for m in messages
+        if m.get_type() == "GPS_GLOBAL_ORIGIN"
+    ]
+
+
+def test_an_origin_that_is_set_is_answered_and_what_is_global_follows(met):
+    met.observe()
+    met.station.idle(0, 100.0, 100.0)
+    met.heard()
+    asked = mavlink.MAVLink_set_gps_global_origin_message(1, -353_632_600, 1_491_652_300, 584_000)
+    assert origins(met.say(asked, 100.1)) == [(-353_632_600, 1_491_652_300, 584_000)]
+    met.station.idle(0, 100.5, 100.0)
+    heard = {m.get_type(): m for m in met.heard()}
+    home, here = heard["HOME_POSITION"], heard["GLOBAL_POSITION_INT"]
+    assert (home.latitude, home.longitude, home.altitude) == (-353_632_600, 1_491_652_300, 584_000)
+    assert (here.lat, here.lon, here.alt, here.relative_alt) == (
+        -353_632_600, 1_491_652_300, 584_000, 0,
+    )  # fmt: skip
+    assert (heard["LOCAL_POSITION_NED"].x, heard["LOCAL_POSITION_NED"].y) == (0.0, 0.0)
+    takeoff = met.long(mavlink.MAV_CMD_NAV_TAKEOFF, (0, 0, 0, 0, -35.36326, 149.16523, 594.0))
+    (ack,) = (m for m in met.say(takeoff, 100.6) if m.get_type() == "COMMAND_ACK")
+    assert ack.result == ACCEPTED  # its place is here now
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "alt"), [(900_000_001, 0, 0), (0, 1_800_000_001, 0), (0, 0, 100_000_000)]
+)
+def test_an_origin_that_is_no_place_is_answered_by_the_one_in_force(met, lat, lon, alt):
+    met.observe()
+    asked = mavlink.MAVLink_set_gps_global_origin_message(1, lat, lon, alt)
+    assert origins(met.say(asked)) == [(474_000_000, 85_000_000, 488_000)]
 
 
 def test_a_stream_that_is_looked_at_late_is_no_slower(met):
