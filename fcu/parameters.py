@@ -70,6 +70,7 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "MPC_TILTMAX_AIR", 45.0, 20.0, 89.0, "deg", "tilt that modes that lead, and setpoints, accelerate across with"),
         P("", "MPC_ACC_UP_MAX", 3.0, 0.1, 6.0, "m/s^2", "vertical acceleration of those modes, up and down, likewise"),
         P("", "MPC_LAND_SPEED", 0.7, 0.3, 1.5, "m/s", "speed of a landing near the ground"),
+        P("", "MPC_THR_HOVER", 0.6, 0.1, 0.8, "", "thrust of an attitude setpoint at which the believed vehicle hovers"),
         P("", "MPC_MAN_Y_MAX", 60.0, 1.0, 180.0, "deg/s", "yaw rate at full stick in position mode"),
         P("", "REF_STEP_E", 5.0, -50.0, 50.0, "m", "step of the reference generator to the east"),
         P("", "REF_STEP_N", 0.0, -50.0, 50.0, "m", "step of the reference generator to the north"),

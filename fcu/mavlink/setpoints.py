@@ -356,7 +356,7 @@ def position_target_global(
 
 
 def attitude_target(t: float, type_mask: int, q_EB: Quat, w_B: Vec3, thrust: float) -> Packed:
-    """ATTITUDE_TARGET; `thrust` is the commanded total over full thrust, 0 to 1."""
+    """ATTITUDE_TARGET.  thrust : 0 to 1, on the scale of SET_ATTITUDE_TARGET."""
     return _message(
         "ATTITUDE_TARGET", time_boot_ms=1e3 * t, type_mask=type_mask,
         thrust=min(max(thrust, 0.0), 1.0), **_attitude_fields(q_EB, w_B),

@@ -366,7 +366,7 @@ def _attitude_target(v: View) -> Sequence[Packed]:
     q = from_euler(o.angles_c.x, o.angles_c.y, o.angles_c.z)
     setpoint = v.vehicle.setpoint
     unused = IGNORE_ATTITUDE if setpoint is not None and setpoint.level > 1.0 else 0
-    return [setpoints.attitude_target(v.t, unused, q, o.w_c, o.T_c / v.law.limits.T_max)]
+    return [setpoints.attitude_target(v.t, unused, q, o.w_c, v.vehicle.throttle.of(o.T_c))]
 
 
 def _nav_controller(v: View) -> Sequence[Packed]:

@@ -224,11 +224,33 @@ def _slowed(v: Vec3, limits: SetpointLimits) -> Vec3:
     return Vec3(k * v.x, k * v.y, min(limits.up, max(-limits.down, v.z)))
 
 
+class Throttle(NamedTuple):
+    """The scale of a script's thrust, 0 to 1: straight to hover, and straight from there to full thrust."""
+
+    hover: float  # MPC_THR_HOVER
+    T_hover: float  # total thrust that hover is expected to take, N
+    T_max: float  # full thrust, N
+
+    def force(self, throttle: float) -> float:
+        """The total thrust of a throttle, N."""
+        if throttle <= self.hover:
+            return throttle / self.hover * self.T_hover
+        above = (throttle - self.hover) / (1.0 - self.hover)
+        return self.T_hover + above * (self.T_max - self.T_hover)
+
+    def of(self, T: float) -> float:
+        """The throttle of a total thrust, N."""
+        if self.T_hover >= T:
+            return self.hover * T / self.T_hover
+        above = (T - self.T_hover) / (self.T_max - self.T_hover)
+        return self.hover + above * (1.0 - self.hover)
+
+
 def of_attitude(
-    asked: AttitudeRequest, flown: Setpoint, T_max: float
+    asked: AttitudeRequest, flown: Setpoint, throttle: Throttle
 ) -> tuple[Setpoint | None, Told | None]:
-    """What a request asks for; None, and why it must not be flown."""
-    T = asked.thrust * T_max
+    """The setpoint that a request asks for. None, and why it must not be flown."""
+    T = throttle.force(asked.thrust)
     if asked.q_EB is None:
         flat = flown._replace(level=RATES, w_c=asked.w_B, T_c=T, tilt_c=STILL, psi_dot_c=0.0)
         return flat, None

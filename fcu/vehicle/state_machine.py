@@ -51,6 +51,7 @@ from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.plans import Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import (
     Script,
+    Throttle,
     anchored,
     anchored_by_axis,
     of_attitude,
@@ -691,6 +692,16 @@ class StateMachine:
 
     # --- a script's setpoints
 
+    @property
+    def throttle(self) -> Throttle:
+        """The scale of a script's thrust."""
+        params = self._params
+        return Throttle(
+            hover=params["MPC_THR_HOVER"],
+            T_hover=params.pace.T_hover,
+            T_max=params.law.limits.T_max,
+        )
+
     def resolve(
         self, asked: PositionRequest | AttitudeRequest, t_us: int
     ) -> tuple[Setpoint | None, Told | None]:
@@ -698,7 +709,7 @@ class StateMachine:
         here = self.pose()
         flown = anchored_by_axis(self.setpoint, (t_us - self.since_us) * 1e-6, here, NEAR)
         if isinstance(asked, AttitudeRequest):
-            return of_attitude(asked, flown, self._params.law.limits.T_max)
+            return of_attitude(asked, flown, self.throttle)
         limits = script_limits(self._params)
         made, told = of_position(asked, here, self.home or here.r_E, flown, limits)
         if told is not None and told.code is Code.SETPOINT_LOW and self._lands_at(made.r_c, here):

@@ -17,6 +17,7 @@ from fcu.vehicle.setpoints import (
     ATTITUDE,
     Script,
     SetpointLimits,
+    Throttle,
     anchored_by_axis,
     of_attitude,
     of_position,
@@ -26,6 +27,7 @@ EAST_30 = math.radians(30.0)
 POSE = Pose(Vec3(10.0, 20.0, 30.0), Vec3(1.0, 0.0, 0.0), EAST_30)  # heading 60 deg from North
 FLOWN = Setpoint(Vec3(9.0, 19.0, 29.0), Vec3(0.5, 0.0, 0.0), STILL, 0.1, 0.0)
 HOME = Vec3(0.0, 0.0, 0.3)
+THROTTLE = Throttle(hover=0.5, T_hover=60.0, T_max=120.0)
 LIMITS = SetpointLimits(away=100.0, below_home=1.0, across=12.0, up=3.0, down=1.5, yaw_rate=1.5)
 AHEAD, LEFT = (math.cos(EAST_30), math.sin(EAST_30)), (-math.sin(EAST_30), math.cos(EAST_30))
 CODEC, PYMAVLINK = GroundCodec(1), mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
@@ -156,16 +158,25 @@ def test_another_sender_owns_the_stream_once_the_first_is_silent_for_half_a_seco
 
 
 def test_an_attitude_leaves_roll_and_pitch_to_the_tilt_and_yaw_to_the_heading():
-    """In steps of the full thrust, with no body rate but that of yaw."""
+    """With no body rate but that of yaw."""
     asked = AttitudeRequest(from_euler(0.2, -0.1, 0.7), Vec3(0.0, 0.0, 0.3), 0.25)
-    setpoint, refusal = of_attitude(asked, FLOWN, 120.0)
+    setpoint, refusal = of_attitude(asked, FLOWN, THROTTLE)
     assert refusal is None
     assert setpoint.tilt_c == pytest.approx((0.2, -0.1, 0.0))
     assert (setpoint.level, setpoint.T_c, setpoint.w_c) == (ATTITUDE, 30.0, STILL)
     assert (setpoint.psi_c, setpoint.psi_dot_c) == pytest.approx((0.7, 0.3))
     assert setpoint.r_c == FLOWN.r_c
     rolling = asked._replace(w_B=Vec3(0.1, 0.0, 0.3))
-    assert of_attitude(rolling, FLOWN, 120.0) == (None, Told(Code.YAW_RATE_ONLY))
+    assert of_attitude(rolling, FLOWN, THROTTLE) == (None, Told(Code.YAW_RATE_ONLY))
+
+
+@pytest.mark.parametrize(
+    ("thrust", "T"), [(0.0, 0.0), (0.3, 36.0), (0.6, 72.0), (0.8, 136.0), (1.0, 200.0)]
+)
+def test_thrust_is_straight_to_hover_and_straight_from_there_to_the_full_one(thrust, T):
+    throttle = Throttle(hover=0.6, T_hover=72.0, T_max=200.0)
+    assert throttle.force(thrust) == pytest.approx(T)
+    assert throttle.of(T) == pytest.approx(thrust)
 
 
 def test_an_acceleration_alone_ends_at_the_limit_of_its_own_axis():
