@@ -21,7 +21,7 @@ except KeyboardInterrupt:
 if TYPE_CHECKING:
     from fcu.laws.loader import Law
 
-FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station")
+FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station", "fcu_tcp")
 
 
 def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tuple[float, ...]:

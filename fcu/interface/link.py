@@ -33,8 +33,9 @@ _OF_ERRORS = getattr(socket, "MSG_ERRQUEUE", 0)
 class PortBusy(OSError):
     """Another process has the port. `port` and `link` say which."""
 
-    def __init__(self, port: int, link: str) -> None:
-        super().__init__(errno.EADDRINUSE, f"UDP port {port} ({link}) is in use by another process")
+    def __init__(self, port: int, link: str, kind: str = "UDP") -> None:
+        text = f"{kind} port {port} ({link}) is in use by another process"
+        super().__init__(errno.EADDRINUSE, text)
         self.port = port
         self.link = link
 
@@ -72,6 +73,22 @@ def exclusive_socket(port: int, link: str) -> socket.socket:
         sock.close()
         if error.errno in (errno.EADDRINUSE, errno.EACCES):
             raise PortBusy(port, link) from error
+        raise
+    return sock
+
+
+def listening_socket(port: int, link: str) -> socket.socket:
+    """A TCP socket bound to a loopback port, to listen on. Raises PortBusy."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":  # a port whose last connections are still winding up is free
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((HOST, port))
+        sock.listen()
+    except OSError as error:
+        sock.close()
+        if error.errno in (errno.EADDRINUSE, errno.EACCES):
+            raise PortBusy(port, link, "TCP") from error
         raise
     return sock
 

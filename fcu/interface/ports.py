@@ -1,4 +1,4 @@
-"""Every UDP port and MAVLink identity, from the instance number: one table.
+"""Every port and MAVLink identity, from the instance number: one table.
 
 Instances run side by side on one machine without meeting. The numbers of the script and
 ground station links are PX4's, so tools find an instance where they look for one.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fcu.interface import topics
-from fcu.interface.link import PortBusy, bound_ports, exclusive_socket
+from fcu.interface.link import PortBusy, bound_ports, exclusive_socket, listening_socket
 
 INSTANCES = 10
 
@@ -24,6 +24,7 @@ class Ports(NamedTuple):
     fcu_station: int
     station: int
     system_id: int  # MAVLink; the component is 1
+    fcu_tcp: int = 0  # of TCP; 0: none
 
 
 ANY_PORTS = Ports(*(0,) * 6, system_id=1)  # whichever are free: of what nobody is to meet
@@ -43,7 +44,9 @@ _TABLE = {
     "fcu_station": _Row(18570, 1, "flight controller, ground station link"),
     "station": _Row(14550, 0, "ground station, shared by all instances"),
 }
-_BOUND = ("plant", "fcu_plant", "fcu_script", "fcu_station")  # by an instance's two processes
+_BY_TCP = {"fcu_tcp": _Row(5760, 10, "flight controller, scripts by TCP")}
+_ROWS = {**_TABLE, **_BY_TCP}
+_BOUND = ("plant", "fcu_plant", "fcu_script", "fcu_station", "fcu_tcp")  # by its two processes
 
 
 class NoFreeInstance(OSError):
@@ -54,21 +57,25 @@ def ports(instance: int) -> Ports:
     """The ports and system id of an instance. Raises ValueError unless it is 0 to 9."""
     if not 0 <= instance < INSTANCES:
         raise ValueError(f"instance {instance}: expected 0 to {INSTANCES - 1}")
-    numbers = {name: row.first + instance * row.step for name, row in _TABLE.items()}
+    numbers = {name: row.first + instance * row.step for name, row in _ROWS.items()}
     return Ports(**numbers, system_id=instance + 1)
 
 
 def owner(port: str) -> str:
     """Who binds the port of this name in Ports, and on which link: for error messages."""
-    return _TABLE[port].owner
+    return _ROWS[port].owner
 
 
 def table() -> str:
     """The table as text, a line a port, for `--help`."""
     rows = [f"{row.first}{'+N' if row.step else '':4}{row.owner}" for row in _TABLE.values()]
     heading = f"UDP ports on loopback, instance N (0 to {INSTANCES - 1}), MAVLink system N+1:"
-    tcp = f"and TCP {topics.port(0)}+{topics.port(1) - topics.port(0)}N  publisher, Zenoh"
-    return "\n".join([heading, *(f"  {row}" for row in rows), tcp])
+    by_tcp = [
+        *_BY_TCP.values(),
+        _Row(topics.port(0), topics.port(1) - topics.port(0), "publisher, Zenoh"),
+    ]
+    tcp = [f"  {row.first}+{row.step}N  {row.owner}" for row in by_tcp]
+    return "\n".join([heading, *(f"  {row}" for row in rows), "TCP ports:", *tcp])
 
 
 def first_free_instance(*names: str) -> int:
@@ -99,7 +106,8 @@ def busy(instance: int, *names: str) -> list[PortBusy]:
     taken = []
     for name in names or _BOUND:
         try:
-            exclusive_socket(numbers[name], owner(name)).close()
+            bind = listening_socket if name in _BY_TCP else exclusive_socket
+            bind(numbers[name], owner(name)).close()
         except PortBusy as error:
             taken.append(error)
     return taken

@@ -21,6 +21,7 @@ FRAMES_AT_ONCE = 16  # of one datagram: no client sends more
 _HEADER = struct.Struct("<BBBBBBBHB")  # marker, length, flags, flags, sequence, source, id
 _CRC = struct.Struct("<H")
 _OVERHEAD = _HEADER.size + _CRC.size
+_OVERHEAD_V1 = 8
 _SIGNATURE = 13
 
 
@@ -104,6 +105,25 @@ def expected(
     if payload is None:
         raise WireError(f"{of.name} has a wrong checksum")
     return payload, end + _CRC.size
+
+
+def next_frame(received: bytearray) -> bytes | None:
+    """Take the first whole frame from the bytes of a stream, good or bad; None until it is there.
+
+    Bytes before the mark of a frame are dropped.
+    """
+    marks = [at for at in (received.find(V1), received.find(V2)) if at >= 0]
+    del received[: min(marks, default=len(received))]
+    if len(received) < 3:
+        return None
+    overhead = _OVERHEAD if received[0] == V2 else _OVERHEAD_V1
+    signature = _SIGNATURE if received[0] == V2 and received[2] & SIGNED else 0
+    end = overhead + received[1] + signature
+    if len(received) < end:
+        return None
+    frame = bytes(received[:end])
+    del received[:end]
+    return frame
 
 
 def frames(

@@ -45,7 +45,7 @@ from fcu.process.burst import (
 from fcu.process.reporting import Reporter
 from fcu.process.tick import State
 from fcu.services.ground_port import GroundPort
-from fcu.services.station import Bind, Station
+from fcu.services.station import Bind, Listen, Station
 from fcu.services.streams import Identity
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
@@ -107,10 +107,11 @@ class Autopilot:
         sim_only: bool = False, file: Path | None = None, bind: Bind = exclusive_socket,
         write: Callable[[Event], None] = event_log.write, resets: bool = False,
         fly_decided: FlyDecided | None = None, before: Autopilot | None = None,
+        listen: Listen | None = None,
     ) -> None:  # fmt: skip
         """`sim_only`: simulation time alone decides. `file`: where parameters are saved.
 
-        `bind`: opens the ports of ground stations. `write`: takes an event. `resets`: a request
+        `bind`: opens the ports of ground stations, `listen` that of TCP. `write`: takes an event. `resets`: a request
         for a reset is obeyed. `fly_decided`: flies a tick (time in us, row) for which Python has
         decided, and returns False if the law raised an error. A process that flies bursts hands in
         a call of their kernel, which holds the law already. `before`: the autopilot before a reset.
@@ -126,7 +127,7 @@ class Autopilot:
         self._sim_only = sim_only
         self.ground: Station = Station(
             ports, identity, params, self.vehicle, file, self.say, bind, resets,
-            None if before is None else before.ground,
+            None if before is None else before.ground, listen,
         )  # fmt: skip
         self.figures: Figures = Figures() if before is None else before.figures
         self._settings = params.settings

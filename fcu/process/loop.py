@@ -30,8 +30,10 @@ from fcu.parameters import Parameters
 from fcu.process.autopilot import TIMES, Autopilot, LawRaised, Lost, Row, say
 from fcu.process.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
 from fcu.process.reporting import Reporter
+from fcu.services import tcp_socket
 from fcu.services.ground_port import GroundPort
 from fcu.services.streams import Identity
+from fcu.services.tcp_socket import TcpSocket
 from fcu.vehicle.conditions import ROWS, Condition
 from fcu.vehicle.conditions import Row as ConditionRow
 from fcu.vehicle.state_machine import StateMachine
@@ -65,6 +67,7 @@ class Loop:
         self._make = partial(
             Autopilot, ports, identity, params, sim_only=sim_only, file=file, resets=resets,
             write=write, fly_decided=self._fly_decided if system.HAS_LIBC else None,
+            listen=TcpSocket if tcp_socket.AVAILABLE else None,
         )  # fmt: skip
         self._autopilot = self._make(reporter)
         self._most = burst_ticks

@@ -1,4 +1,4 @@
-"""A UDP port at which ground stations and scripts meet the vehicle, and each of their links.
+"""A port at which ground stations and scripts meet the vehicle, and each of their links.
 
 Telemetry goes to one configured address from the start (ground tools listen, they do not ask)
 and to whoever has sent a heartbeat. Whoever sends anything readable gets answers. Every message is
@@ -22,6 +22,7 @@ from fcu.interface.link import HOST, Address, Datagrams, hear_refusals, refusals
 from fcu.mavlink.definitions import Packed, Result
 from fcu.mavlink.ground_link import GroundCodec, GroundMessage
 from fcu.mavlink.telemetry import Heartbeat
+from fcu.services.tcp_socket import TcpSocket
 
 PEERS = 8  # beside the configured listener
 GONE_S = 10.0  # wall: one who has not been heard for so long may be replaced
@@ -122,15 +123,18 @@ class Link:
 class GroundPort:
     """One bound port, its configured listener and its peers."""
 
-    def __init__(self, bound: Datagrams, listener_port: int, system_id: int) -> None:
-        """`bound`: the socket, which is closed with this."""
+    def __init__(
+        self, bound: Datagrams | TcpSocket, listener_port: int | None, system_id: int
+    ) -> None:
+        """`bound`: the socket, which is closed with this. `listener_port`: None without a listener."""
         self._socket = bound
         self._socket.setblocking(False)
-        self._hears_refusals = hear_refusals(bound)
+        self._by_tcp = bound if isinstance(bound, TcpSocket) else None
+        self._hears_refusals = self._by_tcp is not None or hear_refusals(bound)
         self._system = system_id
         self._parser = GroundCodec(system_id)
-        self.listener = Link((HOST, listener_port), GroundCodec(system_id), 0.0)
-        self.listener.hears_telemetry = True
+        self.listener = Link((HOST, listener_port or 0), GroundCodec(system_id), 0.0)
+        self.listener.hears_telemetry = listener_port is not None
         self._peers: dict[Address, Link] = {}  # the least recent first
         self._strangers = Queue()
         self._turns: deque[Queue] = deque()  # those in which something waits, the next first
@@ -144,7 +148,8 @@ class GroundPort:
     @property
     def is_waiting(self) -> bool:
         """Whether there are messages to `receive`, of which `poll` does not know."""
-        return bool(self._waiting or self._turns)
+        by_tcp = self._by_tcp is not None and self._by_tcp.is_waiting
+        return bool(self._waiting or self._turns or by_tcp)
 
     def receive(self, now: float) -> Iterator[tuple[GroundMessage, Link]]:
         """Messages that are waiting, with their links, for at most AT_ONCE_S and one message more.
@@ -169,6 +174,9 @@ class GroundPort:
             return False
         except OSError:  # a peer's port is closed: an ICMP refusal, not a datagram
             self._see_refusals()
+            return True
+        if self._by_tcp is not None and not datagram:  # a client that connects may only listen
+            self._meet(address, now).hears_telemetry = True
             return True
         known = self._known(address)
         is_stranger = known is None or not known.hears_telemetry
@@ -201,7 +209,7 @@ class GroundPort:
         if not messages:
             return True
         link = self._known(address) or self._meet(address, now)
-        if link.beats and now - link.heard > GONE_S:
+        if self._by_tcp is None and link.beats and now - link.heard > GONE_S:
             link.renew()
         if any(isinstance(message, Heartbeat) for message in messages):
             link.hears_telemetry = link.beats = True
@@ -269,7 +277,7 @@ class GroundPort:
         """Forget who is gone; the addresses whose ports have refused something."""
         if not self._hears_refusals:
             return []
-        gone = refusals(self._socket)
+        gone = refusals(self._socket) if self._by_tcp is None else self._by_tcp.refusals()
         for address in gone:
             if address == self.listener.address:
                 if self.listener.is_met:

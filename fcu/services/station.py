@@ -1,4 +1,4 @@
-"""The ground side of the vehicle: both ports, every service, one place where messages arrive.
+"""The ground side of the vehicle: its ports, every service, one place where messages arrive.
 
 The loop hands over what it measured and flew; everything a ground station or script can do to
 the vehicle goes through `serve`. Nothing here blocks.
@@ -27,7 +27,7 @@ from fcu.mavlink.telemetry import gps_global_origin
 from fcu.parameters import Parameters
 from fcu.services import status
 from fcu.services.command_protocol import CommandProtocol, Commands, Request, Verdict, denied
-from fcu.services.ground_port import GroundPort, Link
+from fcu.services.ground_port import PEERS, GroundPort, Link
 from fcu.services.information import Information
 from fcu.services.offboard import OffboardProtocol
 from fcu.services.parameter_protocol import ParameterProtocol
@@ -41,12 +41,14 @@ from fcu.services.streams import (
     Streams,
     View,
 )
+from fcu.services.tcp_socket import TcpSocket
 from fcu.services.wind import Wind
 from fcu.vehicle.conditions import ROWS
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
 Bind = Callable[[int, str], Datagrams]
+Listen = Callable[[int, str, int], TcpSocket]
 
 WIND_S = 0.05  # wall: between two looks at the wind
 
@@ -76,28 +78,29 @@ def out_of_range(origin: Origin) -> Code | None:
 
 
 class Station:
-    """Everything on the two ground ports of one vehicle."""
+    """Everything on the ground ports of one vehicle."""
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, vehicle: StateMachine,
         file: Path | None, say: Callable[[str, Told], None], bind: Bind, resets: bool = False,
-        before: Station | None = None,
+        before: Station | None = None, listen: Listen | None = None,
     ) -> None:  # fmt: skip
         """`file`: where parameters are saved. `say`: takes what is told, with its level.
 
         `bind`: opens a port, given its number and name. `resets`: as for Commands. `before`: the
-        one before a reset, whose ports and links this one takes over. Raises PortBusy.
+        one before a reset, whose ports and links this one takes over. `listen`: opens a port of TCP,
+        given its number, name and places; None: there is none. Raises PortBusy.
         """
-        self.ports: tuple[GroundPort, GroundPort] = (
-            _opened(ports, bind) if before is None else before.ports
+        self.ports: tuple[GroundPort, ...] = (
+            _opened(ports, bind, listen) if before is None else before.ports
         )
-        self.script, self.station = self.ports
+        self.script, self.station = self.ports[:2]
         self._identity = identity
         self._params = params
         self._vehicle = vehicle
         self._say = say
         self.streams = Streams(
-            self.station, self.script, vehicle, int(params["MAV_TYPE"]), identity.autopilot
+            self.ports, self.station, vehicle, int(params["MAV_TYPE"]), identity.autopilot
         )
         self._commands = Commands(vehicle, identity.origin, resets)
         self._parameters = ParameterProtocol(params, file, vehicle, self._commands)
@@ -166,7 +169,7 @@ class Station:
     @property
     def is_waiting(self) -> bool:
         """Whether messages wait that were received, and did not fit between two ticks."""
-        return self.script.is_waiting or self.station.is_waiting
+        return any(port.is_waiting for port in self.ports)
 
     def idle(self, t_us: int, now: float, decides: float) -> None:
         """What is due by the wall clock; called between ticks, and often.
@@ -278,16 +281,21 @@ class Station:
             port.close()
 
 
-def _opened(ports: Ports, bind: Bind) -> tuple[GroundPort, GroundPort]:
-    """The ports of scripts and of ground stations. Raises PortBusy."""
-    system = ports.system_id
-    script = bind(ports.fcu_script, owner("fcu_script"))
+def _opened(ports: Ports, bind: Bind, listen: Listen | None) -> tuple[GroundPort, ...]:
+    """The ports of scripts, of ground stations, and of both by TCP. Raises PortBusy."""
+    opened: list[GroundPort] = []
     try:
-        station = bind(ports.fcu_station, owner("fcu_station"))
+        for name, listener in (("fcu_script", ports.script), ("fcu_station", ports.station)):
+            bound = bind(getattr(ports, name), owner(name))
+            opened.append(GroundPort(bound, listener, ports.system_id))
+        if listen is not None and ports.fcu_tcp:
+            by_tcp = listen(ports.fcu_tcp, owner("fcu_tcp"), PEERS)
+            opened.append(GroundPort(by_tcp, None, ports.system_id))
     except OSError:
-        script.close()
+        for port in opened:
+            port.close()
         raise
-    return GroundPort(script, ports.script, system), GroundPort(station, ports.station, system)
+    return tuple(opened)
 
 
 def _as_command(message: SetMode) -> Command:

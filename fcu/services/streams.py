@@ -497,11 +497,14 @@ class Streams:
     """The streams of every link."""
 
     def __init__(
-        self, station: GroundPort, script: GroundPort, vehicle: StateMachine, kind: int,
+        self, ports: Sequence[GroundPort], station: GroundPort, vehicle: StateMachine, kind: int,
         autopilot: int,
     ) -> None:  # fmt: skip
-        """kind, autopilot : MAV_TYPE and MAV_AUTOPILOT of the HEARTBEAT."""
-        self._ports = (station, script)
+        """`station`: the one of `ports` whose rates are those of ground stations.
+
+        kind, autopilot : MAV_TYPE and MAV_AUTOPILOT of the HEARTBEAT.
+        """
+        self._ports = ports
         self._station = station
         self._vehicle = vehicle
         self._kind, self._autopilot = kind, autopilot

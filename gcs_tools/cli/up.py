@@ -125,7 +125,7 @@ def _stand_by(
     try:
         click.echo(
             f"ready: instance {number}, MAVLink system {at.system_id}\n"
-            f"  script          listen on {at.script} (or send to {at.fcu_script})\n"
+            f"  script          listen on {at.script} (or send to {at.fcu_script}, or TCP {at.fcu_tcp})\n"
             f"  ground station  listen on {at.station} (or send to {at.fcu_station})\n"
             f"  logs            {folder}"
         )

@@ -31,7 +31,9 @@ def vehicle(tmp_path):
                 claim.close()
                 continue
             claims.append(claim)
-            if busy(instance, "plant", "fcu_plant", "fcu_script", "script", "fcu_station"):
+            if busy(
+                instance, "plant", "fcu_plant", "fcu_script", "script", "fcu_station", "fcu_tcp"
+            ):
                 continue
             process = subprocess.Popen(
                 [sys.executable, "-m", "gcs_tools", "up", "--instance", str(instance), *options],

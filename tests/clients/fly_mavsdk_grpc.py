@@ -1,4 +1,4 @@
-"""A whole flight by mavsdk_grpc, the asynchronous MAVSDK: argument 1 is the UDP port to listen on."""
+"""A whole flight by mavsdk_grpc, the asynchronous MAVSDK: argument 1 is the address to connect by."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ async def until(stream, condition):
     raise AssertionError("the stream ended")
 
 
-async def fly(port):
+async def fly(address):
+    port = int(address.rpartition(":")[2])
     # of its own server: the default is one for all, and those above 32768 are given to anybody
     drone = System(port=20051 + port % 100)
-    await drone.connect(system_address=f"udpin://127.0.0.1:{port}")
+    await drone.connect(system_address=address)
     await until(drone.core.connection_state(), lambda s: s.is_connected)
     await until(drone.telemetry.health_all_ok(), bool)
     telemetry, action, offboard, param = drone.telemetry, drone.action, drone.offboard, drone.param
@@ -85,4 +86,4 @@ async def fly(port):
     print("landed at home", flush=True)
 
 
-asyncio.run(asyncio.wait_for(fly(int(sys.argv[1])), 100.0))
+asyncio.run(asyncio.wait_for(fly(sys.argv[1]), 100.0))

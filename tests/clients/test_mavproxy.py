@@ -9,11 +9,16 @@ import pytest
 from gcs_tools.studies import console
 
 
-@pytest.mark.parametrize("airframe", ["s1000", "quad"])
-def test_a_whole_flight(vehicle, airframe):
+@pytest.mark.parametrize(
+    ("airframe", "link", "port"),
+    [
+        # by the vehicle's own port: 14550 is shared with every other vehicle on this machine
+        ("s1000", "udpout", "fcu_station"), ("quad", "udpout", "fcu_station"), ("s1000", "tcp", "fcu_tcp"),
+    ],
+)  # fmt: skip
+def test_a_whole_flight(vehicle, airframe, link, port):
     up = vehicle("--speed", "3", "--airframe", airframe)
-    # by the vehicle's own port: 14550 is shared with every other vehicle on this machine
-    master = f"udpout:127.0.0.1:{up.ports.fcu_station}"
+    master = f"{link}:127.0.0.1:{getattr(up.ports, port)}"
     said = console.session(master, up.folder, console.whole_flight)
     parameters = int(re.search(r"Received (\d+) parameters", said).group(1))
     saved = next(up.folder.rglob("*.parm"))

@@ -19,5 +19,13 @@ FLOWN = [
 @pytest.mark.parametrize(("script", "autopilot", "airframe"), FLOWN)
 def test_a_whole_flight(vehicle, run, script, autopilot, airframe):
     up = vehicle("--speed", "4", "--autopilot", autopilot, "--airframe", airframe)
-    said = run(Path(__file__).parent / script, up.ports.script)
+    address = f"udpin://127.0.0.1:{up.ports.script}" if "grpc" in script else up.ports.script
+    said = run(Path(__file__).parent / script, address)
+    assert [line for line in said.splitlines() if line in STEPS] == STEPS
+
+
+def test_a_whole_flight_by_tcp(vehicle, run):
+    up = vehicle("--speed", "4")
+    script = Path(__file__).parent / "fly_mavsdk_grpc.py"
+    said = run(script, f"tcpout://127.0.0.1:{up.ports.fcu_tcp}")
     assert [line for line in said.splitlines() if line in STEPS] == STEPS

@@ -19,8 +19,8 @@ from fcu.interface.ports import (
 
 
 def test_instances_zero_and_nine():
-    assert ports(0) == Ports(4560, 4660, 14580, 14540, 18570, 14550, system_id=1)
-    assert ports(9) == Ports(4569, 4669, 14589, 14549, 18579, 14550, system_id=10)
+    assert ports(0) == Ports(4560, 4660, 14580, 14540, 18570, 14550, system_id=1, fcu_tcp=5760)
+    assert ports(9) == Ports(4569, 4669, 14589, 14549, 18579, 14550, system_id=10, fcu_tcp=5850)
 
 
 def test_no_two_instances_meet_and_none_takes_the_ground_stations_port():
@@ -42,6 +42,7 @@ def test_the_table_names_every_port_and_its_owner():
             assert f"{number}" in text
             assert owner(name) in text
     assert text.count("+N") == 5
+    assert "5760+10N" in text
     assert "14550 " in text
 
 
@@ -72,11 +73,13 @@ class Machine:
         ({14540}, ("plant", "script"), 1),
         ({14550}, ("plant", "fcu_plant", "script"), 0),
         ({4660}, ("plant",), 0),
+        ({5760, 5770}, (), 2),
     ],
 )
 def test_the_first_instance_with_all_its_ports_is_found(monkeypatch, taken, names, free):
     machine = Machine(taken)
     monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
+    monkeypatch.setattr(module, "listening_socket", machine.exclusive_socket)
     assert first_free_instance(*names) == free
     wanted = names or ("plant", "fcu_plant", "fcu_script", "fcu_station")
     assert {ports(free)._asdict()[name] for name in wanted} <= set(machine.bound)
@@ -85,6 +88,7 @@ def test_the_first_instance_with_all_its_ports_is_found(monkeypatch, taken, name
 def test_a_busy_port_is_named(monkeypatch):
     machine = Machine({4661})
     monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
+    monkeypatch.setattr(module, "listening_socket", machine.exclusive_socket)
     assert [error.port for error in busy(1)] == [4661]
     assert busy(0) == []
 
@@ -94,6 +98,7 @@ def test_the_instances_that_run_are_those_with_a_flight_controller(monkeypatch, 
     """By the kernel's table of ports, without which they are tried."""
     machine = Machine({14582, 14584})
     monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
+    monkeypatch.setattr(module, "listening_socket", machine.exclusive_socket)
     monkeypatch.setattr(module, "bound_ports", lambda: machine.busy if has_table else None)
     assert running_instances() == [2, 4]
     assert bool(machine.bound) is not has_table
@@ -102,5 +107,6 @@ def test_the_instances_that_run_are_those_with_a_flight_controller(monkeypatch, 
 def test_no_free_instance_is_an_error(monkeypatch):
     machine = Machine({4660 + n for n in range(10)})
     monkeypatch.setattr(module, "exclusive_socket", machine.exclusive_socket)
+    monkeypatch.setattr(module, "listening_socket", machine.exclusive_socket)
     with pytest.raises(NoFreeInstance, match="0 to 9"):
         first_free_instance()

@@ -159,7 +159,9 @@ def claimed_instance():
                 claim.bind(("127.0.0.1", ports(number).plant))
             except OSError:
                 continue
-            if not busy(number, "plant", "fcu_plant", "fcu_script", "script", "fcu_station"):
+            if not busy(
+                number, "plant", "fcu_plant", "fcu_script", "script", "fcu_station", "fcu_tcp"
+            ):
                 yield number
                 return
     pytest.fail("every instance has a port in use")
