@@ -26,6 +26,7 @@ SLOW_FOLDERS = {
     "paper",
     "process",
     "replay",
+    "scripts",
     "tools",
     "view",
 }

@@ -92,6 +92,7 @@ class Figures:
     dropped: int = 0  # rows that the recorder had no room for
     unpublished: int = 0  # rows that the publisher had no room for
     ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
+    script_messages: int = 0  # readable ones that came on the script link
 
 
 def tells_beginning(law: Law) -> bool:

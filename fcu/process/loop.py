@@ -282,5 +282,9 @@ class Loop:
         except BrokenPipeError:
             self._end("nobody records this flight any more")
         self.figures.strangers = self._plant.count_strangers()
+        ground = self._autopilot.ground
+        self.figures.script_messages = sum(
+            port.heard for port in ground.ports if port is not ground.station
+        )
         self._autopilot.close()
         self._plant.close()

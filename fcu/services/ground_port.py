@@ -140,6 +140,7 @@ class GroundPort:
         self._turns: deque[Queue] = deque()  # those in which something waits, the next first
         self._waiting: deque[tuple[GroundMessage, Link]] = deque()  # of the last datagram
         self.dropped = self._parser.dropped  # by reason; also `over rate`
+        self.heard = 0  # messages that were readable
 
     def fileno(self) -> int:
         """For poll."""
@@ -208,6 +209,7 @@ class GroundPort:
         messages = self._parser.parse(datagram)
         if not messages:
             return True
+        self.heard += len(messages)
         link = self._known(address) or self._meet(address, now)
         if self._by_tcp is None and link.beats and now - link.heard > GONE_S:
             link.renew()

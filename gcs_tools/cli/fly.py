@@ -39,6 +39,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
     is_flag=True,
     help="Fly flight controller and simulator in one process, without sockets: the same flight.",
 )
+@arguments.ALLOW_COMMANDS
 @arguments.as_json("Print the results as JSON.")
 @click.option("--publish/--no-publish", default=None, help="Publish every tick on Zenoh; default: only if --speed is not max.")  # fmt: skip
 @arguments.ZENOH
@@ -51,7 +52,7 @@ def fly(
     out: Path | None, junit: Path | None, law: str | None, airframe: str | None,
     controller: str | None, controller_timeout_s: float, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
-    jobs: int | None, figure: str | None, record: str, overwrite: bool,
+    jobs: int | None, figure: str | None, record: str, overwrite: bool, allow_commands: bool,
 ) -> int:  # fmt: skip
     """Fly each MISSION and compare it with its expectations.
 
@@ -75,7 +76,7 @@ def fly(
                 settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
                 zenoh=arguments.publication(published if publish is None else publish, zenoh),
                 jobs=jobs, figure=figure, record=record, controller=controller,
-                controller_timeout_s=controller_timeout_s, overwrite=overwrite,
+                controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
             )  # fmt: skip
         except UsageError as error:
             raise Failure(error, USAGE) from error

@@ -6,11 +6,7 @@ truth is known, and what the mission asked for; the controller tells nothing of 
 
 from __future__ import annotations
 
-import difflib
 import os
-import re
-import shlex
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -34,16 +30,15 @@ from gcs_tools.flight.flown_rows import FlownRows
 from gcs_tools.flight.forking import can_fork
 from gcs_tools.flight.ground_script import ME, VehicleError
 from gcs_tools.flight.processes import (
-    SUSPENDED,
     Child,
     Collector,
     InfrastructureError,
     Rows,
     Take,
-    is_stopped,
     stop_all,
 )
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.user_command import Leashed, command_words, filled, names_one_of
 from gcs_tools.flight.wire_flight import DRAIN_S, WireFlight
 from gcs_tools.recording.schema import AskedTick
 from sitl_plant.burst import WIDTH
@@ -54,12 +49,7 @@ OPENS_S = 30.0  # wall: until it has opened the port of the plant link, by defau
 LOOK_S = 0.01  # wall: between two looks whether it has
 FORESEEN_S = 0.5  # a setpoint that moves goes on for so long, if no other comes
 PAGE = "docs/flight-controller-of-your-own.md"
-_WORD = re.compile(r"\{([a-z_]+)\}")
 _ENDED = column_of(PlantRecord, "ended")
-
-
-class CommandError(ValueError):
-    """A command that cannot be run: what is wrong, and what was expected."""
 
 
 # --- the command
@@ -86,33 +76,12 @@ _NAMES = tuple(values(0, 1.0, Path()))
 
 def command(text: str) -> tuple[str, ...]:
     """The words of a command line. Raises CommandError."""
-    try:
-        words = tuple(shlex.split(text))
-    except ValueError as error:
-        raise CommandError(f"{text!r}: {error}") from error
-    if not words:
-        raise CommandError("expected a command, got nothing")
-    if shutil.which(words[0]) is None:
-        raise CommandError(
-            f"{words[0]}: no such program (a file needs its path and to be executable)"
-        )
-    for name in (name for word in words for name in _WORD.findall(word)):
-        close = difflib.get_close_matches(name, _NAMES, n=1)
-        if name not in _NAMES and close:
-            raise CommandError(
-                f"{{{name}}}: did you mean {{{close[0]}}}? Expected one of {', '.join(_NAMES)}"
-            )
-    return words
+    return command_words(text, _NAMES)
 
 
 def names_instance(words: Sequence[str]) -> bool:
     """Whether a command is told which instance it flies: without that, it can only be the first."""
-    return any(f"{{{name}}}" in word for word in words for name in OF_AN_INSTANCE)
-
-
-def filled(words: Sequence[str], told: dict[str, str]) -> list[str]:
-    """A command with its values in place; what else stands in braces stays."""
-    return [_WORD.sub(lambda found: told.get(found[1], found[0]), word) for word in words]
+    return names_one_of(words, OF_AN_INSTANCE)
 
 
 # --- what the mission asks of it
@@ -202,20 +171,14 @@ class _Both:
 # --- its process
 
 
-class Controller(Child):
+class Controller(Leashed):
     """The process of a controller, on a leash."""
-
-    def __init__(self, words: Sequence[str], log: Path, lifeline: int) -> None:
-        """`lifeline`: a file descriptor; it is closed on our side."""
-        arguments = [str(lifeline), *words]
-        super().__init__("controller", "gcs_tools.flight.leash", arguments, log, (lifeline,))
-        self._pid = 0
 
     def check(self) -> None:
         """Raise InfrastructureError if it has ended."""
-        if self.process.poll() is None:
+        said = self.outcome()
+        if said is None:
             return
-        said = self._last_said()
         if not said:
             raise InfrastructureError("the controller was ended: its leash was killed")
         if why := said["why"]:
@@ -223,12 +186,6 @@ class Controller(Child):
         code = said["exit_code"]
         how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
         raise InfrastructureError(f"the controller {how}: {self.last_words()}")
-
-    def how_it_is(self) -> str:
-        """Why one does not answer, as far as that is seen from outside; empty: it is not."""
-        for line in self.heard():
-            self._pid = line.get("pid", self._pid)
-        return f"its process {SUSPENDED}" if self._pid and is_stopped(self._pid) else ""
 
 
 class ForeignPair:
@@ -252,7 +209,9 @@ class ForeignPair:
             "plant", "sitl_plant", plant, folder / "plant.log", plant_fds, forks, tells=True
         )
         self.children.append(simulator)
-        self.controller = Controller(words, folder / "controller.log", os.dup(self._life))
+        self.controller = Controller(
+            "controller", words, Path(), folder / "controller.log", os.dup(self._life)
+        )
         self.controller.listen()
         self.children.insert(0, self.controller)
         simulator.wait_ready(self.check)

@@ -1,9 +1,10 @@
-"""A command that ends with whoever started it: python -m gcs_tools.flight.leash FD COMMAND...
+"""A command that ends with whoever started it: python -m gcs_tools.flight.leash FD FOLDER COMMAND...
 
-FD is a lifeline: the reading end of a pipe. The command runs in a session of its own. When it ends,
+FD is a lifeline: the reading end of a pipe. The command runs in FOLDER, in a session of its own. When it ends,
 when the lifeline hangs up or at SIGTERM, every process is ended that it has left (on Linux also those
 that have gone into sessions of their own). What it writes goes to standard error, where a file takes so
-much and no more; standard output has a line of JSON when it has begun and one when it has ended.
+much and no more; standard output has a line of JSON when it has begun and one when it has ended, which names the
+processes that the command has left behind when it ended by itself.
 """
 
 from __future__ import annotations
@@ -72,9 +73,23 @@ def _end(process: subprocess.Popen[bytes]) -> int:
     return code
 
 
+def _left_behind() -> list[str]:
+    """Names of the processes that an ended command has left, and that do not end within GRACE_S."""
+    until = time.monotonic() + GRACE_S
+    while True:
+        running = []
+        for pid in _left():
+            with suppress(OSError):
+                if os.waitpid(pid, os.WNOHANG)[0] == 0:
+                    running.append(Path(f"/proc/{pid}/comm").read_text().strip())
+        if not running or time.monotonic() > until:
+            return running
+        time.sleep(LOOK_S)
+
+
 def main(arguments: Sequence[str]) -> None:
     """Run the command to its end, or to ours."""
-    lifeline, command = int(arguments[0]), arguments[1:]
+    lifeline, folder, command = int(arguments[0]), arguments[1], arguments[2:]
     heard, wake = os.pipe()
     for end in (heard, wake):
         os.set_blocking(end, False)
@@ -86,7 +101,7 @@ def main(arguments: Sequence[str]) -> None:
         _prctl(_ADOPT, 1)
     try:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=sys.stderr, start_new_session=True,
+            command, cwd=folder, stdin=subprocess.DEVNULL, stdout=sys.stderr, start_new_session=True,
             preexec_fn=_die_with_parent if LINUX else None,
         )  # fmt: skip
     except OSError as error:
@@ -101,10 +116,11 @@ def main(arguments: Sequence[str]) -> None:
             os.read(heard, 4096)
         if os.fstat(sys.stderr.fileno()).st_size > LOG_BYTES:
             why = f"it has written more than {LOG_BYTES >> 20} MiB to its log"
+    left = [] if asked or why or process.poll() is None else _left_behind()
     code = _end(process)
     if os.fstat(sys.stderr.fileno()).st_size > LOG_BYTES:  # written between two looks
         os.ftruncate(sys.stderr.fileno(), LOG_BYTES)
-    announce({"ended": "controller", "exit_code": code, "why": why})
+    announce({"ended": "controller", "exit_code": code, "why": why, "left": left})
 
 
 if __name__ == "__main__":

@@ -32,7 +32,6 @@ from gcs_tools.flight.compiling import Compiled, Compiling
 from gcs_tools.flight.display import Display
 from gcs_tools.flight.foreign_flight import (
     OPENS_S,
-    CommandError,
     ForeignFlight,
     command,
     names_instance,
@@ -43,8 +42,10 @@ from gcs_tools.flight.memory_flight import MemoryFlight, is_compiled
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, Take, claimed
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.flight.script_flight import ScriptFlight, only_first
 from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
+from gcs_tools.flight.user_command import CommandError
 from gcs_tools.flight.wire_flight import WireFlight
 from gcs_tools.judging import result
 from gcs_tools.judging.belief_check import unbelieved
@@ -52,6 +53,7 @@ from gcs_tools.judging.expectations import LIMITED, untold
 from gcs_tools.judging.metrics import OF_THE_TRUTH
 from gcs_tools.judging.preflight_check import refusal, refused_gains
 from gcs_tools.judging.result import Result, judge
+from gcs_tools.judging.script_check import DIED
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import (
     Mission,
@@ -219,6 +221,7 @@ def fly_missions(
     controller: str | None = None,
     controller_timeout_s: float = OPENS_S,
     overwrite: bool = False,
+    allow_commands: bool = False,
 ) -> list[Result]:
     """Fly each mission; stops early when interrupted.
 
@@ -233,7 +236,7 @@ def fly_missions(
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
     flight always, of several of those that failed.  `record`: full, light (100 ticks a second) or
     none; hash and verdict are of all ticks in any case.  `overwrite`: `out` may hold the results of an
-    earlier run, which are removed.
+    earlier run, which are removed.  `allow_commands`: run the command of a mission that names one.
     """
     for name, given, allowed in (("figure", figure, FIGURES), ("record", record, light.MODES)):
         if given is not None and given not in allowed:
@@ -251,7 +254,9 @@ def fly_missions(
     began = time.monotonic()
     seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
     asked = [(name, each) for name in missions for each in seeds]
-    ready, rejected = _admitted(asked, settings, rate_hz, law, airframe, words)
+    ready, rejected = _admitted(
+        asked, settings, rate_hz, law, airframe, words, in_process, allow_commands
+    )
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
         display.note(f"Error: {why}")
@@ -306,7 +311,8 @@ def fly_missions(
 
 def _admitted(
     asked: Sequence[tuple[str, int | None]], settings: Sequence[str], rate_hz: float | None,
-    law: str | None, airframe: str | None, controller: tuple[str, ...],
+    law: str | None, airframe: str | None, controller: tuple[str, ...], in_process: bool,
+    allow_commands: bool,
 ) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
     """Missions, each with a seed, that a vehicle would fly; the others' results, by their places.
 
@@ -318,14 +324,17 @@ def _admitted(
         for place, (name, seed) in enumerate(asked):
             interrupts.look()
             try:
-                ready[place] = prepared(name, settings, seed, rate_hz, law, airframe, controller)
+                made = prepared(name, settings, seed, rate_hz, law, airframe, controller)
+                _runs_commands(made[0], in_process, allow_commands)
+                ready[place] = made
             except UsageError as error:
                 why_not[place] = str(error)
         with nullcontext() if is_cached("admission.ahead") else interrupts.at_once():
             ours = {} if controller else ready  # of another's guard nothing is known
             for place, (mission, scene) in list(ours.items()):
                 why = refused_gains(mission, scene)
-                if not why and (
+                asks = not scene.script  # else what it asks for is not known before
+                if (not why and asks) and (
                     lack := refusal(scene, mission.expectations().get(LIMITED) is True)
                 ):
                     why = f'{mission.name}: {lack} (law.guard = "refuse")'
@@ -339,6 +348,21 @@ def _admitted(
         for place in sorted(why_not)
     }
     return list(ready.values()), rejected
+
+
+def _runs_commands(mission: Mission, in_process: bool, allowed: bool) -> None:
+    """Raises UsageError for a mission with a script that cannot be run, or that nobody has allowed."""
+    if (script := mission.flight.script) is None:
+        return
+    if not allowed:
+        raise UsageError(
+            f"{mission.source}: [flight] script: this mission runs a command of its own,"
+            f" {script!r}. Read it, and allow it with --allow-commands (allow_commands=True)"
+        )
+    if in_process:
+        raise UsageError(
+            f"{mission.source}: [flight] script: the vehicle needs its sockets (leave out --in-process)"
+        )
 
 
 def _command(
@@ -393,6 +417,7 @@ def fly(
     controller: str | None = None,
     controller_timeout_s: float = OPENS_S,
     overwrite: bool = False,
+    allow_commands: bool = False,
 ) -> Result:
     """Fly one mission and judge it, as `gcs fly MISSION` does.
 
@@ -412,6 +437,7 @@ def fly(
     controller : the command of a process that flies in place of fcu (it is executed).
     controller_timeout_s : wall time within which it opens its port.
     overwrite : `out` may hold the results of an earlier run, which are removed.
+    allow_commands : run the command of a mission that names one ([flight] script).
 
     Returns the Result: `passed`, `metrics` (name -> number or None), `expectations`, `warnings`,
     `causes`, `trajectory_sha256`, `folder` and all else that result.json holds. Raises UsageError for a
@@ -422,7 +448,7 @@ def fly(
         [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
         in_process=in_process, speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
         figure=figure, display=display, zenoh=zenoh, controller=controller,
-        controller_timeout_s=controller_timeout_s, overwrite=overwrite,
+        controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
     )  # fmt: skip
     return result
 
@@ -544,7 +570,7 @@ class _Run:
         return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
             exit_code=exit_code, error=error, said=logged(self.folder), folder=str(self.folder),
-            begun=flown.begun, refusal=flown.refusal, wall_time_s=flown.wall_time_s,
+            begun=flown.begun, refusal=flown.refusal, script=flown.script, wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions=_flown_versions(self._mission),
         )  # fmt: skip
@@ -601,7 +627,8 @@ class _Run:
 
     def _over_the_wire(self, on_rows: tuple[Take, Take]) -> Flown:
         try:
-            with claimed(self._instance, *PORTS) as instance:
+            first = 0 if self._scene.script and only_first(self._scene.script) else None
+            with claimed(self._instance if first is None else first, *PORTS) as instance:
                 if self._instance is None and instance and not self._beside:
                     self._note(f"instance {instance}: those before it are in use")
                 return self._fly_pair(instance, on_rows)
@@ -617,6 +644,12 @@ class _Run:
                 self._scene, self._opens_s, self.folder, instance, self._speed, on_rows,
                 self._progress,
             )  # fmt: skip
+        elif self._scene.script:
+            flight = ScriptFlight(
+                self._scene, self.folder, instance, self._speed or self._scene.pace, on_rows,
+                self._progress, self._zenoh, flies(self._mission, self._scene, self._scene.airframe),
+                self._note, (lambda: None) if self._compiling is None else self._compiling.look,
+            )  # fmt: skip
         else:
             flight = WireFlight(
                 self._scene, self.folder, instance, self._speed, on_rows, self._progress, self._zenoh,
@@ -624,7 +657,10 @@ class _Run:
                 (lambda: None) if self._compiling is None else self._compiling.look,
             )  # fmt: skip
         try:
-            return self._cut_at_arrival(flight.fly())
+            flown = self._cut_at_arrival(flight.fly())
+            if flown.script is not None and flown.script.failure in DIED:
+                raise _Cut(flown, INFRASTRUCTURE, flown.script.text)
+            return flown
         except Misused as error:
             raise _Cut(flight.flown(), USAGE, str(error)) from error
         except InfrastructureError as error:

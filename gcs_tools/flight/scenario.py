@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,9 +22,10 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.loader import Law
 from fcu.mavlink.setpoints import nonsense, setpoint_through_the_wire
+from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.asked import Leg, Sent, asked, foreseen, legs, same
-from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.flight_table import AFTER_SCRIPT_S, Flight
 from gcs_tools.missions.mission import Mission, MissionError
 from gcs_tools.missions.same import Same
 from gcs_tools.recording.schema import UNTOLD, Kinds
@@ -53,6 +55,12 @@ class Scenario:
     controller: tuple[
         str, ...
     ] = ()  # command of a process in place of fcu; empty: fcu flies `flown`
+    script: tuple[
+        str, ...
+    ] = ()  # command of a script that flies the vehicle; empty: the runner does
+    folder: Path = Path()  # where it runs
+    pace: float = 1.0  # simulated seconds per second, of a script
+    after_script_s: float = 0.0  # simulation time that the flight goes on after its script
     flies_unstable: bool = False  # gains that the rule of stability refuses are flown, for a study
 
     @property
@@ -168,10 +176,27 @@ def scenario(mission: Mission) -> Scenario:
         flight=flight,
         legs=legs(flight),
         controller=mission.controller,
+        **_of_a_script(mission),
         flies_unstable=getattr(mission.law, "unstable_gains", None) == FLY,
     )
     vars(made)["setpoints"] = setpoints
     return made
+
+
+def _of_a_script(mission: Mission) -> dict[str, Any]:
+    """What a Scenario has of a mission's script. Raises MissionError."""
+    flight = mission.flight
+    if flight.script is None:
+        return {}
+    try:
+        words = command_words(flight.script, SCRIPT_WORDS, mission.folder)
+    except CommandError as error:
+        raise MissionError(f"{mission.source}: [flight] script: {error}") from error
+    after = AFTER_SCRIPT_S if flight.after_script_s is None else flight.after_script_s
+    return {
+        "script": words, "folder": mission.folder.absolute(), "pace": flight.speed,
+        "after_script_s": after,
+    }  # fmt: skip
 
 
 @lru_cache(maxsize=16)

@@ -25,12 +25,13 @@ from gcs_tools.flight.ground_script import SetpointRefused, VehicleError
 from gcs_tools.flight.item_script import SEND_AGAIN_S, Flyer, ItemScript, Seen
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.missions.asked import LANDS, Begun
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 _STILL = Vec3(0.0, 0.0, 0.0)
-_ENDED, _ON_GROUND = (column_of(PlantRecord, name) for name in ("ended", "on_ground"))
+_ENDED, ON_GROUND = (column_of(PlantRecord, name) for name in ("ended", "on_ground"))
 _R_E, _V_E = (slice_of(PlantRecord, f"state.{name}") for name in ("r_E", "v_E"))
 
 
@@ -44,6 +45,7 @@ class Flown:
     begun: tuple[Begun, ...] = ()  # legs of the mission's items
     done: str = ""  # how a flight ends whose items are done: landed, done; refused; empty: not
     refusal: str = ""  # what the vehicle would not do
+    script: ScriptFlown | None = None  # of a mission that names one
     startup_s: float = 0.0
     wall_time_s: float = 0.0
     said: dict[str, dict[str, Any]] = field(default_factory=dict)  # each process's last words
@@ -159,7 +161,7 @@ class ScriptedFlight(ABC):
         self._wait_for_rows(tick)
         plant, fcu = (rows.last[0] for rows in (self._plant_rows, self._fcu_rows))
         r_E, v_E = (Vec3(*plant[each].tolist()) for each in (_R_E, _V_E))
-        return Seen(r_E, v_E, bool(fcu[self._engaged] > 0.0), bool(plant[_ON_GROUND] > 0.5))
+        return Seen(r_E, v_E, bool(fcu[self._engaged] > 0.0), bool(plant[ON_GROUND] > 0.5))
 
     def _ticks(self, rows: Rows) -> int:
         """The tick after the last of `rows`: their number, if none was dropped."""

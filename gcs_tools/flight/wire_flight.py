@@ -29,6 +29,8 @@ DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that ha
 class WireFlight(ScriptedFlight):
     """The pair of processes of one flight, and what they have flown so far."""
 
+    LINK_CLOCK = "sim"  # by which a stream of setpoints is lost (fcu --link-clock)
+
     def __init__(
         self,
         scene: Scenario,
@@ -62,10 +64,10 @@ class WireFlight(ScriptedFlight):
         try:
             with interrupts_wait() as interrupts, ExitStack() as stack:
                 self._control = self._start(stack, interrupts.look)
-                vehicle = self._meet(stack)
+                fly_on = self._led(stack)
                 startup = time.monotonic() - began
                 first = time.monotonic()
-                arrived = self._send_setpoints(vehicle)
+                arrived = fly_on()
                 wall = time.monotonic() - first
                 self._collector.go_on()
                 said = self._pair.stop()
@@ -104,7 +106,7 @@ class WireFlight(ScriptedFlight):
         )  # fmt: skip
         why = pair.start(
             self._scene,
-            ["--link-clock", "sim", keep, "--record-fd", str(fcu_in)],
+            ["--link-clock", self.LINK_CLOCK, keep, "--record-fd", str(fcu_in)],
             ["--speed", speed, keep, "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
             (fcu_in,), (plant_in, grants_out),
         )  # fmt: skip
@@ -117,6 +119,11 @@ class WireFlight(ScriptedFlight):
                 pair.publisher.keep_off(core)
             stack.enter_context(one_core(core, pair.children, self._collector))
         return grants_in
+
+    def _led(self, stack: ExitStack) -> Callable[[], bool]:
+        """Meet the vehicle. The result flies it, and tells whether it arrived."""
+        vehicle = self._meet(stack)
+        return lambda: self._send_setpoints(vehicle)
 
     def _meet(self, stack: ExitStack) -> Flyer:
         try:

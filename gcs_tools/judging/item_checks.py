@@ -55,6 +55,8 @@ def items_flown(
 
 def good_endings(flight: Flight) -> tuple[str, ...]:
     """How a flight ends well, if its mission does not say."""
+    if flight.script is not None:
+        return ("landed",) if flight.start.on_ground else ("landed", "script")
     if not flight.items:
         return GOOD_ENDINGS
     return ("landed",) if isinstance(flight.items[-1], LANDINGS) else ("done",)

@@ -38,7 +38,8 @@ from gcs_tools.judging.item_checks import (
     unfinished,
 )
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, NotFinite
-from gcs_tools.judging.setpoint_checks import Standing, changed, standing
+from gcs_tools.judging.script_check import ScriptFlown
+from gcs_tools.judging.setpoint_checks import Standing, accepted, changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
@@ -65,7 +66,7 @@ class Result:
     title: str
     passed: bool
     exit_code: int
-    ended: str  # time, arrived, landed, done, refused, diverged, crashed, aborted; rejected: it never flew
+    ended: str  # time, arrived, landed, done, script, refused, diverged, crashed, aborted; rejected: it never flew
     seed: int
     rate_hz: float
     sim_time_s: float  # first to last tick
@@ -87,6 +88,7 @@ class Result:
     not_finite: NotFinite | None = None  # what the law computed first that was no number
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
     controller: str = ""  # command of a controller in place of fcu, judged by the truth alone
+    script: ScriptFlown | None = None  # of a mission with a script: what became of that
     error: str | None = None  # what ended the flight when the exit code is 2, 3 or 130
     schema_version: int = field(default=SCHEMA_VERSION)
 
@@ -122,7 +124,7 @@ class Judged(NamedTuple):
     @staticmethod
     def of(
         mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, ended: str, begun: tuple[Begun, ...] = (),
-        whole: bool = True,
+        whole: bool = True, script: ScriptFlown | None = None,
     ) -> Judged:  # fmt: skip
         """Measure a flight, and judge one that is `whole`. The others: as for `judge`."""
         judged: list[Expectation] = []
@@ -130,17 +132,25 @@ class Judged(NamedTuple):
         tick = UNTOLD.tick if mission.controller else mission.flown.ticks.Tick
         told = Table.of(PlantRecord, plant), Table.of(tick, fcu)
         wanted = asked(mission.flight, begun)
-        flight = EngagedTicks.of(*told, wanted.last_change_s + SETTLE_S, wanted.positions_at)
+        scripted = (
+            mission.flight.script is not None
+        )  # which is held against what the vehicle accepted
+        flight = (
+            EngagedTicks.of(*told)
+            if scripted
+            else EngagedTicks.of(*told, wanted.last_change_s + SETTLE_S, wanted.positions_at)
+        )
         sim_time = float(plant[-1, 0]) if len(plant) else 0.0
         items = items_flown(
             mission.flight, begun, (round(sim_time * rate_hz) + 1) / rate_hz, ended in DONE
         )
         if whole:
-            stood = standing(wanted, told[0])
+            stood = accepted(mission.flight, *told) if scripted else standing(wanted, told[0])
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
-                changed(wanted, told[1]), good_endings(mission.flight), flight.law_has,
+                () if scripted else changed(wanted, told[1]), good_endings(mission.flight), flight.law_has,
             )  # fmt: skip
+            judged += [] if script is None else script.judged()
             if any(each.name == REACHED and each.is_missed for each in judged) and stood:
                 missed = max(stood, key=lambda each: each.away_m)
             of_items = [item["expect"] for item in mission.items()]
@@ -153,19 +163,19 @@ class Judged(NamedTuple):
 def judge(
     mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, *, ended: str, exit_code: int,
     error: str | None, said: Iterable[Event] = (), begun: tuple[Begun, ...] = (), refusal: str = "",
-    **about: Any,
+    script: ScriptFlown | None = None, **about: Any,
 ) -> Result:  # fmt: skip
     """The result of a flight. Of one that was cut short (an `exit_code` not OK) it judges nothing.
 
     plant, fcu : rows that begin with a PlantRecord, a Tick.  ended : how the flight ended, if it was not cut short.
     error : what cut it short, in words.  said : what both processes logged.  begun : the legs of its
-    items.  refusal : which of them the vehicle would not do, in words.  about : wall times, slips and versions of the Result.
+    items.  refusal : which of them the vehicle would not do, in words.  script : what became of it, of a mission that has one.  about : wall times, slips and versions of the Result.
     """
     sim_time = float(plant[-1, 0]) if len(plant) else 0.0
     whole = exit_code == OK
     found: Judged | None = None
     if whole or (len(plant) and len(fcu)):
-        found = Judged.of(mission, rate_hz, plant, fcu, ended, begun, whole)
+        found = Judged.of(mission, rate_hz, plant, fcu, ended, begun, whole, script)
     values = mission.values_in_force()
     passed = found is not None and found.passed
     why: list[str] = []
@@ -196,6 +206,7 @@ def judge(
         not_finite=None if found is None else found.flight.first_not_finite(),
         warnings=warnings(said, sim_time),
         controller=shlex.join(mission.controller),
+        script=script,
         error=error,
         **about,
     )
@@ -307,10 +318,12 @@ def read(path: Path) -> Result:
         warned = [Warned(**entry) for entry in content.pop("warnings")]
         items = [ItemFlown(**entry) for entry in content.pop("items", [])]
         broken = content.pop("not_finite", None)
+        script = content.pop("script", None)
         given = {name: value for name, value in content.items() if name in known}
         found = Result(
             values=values, expectations=expectations, warnings=warned, items=items,
-            not_finite=None if broken is None else NotFinite(**broken), **given,
+            not_finite=None if broken is None else NotFinite(**broken),
+            script=None if script is None else ScriptFlown(**script), **given,
         )  # fmt: skip
     except (KeyError, TypeError, AttributeError) as error:
         raise ResultError(f"{path}: not a result ({error})") from error

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -114,6 +115,33 @@ def standing(asked: Asked, plant: Table) -> list[Standing]:
         away = away if math.isfinite(away) else math.inf
         why = grounded(asked.flight, place)
         found.append(Standing(since_s, round(until_s, 6), place, away, why))
+    return found
+
+
+def accepted(flight: Flight, plant: Table, fcu: Table) -> list[Standing]:
+    """Each place that the vehicle had accepted as its setpoint, at rest and for SETTLE_S, as `standing`.
+
+    For a flight whose mission asks for nothing itself: a script did.
+    """
+    fcu = fcu.take(fcu["engaged"] > 0.5)
+    t, r_c = fcu["t"], fcu["setpoint.r_c"]
+    rests = (fcu["setpoint.v_c"] == 0.0).all(axis=1) & (fcu["setpoint.a_c"] == 0.0).all(axis=1)
+    found: list[Standing] = []
+    if not len(t) or not len(plant):
+        return found
+    new = (r_c[1:] != r_c[:-1]).any(axis=1) | (rests[1:] != rests[:-1])
+    new |= np.diff(t) > SETTLE_S  # disarmed in between
+    begins = [0, *(1 + np.flatnonzero(new)).tolist(), len(t)]
+    for first, end in pairwise(begins):
+        since_s, until_s = float(t[first]), float(t[end - 1]) + 1.0 / flight.rate_hz
+        if not rests[first] or until_s - since_s < SETTLE_S - _HALF_US:
+            continue
+        last = int(np.searchsorted(plant["t"], until_s - _HALF_US)) - 1
+        place = Vec3(*r_c[first].tolist())
+        with np.errstate(invalid="ignore", over="ignore"):
+            away = float(np.linalg.norm(plant["state.r_E"][last] - np.array(place)))
+        away = away if math.isfinite(away) else math.inf
+        found.append(Standing(since_s, round(until_s, 6), place, away, grounded(flight, place)))
     return found
 
 

@@ -5,6 +5,7 @@ Frames: Earth East-North-Up; angles from East, counter-clockwise.
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
@@ -90,6 +91,19 @@ Setpoint = Annotated[
 ]
 
 
+AFTER_SCRIPT_S = 30.0  # of simulation time, if a mission does not say
+_PACE = re.compile(r"speed:([0-9]+(\.[0-9]+)?)")
+FASTEST = 100.0  # pace of a script
+
+
+def _pace(value: Any) -> Any:
+    """`real`, or a factor."""
+    found = _PACE.fullmatch(value) if isinstance(value, str) else None
+    if value != "real" and not (found and 0.0 < float(found[1]) <= FASTEST):
+        raise wrong((), f'"real", or "speed:N" with N from above 0 to {FASTEST:g}', value)
+    return value
+
+
 class Flight(Table):
     """Where the flight starts, what it is told, how long it lasts."""
 
@@ -100,11 +114,20 @@ class Flight(Table):
     ground_z_m: Coordinate = Field(-10.0, description="height of the ground, m")
     arena_m: Positive = Field(100.0, description="farther from the start the flight has diverged")
     setpoints: Annotated[tuple[Setpoint, ...], Field(strict=False)] = Field(
-        (), description="positions over time, the first at 0; or curve, or items"
+        (), description="positions over time, the first at 0; or curve, items or script"
     )
     curve: FigureEight | None = optional("a moving setpoint; in place of setpoints")
     items: Annotated[tuple[Item, ...], Field(strict=False)] = Field(
         (), description="what the vehicle does, one after the other; in place of setpoints"
+    )
+    script: str | None = optional(
+        "a command that flies the vehicle over MAVLink, in place of setpoints; run with --allow-commands"
+    )
+    pace: Annotated[str, BeforeValidator(_pace)] | None = optional(
+        'of a script: "real" (left out), or "speed:N", N simulated seconds per second'
+    )
+    after_script_s: NotNegative | None = optional(
+        f"of a script: the flight goes on so long at most after it has ended; left out: {AFTER_SCRIPT_S:g}"
     )
     yaw: Yaw | None = optional("a swing of the yaw command")
     yaw_deg: Number | None = optional("yaw command; left out: the yaw of the start")
@@ -115,8 +138,10 @@ class Flight(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if bool(self.setpoints) + bool(self.items) + (self.curve is not None) != 1:
-            raise wrong((), "one of setpoints, curve and items")
+        given = bool(self.setpoints), bool(self.items), self.curve is not None
+        if sum(given) + (self.script is not None) != 1:
+            raise wrong((), "one of setpoints, curve, items and script")
+        self._check_script()
         times = [s.at_s for s in self.setpoints]
         if times and times[0] != 0.0:
             raise wrong(("setpoints", 0, "at_s"), "0 (a flight begins with a setpoint)", times[0])
@@ -135,6 +160,23 @@ class Flight(Table):
         if self.items:
             self._check_items()
         return self
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds per second, of a script."""
+        return 1.0 if self.pace in (None, "real") else float(str(self.pace).partition(":")[2])
+
+    def _check_script(self) -> None:
+        if self.script is None:
+            for key in ("pace", "after_script_s"):
+                if getattr(self, key) is not None:
+                    raise wrong((key,), "no such key without a script")
+            return
+        for key in ("arrive", "yaw", "yaw_deg"):
+            if getattr(self, key) is not None:
+                raise wrong(
+                    (key,), "no such key beside a script, which commands the vehicle itself"
+                )
 
     def _check_items(self) -> None:
         for key in ("arrive", "yaw"):

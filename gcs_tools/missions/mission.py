@@ -311,6 +311,11 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
             raise MissionError(
                 f"{option} {key}: a controller of your own has no [law] (leave it out)"
             )
+    if mission.flight.script is not None:
+        raise MissionError(
+            f"{mission.source}: [flight] script: a controller of your own is sent setpoints, and no"
+            " commands (leave out --controller)"
+        )
     for i, item in enumerate(mission.flight.items):
         if item.kind in items.OF_AN_AUTOPILOT:
             raise MissionError(

@@ -213,11 +213,13 @@ class Plant(Table):
 # --- [expect]
 
 
-_ENDINGS = ("time", "arrived", "landed", "done", "refused", "diverged", "crashed")
+_ENDINGS = ("time", "arrived", "landed", "done", "script", "refused", "diverged", "crashed")
 
 _ended: Any = (
     Annotated[Literal[_ENDINGS], one_of(*_ENDINGS)] | None,
-    optional("how the flight ends; left out: time or arrived, of items landed or done"),
+    optional(
+        "how the flight ends; left out: time or arrived, of items landed or done, of a script landed (or script, from the air)"
+    ),
 )
 
 
@@ -277,7 +279,16 @@ class Document(Table):
     def _can_end_so(self) -> Self:
         ended, items = self.expect.ended, self.flight.items  # type: ignore[attr-defined]
         lands = bool(items) and isinstance(items[-1], LANDINGS)
+        if self.flight.script is not None:
+            if ended in ("time", "arrived", "done", "refused"):
+                why = f"a flight with a script never ends {ended}: expected landed, script, diverged or crashed"
+                raise because(("expect", "ended"), why)
+            if self.expect.limited is not None:  # type: ignore[attr-defined]
+                why = "what a script asked for is not recorded, only what the vehicle made of it: leave it out"
+                raise because(("expect", "limited"), why)
+            return self
         lacks = {
+            "script": "[flight] script names one",
             "arrived": self.flight.arrive is None and "[flight] arrive says when it has arrived",
             "landed": not lands and "the last of [[flight.items]] is land or return",
             "done": (lands or not items) and "the last of [[flight.items]] does not land",

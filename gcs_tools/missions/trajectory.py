@@ -27,6 +27,8 @@ def _microseconds(t: float) -> int:
 def _position(flight: Flight, t: float) -> Vec3:
     """The latest timed setpoint at time t (s)."""
     now = _microseconds(t)
+    if not flight.setpoints:  # of a script nothing is known: the start
+        return Vec3(*flight.start.position_m)
     latest = flight.setpoints[0]
     for timed in flight.setpoints[1:]:
         if _microseconds(timed.at_s) <= now:
@@ -77,6 +79,8 @@ def setpoint_at(flight: Flight, t: float) -> Setpoint:
 
 def positions_at(flight: Flight, t: Rows) -> Rows:
     """The positions (m, float64 (n, 3)) that `setpoint_at` asks for at times (n,) s, to rounding."""
+    if flight.curve is None and not flight.setpoints:
+        return np.tile(np.array(flight.start.position_m), (len(t), 1))
     if flight.curve is None:
         begins = [_microseconds(timed.at_s) for timed in flight.setpoints]
         at = np.searchsorted(begins, np.rint(t * 1e6), side="right") - 1

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs_tools.flight.foreign_flight import command, filled, names_instance, values
+from gcs_tools.flight.foreign_flight import command, names_instance, values
+from gcs_tools.flight.user_command import filled
 from gcs_tools.judging import result
 from tests.patience import until
 from tests.process.conftest import alive

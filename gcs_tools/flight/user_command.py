@@ -1,0 +1,84 @@
+"""A command of a user's: its words, the values in braces, and its process on a leash."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gcs_tools.flight.processes import SUSPENDED, Child, is_stopped
+
+_WORD = re.compile(r"\{([a-z_]+)\}")
+SCRIPT_WORDS = ("url", "mavsdk_url", "port", "instance", "system_id", "out", "speed")
+PYTHON = ("python", "python3")  # the Python that runs this program
+
+
+class CommandError(ValueError):
+    """A command that cannot be run: what is wrong, and what was expected."""
+
+
+def command_words(text: str, names: Collection[str], folder: Path = Path()) -> tuple[str, ...]:
+    """The words of a command line that runs in `folder`. Raises CommandError.
+
+    names : what may stand in braces.
+    """
+    try:
+        words = tuple(shlex.split(text))
+    except ValueError as error:
+        raise CommandError(f"{text!r}: {error}") from error
+    if not words:
+        raise CommandError("expected a command, got nothing")
+    program = str(folder / words[0]) if "/" in words[0] else words[0]
+    if shutil.which(program) is None and words[0] not in PYTHON:
+        raise CommandError(
+            f"{words[0]}: no such program (a file needs its path and to be executable)"
+        )
+    for name in (name for word in words for name in _WORD.findall(word)):
+        close = difflib.get_close_matches(name, names, n=1)
+        if name not in names and close:
+            raise CommandError(
+                f"{{{name}}}: did you mean {{{close[0]}}}? Expected one of {', '.join(names)}"
+            )
+    return words
+
+
+def names_one_of(words: Sequence[str], names: Collection[str]) -> bool:
+    """Whether a command is told one of these values."""
+    return any(f"{{{name}}}" in word for word in words for name in names)
+
+
+def filled(words: Sequence[str], told: Mapping[str, str]) -> list[str]:
+    """A command with its values in place. What else stands in braces stays."""
+    return [_WORD.sub(lambda found: told.get(found[1], found[0]), word) for word in words]
+
+
+def with_python(words: Sequence[str]) -> list[str]:
+    """A command whose `python` is the Python that runs this program, with its packages."""
+    return [sys.executable, *words[1:]] if words[0] in PYTHON else list(words)
+
+
+class Leashed(Child):
+    """The process of a command, which ends with its starter and leaves no process behind."""
+
+    def __init__(
+        self, name: str, words: Sequence[str], folder: Path, log: Path, lifeline: int
+    ) -> None:
+        """`folder`: where it runs. `lifeline`: a file descriptor, which is closed on our side."""
+        arguments = [str(lifeline), str(folder), *words]
+        super().__init__(name, "gcs_tools.flight.leash", arguments, log, (lifeline,))
+        self._pid = 0
+
+    def outcome(self) -> dict[str, Any] | None:
+        """What the leash says of a command that has ended. None: it runs. Empty: the leash was killed."""
+        return None if self.process.poll() is None else self._last_said()
+
+    def how_it_is(self) -> str:
+        """Why the command does not answer, as far as that is seen from outside. Empty: not seen."""
+        for line in self.heard():
+            self._pid = line.get("pid", self._pid)
+        return f"its process {SUSPENDED}" if self._pid and is_stopped(self._pid) else ""

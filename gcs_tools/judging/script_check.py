@@ -1,0 +1,45 @@
+"""What became of a mission's script: the command that flew the vehicle, and what was wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gcs_tools.judging.expectations import Expectation
+
+EXIT = "script_exit"  # it ended with an exit code other than 0
+KILLED = "script_killed"  # a signal ended it
+TIMEOUT = "script_timeout"  # it had not ended when its time was over
+SILENT = "script_silent"  # it sent the vehicle no MAVLink message
+LEFT = "script_left_processes"  # processes that it had started were still running
+OVERLONG = "script_log"  # it wrote more than its log may hold
+UNSTARTED = "script_not_started"
+DIED = (
+    KILLED,
+    OVERLONG,
+    UNSTARTED,
+)  # which end a flight with exit code 3; the others are a missed expectation
+
+
+@dataclass(frozen=True)
+class ScriptFlown:
+    """How a script ended."""
+
+    command: str
+    exit_code: int | None = None  # None: it did not end by itself
+    failure: str = ""  # one of the codes above. Empty: none
+    text: str = ""  # the failure as a sentence
+    wall_time_s: float = 0.0  # from its start to its end
+    ended_at_s: float | None = None  # simulation time
+    messages: int = 0  # MAVLink messages that the vehicle had from it
+    left: list[str] = field(default_factory=list)  # names of the processes that it left behind
+
+    def judged(self) -> list[Expectation]:
+        """The expectation that nobody has to name: the script ends with 0, and with no failure.
+
+        Of a script that was ended because the vehicle crashed nothing is expected.
+        """
+        if self.exit_code is None and not self.failure:
+            return []
+        text, why = "script ends with exit code 0", self.text or None
+        value = self.failure or "ok"
+        return [Expectation("script", "ok", value, not self.failure, text, why)]

@@ -1,0 +1,69 @@
+"""A ground script by pymavlink: take off, fly a little, land; argument 1 is the address, 2 a misbehaviour."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from pymavlink import mavutil
+
+MAV = mavutil.mavlink
+URL, HOW = sys.argv[1], (sys.argv[2] if len(sys.argv) > 2 else "well")
+
+
+def misbehave(at: str) -> None:
+    """Do what the second argument asks for at this place."""
+    if at != "begin" and HOW == "fails":
+        sys.exit("nothing to fly today")
+    if at != "begin" and HOW == "crashes":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if at != "begin" and HOW == "hangs":
+        signal.pause()
+    if at == "begin" and HOW == "mute":
+        sys.exit(0)
+    if at == "begin" and HOW == "deaf":
+        signal.pause()
+    if at == "begin" and HOW == "leaves":
+        child = subprocess.Popen(["sleep", "600"], start_new_session=True)
+        print("child", child.pid, flush=True)
+
+
+misbehave("begin")
+link = mavutil.mavlink_connection(URL, source_system=255)
+link.wait_heartbeat()
+link.mav.heartbeat_send(MAV.MAV_TYPE_GCS, MAV.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+misbehave("connected")
+
+
+def command(number: int, *parameters: float) -> None:
+    """Ask again until the vehicle accepts it."""
+    numbers = [*parameters, *[0.0] * (7 - len(parameters))]
+    while True:
+        link.mav.command_long_send(link.target_system, 1, number, 0, *numbers)
+        ack = link.recv_match(type="COMMAND_ACK", blocking=True, timeout=1.0)
+        if ack is not None and ack.command == number and ack.result == MAV.MAV_RESULT_ACCEPTED:
+            return
+
+
+def height() -> float:
+    """Of the next position that the vehicle sends, m."""
+    return -link.recv_match(type="LOCAL_POSITION_NED", blocking=True).z
+
+
+command(MAV.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+ground = height()
+print("armed", flush=True)
+command(MAV.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, float("nan"), float("nan"), float("nan"), 3.0)
+while height() < ground + 2.7:
+    pass
+until = time.monotonic() + float(os.environ.get("HOP_S", "0"))
+while time.monotonic() < until:
+    height()
+print("up", flush=True)
+command(MAV.MAV_CMD_NAV_LAND)
+while link.recv_match(type="HEARTBEAT", blocking=True).base_mode & MAV.MAV_MODE_FLAG_SAFETY_ARMED:
+    pass
+print("landed", flush=True)

@@ -1,0 +1,139 @@
+"""A mission's script flies the vehicle, and whatever it does wrong is a failure with a name."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from gcs_tools.flight.run import UsageError, prepared
+from gcs_tools.flight.script_flight import only_first, values
+from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
+from gcs_tools.judging import result
+from gcs_tools.missions.mission import MissionError, load
+from tests.process.conftest import alive
+
+HERE = Path(__file__).parent
+FAILURES = {  # how it misbehaves -> exit code, name of the failure, exit code of the script, ended
+    "fails": (1, "script_exit", 1, "script"),
+    "crashes": (3, "script_killed", -11, "aborted"),
+    "hangs": (1, "script_timeout", None, "time"),
+    "mute": (1, "script_silent", 0, "script"),
+    "deaf": (1, "script_silent", None, "time"),
+    "leaves": (1, "script_left_processes", 0, "landed"),
+}
+
+
+@pytest.fixture
+def fly(start, tmp_path):
+    """`fly(setting, ...)`: flies hop.toml, and gives its exit code and its result."""
+    flown: list[Path] = []
+
+    def one(*settings: str) -> tuple[int, result.Result]:
+        while True:  # begun again as long as other tests have all the instances
+            flown.append(tmp_path / f"run-{len(flown)}")
+            options = [word for each in settings for word in ("--set", each)]
+            program = start(
+                "gcs_tools", "fly", HERE / "hop.toml", "--allow-commands", *options,
+                "--out", flown[-1], "--figure", "never", "--record", "none",
+            )  # fmt: skip
+            code = program.wait()
+            if "all have a port in use" not in program.text():
+                return code, result.read(flown[-1] / "result.json")
+
+    return one
+
+
+def test_a_script_flies_and_its_output_is_kept(fly):
+    code, found = fly()
+    assert (code, found.ended, found.error) == (0, "landed", None)
+    assert found.script is not None
+    assert (found.script.exit_code, found.script.failure, found.script.left) == (0, "", [])
+    assert found.script.messages >= 4  # a heartbeat, arming, take-off, landing
+    assert found.values["flight.pace"].value == "speed:8"
+    log = Path(found.folder) / "script.log"
+    assert log.read_text().split() == ["armed", "up", "landed"]
+    assert [each.name for each in found.expectations][:1] == ["ended"]
+    assert {each.name: each.passed for each in found.expectations}["script"] is True
+
+
+@pytest.mark.parametrize("how", FAILURES)
+def test_a_failure_is_named_and_leaves_nobody(fly, how):
+    late = how in ("hangs", "deaf")
+    code, found = fly(
+        f'flight.script="python hop.py {{url}} {how}"', *(["flight.duration_s=15"] if late else [])
+    )
+    wanted, failure, exit_code, ended = FAILURES[how]
+    assert (code, found.exit_code, found.passed, found.ended) == (wanted, wanted, False, ended)
+    assert found.script is not None
+    assert (found.script.failure, found.script.exit_code) == (failure, exit_code)
+    assert found.script.text.endswith((".", ")"))
+    assert (found.script.messages == 0) == (failure == "script_silent")
+    if wanted == 3:
+        assert found.error is not None
+    else:
+        missed = {each.name: each.value for each in found.expectations if each.is_missed}
+        assert missed["script"] == failure
+    if how == "leaves":
+        assert found.script.left == ["sleep"]
+        words = (Path(found.folder) / "script.log").read_text().split()
+        assert not alive(int(words[words.index("child") + 1]))
+
+
+def test_a_flight_from_the_air_holds_until_the_script_speaks(fly):
+    code, found = fly(
+        "flight.start={ position_m = [0.0, 0.0, 5.0] }",
+        f'flight.script="python {HERE / "listens.py"} {{url}}"',
+        "expect={ reached = 0.2 }", "flight.after_script_s=6",
+    )  # fmt: skip
+    assert (code, found.ended) == (0, "script")
+    stood = {each.name: each.value for each in found.expectations}["reached"]
+    assert isinstance(stood, float) and stood < 0.2
+    at_s = found.script.ended_at_s
+    assert at_s is not None and at_s + 5.9 < found.sim_time_s < at_s + 8.0
+
+
+def test_a_command_runs_only_where_it_is_allowed(start, tmp_path):
+    program = start("gcs_tools", "fly", HERE / "hop.toml", "--out", tmp_path / "run")
+    assert program.wait() == 2
+    assert "--allow-commands" in program.text()
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ('pace = "speed:8"', 'pace = "speed:0"', "pace"),
+        ('pace = "speed:8"', 'pace = "fast"', "pace"),
+        ('pace = "speed:8"', "setpoints = [[0.0, 0.0, 0.0, 3.0]]", "[flight]"),
+        ('pace = "speed:8"', "arrive = { within_m = 1.0, for_s = 1.0 }", "arrive"),
+        ('pace = "speed:8"', "yaw_deg = 3.0", "yaw_deg"),
+        ('script = "python hop.py {url}"', "setpoints = [[0.0, 0.0, 0.0, 3.0]]", "pace"),
+        ('ended = "landed"', 'ended = "time"', "ended"),
+        ('ended = "landed"', "limited = false", "limited"),
+    ],
+)
+def test_keys_that_do_not_go_together_are_refused(tmp_path, old, new, key):
+    text = (HERE / "hop.toml").read_text()
+    assert old in text
+    (tmp_path / "one.toml").write_text(text.replace(old, new))
+    with pytest.raises(MissionError, match=key.replace("[", r"\[")):
+        load(tmp_path / "one.toml")
+
+
+def test_a_program_that_is_not_there_is_named(tmp_path):
+    shutil.copy(HERE / "hop.toml", tmp_path)
+    with pytest.raises(UsageError, match=r"nothing\.py: no such program"):
+        prepared(str(tmp_path / "hop.toml"), ['flight.script="./nothing.py {url}"'])
+
+
+def test_values_take_the_place_of_words_in_braces(tmp_path):
+    told = values(3, tmp_path, 4.0)
+    assert tuple(told) == SCRIPT_WORDS
+    assert told["url"] == "udpin:127.0.0.1:14543"
+    assert told["mavsdk_url"] == "udpin://127.0.0.1:14543"
+    assert (told["system_id"], told["speed"], told["out"]) == ("4", "4", str(tmp_path))
+    assert only_first(("sh", "{out}")) and not only_first(("sh", "--to={port}"))
+    with pytest.raises(CommandError, match=r"\{url\}"):
+        command_words("sh {urls}", SCRIPT_WORDS)
