@@ -43,6 +43,7 @@ ITEMS = [
     },
     {"kind": "hold", "for_s": 1.0},
 ]  # fmt: skip
+SCRIPT = {"script": "python there.py", "pace": "speed:2", "after_script_s": 1.0}
 PLANT = {
     "mass_kg": 8.0, "inertia_kg_m2": [0.2, 0.2, 0.3], "drag": [0.1, 0.1, 0.1],
     "drag_torque": ZERO, "rotor_lag_s": 0.02, "battery_ah": 10.0, "battery_remaining": 0.9,
@@ -88,6 +89,7 @@ MISSIONS = {
         "setpoints", "arrive", "yaw",
         flight={"duration_s": 60.0, "start": {"on_ground": True}, "ground_z_m": 0.0, "items": ITEMS},
     ),
+    "script": _mission("setpoints", "arrive", "yaw", "yaw_deg", flight=SCRIPT),
     "law": _mission(law=_law()),
 }  # fmt: skip
 
@@ -123,7 +125,7 @@ def _flown(tables: dict[str, Any], folder: Path) -> bool:
     except (MissionError, ParameterError, AirframeError):
         return False
     assert np.isfinite(to_buffer(scene.world)).all()  # it is handed over as JSON
-    if scene.legs or refusal(scene, False):
+    if scene.legs or scene.script or refusal(scene, False):
         return True  # items take too long here: what is foreseen of them is finite
     try:
         flown = MemoryFlight(scene, None, (lambda rows: None,) * 2).fly()
@@ -149,7 +151,7 @@ def _own(name: str) -> list[tuple[Any, ...]]:
 def test_no_key_is_left_out():
     assert PLANT.keys() == Plant.model_fields.keys()
     assert WIND.keys() == Wind.model_fields.keys()
-    assert FLIGHT.keys() | {"curve", "items"} == Flight.model_fields.keys()
+    assert FLIGHT.keys() | {"curve", "items", *SCRIPT} == Flight.model_fields.keys()
 
 
 @pytest.mark.slow
