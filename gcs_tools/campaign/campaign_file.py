@@ -51,6 +51,7 @@ from gcs_tools.missions.mission import (
     Mission,
     MissionError,
     from_tables,
+    refuse_script,
     with_airframe,
     with_law,
     with_values,
@@ -406,6 +407,7 @@ def _blamed(where: str = "") -> Iterator[None]:
 def _variants(document: Document, folder: Path, where: Callable[..., str]) -> Iterator[Variant]:
     with _blamed(f"{where('mission')}: mission"):
         mission = _mission(document.mission, folder)
+        refuse_script(mission, "gcs campaign")
     if document.airframe is not None:
         airframe = str(_absolute(document.airframe, folder, ".toml"))
         with _blamed():

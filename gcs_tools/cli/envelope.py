@@ -77,7 +77,13 @@ def envelope(
     from fcu.theory.responses import UnstableError
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.judging.envelope import envelope as envelope_of
-    from gcs_tools.missions.mission import MissionError, load, override, with_airframe
+    from gcs_tools.missions.mission import (
+        MissionError,
+        load,
+        override,
+        refuse_script,
+        with_airframe,
+    )
     from gcs_tools.missions.other_file import meant
 
     try:
@@ -86,6 +92,7 @@ def envelope(
             chosen = with_airframe(chosen, airframe)
         for setting in settings:
             chosen = override(chosen, setting)
+        refuse_script(chosen, "gcs envelope")
         if not is_cached("foreseen.along"):
             click.echo("compiling, once for this version (for 10 s or so) ...", err=True)
         try:

@@ -22,6 +22,7 @@ from gcs_tools.missions.mission import (
     Mission,
     MissionError,
     override,
+    refuse_script,
     with_airframe,
     with_law,
     with_values,
@@ -71,6 +72,7 @@ class Entrant:
     def mission(self, of: Mission) -> Mission:
         """A mission as this entrant flies it. Raises EntrantError."""
         try:
+            refuse_script(of, "a law alone")
             made = with_airframe(with_law(of, self.module), self.vehicle.source)
             for setting in self.own:
                 made = override(made, f"law.{setting}", self.name)

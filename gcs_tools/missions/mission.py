@@ -37,7 +37,7 @@ from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_t
 
 __all__ = [
     "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
-    "override", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
+    "override", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
     "written",
 ]  # fmt: skip
 
@@ -297,6 +297,15 @@ def with_airframe(mission: Mission, airframe: str, where: str = "") -> Mission:
     said = where or f"--airframe {airframe}"
     made = _checked(mission.name, said, mission.folder, given, changed, flown=mission.flown)
     return replace(made, source=mission.source, lines=mission.lines)
+
+
+def refuse_script(mission: Mission, what: str) -> None:
+    """Raise MissionError for a mission with a script, which `what` cannot use."""
+    if mission.flight.script is not None:
+        raise MissionError(
+            f"{mission.source}: [flight] script: {what} does not run scripts, and what a script asks"
+            " for is not known. Fly this mission with gcs fly --allow-commands"
+        )
 
 
 def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:

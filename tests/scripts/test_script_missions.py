@@ -101,6 +101,17 @@ def test_a_command_runs_only_where_it_is_allowed(start, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("program", ["campaign", "envelope"])
+def test_what_does_not_run_scripts_refuses_them(start, tmp_path, program):
+    given = HERE / "hop.toml"
+    if program == "campaign":
+        given = tmp_path / "many.toml"
+        given.write_text(f'title = "Many."\nmission = "{HERE / "hop.toml"}"\nflights = 1\n')
+    told = start("gcs_tools", program, given)
+    assert told.wait() == 2
+    assert "--allow-commands" in told.text()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
