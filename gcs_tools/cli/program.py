@@ -20,7 +20,7 @@ from gcs_tools.flight import interrupts
 
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
 GROUPS = {
-    "Flying": ("fly", "up", "setpoint", "reset"),
+    "Flying": ("fly", "test", "up", "setpoint", "reset"),
     "Before flight": ("envelope", "airframe"),
     "Laws": ("tune", "compare"),
     "Many flights": ("campaign",),

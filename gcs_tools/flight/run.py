@@ -94,7 +94,7 @@ class UsageError(ValueError):
 
 
 def prepared(
-    name: str,
+    asked: str | Mission,
     settings: Sequence[str] = (),
     seed: int | None = None,
     rate_hz: float | None = None,
@@ -104,12 +104,14 @@ def prepared(
 ) -> tuple[Mission, Scenario]:
     """A mission with its changes, and what it flies. Raises UsageError.
 
+    `asked`: the mission, or its name or file.
     `law`: a name or FILE.py, flown in place of the mission's own; `settings` are of that.
     `airframe`: a name or FILE.toml, in place of the mission's own.
     `controller`: the command of a process in place of fcu.
     """
+    name = _name(asked)
     try:
-        mission = mission_file.load(name)
+        mission = mission_file.load(asked) if isinstance(asked, str) else asked
         if law is not None:
             mission = with_law(mission, law)
         if airframe is not None:
@@ -125,11 +127,15 @@ def prepared(
             _judged_by_the_truth(mission)
         return mission, scenario(mission)
     except MissionError as error:
-        raise UsageError(meant(name) or str(error)) from error
+        raise UsageError((isinstance(asked, str) and meant(name)) or str(error)) from error
     except ParameterError as error:
         raise UsageError(f"{name}: [law] {error}") from error
     except AirframeError as error:
         raise UsageError(f"{name}: {error}") from error
+
+
+def _name(asked: str | Mission) -> str:
+    return asked if isinstance(asked, str) else asked.name
 
 
 def _judged_by_the_truth(mission: Mission) -> None:
@@ -202,7 +208,7 @@ def _strange(run: Path) -> Iterator[Path]:
 
 
 def fly_missions(
-    missions: Sequence[str],
+    missions: Sequence[str | Mission],
     *,
     speed: float | None = None,
     seed: int | Sequence[int] | None = None,
@@ -310,7 +316,7 @@ def fly_missions(
 
 
 def _admitted(
-    asked: Sequence[tuple[str, int | None]], settings: Sequence[str], rate_hz: float | None,
+    asked: Sequence[tuple[str | Mission, int | None]], settings: Sequence[str], rate_hz: float | None,
     law: str | None, airframe: str | None, controller: tuple[str, ...], in_process: bool,
     allow_commands: bool,
 ) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
@@ -344,7 +350,9 @@ def _admitted(
     if not ready:
         raise UsageError("\n".join(dict.fromkeys(why_not[place] for place in sorted(why_not))))
     rejected = {
-        place: result.rejected(mission_file.called(asked[place][0]), why_not[place], versions())
+        place: result.rejected(
+            mission_file.called(_name(asked[place][0])), why_not[place], versions()
+        )
         for place in sorted(why_not)
     }
     return list(ready.values()), rejected

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
+
+from gcs_tools import fly
 
 STEPS = ["took off", "there", "2 m/s east", "at the place", "landed at home"]
 
@@ -29,3 +32,17 @@ def test_a_whole_flight_by_tcp(vehicle, run):
     script = Path(__file__).parent / "fly_mavsdk_grpc.py"
     said = run(script, f"tcpout://127.0.0.1:{up.ports.fcu_tcp}")
     assert [line for line in said.splitlines() if line in STEPS] == STEPS
+
+
+def test_a_mission_runs_a_script_of_mavsdk(tmp_path):
+    script = Path(__file__).parent / "fly_mavsdk.py"
+    (tmp_path / "one.toml").write_text(
+        'title = "A script flies by MAVSDK."\n[flight]\nduration_s = 300.0\nground_z_m = 0.0\n'
+        f'start = {{ on_ground = true }}\nscript = "{sys.executable} {script} {{port}}"\npace = "speed:4"\n'
+    )
+    flown = fly(
+        str(tmp_path / "one.toml"), out=tmp_path / "run", allow_commands=True, figure="never"
+    )
+    assert (flown.exit_code, flown.ended) == (0, "landed"), flown.error
+    said = (tmp_path / "run" / "script.log").read_text().splitlines()
+    assert [line for line in said if line in STEPS] == STEPS

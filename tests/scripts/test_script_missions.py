@@ -101,6 +101,32 @@ def test_a_command_runs_only_where_it_is_allowed(start, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize(("how", "wanted"), [("well", 0), ("fails", 1)])
+def test_a_script_is_tested_without_a_mission(start, tmp_path, how, wanted):
+    while True:  # begun again as long as other tests have all the instances
+        report = tmp_path / "report.xml"
+        program = start(
+            "gcs_tools", "test", "--speed", "8", "--out", tmp_path / "run", "--overwrite",
+            "--junit", report, HERE / "hop.py", "{url}", how,
+        )  # fmt: skip
+        code = program.wait()
+        if "all have a port in use" not in program.text():
+            break
+    found = result.read(tmp_path / "run" / "result.json")
+    assert (code, found.passed, found.mission) == (wanted, wanted == 0, "hop")
+    assert found.ended == ("script" if wanted else "landed")
+    assert [each.name for each in found.expectations] == ["ended", "script"]
+    assert f'failures="{wanted}"' in report.read_text()
+
+
+@pytest.mark.parametrize(
+    "arguments", [("nothing.py",), ("./nothing", "{url}"), ("--speed", "max", HERE / "hop.py")]
+)
+def test_what_cannot_be_tested_is_refused(start, tmp_path, arguments):
+    told = start("gcs_tools", "test", *arguments)
+    assert told.wait() == 2
+
+
 @pytest.mark.parametrize("program", ["campaign", "envelope"])
 def test_what_does_not_run_scripts_refuses_them(start, tmp_path, program):
     given = HERE / "hop.toml"

@@ -1,0 +1,83 @@
+"""`gcs test`."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+from pathlib import Path
+
+import click
+
+from gcs_tools.cli import arguments
+from gcs_tools.cli.output import Failure, print_json
+from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
+from gcs_tools.flight.interrupts import interrupts_wait
+
+
+@click.command(
+    context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False},
+    epilog="Exit codes: 0 it flew, landed and ended with 0, 1 it did not, 2 invalid command line, 3 the\n"
+    "script was killed, a process died or stalled or a port was busy, 130 interrupted (also by SIGTERM\n"
+    "and SIGHUP).\n\n"
+    "Options stand before SCRIPT, what follows is the script's: gcs test --speed 4 square.py {url}. The\n"
+    "words in braces, and how a script can fail: docs/script-missions.md.",
+)
+@click.argument("script", metavar="SCRIPT")
+@click.argument("script_arguments", nargs=-1, type=click.UNPROCESSED, metavar="[ARGS]...")
+@arguments.speed("1")
+@click.option("--duration", "duration_s", type=click.FloatRange(0.01, 3600.0), default=300.0, show_default=True, metavar="S", help="Simulated seconds within which the script has to end.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="DIR may hold an earlier run, which is removed.")
+@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
+@arguments.LAW
+@arguments.AIRFRAME
+@arguments.SETTINGS
+@arguments.FREE_INSTANCE
+@arguments.as_json("Print the result as JSON.")
+def test(
+    script: str, script_arguments: tuple[str, ...], speed: float | None, duration_s: float,
+    out: Path | None, overwrite: bool, junit: Path | None, law: str | None, airframe: str | None,
+    settings: tuple[str, ...], instance: int | None, as_json: bool,
+) -> int:  # fmt: skip
+    """Run SCRIPT against a vehicle on the ground: a flight and a verdict without a mission file.
+
+    Expects that the vehicle arms, flies and lands, that it is not lost, and that SCRIPT ends with 0.
+    SCRIPT is a Python file, or a program. Criteria of your own: --set expect.KEY=VALUE.
+    """
+    with interrupts_wait():
+        from gcs_tools.cli.terminal import Terminal
+        from gcs_tools.flight.display import Display
+        from gcs_tools.flight.run import UsageError, fly_missions
+        from gcs_tools.judging import result
+        from gcs_tools.missions.mission import MissionError, from_tables
+
+        if speed is None:
+            raise Failure("--speed max: a script runs by the wall clock; give a number", USAGE)
+        is_python = script.endswith(".py")
+        if is_python and not Path(script).is_file():
+            raise Failure(f"{script}: no such file", USAGE)
+        words = [*(["python"] if is_python else []), script, *script_arguments]
+        flight = {
+            "duration_s": duration_s, "ground_z_m": 0.0, "start": {"on_ground": True},
+            "script": shlex.join(words),
+        }  # fmt: skip
+        try:
+            title = "A ground script flies, and lands."
+            mission = from_tables(Path(script).stem, {"title": title, "flight": flight})
+            results = fly_missions(
+                [mission], speed=speed, out=out, law=law, airframe=airframe, settings=settings,
+                instance=instance, display=Display() if as_json else Terminal(), overwrite=overwrite,
+                allow_commands=True,
+            )  # fmt: skip
+        except (MissionError, UsageError) as error:
+            raise Failure(error, USAGE) from error
+        code = max((each.exit_code for each in results), default=INTERRUPTED)
+        if junit is not None:
+            try:
+                result.junit(results, junit)
+            except result.ResultError as error:
+                click.echo(f"Error: {error}", err=True)
+                code = max(code, INFRASTRUCTURE)
+        if as_json:
+            print_json([dataclasses.asdict(each) for each in results])
+    return code
