@@ -247,6 +247,7 @@ def message(name: str, /, **fields: object) -> Packed:
 class CommandId(IntEnum):
     """The MAV_CMD numbers that are understood here."""
 
+    LOITER = mavlink.MAV_CMD_NAV_LOITER_UNLIM
     RETURN = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
     LAND = mavlink.MAV_CMD_NAV_LAND
     TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF

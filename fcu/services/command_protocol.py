@@ -118,6 +118,7 @@ class Commands:
             CommandId.TAKEOFF: Spec(self._take_off, (1, 4, 5, 6, 7), what="Takeoff"),
             CommandId.LAND: Spec(self._land, (1, 2, 4, 5, 6, 7), what="Landing"),
             CommandId.RETURN: Spec(self._return, what="Return"),
+            CommandId.LOITER: Spec(self._loiter, (3, 4, 5, 6, 7), place=True, what="Hold"),
             CommandId.REPOSITION: Spec(
                 self._reposition, (1, 2, 3, 4, 5, 6, 7), place=True, what="Reposition"
             ),
@@ -244,6 +245,18 @@ class Commands:
 
     def _return(self, request: Request) -> Verdict:
         return self._select(Mode.RETURN, request)
+
+    def _loiter(self, request: Request) -> Verdict:
+        """Hold here, or fly to a place and hold there. Radius and yaw are those of other vehicles."""
+        lat, lon = request.parameter(5), request.parameter(6)
+        if math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0:
+            return self._select(Mode.HOLD, request)
+        if self._vehicle.state is None or self._vehicle.home is None:
+            return denied("Hold", Code.NO_STATE)
+        to = self._place(request)
+        if isinstance(to, Code):
+            return denied("Hold", to)
+        return _verdict("Hold", self._vehicle.reposition(to, None, request.t_us, None))
 
     def _reposition(self, request: Request) -> Verdict:
         vehicle = self._vehicle

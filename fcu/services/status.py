@@ -44,6 +44,7 @@ OTHERS: dict[tuple[int, int], str] = {
     (MainMode.ALTITUDE, 0): "Altitude",
     (MainMode.ACRO, 0): "Acro",
     (MainMode.STABILIZED, 0): "Stabilized",
+    (MainMode.AUTO, 0): "Mission",  # as PX4 reads AUTO without a sub mode
     (MainMode.AUTO, AutoMode.READY): "Ready",
     (MainMode.AUTO, AutoMode.MISSION): "Mission",
     (MainMode.AUTO, AutoMode.FOLLOW): "Follow Me",

@@ -83,6 +83,30 @@ def test_a_place_is_flown_to_however_it_is_sent(vehicle, commands, frame):
 
 
 @pytest.mark.parametrize("frame", [LONG, GLOBAL])
+@pytest.mark.parametrize("params", [(), (0, 0, 15, 90), (0, 0, 0, NAN, NAN, NAN, NAN)])
+def test_loiter_holds_here_where_it_names_no_place(vehicle, commands, frame, params):
+    assert vehicle.select(Mode.LAND, 0, 0.0).granted
+    assert asked(commands, CommandId.LOITER, *params, frame=frame)[0] == Result.ACCEPTED
+    assert vehicle.mode is Mode.HOLD
+
+
+@pytest.mark.parametrize("frame", [LONG, GLOBAL])
+def test_loiter_flies_to_the_place_that_it_names(vehicle, commands, frame):
+    where = place(30.0, -20.0, 12.0)
+    assert (
+        asked(commands, CommandId.LOITER, 0, 0, 0, NAN, *where, frame=frame)[0] == Result.ACCEPTED
+    )
+    assert vehicle.mode is Mode.HOLD
+    for t_us in range(0, 60_000_000, 20_000):
+        vehicle.leader.advance(t_us)
+    assert vehicle.setpoint.r_c == pytest.approx((30.0, -20.0, 12.0), abs=1e-3)
+    far = place(30_000.0, 0.0, 12.0)
+    assert asked(commands, CommandId.LOITER, 0, 0, 0, NAN, *far, frame=frame) == (
+        Result.DENIED, Code.NO_PLACE_NEAR,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("frame", [LONG, GLOBAL])
 def test_home_is_set_with_whatever_else_is_sent(vehicle, commands, frame):
     """MAVROS sends a yaw with it."""
     where = place(30.0, -20.0, 10.0)

@@ -44,7 +44,7 @@ def test_no_mode_is_called_absent_that_is_there():
     assert all(status.of_numbers(*numbers) is None for numbers in status.OTHERS)
     assert all(status.of_standard(number) is None for number in status.OTHER_STANDARD)
     assert status.shown(4, 3) == "Hold"
-    assert status.shown(4, 4) == "Mission"
+    assert status.shown(4, 4) == status.shown(4, 0) == "Mission"
     assert status.shown(9, 9) == "9, 9"
 
 
