@@ -281,6 +281,8 @@ class Frame(IntEnum):
     LOCAL_OFFSET_NED = mavlink.MAV_FRAME_LOCAL_OFFSET_NED
     BODY_NED = mavlink.MAV_FRAME_BODY_NED
     BODY_OFFSET_NED = mavlink.MAV_FRAME_BODY_OFFSET_NED
+    GLOBAL_TERRAIN_ALT = mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT
+    GLOBAL_TERRAIN_ALT_INT = mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT
     BODY_FRD = mavlink.MAV_FRAME_BODY_FRD
 
 
@@ -289,10 +291,17 @@ BODY_FRAMES = frozenset({Frame.BODY_NED, Frame.BODY_OFFSET_NED, Frame.BODY_FRD})
 # position and yaw from where the vehicle is; along the heading too
 OFFSET_FRAMES = frozenset({Frame.BODY_OFFSET_NED, Frame.BODY_FRD})
 GLOBAL_FRAMES = frozenset(
-    {Frame.GLOBAL, Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_INT, Frame.GLOBAL_RELATIVE_ALT_INT}
+    {
+        Frame.GLOBAL,
+        Frame.GLOBAL_RELATIVE_ALT,
+        Frame.GLOBAL_TERRAIN_ALT,
+        Frame.GLOBAL_INT,
+        Frame.GLOBAL_RELATIVE_ALT_INT,
+        Frame.GLOBAL_TERRAIN_ALT_INT,
+    }
 )
-# height above home, not above the sea
-RELATIVE_FRAMES = frozenset({Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT})
+# height above home, not above the sea; terrain is taken to be flat, at the height of home
+RELATIVE_FRAMES = GLOBAL_FRAMES - {Frame.GLOBAL, Frame.GLOBAL_INT}
 
 
 # Setpoint type masks: each bit takes a field out of use, except FORCE.

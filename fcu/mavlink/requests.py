@@ -17,8 +17,6 @@ from fcu.mavlink.parameter_values import read
 from fcu.mavlink.replies import printable
 
 Fields = dict[str, Any]
-# COMMAND_INT counts 1e-7 deg in these (10 and 11: above terrain), else 1e-4 m
-_IN_DEGREES = frozenset({*GLOBAL_FRAMES, 10, 11})
 _UNSET = 2**31 - 1  # COMMAND_INT's way of saying NaN
 _NO_STICK = 2**15 - 1
 
@@ -49,7 +47,7 @@ def _command_long(f: Fields, source: Source) -> Command:
 
 
 def _command_int(f: Fields, source: Source) -> Command:
-    scale = 1e7 if f["frame"] in _IN_DEGREES else 1e4
+    scale = 1e7 if f["frame"] in GLOBAL_FRAMES else 1e4  # else m
     x, y = (math.nan if n == _UNSET else n / scale for n in (f["x"], f["y"]))
     params = (f["param1"], f["param2"], f["param3"], f["param4"], x, y, f["z"])
     return Command(*_from(f, source), f["command"], params, f["frame"], 0)

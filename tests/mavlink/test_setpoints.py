@@ -255,8 +255,7 @@ def test_a_setpoint_that_must_not_be_flown_says_why(mask, frame, fields, reason)
     ("mask", "frame", "fields", "reason"),
     [
         (0, 1, {}, (Code.FRAME_NOT_GLOBAL, (1,))),
-        (0, 10, {}, (Code.FRAME_UNSUPPORTED, (10,))),  # above terrain
-        (0, 11, {}, (Code.FRAME_UNSUPPORTED, (11,))),
+        (0, 13, {}, (Code.FRAME_UNSUPPORTED, (13,))),
         (0, 6, {"lat": 900000001}, (Code.OFF_EARTH,)),
         (0, 6, {"lat": -(2**31)}, (Code.OFF_EARTH,)),
         (0, 6, {"lon": 1800000001}, (Code.OFF_EARTH,)),

@@ -41,11 +41,13 @@ def protocol(told):
     return OffboardProtocol(vehicle, params, ORIGIN, lambda *each: told.append(each))
 
 
-@pytest.mark.parametrize(("frame", "above"), [(5, 488.0), (0, 488.0), (6, 0.3 - 0.3), (3, 0.0)])
+@pytest.mark.parametrize(
+    ("frame", "above"), [(5, 488.0), (0, 488.0), (6, 0.0), (3, 0.0), (10, 0.0), (11, 0.0)]
+)
 def test_global_places(protocol, frame, above):
     wanted = Vec3(40.0, -30.0, 12.0)
     place = to_geodetic(ORIGIN, wanted)
-    alt = wanted.z + above - (0.3 if frame in (3, 6) else 0.0)
+    alt = wanted.z + above - (0.3 if frame in (3, 6, 10, 11) else 0.0)
     packet = mavlink.MAVLink_set_position_target_global_int_message(
         0, 1, 1, frame, 0xDF8, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), alt,
         0, 0, 0, 0, 0, 0, 0, 0,
