@@ -62,7 +62,7 @@ def framed(
 def framed_v1(
     definition: Definition, payload: bytes, sequence: int, system: int, component: int
 ) -> bytes | None:
-    """A MAVLink 1 frame, without the extensions; None for a message that MAVLink 1 cannot number."""
+    """A MAVLink 1 frame, without the extensions. None for a message that MAVLink 1 cannot number."""
     if definition.id > LAST_OF_V1:
         return None
     size = definition.core_size
@@ -108,7 +108,7 @@ def expected(
 
 
 def next_frame(received: bytearray) -> bytes | None:
-    """Take the first whole frame from the bytes of a stream, good or bad; None until it is there.
+    """Take the first whole frame from the bytes of a stream, good or bad. None until it is there.
 
     Bytes before the mark of a frame are dropped.
     """

@@ -43,7 +43,7 @@ class GroundCodec:
         self.speaks_v1 = False
 
     def framed(self, message: Packed) -> bytes:
-        """The bytes of a message on this link; none of one that MAVLink 1 cannot carry."""
+        """The bytes of a message on this link. None for a message that MAVLink 1 cannot carry."""
         build = framed_v1 if self.speaks_v1 else framed
         frame = build(*message, self._sequence, *self._me)
         if frame is None:

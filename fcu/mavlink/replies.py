@@ -142,7 +142,7 @@ def protocol_version() -> Packed:
 
 
 def status_text(severity: int, brief: str) -> Packed:
-    """STATUSTEXT of at most 50 characters; one that is not ASCII becomes `?`."""
+    """STATUSTEXT of at most 50 characters. A character that is not ASCII becomes `?`."""
     raw = brief.encode("ascii", errors="replace").replace(b"\0", b"?")
     return _message("STATUSTEXT", severity=severity, text=raw)
 

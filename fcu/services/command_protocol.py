@@ -174,7 +174,7 @@ class Commands:
         return self.select(status.of_standard(number), request, name)
 
     def select(self, mode: Mode | None, request: Request, asked: str) -> Verdict:
-        """Another mode; None: one that this vehicle does not have. `asked`: what it is called."""
+        """Another mode. None: one that this vehicle does not have. `asked`: what it is called."""
         if mode is None:
             return Verdict(Result.DENIED, Told(Code.MODE_UNKNOWN, (asked,)))
         return self._select(mode, request)

@@ -71,7 +71,7 @@ HIGHEST, LOWEST = 100_000.0, -12_000.0  # m above the sea: PX4's limits of an or
 
 
 def out_of_range(origin: Origin) -> Code | None:
-    """Why a place cannot be the origin; None if it can."""
+    """The reason why a place cannot be the origin. None if it can."""
     if abs(origin.lat_deg) > 90.0 or abs(origin.lon_deg) > 180.0:
         return Code.OFF_EARTH
     return None if LOWEST < origin.alt_m < HIGHEST else Code.HEIGHT_IMPOSSIBLE
@@ -89,7 +89,7 @@ class Station:
 
         `bind`: opens a port, given its number and name. `resets`: as for Commands. `before`: the
         one before a reset, whose ports and links this one takes over. `listen`: opens a port of TCP,
-        given its number, name and places; None: there is none. Raises PortBusy.
+        given its number, name and places. None: there is no such port. Raises PortBusy.
         """
         self.ports: tuple[GroundPort, ...] = (
             _opened(ports, bind, listen) if before is None else before.ports

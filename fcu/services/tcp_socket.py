@@ -53,11 +53,11 @@ class TcpSocket:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether `recvfrom` may have something of which the descriptor does not tell."""
+        """True if `recvfrom` may have something of which the descriptor does not tell."""
         return bool(self._unread or self._arrived or self._gone)
 
     def recvfrom(self, _size: int, /) -> tuple[bytes, Address]:
-        """The next frame and whose it is; an empty one: who has connected.
+        """The next frame and its sender. An empty frame: a new connection.
 
         Raises BlockingIOError when there is none, and ConnectionResetError when somebody has gone.
         """
@@ -126,7 +126,7 @@ class TcpSocket:
         self._gone.append(connection.address)
 
     def refusals(self) -> list[Address]:
-        """Who has gone since the last call."""
+        """The connections that have closed since the last call."""
         gone, self._gone = self._gone, []
         return gone
 

@@ -88,7 +88,7 @@ def campaign(
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.flight.run import UsageError
 
-    _need(NEEDED, "campaign")
+    _need(*NEEDED)
     asked = Asked(name, out, flights, jobs, scheduler, wait_s, junit, report, as_json)
     log = PipedConsole(stderr=True, highlight=False)
     try:
@@ -101,12 +101,12 @@ def campaign(
         raise Failure(f"{error.filename or 'campaign'}: {error.strerror or error}") from error
 
 
-def _need(modules: tuple[str, ...], extra: str) -> None:
+def _need(*modules: str) -> None:
     from importlib.util import find_spec
 
     if lacking := [each for each in modules if find_spec(each) is None]:
         raise Failure(
-            f"{', '.join(lacking)} is not installed (pip install 'm-mrac[{extra}]')", USAGE
+            f"{', '.join(lacking)} is not installed (pip install {' '.join(lacking)})", USAGE
         )
 
 
@@ -207,7 +207,7 @@ def _workers(asked: Asked, ours: dict[str, str], log: Console) -> AbstractContex
 
     if asked.scheduler is None:
         return processes(asked.jobs or cores())
-    _need(("distributed",), "cluster")
+    _need("distributed")
     from gcs_tools.campaign.cluster import cluster
 
     return cluster(

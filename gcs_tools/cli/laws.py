@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gcs_tools.pictures.plot.laws import Mark
 
 PICTURE = "results.png"
-NO_PARQUET = "results.parquet is not written: it needs pyarrow (pip install 'm-mrac[campaign]')"
+NO_PARQUET = "results.parquet is not written: it needs pyarrow (pip install pyarrow)"
 
 
 @dataclass(frozen=True)

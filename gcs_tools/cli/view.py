@@ -16,7 +16,7 @@ from gcs_tools.exit_codes import USAGE
 if TYPE_CHECKING:
     from gcs_tools.pictures.view.app import App
 
-INSTALL = "pip install 'm-mrac[view]'"
+INSTALL = "pip install viser websockets"
 FIRST_PORT = 8080
 
 

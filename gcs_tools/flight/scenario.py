@@ -184,7 +184,7 @@ def scenario(mission: Mission) -> Scenario:
 
 
 def _of_a_script(mission: Mission) -> dict[str, Any]:
-    """What a Scenario has of a mission's script. Raises MissionError."""
+    """The fields of a Scenario for a mission's script. Raises MissionError."""
     flight = mission.flight
     if flight.script is None:
         return {}

@@ -40,7 +40,7 @@ OF_AN_INSTANCE = ("url", "mavsdk_url", "port", "instance", "system_id")
 
 
 def values(instance: int, out: Path, speed: float) -> dict[str, str]:
-    """What may stand in braces in a mission's script, and what takes its place."""
+    """The words in braces of a mission's script, and their values."""
     at = ports(instance)
     return {
         "url": f"udpin:{HOST}:{at.script}",
@@ -54,7 +54,7 @@ def values(instance: int, out: Path, speed: float) -> dict[str, str]:
 
 
 def only_first(words: tuple[str, ...]) -> bool:
-    """Whether a script is told no instance, so that it can only fly the first."""
+    """True if a script is told no instance, so that it can only fly the first."""
     return not names_one_of(words, OF_AN_INSTANCE)
 
 
@@ -133,7 +133,7 @@ class ScriptFlight(WireFlight):
         return False
 
     def _is_finished(self) -> bool:
-        """Whether the script has ended and the vehicle has come to rest, or a time is over."""
+        """True once the script has ended and the vehicle has come to rest, or a time is over."""
         scene, tick = self._scene, self._flown_ticks()
         if self._outcome is None:
             self._outcome = self._script.outcome()
@@ -153,14 +153,14 @@ class ScriptFlight(WireFlight):
         return rests or since >= scene.after_script_s or tick >= scene.ticks
 
     def _is_grounded(self) -> bool:
-        """Whether the vehicle is disarmed now, and on the ground."""
+        """True if the vehicle is disarmed now, and on the ground."""
         plant, fcu = self._plant_rows.last, self._fcu_rows.last
         if not len(plant) or not len(fcu):
             return False
         return bool(plant[0, ON_GROUND] > 0.5 and not fcu[0, self._engaged] > 0.0)
 
     def _verdict(self, heard: int) -> ScriptFlown:
-        """What became of the script. `heard`: messages that the vehicle had on the script link."""
+        """The end of the script. `heard`: messages that the vehicle had on the script link."""
         said, at = self._outcome, None
         if self._ended_tick is not None:
             at = self._ended_tick / self._scene.rate_hz

@@ -48,7 +48,7 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
 
 
 def names_one_of(words: Sequence[str], names: Collection[str]) -> bool:
-    """Whether a command is told one of these values."""
+    """True if a command is told one of these values."""
     return any(f"{{{name}}}" in word for word in words for name in names)
 
 
@@ -74,11 +74,11 @@ class Leashed(Child):
         self._pid = 0
 
     def outcome(self) -> dict[str, Any] | None:
-        """What the leash says of a command that has ended. None: it runs. Empty: the leash was killed."""
+        """The leash's report of a command that has ended. None: it runs. Empty: the leash was killed."""
         return None if self.process.poll() is None else self._last_said()
 
     def how_it_is(self) -> str:
-        """Why the command does not answer, as far as that is seen from outside. Empty: not seen."""
+        """The reason why the command does not answer, as far as it is seen from outside. Empty: not seen."""
         for line in self.heard():
             self._pid = line.get("pid", self._pid)
         return f"its process {SUSPENDED}" if self._pid and is_stopped(self._pid) else ""

@@ -1,4 +1,4 @@
-"""What became of a mission's script: the command that flew the vehicle, and what was wrong with it."""
+"""The end of a mission's script: the command that flew the vehicle, and what was wrong with it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DIED = (
 
 @dataclass(frozen=True)
 class ScriptFlown:
-    """How a script ended."""
+    """The end of a script."""
 
     command: str
     exit_code: int | None = None  # None: it did not end by itself

@@ -95,7 +95,7 @@ NAMES = {  # the longest that stands there, where it is not the name of a mode
 
 
 def longest(code):
-    """What is told with values as long as they get."""
+    """Texts with values as long as they get."""
     if code is Code.PARAMETER_TYPE:
         return Told(code, (16 * "X", "REAL32"))
     if code is Code.ABOVE_LIMIT:

@@ -1,4 +1,4 @@
-"""A ground script by pymavlink: take off, fly a little, land; argument 1 is the address, 2 a misbehaviour."""
+"""A ground script by pymavlink: take off, fly a little, land. Argument 1 is the address, 2 a misbehaviour."""
 
 from __future__ import annotations
 

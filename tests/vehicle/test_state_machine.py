@@ -569,7 +569,7 @@ def test_a_return_climbs_goes_home_and_lands(armed):
 
 
 def return_home(armed, for_us):
-    """Each height at which the setpoint rests above home, with the time that it does, s; then the mode."""
+    """Each height at which the setpoint rests above home, with the time that it does, s. Then the mode."""
     armed.observe(state(HERE + Vec3(20.0, 0.0, 0.0)), TICK, 0.0)
     armed.select(Mode.RETURN, TICK, 0.0)
     rests = {}

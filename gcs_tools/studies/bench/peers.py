@@ -1,6 +1,6 @@
 """How fast the packages that users compare with fly a quadrotor in closed loop, if they are installed.
 
-    pip install 'm-mrac[peers]'
+    pip install '.[peers]'  # in a checkout
 
 Crazyflow: first principles, Euler at 500 Hz in float32, its own cascade of controllers, a thousand
 vehicles at once on all cores (JAX). RotorPy: one vehicle, adaptive Runge-Kutta, its controller on SE(3)
