@@ -34,6 +34,7 @@ from fcu.laws import loader
 from fcu.laws.face import Pace
 from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import Params
+from fcu.laws.scales import hover_thrust
 from fcu.process.configuration import read_airframe
 from fcu.process.settings import Settings
 
@@ -311,6 +312,11 @@ class Parameters:
         """What modes that lead the vehicle have to know of the law."""
         pace: Pace = self._module.pace(self.settings, self._tables)
         return pace
+
+    @property
+    def weight(self) -> float:
+        """The weight of the middle of the masses that the airframe file believes, N."""
+        return hover_thrust(self._tables)
 
     @property
     def guard(self) -> GuardParams:

@@ -248,8 +248,8 @@ class Commands:
 
     def _loiter(self, request: Request) -> Verdict:
         """Hold here, or fly to a place and hold there. Radius and yaw are those of other vehicles."""
-        lat, lon = request.parameter(5), request.parameter(6)
-        if math.isnan(lat) or math.isnan(lon) or lat == lon == 0.0:
+        lat, lon, alt = (request.parameter(n) for n in (5, 6, 7))
+        if lat == lon == 0.0 or all(map(math.isnan, (lat, lon, alt))):
             return self._select(Mode.HOLD, request)
         if self._vehicle.state is None or self._vehicle.home is None:
             return denied("Hold", Code.NO_STATE)

@@ -228,7 +228,7 @@ class Throttle(NamedTuple):
     """The scale of a script's thrust, 0 to 1: straight to hover, and straight from there to full thrust."""
 
     hover: float  # MPC_THR_HOVER
-    T_hover: float  # total thrust that hover is expected to take, N
+    T_hover: float  # weight of the believed vehicle, N, at most `hover` of full thrust
     T_max: float  # full thrust, N
 
     def force(self, throttle: float) -> float:

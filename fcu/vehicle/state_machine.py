@@ -694,13 +694,9 @@ class StateMachine:
 
     @property
     def throttle(self) -> Throttle:
-        """The scale of a script's thrust."""
-        params = self._params
-        return Throttle(
-            hover=params["MPC_THR_HOVER"],
-            T_hover=params.pace.T_hover,
-            T_max=params.law.limits.T_max,
-        )
+        """The scale of a script's thrust: one straight line where hover takes more than its part."""
+        hover, T_max = self._params["MPC_THR_HOVER"], self._params.law.limits.T_max
+        return Throttle(hover=hover, T_hover=min(self._params.weight, hover * T_max), T_max=T_max)
 
     def resolve(
         self, asked: PositionRequest | AttitudeRequest, t_us: int

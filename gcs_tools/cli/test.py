@@ -53,6 +53,8 @@ def test(
 
         if speed is None:
             raise Failure("--speed max: a script runs by the wall clock; give a number", USAGE)
+        if script.startswith("-"):
+            raise Failure(f"{script}: no such option (gcs test --help lists them)", USAGE)
         is_python = script.endswith(".py")
         if is_python and not Path(script).is_file():
             raise Failure(f"{script}: no such file", USAGE)

@@ -81,7 +81,8 @@ def _left_behind() -> list[str]:
         for pid in _left():
             with suppress(OSError):
                 if os.waitpid(pid, os.WNOHANG)[0] == 0:
-                    running.append(Path(f"/proc/{pid}/comm").read_text().strip())
+                    name = Path(f"/proc/{pid}/comm").read_bytes()  # may be cut inside a character
+                    running.append(name.decode(errors="replace").strip())
         if not running or time.monotonic() > until:
             return running
         time.sleep(LOOK_S)

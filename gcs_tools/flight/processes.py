@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+import re
 import select
 import signal
 import socket
@@ -26,7 +27,15 @@ from fcu.interface.ports import INSTANCES, NoFreeInstance, busy, ports
 from gcs_tools.exit_codes import USAGE
 from gcs_tools.flight.forking import Forked, can_fork, fork_program
 
-PORTS = ("plant", "fcu_plant", "fcu_script", "fcu_station", "script")  # that a flight binds
+PORTS = (
+    "plant",
+    "fcu_plant",
+    "fcu_script",
+    "fcu_station",
+    "script",
+    "fcu_tcp",
+)  # that a flight binds
+_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]")  # of a terminal's colours
 LAST_BYTES = 1 << 16  # of a log, that may hold its last words
 HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
 SUSPENDED = "is stopped (SIGSTOP): continue it, or start again"
@@ -98,6 +107,11 @@ def _family(pid: int) -> list[int]:
 def is_stopped(pid: int) -> bool:
     """Whether a signal or a debugger has stopped it (SIGSTOP)."""
     return _stat(pid)[:1] in (["T"], ["t"])
+
+
+def printable(text: str) -> str:
+    """A text without colours and control characters, which no terminal and no XML should be given."""
+    return "".join(c for c in _ESCAPES.sub("", text) if c.isprintable())
 
 
 class Child:
@@ -241,7 +255,7 @@ class Child:
                 lines = log.read().decode(errors="replace").strip().splitlines()
         except OSError:
             lines = []
-        return " ".join((lines or ["it left no log"])[-1].split())
+        return printable(" ".join((lines or ["it left no log"])[-1].split()))
 
     def ask_to_stop(self) -> None:
         """Tell it to end, also if it is suspended; `stop` waits for it."""

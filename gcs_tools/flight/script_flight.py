@@ -80,8 +80,8 @@ class ScriptFlight(WireFlight):
         flown = super().flown()
         if self._late or flown.ended != "time":
             return flown
-        engaged = flown.fcu[:, self._engaged]
-        landed = self._is_grounded() and bool((engaged > 0.0).any())
+        flew = bool((flown.plant[:, ON_GROUND] < 0.5).any())  # armed on the ground is no flight
+        landed = self._is_grounded() and flew
         return replace(flown, done="landed" if landed else "script")
 
     def _led(self, stack: ExitStack) -> Callable[[], bool]:

@@ -33,7 +33,9 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
         raise CommandError(f"{text!r}: {error}") from error
     if not words:
         raise CommandError("expected a command, got nothing")
-    program = str(folder / words[0]) if "/" in words[0] else words[0]
+    if "\0" in text or text != text.encode(errors="replace").decode():
+        raise CommandError(f"{text!r}: expected text without null characters")
+    program = str((folder / words[0]).absolute()) if "/" in words[0] else words[0]
     if shutil.which(program) is None and words[0] not in PYTHON:
         raise CommandError(
             f"{words[0]}: no such program (a file needs its path and to be executable)"

@@ -126,6 +126,7 @@ def accepted(flight: Flight, plant: Table, fcu: Table) -> list[Standing]:
     fcu = fcu.take(fcu["engaged"] > 0.5)
     t, r_c = fcu["t"], fcu["setpoint.r_c"]
     rests = (fcu["setpoint.v_c"] == 0.0).all(axis=1) & (fcu["setpoint.a_c"] == 0.0).all(axis=1)
+    rests &= fcu["setpoint.level"] == 0.0  # an attitude or a rate asks for no place
     found: list[Standing] = []
     if not len(t) or not len(plant):
         return found

@@ -67,7 +67,7 @@ def test_a_setpoint_is_refused_in_words_once_and_what_was_flown_goes_on(guarded)
     flight = guarded(2)
     text = told_of_a_stream(flight)
     assert says(text, Code.SETPOINT_REFUSED)
-    assert "40.0 m needs " in text and text.endswith(" m of it would do")
+    assert " lacks " in text and text.endswith(" m would do")
     assert flight.mode() == OFFBOARD  # 1.2 s of simulation time after the last that was flown
     assert flown_z(flight) == 20.0
     fits = float(text.split("; ")[1].split()[0])
@@ -82,14 +82,14 @@ def test_a_setpoint_is_refused_in_words_once_and_what_was_flown_goes_on(guarded)
 
 def test_another_setpoint_is_told_of_again(guarded):
     flight = guarded(2)
-    flight.complains(flight.setpoint(**HIGH), "40.0 m needs ")
+    flight.complains(flight.setpoint(**HIGH), "Setpoint rejected: lacks ")
     flight.drain()
-    flight.complains(flight.setpoint(r=(0.0, 0.0, -70.0)), "50.0 m needs ")
+    flight.complains(flight.setpoint(r=(0.0, 0.0, -70.0)), "Setpoint rejected: lacks ")
 
 
 def test_a_velocity_is_judged_where_it_leads(guarded):
     flight = guarded(2)
-    flight.complains(flight.setpoint(mask=0xDC7, v=(10.0, 0.0, 0.0)), "10.0 m/s needs ")
+    flight.complains(flight.setpoint(mask=0xDC7, v=(10.0, 0.0, 0.0)), "Setpoint rejected: lacks ")
     flight.drain()
     flight.send(flight.setpoint(mask=0xDC7, v=(0.25, 0.0, 0.0)))
     assert flight.heard("POSITION_TARGET_LOCAL_NED").vx == 0.25
@@ -156,6 +156,5 @@ def test_a_command_that_goes_too_fast_is_denied_and_changes_nothing(guarded):
     ack = flight.heard("COMMAND_ACK", lambda m: m.command == 192)
     assert ack.result == mavlink.MAV_RESULT_DENIED
     text = flight.says("would do")
-    assert text.startswith("Reposition denied: ") and " m at 12 m/s needs " in text
-    assert text.endswith("% of speed and acceleration would do")
+    assert text.startswith("Reposition denied: lacks ") and text.endswith(" % would do")
     assert flight.mode() == before == OFFBOARD

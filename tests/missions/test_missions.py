@@ -33,7 +33,7 @@ KEYS = {
     "wall_time_s", "real_time_factor", "startup_s", "ticks", "slips", "trajectory_sha256",
     "versions", "values", "expectations", "items", "metrics", "settle_s", "folder", "changes", "causes", "not_finite",
     "warnings",
-    "schema_version", "error", "controller",
+    "schema_version", "error", "controller", "script",
 }  # fmt: skip
 
 

@@ -120,7 +120,7 @@ def test_a_bad_command_line_is_refused(refused, arguments, expected):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("envelop", "(did you mean envelope?)"), ("monitr", "(did you mean monitor?)"), ("xyzzy", "there are fly, up")],
+    [("envelop", "(did you mean envelope?)"), ("monitr", "(did you mean monitor?)"), ("xyzzy", "there are fly, ")],
 )  # fmt: skip
 def test_a_command_that_there_is_not_is_told_with_the_one_that_was_meant(refused, name, said):
     assert f"No such command '{name}'" in (told := refused(name, "paper_nominal"))

@@ -100,6 +100,10 @@ def test_loiter_flies_to_the_place_that_it_names(vehicle, commands, frame):
     for t_us in range(0, 60_000_000, 20_000):
         vehicle.leader.advance(t_us)
     assert vehicle.setpoint.r_c == pytest.approx((30.0, -20.0, 12.0), abs=1e-3)
+    half = (where[0], NAN, where[2])
+    assert asked(commands, CommandId.LOITER, 0, 0, 0, NAN, *half, frame=frame) == (
+        Result.DENIED, Code.NO_PLACE_NEAR,
+    )  # fmt: skip
     far = place(30_000.0, 0.0, 12.0)
     assert asked(commands, CommandId.LOITER, 0, 0, 0, NAN, *far, frame=frame) == (
         Result.DENIED, Code.NO_PLACE_NEAR,

@@ -704,3 +704,12 @@ def test_a_velocity_goes_on_from_where_the_setpoint_is_by_now(armed):
     assert told is None
     assert made.r_c == pytest.approx(HERE + Vec3(1.0, 0.0, 0.0))
     assert made.v_c == Vec3(0.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("m_hat_0", [5.0, 8.0])
+def test_thrust_at_mpc_thr_hover_carries_the_believed_mass_whatever_the_law_begins_with(m_hat_0):
+    law, guard = settings(*believed(), 500.0)
+    law = law._replace(initial=law.initial._replace(m_hat_0=m_hat_0))
+    throttle = StateMachine(Parameters(type(settings(*believed(), 500.0))(law, guard), 1)).throttle
+    assert throttle.force(0.6) == pytest.approx(8.0 * 9.81)
+    assert throttle.of(throttle.force(0.9)) == pytest.approx(0.9)
