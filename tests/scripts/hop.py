@@ -56,6 +56,9 @@ def height() -> float:
 command(MAV.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 ground = height()
 print("armed", flush=True)
+if HOW == "sits":
+    command(MAV.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
+    sys.exit(0)
 command(MAV.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, float("nan"), float("nan"), float("nan"), 3.0)
 while height() < ground + 2.7:
     pass

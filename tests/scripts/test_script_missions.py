@@ -58,6 +58,27 @@ def test_a_script_flies_and_its_output_is_kept(fly):
     assert {each.name: each.passed for each in found.expectations}["script"] is True
 
 
+def test_a_vehicle_that_never_left_the_ground_has_not_landed(fly):
+    code, found = fly('flight.script="python hop.py {url} sits"', "flight.after_script_s=2")
+    assert (code, found.ended, found.passed) == (1, "script", False)
+    assert found.script is not None and found.script.failure == ""
+
+
+def test_a_program_beside_its_mission_is_found_from_any_folder(tmp_path, monkeypatch):
+    program = tmp_path / "fly.sh"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    assert command_words("./fly.sh {url}", SCRIPT_WORDS)[0] == "./fly.sh"
+    monkeypatch.chdir("/")
+    assert command_words("./fly.sh", SCRIPT_WORDS, tmp_path) == ("./fly.sh",)
+    with pytest.raises(CommandError):
+        command_words("./fly.sh", SCRIPT_WORDS)
+    for bad in ("true x\0y", "true \udcff"):
+        with pytest.raises(CommandError):
+            command_words(bad, SCRIPT_WORDS, tmp_path)
+
+
 @pytest.mark.parametrize("how", FAILURES)
 def test_a_failure_is_named_and_leaves_nobody(fly, how):
     late = how in ("hangs", "deaf")
