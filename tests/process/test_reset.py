@@ -106,7 +106,7 @@ def test_a_vehicle_whose_start_is_in_the_air_holds_there(up, script, mission, sp
 
 def test_a_script_takes_it_from_there(up, script, mission):
     up(mission(), "--speed", 3)
-    script.first("HEARTBEAT", is_armed)
+    script.first("HEARTBEAT", is_armed)  # reads on: an answer needs room in the socket
     assert script.command(21) == ACCEPTED  # land
     script.first("HEARTBEAT", lambda m: not is_armed(m))
     assert script.first("LOCAL_POSITION_NED").z > -1.0

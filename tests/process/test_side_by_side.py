@@ -163,15 +163,21 @@ def test_of_missions_in_turn_those_that_did_not_fly_are_told(fly, tmp_path, unti
     assert told == ["interrupted: gust_step", "not flown: paper_nominal, noisy_state"]
 
 
-def test_a_flight_that_is_killed_is_told_and_the_others_fly_on(two_in_flight, until, alive):
-    program, pids = two_in_flight("--set", "flight.duration_s=30", "--json")
+def test_a_flight_that_is_killed_is_told_and_the_others_fly_on(
+    two_in_flight, until, alive, tmp_path
+):
+    program, pids = two_in_flight("--json")
     victim = min(named(pids, "gcs fly"))
     os.kill(victim, signal.SIGKILL)
-    assert program.wait() == 3
+    files = [tmp_path / "run" / name / "flight.mcap" for name in ("paper_nominal", "gust_step")]
+    until(lambda: not alive(victim), "the end of a flight")
+    before = [file.stat().st_size for file in files]
+    until(lambda: files[1].stat().st_size > before[1] + (1 << 19), "the other's recording")
+    assert program.interrupted() == 130
     until(lambda: not any(map(alive, pids)), "no orphan")
     first, second = json.loads(program.out.read_text())
     assert "signal 9" in first["error"]
-    assert (first["exit_code"], second["ended"]) == (3, "time")
+    assert (first["exit_code"], second["ended"]) == (3, "aborted")
 
 
 def test_an_instance_flies_one_mission_at_a_time(fly):
