@@ -127,6 +127,7 @@ def main(
             is_cold = not law.is_cached()
             if is_cold:
                 say(-1, "info", "compiling the law, once for this version (up to a minute)", write)
+                law.check_compiles()
             sim_only = link_clock == "sim"
             with law_compiler(law if is_cold else None) as other:
                 loop = Loop(

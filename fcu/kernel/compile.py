@@ -31,6 +31,7 @@ except ImportError:
     _Options = None
 
 from fcu.kernel import cache
+from fcu.kernel.buffers import builder, size
 from fcu.kernel.cache import Cache, Folder
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -181,3 +182,13 @@ def kernel(function: F, makes_arrays: bool = False) -> F:
 def compile_for(kernel: Any, *arguments: Any) -> None:
     """Compile a kernel for arguments of these types, or load it, without calling it."""
     kernel.compile(tuple(map(numba.typeof, arguments)))
+
+
+def type_of(value: type) -> Any:
+    """The type that numba gives to values of a NamedTuple class."""
+    return numba.typeof(builder(value)((0.0,) * size(value)))
+
+
+def compile_inner(kernel: Any, *types: Any) -> None:
+    """Compile a kernel as other kernels call it, or load it."""
+    kernel.get_call_template(types, {})

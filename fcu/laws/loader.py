@@ -25,7 +25,7 @@ from numba.core.errors import NumbaError
 from fcu.kernel import buffers, compile
 from fcu.laws import own_file, parameters, seam, unguarded
 from fcu.laws.allocation import RotorParams
-from fcu.laws.face import Limits
+from fcu.laws.face import Limits, SharedTick
 from fcu.laws.own_file import LawError as LawError
 
 DEFAULT = "mmrac"
@@ -92,6 +92,27 @@ class Law:
     def tells(self, name: str, kind: type) -> bool:
         """Whether the field `name` of a Tick (`state`, `guard`) is of this type."""
         return buffers.fields(self.ticks.Tick).get(name) is kind
+
+    def check_compiles(self) -> None:
+        """Compile the kernels of a user's own law, unless they are on disk already.
+
+        Called before anything else is compiled, so that an error in the file is reported within
+        seconds. Raises LawError.
+        """
+        if self.file is None or self.is_cached(told=False):
+            return
+        told = buffers.fields(SharedTick)
+        kinds = self.face.State, self.face.Params, told["setpoint"], told["measured"]
+        state, params, setpoint, measured = map(compile.type_of, kinds)
+        with self.compiling():
+            for name, given in {
+                "step": (state, params, setpoint, measured),
+                "take_over": (params, setpoint, measured),
+                "idle": (measured,),
+            }.items():
+                if (kernel := getattr(self.face, name, None)) is not None:
+                    compile.compile_inner(kernel, *given)
+            self.ticks.compiled()  # what they return is compared there
 
     @contextmanager
     def compiling(self) -> Iterator[None]:

@@ -24,6 +24,7 @@ from fcu.interface.parameter import (
     with_field,
 )
 from fcu.interface.parameter import check as check_rows
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import field_type, fields
 from fcu.laws import actuation
 from fcu.laws.allocation import believed_rotors
@@ -74,7 +75,12 @@ def check_table(law: ModuleType) -> None:
         for path in row.fields:
             if path.partition(".")[0] in FILLED:
                 raise ParameterError(f"{where}: {path} is filled in, from rate and airframe")
-            if field_type(law.Params, path) is not float:
+            if (kind := field_type(law.Params, path)) is Vec3:
+                raise ParameterError(
+                    f"{where}: Params.{path} is a Vec3: add axes=True to this row (three numbers, or one"
+                    " for all three)"
+                )
+            if kind is not float:
                 raise ParameterError(f"{where}: expected Params.{path} to be a float")
         if row.default is None and not row.airframe and row.rule is None:
             raise ParameterError(f"{where}: expected a default")

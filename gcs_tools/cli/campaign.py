@@ -131,6 +131,7 @@ def _flown(asked: Asked, log: Console) -> int:
         asked_for, out = store.again(folder), folder
     else:
         asked_for = campaign_file.read(asked.name, asked.flights)
+        _check_laws(asked_for)
         out = asked.out or new_folder(None, asked_for.name)
     if out.exists() and not out.is_dir():
         raise campaign_file.CampaignError(f"--out {out}: expected a folder")
@@ -171,6 +172,18 @@ def _flown(asked: Asked, log: Console) -> int:
         if rare is not None:
             return _tell_rare(asked, asked_for, kept, rare, out)
         return _tell(asked, asked_for, kept, out, path, began)
+
+
+def _check_laws(asked_for: Campaign) -> None:
+    """Compile users' own laws. Raises CampaignError for one that does not compile, before a folder is made."""
+    from fcu.laws.loader import LawError
+    from gcs_tools.campaign.campaign_file import CampaignError
+
+    for variant in asked_for.variants:
+        try:
+            variant.mission.flown.check_compiles()
+        except LawError as error:
+            raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
 
 
 def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:

@@ -69,6 +69,7 @@ def up(
             read_settings(flown, None, 500.0, carried)
         elif why := refused_gains(chosen, scene):
             raise UsageError(why)
+        flown.check_compiles()
     except (UsageError, loader.LawError, ConfigurationError) as error:
         raise Failure(error, USAGE) from error
     code = INTERRUPTED

@@ -332,6 +332,8 @@ def _admitted(
             try:
                 made = prepared(name, settings, seed, rate_hz, law, airframe, controller)
                 _runs_commands(made[0], in_process, allow_commands)
+                with interrupts.at_once():
+                    _compiles(made[0])
                 ready[place] = made
             except UsageError as error:
                 why_not[place] = str(error)
@@ -356,6 +358,15 @@ def _admitted(
         for place in sorted(why_not)
     }
     return list(ready.values()), rejected
+
+
+def _compiles(mission: Mission) -> None:
+    """Raises UsageError for a law of a user's own that does not compile."""
+    if not mission.controller:
+        try:
+            mission.flown.check_compiles()
+        except LawError as error:
+            raise UsageError(str(error)) from error
 
 
 def _runs_commands(mission: Mission, in_process: bool, allowed: bool) -> None:

@@ -256,6 +256,35 @@ def test_a_law_that_does_not_compile_ends_with_2_and_the_line(own_mission, insta
     assert "JJ" in done.stderr
 
 
+NO_SUCH_FIELD = ("params.J *", "params.JJ *")
+ONE_RESULT_LESS = (", Internals(v_c=v_c, tau_c=tau_c)", "")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"), [(*NO_SUCH_FIELD, "Params"), (*ONE_RESULT_LESS, "Outputs")]
+)
+@pytest.mark.parametrize("command", [("fly",), ("fly", "--in-process"), ("campaign",), ("up",)])
+def test_a_law_that_does_not_compile_is_found_before_anything_else_is_compiled(
+    own_mission, tmp_path, monkeypatch, command, old, new, told
+):
+    law = own_mission.with_name("plain_cascade.py")
+    law.write_text(law.read_text().replace(old, new))
+    (tmp_path / "campaign.toml").write_text(
+        f'title = "Eight."\nmission = "{own_mission.name}"\nflights = 8\n'
+        '[draw]\n"wind.azimuth_deg" = { uniform = [0.0, 360.0] }\n'
+    )
+    given = {"campaign": ("campaign.toml",), "up": ("--law", law.name)}
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    done = _gcs(*command, *given.get(command[0], (own_mission.name,)), folder=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "plain_cascade.py" in done.stderr and told in done.stderr
+    assert not (tmp_path / "runs").exists()
+    compiled = [path.name for path in (tmp_path / "cache").rglob("*.*")]
+    assert compiled, "the kernels that the law calls"
+    others = ("advance", "observe", "decide", "together", "closed", "ahead")
+    assert not [name for name in compiled if name.startswith(others)]
+
+
 def test_the_page_shows_the_whole_file_and_its_mission():
     page = PAGE.read_text().partition("## Fly it on any vehicle")[0]
     shown = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)

@@ -312,3 +312,20 @@ def test_what_a_users_own_check_raises_is_a_refusal(own_law):
     law = loader.load(own_law)
     with pytest.raises(ParameterError, match="ZeroDivisionError"):
         law.settings.settings(*believed(), 500.0)
+
+
+def test_a_row_of_a_vec3_is_told_what_it_lacks(own_law):
+    text = own_law.read_text().replace("    J: float  #", "    J: Vec3  #")
+    own_law.write_text(text)
+    with pytest.raises(LawError, match=r"'J'.*axes=True"):
+        loader.load(own_law)
+    row = 'Parameter("J", "PC_INERTIA", 0.35, 0.01, 2.0, "kg m^2", "believed inertia"'
+    assert row in text
+    ruled = row.replace("0.35, 0.01", "None, 1e-4") + ", axes=True, rule=scales.inertia"
+    text = "from fcu.laws import scales\n" + text.replace(row, ruled)
+    own_law.write_text(text.replace("(params.J * params.k_rate)", "params.k_rate * params.J"))
+    law = loader.load(own_law)
+    airframe, tables = believed()
+    told = law.settings.settings(airframe, tables, 500.0).law.J
+    pairs = tables["vehicle"]["inertia_kg_m2"]
+    assert tuple(told) == pytest.approx([np.mean(each) for each in pairs])
