@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_tools.campaign.analysis import Analysis
-from gcs_tools.campaign.campaign_file import Campaign
+from gcs_tools.campaign.campaign_file import MOST_FLIGHTS, Campaign
 from gcs_tools.campaign.shares import at_least
 from gcs_tools.pictures import picture_file
 
@@ -22,19 +23,43 @@ class Shown:
     confidence: float
     count: int
     of: int
+    bound_confidence: float  # of the bound: more than `confidence` if the campaign may end early
 
     @property
     def passed(self) -> bool:
         """Whether it is shown."""
         return self.bound >= self.expected
 
+    @property
+    def needed(self) -> int | None:
+        """The flights that would show it without a further failure. None if it is shown, or too many fail."""
+        failed = self.of - self.count
+        if self.passed or not self.of or self.count < self.expected * self.of:
+            return None
+
+        def shows(n: int) -> bool:
+            return at_least(n - failed, n, self.bound_confidence) >= self.expected
+
+        most = self.of
+        while not shows(most):
+            most *= 2
+            if most > MOST_FLIGHTS:
+                return None
+        return bisect_left(range(most), True, lo=failed + 1, key=shows)
+
     def __str__(self) -> str:
         """The expectation and what was found."""
-        found = f"{self.count} of {self.of} flights succeed, which shows {self.bound:.4g}"
+        more = self.needed
+        enough = "" if more is None else f"; {more} flights with {self._failures} would show it"
         return (
-            f"{self.law}: success with a probability of at least {self.expected:g}"
-            f" (confidence {100.0 * self.confidence:g} %): {found}"
+            f"{self.law}: success of at least {self.expected:g} with {100.0 * self.confidence:g} %"
+            f" confidence: {self.count} of {self.of} flights show {self.bound:.4g}{enough}"
         )
+
+    @property
+    def _failures(self) -> str:
+        failed = self.of - self.count
+        return "no failure" if not failed else f"{failed} failure{'s' if failed > 1 else ''}"
 
 
 def verdict(campaign: Campaign, found: Analysis) -> list[Shown]:
@@ -49,7 +74,7 @@ def verdict(campaign: Campaign, found: Analysis) -> list[Shown]:
     each = found.looks.confidence(wanted.confidence)
     return [
         Shown(of.law, wanted.at_least, at_least(of.success.successes, of.success.of, each),
-              wanted.confidence, of.success.successes, of.success.of)
+              wanted.confidence, of.success.successes, of.success.of, each)
         for of in found.laws
     ]  # fmt: skip
 

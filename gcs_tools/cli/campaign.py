@@ -1,4 +1,4 @@
-"""`gcs campaign`: many flights with what is not known drawn at random, and what they show."""
+"""`gcs campaign`: one mission flown many times with its uncertain values sampled."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_tools.campaign.analysis import Analysis, OfLaw, Quantile
+    from gcs_tools.campaign.analysis import Analysis
     from gcs_tools.campaign.campaign_file import Campaign
     from gcs_tools.campaign.rare_flying import RareFound
     from gcs_tools.campaign.running import Progress, Workers
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gcs_tools.campaign.store import Store
 
 NEEDED = ("pyarrow", "scipy")
+LINE_S = 10.0  # wall: between two lines off a terminal about how far a campaign is
 RESULT, REPORT = "result.json", "report.html"
 ADDRESS = re.compile(r"[a-z]+://[^\s/]+:[0-9]{1,5}")  # of a scheduler
 
@@ -66,7 +67,7 @@ shown; 2 invalid command line, campaign or law; 3 a flight or what flies it fail
 130 interrupted. Whatever ends a campaign, its flights are kept."""
 )
 @click.argument("name", metavar="FILE")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; of the same campaign: go on there. Default: a new one in runs/.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Results folder. If it already holds this campaign, continue it. Default: a new one in runs/.")  # fmt: skip
 @click.option("--flights", type=click.IntRange(1), metavar="N", help="Flights of each law, in place of the file's.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; default: as many as cores.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of a Dask scheduler: tcp://HOST:8786.")  # fmt: skip
@@ -78,7 +79,7 @@ def campaign(
     name: str, out: Path | None, flights: int | None, jobs: int | None, scheduler: str | None,
     wait_s: float, junit: Path | None, report: bool, as_json: bool,
 ) -> int:  # fmt: skip
-    """Fly a mission many times with what is not known drawn at random.
+    """Fly a mission many times with its uncertain values sampled.
 
     Each flight has a number and is the same to the bit wherever it is flown. The folder of the
     results holds flights.parquet (a row for each flight), report.html and result.json, and
@@ -230,7 +231,7 @@ def _workers(asked: Asked, ours: dict[str, str], log: Console) -> AbstractContex
 
 @contextmanager
 def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
-    """Flights, and the interval of success as it shrinks; nothing off a terminal."""
+    """Show flights, and the interval of success as it shrinks. Off a terminal print a line every LINE_S."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -245,12 +246,19 @@ def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
     )  # fmt: skip
     bar = Progress(*columns, console=log, transient=True, disable=not log.is_terminal)
     with bar:
-        task = bar.add_task("flying", total=len(of.variants) * of.n)
+        total = len(of.variants) * of.n
+        task = bar.add_task("flying", total=total)
+        said_s = time.monotonic()
 
         def told(at: Any) -> None:
+            nonlocal said_s
             named = zip(of.labels, at.shares or (), strict=False)
             shares = "  ".join(f"{law} {_percent(share)}" for law, share in named)
             bar.update(task, completed=at.flown, description=shares or "flying")
+            if not log.is_terminal and (now := time.monotonic()) - said_s >= LINE_S:
+                said_s = now
+                text = f"{at.flown} of {total} flights" + (f": {shares}" if shares else "")
+                log.print(text, soft_wrap=True)
 
         yield told
 
@@ -289,7 +297,10 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
     if asked.as_json:
         print_json(content)
     else:
-        _print(of, found, shown, out, asked.report)
+        from gcs_tools.cli.campaign_summary import summary
+
+        page = out / (REPORT if asked.report else RESULT)
+        print_line("\n".join(summary(of, found, shown, out, page)))
     if kept.worst_exit:
         raise Failure(kept.first_error, kept.worst_exit)
     return exit_code
@@ -330,101 +341,7 @@ def _junit(asked: Asked, of: Campaign, found: Analysis | None, error: str, began
         junit(of, found, error, time.monotonic() - began, asked.junit)
 
 
-# --- what is shown
-
-
-def _print(of: Campaign, found: Analysis, shown: list[Any], out: Path, report: bool) -> None:
-    from rich.text import Text
-
-    from gcs_tools.cli.terminal import PipedConsole
-
-    console = PipedConsole(highlight=False)
-    console.print(Text(of.document.title, style="bold"))
-    said = (
-        f"{found.flights} flights of each law"
-        if len(found.laws) > 1
-        else f"{found.flights} flights"
-    )
-    if found.flights < found.of:
-        said += f", of {found.of}: the interval is narrow enough"
-    console.print(Text(said, style="dim"))
-    for law in found.laws:
-        console.print()
-        _print_law(console, law, found, len(found.laws) > 1, out)
-    for each in found.differences:
-        console.print()
-        console.print(
-            f"{each.law} succeeds where {each.first} fails in {each.better} flights, and fails where it"
-            f" succeeds in {each.worse} (p = {each.p:.2g}); success {100.0 * each.success:+.2f} %"
-            f" ({100.0 * each.low:+.2f} to {100.0 * each.high:+.2f}); median of the difference of"
-            f" {each.metric}: {_quantile(each.median)}"
-        )
-    for each in shown:
-        style = "green" if each.passed else "red"
-        console.print(
-            Text(f"{'met' if each.passed else 'MISSED'}  {each}", style=style), soft_wrap=True
-        )
-    console.print()
-    print_line(f"{out / REPORT if report else out}")
-
-
-def _print_law(console: Console, law: OfLaw, found: Analysis, named: bool, out: Path) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from gcs_tools.campaign.analysis import LIKELY
-    from gcs_tools.campaign.refly import command
-
-    confidence = f"{100.0 * found.confidence:g} %"
-    console.print(Text(law.law, style="bold"), f"success {_percent(law.success)}", Text(f"{confidence} interval; {law.success.successes} of {law.success.of}", style="dim"))  # fmt: skip
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("", no_wrap=True)
-    for at in law.metrics[0].quantiles if law.metrics else ():
-        table.add_column(f"{100.0 * at.at:g} %", justify="right")
-    for metric in law.metrics:
-        table.add_row(metric.name, *(_number(q.value, "-") for q in metric.quantiles))
-        for name in ("low", "high"):
-            ends = (_number(getattr(q, name), "?") for q in metric.quantiles)
-            table.add_row({"low": "  from", "high": "  to"}[name], *ends, style="dim")
-    console.print(table)
-    if law.metrics:
-        console.print(
-            Text(
-                f"from, to: {confidence} interval of each quantile (?: too few flights)",
-                style="dim",
-            )
-        )
-    if law.missed:
-        missed = ", ".join(f"{name} by {n}" for name, n in law.missed.items())
-        console.print(f"Missed: {missed}")
-    if clear := [cause for cause in law.causes if cause.p < LIKELY]:
-        named_causes = ", ".join(f"{c.name} ({_direction(c.direction)})" for c in clear[:5])
-        console.print(f"Failed flights differ in: {named_causes}")
-    elif law.causes:
-        console.print("No drawn quantity explains the failures.")
-    if law.worst:
-        each = law.worst[0]
-        again = command(out, each.number, law.law if named else "")
-        console.print(f"Worst flight ({each.ended}): {again}", soft_wrap=True)
-
-
 def _percent(share: Share) -> str:
     if not share.of:
         return "-"
     return f"{100.0 * share.value:.2f} % ({100.0 * share.low:.2f}-{100.0 * share.high:.2f})"
-
-
-def _quantile(of: Quantile) -> str:
-    return f"{_number(of.value, '-')} ({_number(of.low, '?')} to {_number(of.high, '?')})"
-
-
-def _number(value: float, if_none: str) -> str:
-    import math
-
-    return f"{value:.4g}" if math.isfinite(value) else if_none
-
-
-def _direction(part: float) -> str:
-    if not 0.0 <= part <= 1.0:
-        return "which one"
-    return "high" if part > 0.55 else "low" if part < 0.45 else "neither high nor low alone"

@@ -13,6 +13,8 @@ import pytest
 
 from gcs_tools.campaign import analysis
 from gcs_tools.campaign.campaign_file import shipped
+from gcs_tools.campaign.shares import at_least
+from gcs_tools.campaign.verdict import Shown
 from tests.command_line import gcs
 
 pytestmark = pytest.mark.slow
@@ -108,6 +110,55 @@ def test_a_finished_campaign_is_told_again_without_flying(flown):
     again = gcs("campaign", out, "--json")
     assert json.loads(again.stdout) == json.loads(found.stdout)
     assert (out / "flights.parquet").read_bytes() == before
+
+
+def test_laws_are_told_side_by_side_the_success_first(flown):
+    _, out, found = flown
+    told = json.loads(found.stdout)
+    lines = gcs("campaign", out).stdout.splitlines()
+    assert len(lines) <= 10
+    for law, row in zip(told["laws"], lines[2:], strict=False):
+        assert row.split()[:2] == [law["law"], f"{law['success']['successes']}/40"]
+        assert "MISSED" in row
+    assert f"(p = {told['differences'][0]['p']:.2g})" in lines[3]
+    assert max(len(line) for line in lines if str(out) not in line) <= 80
+    assert lines[-1].endswith(str(out / "report.html"))
+
+
+@pytest.mark.parametrize("at_least", [0.5, 0.9])
+def test_a_campaign_is_told_in_ten_lines_and_its_progress_in_a_pipe(
+    tmp_path, monkeypatch, at_least
+):
+    monkeypatch.setattr("gcs_tools.cli.campaign.LINE_S", 0.0)
+    (tmp_path / "hover.toml").write_text(HOVER)
+    head = f"expect = {{ success = {{ at_least = {at_least} }} }}"
+    (tmp_path / "brief.toml").write_text(BRIEF.format(head=head, tail=SUCCESS))
+    done = gcs("campaign", tmp_path / "brief.toml", "-j", "2", "--out", tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "result.json").read_text())["laws"][0]
+    lines = done.stdout.splitlines()
+    assert len(lines) <= 10
+    assert max(len(line) for line in lines if str(tmp_path) not in line) <= 80
+    assert f"{told['success']['successes']} of 50 flights" in lines[1]
+    assert lines[2].split()[0] == ("met" if at_least == 0.5 else "MISSED")
+    assert [line for line in lines if line.startswith("setpoint_error_max_m")]
+    (fails,) = (line for line in lines if line.startswith("Failures go with"))
+    assert "a high wind.step_m_s[0]" in fails
+    (again,) = (line for line in lines if line.startswith("Fly again"))
+    assert again.endswith(f"gcs fly '{tmp_path / 'out'}#{told['worst'][0]['number']}'")
+    assert "50 of 50 flights" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("count", "of", "expected", "needed"),
+    [
+        (40, 40, 0.95, 59), (39, 40, 0.95, 93), (298, 298, 0.99, 299), (59, 59, 0.95, None),
+        (30, 40, 0.95, None), (40, 40, 1.0, None), (0, 0, 0.9, None),
+    ],
+)  # fmt: skip
+def test_the_flights_that_would_show_what_is_expected_are_counted(count, of, expected, needed):
+    """Exact: 0.95 to the power of 59 is below 0.05, and of 58 it is not."""
+    shown = Shown("mmrac", expected, at_least(count, of, 0.95), 0.95, count, of, 0.95)
+    assert shown.needed == needed
 
 
 def test_a_flight_of_a_campaign_flies_again_to_the_bit(flown, tmp_path):
