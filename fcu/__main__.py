@@ -37,11 +37,15 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 
 
 @click.command(
-    epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped, 2 usage error, 3 plant link or port failed, or the simulator flies\n"
+    epilog=f"\b\n{table()}\n\nExit codes: 0 stopped, 2 usage error, 3 plant link or port failed, or the simulator flies\n"
     "another number of rotors."
 )
 @click.version_option(package_name="m-mrac")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Default: first free.")
+@click.option(
+    "--instance",
+    type=click.IntRange(0, INSTANCES - 1),
+    help=f"Instance number, 0 to {INSTANCES - 1}; default: the first that is free.",
+)
 @click.option(
     "--rate",
     "rate_hz",

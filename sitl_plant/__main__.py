@@ -18,10 +18,10 @@ except KeyboardInterrupt:
 
 
 @click.command(
-    epilog=f"\b\n{table()}\n\n\b\nExit codes: 0 stopped or flight ended, 2 usage error, 3 controller link or port failed."
+    epilog=f"\b\n{table()}\n\nExit codes: 0 stopped or flight ended, 2 usage error, 3 controller link or port failed."
 )
 @click.version_option(package_name="m-mrac")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help="Instance number (default: first free).")  # fmt: skip
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help=f"Instance number, 0 to {INSTANCES - 1}; default: the first that is free.")  # fmt: skip
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes vehicle and world (default: the airframe on the ground in still air).")  # fmt: skip
 @options.AIRFRAME
 @click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate in Hz; ignored with --world.")  # fmt: skip

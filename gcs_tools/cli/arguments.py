@@ -48,7 +48,7 @@ def instance(said: str, **more: Any) -> Decorator:
     return click.option(
         "--instance",
         type=click.IntRange(0, INSTANCES - 1),
-        help=f"Instance number; default: {said}.",
+        help=f"Instance number, 0 to {INSTANCES - 1}; default: {said}.",
         **more,
     )
 

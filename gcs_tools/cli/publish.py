@@ -16,7 +16,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 
 @click.command()
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True)
+@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True, help=f"Instance number, 0 to {INSTANCES - 1}.")  # fmt: skip
 @click.option("--run", metavar="NAME", help="Run name in the Zenoh keys; default: the time.")
 @arguments.LAW
 @arguments.AIRFRAME

@@ -47,7 +47,7 @@ def _whole(value: Any) -> Any:
 
 def _rate(value: int) -> int:
     if value not in RATES:
-        raise wrong((), f"one of {', '.join(map(str, RATES))}", value)
+        raise wrong((), f"one of {', '.join(map(str, RATES))} Hz", value)
     return value
 
 

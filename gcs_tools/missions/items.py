@@ -199,7 +199,9 @@ def check(
                 raise wrong(("items", i, "kind"), "an item for a vehicle in the air", item.kind)
             in_air = True
             if item.height_m > arena:
-                raise wrong(("items", i, "height_m"), f"within arena_m, {arena:g}", item.height_m)
+                raise wrong(
+                    ("items", i, "height_m"), f"at most arena_m, {arena:g} m", item.height_m
+                )
             continue
         if not in_air:
             raise wrong(("items", i, "kind"), "take_off, for a vehicle on the ground", item.kind)
@@ -207,11 +209,11 @@ def check(
         for key, place in _places(item):
             if place[2] <= ground:
                 raise wrong(
-                    ("items", i, *key, 2), f"a height above ground_z_m, {ground:g}", place[2]
+                    ("items", i, *key, 2), f"a height above ground_z_m, {ground:g} m", place[2]
                 )
             if math.dist(place, start) > arena:
                 raise wrong(
-                    ("items", i, *key), f"a place within arena_m, {arena:g}, of the start", place
+                    ("items", i, *key), f"a place within arena_m, {arena:g} m, of the start", place
                 )
         if isinstance(item, Hold):
             least += item.for_s
@@ -239,8 +241,12 @@ def _check_path(i: int, item: Follow, start: Any, ground: float, arena: float) -
     key = ("items", i, "file" if item.points_m is None else "points_m")
     lowest, farthest = r[r[:, 2].argmin()], r[np.linalg.norm(r - start, axis=1).argmax()]
     for place, lies, bound in (
-        (lowest, lowest[2] <= ground, f"below ground_z_m, {ground:g}"),
-        (farthest, math.dist(farthest, start) > arena, f"beyond arena_m, {arena:g}, of the start"),
+        (lowest, lowest[2] <= ground, f"below ground_z_m, {ground:g} m"),
+        (
+            farthest,
+            math.dist(farthest, start) > arena,
+            f"beyond arena_m, {arena:g} m, of the start",
+        ),
     ):
         if lies:
             at = ", ".join(f"{x:.4g}" for x in place)

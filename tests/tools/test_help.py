@@ -1,11 +1,14 @@
-"""Help that fits a terminal of 80 columns."""
+"""Help that fits a terminal of 80 columns, and says which instances there are."""
 
 from __future__ import annotations
 
 import click
 import pytest
+from click.testing import CliRunner
 
+from fcu.__main__ import main as fcu
 from gcs_tools.cli.program import main
+from sitl_plant.__main__ import main as plant
 from tests.command_line import gcs
 
 
@@ -13,4 +16,17 @@ from tests.command_line import gcs
 def test_no_line_of_help_is_longer_than_a_terminal_is_wide(name: str) -> None:
     said = gcs(*name.split(), "--help")
     assert said.exit_code == 0
-    assert [line for line in said.output.splitlines() if len(line) > 80] == []
+    _fits(said.output)
+
+
+@pytest.mark.parametrize("program", [fcu, plant])
+def test_nor_is_one_of_the_other_programs(program: click.Command) -> None:
+    said = CliRunner().invoke(program, ["--help"])
+    assert said.exit_code == 0
+    _fits(said.output)
+
+
+def _fits(text: str) -> None:
+    assert [line for line in text.splitlines() if len(line) > 80] == []
+    if "--instance" in text:
+        assert "0 to 9" in " ".join(text.split()).partition("--instance")[2]
