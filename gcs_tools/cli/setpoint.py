@@ -27,16 +27,18 @@ NO_AUTOPILOT = 8  # HEARTBEAT.autopilot of who is no vehicle
     "--yaw-deg", type=float, help="Yaw from East, counter-clockwise, deg; default: unchanged."
 )
 @arguments.UP_TIMEOUT
+@click.option("--within", "within_s", type=click.FloatRange(min=0.0), default=60.0, show_default=True, metavar="S", help="Seconds of simulation time within which the vehicle is to arrive; then exit with 3.")  # fmt: skip
 @arguments.as_json("Print the final position as JSON.")
 @arguments.instance("the first that runs")
 def setpoint(
-    x: float, y: float, z: float, yaw_deg: float | None, timeout_s: float, as_json: bool,
-    instance: int | None,
+    x: float, y: float, z: float, yaw_deg: float | None, timeout_s: float, within_s: float,
+    as_json: bool, instance: int | None,
 ) -> None:  # fmt: skip
     """Arm a running vehicle, take off, and fly to East X, North Y, Up Z (m).
 
     The vehicle holds there, and also when you interrupt the command. Exit codes: 0 arrived, 3 not
-    arrived: no vehicle ready within --timeout, rejected, no reply, landed, or one minute is over.
+    arrived: no vehicle ready within --timeout, rejected, below the ground, no reply, landed, or not
+    there within --within.
     """
     from fcu.interface.link import PortBusy
     from fcu.kernel.algebra import Vec3
@@ -55,7 +57,7 @@ def setpoint(
         _meet(vehicle, number, due)
         if instance is None and (others := not_met(number)):
             click.echo(f"not met, but there: {'; '.join(others)}", err=True)
-        here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True))
+        here = fly_to(vehicle, target, yaw_deg, lambda text: click.echo(text, err=True), within_s)
     except VehicleError as error:
         raise Failure(error) from error
     finally:

@@ -44,7 +44,7 @@ CHUNK = 50  # characters of a STATUSTEXT; one that is full is followed by anothe
 
 TAKEOFF_M = 2.5
 CLOSE_M, SLOW_M_S = 0.3, 0.3
-TIMEOUT_S = 60.0  # simulation time
+WITHIN_S = 60.0  # simulation time: how long a flight to a place may take
 HOLD_TRIES = 2  # half a second each, for somebody who waits for the prompt
 NOTHING = Vec3(0.0, 0.0, 0.0)
 
@@ -276,6 +276,7 @@ class Progress:
     def __init__(self) -> None:
         self.why = ""  # what it has done instead; empty: it goes on
         self.offboard = False  # whether it was told to fly setpoints
+        self.into_ground = False  # whether it says that its setpoint is below the ground
         self._has_flown = False
 
     def see(self, message: GroundMessage) -> None:
@@ -290,15 +291,19 @@ class Progress:
                 self.why = self.why or "has disarmed"
             elif self.offboard and message.main_mode != MainMode.OFFBOARD:
                 self.why = self.why or "is in another mode by now"
+        elif isinstance(message, StatusText):
+            self.into_ground |= says(message.text, Code.SETPOINT_INTO_GROUND)
 
 
 def fly_to(
-    vehicle: Vehicle, target: Vec3, yaw_deg: float | None, tell: Callable[[str], None]
-) -> LocalPosition:
+    vehicle: Vehicle, target: Vec3, yaw_deg: float | None, tell: Callable[[str], None],
+    within_s: float = WITHIN_S,
+) -> LocalPosition:  # fmt: skip
     """Arm and take off if need be, fly to `target` (m, ENU) and return where it arrived.
 
-    Raises VehicleError when the vehicle refuses, falls silent, lands, or is not there in a
-    minute of simulation time. Interrupted, it has the vehicle hold, and goes on with that.
+    Raises VehicleError when the vehicle refuses, falls silent, lands, or is not there `within_s` of
+    simulation time. Also for a target below the ground that it stands on, before it is armed.
+    Interrupted, it has the vehicle hold, and goes on with that.
     """
     vehicle.wait_ready()
     told: set[str] = set()
@@ -312,7 +317,7 @@ def fly_to(
     try:
         with interrupts_wait() as interrupts:
             vehicle.on_wait = interrupts.look
-            return _fly_to(vehicle, target, yaw_deg, tell)
+            return _fly_to(vehicle, target, yaw_deg, tell, within_s)
     except KeyboardInterrupt:
         vehicle.on_wait = lambda: None
         try:
@@ -325,17 +330,23 @@ def fly_to(
 
 
 def _fly_to(
-    vehicle: Vehicle, target: Vec3, yaw_deg: float | None, tell: Callable[[str], None]
-) -> LocalPosition:
+    vehicle: Vehicle, target: Vec3, yaw_deg: float | None, tell: Callable[[str], None],
+    within_s: float,
+) -> LocalPosition:  # fmt: skip
     watch = Progress()
     start = vehicle.position()
     armed = vehicle.heartbeat().armed
     if not armed:
+        if target.z < (ground := start.r_E.z) - CLOSE_M:
+            raise VehicleError(
+                f"not flown: {_place(target)} is below the ground, on which the vehicle stands at a"
+                f" height of {ground:.1f} m (give Z above that)"
+            )
         vehicle.arm()
     vehicle.on_message = watch.see
     if not armed:
         vehicle.take_off(TAKEOFF_M)
-        _wait_until_at(vehicle, start.r_E + Vec3(0.0, 0.0, TAKEOFF_M), watch)
+        _wait_until_at(vehicle, start.r_E + Vec3(0.0, 0.0, TAKEOFF_M), watch, within_s)
     psi = 0.0 if yaw_deg is None else math.radians(yaw_deg)
     mask = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW_RATE
     if yaw_deg is None:
@@ -348,16 +359,21 @@ def _fly_to(
     stream()
     vehicle.offboard()
     watch.offboard = True
-    tell(f"flying to ({target.x:g}, {target.y:g}, {target.z:g}) m")
-    there = _wait_until_at(vehicle, target, watch, stream)
+    tell(f"flying to {_place(target)}")
+    there = _wait_until_at(vehicle, target, watch, within_s, stream)
     watch.offboard = False
     vehicle.hold()
     return there
 
 
+def _place(r: Vec3) -> str:
+    return f"({r.x:g}, {r.y:g}, {r.z:g}) m"
+
+
 def _wait_until_at(
-    vehicle: Vehicle, goal: Vec3, watch: Progress, stream: Callable[[], None] = lambda: None
-) -> LocalPosition:
+    vehicle: Vehicle, goal: Vec3, watch: Progress, within_s: float,
+    stream: Callable[[], None] = lambda: None,
+) -> LocalPosition:  # fmt: skip
     began = vehicle.position()
     while True:
         stream()
@@ -366,9 +382,12 @@ def _wait_until_at(
         if away < CLOSE_M and distance(here.v_E, NOTHING) < SLOW_M_S:
             return here
         if watch.why:
-            raise VehicleError(f"not there: the vehicle {watch.why}, {away:.1f} m away")
-        if here.time_boot_ms - began.time_boot_ms > TIMEOUT_S * 1000:
-            raise VehicleError(f"not there after {TIMEOUT_S:.0f} s: still {away:.1f} m away")
+            because = f": {_place(goal)} is below the ground" if watch.into_ground else ""
+            raise VehicleError(f"not there: the vehicle {watch.why}, {away:.1f} m away{because}")
+        if here.time_boot_ms - began.time_boot_ms > within_s * 1000:
+            raise VehicleError(
+                f"not there after {within_s:g} s: still {away:.1f} m away (longer: --within S)"
+            )
 
 
 def put_back(vehicle: Vehicle, force: bool, timeout_s: float) -> None:

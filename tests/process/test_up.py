@@ -64,12 +64,35 @@ def flying(start, instance):
     return begin
 
 
-def test_setpoint_ends_once_the_vehicle_has_landed(flying):
-    """A place in the ground, and aside: the vehicle lands there, upright."""
-    go, _ = flying(1, 1, -3)
+def test_setpoint_below_the_ground_is_refused_and_in_the_air_ends_in_a_landing(
+    flying, start, instance
+):
+    """A place in the ground, and aside: the vehicle in the air lands there, upright."""
+    first, _ = flying(1, 0, 2)
+    assert first.wait() == 0, first.text()
+    below = "setpoint", 1, 1, -3, "--instance", instance
+    go = start("gcs_tools", *below)
     assert go.wait() == 3
-    assert "landed" in go.err.read_text()
-    assert "3.3 m" in go.err.read_text()
+    assert "landed, 3." in go.err.read_text()
+    assert "(1, 1, -3) m is below the ground" in go.err.read_text()
+    script = Script(instance)
+    try:
+        script.first("HEARTBEAT", lambda m: not m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+    finally:
+        script.close()
+    again = start("gcs_tools", *below)
+    assert again.wait() == 3
+    assert "(1, 1, -3) m is below the ground" in again.err.read_text()
+    assert "Armed" not in again.text()
+
+
+def test_setpoint_ends_where_the_time_for_it_is_over(flying, start, instance):
+    first, _ = flying(0, 0, 2)
+    assert first.wait() == 0, first.text()
+    go = start("gcs_tools", "setpoint", 0, 0, 50, "--instance", instance, "--within", 0.5)
+    assert go.wait() == 3
+    assert "not there after 0.5 s" in go.text()
+    assert "--within" in go.text()
 
 
 def test_setpoint_ends_once_somebody_else_has_the_vehicle(flying, instance):
