@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import select
+import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import click
 
@@ -34,17 +37,19 @@ if TYPE_CHECKING:
 @arguments.AIRFRAME
 @click.option("--publish/--no-publish", default=True, show_default=True, help="Publish every tick on Zenoh.")  # fmt: skip
 @arguments.ZENOH
+@click.option("--until-eof", is_flag=True, help="Stop also when standard input ends: it does when the program that holds its other end dies.")  # fmt: skip
 @arguments.FREE_INSTANCE
 def up(
     mission: str | None, speed: float | None, autopilot: str | None, origin: str | None,
     link_clock: str | None, params: str | None, law: str | None, airframe: str | None, publish: bool, zenoh: Path | None,
-    instance: int | None,
+    until_eof: bool, instance: int | None,
 ) -> int:  # fmt: skip
     """Start flight controller and simulator, and keep them running until Ctrl-C.
 
     For a ground station or a script. With MISSION they start with its law, world and start point;
     without, the vehicle stands on the ground in still air. A vehicle whose start is in the air is
     armed and holds there (mode Hold). After a crash it lies there until `gcs reset` puts it back.
+    A program that starts it and may be killed gives it a pipe as standard input, and --until-eof.
     """
     given = {
         "--autopilot": autopilot, "--origin": origin, "--link-clock": link_clock, "--params": params
@@ -96,7 +101,7 @@ def up(
             in_the_air = chosen is not None and not chosen.flight.start.on_ground
             vehicle = LiveVehicle(pair, stack, number, in_the_air)
             _stand_by(vehicle, pair, scene, folder, number, "max" if speed is None else str(speed),
-                      options, zenoh is not None)  # fmt: skip
+                      options, zenoh is not None, until_eof)  # fmt: skip
             code = OK
     except UsageError as error:
         raise Failure(error, USAGE) from error
@@ -111,7 +116,7 @@ def up(
 
 def _stand_by(
     vehicle: LiveVehicle, pair: Pair, scene: Scenario | None, folder: Path, number: int, speed: str,
-    options: list[str], configured: bool,
+    options: list[str], configured: bool, until_eof: bool,
 ) -> None:  # fmt: skip
     """Run both until interrupted; say what to connect to once both are ready.
 
@@ -133,7 +138,7 @@ def _stand_by(
         if pair.publisher is not None:
             where = "as configured" if configured else f"tcp/{HOST}:{port(number)}"
             click.echo(f"  diagnostics     {why or f'Zenoh, {where} (gcs monitor)'}")
-        while True:
+        while not (until_eof and _has_ended(sys.stdin)):
             for event in vehicle.events():
                 click.echo(event, err=True)
             if pair.publisher is not None and pair.publisher.has_died():
@@ -141,3 +146,10 @@ def _stand_by(
             time.sleep(0.1)
     except KeyboardInterrupt:
         return
+
+
+def _has_ended(stream: IO[str]) -> bool:
+    """Return true if a stream has come to its end. Whatever is there to be read is dropped."""
+    poll = select.poll()
+    poll.register(stream, select.POLLIN)
+    return bool(poll.poll(0)) and not os.read(stream.fileno(), select.PIPE_BUF)

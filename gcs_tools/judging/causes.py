@@ -157,9 +157,11 @@ def _above(far: float) -> float:
 
 
 def _stretch(what: str, t: Rows, on: Any) -> str:
-    """When a limit was first met, since when to the end, and in what part of the time."""
+    """The first and the last time at which a limit was met, and in what part of the time it was."""
     times = t[on]
-    parts = [f"first at {times[0]:.2f} s"]
+    parts = [f"first at {times[0]:.2f} s", f"last at {times[-1]:.2f} s"]
+    if times[0] == times[-1]:
+        parts = [f"at {times[0]:.2f} s"]
     gaps = np.flatnonzero(np.diff(times) > _APART_S)
     since = float(times[gaps[-1] + 1] if len(gaps) else times[0])
     if t[-1] - times[-1] <= _APART_S and since < times[-1]:

@@ -40,7 +40,7 @@ class Program:
         with self.out.open("wb") as out, self.err.open("wb") as err:
             self.process = subprocess.Popen(
                 [sys.executable, "-X", "faulthandler", "-m", module, *map(str, arguments)],
-                cwd=folder, stdin=subprocess.DEVNULL, **{"stdout": out, "stderr": err, **options},
+                cwd=folder, **{"stdin": subprocess.DEVNULL, "stdout": out, "stderr": err, **options},
             )  # fmt: skip
 
     @property

@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import socket
+import subprocess
 
 import pymavlink.dialects.v20.common as mavlink
 import pytest
@@ -138,6 +139,21 @@ def test_a_killed_up_leaves_nobody(start, instance, gone):
     pids = up.started()
     up.process.kill()
     up.wait()
+    gone(pids)
+
+
+def test_up_ends_with_the_program_that_holds_its_standard_input(start, instance, gone):
+    options = "--instance", instance, "--until-eof"
+    up = start("gcs_tools", "up", *options, stdin=subprocess.PIPE)
+    up.says("ready")
+    pids = up.started()
+    up.process.stdin.write(b"still there\n")
+    up.process.stdin.flush()
+    go = start("gcs_tools", "setpoint", 0, 0, 2, "--instance", instance)
+    assert go.wait() == 0, go.text()
+    assert up.process.poll() is None
+    up.process.stdin.close()
+    assert up.wait() == 0
     gone(pids)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import sys
@@ -122,3 +123,22 @@ def test_the_example_of_the_docs_reads_the_wind(replay, instance, tmp_path):
         example.kill()
     assert float(second[0]) == pytest.approx(float(first[0]) + 0.002)
     assert all(-20.0 < float(number) < 20.0 for number in (first[3], first[6]))
+
+
+def test_the_example_of_the_docs_waits_for_a_wind_until_the_vehicle_flies(
+    start, instance, tmp_path
+):
+    text = (ROOT / "docs" / "wind.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "example.py").write_text(code.replace("7447", str(topics.port(instance))))
+    up = start("gcs_tools", "up", "--instance", instance, "--speed", 4)
+    up.says("ready")
+    with subprocess.Popen(
+        [sys.executable, "-u", "example.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    ) as example:
+        go = start("gcs_tools", "setpoint", 1, 0, 2, "--instance", instance)
+        assert go.wait() == 0, go.text()
+        first = example.stdout.readline().split()
+        example.kill()
+    assert float(first[0]) > 0.0
+    assert all(math.isfinite(float(number)) for number in (first[3], first[6]))
