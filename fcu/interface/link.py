@@ -151,7 +151,7 @@ class UdpLink:
         self._strangers = 0
 
     def _beside(self) -> socket.socket | None:
-        """A socket on the same port, to which goes what is not from the peer; Linux only.
+        """A second socket on the same port, which receives packets from anyone but the peer (Linux only).
 
         The port is shared for the moment of binding; then again nobody can share it.
         """

@@ -42,7 +42,7 @@ class Code(Enum):
     PLAN_COMPLETE = "{} complete, mode {}"
     POSITION_JUMPED = "Position jumped {:.0f} m: flying by velocity"
     POSITION_BACK = "Position valid again"
-    NOT_AS_BELIEVED = "Not as believed: {}"
+    NOT_AS_BELIEVED = "Contradicts assumptions: {}"
     LAW_NOT_FINITE = "The law computed numbers that are not finite: {}"
     CRASHED = "Crashed: hit the ground (gcs reset puts it back)"
     DIVERGED = "Lost: left the arena (gcs reset puts it back)"
@@ -58,22 +58,22 @@ class Code(Enum):
     LINK_SILENT = "the plant has been silent for {:.0f} s"
 
     # --- what contradicts a belief
-    LIGHTER = "mass below {:g} kg, or wind from below lasts"
-    HEAVIER = "mass above {:g} kg, or wind from above lasts"
-    MORE_DRAG = "drag beyond that of a wind of {:.3g} m/s"
-    THRUST_OFF = "rotors do not give the thrust commanded"
-    TRIM_PINNED = "trim of thrust at its limit of {:g} N"
+    LIGHTER = "mass below {:g} kg, or a persistent updraft"
+    HEAVIER = "mass above {:g} kg, or a persistent downdraft"
+    MORE_DRAG = "more drag than in a wind of {:.3g} m/s"
+    THRUST_OFF = "rotors do not give the commanded thrust"
+    TRIM_PINNED = "thrust trim at its limit of {:g} N"
 
     # --- what a request came to
     ARMED = "Armed"
     DISARMED = "Disarmed"
     TERMINATED = "Flight terminated"
     MODE = "Mode {}"
-    MODE_SHORT = "Mode {}: lacks {:newtons}, may saturate"
+    MODE_SHORT = "Mode {} needs {:newtons} more than available: thrust may saturate"
     TAKING_OFF = "Taking off to {:.1f} m above here"
     TAKES_OFF_ONCE_ARMED = "Takes off to {:.1f} m above here once armed"
     GOING = "Flying {:.0f} m"
-    GOING_SHORT = "Flying {:.0f} m: lacks {:newtons}, may saturate"
+    GOING_SHORT = "Flying {:.0f} m needs {:newtons} more than available: thrust may saturate"
     HOME_SET = "Home set"
     ORIGIN_SET = "Origin set"
     READY_TO_ARM = "Ready to arm"
@@ -149,7 +149,7 @@ class Code(Enum):
 
     # --- a setpoint: refused, warned of, flown at a limit
     SETPOINT_REFUSED = "Setpoint rejected: {}"
-    SETPOINT_SHORT = "Setpoint at {}: lacks {:newtons}, may saturate"
+    SETPOINT_SHORT = "Setpoint at {} needs {:newtons} more than available: thrust may saturate"
     SETPOINT_TURNS = "Setpoint yaw rate {:.1f} rad/s limited to {:.1f} rad/s"
     SETPOINT_LOW = "Setpoint {:.0f} m below home limited to {:g} m"
     SETPOINT_FAR = "Setpoint {:.0f} m away limited to {:.0f} m"
@@ -183,19 +183,19 @@ class Code(Enum):
 SHORT: dict[Code, tuple[str, ...]] = {
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
-    Code.NOT_AS_BELIEVED: ("Not believed: {0}",),
-    Code.LIGHTER: ("mass < {0:.3g} kg or wind upwards",),
-    Code.HEAVIER: ("mass > {0:.3g} kg or wind downwards",),
-    Code.MORE_DRAG: ("drag beyond a wind of {0:.3g} m/s",),
+    Code.NOT_AS_BELIEVED: ("Unexpected: {0}",),
+    Code.LIGHTER: ("mass < {0:.3g} kg or an updraft",),
+    Code.HEAVIER: ("mass > {0:.3g} kg or a downdraft",),
+    Code.MORE_DRAG: ("drag above a {0:.3g} m/s wind",),
     Code.THRUST_OFF: ("rotors do not give their thrust",),
-    Code.TRIM_PINNED: ("trim of thrust at {0:g} N",),
+    Code.TRIM_PINNED: ("thrust trim at {0:g} N",),
     Code.LAW_NOT_FINITE: ("Law is not finite: {0}", "Law computed numbers that are not finite"),
     Code.CRASHED: ("Crashed: hit the ground (gcs reset)",),
     Code.DIVERGED: ("Lost: left the arena (gcs reset)",),
     Code.PLANT_SILENT_STOPS: ("No state for {0:.0f} s, controller stops",),
-    Code.MODE_SHORT: ("Mode {0}: lacks {1:newtons}",),
+    Code.MODE_SHORT: ("Mode {0} needs {1:newtons} more", "Mode {0}: lacks {1:newtons}"),
     Code.TAKES_OFF_ONCE_ARMED: ("Takes off to {0:.1f} m once armed",),
-    Code.GOING_SHORT: ("Flying {0:.0f} m: lacks {1:newtons}",),
+    Code.GOING_SHORT: ("Flying {0:.0f} m needs {1:newtons} more",),
     Code.MODE_UNKNOWN: ("Mode {0} denied: not supported",),
     Code.BUSY: ("{0} is in progress",),
     Code.LATE_REPETITION: ("{0} came late",),
@@ -233,7 +233,11 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.LANDS_HERE: ("lands here (reposition first)",),
     Code.GROUND_SPEED_ONLY: ("speed type must be 1 (ground)",),
     Code.SETPOINT_REFUSED: ("Setpoint rejected: {0}", "Setpoint: {0}"),
-    Code.SETPOINT_SHORT: ("Setpoint lacks {1:newtons}, may saturate",),
+    Code.SETPOINT_SHORT: (
+        "Setpoint at {0} needs {1:newtons} more, may saturate",
+        "Setpoint at {0}: lacks {1:newtons}, may saturate",
+        "Setpoint needs {1:newtons} more, may saturate",
+    ),
     Code.SETPOINT_TURNS: ("Setpoint yaw rate limited to {1:.1f} rad/s",),
     Code.SETPOINT_LOW: ("Setpoint below home limited to {1:g} m",),
     Code.SETPOINT_FAR: ("Setpoint distance limited to {1:.0f} m",),

@@ -360,7 +360,7 @@ def state_received(state, spin):
 
 @kernel
 def controls_received(command):
-    """The RotorCommand that `parse_controls` reads of one that `pack_controls` has sent as `nan_stands`."""
+    """The rotor command as the plant receives it: rounded to float32, NaN as 0."""
     u = command_through_the_wire(command).u
     return RotorCommand(
         Rotors(

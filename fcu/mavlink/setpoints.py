@@ -105,7 +105,7 @@ def setpoint_through_the_wire(setpoint: Setpoint) -> Setpoint:
 
 
 def nonsense(decoded: Setpoint) -> Told | None:
-    """Why every vehicle refuses a setpoint that it has decoded, whatever it does now; None: it does not."""
+    """The reason to refuse a setpoint in any state, or None."""
     return _refusal(target_of(decoded), 0, Frame.LOCAL_NED, None)
 
 

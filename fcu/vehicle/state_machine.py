@@ -307,7 +307,7 @@ class StateMachine:
 
     @property
     def leads_itself(self) -> bool:
-        """Whether it flies a plan of its own, of which the guard was asked about the begin at most."""
+        """True while the vehicle flies its own plan. The guard has checked at most how it begins."""
         own = self.mode is not Mode.OFFBOARD or self._approach is not Approach.AS_ASKED
         return self.armed and own
 

@@ -130,7 +130,7 @@ class LawEntry(Table):
 
 
 class Document(Table):
-    """A campaign: many flights of a mission with what is not known drawn."""
+    """A campaign: one mission flown many times with its uncertain values sampled."""
 
     title: str
     mission: str = Field(description="a shipped one's name, or a file (relative to this one)")

@@ -218,7 +218,7 @@ def _of_the_interval(campaign: Campaign, found: Analysis) -> str:
 def _differences(differences: Iterable[Difference]) -> Iterator[str]:
     rows = [
         (
-            f"{each.law} less {each.first}",
+            f"{each.law} minus {each.first}",
             f"{100 * each.success:+.2f} %<small>{100 * each.low:+.2f} to {100 * each.high:+.2f}</small>",
             f"{each.better:,}", f"{each.worse:,}", _p(each.p), escape(each.metric),
             _quantile(each.median),
@@ -252,7 +252,7 @@ def _failures(
         clear = [cause for cause in of.causes if cause.p < LIKELY]
         if clear:
             said = "; ".join(f"{c.name} ({_direction(c.direction)}, p {_p(c.p)})" for c in clear)
-            yield f"<p>Failed flights differ from the others in {escape(said)}.</p>"
+            yield f"<p>Failures go with {escape(said)}.</p>"
         else:
             yield f"<p>No drawn quantity tells failed flights from others (p &lt; {LIKELY:g}).</p>"
         yield plot.effects(

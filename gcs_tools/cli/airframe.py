@@ -91,13 +91,13 @@ def _show(found: AirframeCheck, console: Console) -> None:
     rows = Table("Hover", "", "", box=None, pad_edge=False, header_style="dim")
     rows.columns[1].justify = "right"
     least, most = found.mass_kg
-    rows.add_row("mass", f"{least:g} to {most:g}", "kg, believed")
+    rows.add_row("mass", f"{least:g} to {most:g}", "kg, assumed")
     rows.add_row("throttle", f"{100.0 * found.hover_throttle:.0f}", "% of full rotor speed")
     rows.add_row("greatest thrust", f"{found.thrust_to_weight:.2f}", "times the weight")
     minutes, power = found.hover_time_s / 60.0, found.hover_power_w
     rows.add_row("battery", f"{minutes:.1f}", f"min at {power:.0f} W, of the simulated vehicle")
     response, lag = 1e3 * found.rotor_response_s, 1e3 * found.rotor_lag_s
-    rows.add_row("rotors answer in", f"{response:.1f}", f"ms, made of a lag of {lag:.3g} ms")
+    rows.add_row("rotor response", f"{response:.1f}", f"ms ({lag:.3g} ms lag, compensated)")
     console.print(rows)
     console.print()
 
@@ -130,7 +130,7 @@ def _show(found: AirframeCheck, console: Console) -> None:
 
     guard = Table("Guard", "", "", box=None, pad_edge=False, header_style="dim")
     guard.columns[1].justify = "right"
-    guard.add_row("wind that is believed", f"{found.wind_m_s:.1f}", "m/s")
+    guard.add_row("assumed wind", f"{found.wind_m_s:.1f}", "m/s")
     guard.add_row("force left in hover", f"{found.room_n:.2g}", "N, whatever that wind does")
     guard.add_row(
         "torque left in hover",

@@ -188,7 +188,7 @@ def _show(found: Envelope, console: Console) -> None:
 
 
 def _show_headline(found: Envelope, console: Console) -> None:
-    """Whether the condition holds for what will be flown, and what that means."""
+    """Print whether the condition holds for what will be flown, and what that means."""
     from rich.text import Text
 
     if found.holds:
@@ -241,10 +241,10 @@ def _show_changes(found: Envelope, console: Console) -> None:
     would_not = [
         ALONE.get(change.what, change.what) for change in found.changes if change.would_do is None
     ]
-    given = "As given, any" if found.governed else "Any"
+    given = "the setpoints as given" if found.governed else "it"
     for title, lines in (
-        (f"{given} one of these is enough:", would),
-        ("None of these is enough alone:", would_not),
+        (f"Any one of these changes would make {given} fit:", would),
+        ("None of these changes would do alone:", would_not),
     ):
         if lines:
             console.print(Text(title, style="dim"))
@@ -253,7 +253,7 @@ def _show_changes(found: Envelope, console: Console) -> None:
 
 
 def _change(change: Change, would_do: float) -> str:
-    """A change that is enough."""
+    """A change that would make the mission fit."""
     if change.what == DISTANCES:
         of_curve = [setting for setting in change.settings if "curve" in setting]
         how = ", ".join(of_curve) or ("flight.setpoints" if change.settings else "flight.items")
@@ -271,7 +271,7 @@ def _tenths(value: float) -> str:
 
 
 def _columns(row: Reach) -> list[str]:
-    """What is certain is rounded down."""
+    """The certain values, rounded down."""
     columns = (row.exact, row.ball, row.theorem)
     return ["-" if v is None else f"{math.floor(10.0 * v) / 10.0:.1f}" for v in columns]
 

@@ -46,7 +46,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @arguments.FREE_INSTANCE
 @click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Missions to fly at a time; default: as many as cores, or 1 with --speed, --instance or publishing.")  # fmt: skip
 @click.option("--figure", type=click.Choice(["always", "failed", "never"]), help="Flights to draw flight.png of; default: always for one mission, failed for several.")  # fmt: skip
-@click.option("--record", type=click.Choice(["full", "light", "none"]), default="full", show_default=True, help="Ticks in flight.mcap: all, 100 a second, or no file. The verdict is always of all.")  # fmt: skip
+@click.option("--record", type=click.Choice(["full", "light", "none"]), default="full", show_default=True, help="Ticks in flight.mcap: all, 100 a second, or no file. The verdict always uses every tick.")  # fmt: skip
 def fly(
     missions: tuple[str, ...], speed: float | None, seed: int | range | None, rate_hz: float | None,
     out: Path | None, junit: Path | None, law: str | None, airframe: str | None,

@@ -236,7 +236,7 @@ def _differences(found: Comparison, airframe: str):  # type: ignore[no-untyped-d
     """Error less that of the first law, over common seeds; certain ones are bold."""
     of = [each for each in found.summary.differences if each.airframe == airframe]
     laws = list(dict.fromkeys(each.law for each in of))
-    table = _table(f"error less {of[0].first}'s, mm", laws)
+    table = _table(f"error minus {of[0].first}'s, mm", laws)
     for mission in dict.fromkeys(each.mission for each in of):
         row = [each for law in laws for each in of if (each.mission, each.law) == (mission, law)]
         table.add_row(mission, *(_difference(each, len(found.seeds)) for each in row))

@@ -48,7 +48,7 @@ AFTER_OTHERS = 5  # added to the nice value of who records
 TURN_S = 1e-4  # wall: how long a thread of the runner keeps another from running
 STOP_S = 1.0  # wall: after that a process is ended that was asked to end, and does nothing
 STOPPED_S = 10.0  # wall: and one that works all the time
-BUSY_S, BUSY_PART = 0.5, 0.05  # wall: who uses that part of it, of a processor, computes
+BUSY_S, BUSY_PART = 0.5, 0.05  # wall: a process above this CPU share is busy
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 Take = Callable[[Rows], None]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 TELL_S = 0.1  # wall: between two words of a flight on how far it is
 STOP_S = 20.0  # wall: for flights that are told to end, to write down what they have
-WAITING = 2  # flights that are drawn, for each that is flown, at most
+WAITING = 2  # finished flights waiting for their figure, per job
 
 Tell = Callable[[str], None]
 

@@ -27,12 +27,12 @@ def unbelieved(mission: Mission) -> str:
     found = [*_masses(mission, values), *inertias(mission, values)]
     if not found:
         return ""
-    return f"the controller does not believe in the vehicle that flies: {'; '.join(found)}"
+    return f"the simulated vehicle is outside what the controller assumes: {'; '.join(found)}"
 
 
 def _masses(mission: Mission, values: Mapping[str, Value]) -> Iterator[str]:
     believed, _ = body(mission.airframe.tables, mission.airframe.name)
-    source = f"{mission.airframe.name} believes"
+    source = f"{mission.airframe.name} assumes"
     if not mission.controller and (told := getattr(mission.law, "guard_mass_kg", None)):
         believed, source = told, "law.guard_mass_kg says"
     for key in MASSES:
@@ -50,7 +50,7 @@ def inertias(mission: Mission, values: Mapping[str, Value] | None = None) -> Ite
     for axis, own, within in zip("xyz", value.value, believed, strict=True):
         if not _is_in(float(own), within):
             about = Value(own, value.origin)
-            source = f"{mission.airframe.name} believes"
+            source = f"{mission.airframe.name} assumes"
             yield _told(f"{INERTIA} about {axis}", about, source, within, "kg m^2")
 
 

@@ -79,8 +79,8 @@ def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[st
     if part is None or part < LITTLE or missed.grounded:
         return []
     return [
-        f"The guard flew the setpoint of {missed.since_s:g} s more gently in {100.0 * part:.0f} % of the"
-        f" ticks while it stood. How long it may take: {envelope_command(mission)}"
+        f"The guard slowed the flight to the setpoint of {missed.since_s:g} s for {100.0 * part:.0f} % of the"
+        f" time that it stood. How long it may take: {envelope_command(mission)}"
     ]
 
 

@@ -183,7 +183,7 @@ def _judge_reached(entry: Any, standing: Sequence[Standing], ended: str) -> Expe
     on_its_way = ended in GOOD_ENDINGS and not worst.grounded
     late = "If it was still on its way, give it more time; else ask" if on_its_way else "Ask"
     why = (
-        f"{worst}{others}. What stands below it may say why. {late} for a setpoint that it can reach,"
+        f"{worst}{others}. The lines below may explain it. {late} for a setpoint that it can reach,"
         " or set [expect] reached to a greater distance (m) or to false"
     )
     return Expectation(REACHED, within, value, False, text, why)

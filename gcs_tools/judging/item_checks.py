@@ -184,7 +184,7 @@ def _where_time_went(
 def _followed(
     flight: Flight, item: ItemFlown, ticks: EngagedTicks, begun: tuple[Begun, ...]
 ) -> list[Expectation]:
-    """Whether the vehicle was where its path led it; nothing of one that it never came to."""
+    """Check how closely each path was followed. Paths that were not reached are left out."""
     all_legs = legs(flight)
     along = [
         each for each in begun
@@ -209,7 +209,7 @@ def _last(flight: Flight, item: ItemFlown) -> float | None:
 def slowed(
     flown: Iterable[ItemFlown], judged: Iterable[Expectation], ticks: EngagedTicks
 ) -> list[str]:
-    """Which items the guard flew more gently, of those that missed what was expected of them."""
+    """The items that the guard slowed, among those that missed an expectation."""
     missed = [line.text for line in judged if line.is_missed]
     found = []
     for item in flown:
@@ -217,9 +217,7 @@ def slowed(
             continue
         part = ticks.metric("governed_fraction", item.began_s, item.ended_s)
         if part is not None and part >= LITTLE:
-            found.append(
-                f"The guard flew {item.name} more gently in {100.0 * part:.0f} % of its ticks."
-            )
+            found.append(f"The guard slowed {item.name} for {100.0 * part:.0f} % of its time.")
     return found
 
 

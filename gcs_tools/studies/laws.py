@@ -111,11 +111,11 @@ def differences(found: dict[str, Any], airframe: str) -> list[str]:
     by = {(each["mission"], each["law"]): each for each in of}
     missions, seeds = dict.fromkeys(each["mission"] for each in of), len(found["seeds"])
     rule = "|---" * (len(laws) + 1) + "|"
-    lines = [_heading(f"{airframe}: error less {of[0]['first']}'s, mm", laws), rule]
+    lines = [_heading(f"{airframe}: error minus {of[0]['first']}'s, mm", laws), rule]
     for mission in missions:
         row = [_common(by[mission, law], seeds) for law in laws]
         lines.append(_heading(_said(mission), row))
-    lines += ["", _heading(f"{airframe}: cost less {of[0]['first']}'s", laws), rule]
+    lines += ["", _heading(f"{airframe}: cost minus {of[0]['first']}'s", laws), rule]
     for mission in missions:
         row = [_interval(by[mission, law]["cost"], 1.0, "+.2f") for law in laws]
         lines.append(_heading(_said(mission), row))

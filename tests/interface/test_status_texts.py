@@ -44,7 +44,7 @@ def test_a_reason_is_worded_inside_what_it_is_a_reason_of():
 
 
 def test_a_wind_that_follows_from_an_airframe_is_told_in_three_digits():
-    assert words(Told(Code.MORE_DRAG, (7.41188,))).endswith("of a wind of 7.41 m/s")
+    assert words(Told(Code.MORE_DRAG, (7.41188,))).endswith("in a wind of 7.41 m/s")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ ROUND = "plant.inertia_kg_m2=[0.3, 0.3, 0.9]"
 @pytest.mark.parametrize(("settings", "told"), [
     ([], []),
     (["plant.mass_kg=9.0"], []),
-    ([LIGHT], ["plant.mass_kg is 1.5 kg (--set)", "s1000 believes 7 to 9"]),
+    ([LIGHT], ["plant.mass_kg is 1.5 kg (--set)", "s1000 assumes 7 to 9"]),
     ([DROPPED], ["plant.mass_change.mass_kg is 2 kg"]),
     (["plant.mass_change={ at_s = 1.0, mass_ratio = 0.2 }"], []),
     ([ROUND], ["about z is 0.9 kg m^2", "0.404 to 0.5192"]),
@@ -30,7 +30,7 @@ def test_what_flies_is_held_against_what_is_believed(settings, told):
 
 def test_the_masses_of_a_mission_are_those_of_its_own_vehicle():
     quad = with_airframe(load("gust_step", ["plant.mass_kg=8.0"]), "quad")
-    assert "quad believes" in unbelieved(quad)
+    assert "quad assumes" in unbelieved(quad)
     assert unbelieved(with_airframe(load("benchmark/drop"), "quad")) == ""
 
 
@@ -39,10 +39,12 @@ def test_fly_says_so_on_one_line_of_standard_error_and_envelope_among_its_remark
         "fly", "gust_step", "--set", ROUND, "--set", "flight.duration_s=0.2", "--in-process",
         "--figure", "never", "--record", "none", "--out", tmp_path / "run",
     )  # fmt: skip
-    lines = [line for line in flown.stderr.splitlines() if "does not believe" in line]
+    lines = [
+        line for line in flown.stderr.splitlines() if "outside what the controller assumes" in line
+    ]
     assert len(lines) == 1
     assert lines[0].startswith("gust_step: ")
-    assert "does not believe" not in flown.stdout
+    assert "outside what the controller assumes" not in flown.stdout
     assert "about z is 0.9 kg m^2" in " ".join(
         command_line.gcs("envelope", "gust_step", "--set", ROUND).stdout.split()
     )

@@ -69,7 +69,9 @@ def test_its_script_flies_it(flown):
     (script,) = blocks("missions.md", "python")
     told = run(folder, script).splitlines()
     assert told[0].startswith("True ")
-    assert any("Not as believed: drag beyond that of a wind of 12 m/s" in line for line in told)
+    assert any(
+        "Contradicts assumptions: more drag than in a wind of 12 m/s" in line for line in told
+    )
 
 
 @pytest.mark.parametrize("name", METRICS)

@@ -216,7 +216,7 @@ def test_a_path_is_to_be_followed_without_being_written(tmp_path: Path) -> None:
     (missed,) = (line for line in result.expectations if not line.passed)
     assert missed.text == "item 2 (follow): setpoint_error_max_m ≤ 0.5 along its path"
     assert missed.value > 2.0
-    assert any("The guard flew item 2 (follow) more gently" in cause for cause in result.causes)
+    assert any("The guard slowed item 2 (follow)" in cause for cause in result.causes)
 
 
 def test_what_an_item_missed_is_told_with_where_its_time_went_and_its_error_was_greatest(

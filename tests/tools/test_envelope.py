@@ -169,7 +169,9 @@ def test_one_that_is_not_says_what_uses_the_margin_up_and_what_would_do():
 def test_what_is_not_enough_alone_is_not_listed_with_what_is():
     done = gcs("paper_nominal")
     assert done.exit_code == 1
-    enough, alone = done.stdout.split("Any one of these is enough:")[1].split("None of these is")
+    enough, alone = done.stdout.split("Any one of these changes would make it fit:")[1].split(
+        "None of these"
+    )
     assert "f_m 1 -> 0." in enough and 'law.guard="govern"' in enough
     assert "guard_wind_m_s" in alone and "->" not in alone
     assert "-0.0" not in done.stdout

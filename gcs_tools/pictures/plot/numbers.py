@@ -58,7 +58,7 @@ def length(metres: float | None) -> str:
 
 
 def percent(fraction: float | None) -> str:
-    """A fraction in percent; what is not zero is not said to be."""
+    """Format a fraction as a percentage. Small values that are not zero are never printed as 0."""
     if fraction is None:
         return "no value"
     hundredths = 100.0 * fraction
