@@ -7,8 +7,9 @@ straight from and to buffers. To reset the plant the controller sends PREFLIGHT_
 plant acknowledges it, and all that it sends from then on is of the new flight.
 
 A battery arrives coarser than it was sent: charge as mA h, energy as hJ, voltage as mV, current
-as cA, what is left as percent. Its voltage is that of the whole pack, which MAVLink has in the
-place of the first cell. Out of a field's range a value is saturated; what is not a number is
+as cA, what is left as whole percent, rounded down, so that a level of 7 % is passed at 7 %. Its voltage is
+that of the whole pack, which MAVLink has in the place of the first cell, and what is above 65.534 V in that
+of the second. Out of a field's range a value is saturated; what is not a number is
 sent as the field's "unknown", and refused at the other end.
 """
 
@@ -375,6 +376,8 @@ def controls_received(command):
 # --- the battery
 
 _NO_CELL = 2**16 - 1
+_FULL_CELL = _NO_CELL - 1  # mV: the most that the place of a cell holds
+_ROUNDING = 1e-9  # percent: 0.57 times 100 is below 57
 _NO_TEMPERATURE = 2**15 - 1
 _ALL_FUNCTIONS, _LIPO = 1, 1  # MAV_BATTERY_FUNCTION_ALL, MAV_BATTERY_TYPE_LIPO
 _BYTES = {name: _BATTERY.offset(name) for name in (field.name for field in _BATTERY.fields)}
@@ -400,12 +403,16 @@ def _put_battery(datagram, body, battery):
     put(datagram, body + _CHARGE_AT, _whole(1e3 * battery.drawn_Ah, -(2**31), 2**31 - 1, -1), 4)
     put(datagram, body + _ENERGY_AT, _whole(1e-2 * battery.energy_J, -(2**31), 2**31 - 1, -1), 4)
     put(datagram, body + _TEMPERATURE_AT, _NO_TEMPERATURE, 2)
-    put(datagram, body + _VOLTAGES_AT, _whole(1e3 * battery.voltage, 0, _NO_CELL - 1, _NO_CELL), 2)
-    for i in range(1, 10):
+    pack_mV = _whole(1e3 * battery.voltage, 0, 2 * _FULL_CELL, -1)
+    first, second = min(pack_mV, _FULL_CELL), pack_mV - _FULL_CELL
+    put(datagram, body + _VOLTAGES_AT, first if pack_mV >= 0 else _NO_CELL, 2)
+    put(datagram, body + _VOLTAGES_AT + 2, second if second > 0 else _NO_CELL, 2)
+    for i in range(2, 10):
         put(datagram, body + _VOLTAGES_AT + 2 * i, _NO_CELL, 2)
     put(datagram, body + _CURRENT_AT, _whole(1e2 * battery.current, -(2**15), 2**15 - 1, -1), 2)
     datagram[body + _FUNCTION_AT], datagram[body + _TYPE_AT] = _ALL_FUNCTIONS, _LIPO
-    put(datagram, body + _REMAINING_AT, _whole(1e2 * battery.remaining, -(2**7), 2**7 - 1, -1), 1)
+    percent = np.floor(1e2 * battery.remaining + _ROUNDING)
+    put(datagram, body + _REMAINING_AT, _whole(percent, -(2**7), 2**7 - 1, -1), 1)
 
 
 @kernel
@@ -413,10 +420,11 @@ def _battery(payload):
     """The Battery of a payload; with a negative remainder if a field is unknown or out of range."""
     charge, energy = get_signed(payload, _CHARGE_AT, 4), get_signed(payload, _ENERGY_AT, 4)
     current, percent = get_signed(payload, _CURRENT_AT, 2), get_signed(payload, _REMAINING_AT, 1)
-    pack_mV = get(payload, _VOLTAGES_AT, 2)
-    known = min(charge, energy, current) >= 0 and pack_mV != _NO_CELL and 0 <= percent <= 100
+    first_mV, second_mV = get(payload, _VOLTAGES_AT, 2), get(payload, _VOLTAGES_AT + 2, 2)
+    goes_on = first_mV == _FULL_CELL and second_mV != _NO_CELL
+    known = min(charge, energy, current) >= 0 and first_mV != _NO_CELL and 0 <= percent <= 100
     return Battery(
-        voltage=1e-3 * pack_mV,
+        voltage=1e-3 * (first_mV + second_mV if goes_on else first_mV),
         current=1e-2 * current,
         drawn_Ah=1e-3 * charge,
         remaining=1e-2 * percent if known else -1.0,

@@ -258,6 +258,16 @@ def rc_channels(t: float) -> Packed:
     return _message("RC_CHANNELS", time_boot_ms=_ms(t), chancount=0, rssi=255, **unused)
 
 
+def flight_information(
+    t: float, number: int, armed_us: int, took_off_us: int, landed_us: int
+) -> Packed:
+    """FLIGHT_INFORMATION: simulation times of the flight of this number, as PX4 has times since boot. 0: not yet."""
+    return _message(
+        "FLIGHT_INFORMATION", time_boot_ms=_ms(t), arming_time_utc=armed_us,
+        takeoff_time_utc=took_off_us, flight_uuid=number, landing_time=landed_us // 1000,
+    )  # fmt: skip
+
+
 # --- rotors and air
 
 

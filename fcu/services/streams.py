@@ -385,6 +385,10 @@ def _rc_channels(v: View) -> Sequence[Packed]:
     return [tm.rc_channels(v.t)]
 
 
+def _flight_information(v: View) -> Sequence[Packed]:
+    return [tm.flight_information(v.t, *v.vehicle.flight_times)]
+
+
 def _flown(v: View, as_global: bool) -> Sequence[Packed]:
     """The setpoint in force: a script's in its own frame and mask, else what is laid down."""
     setpoint = v.vehicle.setpoint
@@ -472,6 +476,7 @@ STREAMS = {
         Stream("NAV_CONTROLLER_OUTPUT", 1.0, 0.0, _nav_controller),
         Stream("MISSION_CURRENT", 1.0, 1.0, _mission_current),
         Stream("RC_CHANNELS", 0.0, 0.0, _rc_channels),
+        Stream("FLIGHT_INFORMATION", 0.0, 0.0, _flight_information),
         Stream("BATTERY_STATUS", 0.5, 0.5, _battery),
         Stream("WIND", 0.5, 1.0, _wind),
         Stream("ESTIMATOR_STATUS", 0.5, 1.0, _estimator),

@@ -2,9 +2,8 @@
 
 A frame that has come whole is a datagram, and the address of the script's end says whose it is. Nothing
 here waits for a client. A message for which a connection has no room is left out whole, as UDP leaves it
-out: a script that reads nothing for a while keeps its connection and holds nobody up. When all places are
-taken, a connection that has not read for STALLED_S is cut for the next one, and who comes beyond is
-turned away.
+out: a script that reads nothing for a while keeps its connection and holds nobody up. A connection that has
+not read for STALLED_S is cut. While all places are taken, a new connection is turned away.
 """
 
 from __future__ import annotations
@@ -88,22 +87,13 @@ class TcpSocket:
         except OSError:  # who came has gone again
             return
         if len(self._connections) >= self._places:
-            stalled = (c for c in self._connections.values() if self._has_stalled(c))
-            place = next(stalled, None)
-            if place is None:
-                sock.close()
-                return
-            self._cut(place)
+            sock.close()
+            return
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection = self._connections[address] = _Connection(sock, address)
         self._selector.register(sock, selectors.EVENT_READ, connection)
         self._arrived.append(address)
-
-    @staticmethod
-    def _has_stalled(connection: _Connection) -> bool:
-        full_since = connection.full_since
-        return full_since is not None and time.monotonic() - full_since > STALLED_S
 
     def _read(self, connection: _Connection) -> None:
         try:
@@ -150,8 +140,12 @@ class TcpSocket:
         except OSError:
             self._cut(connection)
             raise ConnectionRefusedError from None
+        now = time.monotonic()
         if connection.full_since is None:
-            connection.full_since = time.monotonic()
+            connection.full_since = now
+        elif now - connection.full_since > STALLED_S:
+            self._cut(connection)
+            raise ConnectionRefusedError
         return len(datagram)
 
     def setblocking(self, _flag: bool, /) -> None:

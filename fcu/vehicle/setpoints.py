@@ -35,7 +35,8 @@ class SetpointLimits(NamedTuple):
     up: float  # m/s
     down: float  # m/s
     yaw_rate: float  # rad/s
-    acceleration: float = STANDARD_GRAVITY  # m/s^2: a tilt of 45 degrees
+    acceleration: float = STANDARD_GRAVITY  # m/s^2
+    across_acceleration: float = math.inf  # m/s^2, by the tilt that is allowed
 
 
 def script_limits(params: Parameters) -> SetpointLimits:
@@ -47,7 +48,7 @@ def script_limits(params: Parameters) -> SetpointLimits:
         up=params["MPC_Z_VEL_MAX_UP"],
         down=params["MPC_Z_VEL_MAX_DN"],
         yaw_rate=params.pace.yaw_rate_max,
-        acceleration=tilted(params) if params["MPC_TILTMAX_AIR"] < 45.0 else STANDARD_GRAVITY,
+        across_acceleration=tilted(params) if params["MPC_TILTMAX_AIR"] < 45.0 else math.inf,
     )
 
 
@@ -182,6 +183,11 @@ def of_position(
         )
         a = Vec3(*(0.0 if end else each for end, each in zip(ends, a, strict=True)))
         v = allowed
+    aside = math.hypot(a.x, a.y)
+    if aside > limits.across_acceleration:
+        k = limits.across_acceleration / aside
+        a = Vec3(k * a.x, k * a.y, a.z)
+        warning = Told(Code.SETPOINT_HARD, (aside, limits.across_acceleration))
     push = length(a)
     if push > limits.acceleration:
         a = (limits.acceleration / push) * a

@@ -118,6 +118,15 @@ class Answer(NamedTuple):
     later: bool = False  # refused for what may change in a moment
 
 
+class FlightTimes(NamedTuple):
+    """The last flight since the start of the vehicle. Simulation times, us. 0: it has not happened."""
+
+    number: int = 0  # how often the vehicle was armed
+    armed_us: int = 0
+    took_off_us: int = 0
+    landed_us: int = 0
+
+
 def _refused(code: Code, *values: float) -> Answer:
     return Answer(False, Told(code, values))
 
@@ -154,6 +163,7 @@ class StateMachine:
         self.feasibility = FeasibilityCheck(params)
         self._cruise: float | None = None
         self._on_ground = True  # until a state has shown otherwise
+        self.flight_times = FlightTimes()
         self._landed = LandedDetector(
             params.law.rotors.c_T, params.pace.T_hover, self.watch[_LANDED]
         )
@@ -424,7 +434,10 @@ class StateMachine:
         self._on_ground = self._landed.landed
         if self._on_ground:
             self._landed_us = t_us
+            self.flight_times = self.flight_times._replace(landed_us=t_us)
             told.append(Told(Code.LANDED))
+        else:
+            self.flight_times = self.flight_times._replace(took_off_us=t_us, landed_us=0)
 
     def _approaches(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         self._untold |= self._steer(t_us)
@@ -476,6 +489,7 @@ class StateMachine:
         if why is not None:
             return Answer(False, why)
         self.armed, self._armed_us = True, t_us
+        self.flight_times = FlightTimes(self.flight_times.number + 1, armed_us=t_us)
         self._clear(Clears.CHOSEN, Clears.DISARMED)
         self._landed.has_flown = not self._landed.landed
         if self._landed.landed:

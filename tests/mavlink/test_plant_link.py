@@ -216,9 +216,32 @@ def test_no_battery_is_too_much_for_its_datagram(battery):
     received = PlantCodec(SYSTEM)
     received.parse_state(CODEC.pack_state(TIME, to_buffer(FLYING), battery), untouched(21))
     assert received.battery is not None
-    assert received.battery.voltage == pytest.approx(min(battery.voltage, 65.534), abs=5.1e-4)
+    assert received.battery.voltage == pytest.approx(min(battery.voltage, 131.068), abs=5.1e-4)
     assert received.battery.current == pytest.approx(min(battery.current, 327.67), abs=5.1e-3)
-    assert received.battery.remaining == pytest.approx(battery.remaining, abs=5.1e-3)
+    assert -1e-10 <= battery.remaining - received.battery.remaining < 0.01
+
+
+@pytest.mark.parametrize(
+    ("volts", "cells"), [(65.534, [65534, 65535]), (65.535, [65534, 1]), (99.9, [65534, 34366])]
+)
+def test_a_pack_above_65_volts_arrives_whole(volts, cells):
+    """As MAVLink's BATTERY_STATUS has it: what is above goes to the next place."""
+    datagram = CODEC.pack_state(TIME, to_buffer(FLYING), FLOWN_FOR._replace(voltage=volts))
+    *_, battery = mavlink.MAVLink(None).parse_buffer(bytearray(datagram))
+    assert battery.voltages[:2] == cells
+    received = PlantCodec(SYSTEM)
+    received.parse_state(datagram, untouched(21))
+    assert received.battery.voltage == pytest.approx(volts, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("left", "percent"), [(0.07, 7), (0.0699, 6), (0.065, 6), (0.57, 57), (1.0, 100)]
+)
+def test_the_charge_is_rounded_down_so_that_a_level_is_passed_at_its_percent(left, percent):
+    received = PlantCodec(SYSTEM)
+    state = CODEC.pack_state(TIME, to_buffer(FLYING), FLOWN_FOR._replace(remaining=left))
+    received.parse_state(state, untouched(21))
+    assert received.battery.remaining == 1e-2 * percent
 
 
 @pytest.mark.parametrize("field", Battery._fields)

@@ -80,6 +80,23 @@ def met():
     return Met()
 
 
+def test_the_times_of_a_flight_are_told_on_request(met):
+    number = mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION
+
+    def told():
+        answers = met.say(met.long(mavlink.MAV_CMD_REQUEST_MESSAGE, [number, 0, 0, 0, 0, 0, 0]))
+        acknowledged = next(each for each in answers if each.get_type() == "COMMAND_ACK")
+        assert acknowledged.result == ACCEPTED
+        (found,) = (each for each in answers if each.get_type() == "FLIGHT_INFORMATION")
+        times = found.arming_time_utc, found.takeoff_time_utc, found.landing_time
+        return (found.flight_uuid, *times)
+
+    met.observe()
+    assert told() == (0, 0, 0, 0)
+    assert met.vehicle.arm(3_000_000, 3.0).granted
+    assert told() == (1, 3_000_000, 0, 0)
+
+
 def test_a_command_whose_answer_was_lost_is_answered_and_not_done_again(met):
     met.observe()
     assert met.ask(ARM, 1.0) == ACCEPTED

@@ -71,6 +71,19 @@ def test_acceleration_alone_goes_on_from_the_velocity_that_is_flown():
     assert setpoint.a_c == pytest.approx((2.0, 0.0, 1.0))
 
 
+def test_the_tilt_that_is_allowed_bounds_what_is_across_and_not_what_is_up():
+    """As PX4's MPC_TILTMAX_AIR: a climb needs no tilt."""
+    most = 3.5
+    asked = PositionRequest(None, STILL, Vec3(0.0, 6.0, 5.0), None, 0.0)
+    bound = LIMITS._replace(across_acceleration=most)
+    setpoint, warning = of_position(asked, POSE, HOME, FLOWN, bound)
+    assert setpoint.a_c == pytest.approx((0.0, most, 5.0))
+    assert warning == Told(Code.SETPOINT_HARD, (6.0, most))
+    up = asked._replace(a=Vec3(0.0, 0.0, 5.0))
+    setpoint, warning = of_position(up, POSE, HOME, FLOWN, bound)
+    assert (setpoint.a_c, warning) == (Vec3(0.0, 0.0, 5.0), None)
+
+
 def test_a_yaw_from_north_and_one_from_the_heading():
     assert local(mask=0x9F8, yaw=0.3)[0].psi_c == pytest.approx(math.pi / 2 - 0.3)
     assert local(9, mask=0x9F8, yaw=0.3)[0].psi_c == pytest.approx(EAST_30 - 0.3)

@@ -617,7 +617,7 @@ def test_the_tilt_that_is_allowed_bounds_the_acceleration_across(armed, params):
     most = 9.80665 * math.tan(math.radians(20.0))
     assert asked < most < 8.0
     assert plans.limits(params, None).acceleration == pytest.approx(most)
-    assert script_limits(params).acceleration == pytest.approx(most)
+    assert script_limits(params).across_acceleration == pytest.approx(most)
 
 
 def test_sticks_move_it_in_position_mode_for_as_long_as_they_speak(armed):
@@ -673,6 +673,9 @@ def test_after_a_landing_it_is_disarmed_after_the_time_that_is_set_and_no_sooner
     (landed,) = (t_us for t_us, told in told if told.code is Code.LANDED)
     (disarmed,) = (t_us for t_us, told in told if told.code is Code.DISARMED_LANDED)
     assert disarmed - landed == pytest.approx(2_000_000, abs=40_000)
+    times = vehicle.flight_times
+    assert (times.number, times.armed_us, times.landed_us) == (1, 1_000_000, landed)
+    assert 1_002_000 <= times.took_off_us < 2_000_000
 
 
 def test_a_take_off_that_is_granted_after_a_landing_is_not_ended_by_the_wait_of_the_landing(
