@@ -88,11 +88,11 @@ static double normal(void) { return sqrt(-2.0 * log(1.0 - uniform())) * cos(2.0 
 static struct {
     int rotors;
     double forward[ROTORS], right[ROTORS], spin[ROTORS], coefficient[ROTORS], full[ROTORS];
-    double mass, lag, torque_to_thrust, rotor_inertia;
+    double mass, lag, torque_to_thrust, rotor_inertia, spin_up;
     double thrust_min, thrust_max, tilt_max;
     vec inertia, drag;
     double gear, foot, stiffness, damping, friction, impact_max;
-} body = {.mass = 8.0, .lag = 0.05, .torque_to_thrust = 0.016, .thrust_max = 1e9, .tilt_max = 45.0,
+} body = {.mass = 8.0, .lag = 0.05, .torque_to_thrust = 0.016, .spin_up = 1.0, .thrust_max = 1e9, .tilt_max = 45.0,
           .gear = 0.2, .friction = 0.8, .impact_max = 3.0};
 
 static struct {
@@ -133,6 +133,7 @@ static void read_vehicle(const char *path) {
         struct { const char *key; int count; double *to; } table[] = {
             {"mass", 1, &body.mass}, {"lag", 1, &body.lag}, {"torque_to_thrust", 1, &body.torque_to_thrust},
             {"rotor_inertia", 1, &body.rotor_inertia}, {"thrust_min", 1, &body.thrust_min},
+            {"spin_up", 1, &body.spin_up}, /* 0: a rotor that speeds up turns nothing */
             {"thrust_max", 1, &body.thrust_max}, {"tilt_max", 1, &body.tilt_max}, {"gear", 1, &body.gear},
             {"inertia", 3, &body.inertia.x}, {"drag", 3, &body.drag.x}, {"impact_max", 1, &body.impact_max},
         };
@@ -234,7 +235,7 @@ static void move(double dt) {
         spin_up += body.spin[i] * body.rotor_inertia * (now.speed[i] - before) / dt;
         momentum -= body.spin[i] * body.rotor_inertia * now.speed[i];
     }
-    torque.z += spin_up;
+    torque.z += body.spin_up * spin_up;
     vec air = to_body(now.q, sub(now.velocity, now.wind));
     double v = norm(air);
     vec force = to_earth(now.q, v3(-body.drag.x * v * air.x, -body.drag.y * v * air.y, -thrust - body.drag.z * v * air.z));
@@ -268,6 +269,7 @@ static void move(double dt) {
 
 static struct {
     uint64_t air, rotor, thrust, tilt, resent, strange;
+    uint64_t rotor_run, rotor_longest; /* ticks in a row with a rotor at a limit */
     double tilt_most, thrust_most, thrust_least, off_most, wind_most, wind_rate_most, speed_most;
     double touchdown, arrived, goal_since;
     int contacts;
@@ -298,6 +300,8 @@ static void judge(vec wind_before, double dt) {
     if (judged.flew && !now.touching) {
         judged.air++;
         judged.rotor += pinned;
+        judged.rotor_run = pinned ? judged.rotor_run + 1 : 0;
+        if (judged.rotor_run > judged.rotor_longest) judged.rotor_longest = judged.rotor_run;
         judged.thrust += thrust >= body.thrust_max || thrust <= body.thrust_min;
         judged.tilt += roll >= body.tilt_max || pitch >= body.tilt_max;
         judged.tilt_most = fmax(judged.tilt_most, fmax(roll, pitch));
@@ -320,10 +324,12 @@ static void judge(vec wind_before, double dt) {
 
 static void say_state(void) {
     printf("{\"t\": %.6f, \"at\": [%.6f, %.6f, %.6f], \"velocity\": [%.6f, %.6f, %.6f], \"q\": [%.9f, %.9f, %.9f, %.9f], "
-           "\"wind\": [%.4f, %.4f, %.4f], \"touching\": %s, \"spinning\": %s, \"lost\": \"%s\", \"arrived_s\": ",
+           "\"wind\": [%.4f, %.4f, %.4f], \"touching\": %s, \"spinning\": %s, \"lost\": \"%s\", \"at_limit\": [%llu, %llu, %llu], \"longest_s\": %.3f, \"arrived_s\": ",
            seconds(), now.at.x, now.at.y, now.at.z, now.velocity.x, now.velocity.y, now.velocity.z, now.q.w, now.q.x, now.q.y,
            now.q.z, now.wind.x, now.wind.y, now.wind.z, now.touching ? "true" : "false",
-           now.command[0] > 0.0 ? "true" : "false", judged.lost);
+           now.command[0] > 0.0 ? "true" : "false", judged.lost, (unsigned long long)judged.rotor,
+           (unsigned long long)judged.thrust, (unsigned long long)judged.tilt, (double)judged.rotor_longest / given.rate);
+    judged.rotor_longest = 0; /* of the time since the last line */
     if (judged.arrived_yet) printf("%.3f, \"off_most_m\": %.4f}\n", judged.arrived, judged.off_most);
     else printf("null, \"off_most_m\": null}\n");
     fflush(stdout);
@@ -487,7 +493,9 @@ static void obey(char *line) {
     } else if (sscanf(line, "goal %lf %lf %lf %lf", a, a + 1, a + 2, a + 3) == 4) {
         judged.has_goal = true, judged.arrived_yet = false, judged.off_most = 0.0;
         judged.goal = v3(a[0], a[1], a[2]), judged.within = a[3], judged.goal_since = seconds();
-    } else if (!strncmp(line, "end", 3)) {
+    } else if (!strcmp(line, "no goal")) {
+        judged.has_goal = false;
+    } else if (!strcmp(line, "end")) {
         say_verdict();
         exit(0);
     } else {
