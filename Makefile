@@ -1,5 +1,5 @@
 # Every target but help sets up .venv first; a set-up that is current costs nothing.
-.PHONY: help setup clients readers browser fly test test-quick check mutate mutate-tenth bench schemas console stability figures laws
+.PHONY: help setup clients readers compiler browser fly test test-quick check mutate mutate-tenth bench schemas console stability figures laws
 .DEFAULT_GOAL := setup
 
 # Bytecode is kept, whatever the shell says: without it every worker rewrites every assertion at
@@ -44,6 +44,9 @@ tests/readers/node_modules/.installed: tests/readers/package.json tests/readers/
 	@npm ci --silent --prefix tests/readers
 	@touch $@
 
+compiler:  ## is there a C compiler for the simulator in C of the tests?
+	@command -v $(CC) >/dev/null || { echo "the tests need a C compiler, '$(CC)' is not there (apt install gcc libc6-dev)" >&2; exit 1; }
+
 browser:  ## Chromium from the system's packages, for the tests, where that can be done
 	@for name in chromium chromium-browser google-chrome google-chrome-stable; do \
 		command -v $$name >/dev/null && exit 0; \
@@ -59,7 +62,7 @@ fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
 # three workers on two cores: many tests wait for a flight or for somebody's patience to end
-test: clients readers browser  ## all tests
+test: clients readers compiler browser  ## all tests
 	@.venv/bin/pytest -q -n 3 --dist worksteal
 
 test-quick: setup  ## those that start no processes and need no browser, Node.js or clients

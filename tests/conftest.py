@@ -21,6 +21,7 @@ SLOW_FOLDERS = {
     "bus",
     "clients",
     "foreign_controller",
+    "foreign_plant",
     "missions",
     "off_host",
     "paper",

@@ -12,7 +12,9 @@ import sys
 import tempfile
 import time
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 os.environ["MAVLINK20"] = "1"
 
@@ -20,6 +22,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
 HERE = Path(__file__).parent
+Setpoint = Callable[[float], tuple[int, float, float, float]]
 POSITION, VELOCITY = 0xDF8, 0xDC7
 MODES = {"hold": (4, 3), "takeoff": (4, 2), "offboard": (6, 0), "land": (4, 6), "return": (4, 5)}
 WALL_S = 240.0  # the first start of `fcu` compiles
@@ -81,90 +84,98 @@ class Flight:
         vehicle: str,
         folder: Path,
         instance: int,
-        options: dict[str, object] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> None:
         self.texts: list[str] = []
-        self.acks: list[tuple[int, int]] = []
         self.values: dict[str, list[float]] = {}
         self.echoes = 0
         self.t = 0.0
-        self.truth: dict[str, object] = {}
-        self.armed = False
+        self.truth: dict[str, Any] = {}
+        self.armed, self.mode, self.status = False, 0, 0
+        self._acks: dict[int, int] = {}
         self._system = instance + 1
-        self._nonce = 0
-        self._sent = 0
+        self._answered = self._asked = 0
+        self._verdict: dict[str, Any] | None = None
         self._log = (folder / "fcu.log").open("w")
         (folder / "vehicle.txt").write_text(vehicle)
-        words = [[f"--{key}", str(value)] for key, value in (options or {}).items()]
-        command = [program, "--instance", str(instance), "--vehicle", folder / "vehicle.txt"]
-        fcu = [Path(sys.executable).with_name("fcu"), "--instance", str(instance)]
+        words = [word for key, value in (options or {}).items() for word in (f"--{key}", value)]
+        vehicle_file = folder / "vehicle.txt"
+        plant = [program, "--instance", instance, "--vehicle", vehicle_file, *words]
+        fcu = [Path(sys.executable).with_name("fcu"), "--instance", instance]
         fcu += ["--airframe", airframe, "--link-clock", "sim"]
-        self._fcu = subprocess.Popen(fcu, stdout=self._log, stderr=self._log)
+        self._fcu = subprocess.Popen([*map(str, fcu)], stdout=self._log, stderr=self._log)
         self._plant = subprocess.Popen(
-            [*command, *sum(words, [])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [*map(str, plant)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         self.link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{14540 + instance}")
-        self._until(lambda: self.link.target_system == self._system)
-        self.barrier()
+        try:
+            self.wait(lambda: self.link.target_system == self._system)
+            self.barrier()
+        except BaseException:
+            self.close()
+            raise
 
-    def close(self) -> dict[str, object]:
+    def close(self) -> dict[str, Any]:
         """End both processes and return the simulator's verdict."""
-        verdict: dict[str, object] = {}
+        if self._verdict is not None:
+            return self._verdict
+        self._verdict = {}
+        assert self._plant.stdin and self._plant.stdout
         if self._plant.poll() is None:
-            assert self._plant.stdin and self._plant.stdout
-            try:
-                self._plant.stdin.write("end\n")
-                self._plant.stdin.close()
-                verdict = json.loads(self._plant.stdout.readline() or "{}")
-            finally:
-                self._plant.wait(10.0)
+            self.line("end")
+            self._verdict = json.loads(self._plant.stdout.readline() or "{}")
+        self._plant.wait(10.0)
+        self._plant.stdout.close()
+        self._plant.stdin.close()
         self._fcu.terminate()
         self._fcu.wait(30.0)
         self.link.close()
         self._log.close()
-        verdict["fcu_exit"], verdict["plant_exit"] = self._fcu.returncode, self._plant.returncode
-        return verdict
+        codes = {"fcu_exit": self._fcu.returncode, "plant_exit": self._plant.returncode}
+        self._verdict |= codes
+        return self._verdict
 
-    def _until(self, met) -> None:
+    def wait(self, met: Callable[[], bool]) -> None:
+        """Read what the vehicle sends until a condition is met, while time stands."""
         end = time.monotonic() + WALL_S
         while not met():
             if self._fcu.poll() is not None:
                 raise RuntimeError(f"fcu ended with {self._fcu.returncode}: {self._log.name}")
             if time.monotonic() > end:
-                raise TimeoutError(f"nothing came for {WALL_S} s at {self.t} s; {self.texts[-3:]}")
-            self._hear(0.05)
+                raise TimeoutError(f"not met for {WALL_S} s at {self.t} s; {self.texts[-3:]}")
+            self._hear()
 
-    def _hear(self, patience: float) -> None:
-        message = self.link.recv_match(blocking=True, timeout=patience)
+    def _hear(self) -> None:
+        message = self.link.recv_match(blocking=True, timeout=0.05)
         if message is None:
             return
         kind = message.get_type()
         if kind == "STATUSTEXT":
             self.texts.append(f"{self.t:.2f} {message.severity} {message.text}")
         elif kind == "COMMAND_ACK":
-            self.acks.append((message.command, message.result))
+            self._acks[message.command] = message.result
         elif kind == "NAMED_VALUE_FLOAT":
             self.values.setdefault(message.name, []).append(message.value)
         elif kind == "HEARTBEAT":
             self.armed = bool(message.base_mode & 128)
-            self.mode = message.custom_mode
+            self.mode, self.status = message.custom_mode, message.system_status
         elif kind == "POSITION_TARGET_LOCAL_NED":
             self.echoes += 1
         elif kind == "TIMESYNC" and message.tc1:
-            self._nonce = message.ts1
+            self._answered = message.ts1
 
     def barrier(self) -> None:
         """Wait until the vehicle has read whatever was sent to it before."""
-        self._sent += 1
-        self.link.mav.timesync_send(0, self._sent)
-        self._until(lambda: self._nonce == self._sent)
+        self._asked += 1
+        self.link.mav.timesync_send(0, self._asked)
+        self.wait(lambda: self._answered == self._asked)
 
     def line(self, text: str) -> None:
         assert self._plant.stdin
         self._plant.stdin.write(text + "\n")
         self._plant.stdin.flush()
 
-    def go(self, seconds: float) -> dict[str, object]:
+    def go(self, seconds: float) -> dict[str, Any]:
         """Let simulation time run, then read what the vehicle said."""
         assert self._plant.stdout
         self.t = round(self.t + seconds, 6)
@@ -176,26 +187,44 @@ class Flight:
         self.barrier()
         return self.truth
 
+    def go_until(self, met: Callable[[], bool], most_s: float) -> None:
+        """Let simulation time run, a second at a time, until a condition is met."""
+        end = self.t + most_s
+        while not met():
+            if self.t >= end or self.truth.get("lost"):
+                raise AssertionError(f"not met at {self.t} s: {self.truth}; {self.texts[-5:]}")
+            self.go(1.0)
+
+    def reset(self, force: bool = False) -> None:
+        """Put vehicle and simulator back to the start."""
+        said = len(self.texts)
+        assert self.command(246, 1, 0, 0, 0, 0, 20190226 if force else 0) == 0
+        self.wait(lambda: any("Reset:" in text for text in self.texts[said:]))
+        self.t = 0.0
+
     def command(self, number: int, *values: float) -> int:
         """Send a command and return the result of its acknowledgement."""
-        self.acks.clear()
+        self._acks.pop(number, None)
         padded = [*values, *[0.0] * (7 - len(values))]
         self.link.mav.command_long_send(self._system, 1, number, 0, *padded)
-        self._until(lambda: any(ack[0] == number for ack in self.acks))
-        return next(ack[1] for ack in self.acks if ack[0] == number)
+        self.wait(lambda: number in self._acks)
+        return self._acks[number]
 
-    def mode_set(self, name: str) -> int:
+    def command_mode(self, name: str) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *MODES[name])
 
-    def set(self, name: str, value: float, kind: int = mavlink.MAV_PARAM_TYPE_REAL32) -> None:
-        self.link.mav.param_set_send(self._system, 1, name.encode(), value, kind)
+    def set(self, name: str, value: float) -> None:
+        real = mavlink.MAV_PARAM_TYPE_REAL32
+        self.link.mav.param_set_send(self._system, 1, name.encode(), value, real)
         self.barrier()
 
-    def setpoint(self, mask: int, n: float, e: float, d: float) -> None:
-        p, v = ((n, e, d), (0.0,) * 3) if mask == POSITION else ((0.0,) * 3, (n, e, d))
+    def setpoint(self, mask: int, north: float, east: float, down: float) -> None:
+        """Send a position or a velocity, and wait until it was read."""
+        three, none = (north, east, down), (0.0, 0.0, 0.0)
+        moves = (*three, *none) if mask == POSITION else (*none, *three)
         ms = round(self.t * 1000)
         self.link.mav.set_position_target_local_ned_send(
-            ms, self._system, 1, 1, mask, *p, *v, *[0.0] * 5
+            ms, self._system, 1, 1, mask, *moves, *[0.0] * 5
         )
         self.barrier()
 
@@ -203,14 +232,20 @@ class Flight:
         """Climb, and return whether the vehicle is there by the truth."""
         nan = float("nan")
         self.set("MIS_TAKEOFF_ALT", height_m)
-        if self.command(400, 1) != 0:
+        if self.command(400, 1) != 0:  # COMPONENT_ARM_DISARM
             return False
-        self.command(22, 0, 0, 0, nan, nan, nan, nan)
-        here = self.truth["at"][2] if self.truth else 0.0
-        self.go(seconds)
-        return abs(self.truth["at"][2] - here + height_m) < 0.5
+        self.command(22, 0, 0, 0, nan, nan, nan, nan)  # NAV_TAKEOFF
+        before = self.truth["at"][2]
+        return abs(self.go(seconds)["at"][2] - before + height_m) < 0.5
 
-    def stream(self, seconds: float, setpoint, every: float = 0.2) -> None:
+    def offboard(self, setpoint: Setpoint) -> int:
+        """Begin a stream, and return the result of the change of mode."""
+        self.setpoint(*setpoint(self.t))
+        self.go(0.1)
+        self.setpoint(*setpoint(self.t))
+        return self.command_mode("offboard")
+
+    def stream(self, seconds: float, setpoint: Setpoint, every: float = 0.2) -> None:
         """Stream what `setpoint(t)` returns: a mask and three numbers."""
         for _ in range(round(seconds / every)):
             if self.truth.get("lost"):
@@ -218,9 +253,40 @@ class Flight:
             self.setpoint(*setpoint(self.t))
             self.go(every)
 
-    def offboard(self, setpoint) -> int:
-        """Begin a stream, and return the result of the change of mode."""
-        self.setpoint(*setpoint(self.t))
-        self.go(0.1)
-        self.setpoint(*setpoint(self.t))
-        return self.mode_set("offboard")
+
+def main() -> int:
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("--airframe", type=Path, default=HERE / "quad.toml")
+    words.add_argument("--instance", type=int, default=0)
+    words.add_argument("--seed", type=int, default=0)
+    words.add_argument("--wind", default="gust")
+    words.add_argument("--wind-max", type=float, default=5.0, help="m/s")
+    words.add_argument("--end", choices=["land", "return"], default="return")
+    given = words.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        options = {"wind": given.wind, "wind-max": given.wind_max, "seed": given.seed}
+        vehicle = vehicle_lines(given.airframe)
+        program = compile_plant(folder)
+        flight = Flight(program, str(given.airframe), vehicle, folder, given.instance, options)
+        try:
+            flight.go(0.5)
+            there = flight.take_off(5.0)
+            flight.line("goal 8 -6 -7 0.3")
+            flight.offboard(lambda _: (POSITION, 8.0, -6.0, -7.0))
+            flight.stream(12.0, lambda _: (POSITION, 8.0, -6.0, -7.0))
+            arrived = flight.truth["arrived_s"]
+            flight.line("no goal")
+            flight.command_mode("hold")
+            flight.go(2.0)
+            flight.command_mode(given.end)
+            flight.go_until(lambda: not flight.armed, 90.0)
+        finally:
+            verdict = flight.close()
+        report = {"took_off": there, "arrived_s": arrived, **verdict, "texts": flight.texts}
+        print(json.dumps(report, indent=1))
+        return 0 if there and arrived is not None and not verdict["lost"] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

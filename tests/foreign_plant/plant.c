@@ -88,7 +88,7 @@ static double normal(void) { return sqrt(-2.0 * log(1.0 - uniform())) * cos(2.0 
 static struct {
     int rotors;
     double forward[ROTORS], right[ROTORS], spin[ROTORS], coefficient[ROTORS], full[ROTORS];
-    double mass, lag, torque_to_thrust, rotor_inertia, spin_up;
+    double mass, lag, torque_to_thrust, rotor_inertia, spin_up, mass_first;
     double thrust_min, thrust_max, tilt_max;
     vec inertia, drag;
     double gear, foot, stiffness, damping, friction, impact_max;
@@ -170,6 +170,7 @@ static struct {
 } now = {.q = {1.0, 0.0, 0.0, 0.0}};
 
 static uint64_t tick;
+static bool dropped;
 static double seconds(void) { return (double)tick / given.rate; }
 
 /* ---- the air ---- */
@@ -446,6 +447,37 @@ static bool take_answer(const uint8_t *d, size_t n) {
     return true;
 }
 
+/* Return whether a datagram asks for the start again: COMMAND_LONG, PREFLIGHT_REBOOT_SHUTDOWN, 1. */
+static bool asks_for_reset(const uint8_t *d, size_t n) {
+    if (n < 42 || d[0] != 0xFD || n != 12u + d[1] || d[7] != 76 || d[8] || d[9]) return false;
+    uint16_t c = 0xFFFF, command;
+    for (size_t i = 1; i < 10u + d[1]; i++) c = crc(c, d[i]);
+    c = crc(c, 152);
+    float what;
+    memcpy(&what, d + 10, 4), memcpy(&command, d + 38, 2);
+    return (uint8_t)c == d[10 + d[1]] && (uint8_t)(c >> 8) == d[11 + d[1]] && command == 246 && what == 1.0f;
+}
+
+static void reset(void) {
+    now.at = v3(0.0, 0.0, -body.gear + 0.01);
+    now.velocity = now.rate = now.wind = now.thrust_command = gust = v3(0.0, 0.0, 0.0);
+    held = scale(given.wind_max, v3(cos(given.axis * PI / 180.0), sin(given.axis * PI / 180.0), 0.0));
+    now.q = (quat){1.0, 0.0, 0.0, 0.0};
+    memset(now.speed, 0, sizeof now.speed);
+    memset(now.command, 0, sizeof now.command);
+    now.touching = true;
+    now.touch_speed = 0.0;
+    tick = 0;
+    seed_state = given.seed;
+    judged.lost[0] = 0;
+    judged.has_goal = false;
+    if (body.mass_first > 0.0) body.mass = body.mass_first;
+    dropped = false;
+    uint8_t payload[3] = {246, 0, 0}, datagram[32]; /* COMMAND_ACK: accepted */
+    size_t n = frame(datagram, 77, 143, payload, sizeof payload);
+    (void)!sendto(plant_socket, datagram, n, 0, (struct sockaddr *)&controller, sizeof controller);
+}
+
 static double clock_s(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
@@ -478,7 +510,11 @@ static void fly_a_tick(void) {
     blow(dt);
     for (int i = 0; i < steps; i++) move(dt / steps);
     tick++;
-    if (given.drop_at >= 0.0 && seconds() >= given.drop_at) body.mass *= given.drop_ratio, given.drop_at = -1.0;
+    if (given.drop_at >= 0.0 && !dropped && seconds() >= given.drop_at) {
+        body.mass_first = body.mass;
+        body.mass *= given.drop_ratio;
+        dropped = true;
+    }
     judge(before, dt);
 }
 
@@ -553,6 +589,12 @@ int main(int count, char **words) {
     for (;;) { /* simulation time stands here */
         struct pollfd wait = {.fd = 0, .events = POLLIN};
         if (poll(&wait, 1, 5) <= 0) {
+            uint8_t datagram[2048];
+            ssize_t n;
+            while ((n = recv(plant_socket, datagram, sizeof datagram, MSG_DONTWAIT)) >= 0) {
+                if (asks_for_reset(datagram, (size_t)n)) reset();
+                else judged.strange++;
+            }
             send_state(true);
             continue;
         }

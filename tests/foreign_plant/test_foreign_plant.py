@@ -1,0 +1,116 @@
+"""A simulator of somebody else's, in C, flies `fcu`: in lockstep, judged by its own truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.foreign_plant.fly import POSITION, Flight, compile_plant, vehicle_lines
+from tests.process.conftest import claimed_instance
+
+AIRFRAME = Path(__file__).parent / "quad.toml"
+TURNING = {"wind": "turn", "wind-max": 5.0, "wind-period": 8.0, "wind-rate": 5.0}
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compile_plant(tmp_path_factory.mktemp("plant"))
+
+
+@pytest.fixture
+def begin(program: Path, tmp_path: Path) -> Iterator[Callable[..., Flight]]:
+    """Return a function that starts a flight. It ends with the test."""
+    flights: list[Flight] = []
+    with claimed_instance() as instance:
+
+        def start(lines: str = "", **options: object) -> Flight:
+            vehicle = vehicle_lines(AIRFRAME) + lines
+            flights.append(
+                Flight(program, str(AIRFRAME), vehicle, tmp_path, instance, dict(options))
+            )
+            return flights[-1]
+
+        yield start
+        for flight in flights:
+            flight.close()
+
+
+def test_it_takes_off_flies_to_a_point_in_turning_wind_and_lands(
+    begin: Callable[..., Flight],
+) -> None:
+    flight = begin(**TURNING)
+    flight.go(0.5)
+    assert flight.take_off(5.0)
+    goal = (4.0, 3.0, -5.0)
+    flight.line("goal 4 3 -5 0.3")
+    assert flight.offboard(lambda _: (POSITION, *goal)) == 0
+    flight.stream(8.0, lambda _: (POSITION, *goal))
+    assert flight.truth["arrived_s"] is not None
+    assert flight.truth["off_most_m"] < 0.31
+    assert flight.truth["at"] == pytest.approx(goal, abs=0.02)
+    flight.line("no goal")
+    assert flight.command_mode("land") == 0
+    flight.go_until(lambda: not flight.armed, 30.0)
+    verdict = flight.close()
+    assert verdict["lost"] == ""
+    assert verdict["thrust_at_limit_fraction"] == verdict["tilt_at_limit_fraction"] == 0.0
+    assert 0.0 < verdict["touchdown_m_s"] < 0.8
+    assert verdict["wind_most_m_s"] == pytest.approx(5.0, abs=0.01)
+    assert (verdict["fcu_exit"], verdict["plant_exit"]) == (0, 0)
+
+
+def test_it_flies_the_same_to_the_bit_again_after_a_reset(begin: Callable[..., Flight]) -> None:
+    flight = begin(wind="gust", seed=3, **{"wind-max": 4.0, "wind-period": 1.0})
+    truths = []
+    for _ in range(2):
+        flight.go(0.5)
+        assert flight.take_off(3.0, 6.0)
+        truths.append(json.dumps({key: flight.truth[key] for key in ("at", "velocity", "q")}))
+        flight.reset(force=True)
+    assert truths[0] == truths[1]
+
+
+def test_a_crash_is_told_by_the_simulator_and_ended_by_a_reset(
+    begin: Callable[..., Flight],
+) -> None:
+    flight = begin()
+    flight.go(0.5)
+    assert flight.take_off(10.0)
+    assert flight.command(185, 1) == 0  # DO_FLIGHTTERMINATION
+    flight.go(3.0)
+    assert flight.truth["lost"] == "impact"
+    flight.wait(lambda: flight.status == 6)  # MAV_STATE_EMERGENCY
+    assert not flight.armed
+    flight.reset()
+    flight.go(0.5)
+    assert flight.take_off(3.0, 6.0)
+
+
+def test_a_stream_that_ends_is_lost_after_a_second(begin: Callable[..., Flight]) -> None:
+    flight = begin()
+    flight.go(0.5)
+    assert flight.take_off(3.0, 6.0)
+    assert flight.offboard(lambda _: (POSITION, 1.0, 0.0, -3.0)) == 0
+    flight.go(0.98)
+    assert flight.mode >> 16 & 255 == 6  # Offboard
+    flight.go(0.04)
+    flight.wait(lambda: flight.mode >> 16 & 255 == 3)  # Position
+
+
+def test_a_simulator_of_another_number_of_rotors_ends_the_controller(
+    program: Path, tmp_path: Path
+) -> None:
+    vehicle = vehicle_lines(AIRFRAME) + "rotor 0.1 0 1 1e-5 900\nrotor -0.1 0 -1 1e-5 900\n"
+    with claimed_instance() as instance, pytest.raises(RuntimeError, match="fcu ended with 3"):
+        Flight(program, str(AIRFRAME), vehicle, tmp_path, instance)
+
+
+def test_a_compiler_that_is_missing_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(SystemExit, match="no-such-compiler"):
+        compile_plant(tmp_path)
