@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import os
@@ -126,7 +127,8 @@ class Flight:
             self._verdict = json.loads(self._plant.stdout.readline() or "{}")
         self._plant.wait(10.0)
         self._plant.stdout.close()
-        self._plant.stdin.close()
+        with contextlib.suppress(BrokenPipeError):  # a line to a simulator that has ended
+            self._plant.stdin.close()
         self._fcu.terminate()
         self._fcu.wait(30.0)
         self.link.close()
@@ -178,6 +180,8 @@ class Flight:
     def go(self, seconds: float) -> dict[str, Any]:
         """Let simulation time run, then read what the vehicle said."""
         assert self._plant.stdout
+        if self._plant.poll() is not None:
+            raise RuntimeError(f"the simulator ended with {self._plant.returncode}")
         self.t = round(self.t + seconds, 6)
         self.line(f"until {self.t}")
         answer = self._plant.stdout.readline()
@@ -217,6 +221,21 @@ class Flight:
         real = mavlink.MAV_PARAM_TYPE_REAL32
         self.link.mav.param_set_send(self._system, 1, name.encode(), value, real)
         self.barrier()
+
+    def yaw_steps(self, yaw: float) -> dict[str, float]:
+        """Turn there and back twice, 2 s each, and return how long rotors were at a limit."""
+        before, longest = self.truth["at_limit"][0], 0.0
+        north, east, down = self.truth["at"]
+        for n in range(40):
+            angle = 0.0 if n // 10 % 2 else yaw
+            place = (north, east, down, *[0.0] * 6, angle, 0.0)
+            ms = round(self.t * 1000)
+            self.link.mav.set_position_target_local_ned_send(ms, self._system, 1, 1, 0x9F8, *place)
+            self.barrier()
+            if n == 1:
+                assert self.command_mode("offboard") == 0
+            longest = max(longest, self.go(0.2)["longest_s"])
+        return {"ticks": self.truth["at_limit"][0] - before, "longest_s": longest}
 
     def setpoint(self, mask: int, north: float, east: float, down: float) -> None:
         """Send a position or a velocity, and wait until it was read."""
@@ -262,16 +281,26 @@ def main() -> int:
     words.add_argument("--wind", default="gust")
     words.add_argument("--wind-max", type=float, default=5.0, help="m/s")
     words.add_argument("--end", choices=["land", "return"], default="return")
+    words.add_argument("--rotor-inertia", type=float, help="kg m^2, in place of the airframe's")
+    words.add_argument(
+        "--spin-up", type=int, default=1, choices=[0, 1], help="rotors that speed up"
+    )
+    words.add_argument("--yaw-steps", action="store_true", help="by 2.5 rad and back, then stop")
     given = words.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         options = {"wind": given.wind, "wind-max": given.wind_max, "seed": given.seed}
-        vehicle = vehicle_lines(given.airframe)
+        vehicle = vehicle_lines(given.airframe) + f"spin_up {given.spin_up}\n"
+        if given.rotor_inertia is not None:
+            vehicle += f"rotor_inertia {given.rotor_inertia}\n"
         program = compile_plant(folder)
         flight = Flight(program, str(given.airframe), vehicle, folder, given.instance, options)
         try:
             flight.go(0.5)
             there = flight.take_off(5.0)
+            if given.yaw_steps:
+                print(json.dumps(flight.yaw_steps(2.5)))
+                return 0
             flight.line("goal 8 -6 -7 0.3")
             flight.offboard(lambda _: (POSITION, 8.0, -6.0, -7.0))
             flight.stream(12.0, lambda _: (POSITION, 8.0, -6.0, -7.0))
