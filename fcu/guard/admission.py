@@ -31,6 +31,7 @@ LOOKS = 500  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
 LATE = 0.25  # part of a look, its last
 FADED = 2.0  # time constants of the reference model, in which what was off it has faded
+TAKEN_UP_S = 0.22  # for a governed reference to take up a plan's acceleration: later, it overshoots
 UNSETTLED = 1e-3  # m/s^2: a reference model that lags so far behind (34) has not settled
 STREAM_S = 0.5  # the next setpoint of a stream comes within: so long its acceleration is believed
 _WIDTH = 1 + size(Setpoint)  # of a row of a way
@@ -47,16 +48,17 @@ def pace_at(params_buffer, law_buffer):
     """What a plan has to keep to so that the reference follows it: the fields of Pace.
 
     Governed, the reference gets no faster than `governor.speeds` has it. All that is left there to
-    brake with is a plan's, whose acceleration is fed forward.
+    brake with is a plan's, whose acceleration is fed forward, as far as it is taken up in TAKEN_UP_S.
     """
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     known = margin.known(params, law)
     top, brake = speeds(known)
     down = maximum(margin.sinking(known), SLOWEST)
     jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING))
+    taken_up = TAKEN_UP_S * wrench.jerk(params, law, math.inf)
     return (
         jerk,
-        select(params.policy == 0.0, math.inf, brake / BRAKING),
+        select(params.policy == 0.0, math.inf, minimum(brake / BRAKING, taken_up)),
         select(params.policy == 1.0, minimum(top, down), math.inf),
     )
 

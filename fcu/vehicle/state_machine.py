@@ -477,7 +477,9 @@ class StateMachine:
         if self.leader.advance(t_us):
             following = modes.after(self.mode, Event.ARRIVED)
             told.append(Told(Code.PLAN_COMPLETE, (self.mode.value, following.value)))
-            self._enter(following, t_us)
+            end = self.leader.setpoint
+            assert end is not None
+            self._enter(following, t_us, Pose(end.r_c, end.v_c, end.psi_c))
 
     # --- what it is asked for
 
@@ -780,8 +782,8 @@ class StateMachine:
         self._landed.has_flown = False
         self._become(modes.after(self.mode, Event.DISARMED))
 
-    def _enter(self, mode: Mode, t_us: int) -> None:
-        """Be in a mode, and lay down what it flies."""
+    def _enter(self, mode: Mode, t_us: int, begins: Pose | None = None) -> None:
+        """Be in a mode, and lay down what it flies, from where a plan has ended or from `_from`."""
         if mode is Mode.TAKEOFF and self.armed:
             self._take_off(self._climb(self._take_off_to, t_us), t_us)
             return
@@ -792,7 +794,8 @@ class StateMachine:
             self._untold = self.fly_script(t_us) is not None
             return
         assert self.home is not None
-        plan = plans.plan_of(mode, self._from(t_us), self.home, self._params, self._limits())
+        here = begins or self._from(t_us)
+        plan = plans.plan_of(mode, here, self.home, self._params, self._limits())
         self._follow(plan, t_us, (mode, Event.ARRIVED) in modes.TRANSITIONS)
 
     def _follow(self, plan: Iterable[Piece], t_us: int, ends: bool = False) -> None:
