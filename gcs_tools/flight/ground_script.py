@@ -90,11 +90,16 @@ class Vehicle:
         self._link.send(self._codec.framed(ground_heartbeat()))
 
     def wait_ready(self, timeout_s: float = 60.0) -> None:
-        """Until the vehicle says that it could arm. Raises VehicleError."""
+        """Until the vehicle says that it could arm, or where it is. Raises VehicleError.
+
+        Both follow on the plant being heard, and the next heartbeat may be a second away.
+        """
         until = time.monotonic() + timeout_s
         self.greet()
         while time.monotonic() < until:
             for message in self.messages(0.2):
+                if isinstance(message, LocalPosition):
+                    return
                 if isinstance(message, Heartbeat) and message.status >= SystemStatus.STANDBY:
                     return
         raise VehicleError(f"no vehicle ready within {timeout_s:.0f} s")

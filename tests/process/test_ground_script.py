@@ -60,3 +60,25 @@ def test_a_reason_is_heard_to_its_end(text):
     with pytest.raises(VehicleError) as refused:
         vehicle.arm()
     assert str(refused.value) == f"ARM_DISARM refused: {text}"
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        common.MAVLink_local_position_ned_message(0, 0, 0, 0, 0, 0, 0),
+        common.MAVLink_heartbeat_message(2, 12, 0, 0, common.MAV_STATE_STANDBY, 3),
+    ],
+)
+def test_a_vehicle_is_ready_once_it_says_where_it_is(says):
+    """Its next heartbeat may be a second away."""
+    booting = common.MAVLink_heartbeat_message(2, 12, 0, 0, common.MAV_STATE_BOOT, 3)
+    rest = [packed(booting)]
+    link = Slow([packed(booting), packed(says), *rest])
+    Vehicle(0, link).wait_ready(timeout_s=0.5)
+    assert link._to_come == rest
+
+
+def test_a_vehicle_that_boots_is_not_ready():
+    booting = common.MAVLink_heartbeat_message(2, 12, 0, 0, common.MAV_STATE_BOOT, 3)
+    with pytest.raises(VehicleError, match="no vehicle ready"):
+        Vehicle(0, Slow([packed(booting)])).wait_ready(timeout_s=0.1)
