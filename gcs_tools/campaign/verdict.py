@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,8 @@ from pathlib import Path
 from gcs_tools.campaign.analysis import Analysis
 from gcs_tools.campaign.campaign_file import MOST_FLIGHTS, Campaign
 from gcs_tools.campaign.shares import at_least
+from gcs_tools.judging import junit_report
+from gcs_tools.judging.junit_report import Case
 from gcs_tools.pictures import picture_file
 
 
@@ -83,24 +84,18 @@ def junit(
     campaign: Campaign, found: Analysis | None, error: str, seconds: float, path: Path
 ) -> None:
     """JUnit XML: a test case a law; `error`: why the campaign has no verdict. Raises OSError."""
-    suite = ET.Element("testsuite", name="gcs campaign")
     shown = {each.law: each for each in verdict(campaign, found)} if found is not None else {}
-    count = {"tests": 0, "failures": 0, "errors": 0}
-    for law in campaign.labels:
-        name = campaign.name if len(campaign.labels) == 1 else f"{campaign.name} {law}"
-        case = ET.SubElement(
-            suite, "testcase", classname="campaigns", name=name, time=f"{seconds:.3f}"
+    alone = len(campaign.labels) == 1
+    cases = [
+        Case(
+            "campaigns",
+            campaign.name if alone else f"{campaign.name} {law}",
+            seconds,
+            failure="" if error or law not in shown or shown[law].passed else str(shown[law]),
+            error=error,
+            text=campaign.document.title,
         )
-        count["tests"] += 1
-        if error:
-            count["errors"] += 1
-            ET.SubElement(case, "error", message=error).text = campaign.document.title
-        elif law in shown and not shown[law].passed:
-            count["failures"] += 1
-            ET.SubElement(case, "failure", message=str(shown[law])).text = campaign.document.title
-    for name, number in count.items():
-        suite.set(name, str(number))
-    suite.set("time", f"{seconds:.3f}")
-    ET.indent(suite)
-    text = '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(suite, "unicode") + "\n"
+        for law in campaign.labels
+    ]
+    text = junit_report.document("gcs campaign", cases, seconds)
     picture_file.write(path, text.encode())

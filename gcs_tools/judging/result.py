@@ -13,7 +13,6 @@ import os
 import shlex
 import sys
 import tempfile
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
@@ -27,6 +26,7 @@ from fcu.interface import input_file
 from fcu.interface.event_log import Event
 from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
+from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
 from gcs_tools.judging.expectations import REACHED, Expectation, judge_each
 from gcs_tools.judging.item_checks import (
@@ -37,6 +37,7 @@ from gcs_tools.judging.item_checks import (
     slowed,
     unfinished,
 )
+from gcs_tools.judging.junit_report import Case
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, NotFinite
 from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.judging.setpoint_checks import Standing, accepted, changed, standing
@@ -368,39 +369,20 @@ def junit(results: Iterable[Result], path: Path) -> None:
 
     Raises ResultError if it cannot be written.
     """
-    suite = ET.Element("testsuite", name="gcs fly")
-    count = {"tests": 0, "failures": 0, "errors": 0}
-    total_s = 0.0
-    for result in results:
-        seconds = result.startup_s + result.wall_time_s
-        total_s += seconds
-        case = ET.SubElement(
-            suite, "testcase", classname="missions", name=result.name, time=f"{seconds:.3f}"
-        )
-        count["tests"] += 1
-        missed = [str(e) for e in result.expectations if e.is_missed]
-        if left := [str(e) for e in result.expectations if e.passed is None]:
-            ET.SubElement(case, "system-out").text = "\n".join(f"[expect] {line}" for line in left)
-        if result.exit_code >= USAGE:
-            count["errors"] += 1
-            problem = ET.SubElement(case, "error", message=result.error or result.ended)
-        elif not result.passed:
-            count["failures"] += 1
-            problem = ET.SubElement(case, "failure", message="; ".join(missed) or result.ended)
-        else:
-            continue
-        problem.text = "\n".join(
-            [
-                result.title,
-                *result.changes,
-                *(f"[expect] {line}" for line in missed),
-                *result.causes,
-            ]
-        )
-    for name, number in count.items():
-        suite.set(name, str(number))
-    suite.set("time", f"{total_s:.3f}")
-    ET.indent(suite)
-    _replace(
-        path, '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(suite, "unicode") + "\n"
+    _replace(path, junit_report.document("gcs fly", map(_case, results)))
+
+
+def _case(result: Result) -> Case:
+    missed = [str(e) for e in result.expectations if e.is_missed]
+    left = [str(e) for e in result.expectations if e.passed is None]
+    failed = result.exit_code >= USAGE
+    told = [result.title, *result.changes, *(f"[expect] {line}" for line in missed), *result.causes]
+    return Case(
+        "missions",
+        result.name,
+        result.startup_s + result.wall_time_s,
+        failure="" if failed or result.passed else "; ".join(missed) or result.ended,
+        error=(result.error or result.ended) if failed else "",
+        text="\n".join(told),
+        out="\n".join(f"[expect] {line}" for line in left),
     )
