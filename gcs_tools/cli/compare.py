@@ -37,10 +37,10 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 
 
 @click.command(
-    epilog="Exit codes: 0 compared, 2 something cannot be read, flown or written, 130 interrupted.\n\n"
+    epilog="Exit codes: 0 compared, 1 worse than BASELINE (--fail, --exact), 2 something cannot be read, flown or written, 130 interrupted.\n\n"
     "LAW is a name or your own FILE.py; MISSION a name, a file, or a folder of shipped ones (benchmark)."
 )
-@click.argument("compared", nargs=-1, required=True, metavar="RUN RUN... | LAW...")
+@click.argument("compared", nargs=-1, required=True, metavar="RUN RUN... | RUN BASELINE | LAW...")
 @click.option("--missions", multiple=True, metavar="MISSION,...", help="Fly these with each LAW; may be repeated.")  # fmt: skip
 @click.option("--seeds", callback=_seeds, metavar="N|A..B", help="Flights of each mission with seeds 1 to N, or A to B; 0 is the mission as written; default: 20.")  # fmt: skip
 @click.option("--airframe", "airframes", multiple=True, metavar="NAME|FILE.toml", help="Vehicle to fly with, whatever a mission says; may be repeated; default: s1000.")  # fmt: skip
@@ -50,22 +50,34 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--procedure", "followed", type=click.Path(path_type=Path), metavar="FILE", help="Procedure to follow; default: the one that all laws are compared by.")  # fmt: skip
 @arguments.SETTINGS
 @click.option("--figure", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Draw the errors of all RUNs (needs their recordings), or LAWs.")  # fmt: skip
+@click.option("--fail", is_flag=True, help="Exit with 1 when RUN is worse than BASELINE: two runs, or two folders with runs.")  # fmt: skip
+@click.option("--exact", is_flag=True, help="Exit with 1 when a flight of RUN differs from that of BASELINE by a bit; tells where it differs first.")  # fmt: skip
+@click.option("--tolerance", type=click.FloatRange(0.0, 10.0), metavar="PART", help="With --fail, part by which a metric may be worse in flights of the same seeds; default: 0.005.")  # fmt: skip
+@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="With --fail or --exact, also write a JUnit report.")  # fmt: skip
 @arguments.as_json("Print the results as JSON.")
 def compare(
     compared: tuple[str, ...], missions: tuple[str, ...], seeds: range, airframes: tuple[str, ...], gains: Path | None,
     margins: bool, out: Path | None, followed: Path | None, settings: tuple[str, ...],
-    figure: Path | None, as_json: bool,
+    figure: Path | None, fail: bool, exact: bool, tolerance: float | None, junit: Path | None, as_json: bool,
 ) -> int:  # fmt: skip
     """Compare flights that were flown, or laws, which are flown now.
 
     Of two or more RUNs (the folder of a run, its result.json, or a recording): their metrics, and what
     they were flown with. Differences are from the first.
 
+    With --fail, whether RUN is worse than BASELINE, each a run or a folder with runs.
+
     With --missions, fly each LAW through the same missions with the same draws of noise, wind and
     vehicle, and print errors with 95 % intervals, losses, and differences from the first LAW.
     """
     if figure is not None and figure.suffix.lower().removeprefix(".") not in FORMATS:
         raise click.UsageError(f"--figure {figure}: ends in none of {', '.join(FORMATS)}")
+    is_judged = fail or exact
+    of_a_baseline = {"--tolerance": tolerance is not None, "--junit": junit is not None}
+    if not is_judged and (given := [name for name, value in of_a_baseline.items() if value]):
+        raise click.UsageError(f"{given[0]}: goes with --fail or --exact")
+    if is_judged and (missions or figure is not None):
+        raise click.UsageError("--fail and --exact compare RUN with BASELINE, and draw nothing")
     if missions:
         from gcs_tools.cli.laws import Asked, compare_laws
 
@@ -95,6 +107,12 @@ def compare(
         raise click.UsageError(f"{given[0]}: laws are compared with --missions")
     if laws := [name for name in compared if _is_law(name)]:
         raise click.UsageError(f"{laws[0]}: a law is compared with --missions")
+    if is_judged:
+        from gcs_tools.cli.regression import compare_with_baseline
+        from gcs_tools.many.regression import TOLERANCE
+
+        part = TOLERANCE if tolerance is None else tolerance
+        return compare_with_baseline(compared, exact, part, junit, as_json)
     return _compare_runs(tuple(map(Path, compared)), figure, as_json)
 
 

@@ -7,7 +7,7 @@ result.json, which counts every tick; of another version's, or without one, thos
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs_tools.judging import result
@@ -17,6 +17,7 @@ from gcs_tools.recording import reader
 
 RECORDING, RESULT = "flight.mcap", "result.json"
 _TABLES = "flight.", "law.", "wind.", "plant."
+_VERSION = "version."  # of a recording's metadata
 
 
 class CompareError(ValueError):
@@ -34,6 +35,9 @@ class Flown:
     metrics: dict[str, float | None]
     values: dict[str, str]  # dotted key -> value in force, as text
     trajectory_sha256: str  # empty: not known
+    seed: int | None = None  # of its draws; None: a recording does not say
+    ended: str = ""  # how the flight ended; empty: a recording does not say
+    versions: dict[str, str] = field(default_factory=dict)  # of what flew it
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,10 @@ def _of_result(path: Path, file: Path) -> Flown:
     values = {key: str(value.value) for key, value in read.values.items()}
     name = file.resolve().parent.name
     sha = read.trajectory_sha256
-    return Flown(name, path, read.mission, read.passed, dict(read.metrics), values, sha)
+    return Flown(
+        name, path, read.mission, read.passed, dict(read.metrics), values, sha, read.seed,
+        read.error or read.ended, dict(read.versions),
+    )  # fmt: skip
 
 
 def _of_recording(path: Path, file: Path) -> Flown:
@@ -77,7 +84,24 @@ def _of_recording(path: Path, file: Path) -> Flown:
     values |= {key: told[key] for key in (reader.AIRFRAME,) if key in told}
     name = file.resolve().parent.name if file.name == RECORDING else file.stem
     metrics = engaged_ticks(recording).metrics()
-    return Flown(name, path, told.get("mission", ""), None, metrics, values, "")
+    seed = told.get("seed", "")
+    versions = {
+        key.removeprefix(_VERSION): value for key, value in told.items() if key.startswith(_VERSION)
+    }
+    return Flown(
+        name, path, told.get("mission", ""), None, metrics, values, "",
+        int(seed) if seed.isdecimal() else None, "", versions,
+    )  # fmt: skip
+
+
+def below(path: Path) -> list[Path]:
+    """The run at a path, or all runs in the folders below it. Raises CompareError if there is none."""
+    if path.is_file() or (path / RESULT).is_file() or (path / RECORDING).is_file():
+        return [path]
+    found = sorted(result.parent for result in path.rglob(RESULT))
+    if not found:
+        raise CompareError(f"{path}: expected a run, or a folder with runs: no {RESULT} is there")
+    return found
 
 
 def all_flown(paths: Sequence[Path]) -> list[Flown]:

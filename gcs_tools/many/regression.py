@@ -1,0 +1,245 @@
+"""Whether flights are worse than those of a baseline.
+
+Flights of one mission are held against each other. With the same seeds in both, winds and noise are the
+same too: what differs is the change's doing, and a metric is worse when its mean is, by more than a
+tolerance. With other seeds a metric is worse when its mean is beyond the interval in which the baseline
+expects it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from gcs_tools.judging.comparison import RECORDING, Flown, unequal
+from gcs_tools.judging.first_difference import Parted, first_difference
+from gcs_tools.judging.junit_report import Case
+from gcs_tools.judging.metrics import FLOORS, METRICS
+from gcs_tools.recording.reader import RecordingError
+
+LEVEL = (
+    0.99  # of the interval: all metrics of a mission together are within it, if nothing has changed
+)
+TOLERANCE = 0.005  # of the baseline's mean, by which a metric may be worse
+LEAST = 1e-6  # in a metric's unit: less is no difference
+TOLD = 3  # flights that are told of one by one
+FEWEST = 3  # flights of a baseline that give an interval
+_NOT_TOLD = "flight.seed", "flight.duration_s"
+
+
+class RegressionError(ValueError):
+    """Flights that cannot be held against a baseline: why, and what to do."""
+
+
+@dataclass(frozen=True)
+class Worse:
+    """One metric that is worse than the baseline's."""
+
+    metric: str
+    value: float | None  # mean of the flights; None: it has no value any more
+    baseline: float  # mean of the baseline's
+    limit: float  # from which it is worse
+
+    def __str__(self) -> str:
+        """What it is, and what it may be."""
+        bound = "at least" if self.metric in FLOORS else "at most"
+        now = "no value" if self.value is None else f"{self.value:.6g}"
+        return (
+            f"{self.metric} {now}, expected {bound} {self.limit:.6g} (baseline {self.baseline:.6g})"
+        )
+
+
+@dataclass(frozen=True)
+class Held:
+    """The flights of one mission, held against those of the baseline."""
+
+    mission: str
+    flights: int
+    baseline_flights: int
+    by: str  # seeds: pairs with the same seed; interval: of the baseline; exact: to the bit
+    worse: tuple[Worse, ...] = ()
+    failed: tuple[
+        str, ...
+    ] = ()  # sentences: flights that fail and passed, that are missing, that part
+    changed: dict[str, list[str]] = field(
+        default_factory=dict
+    )  # key -> value, value of the baseline
+    parted: tuple[tuple[str, Parted], ...] = ()  # flight -> where it leaves the baseline's
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is worse."""
+        return not self.worse and not self.failed
+
+    def lines(self) -> list[str]:
+        """What is worse, a sentence each, behind what the flights were flown with otherwise."""
+        told = [*self.failed[:TOLD], *map(str, self.worse)]
+        if more := len(self.failed[TOLD:]):
+            told.append(f"and {more} flights more")
+        return [*self._changes(), *told] if told else []
+
+    def _changes(self) -> list[str]:
+        return [
+            f"changed: {key} = {now or 'none'}, was {was or 'none'}"
+            for key, (now, was) in self.changed.items()
+        ]
+
+    def case(self) -> Case:
+        """As a test case. Its name does not depend on the outcome."""
+        lines = self.lines()
+        return Case(
+            "regression", self.mission, 0.0, failure="; ".join(lines[:3]), text="\n".join(lines)
+        )
+
+
+def held_against(
+    flights: Sequence[Flown],
+    baseline: Sequence[Flown],
+    exact: bool = False,
+    tolerance: float = TOLERANCE,
+) -> list[Held]:
+    """Each mission of the baseline, with what is worse. Raises RegressionError.
+
+    exact : to the bit.  tolerance : part of the baseline's mean, for flights with the same seeds.
+    """
+    missions = list(dict.fromkeys(each.mission for each in baseline))
+    if not {each.mission for each in flights} & set(missions):
+        flown = ", ".join(dict.fromkeys(each.mission for each in flights))
+        raise RegressionError(
+            f"no mission in common: flown {flown}; baseline {', '.join(missions)}"
+        )
+    hold = _exactly if exact else _by_metrics
+    found = []
+    for mission in missions:
+        mine = [each for each in flights if each.mission == mission]
+        theirs = [each for each in baseline if each.mission == mission]
+        if not mine:
+            failed = (f"not flown: {mission} is in the baseline alone",)
+            found.append(
+                Held(mission, 0, len(theirs), "exact" if exact else "seeds", failed=failed)
+            )
+        else:
+            found.append(hold(mission, mine, theirs, tolerance))
+    return found
+
+
+def _changed(mine: Sequence[Flown], theirs: Sequence[Flown]) -> dict[str, list[str]]:
+    """Values and versions in force that differ, of the first flight of each."""
+    one, other = mine[0], theirs[0]
+    values = {key: value for key, value in unequal([one, other]).items() if key not in _NOT_TOLD}
+    names = dict.fromkeys([*one.versions, *other.versions])
+    versions = {
+        f"version of {name}": [one.versions.get(name, ""), other.versions.get(name, "")] for name in names
+        if one.versions.get(name) != other.versions.get(name)
+    }  # fmt: skip
+    return values | versions
+
+
+def _pairs(
+    mission: str, mine: Sequence[Flown], theirs: Sequence[Flown]
+) -> list[tuple[Flown, Flown]]:
+    """Flights with the same seed; empty unless each of the flights has one. Raises RegressionError."""
+    of_seed: dict[int | None, Flown] = {}
+    for each in theirs:
+        if each.seed in of_seed:
+            raise RegressionError(
+                f"{each.path}: a second flight of {mission} with seed {each.seed} in the baseline"
+            )
+        of_seed[each.seed] = each
+    if any(each.seed not in of_seed or each.seed is None for each in mine):
+        return []
+    return [(each, of_seed[each.seed]) for each in mine]
+
+
+def _failures(mine: Sequence[Flown], theirs: Sequence[Flown]) -> list[str]:
+    """Flights that fail, where all of the baseline passed."""
+    if any(each.passed is False for each in theirs):
+        now, was = (sum(each.passed is False for each in of) for of in (mine, theirs))
+        more = now / len(mine) > was / len(theirs)
+        return [f"{now} of {len(mine)} flights fail, {was} of {len(theirs)} did"] if more else []
+    return [f"{each.name} failed: {each.ended}" for each in mine if each.passed is False]
+
+
+def _by_metrics(
+    mission: str, mine: Sequence[Flown], theirs: Sequence[Flown], tolerance: float
+) -> Held:
+    pairs = _pairs(mission, mine, theirs)
+    if not pairs and len(theirs) < FEWEST:
+        raise RegressionError(
+            f"{mission}: the baseline has {len(theirs)} flight(s), with other seeds: fly the same seeds, "
+            f"or a baseline of {FEWEST} flights at least (gcs fly {mission} --seed 1..20)"
+        )
+    if pairs:
+        theirs = [was for _, was in pairs]
+    wanted = [
+        name for name in METRICS if any(each.metrics.get(name) is not None for each in theirs)
+    ]
+    worse = []
+    for name in wanted:
+        before = [value for each in theirs if (value := each.metrics.get(name)) is not None]
+        now = [value for each in mine if (value := each.metrics.get(name)) is not None]
+        limit = _limit(name, before, len(now), bool(pairs), len(wanted), tolerance)
+        mean = math.fsum(now) / len(now) if len(now) == len(mine) else None
+        sign = -1.0 if name in FLOORS else 1.0
+        if mean is None and len(before) < len(theirs):
+            continue  # the baseline has flights without a value of it, too
+        if mean is None or sign * (mean - limit) > 0.0:
+            worse.append(Worse(name, mean, math.fsum(before) / len(before), limit))
+    return Held(
+        mission, len(mine), len(theirs), "seeds" if pairs else "interval", tuple(worse),
+        tuple(_failures(mine, theirs)), _changed(mine, theirs),
+    )  # fmt: skip
+
+
+def _limit(
+    name: str, before: Sequence[float], flights: int, paired: bool, metrics: int, tolerance: float
+) -> float:
+    """From which on the mean of so many flights is worse than the baseline's."""
+    sign = -1.0 if name in FLOORS else 1.0
+    mean, n = math.fsum(before) / len(before), len(before)
+    room = max(tolerance * abs(mean), LEAST)
+    if not paired and n > 1 and flights:
+        from scipy.special import stdtrit
+
+        quantile = float(stdtrit(n - 1, 1.0 - (1.0 - LEVEL) / metrics))
+        spread = float(np.std(before, ddof=1))
+        room = max(room, quantile * spread * math.sqrt(1.0 / flights + 1.0 / n))
+    return mean + sign * room
+
+
+def _exactly(
+    mission: str, mine: Sequence[Flown], theirs: Sequence[Flown], _tolerance: float
+) -> Held:
+    pairs = _pairs(mission, mine, theirs)
+    if not pairs:
+        raise RegressionError(f"{mission}: --exact wants the seeds of the baseline")
+    failed, parted = [], []
+    for now, was in pairs:
+        if now.trajectory_sha256 and now.trajectory_sha256 == was.trajectory_sha256:
+            continue
+        try:
+            where = first_difference(_recording(now.path), _recording(was.path))
+        except RecordingError as error:
+            if not (now.trajectory_sha256 and was.trajectory_sha256):
+                raise RegressionError(str(error)) from error
+            failed.append(f"{now.name} differs from {was.name}; where is not known: {error}")
+            continue
+        if where is not None:
+            parted.append((now.name, where))
+            failed.append(f"{now.name} {where}")
+        elif now.trajectory_sha256 and was.trajectory_sha256:
+            failed.append(f"{now.name} differs from {was.name}, between recorded ticks")
+    return Held(
+        mission, len(mine), len(pairs), "exact", (), tuple(failed), _changed(mine, [pairs[0][1]]),
+        tuple(parted),
+    )  # fmt: skip
+
+
+def _recording(path: Path) -> Path:
+    if path.is_dir():
+        return path / RECORDING
+    return path.parent / RECORDING if path.suffix == ".json" else path

@@ -1,0 +1,181 @@
+"""Flights held against a baseline: what is worse, what differs first, and who is told."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gcs_tools
+from gcs_tools.judging.comparison import Flown
+from gcs_tools.many.regression import RegressionError, held_against
+from tests.command_line import gcs
+
+METRIC, FLOOR = "setpoint_error_rms_m", "margin_min_n"
+FLIGHT = Flown("a", Path("a"), "hop", True, {METRIC: 1.0, FLOOR: 10.0}, {}, "aa", 1, "time")
+
+
+def flights(values: dict[int, float], metric: str = METRIC) -> list[Flown]:
+    return [
+        replace(FLIGHT, name=str(seed), seed=seed, metrics={**FLIGHT.metrics, metric: value})
+        for seed, value in values.items()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("metric", "value", "is_worse"),
+    [
+        (METRIC, 1.0049, False), (METRIC, 1.0051, True), (METRIC, 0.5, False),
+        (FLOOR, 9.951, False), (FLOOR, 9.949, True), (FLOOR, 20.0, False),
+    ],
+)  # fmt: skip
+def test_with_the_same_seed_a_metric_is_worse_beyond_the_tolerance(metric, value, is_worse):
+    (held,) = held_against(flights({1: value}, metric), [FLIGHT])
+    assert (held.by, held.passed) == ("seeds", not is_worse)
+    assert [each.metric for each in held.worse] == ([metric] if is_worse else [])
+
+
+def test_with_other_seeds_the_baseline_gives_an_interval():
+    """Of 20 flights whose spread is 0.1, one more is within 0.1 t sqrt(1 + 1/20) of their mean."""
+    random = np.random.default_rng(1)
+    drawn = random.normal(size=20)
+    drawn = 1.0 + 0.1 * (drawn - drawn.mean()) / drawn.std(ddof=1)
+    baseline = flights(dict(enumerate(drawn.tolist(), 1)))
+    t = 2.860935  # Student's, 19 degrees of freedom, 1 - 0.01/2 for two metrics
+    edge = 1.0 + t * 0.1 * np.sqrt(1.0 + 1.0 / 20.0)
+    for value, is_worse in ((edge - 1e-4, False), (edge + 1e-4, True)):
+        (held,) = held_against(flights({99: value}), baseline)
+        assert (held.by, held.passed) == ("interval", not is_worse)
+
+
+@pytest.mark.parametrize(
+    ("mine", "said"),
+    [
+        ([replace(FLIGHT, seed=2)], "fly the same seeds"),
+        ([replace(FLIGHT, mission="skip")], "no mission in common"),
+    ],
+)
+def test_what_cannot_be_held_against_it_is_refused(mine, said):
+    with pytest.raises(RegressionError, match=said):
+        held_against(mine, [FLIGHT])
+    with pytest.raises(RegressionError, match="a second flight"):
+        held_against([FLIGHT], [FLIGHT, replace(FLIGHT, name="b")])
+
+
+def test_a_flight_that_fails_and_a_mission_that_is_missing_are_worse():
+    other = replace(FLIGHT, mission="skip")
+    failed = replace(FLIGHT, passed=False, ended="crashed")
+    first, second = held_against([failed], [FLIGHT, other])
+    assert first.failed == ("a failed: crashed",)
+    assert not second.passed and second.flights == 0
+    (held,) = held_against([failed], [failed])  # as the baseline did
+    assert held.passed
+
+
+def test_a_metric_that_is_lost_is_worse():
+    (held,) = held_against([replace(FLIGHT, metrics={METRIC: None, FLOOR: 10.0})], [FLIGHT])
+    assert [each.value for each in held.worse] == [None]
+
+
+# --- with flights
+
+
+def fly(out: Path, *settings: str, seed: int = 1, mission: str = "noisy_state") -> Path:
+    gcs_tools.fly(
+        mission, settings=["flight.duration_s=7", *settings], seed=seed, in_process=True, out=out,
+        figure="never",
+    )  # fmt: skip
+    return out
+
+
+@pytest.fixture(scope="module")
+def baseline(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("baseline")
+    for seed in (1, 2):
+        fly(folder / str(seed), seed=seed)
+    return folder
+
+
+def judged(*arguments: object) -> tuple[int, dict]:
+    done = gcs("compare", *arguments, "--json")
+    return done.exit_code, json.loads(done.stdout)
+
+
+def test_the_same_flights_are_as_the_baseline(baseline, tmp_path):
+    for seed in (1, 2):
+        fly(tmp_path / str(seed), seed=seed)
+    for how in ("--fail", "--exact"):
+        code, found = judged(tmp_path, baseline, how)
+        assert (code, found["passed"]) == (0, True)
+        assert found["missions"][0]["flights"] == 2
+
+
+def test_a_gain_by_two_per_cent_is_seen(baseline, tmp_path):
+    run = fly(tmp_path / "run", "law.f_m=2.04")
+    code, found = judged(run, baseline, "--exact", "--junit", tmp_path / "j.xml")
+    (mission,) = found["missions"]
+    assert (code, mission["passed"]) == (1, False)
+    assert mission["changed"] == {"law.f_m": ["2.04", "2.0"]}
+    ((name, parted),) = mission["parted"]
+    assert (name, parted["t"], parted["kinds"][0]) == ("run", 0.0, "guard")
+    (case,) = ET.parse(tmp_path / "j.xml").getroot()
+    assert case.get("name") == "noisy_state" and case.find("failure") is not None
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind", "t"),
+    [
+        (["plant.mass_change={at_s=3.0,mass_kg=8.01}"], "mass", 3.0),
+        (["wind.step_at_s=2.0", "wind.step_m_s=[0.1,0.0,0.0]"], "wind", 2.0),
+        (
+            ["flight.setpoints=[{at_s=0.0,position_m=[4.0,7.0,18.0]},{at_s=4.0,position_m=[4.0,7.0,17.9]}]"],
+            "setpoint", 4.0,
+        ),
+        (["plant.rotor_loss=[{rotor=1,at_s=5.0,effectiveness=0.95}]"], "motion", 5.0),
+    ],
+)  # fmt: skip
+def test_what_differs_first_is_nearest_to_the_cause(baseline, tmp_path, settings, kind, t):
+    _, found = judged(fly(tmp_path / "run", *settings), baseline / "1", "--exact")
+    ((_, parted),) = found["missions"][0]["parted"]
+    assert parted["kinds"][0] == kind
+    assert parted["t"] == pytest.approx(t, abs=0.011)
+
+
+def test_a_flight_that_goes_on_longer_differs_where_the_other_ends(baseline, tmp_path):
+    run = fly(tmp_path / "run", "flight.duration_s=7.5")
+    _, found = judged(run, baseline / "1", "--exact")
+    ((_, parted),) = found["missions"][0]["parted"]
+    assert parted["t"] == pytest.approx(7.0, abs=0.003)
+    assert parted["only"] == "this flight"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("A", "--fail"), "expected RUN and BASELINE"),
+        (("A", "B", "--junit", "j.xml"), "goes with --fail"),
+        (("A", "B", "--tolerance", "0.1"), "goes with --fail"),
+        (("A", "nowhere", "--fail"), "expected a run, or a folder with runs"),
+        (("A", "B", "--fail", "--missions", "take_off"), "draw nothing"),
+    ],
+)
+def test_wrong_use_is_told(baseline, arguments, said):
+    where = {"A": baseline / "1", "B": baseline / "2"}
+    done = gcs("compare", *(where.get(each, each) for each in arguments))
+    assert done.exit_code == 2 and said in done.stderr
+
+
+def test_without_a_recording_the_trajectory_alone_is_compared(baseline, tmp_path):
+    run = shutil.copytree(baseline / "1", tmp_path / "run")
+    (run / "flight.mcap").unlink()
+    assert judged(run, baseline, "--exact")[0] == 0
+    other = fly(tmp_path / "other", "law.f_m=2.04")
+    (other / "flight.mcap").unlink()
+    code, found = judged(other, baseline, "--exact")
+    assert code == 1
+    assert "where is not known" in found["missions"][0]["failed"][0]
