@@ -87,7 +87,7 @@ def campaign(
     """
     from gcs_tools.campaign.campaign_file import CampaignError
     from gcs_tools.cli.terminal import PipedConsole
-    from gcs_tools.flight.run import UsageError
+    from gcs_tools.flight.run_folder import UsageError
 
     _need(*NEEDED)
     asked = Asked(name, out, flights, jobs, scheduler, wait_s, junit, report, as_json)
@@ -117,7 +117,8 @@ def _flown(asked: Asked, log: Console) -> int:
     from gcs_tools.campaign import campaign_file, rare_flying, refly, store
     from gcs_tools.campaign.fingerprint import fingerprint, of_the_draws
     from gcs_tools.campaign.running import Ending, RunningError, run
-    from gcs_tools.flight.run import COMPILING, new_folder
+    from gcs_tools.flight.run import COMPILING
+    from gcs_tools.flight.run_folder import new_folder
 
     began = time.monotonic()
     if asked.scheduler is not None and not ADDRESS.fullmatch(asked.scheduler):

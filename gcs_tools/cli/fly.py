@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -64,9 +65,10 @@ def fly(
         from gcs_tools.cli.again import Again
         from gcs_tools.cli.terminal import Terminal
         from gcs_tools.flight.display import Display
-        from gcs_tools.flight.run import UsageError, fly_missions
+        from gcs_tools.flight.run import fly_missions, versions
+        from gcs_tools.flight.run_folder import UsageError
         from gcs_tools.judging import result
-        from gcs_tools.missions.mission import members
+        from gcs_tools.missions.mission import called, members
 
         published = speed is not None and controller is None
         try:
@@ -79,6 +81,11 @@ def fly(
                 controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
             )  # fmt: skip
         except UsageError as error:
+            if junit is not None:  # of what cannot be flown a report is wanted, too
+                names = [called(each) for name in missions for each in members(name)]
+                none = [result.rejected(name, str(error), versions()) for name in names]
+                with suppress(result.ResultError):
+                    result.junit(none, junit)
             raise Failure(error, USAGE) from error
         code = max((r.exit_code for r in results), default=INTERRUPTED)
         if not (settings or law or airframe or controller) and (seed, rate_hz) == (None, None):

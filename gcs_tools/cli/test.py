@@ -14,6 +14,10 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 from gcs_tools.flight.interrupts import interrupts_wait
 
 
+# the limits of the rotors and of tilt, which nothing runs into
+LIMITS = {f"{what}_saturated_fraction": 0.0 for what in ("thrust", "tilt", "torque")}
+
+
 @click.command(
     context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False},
     epilog="Exit codes: 0 it flew, landed and ended with 0, 1 it did not, 2 invalid command line, 3 the\n"
@@ -41,13 +45,15 @@ def test(
 ) -> int:  # fmt: skip
     """Run SCRIPT against a vehicle on the ground: a flight and a verdict without a mission file.
 
-    Expects that the vehicle arms, flies and lands, that it is not lost, and that SCRIPT ends with 0.
+    Expects that the vehicle arms, flies and lands, that it is not lost, that thrust, tilt and torque
+    stay below their limits in the air, and that SCRIPT ends with 0.
     SCRIPT is a Python file, or a program. Criteria of your own: --set expect.KEY=VALUE.
     """
     with interrupts_wait():
         from gcs_tools.cli.terminal import Terminal
         from gcs_tools.flight.display import Display
-        from gcs_tools.flight.run import UsageError, fly_missions
+        from gcs_tools.flight.run import fly_missions
+        from gcs_tools.flight.run_folder import UsageError
         from gcs_tools.judging import result
         from gcs_tools.missions.mission import MissionError, from_tables
 
@@ -55,6 +61,9 @@ def test(
             raise Failure("--speed max: a script runs by the wall clock; give a number", USAGE)
         if script.startswith("-"):
             raise Failure(f"{script}: no such option (gcs test --help lists them)", USAGE)
+        if script.endswith(".toml"):
+            raise Failure(f"{script}: a mission: gcs fly {script}", USAGE)
+        script_arguments = _of_the_script(script_arguments)
         is_python = script.endswith(".py")
         if is_python and not Path(script).is_file():
             raise Failure(f"{script}: no such file", USAGE)
@@ -65,7 +74,9 @@ def test(
         }  # fmt: skip
         try:
             title = "A ground script flies, and lands."
-            mission = from_tables(Path(script).stem, {"title": title, "flight": flight})
+            mission = from_tables(
+                Path(script).stem, {"title": title, "flight": flight, "expect": LIMITS}
+            )
             results = fly_missions(
                 [mission], speed=speed, out=out, law=law, airframe=airframe, settings=settings,
                 instance=instance, display=Display() if as_json else Terminal(), overwrite=overwrite,
@@ -83,3 +94,18 @@ def test(
         if as_json:
             print_json([dataclasses.asdict(each) for each in results])
     return code
+
+
+def _of_the_script(arguments: tuple[str, ...]) -> tuple[str, ...]:
+    """The words behind SCRIPT. Raises Failure for an option of ours that stands there."""
+    if arguments[:1] == ("--",):
+        return arguments[1:]
+    ours = {name for option in test.params for name in option.opts if name.startswith("--")}
+    for word in arguments:
+        if word.partition("=")[0] in ours:
+            raise Failure(
+                f"{word}: stands behind SCRIPT, so it is the script's. Put it before SCRIPT; if it is meant"
+                " for the script, put -- before the script's arguments",
+                USAGE,
+            )
+    return arguments

@@ -61,7 +61,8 @@ def up(
     from gcs_tools.flight.live_vehicle import LiveVehicle
     from gcs_tools.flight.pair import Pair
     from gcs_tools.flight.processes import InfrastructureError, Misused, claimed
-    from gcs_tools.flight.run import UsageError, flies, new_folder, prepared
+    from gcs_tools.flight.run import flies, prepared
+    from gcs_tools.flight.run_folder import UsageError, new_folder
     from gcs_tools.judging.preflight_check import refused_gains
 
     try:

@@ -255,7 +255,7 @@ class Child:
                 lines = log.read().decode(errors="replace").strip().splitlines()
         except OSError:
             lines = []
-        return printable(" ".join((lines or ["it left no log"])[-1].split()))
+        return printable(" ".join((lines or ["it wrote nothing"])[-1].split()))
 
     def ask_to_stop(self) -> None:
         """Tell it to end, also if it is suspended; `stop` waits for it."""

@@ -12,7 +12,7 @@ import os
 import platform
 import shlex
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import asdict, replace
 from importlib.metadata import version
@@ -41,6 +41,15 @@ from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.memory_flight import MemoryFlight, is_compiled
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, Take, claimed
 from gcs_tools.flight.publisher_process import Zenoh
+from gcs_tools.flight.run_folder import (
+    RESULT,
+    RUNS,
+    UsageError,
+    alone_in,
+    emptied,
+    left_by_script,
+    new_folder,
+)
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.script_flight import ScriptFlight, only_first
 from gcs_tools.flight.scripted_flight import Flown
@@ -53,7 +62,7 @@ from gcs_tools.judging.expectations import LIMITED, untold
 from gcs_tools.judging.metrics import OF_THE_TRUTH
 from gcs_tools.judging.preflight_check import refusal, refused_gains
 from gcs_tools.judging.result import Result, judge
-from gcs_tools.judging.script_check import DIED
+from gcs_tools.judging.script_check import DIED, ScriptFlown
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import (
     Mission,
@@ -81,16 +90,8 @@ from gcs_tools.recording.reader import (
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.truth import truth
 
-RUNS, RESULT = Path("runs"), "result.json"
-LEFT = (RESULT, "settings.json", "world.json", "flight.mcap")  # in the folder of a run
-LEFT_SUFFIXES = (".log", ".jsonl", ".png", ".svg")
-LONGEST = 50  # characters of a mission's name in that of its run's folder
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
 COMPILING = "compiling law and plant, once for this version (up to a minute)"
-
-
-class UsageError(ValueError):
-    """A mission, a setting or a folder that cannot be used: which, and what was expected."""
 
 
 def prepared(
@@ -149,64 +150,6 @@ def _judged_by_the_truth(mission: Mission) -> None:
         )
 
 
-def new_folder(out: Path | None, name: str) -> Path:
-    """An empty folder for a run: `out`, or a new one in runs/. Raises UsageError."""
-    try:
-        if out is None:
-            stamp = time.strftime("%Y%m%d-%H%M%S")
-            for n in range(1000):
-                folder = RUNS / f"{stamp}-{name[:LONGEST]}{f'-{n}' if n else ''}"
-                try:
-                    folder.mkdir(parents=True)
-                    return folder
-                except FileExistsError:
-                    continue
-        assert out is not None
-        if out.exists() and not out.is_dir():
-            raise UsageError(f"--out {out}: this is a file (name a new or an empty folder)")
-        out.mkdir(parents=True, exist_ok=True)
-        if any(out.iterdir()):
-            raise UsageError(
-                f"--out {out}: the folder is not empty (name a new or an empty one, or replace the run in"
-                " it: --overwrite)"
-            )
-        return out
-    except OSError as error:
-        where = RUNS if out is None else out
-        raise UsageError(f"{where}: cannot make the run's folder: {error.strerror}") from error
-
-
-def emptied(out: Path) -> None:
-    """Remove what earlier runs left in a folder. Raises UsageError for one that holds anything else."""
-    try:
-        if not out.exists() or not any(out.iterdir()):
-            return
-        runs = [out] if (out / RESULT).is_file() else list(out.iterdir())
-        if strange := next((each for run in runs for each in _strange(run)), None):
-            raise UsageError(
-                f"--out {out}: {strange} was not left by a run: nothing is removed (name a new or an"
-                " empty folder)"
-            )
-        for run in runs:
-            for path in run.iterdir():
-                path.unlink()
-            if run != out:
-                run.rmdir()
-    except OSError as error:
-        raise UsageError(f"--out {out}: cannot be emptied: {error.strerror}") from error
-
-
-def _strange(run: Path) -> Iterator[Path]:
-    """What is in the folder of a run and is not of a run; the folder itself if it is of none."""
-    if run.is_symlink() or not run.is_dir() or not (run / RESULT).is_file():
-        yield run
-        return
-    for path in run.iterdir():
-        known = path.name in LEFT or path.suffix in LEFT_SUFFIXES
-        if path.is_symlink() or not path.is_file() or not known:
-            yield path
-
-
 def fly_missions(
     missions: Sequence[str | Mission],
     *,
@@ -261,7 +204,7 @@ def fly_missions(
     seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
     asked = [(name, each) for name in missions for each in seeds]
     ready, rejected = _admitted(
-        asked, settings, rate_hz, law, airframe, words, in_process, allow_commands
+        asked, settings, rate_hz, law, airframe, words, in_process, allow_commands, instance
     )
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
@@ -280,10 +223,6 @@ def fly_missions(
         jobs = 1 if in_turn else cores()
     elif instance is not None and jobs > 1:
         raise UsageError("an instance is one vehicle: it flies one mission at a time")
-    if out is not None and overwrite:
-        emptied(out)
-    if out is not None and many:
-        new_folder(out, "")
     names: list[str] = []
     runs = []
     for mission, scene in ready:
@@ -298,10 +237,15 @@ def fly_missions(
                 controller_timeout_s,
             )
         )  # fmt: skip
-    if many and can_fork():
-        results = fly_side_by_side(runs, jobs, display)
-    else:
-        results = _fly_in_turn(runs, display)
+    with alone_in(out):
+        if out is not None and overwrite:
+            emptied(out)
+        if out is not None and many:
+            new_folder(out, "")
+        if many and can_fork():
+            results = fly_side_by_side(runs, jobs, display)
+        else:
+            results = _fly_in_turn(runs, display)
     if many:
         passed = sum(each.passed for each in results)
         flown = [(run.name, each) for run, each in zip(runs, results, strict=False)]
@@ -318,7 +262,7 @@ def fly_missions(
 def _admitted(
     asked: Sequence[tuple[str | Mission, int | None]], settings: Sequence[str], rate_hz: float | None,
     law: str | None, airframe: str | None, controller: tuple[str, ...], in_process: bool,
-    allow_commands: bool,
+    allow_commands: bool, instance: int | None,
 ) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
     """Missions, each with a seed, that a vehicle would fly; the others' results, by their places.
 
@@ -332,6 +276,7 @@ def _admitted(
             try:
                 made = prepared(name, settings, seed, rate_hz, law, airframe, controller)
                 _runs_commands(made[0], in_process, allow_commands)
+                _flies_as(made, instance)
                 with interrupts.at_once():
                     _compiles(made[0])
                 ready[place] = made
@@ -381,6 +326,16 @@ def _runs_commands(mission: Mission, in_process: bool, allowed: bool) -> None:
     if in_process:
         raise UsageError(
             f"{mission.source}: [flight] script: the vehicle needs its sockets (leave out --in-process)"
+        )
+
+
+def _flies_as(made: tuple[Mission, Scenario], instance: int | None) -> None:
+    """Raises UsageError for a script that is told no instance, and is to fly another than the first."""
+    mission, scene = made
+    if instance and scene.script and only_first(scene.script):
+        raise UsageError(
+            f"{mission.source}: [flight] script: instance {instance} was asked for, and the command has"
+            " no {url} or other word that tells it: it can only fly instance 0"
         )
 
 
@@ -514,6 +469,11 @@ class _Run:
             return not is_cached("begin")
         return not (self._law.is_cached() and is_cached("begin"))
 
+    @property
+    def needs_first(self) -> bool:
+        """Whether its script is told no instance, so that it flies the first."""
+        return bool(self._scene.script) and only_first(self._scene.script)
+
     def load(self) -> None:
         """Load here what it flies by, for processes forked later; of one that is cold, nothing."""
         if self._figure == ALWAYS:
@@ -589,10 +549,16 @@ class _Run:
         return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
             exit_code=exit_code, error=error, said=logged(self.folder), folder=str(self.folder),
-            begun=flown.begun, refusal=flown.refusal, script=flown.script, wall_time_s=flown.wall_time_s,
+            begun=flown.begun, refusal=flown.refusal, script=self._script(flown), wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions=_flown_versions(self._mission),
         )  # fmt: skip
+
+    def _script(self, flown: Flown) -> ScriptFlown | None:
+        """What became of the script, with what it left in the folder."""
+        if flown.script is None:
+            return None
+        return replace(flown.script, files=left_by_script(self.folder))
 
     def _written(self, judged: Result) -> Result:
         try:
@@ -646,8 +612,7 @@ class _Run:
 
     def _over_the_wire(self, on_rows: tuple[Take, Take]) -> Flown:
         try:
-            first = 0 if self._scene.script and only_first(self._scene.script) else None
-            with claimed(self._instance if first is None else first, *PORTS) as instance:
+            with claimed(0 if self.needs_first else self._instance, *PORTS) as instance:
                 if self._instance is None and instance and not self._beside:
                     self._note(f"instance {instance}: those before it are in use")
                 return self._fly_pair(instance, on_rows)

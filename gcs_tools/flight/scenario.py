@@ -191,7 +191,9 @@ def _of_a_script(mission: Mission) -> dict[str, Any]:
     try:
         words = command_words(flight.script, SCRIPT_WORDS, mission.folder)
     except CommandError as error:
-        raise MissionError(f"{mission.source}: [flight] script: {error}") from error
+        line = mission.lines.get(("flight", "script"))
+        where = mission.source if line is None else f"{mission.source}:{line}"
+        raise MissionError(f"{where}: [flight] script: {error}") from error
     after = AFTER_SCRIPT_S if flight.after_script_s is None else flight.after_script_s
     return {
         "script": words, "folder": mission.folder.absolute(), "pace": flight.speed,

@@ -36,7 +36,7 @@ WALL_FACTOR, WALL_S = (
     60.0,
 )  # the bound in wall time: so many times what the flight should take, and more
 LOG = "script.log"
-OF_AN_INSTANCE = ("url", "mavsdk_url", "port", "instance", "system_id")
+OF_AN_INSTANCE = ("url", "mavsdk_url", "tcp_url", "port", "instance", "system_id")
 
 
 def values(instance: int, out: Path, speed: float) -> dict[str, str]:
@@ -45,6 +45,7 @@ def values(instance: int, out: Path, speed: float) -> dict[str, str]:
     return {
         "url": f"udpin:{HOST}:{at.script}",
         "mavsdk_url": f"udpin://{HOST}:{at.script}",
+        "tcp_url": f"tcp:{HOST}:{at.fcu_tcp}",
         "port": str(at.script),
         "instance": str(instance),
         "system_id": str(at.system_id),
@@ -193,8 +194,8 @@ class ScriptFlight(WireFlight):
             )
         if said is None and not self._is_over():
             return script_check.TIMEOUT, (
-                f"The script had not ended within {self._late}. Raise flight.duration_s, or end the"
-                f" script earlier: {self._words()}"
+                f"The script had not ended within {self._late}. Give it longer (flight.duration_s, or"
+                f" gcs test --duration), or end it earlier: {self._words()}"
             )
         if said is not None and said["left"]:
             return script_check.LEFT, (

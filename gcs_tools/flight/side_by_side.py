@@ -45,6 +45,10 @@ class Run(Protocol):
     def is_cold(self) -> bool:
         """Whether it compiles before it flies."""
 
+    @property
+    def needs_first(self) -> bool:
+        """Whether it can only be instance 0."""
+
     def load(self) -> None:
         """Load here what it flies by."""
 
@@ -96,6 +100,8 @@ def fly_side_by_side(runs: Sequence[Run], jobs: int, display: Display) -> list[R
     def is_turn_of(run: Run) -> bool:
         flying = [flight for flight in under_way.values() if flight.result is None]
         if len(flying) >= jobs or len(under_way) >= (1 + WAITING) * jobs:
+            return False
+        if run.needs_first and any(flight.run.needs_first for flight in flying):
             return False
         return not flying or not (run.is_cold or any(flight.alone for flight in flying))
 

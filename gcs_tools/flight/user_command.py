@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import shlex
 import shutil
@@ -14,7 +15,7 @@ from typing import Any
 from gcs_tools.flight.processes import SUSPENDED, Child, is_stopped
 
 _WORD = re.compile(r"\{([a-z_]+)\}")
-SCRIPT_WORDS = ("url", "mavsdk_url", "port", "instance", "system_id", "out", "speed")
+SCRIPT_WORDS = ("url", "mavsdk_url", "tcp_url", "port", "instance", "system_id", "out", "speed")
 PYTHON = ("python", "python3")  # the Python that runs this program
 
 
@@ -35,11 +36,7 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
         raise CommandError("expected a command, got nothing")
     if "\0" in text or text != text.encode(errors="replace").decode():
         raise CommandError(f"{text!r}: expected text without null characters")
-    program = str((folder / words[0]).absolute()) if "/" in words[0] else words[0]
-    if shutil.which(program) is None and words[0] not in PYTHON:
-        raise CommandError(
-            f"{words[0]}: no such program (a file needs its path and to be executable)"
-        )
+    _is_there(words, folder)
     for name in (name for word in words for name in _WORD.findall(word)):
         close = difflib.get_close_matches(name, names, n=1)
         if name not in names and close:
@@ -47,6 +44,27 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
                 f"{{{name}}}: did you mean {{{close[0]}}}? Expected one of {', '.join(names)}"
             )
     return words
+
+
+def _is_there(words: Sequence[str], folder: Path) -> None:
+    """Raises CommandError if the program, or the file that is Python's to run, is not there."""
+    if words[0] in PYTHON:
+        file = words[1] if len(words) > 1 else ""
+        if file.endswith(".py") and not _WORD.search(file) and not (folder / file).is_file():
+            raise CommandError(f"{file}: no such file in {folder.absolute()}")
+        return
+    program = (folder / words[0]).absolute()
+    if shutil.which(str(program) if "/" in words[0] else words[0]) is not None:
+        return
+    if program.is_file():
+        way = (
+            f"./{words[0]}"
+            if os.access(program, os.X_OK)
+            else f"chmod +x {words[0]}, or python {words[0]}"
+        )
+        if "/" not in words[0] or not os.access(program, os.X_OK):
+            raise CommandError(f"{words[0]}: this file is not run by its name alone: {way}")
+    raise CommandError(f"{words[0]}: no such program (a file needs its path)")
 
 
 def names_one_of(words: Sequence[str], names: Collection[str]) -> bool:

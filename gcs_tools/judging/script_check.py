@@ -32,6 +32,7 @@ class ScriptFlown:
     ended_at_s: float | None = None  # simulation time
     messages: int = 0  # MAVLink messages that the vehicle had from it
     left: list[str] = field(default_factory=list)  # names of the processes that it left behind
+    files: list[str] = field(default_factory=list)  # names of what it left in the folder of the run
 
     def judged(self) -> list[Expectation]:
         """The expectation that nobody has to name: the script ends with 0, and with no failure.

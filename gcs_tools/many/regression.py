@@ -3,7 +3,7 @@
 Flights of one mission are held against each other. With the same seeds in both, winds and noise are the
 same too: what differs is the change's doing, and a metric is worse when its mean is, by more than a
 tolerance. With other seeds a metric is worse when its mean is beyond the interval in which the baseline
-expects it.
+expects it: of shares of time by their square roots, whose spread does not grow with the share.
 """
 
 from __future__ import annotations
@@ -201,14 +201,17 @@ def _limit(
     """From which on the mean of so many flights is worse than the baseline's."""
     sign = -1.0 if name in FLOORS else 1.0
     mean, n = math.fsum(before) / len(before), len(before)
-    room = max(tolerance * abs(mean), LEAST)
-    if not paired and n > 1 and flights:
-        from scipy.special import stdtrit
+    limit = mean + sign * max(tolerance * abs(mean), LEAST)
+    if paired or n == 1 or not flights:
+        return limit
+    from scipy.special import stdtrit
 
-        quantile = float(stdtrit(n - 1, 1.0 - (1.0 - LEVEL) / metrics))
-        spread = float(np.std(before, ddof=1))
-        room = max(room, quantile * spread * math.sqrt(1.0 / flights + 1.0 / n))
-    return mean + sign * room
+    quantile = float(stdtrit(n - 1, 1.0 - (1.0 - LEVEL) / metrics))
+    is_share = name.endswith("_fraction")
+    values = np.sqrt(before) if is_share else np.asarray(before)
+    room = quantile * float(np.std(values, ddof=1)) * math.sqrt(1.0 / flights + 1.0 / n)
+    edge = float(values.mean()) + sign * room
+    return sign * max(sign * limit, sign * (edge * edge if is_share else edge))
 
 
 def _exactly(

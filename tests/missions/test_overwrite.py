@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 
 import gcs_tools
-from gcs_tools.flight.run import UsageError, emptied
+from gcs_tools.flight.run_folder import UsageError, alone_in, emptied
 from tests.command_line import gcs
 
 SHORT = ("flight.duration_s=0.05",)
@@ -59,6 +60,44 @@ def test_a_folder_with_a_result_and_anything_else_is_left_as_it_is(
     with pytest.raises(UsageError, match=f"{name} was not left by a run"):
         emptied(tmp_path)
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", ["holiday.png", "server.log", "drawing.svg", "list.jsonl"])
+def test_a_file_is_a_runs_by_its_name_not_by_its_kind(tmp_path: Path, name: str) -> None:
+    (tmp_path / "result.json").write_text("{}")
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(UsageError, match=f"{name} was not left by a run"):
+        emptied(tmp_path)
+    assert (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize("mark", ["settings.json", "flight.mcap", "world.json"])
+def test_what_a_killed_run_left_is_removed(tmp_path: Path, mark: str) -> None:
+    for name in (mark, "fcu.log", "plant.jsonl", ".result.json.abc"):
+        (tmp_path / name).write_text("")
+    emptied(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_its_script_left_is_of_the_run(tmp_path: Path) -> None:
+    told = {"script": {"files": ["square.csv", "figures"]}}
+    (tmp_path / "result.json").write_text(json.dumps(told))
+    (tmp_path / "square.csv").write_text("1,2")
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "a.png").write_text("")
+    (tmp_path / "mine.csv").write_text("3,4")
+    with pytest.raises(UsageError, match=r"mine\.csv was not left by a run"):
+        emptied(tmp_path)
+    (tmp_path / "mine.csv").unlink()
+    emptied(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_of_one_runner_at_a_time(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with alone_in(out), pytest.raises(UsageError, match="another run is being written there"):
+        flown(out)
+    assert flown(out).ticks
 
 
 def test_a_link_is_not_followed(tmp_path: Path) -> None:

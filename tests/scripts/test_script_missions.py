@@ -136,13 +136,19 @@ def test_a_script_is_tested_without_a_mission(start, tmp_path, how, wanted):
     found = result.read(tmp_path / "run" / "result.json")
     assert (code, found.passed, found.mission) == (wanted, wanted == 0, "hop")
     assert found.ended == ("script" if wanted else "landed")
-    assert [each.name for each in found.expectations] == ["ended", "script"]
+    limits = [f"{what}_saturated_fraction" for what in ("thrust", "tilt", "torque")]
+    assert [each.name for each in found.expectations] == ["ended", *limits, "script"]
     assert f'failures="{wanted}"' in report.read_text()
 
 
 @pytest.mark.parametrize(
-    "arguments", [("nothing.py",), ("./nothing", "{url}"), ("--speed", "max", HERE / "hop.py")]
-)
+    "arguments",
+    [
+        ("nothing.py",), ("./nothing", "{url}"), ("--speed", "max", HERE / "hop.py"), ("hop.toml",),
+        (HERE / "hop.py", "{url}", "--speed", "8"), (HERE / "hop.py", "--out=here"),
+        ("--instance", "3", HERE / "hop.py"),
+    ],
+)  # fmt: skip
 def test_what_cannot_be_tested_is_refused(start, tmp_path, arguments):
     told = start("gcs_tools", "test", *arguments)
     assert told.wait() == 2
@@ -182,8 +188,45 @@ def test_keys_that_do_not_go_together_are_refused(tmp_path, old, new, key):
 
 def test_a_program_that_is_not_there_is_named(tmp_path):
     shutil.copy(HERE / "hop.toml", tmp_path)
-    with pytest.raises(UsageError, match=r"nothing\.py: no such program"):
-        prepared(str(tmp_path / "hop.toml"), ['flight.script="./nothing.py {url}"'])
+    path = tmp_path / "hop.toml"  # without the script
+    for command, said in (
+        ("./nothing.py {url}", r"nothing\.py: no such program"),
+        ("python nothing.py", r"nothing\.py: no such file in "),
+        ("./plain.sh", r"chmod \+x \./plain\.sh"),
+        ("fly.sh", r"\./fly\.sh"),
+    ):
+        for name, mode in (("plain.sh", 0o644), ("fly.sh", 0o755)):
+            (tmp_path / name).write_text("#!/bin/sh\n")
+            (tmp_path / name).chmod(mode)
+        with pytest.raises(UsageError, match=said):
+            prepared(str(path), [f'flight.script="{command}"'])
+    line = 1 + path.read_text().splitlines().index('script = "python hop.py {url}"')
+    with pytest.raises(UsageError, match=rf"hop\.toml:{line}: \[flight\] script: hop\.py"):
+        prepared(str(path))
+
+
+def test_scripts_that_can_only_fly_the_first_instance_fly_one_after_the_other(start, tmp_path):
+    """Each binds instance 0's port by itself, and so both cannot fly at once."""
+    text = (HERE / "hop.toml").read_text()
+    own = f"python {HERE / 'hop.py'} udpin:127.0.0.1:14540"
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.toml").write_text(text.replace("python hop.py {url}", own))
+    while True:  # begun again as long as another test has instance 0
+        program = start(
+            "gcs_tools", "fly", tmp_path / "a.toml", tmp_path / "b.toml", "--allow-commands", "--jobs", "2",
+            "--out", tmp_path / "out", "--overwrite", "--figure", "never", "--record", "none", "--json",
+        )  # fmt: skip
+        code, told = program.wait(), program.text()
+        if "in use" not in told:
+            break
+    assert code == 0, told
+    flown = [result.read(tmp_path / "out" / name / "result.json") for name in ("a", "b")]
+    assert [each.ended for each in flown] == ["landed", "landed"]
+
+
+def test_what_a_script_leaves_in_its_folder_is_listed(fly):
+    _, found = fly("flight.script=\"sh -c 'touch {out}/mine.csv; exec python hop.py {url}'\"")
+    assert found.script is not None and found.script.files == ["mine.csv"]
 
 
 def test_values_take_the_place_of_words_in_braces(tmp_path):
@@ -191,6 +234,7 @@ def test_values_take_the_place_of_words_in_braces(tmp_path):
     assert tuple(told) == SCRIPT_WORDS
     assert told["url"] == "udpin:127.0.0.1:14543"
     assert told["mavsdk_url"] == "udpin://127.0.0.1:14543"
+    assert told["tcp_url"] == "tcp:127.0.0.1:5790"
     assert (told["system_id"], told["speed"], told["out"]) == ("4", "4", str(tmp_path))
     assert only_first(("sh", "{out}")) and not only_first(("sh", "--to={port}"))
     with pytest.raises(CommandError, match=r"\{url\}"):

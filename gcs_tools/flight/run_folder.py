@@ -1,0 +1,145 @@
+"""The folder of a run: made, used by one runner at a time, and emptied if it holds runs alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from fnmatch import fnmatch
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # not on Windows, where nobody is kept out
+    fcntl = None  # type: ignore[assignment]
+
+RUNS, RESULT = Path("runs"), "result.json"
+MARKS = (
+    RESULT,
+    "settings.json",
+    "world.json",
+    "flight.mcap",
+)  # one of these is in every run's folder
+KNOWN = (
+    *MARKS, "about.json", "flight.png", "flight-*.png", "flight-*.svg", "flight-*.pdf", ".result.json.*",
+    *(f"{who}.{kind}" for who in ("fcu", "plant", "publisher", "controller", "script") for kind in ("log", "jsonl")),
+)  # fmt: skip
+LONGEST = 50  # characters of a mission's name in that of its run's folder
+
+
+class UsageError(ValueError):
+    """A mission, a setting or a folder that cannot be used: which, and what was expected."""
+
+
+@contextmanager
+def alone_in(out: Path | None) -> Iterator[None]:
+    """Keep other runners out of a folder within the block; it is made if it is not there.
+
+    The lock ends with the process, however that ends. Raises UsageError where another runner has it.
+    """
+    if out is None or fcntl is None:
+        yield
+        return
+    try:
+        if out.exists() and not out.is_dir():
+            raise UsageError(f"--out {out}: this is a file (name a new or an empty folder)")
+        out.mkdir(parents=True, exist_ok=True)
+        folder = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot make the run's folder: {error.strerror}") from error
+    try:
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise UsageError(
+                f"--out {out}: another run is being written there (name another)"
+            ) from error
+        except OSError:  # a file system without locks
+            pass
+        yield
+    finally:
+        os.close(folder)
+
+
+def new_folder(out: Path | None, name: str) -> Path:
+    """An empty folder for a run: `out`, or a new one in runs/. Raises UsageError."""
+    try:
+        if out is None:
+            stamp = time.strftime("%Y%m%d-%H%M%S")
+            for n in range(1000):
+                folder = RUNS / f"{stamp}-{name[:LONGEST]}{f'-{n}' if n else ''}"
+                try:
+                    folder.mkdir(parents=True)
+                    return folder
+                except FileExistsError:
+                    continue
+        assert out is not None
+        if out.exists() and not out.is_dir():
+            raise UsageError(f"--out {out}: this is a file (name a new or an empty folder)")
+        out.mkdir(parents=True, exist_ok=True)
+        if any(out.iterdir()):
+            raise UsageError(
+                f"--out {out}: the folder is not empty (name a new or an empty one, or replace the run in"
+                " it: --overwrite)"
+            )
+        return out
+    except OSError as error:
+        where = RUNS if out is None else out
+        raise UsageError(f"{where}: cannot make the run's folder: {error.strerror}") from error
+
+
+def emptied(out: Path) -> None:
+    """Remove what earlier runs left in a folder. Raises UsageError for one that holds anything else."""
+    try:
+        if not out.exists() or not any(out.iterdir()):
+            return
+        runs = [out] if _is_run(out) else list(out.iterdir())
+        if strange := next((each for run in runs for each in _strange(run)), None):
+            raise UsageError(
+                f"--out {out}: {strange} was not left by a run: nothing is removed (name a new or an"
+                " empty folder)"
+            )
+        for run in runs:
+            for path in run.iterdir():
+                if path.is_dir():
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
+            if run != out:
+                run.rmdir()
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be emptied: {error.strerror}") from error
+
+
+def _is_run(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in MARKS)
+
+
+def _strange(run: Path) -> Iterator[Path]:
+    """What is in the folder of a run and is not of a run; the folder itself if it is of none."""
+    if run.is_symlink() or not run.is_dir() or not (_is_run(run) or not any(run.iterdir())):
+        yield run
+        return
+    by_script = _left_by_its_script(run)
+    for path in run.iterdir():
+        known = path.is_file() and any(fnmatch(path.name, name) for name in KNOWN)
+        if path.is_symlink() or not (known or path.name in by_script):
+            yield path
+
+
+def left_by_script(run: Path) -> list[str]:
+    """Names of what a script has left in the folder of its run."""
+    names = (path.name for path in run.iterdir() if not path.is_symlink())
+    return sorted(name for name in names if not any(fnmatch(name, each) for each in KNOWN))
+
+
+def _left_by_its_script(run: Path) -> set[str]:
+    """What the result of a run says that its script left; empty if it cannot be read."""
+    try:
+        script = json.loads((run / RESULT).read_bytes())["script"]
+        return {name for name in script["files"] if isinstance(name, str)}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
