@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from fcu.interface.airframe import AirframeError
@@ -19,6 +21,7 @@ from gcs_tools.flight import several
 from gcs_tools.flight.arrival import arrival
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.processes import InfrastructureError
+from gcs_tools.flight.run import fly_script
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.judging.expectations import LIMITED
@@ -81,7 +84,11 @@ def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
 def _loaded(plan: str) -> tuple[str, int, tuple[Mission, ...]]:
     """How a plan's flights are flown, how many of each law, and its mission. Raises MissionError."""
     tables = json.loads(plan)
-    missions = tuple(from_tables(tables["name"], each["given"]) for each in tables["laws"])
+    made = [(from_tables(tables["name"], each["given"]), each) for each in tables["laws"]]
+    missions = tuple(
+        replace(mission, folder=Path(each["folder"])) if "folder" in each else mission
+        for mission, each in made
+    )
     return tables["fly"], tables["flights"], missions
 
 
@@ -108,12 +115,19 @@ def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Ro
         code = USAGE if isinstance(flown, LawError) else INFRASTRUCTURE
         return _lost(asked, mission.flight.seed, ABORTED, str(flown), code)
     plant, fcu, ended = flown.plant, flown.fcu, flown.ended
-    judged = Judged.of(mission, float(scene.rate_hz), plant, fcu, ended, flown.begun)
+    script = flown.script
+    judged = Judged.of(
+        mission, float(scene.rate_hz), plant, fcu, ended, flown.begun, script=script
+    )  # fmt: skip
+    missed = [each.name for each in judged.expectations if each.is_missed]
+    if script is not None and script.failure:
+        missed = [script.failure, *(name for name in missed if name != "script")]
     return Row(
-        asked.number, asked.law, mission.flight.seed, judged.passed, ended, "", OK,
+        asked.number, asked.law, mission.flight.seed, judged.passed, ended,
+        script.text if script is not None else "", OK,
         float(plant[-1, 0]) if len(plant) else 0.0, len(fcu),
         trajectory_sha256(plant) if len(plant) else "", judged.metrics,
-        ", ".join(each.name for each in judged.expectations if each.is_missed),
+        ", ".join(missed),
     )  # fmt: skip
 
 
@@ -126,8 +140,11 @@ def _vehicles(
     flights: Sequence[_Ready],
 ) -> Iterator[tuple[int, Flown | LawError | InfrastructureError]]:
     """Each flown by the whole vehicle, in this process."""
-    for i, (_, _, scene) in enumerate(flights):
+    for i, (_, mission, scene) in enumerate(flights):
         try:
+            if scene.script:
+                yield i, fly_script(mission, scene)
+                continue
             flown = MemoryFlight(scene, None, (_drop, _drop)).fly()
         except (LawError, InfrastructureError) as error:
             yield i, error

@@ -13,7 +13,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -50,8 +50,8 @@ from gcs_tools.missions.fields import Table, optional, wrong
 from gcs_tools.missions.mission import (
     Mission,
     MissionError,
+    allowed,
     from_tables,
-    refuse_script,
     with_airframe,
     with_law,
     with_values,
@@ -222,6 +222,16 @@ class Variant:
     label: str
     mission: Mission
     base: Mapping[str, Any]  # the mission's values by key
+    folder: Path | None = None  # where its script runs; None: it has none
+
+    def told(self) -> dict[str, Any]:
+        """What workers are told of it."""
+        mission = self.mission
+        plain = {
+            "label": self.label, "given": mission.given, "law": mission.flown.digest,
+            "airframe": mission.airframe.sha256,
+        }  # fmt: skip
+        return plain if self.folder is None else {**plain, "folder": str(self.folder)}
 
 
 @dataclass(frozen=True)
@@ -272,11 +282,7 @@ class Campaign:
                 "name": self.variants[0].mission.name,
                 "fly": self.document.fly,
                 "flights": self.n,
-                "laws": [
-                    {"label": each.label, "given": each.mission.given, "law": each.mission.flown.digest,
-                     "airframe": each.mission.airframe.sha256}
-                    for each in self.variants
-                ],
+                "laws": [each.told() for each in self.variants],
             },
             sort_keys=True,
         )  # fmt: skip
@@ -319,9 +325,12 @@ def path_of(name: str) -> Path:
     raise CampaignError(f"{name}: no such campaign{meant}; there are {', '.join(shipped())}")
 
 
-def read(name: str | Path, flights: int | None = None) -> Campaign:
+def read(
+    name: str | Path, flights: int | None = None, allow_commands: bool = False
+) -> Campaign:  # fmt: skip
     """A shipped campaign by its name, or any by its file; `flights` in place of its own.
 
+    allow_commands : its mission may name a command ([flight] script), which workers run.
     Raises CampaignError.
     """
     path = path_of(str(name))
@@ -331,10 +340,13 @@ def read(name: str | Path, flights: int | None = None) -> Campaign:
         raise CampaignError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise CampaignError(f"{path}: expected UTF-8 text ({error.reason})") from error
-    return parsed(text, str(path), path.parent, path.stem, flights)
+    return parsed(text, str(path), path.parent, path.stem, flights, allow_commands)
 
 
-def parsed(text: str, source: str, folder: Path, name: str, flights: int | None = None) -> Campaign:
+def parsed(
+    text: str, source: str, folder: Path, name: str, flights: int | None = None,
+    allow_commands: bool = False,
+) -> Campaign:  # fmt: skip
     """The campaign of a text. `folder`: where relative names in it begin. Raises CampaignError."""
     try:
         given = input_file.toml(text)
@@ -360,7 +372,7 @@ def parsed(text: str, source: str, folder: Path, name: str, flights: int | None 
     except ValidationError as error:
         raise CampaignError("\n".join(_problems(error, source, text))) from error
     try:
-        variants = tuple(_variants(document, folder, where))
+        variants = tuple(_variants(document, folder, where, allow_commands))
         campaign = Campaign(name, source, text, document, _draws(document), variants)
         _check(campaign)
     except (MissionError, DrawError, ParameterError, AirframeError) as error:
@@ -404,10 +416,14 @@ def _blamed(where: str = "") -> Iterator[None]:
         raise CampaignError(f"{where}: {error}" if where else str(error)) from error
 
 
-def _variants(document: Document, folder: Path, where: Callable[..., str]) -> Iterator[Variant]:
+def _variants(
+    document: Document, folder: Path, where: Callable[..., str], allow_commands: bool
+) -> Iterator[Variant]:  # fmt: skip
     with _blamed(f"{where('mission')}: mission"):
         mission = _mission(document.mission, folder)
-        refuse_script(mission, "gcs campaign")
+        if mission.flight.script is not None:
+            allowed(mission, allow_commands)
+    runs_in = None if mission.flight.script is None else mission.folder.absolute()
     if document.airframe is not None:
         airframe = str(_absolute(document.airframe, folder, ".toml"))
         with _blamed():
@@ -435,13 +451,17 @@ def _variants(document: Document, folder: Path, where: Callable[..., str]) -> It
                 'fly = "law": a mission of items, or one that ends on arrival, needs a vehicle:'
                 ' fly = "vehicle"'
             )
+        if document.fly == LAW and runs_in is not None:
+            raise MissionError('fly = "law": a script needs a vehicle: fly = "vehicle"')
         label = label or made.flown.name
         if label in labels:
             raise MissionError(f"two laws are called {label} (give one of them a label)")
         labels.append(label)
         made = from_tables(made.name, anchored(made))
+        if runs_in is not None:
+            made = replace(made, folder=runs_in)
         base = {name: value.value for name, value in made.values_in_force().items()}
-        yield Variant(label, made, base)
+        yield Variant(label, made, base, runs_in)
 
 
 def _mission(name: str, folder: Path) -> Mission:

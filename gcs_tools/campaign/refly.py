@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import isfile
 from pathlib import Path
 from typing import Any
 
 from gcs_tools.campaign import store
 from gcs_tools.campaign.campaign_file import CampaignError
-from gcs_tools.missions.mission import MissionError, with_values, written
+from gcs_tools.missions.mission import Mission, MissionError, with_values, written
 
 _NAMED = re.compile(r"(?P<folder>.+)#(?P<number>[0-9]{1,9})(?::(?P<law>.+))?")
 
@@ -26,6 +26,7 @@ class Numbered:
     mission: str  # a file, that holds the mission with all that was set and drawn
     trajectory_sha256: str  # as the campaign flew it; empty: it has not, or not to its end
     ended: str
+    script: Mission | None = None  # the mission itself, if it runs a script: beside its own file
 
     def command(self) -> str:
         """What to type to fly it again."""
@@ -56,7 +57,7 @@ def numbered(name: str, into: str) -> Numbered:
     found = _NAMED.fullmatch(name)
     assert found is not None
     folder, number = Path(found["folder"]), int(found["number"])
-    campaign = store.again(folder, unchanged=True)
+    campaign = store.again(folder, unchanged=True, allow_commands=True)  # `gcs fly` asks
     label = found["law"] or campaign.labels[0]
     if label not in campaign.labels:
         raise CampaignError(f"{name}: no such law; there are {', '.join(campaign.labels)}")
@@ -83,6 +84,7 @@ def numbered(name: str, into: str) -> Numbered:
         str(path),
         row.get("trajectory_sha256") or "",
         row.get("ended") or "",
+        None if variant.folder is None else replace(drawn, folder=variant.folder),
     )
 
 

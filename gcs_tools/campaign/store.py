@@ -240,10 +240,11 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
     )
 
 
-def again(folder: Path, unchanged: bool = False) -> Campaign:
+def again(folder: Path, unchanged: bool = False, allow_commands: bool = False) -> Campaign:
     """The campaign of a folder, to go on with it. Raises CampaignError.
 
     unchanged : also for one of which something has changed since.
+    allow_commands : as for `campaign_file.read`.
     """
     try:
         about = json.loads((folder / JSON).read_text(encoding="utf-8"))
@@ -256,7 +257,9 @@ def again(folder: Path, unchanged: bool = False) -> Campaign:
         text = (folder / TOML).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise CampaignError(f"{folder / TOML}: {error}") from error
-    campaign = parsed(text, str(folder / TOML), source.parent, name, flights)
+    campaign = parsed(
+        text, str(folder / TOML), source.parent, name, flights, allow_commands
+    )  # fmt: skip
     if unchanged and about.get("identity") != campaign.identity:
         raise CampaignError(
             f"{folder}: its campaign.toml, a mission, a law or an airframe has changed since it was flown"

@@ -13,6 +13,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 if TYPE_CHECKING:
     from gcs_tools.campaign.refly import Numbered
     from gcs_tools.judging.result import Result
+    from gcs_tools.missions.mission import Mission
 
 FOLDER = "again"  # in a campaign's folder: missions of its flights
 
@@ -25,7 +26,7 @@ class Again:
         self._numbered: dict[int, Numbered] = {}
         self.missions = [self._mission(place, name) for place, name in enumerate(names)]
 
-    def _mission(self, place: int, name: str) -> str:
+    def _mission(self, place: int, name: str) -> str | Mission:
         if "#" not in name:
             return name
         from gcs_tools.campaign import refly
@@ -41,7 +42,7 @@ class Again:
             raise Failure(error, USAGE) from error
         except OSError as error:
             raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
-        return found.mission
+        return found.mission if found.script is None else found.script
 
     def compared(self, results: Sequence[Result]) -> int:
         """Say of each flight whether it is that of its campaign, to the bit; the exit code of that."""
@@ -51,7 +52,9 @@ class Again:
                 continue
             flown = results[place].trajectory_sha256
             named = f"flight {found.number} of {found.folder}"
-            if not found.trajectory_sha256:
+            if found.script is not None:
+                click.echo(f"{named}: flown by a script, so no two flights are the same", err=True)
+            elif not found.trajectory_sha256:
                 why = (
                     f"it was {found.ended} there" if found.ended else "it has not been flown there"
                 )

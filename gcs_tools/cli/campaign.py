@@ -46,6 +46,7 @@ class Asked:
     wait_s: float
     junit: Path | None
     report: bool
+    allow_commands: bool
     as_json: bool
 
 
@@ -74,10 +75,11 @@ shown; 2 invalid command line, campaign or law; 3 a flight or what flies it fail
 @click.option("--wait", "wait_s", type=click.FloatRange(min=0.0), default=300.0, show_default=True, metavar="S", help="Seconds to wait for a worker of the scheduler; then exit with 3.")  # fmt: skip
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
 @click.option("--report/--no-report", default=True, show_default=True, help="Write report.html.")
+@arguments.ALLOW_COMMANDS
 @arguments.as_json("Print the results as JSON.")
 def campaign(
     name: str, out: Path | None, flights: int | None, jobs: int | None, scheduler: str | None,
-    wait_s: float, junit: Path | None, report: bool, as_json: bool,
+    wait_s: float, junit: Path | None, report: bool, allow_commands: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Fly a mission many times with its uncertain values sampled.
 
@@ -90,7 +92,9 @@ def campaign(
     from gcs_tools.flight.run_folder import UsageError
 
     _need(*NEEDED)
-    asked = Asked(name, out, flights, jobs, scheduler, wait_s, junit, report, as_json)
+    asked = Asked(
+        name, out, flights, jobs, scheduler, wait_s, junit, report, allow_commands, as_json
+    )  # fmt: skip
     log = PipedConsole(stderr=True, highlight=False)
     try:
         return _flown(asked, log)
@@ -130,9 +134,9 @@ def _flown(asked: Asked, log: Console) -> int:
                 f"{folder}: a campaign that goes on has its folder and its flights (leave out --out"
                 " and --flights)"
             )
-        asked_for, out = store.again(folder), folder
+        asked_for, out = store.again(folder, allow_commands=asked.allow_commands), folder
     else:
-        asked_for = campaign_file.read(asked.name, asked.flights)
+        asked_for = campaign_file.read(asked.name, asked.flights, asked.allow_commands)
         _check_laws(asked_for)
         out = asked.out or new_folder(None, asked_for.name)
     if out.exists() and not out.is_dir():
@@ -197,11 +201,14 @@ def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
     from gcs_tools.campaign.batch import VEHICLE
     from gcs_tools.campaign.campaign_file import CampaignError
     from gcs_tools.flight import law_alone, several
+    from gcs_tools.flight.forking import load
     from gcs_tools.flight.scenario import scenario
 
     for variant in asked_for.variants:
         scene = scenario(variant.mission)
-        if scene.legs:
+        if scene.script:  # compiled by the first vehicle that starts, whose log says so
+            load(scene.flown)
+        if scene.legs or scene.script:
             continue
         try:
             law_alone.warm_up(scene)

@@ -13,7 +13,6 @@ from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 from gcs_tools.flight.interrupts import interrupts_wait
 
-
 # the limits of the rotors and of tilt, which nothing runs into
 LIMITS = {f"{what}_saturated_fraction": 0.0 for what in ("thrust", "tilt", "torque")}
 

@@ -17,12 +17,15 @@ from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
 
 from fcu.interface.airframe import AirframeError, AirframeFile
+from fcu.interface.link import PortBusy
 from fcu.interface.parameter import ParameterError
+from fcu.interface.ports import NoFreeInstance
 from fcu.kernel.buffers import columns, to_buffer
 from fcu.kernel.compile import is_cached
 from fcu.laws.loader import LawError
@@ -91,6 +94,7 @@ from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.truth import truth
 
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
+FREE_S, FREE_LOOK_S = 120.0, 0.2  # wall: for an instance to be free, and between two looks for one
 COMPILING = "compiling law and plant, once for this version (up to a minute)"
 
 
@@ -316,13 +320,12 @@ def _compiles(mission: Mission) -> None:
 
 def _runs_commands(mission: Mission, in_process: bool, allowed: bool) -> None:
     """Raises UsageError for a mission with a script that cannot be run, or that nobody has allowed."""
-    if (script := mission.flight.script) is None:
+    if mission.flight.script is None:
         return
-    if not allowed:
-        raise UsageError(
-            f"{mission.source}: [flight] script: this mission runs a command of its own,"
-            f" {script!r}. Read it, and allow it with --allow-commands (allow_commands=True)"
-        )
+    try:
+        mission_file.allowed(mission, allowed)
+    except MissionError as error:
+        raise UsageError(str(error)) from error
     if in_process:
         raise UsageError(
             f"{mission.source}: [flight] script: the vehicle needs its sockets (leave out --in-process)"
@@ -425,6 +428,27 @@ def fly(
         controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
     )  # fmt: skip
     return result
+
+
+def fly_script(mission: Mission, scene: Scenario) -> Flown:
+    """Fly a mission's script without a folder of its own, on an instance that is free.
+
+    Raises InfrastructureError, also where no instance is free for a while.
+    """
+    first = 0 if only_first(scene.script) else None
+    until = time.monotonic() + FREE_S
+    while True:
+        try:
+            with TemporaryDirectory(prefix="m-mrac-") as folder, claimed(first, *PORTS) as instance:
+                flight = ScriptFlight(
+                    scene, Path(folder), instance, scene.pace, (_drop, _drop), lambda time_s: None,
+                    None, flies(mission, scene, scene.airframe), lambda text: None, lambda: None,
+                )  # fmt: skip
+                return flight.fly()
+        except (PortBusy, NoFreeInstance) as error:
+            if time.monotonic() > until:
+                raise InfrastructureError(str(error.strerror or error)) from error
+            time.sleep(FREE_LOOK_S)
 
 
 class _Run:

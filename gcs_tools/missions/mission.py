@@ -299,6 +299,15 @@ def with_airframe(mission: Mission, airframe: str, where: str = "") -> Mission:
     return replace(made, source=mission.source, lines=mission.lines)
 
 
+def allowed(mission: Mission, commands: bool) -> None:
+    """Raise MissionError for a mission with a script, unless commands are allowed."""
+    if (script := mission.flight.script) is not None and not commands:
+        raise MissionError(
+            f"{mission.source}: [flight] script: this mission runs a command of its own,"
+            f" {script!r}. Read it, and allow it with --allow-commands (allow_commands=True)"
+        )
+
+
 def refuse_script(mission: Mission, what: str) -> None:
     """Raise MissionError for a mission with a script, which `what` cannot use."""
     if mission.flight.script is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 from gcs_tools.flight.run import UsageError, prepared
@@ -152,6 +153,44 @@ def test_a_script_is_tested_without_a_mission(start, tmp_path, how, wanted):
 def test_what_cannot_be_tested_is_refused(start, tmp_path, arguments):
     told = start("gcs_tools", "test", *arguments)
     assert told.wait() == 2
+
+
+MANY = """title = "A script hops in winds that are not known."
+mission = "hop.toml"
+flights = 3
+[draw]
+"wind.steady_m_s[0]" = { uniform = [-3.0, 3.0] }
+"""
+
+
+def test_a_campaign_flies_a_script_with_what_it_draws(start, tmp_path):
+    """Flown, and a flight of it again; and of a script that fails, each flight has the name of that."""
+    for name in ("hop.py", "hop.toml"):
+        shutil.copy(HERE / name, tmp_path)
+    (tmp_path / "many.toml").write_text(MANY)
+    (tmp_path / "fails.toml").write_text(
+        f"{MANY.replace('flights = 3', 'flights = 1')}[set]\n"
+        '"flight.script" = "python hop.py {url} fails"\n'
+    )
+    shares = {}
+    for name in ("many", "fails"):
+        out = tmp_path / name
+        told = start(
+            "gcs_tools", "campaign", tmp_path / f"{name}.toml", "--allow-commands", "--out", out,
+            "--no-report", "-j", "2",
+        )  # fmt: skip
+        assert told.wait() == 0, told.text()
+        shares[name] = pq.read_table(out / "flights.parquet").to_pylist()
+    assert [each["success"] for each in shares["many"]] == [True] * 3
+    assert [each["ended"] for each in shares["many"]] == ["landed"] * 3
+    assert len({each["draw.wind.steady_m_s[0]"] for each in shares["many"]}) == 3
+    ((failed,),) = [shares["fails"]]
+    assert not failed["success"] and failed["exit_code"] == 0
+    assert failed["missed"].split(", ")[0] == "script_exit"
+    again = start(
+        "gcs_tools", "fly", f"{tmp_path / 'many'}#1", "--allow-commands", "--record", "none"
+    )
+    assert again.wait() == 0, again.text()
 
 
 @pytest.mark.parametrize("program", ["campaign", "envelope"])
