@@ -225,7 +225,7 @@ class Variant:
     folder: Path | None = None  # where its script runs; None: it has none
 
     def told(self) -> dict[str, Any]:
-        """What workers are told of it."""
+        """The part of it that workers get."""
         mission = self.mission
         plain = {
             "label": self.label, "given": mission.given, "law": mission.flown.digest,

@@ -495,7 +495,7 @@ class _Run:
 
     @property
     def needs_first(self) -> bool:
-        """Whether its script is told no instance, so that it flies the first."""
+        """True if its script is told no instance, so that it flies the first."""
         return bool(self._scene.script) and only_first(self._scene.script)
 
     def load(self) -> None:
@@ -579,7 +579,7 @@ class _Run:
         )  # fmt: skip
 
     def _script(self, flown: Flown) -> ScriptFlown | None:
-        """What became of the script, with what it left in the folder."""
+        """The end of the script, with the files that it left in the folder."""
         if flown.script is None:
             return None
         return replace(flown.script, files=left_by_script(self.folder))

@@ -36,7 +36,7 @@ class UsageError(ValueError):
 
 @contextmanager
 def alone_in(out: Path | None) -> Iterator[None]:
-    """Keep other runners out of a folder within the block; it is made if it is not there.
+    """Keep other runners out of a folder within the block. It is made if it is not there.
 
     The lock ends with the process, however that ends. Raises UsageError where another runner has it.
     """
@@ -119,7 +119,7 @@ def _is_run(folder: Path) -> bool:
 
 
 def _strange(run: Path) -> Iterator[Path]:
-    """What is in the folder of a run and is not of a run; the folder itself if it is of none."""
+    """Everything in the folder of a run that is not of a run. The folder itself if it is of none."""
     if run.is_symlink() or not run.is_dir() or not (_is_run(run) or not any(run.iterdir())):
         yield run
         return
@@ -137,7 +137,7 @@ def left_by_script(run: Path) -> list[str]:
 
 
 def _left_by_its_script(run: Path) -> set[str]:
-    """What the result of a run says that its script left; empty if it cannot be read."""
+    """The names that the result of a run lists as left by its script. Empty if it cannot be read."""
     try:
         script = json.loads((run / RESULT).read_bytes())["script"]
         return {name for name in script["files"] if isinstance(name, str)}

@@ -47,7 +47,7 @@ class Run(Protocol):
 
     @property
     def needs_first(self) -> bool:
-        """Whether it can only be instance 0."""
+        """True if it can only be instance 0."""
 
     def load(self) -> None:
         """Load here what it flies by."""

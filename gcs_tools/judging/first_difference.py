@@ -1,4 +1,4 @@
-"""Where two flights of one mission part: the first tick at which a recorded value differs, to the bit.
+"""The place where two flights of one mission part: the first tick at which a recorded value differs, to the bit.
 
 What differs at that tick is told in the order in which a tick computes it, so that the first is nearest
 to the cause: what the simulator did, what was measured, asked for, estimated, demanded and commanded.
@@ -42,7 +42,7 @@ class Differing:
     baseline: float
 
     def __str__(self) -> str:
-        """What it was, and what it is."""
+        """The value now, and that of the baseline."""
         return f"{self.name} {self.value!r}, was {self.baseline!r}"
 
 
@@ -65,7 +65,7 @@ class Parted:
 
 
 def first_difference(run: Path, baseline: Path) -> Parted | None:
-    """Where two recordings part; None if all that both hold is the same, to the bit.
+    """The first tick at which two recordings differ. None if all that both hold is the same, to the bit.
 
     Columns that one of them does not have are left out. Raises RecordingError.
     """

@@ -20,7 +20,7 @@ class Case(NamedTuple):
 
 
 def document(suite: str, cases: Iterable[Case], seconds: float | None = None) -> str:
-    """A whole file. `seconds`: of all cases together; None: their sum."""
+    """The text of a whole file. `seconds`: of all cases together. None: their sum."""
     root = ET.Element("testsuite", name=suite)
     count = {"tests": 0, "failures": 0, "errors": 0}
     total_s = 0.0

@@ -1,4 +1,4 @@
-"""Whether flights are worse than those of a baseline.
+"""Flights held against those of a baseline.
 
 Flights of one mission are held against each other. With the same seeds in both, winds and noise are the
 same too: what differs is the change's doing, and a metric is worse when its mean is, by more than a
@@ -45,7 +45,7 @@ class Worse:
     limit: float  # from which it is worse
 
     def __str__(self) -> str:
-        """What it is, and what it may be."""
+        """The metric's value, and the one that it may have."""
         bound = "at least" if self.metric in FLOORS else "at most"
         now = "no value" if self.value is None else f"{self.value:.6g}"
         return (
@@ -72,11 +72,11 @@ class Held:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing is worse."""
+        """True if nothing is worse."""
         return not self.worse and not self.failed
 
     def lines(self) -> list[str]:
-        """What is worse, a sentence each, behind what the flights were flown with otherwise."""
+        """A sentence for each changed value, and then for each thing that is worse."""
         told = [*self.failed[:TOLD], *map(str, self.worse)]
         if more := len(self.failed[TOLD:]):
             told.append(f"and {more} flights more")
@@ -142,7 +142,7 @@ def _changed(mine: Sequence[Flown], theirs: Sequence[Flown]) -> dict[str, list[s
 def _pairs(
     mission: str, mine: Sequence[Flown], theirs: Sequence[Flown]
 ) -> list[tuple[Flown, Flown]]:
-    """Flights with the same seed; empty unless each of the flights has one. Raises RegressionError."""
+    """Flights with the same seed. Empty unless each of the flights has one. Raises RegressionError."""
     of_seed: dict[int | None, Flown] = {}
     for each in theirs:
         if each.seed in of_seed:

@@ -40,7 +40,7 @@ def flown(out: Path, seeds: Sequence[int], settings: Sequence[str] = ()) -> Path
 
 
 def held(run: Path, baseline: Path, exact: bool = False) -> Held:
-    """What `gcs compare` says of them."""
+    """The judgement of `gcs compare` on them."""
     return held_against(all_flown(below(run)), all_flown(below(baseline)), exact)[0]
 
 

@@ -164,7 +164,7 @@ flights = 3
 
 
 def test_a_campaign_flies_a_script_with_what_it_draws(start, tmp_path):
-    """Flown, and a flight of it again; and of a script that fails, each flight has the name of that."""
+    """One flight is flown again, too. Of a script that fails each flight has the name of the failure."""
     for name in ("hop.py", "hop.toml"):
         shutil.copy(HERE / name, tmp_path)
     (tmp_path / "many.toml").write_text(MANY)
