@@ -11,7 +11,7 @@ from gcs_tools.cli.output import Failure
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 if TYPE_CHECKING:
-    from gcs_tools.campaign.refly import Numbered
+    from gcs_tools.campaigns.refly import Numbered
     from gcs_tools.judging.result import Result
     from gcs_tools.missions.mission import Mission
 
@@ -29,8 +29,8 @@ class Again:
     def _mission(self, place: int, name: str) -> str | Mission:
         if "#" not in name:
             return name
-        from gcs_tools.campaign import refly
-        from gcs_tools.campaign.campaign_file import CampaignError
+        from gcs_tools.campaigns import refly
+        from gcs_tools.campaigns.campaign_file import CampaignError
 
         if not refly.is_numbered(name):
             if refly.is_campaign(name.partition("#")[0]):

@@ -21,12 +21,12 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_tools.campaign.analysis import Analysis
-    from gcs_tools.campaign.campaign_file import Campaign
-    from gcs_tools.campaign.rare_flying import RareFound
-    from gcs_tools.campaign.running import Progress, Workers
-    from gcs_tools.campaign.shares import Share
-    from gcs_tools.campaign.store import Store
+    from gcs_tools.campaigns.analysis import Analysis
+    from gcs_tools.campaigns.campaign_file import Campaign
+    from gcs_tools.campaigns.rare_flying import RareFound
+    from gcs_tools.campaigns.running import Progress, Workers
+    from gcs_tools.campaigns.shares import Share
+    from gcs_tools.campaigns.store import Store
 
 NEEDED = ("pyarrow", "scipy")
 LINE_S = 10.0  # wall: between two lines off a terminal about how far a campaign is
@@ -87,7 +87,7 @@ def campaign(
     results holds flights.parquet (a row for each flight), report.html and result.json, and
     `gcs fly 'FOLDER#1234'` flies a flight again and records it.
     """
-    from gcs_tools.campaign.campaign_file import CampaignError
+    from gcs_tools.campaigns.campaign_file import CampaignError
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.flight.run_folder import UsageError
 
@@ -118,9 +118,9 @@ def _need(*modules: str) -> None:
 def _flown(asked: Asked, log: Console) -> int:
     """Fly, keep, analyse, tell; the exit code. Raises CampaignError, UsageError, OSError, Failure."""
     from fcu.kernel.compile import is_cached
-    from gcs_tools.campaign import campaign_file, rare_flying, refly, store
-    from gcs_tools.campaign.fingerprint import fingerprint, of_the_draws
-    from gcs_tools.campaign.running import Ending, RunningError, run
+    from gcs_tools.campaigns import campaign_file, rare_flying, refly, store
+    from gcs_tools.campaigns.fingerprint import fingerprint, of_the_draws
+    from gcs_tools.campaigns.running import Ending, RunningError, run
     from gcs_tools.flight.run import COMPILING
     from gcs_tools.flight.run_folder import new_folder
 
@@ -183,7 +183,7 @@ def _flown(asked: Asked, log: Console) -> int:
 def _check_laws(asked_for: Campaign) -> None:
     """Compile users' own laws. Raises CampaignError for one that does not compile, before a folder is made."""
     from fcu.laws.loader import LawError
-    from gcs_tools.campaign.campaign_file import CampaignError
+    from gcs_tools.campaigns.campaign_file import CampaignError
 
     for variant in asked_for.variants:
         try:
@@ -198,8 +198,8 @@ def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
     in_lanes : whether lanes are compiled here too.
     """
     from fcu.laws.loader import LawError
-    from gcs_tools.campaign.batch import VEHICLE
-    from gcs_tools.campaign.campaign_file import CampaignError
+    from gcs_tools.campaigns.batch import VEHICLE
+    from gcs_tools.campaigns.campaign_file import CampaignError
     from gcs_tools.flight import law_alone, several
     from gcs_tools.flight.forking import load
     from gcs_tools.flight.scenario import scenario
@@ -224,13 +224,13 @@ def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
 
 
 def _workers(asked: Asked, ours: dict[str, str], log: Console) -> AbstractContextManager[Workers]:
-    from gcs_tools.campaign.running import processes
+    from gcs_tools.campaigns.running import processes
     from gcs_tools.flight.side_by_side import cores
 
     if asked.scheduler is None:
         return processes(asked.jobs or cores())
     _need("distributed")
-    from gcs_tools.campaign.cluster import cluster
+    from gcs_tools.campaigns.cluster import cluster
 
     return cluster(
         asked.scheduler, ours, asked.wait_s, lambda text: log.print(text, soft_wrap=True)
@@ -272,8 +272,8 @@ def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
 
 
 def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began: float) -> int:
-    from gcs_tools.campaign import analysis as analyse
-    from gcs_tools.campaign.verdict import verdict
+    from gcs_tools.campaigns import analysis as analyse
+    from gcs_tools.campaigns.verdict import verdict
     from gcs_tools.pictures import picture_file
 
     table = analyse.read(path)
@@ -298,7 +298,7 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
     picture_file.write(out / RESULT, text.encode())
     if asked.report:
-        from gcs_tools.campaign.report import report
+        from gcs_tools.campaigns.report import report
 
         picture_file.write(out / REPORT, report(of, found, shown, table, out).encode())
     _junit(asked, of, found, kept.first_error if kept.worst_exit else "", began)
@@ -315,7 +315,7 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
 
 
 def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: Path) -> int:
-    from gcs_tools.campaign.report import rare_report
+    from gcs_tools.campaigns.report import rare_report
     from gcs_tools.pictures import picture_file
 
     content = {
@@ -344,7 +344,7 @@ def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: P
 
 def _junit(asked: Asked, of: Campaign, found: Analysis | None, error: str, began: float) -> None:
     if asked.junit is not None:
-        from gcs_tools.campaign.verdict import junit
+        from gcs_tools.campaigns.verdict import junit
 
         junit(of, found, error, time.monotonic() - began, asked.junit)
 

@@ -15,7 +15,8 @@ from gcs_tools.exit_codes import OK, USAGE
 if TYPE_CHECKING:
     from gcs_tools.judging.comparison import Flown
 
-COLUMNS = 4  # flights with a column each; of more, least, mean and most
+LETTERS = "ABCD"  # that stand for flights above their columns
+COLUMNS = len(LETTERS)  # flights with a column each; of more, least, mean and most
 FORMATS = ("png", "svg", "pdf")
 SEEDS = range(1, 21)
 SEEDS_MOST = 10_000
@@ -181,10 +182,12 @@ def _print(flights: list[Flown]) -> None:
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("", no_wrap=True, min_width=max(map(len, shown(flights)), default=0))
     side_by_side = len(flights) <= COLUMNS
+    differ = len(flights) < COLUMNS  # more does not fit 80 columns
     for i, f in enumerate(flights if side_by_side else ()):
-        table.add_column(Text(f.name), justify="right", overflow="fold")
-        if i:
-            table.add_column("difference", justify="right")
+        console.print(Text(f"{LETTERS[i]}  {f.name}"), soft_wrap=True)
+        table.add_column(LETTERS[i], justify="right", no_wrap=True)
+        if i and differ:
+            table.add_column(f"{LETTERS[i]} - {LETTERS[0]}", justify="right", no_wrap=True)
     for heading in () if side_by_side else ("least", "mean", "most"):
         table.add_column(heading, justify="right")
     if not side_by_side:
@@ -194,10 +197,9 @@ def _print(flights: list[Flown]) -> None:
         if side_by_side:
             row.append(_number(first.metrics.get(name)))
             for other in others:
-                row += [
-                    _number(other.metrics.get(name)),
-                    _number(difference(name, first, other), "+"),
-                ]
+                row.append(_number(other.metrics.get(name)))
+                if differ:
+                    row.append(_number(difference(name, first, other), "+", 2))
         else:
             over = spread(name, flights)
             of = over.most_of if over.least < over.most else ""
@@ -216,5 +218,5 @@ def _print(flights: list[Flown]) -> None:
     console.print(Text(f"{len(flights)} flights{passed}{equal}"), soft_wrap=True)
 
 
-def _number(value: float | None, sign: str = "-") -> str:
-    return "" if value is None else f"{value:{sign}.4g}"
+def _number(value: float | None, sign: str = "-", digits: int = 4) -> str:
+    return "" if value is None else f"{value:{sign}.{digits}g}"

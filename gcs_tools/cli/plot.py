@@ -18,7 +18,17 @@ if TYPE_CHECKING:
 
 NAMES = ("flight", "tracking", "limits", "prediction", "estimates", "wind", "timing")
 FORMATS = ("png", "svg", "pdf")
-SEVERAL = "errors"  # the figure of several recordings
+OVERLAYS = (
+    "errors",
+    "position",
+    "velocity",
+    "attitude",
+    "margin",
+    "thrust",
+    "mass",
+    "wind",
+)  # of several
+SEVERAL = "errors"  # what is drawn of several recordings, if nobody says
 MOST_NAMED = 3  # of them, in the figure's name
 
 
@@ -27,13 +37,19 @@ def _names(
 ) -> tuple[str, ...] | None:
     if value is None:
         return None
-    names = tuple(dict.fromkeys(name.strip() for name in value.split(",")))
-    for name in names:
-        if name not in NAMES:
-            close = difflib.get_close_matches(name, NAMES, n=1)
+    return tuple(dict.fromkeys(name.strip() for name in value.split(",")))
+
+
+def _known(what: tuple[str, ...], there: tuple[str, ...]) -> tuple[str, ...]:
+    """The names themselves. Raises click.BadParameter for one that is not there."""
+    for name in what:
+        if name not in there:
+            close = difflib.get_close_matches(name, there, n=1)
             meant = f" (did you mean {close[0]}?)" if close else ""
-            raise click.BadParameter(f"no figure {name!r}{meant}; there are {', '.join(NAMES)}")
-    return names
+            raise click.BadParameter(
+                f"no figure {name!r}{meant}; there are {', '.join(there)}", param_hint="'--what'"
+            )
+    return what
 
 
 @click.command(
@@ -51,7 +67,7 @@ def _names(
 )
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), callback=arguments.recording, metavar="RUN...")  # fmt: skip
 @click.option("--what", callback=_names, metavar="NAME,NAME...", help="Figures to draw; default: all available.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN; of several, a new errors-<RUN>-<RUN>.png in the working directory. A file name if only one figure is drawn.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE_OR_FOLDER", help="Default: <RUN>-<NAME>.png beside RUN; of several, a new <NAME>-<RUN>-<RUN>.png in the working directory. A file name if only one figure is drawn.")  # fmt: skip
 @click.option("--from", "t_from", type=float, metavar="S", help="Start of the time window, s.")
 @click.option("--to", "t_to", type=float, metavar="S", help="End of the time window, s.")
 @click.option("--format", "kind", type=click.Choice(FORMATS), help="Default: the suffix of --out, or png.")  # fmt: skip
@@ -62,17 +78,17 @@ def plot(
 ) -> int:  # fmt: skip
     """Draw the standard figures of the recording RUN, each with its key figure.
 
-    RUN is a recording or the folder of a run. Of several, one figure is drawn: their errors. Prints
-    where each figure is.
+    RUN is a recording or the folder of a run. Several are drawn over each other in one figure: their
+    errors, or --what of errors, position, velocity, attitude, margin, thrust, mass and wind. Prints where
+    each figure is.
     """
     from gcs_tools.recording.reader import RecordingError, read
 
     if len(runs) > 1:
-        if what is not None:
-            raise click.UsageError(f"--what: of several recordings one figure is drawn, {SEVERAL}")
-        return _several(runs, out, (t_from, t_to), kind, as_json)
+        overlays = _known(what or (SEVERAL,), OVERLAYS)
+        return _several(runs, out, (t_from, t_to), kind, as_json, overlays)
     (run,) = runs
-    names = what or NAMES
+    names = _known(what or NAMES, NAMES)
     try:
         place, kind = _places(run, names, out, kind)
         recording = read(run)
@@ -92,19 +108,20 @@ def plot(
 
 def _several(
     runs: tuple[Path, ...], out: Path | None, window: tuple[float | None, float | None],
-    kind: str | None, as_json: bool,
+    kind: str | None, as_json: bool, what: tuple[str, ...],
 ) -> int:  # fmt: skip
+    named = "-".join(what)
     try:
-        place, kind = _places(runs[0], (SEVERAL,), out, kind)
+        place, kind = _places(runs[0], (named,), out, kind)
         is_named = out is not None and not out.is_dir()
-        path = place(SEVERAL) if is_named else _free(out or Path(), _stem(runs), kind)
+        path = place(named) if is_named else _free(out or Path(), _stem(runs, named), kind)
     except OSError as error:
         raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
-    found = draw_several(runs, path, kind, window)
+    found = draw_several(runs, path, kind, window, what)
     if as_json:
-        print_json({SEVERAL: {"path": str(path), "runs": found}})
+        print_json({named: {"path": str(path), "runs": found}})
     else:
-        print_line(f"{path}  {SEVERAL} of {len(runs)} flights")
+        print_line(f"{path}  {', '.join(what)} of {len(runs)} flights")
     return OK
 
 
@@ -113,12 +130,12 @@ def _name(run: Path) -> str:
     return run.resolve().parent.name if run.name == arguments.RECORDED else run.stem
 
 
-def _stem(runs: Sequence[Path]) -> str:
+def _stem(runs: Sequence[Path], what: str) -> str:
     """The name of the figure of several runs."""
     more = (
         "-".join(map(_name, runs[1:])) if len(runs) <= MOST_NAMED else f"and-{len(runs) - 1}-more"
     )
-    return f"{SEVERAL}-{_name(runs[0])}-{more}"
+    return f"{what}-{_name(runs[0])}-{more}"
 
 
 def _free(folder: Path, stem: str, kind: str) -> Path:
@@ -130,23 +147,26 @@ def _free(folder: Path, stem: str, kind: str) -> Path:
 
 def draw_several(
     runs: Sequence[Path], path: Path, kind: str,
-    window: tuple[float | None, float | None] = (None, None),
+    window: tuple[float | None, float | None] = (None, None), what: Sequence[str] = (SEVERAL,),
 ) -> dict[str, dict[str, float | None]]:  # fmt: skip
-    """Draw the errors of recordings to `path` as `kind`; the metrics of each. Raises Failure."""
+    """Draw recordings over each other to `path` as `kind`; the metrics of each. Raises Failure."""
+    from gcs_tools.judging.comparison import distinct
     from gcs_tools.judging.recorded_flight import engaged_ticks
     from gcs_tools.pictures.plot.several import save
     from gcs_tools.recording.reader import RecordingError, read
 
     flights, remarks = {}, []
-    names = [_name(run) for run in runs]
+    at = [run.resolve() for run in runs]
+    names = distinct(
+        [run.parent if run.name == arguments.RECORDED else run.with_suffix("") for run in at]
+    )
     try:
         for name, run in zip(names, runs, strict=True):
             recording = read(run)
             _inside(recording, *window)
-            unique = name if names.count(name) == 1 else str(run)
-            flights[unique] = engaged_ticks(recording).window(*window)
-            remarks += [f"{unique}: {remark}" for remark in _remarks(recording)]
-        return save(flights, path, kind, remarks)
+            flights[name] = engaged_ticks(recording).window(*window)
+            remarks += [f"{name}: {remark}" for remark in _remarks(recording)]
+        return save(flights, path, kind, remarks, what)
     except RecordingError as error:
         raise Failure(error, USAGE) from error
     except OSError as error:

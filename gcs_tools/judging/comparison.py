@@ -7,7 +7,7 @@ result.json, which counts every tick; of another version's, or without one, thos
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gcs_tools.judging import result
@@ -28,7 +28,7 @@ class CompareError(ValueError):
 class Flown:
     """One of the flights."""
 
-    name: str  # of its run; its path, where that is not unique
+    name: str  # of its run, with as much of its path as tells it from the others
     path: Path
     mission: str
     passed: bool | None  # None: a recording does not say
@@ -107,10 +107,27 @@ def below(path: Path) -> list[Path]:
 def all_flown(paths: Sequence[Path]) -> list[Flown]:
     """Each of them, with a name that no other has. Raises CompareError."""
     found = [flown(path) for path in paths]
-    names = [each.name for each in found]
+    names = distinct([_place(each.path) for each in found])
+    return [replace(each, name=name) for each, name in zip(found, names, strict=True)]
+
+
+def _place(path: Path) -> Path:
+    """The folder of a run, or a recording without its suffix."""
+    path = path.resolve()
+    return path.parent if path.name in (RECORDING, RESULT) else path.with_suffix("")
+
+
+def distinct(paths: Sequence[Path]) -> list[str]:
+    """The shortest ends of paths that tell them apart. Equal paths are numbered."""
+    longest = max((len(path.parts) for path in paths), default=1)
+    names = [path.name for path in paths]
+    for length in range(1, longest + 1):
+        names = ["/".join(path.parts[-length:]).removeprefix("//") for path in paths]
+        if len(set(names)) == len(set(paths)):
+            break
     return [
-        Flown(**{**vars(each), "name": str(each.path)}) if names.count(each.name) > 1 else each
-        for each in found
+        name if names.count(name) == 1 else f"{name} ({names[: i + 1].count(name)})"
+        for i, name in enumerate(names)
     ]
 
 

@@ -45,6 +45,7 @@ from gcs_tools.judging.vehicle_warnings import Warned, warnings
 from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value
+from gcs_tools.recording import notebook
 from gcs_tools.recording.schema import UNTOLD
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
@@ -99,6 +100,20 @@ class Result:
         chosen = self.values.get("flight.seed")
         seed = f" seed {self.seed}" if chosen is not None and chosen.origin == "--seed" else ""
         return f"{self.mission}{seed}"
+
+    def _repr_html_(self) -> str:
+        """Verdict, expectations, metrics and figure, for a notebook."""
+        judged = [
+            (each.text, each.value, {True: "met", False: "missed", None: "left"}[each.passed])
+            for each in self.expectations
+        ]
+        metrics = [(name, f"{v:.4g}") for name, v in self.metrics.items() if v is not None]
+        verdict = "passed" if self.passed else f"failed{f': {self.error}' if self.error else ''}"
+        return (
+            notebook.table(f"{self.name}, {verdict}", ("expected", "measured", ""), judged)
+            + notebook.table("Metrics", ("metric", "value"), metrics)
+            + notebook.picture(Path(self.folder) / "flight.png")
+        )
 
     def write(self, path: Path) -> None:
         """Replace `path` by this result, atomically and durably.

@@ -24,7 +24,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.event_log import Event
 from fcu.interface.input_file import opened
-from gcs_tools.recording import events, old_names
+from gcs_tools.recording import events, notebook, old_names
 from gcs_tools.recording.layout import LayoutError, decode, encode
 from gcs_tools.recording.records import MAGIC_BYTES, records, whole_records
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, TOPICS, TRUTH, Topic
@@ -84,6 +84,17 @@ class Recording:
     topics: dict[str, Topic]  # as the file describes them
     lost: dict[str, int]  # by topic: messages missing between the first and the last
     complete: bool  # False: the recorder did not close it, what it had not written is missing
+
+    def _repr_html_(self) -> str:
+        """Its tables and what was flown, for a notebook."""
+        tables = {"fcu": self.fcu, "plant": self.plant, **self.reports}
+        rows = [
+            (name, len(table), len(table.names), f"{table['t'][0]:g} to {table['t'][-1]:g} s")
+            for name, table in tables.items()
+            if len(table)
+        ]
+        title = f"{self.metadata.get('mission', '')} {self.path}"
+        return notebook.table(title, ("table", "rows", "columns", "time"), rows)
 
 
 class _Contents:

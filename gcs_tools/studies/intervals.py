@@ -19,8 +19,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gcs_tools.campaign.running import Ending
-from gcs_tools.campaign.shares import Looks, Share, share
+from gcs_tools.campaigns.running import Ending
+from gcs_tools.campaigns.shares import Looks, Share, share
 
 PROBABILITIES = 0.5, 0.9, 0.99, 0.999
 WIDTHS = None, 0.08, 0.02  # that a campaign ends early at; None: it does not

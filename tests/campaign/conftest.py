@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_tools.campaign.campaign_file import Campaign, parsed
+from gcs_tools.campaigns.campaign_file import Campaign, parsed
 
 HOVER = """title = "A hover from half a metre away."
 [flight]

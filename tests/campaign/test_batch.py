@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gcs_tools.campaign.batch import fly_batch
+from gcs_tools.campaigns.batch import fly_batch
 from gcs_tools.flight import several
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, with_values

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from gcs_tools.campaign.analysis import LIKELY, _of_words
-from gcs_tools.campaign.shares import interval
+from gcs_tools.campaigns.analysis import LIKELY, _of_words
+from gcs_tools.campaigns.shares import interval
 from gcs_tools.pictures.plot.campaign import shrinking
 
 WORDS = list("abcdef")

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 import distributed
 import pytest
 
-from gcs_tools.campaign.cluster import cluster
-from gcs_tools.campaign.fingerprint import fingerprint
-from gcs_tools.campaign.running import Ending, RunningError, processes, run
-from gcs_tools.campaign.store import Store
+from gcs_tools.campaigns.cluster import cluster
+from gcs_tools.campaigns.fingerprint import fingerprint
+from gcs_tools.campaigns.running import Ending, RunningError, processes, run
+from gcs_tools.campaigns.store import Store
 
 pytestmark = [
     pytest.mark.slow,
@@ -107,7 +107,7 @@ def test_a_scheduler_that_is_lost_is_an_error_and_another_goes_on(make, tmp_path
 
 
 def test_without_a_scheduler_it_says_so(monkeypatch):
-    monkeypatch.setattr("gcs_tools.campaign.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("gcs_tools.campaigns.cluster.CONNECT_S", 0.5)
     there = cluster("tcp://127.0.0.1:9", {}, 1.0, print)
     with pytest.raises(RunningError, match="no scheduler answers"):
         there.__enter__()

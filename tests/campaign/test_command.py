@@ -11,10 +11,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from gcs_tools.campaign import analysis
-from gcs_tools.campaign.campaign_file import shipped
-from gcs_tools.campaign.shares import at_least
-from gcs_tools.campaign.verdict import Shown
+from gcs_tools.campaigns import analysis
+from gcs_tools.campaigns.campaign_file import shipped
+from gcs_tools.campaigns.shares import at_least
+from gcs_tools.campaigns.verdict import Shown
 from tests.command_line import gcs
 
 pytestmark = pytest.mark.slow
@@ -330,7 +330,7 @@ def test_a_law_that_raises_is_exit_code_2_before_anything_is_flown(tmp_path):
 
 
 def test_the_shipped_campaigns_can_be_flown():
-    from gcs_tools.campaign.campaign_file import read
+    from gcs_tools.campaigns.campaign_file import read
 
     assert shipped()
     for name in shipped():

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gcs_tools.campaign.campaign_file import CampaignError, read
-from gcs_tools.campaign.distributions import Distribution
+from gcs_tools.campaigns.campaign_file import CampaignError, read
+from gcs_tools.campaigns.distributions import Distribution
 
 U = (np.arange(20_000) + 0.5) / 20_000
 

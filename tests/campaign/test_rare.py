@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from gcs_tools.campaign.rare import FEW, PLAIN, Mixture, estimate, fitted, search
+from gcs_tools.campaigns.rare import FEW, PLAIN, Mixture, estimate, fitted, search
 
 D, CONFIDENCE = 5, 0.9
 

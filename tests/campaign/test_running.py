@@ -9,11 +9,11 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
-from gcs_tools.campaign import store as stores
-from gcs_tools.campaign.batch import Row, fly_batch
-from gcs_tools.campaign.campaign_file import CampaignError
-from gcs_tools.campaign.running import Ending, RunningError, run
-from gcs_tools.campaign.store import MOST_PARTS, PARQUET, Refused, Store
+from gcs_tools.campaigns import store as stores
+from gcs_tools.campaigns.batch import Row, fly_batch
+from gcs_tools.campaigns.campaign_file import CampaignError
+from gcs_tools.campaigns.running import Ending, RunningError, run
+from gcs_tools.campaigns.store import MOST_PARTS, PARQUET, Refused, Store
 
 HERE = {"numpy": "1", "bits": "a"}
 

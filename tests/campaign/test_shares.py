@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from gcs_tools.campaign.running import Ending
-from gcs_tools.campaign.shares import RATIO, Looks, at_least, interval, share
+from gcs_tools.campaigns.running import Ending
+from gcs_tools.campaigns.shares import RATIO, Looks, at_least, interval, share
 from gcs_tools.studies.intervals import flown
 
 CAMPAIGNS = 1000

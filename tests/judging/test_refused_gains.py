@@ -15,8 +15,8 @@ from fcu.guard.gains import deciding
 from fcu.interface import handover
 from fcu.laws import loader
 from fcu.process.configuration import ConfigurationError, read_airframe, read_settings
-from gcs_tools.campaign.batch import Asked, fly_batch
-from gcs_tools.campaign.campaign_file import CampaignError, read
+from gcs_tools.campaigns.batch import Asked, fly_batch
+from gcs_tools.campaigns.campaign_file import CampaignError, read
 from gcs_tools.flight.run import UsageError, fly_missions, prepared
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.preflight_check import refused_gains

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 import gcs_tools
 from gcs_tools.cli.program import main
-from gcs_tools.judging import result
+from gcs_tools.judging import comparison, result
 from gcs_tools.recording import reader
 
 
@@ -154,10 +154,43 @@ def test_the_numbers_of_that_figure_are_those_of_the_verdicts(runs, tmp_path) ->
         assert found[run.name] == pytest.approx({name: flown[name] for name in found[run.name]})
 
 
-def test_of_several_recordings_no_other_figure_is_drawn(runs) -> None:
-    done = called("plot", *runs, "--what", "wind")
+def test_flights_are_drawn_over_each_other(runs, tmp_path) -> None:
+    out = tmp_path / "over.svg"
+    done = called("plot", *runs, "--what", "position,margin", "--out", out)
+    assert done.exit_code == 0, done.output
+    drawn = out.read_text(encoding="utf-8")
+    for text in ("calm", "windy", "Position up, m", "Margin of the condition, N"):
+        assert text in drawn
+    assert str(tmp_path) not in drawn
+
+
+@pytest.mark.parametrize("what", ["estimates", "positon", ""])
+def test_what_cannot_be_drawn_over_each_other_is_refused(runs, what) -> None:
+    done = called("plot", *runs, "--what", what)
     assert done.exit_code == 2
-    assert "of several recordings one figure is drawn, errors" in done.stderr
+    assert "there are errors, position" in done.stderr
+
+
+def test_flights_are_called_by_what_tells_them_apart() -> None:
+    paths = [Path("/a/one/run"), Path("/b/one/run"), Path("/b/two/run"), Path("/b/two/run")]
+    assert comparison.distinct(paths) == [
+        "a/one/run",
+        "b/one/run",
+        "b/two/run (1)",
+        "b/two/run (2)",
+    ]
+    assert comparison.distinct(paths[1:3]) == ["one/run", "two/run"]
+    assert comparison.distinct([Path("/x/calm"), Path("/x/windy")]) == ["calm", "windy"]
+
+
+def test_a_table_of_flights_fits_80_columns(runs, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    long = tmp_path / ("a" * 60)
+    shutil.copytree(runs[0], long)
+    lines = called("compare", runs[0], long, runs[1]).stdout.splitlines()
+    rows = [line for line in lines if line.startswith(("reference_error", "setpoint_error"))]
+    assert rows and all(len(row) <= 80 and "…" not in row for row in rows)
+    assert lines[1] == f"B  {long.name}"
 
 
 def test_a_runs_folder_does_wherever_its_recording_does(runs, tmp_path) -> None:

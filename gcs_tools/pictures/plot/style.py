@@ -56,12 +56,16 @@ TIME = "simulation time, s"
 
 
 def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:
-    """A log scale with plain numbers: powers of ten would be mathematical text, which is off."""
-    from matplotlib.ticker import NullFormatter
+    """A log scale with plain numbers: powers of ten would be mathematical text, which is off.
+
+    Ticks at 1, 2 and 5, so that an axis of less than a power of ten has some.
+    """
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     for name in which:
         axes.set(**{f"{name}scale": "log"})
         axis = axes.xaxis if name == "x" else axes.yaxis
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(lambda value, _: f"{value:g}")
         axis.set_minor_formatter(NullFormatter())
 

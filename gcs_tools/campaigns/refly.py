@@ -9,8 +9,8 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
-from gcs_tools.campaign import store
-from gcs_tools.campaign.campaign_file import CampaignError
+from gcs_tools.campaigns import store
+from gcs_tools.campaigns.campaign_file import CampaignError
 from gcs_tools.missions.mission import Mission, MissionError, with_values, written
 
 _NAMED = re.compile(r"(?P<folder>.+)#(?P<number>[0-9]{1,9})(?::(?P<law>.+))?")

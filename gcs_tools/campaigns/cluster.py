@@ -18,10 +18,10 @@ from typing import Any
 from distributed import Client
 from distributed.scheduler import KilledWorker
 
-from gcs_tools.campaign.batch import Asked, Row, fly_batch
-from gcs_tools.campaign.fingerprint import fingerprint
-from gcs_tools.campaign.running import RunningError
-from gcs_tools.campaign.store import differences
+from gcs_tools.campaigns.batch import Asked, Row, fly_batch
+from gcs_tools.campaigns.fingerprint import fingerprint
+from gcs_tools.campaigns.running import RunningError
+from gcs_tools.campaigns.store import differences
 
 LOOK_S = 0.5  # wall: between two looks at who is there
 CONNECT_S = 10.0  # wall: for the scheduler to answer

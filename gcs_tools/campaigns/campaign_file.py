@@ -25,9 +25,9 @@ from fcu.interface.airframe import AirframeError
 from fcu.interface.input_file import TomlError
 from fcu.interface.parameter import ParameterError
 from fcu.interface.toml_lines import lines, nearest
-from gcs_tools.campaign.batch import VEHICLE
-from gcs_tools.campaign.distributions import KINDS, Distribution
-from gcs_tools.campaign.draws import (
+from gcs_tools.campaigns.batch import VEHICLE
+from gcs_tools.campaigns.distributions import KINDS, Distribution
+from gcs_tools.campaigns.draws import (
     GRID,
     LIST,
     METHODS,
@@ -40,8 +40,8 @@ from gcs_tools.campaign.draws import (
     grid_size,
     key,
 )
-from gcs_tools.campaign.rare import Mixture
-from gcs_tools.campaign.shares import Looks
+from gcs_tools.campaigns.rare import Mixture
+from gcs_tools.campaigns.shares import Looks
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains

@@ -6,9 +6,9 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_tools.campaign.analysis import Analysis
-from gcs_tools.campaign.campaign_file import MOST_FLIGHTS, Campaign
-from gcs_tools.campaign.shares import at_least
+from gcs_tools.campaigns.analysis import Analysis
+from gcs_tools.campaigns.campaign_file import MOST_FLIGHTS, Campaign
+from gcs_tools.campaigns.shares import at_least
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.junit_report import Case
 from gcs_tools.pictures import picture_file

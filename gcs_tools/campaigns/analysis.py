@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gcs_tools.campaign.campaign_file import Campaign
-from gcs_tools.campaign.shares import Looks, Share, share
-from gcs_tools.campaign.store import DRAWN
+from gcs_tools.campaigns.campaign_file import Campaign
+from gcs_tools.campaigns.shares import Looks, Share, share
+from gcs_tools.campaigns.store import DRAWN
 from gcs_tools.judging.metrics import METRICS
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]

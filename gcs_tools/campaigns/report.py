@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.campaign.analysis import LIKELY, Analysis, Difference, Flights, OfLaw, Quantile
-from gcs_tools.campaign.batch import VEHICLE
-from gcs_tools.campaign.campaign_file import Campaign
-from gcs_tools.campaign.distributions import Distribution
-from gcs_tools.campaign.rare_flying import RareFound
-from gcs_tools.campaign.refly import command
-from gcs_tools.campaign.shares import interval
-from gcs_tools.campaign.store import DRAWN
-from gcs_tools.campaign.verdict import Shown
+from gcs_tools.campaigns.analysis import LIKELY, Analysis, Difference, Flights, OfLaw, Quantile
+from gcs_tools.campaigns.batch import VEHICLE
+from gcs_tools.campaigns.campaign_file import Campaign
+from gcs_tools.campaigns.distributions import Distribution
+from gcs_tools.campaigns.rare_flying import RareFound
+from gcs_tools.campaigns.refly import command
+from gcs_tools.campaigns.shares import interval
+from gcs_tools.campaigns.store import DRAWN
+from gcs_tools.campaigns.verdict import Shown
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.mission import written
 from gcs_tools.pictures.plot import campaign as plot

@@ -27,10 +27,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gcs_tools.campaign.batch import Asked, Row, fly_batch
-from gcs_tools.campaign.campaign_file import Campaign
-from gcs_tools.campaign.shares import Looks, Share, share
-from gcs_tools.campaign.store import SUCCESS, Store
+from gcs_tools.campaigns.batch import Asked, Row, fly_batch
+from gcs_tools.campaigns.campaign_file import Campaign
+from gcs_tools.campaigns.shares import Looks, Share, share
+from gcs_tools.campaigns.store import SUCCESS, Store
 from gcs_tools.flight.interrupts import interrupts_wait
 
 BATCH = 8  # flights of each law that a worker is sent at once, to fly side by side
@@ -228,7 +228,7 @@ def processes(n: int) -> Iterator[Processes]:
     how = "forkserver" if sys.platform == "linux" else "spawn"
     context = multiprocessing.get_context(how)
     if how == "forkserver":
-        context.set_forkserver_preload(["gcs_tools.campaign.batch"])
+        context.set_forkserver_preload(["gcs_tools.campaigns.batch"])
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin)
     try:

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gcs_tools.campaign.distributions import Distribution, Numbers
-from gcs_tools.campaign.rare import Mixture
+from gcs_tools.campaigns.distributions import Distribution, Numbers
+from gcs_tools.campaigns.rare import Mixture
 
 RANDOM, HYPERCUBE, SOBOL, GRID, LIST = METHODS = (
     "random", "latin_hypercube", "sobol", "grid", "list",

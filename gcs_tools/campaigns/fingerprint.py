@@ -11,7 +11,7 @@ import platform
 from importlib.metadata import version
 
 from fcu.kernel import compile
-from gcs_tools.campaign.batch import VEHICLE, Asked, fly_batch
+from gcs_tools.campaigns.batch import VEHICLE, Asked, fly_batch
 
 PROBE = {
     "title": "A short flight whose every bit is compared.",

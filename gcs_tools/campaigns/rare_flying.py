@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.campaign.campaign_file import Campaign
-from gcs_tools.campaign.rare import Estimate, Mixture, Numbers, estimate, search
-from gcs_tools.campaign.running import Stage, Told, Workers, run
-from gcs_tools.campaign.store import SUCCESS, Store
+from gcs_tools.campaigns.campaign_file import Campaign
+from gcs_tools.campaigns.rare import Estimate, Mixture, Numbers, estimate, search
+from gcs_tools.campaigns.running import Stage, Told, Workers, run
+from gcs_tools.campaigns.store import SUCCESS, Store
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.campaign.batch import Row
-from gcs_tools.campaign.campaign_file import Campaign, CampaignError, parsed
-from gcs_tools.campaign.rare import Mixture
+from gcs_tools.campaigns.batch import Row
+from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, parsed
+from gcs_tools.campaigns.rare import Mixture
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.mission import written
