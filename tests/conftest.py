@@ -19,6 +19,7 @@ SLOW_FOLDERS = {
     "attacks",
     "bad_input",
     "bus",
+    "ci",
     "clients",
     "foreign_controller",
     "foreign_plant",
@@ -30,6 +31,7 @@ SLOW_FOLDERS = {
     "scripts",
     "tools",
     "view",
+    "wheel",
 }
 
 
