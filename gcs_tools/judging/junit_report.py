@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -20,14 +21,20 @@ class Case(NamedTuple):
 
 
 def document(suite: str, cases: Iterable[Case], seconds: float | None = None) -> str:
-    """The text of a whole file. `seconds`: of all cases together. None: their sum."""
+    """The text of a whole file. `seconds`: of all cases together. None: their sum.
+
+    Cases of equal names are numbered in the order in which they are given: "m", "m-1".
+    """
     root = ET.Element("testsuite", name=suite)
     count = {"tests": 0, "failures": 0, "errors": 0}
     total_s = 0.0
+    named: Counter[str] = Counter()
     for case in cases:
+        name = f"{case.name}-{n}" if (n := named[case.name]) else case.name
+        named[case.name] += 1
         time = f"{case.seconds:.3f}"
         element = ET.SubElement(
-            root, "testcase", classname=case.classname, name=case.name, time=time
+            root, "testcase", classname=case.classname, name=name, time=time
         )
         count["tests"] += 1
         total_s += case.seconds

@@ -212,6 +212,15 @@ def test_the_hash_is_of_the_first_22_columns() -> None:
     assert trajectory_sha256(rows) == hashlib.sha256(struct.pack("<44d", *numbers)).hexdigest()
 
 
+def test_junit_has_two_names_for_two_missions_of_one_name(tmp_path: Path) -> None:
+    for number, pair in enumerate(
+        [(RESULT, RESULT), (RESULT, replace(FAILED, mission=RESULT.mission))]
+    ):
+        junit(pair, tmp_path / f"{number}.xml")
+        names = [case.get("name") for case in ET.parse(tmp_path / f"{number}.xml").getroot()]
+        assert names == ["paper_nominal", "paper_nominal-1"]
+
+
 def test_junit_tells_failures_from_errors(tmp_path: Path) -> None:
     path = tmp_path / "junit.xml"
     junit([RESULT, FAILED, BROKEN], path)
