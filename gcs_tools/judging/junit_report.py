@@ -33,9 +33,7 @@ def document(suite: str, cases: Iterable[Case], seconds: float | None = None) ->
         name = f"{case.name}-{n}" if (n := named[case.name]) else case.name
         named[case.name] += 1
         time = f"{case.seconds:.3f}"
-        element = ET.SubElement(
-            root, "testcase", classname=case.classname, name=name, time=time
-        )
+        element = ET.SubElement(root, "testcase", classname=case.classname, name=name, time=time)
         count["tests"] += 1
         total_s += case.seconds
         if case.out:
