@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from enum import Enum
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3, hypot, maximum, minimum, norm, select, select3
 from fcu.kernel.buffers import from_buffer, packer, size, unpacker
 from fcu.kernel.compile import kernel
-from fcu.kernel.rotations import euler, matrix
+from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
 
@@ -31,7 +32,10 @@ STILL = Vec3(0.0, 0.0, 0.0)
 SLOW = 0.05  # m/s under which there is nothing to brake
 EIGHT_HZ = 20.0  # at which the figure of eight is laid down
 EIGHT_RAMP_S = 5.0  # from rest to full speed
+ORBIT_HZ = 20.0  # at which the circle of an orbit is laid down
+ORBIT_RAMP = 0.5  # of the limit: the acceleration along the circle, from rest to full speed
 NEVER_US = 2**62
+AT_CENTER = 0.1  # m from the centre of a circle, within which the heading is the way out
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home
 FOREVER_S = 1e9  # so long a plan waits that is not to go on
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -227,6 +231,83 @@ def figure_eight(r: Vec3, size: tuple[float, float], speed: float, psi: float) -
         )
         yield Piece(here, 1.0 / EIGHT_HZ)
         k += 1
+
+
+class OrbitYaw(Enum):
+    """Directions in which the vehicle faces on the circle, by number of ORBIT_YAW_BEHAVIOUR."""
+
+    CENTER = 0
+    INITIAL = 1
+    TANGENT = 3
+
+
+class Circle(NamedTuple):
+    """Level circle of an orbit about `center`, at the height of `center`."""
+
+    center: Vec3  # m, E
+    radius: float  # m
+    speed: float  # m/s along the circle
+    clockwise: bool  # seen from above
+    yaw: OrbitYaw
+
+
+def orbit_acceleration(circle: Circle) -> float:
+    """Return the acceleration (m/s^2) that the full speed on a circle demands."""
+    return circle.speed * circle.speed / circle.radius
+
+
+def orbit(r: Vec3, psi: float, circle: Circle, yaw_rate: float, led: PlanLimits) -> Iterator[Piece]:
+    """Fly from rest at r to the nearest point of a circle, turn there, then fly round the circle.
+
+    The speed rises evenly from rest. `yaw_rate`: rad/s, with which the vehicle turns at the entry.
+    """
+    out = Vec3(r.x - circle.center.x, r.y - circle.center.y, 0.0)
+    far = length(out)
+    angle = psi if far < AT_CENTER else math.atan2(out.y, out.x)
+    entry = circle.center + circle.radius * Vec3(math.cos(angle), math.sin(angle), 0.0)
+    yield from line(r, entry, psi, led)
+    yield from _turn(entry, psi, _faces(circle, angle, psi), yaw_rate)
+    way = -1.0 if circle.clockwise else 1.0
+    top = circle.speed / circle.radius  # rad/s
+    # whole pieces, so that the acceleration ends where a piece does
+    ramps = max(1, math.ceil(ORBIT_HZ * circle.speed / (ORBIT_RAMP * led.acceleration)))
+    ramps_s, k = ramps / ORBIT_HZ, 0
+    ramp = top / ramps_s
+    while True:
+        t = k / ORBIT_HZ
+        ramping = k < ramps
+        turned = 0.5 * ramp * t * t if ramping else top * (t - 0.5 * ramps_s)
+        rate, rises = (ramp * t, ramp) if ramping else (top, 0.0)
+        q = angle + way * turned
+        outward = Vec3(math.cos(q), math.sin(q), 0.0)
+        along = way * Vec3(-outward.y, outward.x, 0.0)
+        here = at(
+            circle.center + circle.radius * outward,
+            _faces(circle, q, psi),
+            v=(circle.radius * rate) * along,
+            a=circle.radius * (rises * along - (rate * rate) * outward),
+        )
+        spins = 0.0 if circle.yaw is OrbitYaw.INITIAL else way * rate
+        yield Piece(here._replace(psi_dot_c=spins), 1.0 / ORBIT_HZ)
+        k += 1
+
+
+def _faces(circle: Circle, angle: float, initial: float) -> float:
+    """Return the yaw at an angle of the circle, rad."""
+    if circle.yaw is OrbitYaw.INITIAL:
+        return initial
+    if circle.yaw is OrbitYaw.CENTER:
+        return float(wrap(angle + math.pi))
+    return float(wrap(angle + (-0.5 if circle.clockwise else 0.5) * math.pi))
+
+
+def _turn(r: Vec3, psi: float, to: float, rate: float) -> list[Piece]:
+    """Turn at rest at r, the shorter way round, from one yaw to another."""
+    away = float(wrap(to - psi))
+    if abs(away) < 1e-6:
+        return []
+    turning = at(r, psi)._replace(psi_dot_c=math.copysign(rate, away))
+    return [Piece(turning, abs(away) / rate)]
 
 
 # --- what each mode flies

@@ -104,3 +104,65 @@ def test_the_figure_of_eight_starts_from_rest_and_crosses_at_its_speed():
     assert max(length(p.setpoint.v_c) for p in full) == pytest.approx(3.0, abs=0.01)
     assert max(p.setpoint.r_c.x - HERE.x for p in pieces) == pytest.approx(5.0, abs=0.01)
     assert max(p.setpoint.r_c.y - HERE.y for p in pieces) == pytest.approx(2.5, abs=0.01)
+
+
+def circle(clockwise=True, yaw=plans.OrbitYaw.CENTER):
+    center = HERE + Vec3(3.0, 4.0, 2.0)
+    return plans.Circle(center=center, radius=10.0, speed=4.0, clockwise=clockwise, yaw=yaw)
+
+
+def flown_round(of, n=800):
+    return list(itertools.islice(plans.orbit(HERE, 0.3, of, 0.8, LIMITS), n))
+
+
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_an_orbit_keeps_its_radius_speed_and_direction(clockwise):
+    of = circle(clockwise)
+    pieces = flown_round(of)
+    for before, after in itertools.pairwise(pieces):
+        end = end_of(before)
+        assert length(end.r_c - after.setpoint.r_c) < 1e-4
+        assert length(end.v_c - after.setpoint.v_c) < 5e-3
+        turned = math.remainder(end.psi_c - after.setpoint.psi_c, 2.0 * math.pi)
+        assert abs(turned) < 5e-3
+    for piece in pieces[-100:]:  # at full speed
+        r, v, a = piece.setpoint.r_c - of.center, piece.setpoint.v_c, piece.setpoint.a_c
+        assert length(r) == pytest.approx(10.0, abs=1e-9)
+        assert length(v) == pytest.approx(4.0, abs=1e-9)
+        assert a.x == pytest.approx(-0.16 * r.x, abs=1e-9)  # v^2 / r^2, towards the centre
+        assert a.y == pytest.approx(-0.16 * r.y, abs=1e-9)
+        assert (r.x * v.y - r.y * v.x < 0.0) is clockwise
+        assert piece.setpoint.psi_dot_c == pytest.approx(-0.4 if clockwise else 0.4)
+    assert plans.orbit_acceleration(of) == pytest.approx(1.6)
+
+
+def test_an_orbit_is_entered_at_the_nearest_point_of_its_circle():
+    of = circle()
+    entry = next(p for p in flown_round(of) if p.for_s == 1.0 / plans.ORBIT_HZ).setpoint
+    # from 5 m beside the centre straight away from it, and up to its height
+    assert length(entry.r_c - (of.center + Vec3(-6.0, -8.0, 0.0))) < 1e-9
+    assert entry.v_c == STILL
+
+
+def test_an_orbit_begun_at_its_centre_is_entered_ahead():
+    of = circle()._replace(center=HERE)
+    entry = next(p for p in flown_round(of) if p.for_s == 1.0 / plans.ORBIT_HZ).setpoint
+    ahead = Vec3(10.0 * math.cos(0.3), 10.0 * math.sin(0.3), 0.0)
+    assert length(entry.r_c - (HERE + ahead)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("yaw", "clockwise", "ahead"),
+    [
+        (plans.OrbitYaw.CENTER, True, lambda r, v: (-0.1) * r),
+        (plans.OrbitYaw.TANGENT, True, lambda r, v: 0.25 * v),
+        (plans.OrbitYaw.TANGENT, False, lambda r, v: 0.25 * v),
+        (plans.OrbitYaw.INITIAL, True, lambda r, v: Vec3(math.cos(0.3), math.sin(0.3), 0.0)),
+    ],
+)
+def test_an_orbit_faces_as_it_is_asked(yaw, clockwise, ahead):
+    of = circle(clockwise, yaw)
+    last = flown_round(of)[-1].setpoint
+    expected = ahead(last.r_c - of.center, last.v_c)
+    faces = Vec3(math.cos(last.psi_c), math.sin(last.psi_c), 0.0)
+    assert length(faces - expected) < 1e-9
