@@ -116,6 +116,8 @@ class Code(Enum):
     SPEED_RANGE = "{:g} m/s (expected 0.1 to {:g})"
     SPEED_LIMITED = "Speed limited: {:g} to {:g} m/s"
     ASKS_TOO_MUCH = "needs {:.1f} m/s^2 (MPC_ACC_HOR is {:g})"
+    ORBIT_BY_COMMAND = "an orbit begins with DO_ORBIT"
+    ORBIT_RADIUS = "radius {:g} m (expected 1 to 1000)"
     LACKS = "{} needs {:newtons} more than available; {} would do"
 
     # --- of a way that misses the guard's condition: what was asked for, what would do
@@ -139,6 +141,7 @@ class Code(Enum):
     NO_PLACE_NEAR = "expected a position within 20 km"
     NO_HEIGHT_NEAR = "expected 100 m below home to 20 km above"
     LANDS_HERE = "lands at the current position (reposition first)"
+    ORBIT_YAW = "yaw behaviour: 0, 1 or 3"
     NO_MISSION = "no mission uploaded"
     GROUND_SPEED_ONLY = "expected speed type 1 (ground speed)"
     NO_PLACE = "expected a position"

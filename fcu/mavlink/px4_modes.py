@@ -32,6 +32,13 @@ class AutoMode(IntEnum):
     VTOL_TAKEOFF = 10
 
 
+class PositionMode(IntEnum):
+    """PX4's sub modes of MainMode.POSITION."""
+
+    NONE = 0
+    ORBIT = 1
+
+
 def custom_mode(main: int, sub: int) -> int:
     """HEARTBEAT.custom_mode of a mode's numbers."""
     return main << 16 | sub << 24

@@ -146,6 +146,14 @@ def attitude_quaternion(t: float, q_EB: Quat, w_B: Vec3) -> Packed:
     )  # fmt: skip
 
 
+def orbit_status(t: float, radius: float, frame: int, place: Geodetic) -> Packed:
+    """ORBIT_EXECUTION_STATUS. `radius`: m, above 0 clockwise."""
+    return _message(
+        "ORBIT_EXECUTION_STATUS", time_usec=1e6 * t, radius=radius, frame=frame,
+        x=1e7 * place.lat_deg, y=1e7 * place.lon_deg, z=place.alt_m,
+    )  # fmt: skip
+
+
 def local_position(t: float, r_E: Vec3, v_E: Vec3) -> Packed:
     """LOCAL_POSITION_NED."""
     r, v = earth(r_E), earth(v_E)

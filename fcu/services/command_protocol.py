@@ -21,6 +21,7 @@ from fcu.mavlink.definitions import (
     GLOBAL_FRAMES,
     RELATIVE_FRAMES,
     CommandId,
+    Frame,
     ModeFlag,
     Result,
     Severity,
@@ -31,9 +32,12 @@ from fcu.mavlink.requests import Command
 from fcu.services import status
 from fcu.services.ground_port import Acknowledged, GroundPort, Link
 from fcu.services.text_budget import TextBudget
+from fcu.vehicle import plans
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import Answer, StateMachine
 
+ORBIT_SPEED = 1.0  # m/s, as PX4's
+ORBIT_YAW = {float(each.value): each for each in plans.OrbitYaw}
 FORCE = 21196.0  # COMPONENT_ARM_DISARM, parameter 2: do it whatever the checks say
 FORCE_REBOOT = 20190226.0  # PREFLIGHT_REBOOT_SHUTDOWN, parameter 6: in flight too
 _SCALES = 1e7, 1e4  # of parameter 6 in COMMAND_INT, by its frame
@@ -122,6 +126,7 @@ class Commands:
             CommandId.REPOSITION: Spec(
                 self._reposition, (1, 2, 3, 4, 5, 6, 7), place=True, what="Reposition"
             ),
+            CommandId.ORBIT: Spec(self._orbit, (1, 2, 3, 5, 6, 7), place=True, what="Orbit"),
             CommandId.PAUSE_CONTINUE: Spec(self._pause, (1,), (1,), what="Pause"),
             CommandId.CHANGE_SPEED: Spec(self._speed, (1, 2, 3), (2,), what="Speed"),
             CommandId.SET_HOME: Spec(self._set_home, (1, 2, 3, 4, 5, 6, 7), (1,), what="Home"),
@@ -274,6 +279,26 @@ class Commands:
             return denied("Reposition", to)
         told = None if speed == -1.0 else speed
         return _verdict("Reposition", vehicle.reposition(to, psi, request.t_us, told))
+
+    def _orbit(self, request: Request) -> Verdict:
+        """A circle about a place, or about here. What is left to the vehicle is as PX4 has it.
+
+        So is the height: above the sea whatever the frame, which MAVSDK says is above home.
+        """
+        vehicle = self._vehicle
+        if vehicle.state is None or vehicle.home is None:
+            return denied("Orbit", Code.NO_STATE)
+        radius, speed = request.given(1, plans.RADIUS_LEAST), request.given(2, ORBIT_SPEED)
+        faces = ORBIT_YAW.get(request.given(3, 0.0))
+        if faces is None:
+            return denied("Orbit", Code.ORBIT_YAW)
+        command = request.command._replace(frame=Frame.GLOBAL_INT)
+        center = self._place(request._replace(command=command))
+        if isinstance(center, Code):
+            return denied("Orbit", center)
+        clockwise = math.copysign(1.0, radius) * math.copysign(1.0, speed) > 0.0
+        circle = plans.Circle(center, abs(radius), abs(speed), clockwise, faces)
+        return _verdict("Orbit", vehicle.orbit(circle, request.t_us))
 
     def _pause(self, request: Request) -> Verdict:
         if request.parameter(1) not in (0.0, 1.0):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from fcu.interface.status_texts import Code
 from fcu.mavlink import px4_modes
 from fcu.mavlink.definitions import LandedState, SystemStatus
-from fcu.mavlink.px4_modes import AutoMode, MainMode
+from fcu.mavlink.px4_modes import AutoMode, MainMode, PositionMode
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -19,7 +19,7 @@ class Numbers(NamedTuple):
     """One mode as ground stations know it."""
 
     main: MainMode
-    sub: int  # of MainMode.AUTO, else 0
+    sub: int  # of MainMode.AUTO and POSITION, else 0
     standard: int  # MAV_STANDARD_MODE; 0: none
     guided: bool  # a script or ground station says where to go
 
@@ -34,6 +34,7 @@ MODES: dict[Mode, Numbers] = {
     Mode.OFFBOARD: Numbers(main=MainMode.OFFBOARD, sub=0, standard=0, guided=True),
     Mode.LAND: Numbers(main=MainMode.AUTO, sub=AutoMode.LAND, standard=7, guided=False),
     Mode.RETURN: Numbers(main=MainMode.AUTO, sub=AutoMode.RETURN, standard=5, guided=False),
+    Mode.ORBIT: Numbers(main=MainMode.POSITION, sub=PositionMode.ORBIT, standard=2, guided=True),
     Mode.STEP: Numbers(main=MainMode.AUTO, sub=STEP_SUB, standard=0, guided=False),
     Mode.FIGURE_EIGHT: Numbers(main=MainMode.AUTO, sub=FIGURE_EIGHT_SUB, standard=0, guided=False),
 }
@@ -51,7 +52,7 @@ OTHERS: dict[tuple[int, int], str] = {
     (MainMode.AUTO, AutoMode.PRECISION_LAND): "Precision Land",
     (MainMode.AUTO, AutoMode.VTOL_TAKEOFF): "VTOL Takeoff",
 }
-OTHER_STANDARD = {2: "Orbit", 3: "Cruise", 4: "Altitude Hold", 6: "Mission"}  # MAV_STANDARD_MODE
+OTHER_STANDARD = {3: "Cruise", 4: "Altitude Hold", 6: "Mission"}  # MAV_STANDARD_MODE
 
 _BY_NUMBERS = {(int(row.main), int(row.sub)): mode for mode, row in MODES.items()}
 _BY_STANDARD = {row.standard: mode for mode, row in MODES.items() if row.standard}
@@ -59,7 +60,14 @@ _BY_STANDARD = {row.standard: mode for mode, row in MODES.items() if row.standar
 
 def of_numbers(main: int, sub: int) -> Mode | None:
     """The mode of PX4's numbers; None for one that this vehicle does not have."""
-    return _BY_NUMBERS.get((main, sub if main == MainMode.AUTO else 0))
+    return _BY_NUMBERS.get((main, _sub(main, sub)))
+
+
+def _sub(main: int, sub: int) -> int:
+    """The sub mode, of a mode that has some. Else 0."""
+    if main == MainMode.POSITION:
+        return PositionMode.ORBIT if sub == PositionMode.ORBIT else PositionMode.NONE
+    return sub if main == MainMode.AUTO else 0
 
 
 def shown(main: int, sub: int) -> str:
@@ -67,7 +75,7 @@ def shown(main: int, sub: int) -> str:
     mode = of_numbers(main, sub)
     if mode is not None:
         return mode.value
-    return OTHERS.get((main, sub if main == MainMode.AUTO else 0), f"{main}, {sub}")
+    return OTHERS.get((main, _sub(main, sub)), f"{main}, {sub}")
 
 
 def of_standard(number: int) -> Mode | None:

@@ -435,6 +435,16 @@ def _estimates_array(v: View) -> Sequence[Packed]:
     return [tm.debug_float_array(v.t, "mmrac", 0, data)]
 
 
+def _orbit(v: View) -> Sequence[Packed]:
+    """The circle that is flown. None in another mode."""
+    circle = v.vehicle.circle
+    if v.vehicle.mode is not Mode.ORBIT or circle is None:
+        return []
+    radius = circle.radius if circle.clockwise else -circle.radius
+    place = to_geodetic(v.identity.origin, circle.center)
+    return [tm.orbit_status(v.t, radius, Frame.GLOBAL, place)]
+
+
 def _current_mode(v: View) -> Sequence[Packed]:
     number = custom_mode(v.vehicle.mode)
     return [replies.current_mode(MODES[v.vehicle.mode].standard, number, number)]
@@ -489,6 +499,7 @@ STREAMS = {
         Stream("ODOMETRY", 0.0, 30.0, _odometry),
         Stream("DEBUG_FLOAT_ARRAY", 0.0, 0.0, _estimates_array),
         Stream("ACTUATOR_OUTPUT_STATUS", 0.0, 10.0, _rotors),
+        Stream("ORBIT_EXECUTION_STATUS", 2.0, 2.0, _orbit),
         Stream("CURRENT_MODE", 0.5, 0.5, _current_mode),
         Stream("AVAILABLE_MODES_MONITOR", 0.3, 0.3, _modes_monitor),
     )

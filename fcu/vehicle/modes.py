@@ -16,6 +16,7 @@ class Mode(Enum):
     OFFBOARD = "Offboard"
     LAND = "Land"
     RETURN = "Return"
+    ORBIT = "Orbit"
     STEP = "Step"
     FIGURE_EIGHT = "Figure eight"
 
@@ -47,6 +48,7 @@ NEEDS: dict[Mode, tuple[Need, ...]] = {
     Mode.OFFBOARD: (Need.SETPOINTS,),
     Mode.LAND: (Need.STATE, Need.ARMED),
     Mode.RETURN: _ALOFT,
+    Mode.ORBIT: _ALOFT,
     Mode.STEP: _ALOFT,
     Mode.FIGURE_EIGHT: _ALOFT,
 }

@@ -35,6 +35,7 @@ EIGHT_RAMP_S = 5.0  # from rest to full speed
 ORBIT_HZ = 20.0  # at which the circle of an orbit is laid down
 ORBIT_RAMP = 0.5  # of the limit: the acceleration along the circle, from rest to full speed
 NEVER_US = 2**62
+RADIUS_LEAST, RADIUS_MOST = 1.0, 1000.0  # m, of an orbit, as PX4's
 AT_CENTER = 0.1  # m from the centre of a circle, within which the heading is the way out
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home
 FOREVER_S = 1e9  # so long a plan waits that is not to go on
@@ -256,15 +257,21 @@ def orbit_acceleration(circle: Circle) -> float:
     return circle.speed * circle.speed / circle.radius
 
 
+def entry_of(r: Vec3, psi: float, circle: Circle) -> Vec3:
+    """Return the nearest point (m, E) of a circle, or the one ahead from its centre."""
+    out = Vec3(r.x - circle.center.x, r.y - circle.center.y, 0.0)
+    angle = psi if length(out) < AT_CENTER else math.atan2(out.y, out.x)
+    entry: Vec3 = circle.center + circle.radius * Vec3(math.cos(angle), math.sin(angle), 0.0)
+    return entry
+
+
 def orbit(r: Vec3, psi: float, circle: Circle, yaw_rate: float, led: PlanLimits) -> Iterator[Piece]:
     """Fly from rest at r to the nearest point of a circle, turn there, then fly round the circle.
 
     The speed rises evenly from rest. `yaw_rate`: rad/s, with which the vehicle turns at the entry.
     """
-    out = Vec3(r.x - circle.center.x, r.y - circle.center.y, 0.0)
-    far = length(out)
-    angle = psi if far < AT_CENTER else math.atan2(out.y, out.x)
-    entry = circle.center + circle.radius * Vec3(math.cos(angle), math.sin(angle), 0.0)
+    entry = entry_of(r, psi, circle)
+    angle = math.atan2(entry.y - circle.center.y, entry.x - circle.center.x)
     yield from line(r, entry, psi, led)
     yield from _turn(entry, psi, _faces(circle, angle, psi), yaw_rate)
     way = -1.0 if circle.clockwise else 1.0

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,7 +49,7 @@ from fcu.vehicle.conditions import (
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import Leader, Piece, PlanLimits, Pose
+from fcu.vehicle.plans import Circle, Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import (
     Script,
     Throttle,
@@ -61,6 +62,7 @@ from fcu.vehicle.setpoints import (
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
+YAW_OF_ORBIT = 0.5  # rad/s, with which it turns at the entry of an orbit, at most
 NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 TILT_TO_ARM = math.radians(25.0)
 
@@ -147,6 +149,7 @@ class StateMachine:
         self.watch = np.zeros(size(Watch))
         self.mode = Mode.HOLD
         self.home = None
+        self.circle: Circle | None = None  # of the last orbit
         self.home_changed = 0  # how often
         self.terminated = False
         self.ended: Told | None = None  # how the plant's flight has ended, if it has
@@ -561,6 +564,8 @@ class StateMachine:
             missing = need is Need.SETPOINTS
             refused = missing and self.feasibility.refused
             return Answer(False, Told(Code.GUARD_REFUSES if refused else need.value), missing)
+        if wanted is Mode.ORBIT:
+            return _refused(Code.ORBIT_BY_COMMAND)
         too_much = plans.asks_too_much(wanted, self._params)
         if wanted is Mode.TAKEOFF:
             too_much = too_much or self._charge_critical
@@ -630,6 +635,40 @@ class StateMachine:
     ) -> Answer:
         """Hold somewhere else: straight there, within the limits; `speed`: as `change_speed`."""
         return self._go(to, psi, t_us, speed)
+
+    def orbit(self, circle: Circle, t_us: int) -> Answer:
+        """Fly to the nearest point of a circle, and round it until something else is asked for.
+
+        Refuses what the limits, or the guard on the way there, do not allow.
+        """
+        if not self.armed or self.state is None:
+            return _refused(Code.NOT_ARMED)
+        if self._landed.landed:
+            return _refused(Code.NOT_AIRBORNE)
+        here, led = self._from(t_us), self._limits()
+        if not plans.RADIUS_LEAST <= circle.radius <= plans.RADIUS_MOST:
+            return _refused(Code.ORBIT_RADIUS, circle.radius)
+        top = self._params["MPC_XY_VEL_MAX"]
+        fastest = plans.limits(self._params, top, self.feasibility.pace).cruise
+        if not 0.0 < circle.speed <= fastest:
+            return _refused(Code.SPEED_RANGE, circle.speed, fastest)
+        asks, most = plans.orbit_acceleration(circle), led.acceleration
+        if asks > most:
+            return _refused(Code.ASKS_TOO_MUCH, asks, most)
+        entry = plans.entry_of(here.r_E, here.psi, circle)
+        lack = self.feasibility.of_move(here, entry, led, self.reference)
+        if lack is not None and self.feasibility.refuses:
+            return Answer(False, lack.reason)
+        self._clear(Clears.CHOSEN)
+        self.circle = circle
+        self._become(Mode.ORBIT)
+        stopping, at_rest = plans.brake(here.r_E, here.v_E, here.psi, led)
+        rate = min(self._params.pace.yaw_rate_max, YAW_OF_ORBIT)
+        self._follow(chain(stopping, plans.orbit(at_rest, here.psi, circle, rate, led)), t_us)
+        far = plans.length(entry - here.r_E)
+        if lack is not None:
+            return Answer(True, Told(Code.GOING_SHORT, (far, lack.short)))
+        return Answer(True, Told(Code.MODE, (Mode.ORBIT.value,)))
 
     def _go(
         self, to: Vec3 | None, psi: float | None, t_us: int, speed: float | None = None

@@ -34,6 +34,13 @@ def test_a_whole_flight_by_tcp(vehicle, run):
     assert [line for line in said.splitlines() if line in STEPS] == STEPS
 
 
+def test_an_orbit_is_flown_on_its_circle(vehicle, run):
+    up = vehicle("--speed", "4")
+    said = run(Path(__file__).parent / "orbit_mavsdk.py", up.ports.script)
+    (flown,) = (line for line in said.splitlines() if line.startswith("radius "))
+    assert [float(each) for each in flown.split()[1:]] == pytest.approx([8.0] * 4, abs=0.1)
+
+
 def test_a_mission_runs_a_script_of_mavsdk(tmp_path):
     script = Path(__file__).parent / "fly_mavsdk.py"
     (tmp_path / "one.toml").write_text(

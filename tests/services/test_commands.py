@@ -111,6 +111,59 @@ def test_loiter_flies_to_the_place_that_it_names(vehicle, commands, frame):
 
 
 @pytest.mark.parametrize("frame", [LONG, GLOBAL])
+@pytest.mark.parametrize(
+    ("radius", "speed", "way"), [(10.0, 2.0, -1.0), (-10.0, 2.0, 1.0), (10.0, -2.0, 1.0)]
+)  # fmt: skip
+def test_an_orbit_flies_round_its_place(vehicle, commands, frame, radius, speed, way):
+    """Clockwise for a radius above 0, with the nose to the centre, at the speed that was asked for."""
+    where = place(30.0, -20.0, 12.0)
+    found = asked(commands, CommandId.ORBIT, radius, speed, 0, 0, *where, frame=frame)
+    assert found == (Result.ACCEPTED, None)
+    assert vehicle.mode is Mode.ORBIT
+    for t_us in range(0, 60_000_000, 20_000):
+        vehicle.leader.advance(t_us)
+    flown = vehicle.setpoint
+    x, y = flown.r_c.x - 30.0, flown.r_c.y + 20.0
+    assert math.hypot(x, y) == pytest.approx(10.0, abs=1e-3)
+    assert flown.r_c.z == pytest.approx(12.0, abs=1e-3)
+    assert (x * flown.v_c.y - y * flown.v_c.x) / 10.0 == pytest.approx(2.0 * way, abs=1e-6)
+    assert math.cos(flown.psi_c - math.atan2(-y, -x)) == pytest.approx(1.0, abs=1e-6)
+    assert flown.psi_dot_c == pytest.approx(way * 0.2, abs=1e-9)
+
+
+NEAR_HERE = (NAN, NAN, NAN)
+
+
+@pytest.mark.parametrize(
+    ("params", "code"),
+    [
+        ((0.5, 1.0, 0.0, 0.0, *NEAR_HERE), Code.ORBIT_RADIUS),
+        ((1001.0, 1.0, 0.0, 0.0, *NEAR_HERE), Code.ORBIT_RADIUS),
+        ((10.0, 0.0, 0.0, 0.0, *NEAR_HERE), Code.SPEED_RANGE),
+        ((100.0, 100.0, 0.0, 0.0, *NEAR_HERE), Code.SPEED_RANGE),
+        ((1.0, 2.5, 0.0, 0.0, *NEAR_HERE), Code.ASKS_TOO_MUCH),
+        ((10.0, 1.0, 2.0, 0.0, *NEAR_HERE), Code.ORBIT_YAW),
+        ((10.0, 1.0, 0.0, 3.0, *NEAR_HERE), Code.PARAMETER_UNUSED),
+        ((10.0, 1.0, 0.0, 0.0, *place(30_000.0, 0.0, 5.0)), Code.NO_PLACE_NEAR),
+        ((math.inf, 1.0, 0.0, 0.0, *NEAR_HERE), Code.PARAMETER_NAN),
+    ],
+)
+def test_an_orbit_that_cannot_be_flown_is_denied_and_changes_nothing(
+    vehicle, commands, params, code
+):
+    before = vehicle.mode, vehicle.setpoint, vehicle.circle
+    assert asked(commands, CommandId.ORBIT, *params, frame=GLOBAL) == (Result.DENIED, code)
+    assert (vehicle.mode, vehicle.setpoint, vehicle.circle) == before
+
+
+def test_an_orbit_begins_with_its_command_and_not_by_a_mode(vehicle, commands):
+    for params in ((CommandId.SET_MODE, 1, 3, 1), (CommandId.SET_STANDARD_MODE, 2)):
+        assert asked(commands, *params) == (Result.DENIED, Code.ORBIT_BY_COMMAND)
+    asked(commands, CommandId.ORBIT, NAN, NAN, NAN, NAN, *NEAR_HERE, frame=GLOBAL)
+    assert (vehicle.mode, vehicle.circle.radius, vehicle.circle.speed) == (Mode.ORBIT, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("frame", [LONG, GLOBAL])
 def test_home_is_set_with_whatever_else_is_sent(vehicle, commands, frame):
     """MAVROS sends a yaw with it."""
     where = place(30.0, -20.0, 10.0)
