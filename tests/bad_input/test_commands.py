@@ -24,6 +24,8 @@ from tests.bad_input.hovering import HOLD, NAN, OFFBOARD
         (176, (1, 1, 0), 2), (176, (0, 4, 3), 2), (176, (1, NAN, 0), 2), (176, (1, 4, 4), 2),
         (178, (1, 0.0, -1), 2), (178, (1, NAN, -1), 2), (178, (3, 5, -1), 2),
         (179, (0, 0, 0, 0, 95.0, 0, 0), 2), (192, (-1, 1, 0, NAN, 47.0, 8.0, 500.0), 2),
+        (34, (0.5, 1, 0, 0, NAN, NAN, NAN), 2), (34, (10, 1, 7, 0, NAN, NAN, NAN), 2),
+        (34, (10, 1, 0, 0, 95.0, 0, 0), 2), (34, (1, 9, 0, 0, NAN, NAN, NAN), 2),
         (193, (1,), 2), (245, (1,), 2), (245, (7,), 2), (420, (1, 1, 1), 3), (300, (), 3),
         (246, (1,), 2), (31999, (), 3), (65535, (), 3), (511, (30, NAN), 2), (511, (65000, 1e4), 3),
         (511, (0, 1e4), 2), (512, (65000,), 3), (512, (NAN,), 2), (510, (9999,), 3),
@@ -43,14 +45,15 @@ def test_a_bad_command_is_answered_and_changes_nothing(flying, command, params, 
         (lambda f: f.long(176, 1, 4, 4), Told(Code.MODE_UNKNOWN, ("Mission",))),
         (lambda f: f.long(176, 1, 7), "Mode Stabilized denied"),
         (lambda f: f.long(176, 1, 4, 99), "Mode 4, 99 denied"),
-        (lambda f: f.long(262, 2), "Mode Orbit denied"),
+        (lambda f: f.long(262, 4), "Mode Altitude Hold denied"),
+        (lambda f: f.long(262, 2), "Orbit denied: an orbit begins with DO_ORBIT"),
         (
             lambda f: mavlink.MAVLink_set_mode_message(f.at.system_id, 1, 1 << 16),
             "Mode Manual denied",
         ),
     ],
 )
-def test_a_mode_that_it_does_not_have_is_told_by_its_name(flying, ask, said):
+def test_a_mode_that_cannot_be_entered_is_told_by_its_name(flying, ask, said):
     """C4."""
     flying.send(ask(flying))
     flying.says(said)
