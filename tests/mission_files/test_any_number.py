@@ -43,7 +43,7 @@ ITEMS = [
     },
     {"kind": "hold", "for_s": 1.0},
 ]  # fmt: skip
-SCRIPT = {"script": "python there.py", "pace": "speed:2", "after_script_s": 1.0}
+SCRIPT = {"script": "python -c pass", "pace": "speed:2", "after_script_s": 1.0}
 PLANT = {
     "mass_kg": 8.0, "inertia_kg_m2": [0.2, 0.2, 0.3], "drag": [0.1, 0.1, 0.1],
     "drag_torque": ZERO, "rotor_lag_s": 0.02, "battery_ah": 10.0, "battery_remaining": 0.9,

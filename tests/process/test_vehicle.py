@@ -12,6 +12,7 @@ import pymavlink.dialects.v20.common as mavlink
 import pytest
 
 from fcu.interface.airframe import believed
+from fcu.vehicle.modes import Mode
 from tests.bad_input.hovering import NAN, OFFBOARD, POSITION, Flight
 from tests.patience import PATIENCE_S
 
@@ -114,7 +115,7 @@ def test_integers_are_sent_by_their_bytes_and_that_is_told(start, instance, auto
 def test_every_mode_has_a_name(flight):
     assert flight.ask(512, 435) == ACCEPTED
     named = set()
-    while len(named) < 8:
+    while len(named) < len(Mode):
         packet = flight.heard("UNKNOWN_435").get_msgbuf()
         named.add(bytes(packet[10 + 11 : -2]).split(b"\0")[0].decode())
     assert {"Hold", "Offboard", "Return", "Figure eight"} <= named
