@@ -40,6 +40,7 @@ from gcs_tools.flight.foreign_flight import (
     names_instance,
 )
 from gcs_tools.flight.forking import can_fork, load
+from gcs_tools.flight.held_flight import HeldFlight
 from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.memory_flight import MemoryFlight, is_compiled
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, Take, claimed
@@ -440,7 +441,7 @@ def fly_script(mission: Mission, scene: Scenario) -> Flown:
     while True:
         try:
             with TemporaryDirectory(prefix="m-mrac-") as folder, claimed(first, *PORTS) as instance:
-                flight = ScriptFlight(
+                flight = _by_script(scene.pace)(
                     scene, Path(folder), instance, scene.pace, (_drop, _drop), lambda time_s: None,
                     None, flies(mission, scene, scene.airframe), lambda text: None, lambda: None,
                 )  # fmt: skip
@@ -653,8 +654,9 @@ class _Run:
                 self._progress,
             )  # fmt: skip
         elif self._scene.script:
-            flight = ScriptFlight(
-                self._scene, self.folder, instance, self._speed or self._scene.pace, on_rows,
+            speed = self._speed or self._scene.pace
+            flight = _by_script(speed)(
+                self._scene, self.folder, instance, speed, on_rows,
                 self._progress, self._zenoh, flies(self._mission, self._scene, self._scene.airframe),
                 self._note, (lambda: None) if self._compiling is None else self._compiling.look,
             )  # fmt: skip
@@ -736,6 +738,11 @@ def heading(mission: Mission) -> str:
                 change.replace(f" = {written(whole)} (", f" = {name} (") for change in changes
             ]
     return f"{mission.title} ({', '.join(changes)})" if changes else mission.title
+
+
+def _by_script(speed: float | None) -> type[ScriptFlight]:
+    """How a script flies at that pace. None: time stands until it has answered."""
+    return HeldFlight if speed is None else ScriptFlight
 
 
 def _drop(_rows: Rows) -> None:

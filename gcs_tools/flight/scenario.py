@@ -25,7 +25,7 @@ from fcu.mavlink.setpoints import nonsense, setpoint_through_the_wire
 from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.asked import Leg, Sent, asked, foreseen, legs, same
-from gcs_tools.missions.flight_table import AFTER_SCRIPT_S, Flight
+from gcs_tools.missions.flight_table import AFTER_SCRIPT_S, HELD, Flight
 from gcs_tools.missions.mission import Mission, MissionError
 from gcs_tools.missions.same import Same
 from gcs_tools.recording.schema import UNTOLD, Kinds
@@ -59,7 +59,7 @@ class Scenario:
         str, ...
     ] = ()  # command of a script that flies the vehicle; empty: the runner does
     folder: Path = Path()  # where it runs
-    pace: float = 1.0  # simulated seconds per second, of a script
+    pace: float | None = 1.0  # simulated seconds per second, of a script. None: its time is held
     after_script_s: float = 0.0  # simulation time that the flight goes on after its script
     flies_unstable: bool = False  # gains that the rule of stability refuses are flown, for a study
 
@@ -196,8 +196,8 @@ def _of_a_script(mission: Mission) -> dict[str, Any]:
         raise MissionError(f"{where}: [flight] script: {error}") from error
     after = AFTER_SCRIPT_S if flight.after_script_s is None else flight.after_script_s
     return {
-        "script": words, "folder": mission.folder.absolute(), "pace": flight.speed,
-        "after_script_s": after,
+        "script": words, "folder": mission.folder.absolute(),
+        "pace": None if flight.pace == HELD else flight.speed, "after_script_s": after,
     }  # fmt: skip
 
 

@@ -90,7 +90,7 @@ class ScriptFlight(WireFlight):
         if not scene.flight.start.on_ground:
             self._arm_in_the_air()
         told = values(self._instance, self._folder, self._speed or 1.0)
-        words = with_python(filled(scene.script, told))
+        words = self._with_clock(with_python(filled(scene.script, told)))
         self._script = Leashed(
             "script", words, scene.folder, self._folder / LOG, self._pair.lifeline()
         )
@@ -98,6 +98,10 @@ class ScriptFlight(WireFlight):
         stack.callback(self._script.stop)
         self._began_s = time.monotonic()
         return self._watch
+
+    def _with_clock(self, words: list[str]) -> list[str]:
+        """The command as it is run: by the clock of the wall."""
+        return words
 
     def _arm_in_the_air(self) -> None:
         link = UdpLink(0, ports(self._instance).fcu_station)
@@ -116,7 +120,7 @@ class ScriptFlight(WireFlight):
         with suppress(BrokenPipeError):  # the check below says why
             os.write(self._control, handover.GRANT.pack(self._scene.ticks))
         seen, since = -1, time.monotonic()
-        while not self._is_finished():
+        while not self._is_finished(self._flown_ticks()):
             if self._collector.error is not None:
                 raise InfrastructureError(str(self._collector.error))
             flown = self._flown_ticks()
@@ -133,25 +137,33 @@ class ScriptFlight(WireFlight):
             self._took_s = time.monotonic() - self._began_s
         return False
 
-    def _is_finished(self) -> bool:
-        """True once the script has ended and the vehicle has come to rest, or a time is over."""
-        scene, tick = self._scene, self._flown_ticks()
+    def _is_finished(self, tick: int) -> bool:
+        """True once the script has ended and the vehicle has come to rest, or a time is over.
+
+        `tick`: how many are flown.
+        """
+        scene = self._scene
         if self._outcome is None:
             self._outcome = self._script.outcome()
             if self._outcome is not None:
                 self._ended_tick, self._took_s = tick, time.monotonic() - self._began_s
         if self._ended_tick is None:
-            planned_s = scene.ticks / scene.rate_hz / (self._speed or 1.0)
             if tick >= scene.ticks:
                 self._late = f"{scene.ticks / scene.rate_hz:g} s of simulation time"
-            elif time.monotonic() - self._began_s > (most := WALL_FACTOR * planned_s + WALL_S):
-                self._late = f"{most:g} s of wall time"
-            return bool(self._late)
+            return self._is_late()
         if not self._outcome or self._outcome.get("exit_code") != 0:
             return True
         since = (tick - self._ended_tick) / scene.rate_hz
         rests = since >= REST_S and self._is_grounded()
         return rests or since >= scene.after_script_s or tick >= scene.ticks
+
+    def _is_late(self) -> bool:
+        """True if the simulation time or the wall time that the script has is over."""
+        planned_s = self._scene.ticks / self._scene.rate_hz / (self._speed or 1.0)
+        most = WALL_FACTOR * planned_s + WALL_S
+        if not self._late and time.monotonic() - self._began_s > most:
+            self._late = f"{most:g} s of wall time"
+        return bool(self._late)
 
     def _is_grounded(self) -> bool:
         """True if the vehicle is disarmed now, and on the ground."""

@@ -97,8 +97,12 @@ class Leashed(Child):
         """The leash's report of a command that has ended. None: it runs. Empty: the leash was killed."""
         return None if self.process.poll() is None else self._last_said()
 
-    def how_it_is(self) -> str:
-        """The reason why the command does not answer, as far as it is seen from outside. Empty: not seen."""
+    def pid(self) -> int:
+        """The process of the command. 0: it has not begun."""
         for line in self.heard():
             self._pid = line.get("pid", self._pid)
-        return f"its process {SUSPENDED}" if self._pid and is_stopped(self._pid) else ""
+        return self._pid
+
+    def how_it_is(self) -> str:
+        """The reason why the command does not answer, as far as it is seen from outside. Empty: not seen."""
+        return f"its process {SUSPENDED}" if self.pid() and is_stopped(self._pid) else ""

@@ -94,13 +94,14 @@ Setpoint = Annotated[
 AFTER_SCRIPT_S = 30.0  # of simulation time, if a mission does not say
 _PACE = re.compile(r"speed:([0-9]+(\.[0-9]+)?)")
 FASTEST = 100.0  # pace of a script
+HELD = "held"  # pace of a script: time stands until it has answered
 
 
 def _pace(value: Any) -> Any:
-    """`real`, or a factor."""
+    """`real`, `held`, or a factor."""
     found = _PACE.fullmatch(value) if isinstance(value, str) else None
-    if value != "real" and not (found and 0.0 < float(found[1]) <= FASTEST):
-        raise wrong((), f'"real", or "speed:N" with N from above 0 to {FASTEST:g}', value)
+    if value not in ("real", HELD) and not (found and 0.0 < float(found[1]) <= FASTEST):
+        raise wrong((), f'"real", "held", or "speed:N" with N from above 0 to {FASTEST:g}', value)
     return value
 
 
@@ -124,7 +125,7 @@ class Flight(Table):
         "a command that flies the vehicle over MAVLink, in place of setpoints; run with --allow-commands"
     )
     pace: Annotated[str, BeforeValidator(_pace)] | None = optional(
-        'of a script: "real" (left out), or "speed:N", N simulated seconds per second'
+        'of a script: "real" (left out), "speed:N", N simulated seconds per second, or "held": time stands until it has answered'
     )
     after_script_s: NotNegative | None = optional(
         f"of a script: the flight goes on so long at most after it has ended; left out: {AFTER_SCRIPT_S:g}"
@@ -164,7 +165,7 @@ class Flight(Table):
     @property
     def speed(self) -> float:
         """Simulated seconds per second, of a script."""
-        return 1.0 if self.pace in (None, "real") else float(str(self.pace).partition(":")[2])
+        return 1.0 if self.pace in (None, "real", HELD) else float(str(self.pace).partition(":")[2])
 
     def _check_script(self) -> None:
         if self.script is None:
