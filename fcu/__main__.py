@@ -20,6 +20,7 @@ except KeyboardInterrupt:
 
 if TYPE_CHECKING:
     from fcu.laws.loader import Law
+    from fcu.process.autopilot import LinkClock
 
 FCU_PORTS = ("fcu_plant", "fcu_script", "fcu_station", "fcu_tcp")
 
@@ -60,7 +61,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 @click.option("--handover", type=click.Path(path_type=Path), help="Settings as JSON; replaces the airframe's defaults and --rate.")  # fmt: skip
 @click.option("--autopilot", type=click.Choice(["px4", "generic"]), default="px4", show_default=True, help="Autopilot type to report. Both use PX4's mode numbers.")  # fmt: skip
 @click.option("--origin", callback=_origin, default=",".join(map(str, options.ORIGIN)), show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
-@click.option("--link-clock", type=click.Choice(["both", "sim"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone.")  # fmt: skip
+@click.option("--link-clock", type=click.Choice(["both", "sim", "held"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone. With held, telemetry is due by simulation time too, and messages are read at ticks alone.")  # fmt: skip
 @click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
 @click.option("--law-sha256", help="Refuse a law of other sources.", hidden=True)
 @click.option("--airframe-sha256", help="Refuse an airframe file of another text.", hidden=True)
@@ -77,7 +78,7 @@ def main(
     handover: Path | None,
     autopilot: str,
     origin: tuple[float, float, float],
-    link_clock: str,
+    link_clock: LinkClock,
     params_file: Path | None,
     law_sha256: str | None,
     airframe_sha256: str | None,
@@ -132,10 +133,9 @@ def main(
             if is_cold:
                 say(-1, "info", "compiling the law, once for this version (up to a minute)", write)
                 law.check_compiles()
-            sim_only = link_clock == "sim"
             with law_compiler(law if is_cold else None) as other:
                 loop = Loop(
-                    ports(number), identity, params, reporter, lifeline_fd, sim_only, params_file,
+                    ports(number), identity, params, reporter, lifeline_fd, link_clock, params_file,
                     resets=record_fd is None,  # a recording is of one flight
                     write=write,
                 )  # fmt: skip

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -100,17 +100,22 @@ def tells_beginning(law: Law) -> bool:
     return law.tells("state", State) and law.tells("guard_state", GuardState)
 
 
+# Which time decides how old a script's stream is: simulation and wall, or simulation alone. Held: as
+# simulation alone, and telemetry is due by it, too
+LinkClock = Literal["both", "sim", "held"]
+
+
 class Autopilot:
     """One flight controller, between its plant link and its ground stations."""
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
-        sim_only: bool = False, file: Path | None = None, bind: Bind = exclusive_socket,
+        clock: LinkClock = "both", file: Path | None = None, bind: Bind = exclusive_socket,
         write: Callable[[Event], None] = event_log.write, resets: bool = False,
         fly_decided: FlyDecided | None = None, before: Autopilot | None = None,
         listen: Listen | None = None,
     ) -> None:  # fmt: skip
-        """`sim_only`: simulation time alone decides. `file`: where parameters are saved.
+        """`clock`: which decides about ground stations. `file`: where parameters are saved.
 
         `bind`: opens the ports of ground stations, `listen` that of TCP. `write`: takes an event. `resets`: a request
         for a reset is obeyed. `fly_decided`: flies a tick (time in us, row) for which Python has
@@ -124,8 +129,8 @@ class Autopilot:
         self._law = params.flown
         self.reporter = reporter
         self.codec = PlantCodec(ports.system_id, rotors=params.law.rotors.n)
-        self.vehicle = StateMachine(params, sim_only)
-        self._sim_only = sim_only
+        self.vehicle = StateMachine(params, sim_only=clock != "both")
+        self._link_clock = clock
         self.ground: Station = Station(
             ports, identity, params, self.vehicle, file, self.say, bind, resets,
             None if before is None else before.ground, listen,
@@ -227,10 +232,13 @@ class Autopilot:
 
     def clock(self, wall_s: float) -> float:
         """The time (s) that decides about ground stations: the wall's, or, if simulation time alone
-        decides, that; and what time has stood beyond the moment for which a script holds it.
+        decides, that; and what time has stood beyond the moment for which a script holds it. Time that
+        is held may stand for as long as it likes.
         """
-        if not self._sim_only:
+        if self._link_clock == "both":
             return wall_s
+        if self._link_clock == "held":
+            return self.next_us * 1e-6
         if self.time_us != self._stood_at_us:
             self._stood_at_us, self._stands_since_s = self.time_us, wall_s
             self._stood_s += self._stands_s
@@ -430,8 +438,11 @@ class Autopilot:
         self.ground.serve(port, self.next_us, self.clock(wall_s))
 
     def idle(self, wall_s: float) -> None:
-        """Between ticks: what is due by the wall clock."""
-        self.ground.idle(self.next_us, wall_s, self.clock(wall_s))
+        """Between ticks: what is due by the wall clock, or by the time that is held."""
+        decides = self.clock(wall_s)
+        held = self._link_clock == "held" and self.time_us >= 0
+        now = decides if held else wall_s
+        self.ground.idle(self.next_us, now, decides)
         self.reporter.idle(self.time_s, self._settings, wall_s)
 
     @property

@@ -27,7 +27,7 @@ from fcu.kernel.compile import compile_for
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import LONGEST
 from fcu.parameters import Parameters
-from fcu.process.autopilot import TIMES, Autopilot, LawRaised, Lost, Row, say
+from fcu.process.autopilot import TIMES, Autopilot, LawRaised, LinkClock, Lost, Row, say
 from fcu.process.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
 from fcu.process.reporting import Reporter
 from fcu.services import tcp_socket
@@ -42,6 +42,7 @@ __all__ = ["INFRASTRUCTURE", "OK", "Loop", "say"]
 
 SILENCE, LOST = ROWS[Condition.PLANT_SILENT], ROWS[Condition.PLANT_LOST]  # by wall time
 PATIENCE_S = 0.02  # wall: how long a burst waits for a state
+TURNS = 1000  # of a port before a tick of held time: a flood does not stop the loop
 RESET_AGAIN_S, RESET_S = 0.1, 2.0  # wall: a plant is asked to reset so often, for so long
 OK, INFRASTRUCTURE = 0, 3
 
@@ -51,13 +52,13 @@ class Loop:
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, reporter: Reporter,
-        lifeline: int | None, sim_only: bool = False, file: Path | None = None,
+        lifeline: int | None, clock: LinkClock = "both", file: Path | None = None,
         burst_ticks: int | None = None, resets: bool = False,
         write: Callable[[Event], None] = event_log.write,
     ) -> None:  # fmt: skip
         """`lifeline`: a file descriptor whose end of file ends the loop.
 
-        `sim_only`: simulation time alone decides. `file`: where parameters are saved.
+        `clock`: which decides about ground stations. `file`: where parameters are saved.
         `burst_ticks`: the most ticks of a burst. None: as many as the recorder takes at once.
         `resets`: ground stations may reset the vehicle and its plant. `write`: takes an event. Raises PortBusy.
         """
@@ -65,12 +66,17 @@ class Loop:
         self._reporter = reporter
         self._plant = UdpLink(ports.fcu_plant, ports.plant, owner("fcu_plant"))
         self._make = partial(
-            Autopilot, ports, identity, params, sim_only=sim_only, file=file, resets=resets,
+            Autopilot, ports, identity, params, clock=clock, file=file, resets=resets,
             write=write, fly_decided=self._fly_decided if system.HAS_LIBC else None,
             listen=TcpSocket if tcp_socket.AVAILABLE else None,
         )  # fmt: skip
         self._autopilot = self._make(reporter)
+        self._held = clock == "held"
         self._most = burst_ticks
+        self._poll, self._heard = select.poll(), select.poll()  # the second: for time that is held
+        self._is_held = (
+            False  # time is held, and has begun: ground stations are heard at ticks alone
+        )
         self._reset_since = self._reset_due = 0.0  # wall: the plant was asked to; 0: it was not
         self._reset_late = False  # it was asked to, and did not answer in time: it may yet
         self.figures = self._autopilot.figures
@@ -110,7 +116,7 @@ class Loop:
 
     def run(self) -> int:
         """Fly until told to stop; returns the exit code."""
-        poll = select.poll()
+        poll = self._poll
         plant_fd, ground_ports = self._plant.fileno(), self._autopilot.ground.ports
         by_fd = {port.fileno(): port for port in ground_ports}  # for good
         for fd in (plant_fd, *by_fd):
@@ -122,13 +128,13 @@ class Loop:
         gc.disable()
         warned = False
         while not self.stopping:
-            waiting = self._autopilot.ground.is_waiting
+            waiting = self._autopilot.ground.is_waiting and not self._is_held
             for fd, _ in poll.poll(0 if waiting else 20):
                 if fd == plant_fd:
                     self._fly()
                 elif fd not in by_fd:
                     self.stopping = True  # whoever started us is gone
-                elif not by_fd[fd].is_waiting:
+                elif not by_fd[fd].is_waiting and not self._is_held:
                     self._listen(by_fd[fd])
             if waiting:  # what they took in before comes first, a time for each port
                 for port in ground_ports:
@@ -155,6 +161,23 @@ class Loop:
         """What waits on a port; during a reset it goes on waiting."""
         if not self._autopilot.ground.reset_asked:
             self._autopilot.serve(port, time.monotonic())
+
+    def _listen_at_a_tick(self) -> None:
+        """Everything that waits, before a tick of held time. Between ticks nobody is heard any more."""
+        ports = self._autopilot.ground.ports
+        if not self._is_held:
+            self._is_held = True
+            self._autopilot.ground.begin_streams()  # their time begins
+            for port in ports:
+                self._poll.unregister(port.fileno())
+                self._heard.register(port.fileno(), select.POLLIN)
+        for _ in range(TURNS):
+            ready = {fd for fd, _ in self._heard.poll(0)}
+            waiting = [port for port in ports if port.is_waiting or port.fileno() in ready]
+            if not waiting:
+                break
+            for port in waiting:
+                self._listen(port)
 
     # --- a reset
 
@@ -200,10 +223,12 @@ class Loop:
             if self._autopilot.ground.reset_asked:
                 self._await_reset()
                 return
-            if self._wire is None:
+            if self._wire is None or self._held:
                 # one datagram a call: whether there is another, poll says for less than a read
                 datagram = self._plant.receive()
                 if datagram is not None:
+                    if self._held and not self._autopilot.codec.is_hold(datagram):
+                        self._listen_at_a_tick()
                     self._decide(datagram, None)
                 return
             why, length = self._serve(self._wire)

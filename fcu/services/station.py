@@ -196,6 +196,11 @@ class Station:
         for port in self.ports:
             self._parameters.pace(port, now)
 
+    def begin_streams(self) -> None:
+        """Let all be due by a clock that begins now, whatever was sent by another."""
+        self._wind_due = 0.0
+        self.streams.begin()
+
     def _see_wind(self, view: View) -> None:
         estimates = view.state.estimates
         self._wind.see(view.t, view.measured, estimates.s_v_hat, estimates.m_hat)

@@ -539,6 +539,14 @@ class Streams:
         for port in self._ports:
             port.broadcast(packed)
 
+    def begin(self) -> None:
+        """Let all be due at once, and then by the clock that is told from now on."""
+        self._heartbeat_due = self._next = 0.0
+        for port in self._ports:
+            for link in port.links():
+                for stream in link.streams.values():
+                    stream[1] = 0.0
+
     @property
     def due_s(self) -> float:
         """Wall, monotonic, s: when it is time to look at the streams."""

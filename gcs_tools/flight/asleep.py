@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 AVAILABLE = sys.platform == "linux"
 
-Asleep = dict[tuple[int, str], tuple[int, ...]]  # process, thread -> how often it was switched out
-_SWITCHES = b"ctxt_switches:"
+Asleep = dict[tuple[int, str], bytes]  # process, thread -> how often it was switched out
+_ENDED = b"", b"Z", b"X"
 
 
 def with_descendants(pids: Iterable[int]) -> list[int]:
@@ -28,12 +28,32 @@ def with_descendants(pids: Iterable[int]) -> list[int]:
     return found
 
 
-def all_sleep(pids: Iterable[int]) -> Asleep | None:
-    """The threads of these processes and of all that they have started. None if one of them runs.
+class Sleepers:
+    """Processes, and all that they start, of which somebody waits that they sleep."""
 
-    Two answers that are equal mean that none of the threads ran between the first and the second: a
-    thread that wakes is switched out once more before it sleeps again.
-    """
+    def __init__(self, pids: Iterable[int]) -> None:
+        self._pids = list(pids)
+        self._seen: Asleep | None = None
+
+    def have_slept(self) -> bool:
+        """True if all their threads sleep, and none has run since this was last asked.
+
+        A thread that ran was switched out once more before it sleeps again. One that is new was started
+        by one that ran.
+        """
+        if self._seen is not None and _still_sleep(self._seen):
+            return True
+        self._seen = _all_sleep(self._pids)
+        return False
+
+    @property
+    def pids(self) -> set[int]:
+        """The processes that were there when all slept."""
+        return {pid for pid, _ in self._seen or ()}
+
+
+def _all_sleep(pids: Iterable[int]) -> Asleep | None:
+    """The threads of these processes and of all that they have started. None if one of them runs."""
     found: Asleep = {}
     for pid in with_descendants(pids):
         try:
@@ -42,20 +62,27 @@ def all_sleep(pids: Iterable[int]) -> Asleep | None:
             continue
         for thread in threads:
             told = _read(f"/proc/{pid}/task/{thread}/status")
-            state = told.partition(b"\nState:\t")[2][:1]
-            if state in (b"", b"Z", b"X"):  # it has ended
+            state = _state(told)
+            if state in _ENDED:
                 continue
             if state != b"S":
                 return None
-            counts = [line.split()[1] for line in told.splitlines() if _SWITCHES in line]
-            found[pid, thread] = tuple(map(int, counts))
+            found[pid, thread] = _switches(told)
     return found
+
+
+def _still_sleep(seen: Asleep) -> bool:
+    """True if each of these threads sleeps as it did when it was seen."""
+    for (pid, thread), switches in seen.items():
+        told = _read(f"/proc/{pid}/task/{thread}/status")
+        if _state(told) != b"S" or _switches(told) != switches:
+            return False
+    return True
 
 
 def has_ended(pid: int) -> bool:
     """True if the process is gone, or has only its exit code left."""
-    state = _read(f"/proc/{pid}/status").partition(b"\nState:\t")[2][:1]
-    return state in (b"", b"Z", b"X")
+    return _state(_read(f"/proc/{pid}/status")) in _ENDED
 
 
 def has_socket(pid: int) -> bool:
@@ -71,6 +98,16 @@ def has_socket(pid: int) -> bool:
         except OSError:
             continue
     return False
+
+
+def _state(status: bytes) -> bytes:
+    """The letter of a thread's state."""
+    return status.partition(b"\nState:\t")[2][:1]
+
+
+def _switches(status: bytes) -> bytes:
+    """How often a thread was switched out, voluntarily and not, as the last two lines say."""
+    return status[status.rfind(b"\nvoluntary_ctxt_switches:") :]
 
 
 def _read(path: str) -> bytes:

@@ -1,7 +1,8 @@
 """The clock of a script whose time is held: simulation time, told to the Python programs of a script.
 
 A Python program finds the clock by its environment (held_python/sitecustomize.py). It reads the time from
-shared memory, and says on a socket until when it sleeps. Who holds time wakes it then.
+shared memory. A thread of it that waits says on a socket until when, and for which files, and waits
+there. Who holds time wakes one such thread at a time: what they do has one order.
 """
 
 from __future__ import annotations
@@ -13,17 +14,53 @@ import secrets
 import select
 import socket
 import struct
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
 NAME = "M_MRAC_HELD"  # environment: NAME of a socket, PATH of the shared time
-SAYS = struct.Struct(
-    "<id"
-)  # process, and until when a thread of it sleeps, s; infinity: it does not
+SAYS = struct.Struct("<d")  # until when a thread waits, s
+EVENTS = struct.Struct("<h")  # behind it, for each file that is sent along: what it waits for there
+FILES = 250  # of a wait, at most: a datagram takes no more along
 PYTHON = Path(__file__).with_name("held_python")  # for PYTHONPATH
 CLOSE_S = 1e-9  # a time that is over but for rounding is over
 _WAKE = b"\1"
 _PEER = struct.Struct("iII")  # process, user and group at the other end
+
+
+@dataclass
+class _Thread:
+    """A thread of a program, at the other end of its connection."""
+
+    connection: socket.socket
+    until_s: float = math.inf
+    waits: bool = False
+    files: list[int] = field(default_factory=list)  # copies, of those that it waits for
+    poll: select.poll = field(default_factory=select.poll)
+
+    def is_due(self, time_s: float) -> bool:
+        """True if it waits, and what it waits for is there."""
+        if not self.waits:
+            return False
+        return self.until_s <= time_s + CLOSE_S or bool(self.files and self.poll.poll(0))
+
+    def wait(self, until_s: float, files: Sequence[int], events: Sequence[int]) -> None:
+        self.waits, self.until_s, self.files = True, until_s, list(files)
+        for file, event in zip(files, events, strict=True):
+            self.poll.register(file, event)
+
+    def wake(self) -> None:
+        self.forget()
+        with suppress(OSError):  # it has ended
+            self.connection.send(_WAKE)
+
+    def forget(self) -> None:
+        self.waits = False
+        for file in self.files:
+            self.poll.unregister(file)
+            os.close(file)
+        self.files = []
 
 
 class HeldClock:
@@ -38,8 +75,8 @@ class HeldClock:
         self._listener.bind(f"\0{self._name}")  # abstract: no file is left behind
         self._listener.listen(1024)
         self._listener.setblocking(False)
-        self._until_s: dict[int, float] = {}  # file number of a connection -> until when it sleeps
-        self._connections = {self._listener.fileno(): self._listener}
+        self._threads: dict[int, _Thread] = {}  # by file number of the connection, in their order
+        self._last = 0  # that was woken: the others come first
         self._poll = select.poll()
         self._poll.register(self._listener, select.POLLIN)
         self.heard: set[int] = set()  # processes whose time is held
@@ -58,26 +95,26 @@ class HeldClock:
         self._time[:] = struct.pack("<d", time_s)
 
     def wake(self, time_s: float) -> bool:
-        """Wake the thread that sleeps until the earliest time, if that is over. Returns whether there is one.
+        """Wake a thread for which there is something, one after the other. Returns whether there is one.
 
-        To be called while all sleep, and again when all sleep again: one at a time, so that what they
-        do has one order.
+        To be called while all sleep, and again when all sleep again.
         """
         self._hear()
-        if not self._until_s:
-            return False
-        first = min(self._until_s, key=self._until_s.__getitem__)
-        if self._until_s[first] > time_s + CLOSE_S:
-            return False
-        self._until_s[first] = math.inf
-        with suppress(OSError):  # it has ended
-            self._connections[first].send(_WAKE)
-        return True
+        numbers = list(self._threads)
+        first = numbers.index(self._last) + 1 if self._last in self._threads else 0
+        for number in numbers[first:] + numbers[:first]:
+            if self._threads[number].is_due(time_s):
+                self._last = number
+                self._threads[number].wake()
+                return True
+        return False
 
     def close(self) -> None:
-        """Close all connections. Who still sleeps wakes, and finds that there is no clock."""
-        for each in self._connections.values():
-            each.close()
+        """Close all connections. Who still waits finds that there is no clock, and ends."""
+        for each in self._threads.values():
+            each.forget()
+            each.connection.close()
+        self._listener.close()
         self._time.close()
         os.close(self._memory)
 
@@ -94,22 +131,28 @@ class HeldClock:
         with suppress(OSError):  # it has ended again
             connection, _ = self._listener.accept()
             told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
-            if _PEER.unpack(told)[1] != os.getuid():
+            pid, user, _ = _PEER.unpack(told)
+            if user != os.getuid():
                 connection.close()
                 return
+            self.heard.add(pid)
             connection.setblocking(False)
-            self._connections[connection.fileno()] = connection
+            self._threads[connection.fileno()] = _Thread(connection)
             self._poll.register(connection, select.POLLIN)
 
     def _listen(self, number: int) -> None:
-        said = b""
+        """Take in what a thread says: until when it waits, and for what. Let go of one that has ended."""
+        thread, said = self._threads[number], b""
+        files: list[int] = []
         with suppress(OSError):
-            said = self._connections[number].recv(64)
-        if len(said) != SAYS.size:
+            said, files, _, _ = socket.recv_fds(thread.connection, 4096, FILES)
+        thread.forget()
+        if len(said) != SAYS.size + EVENTS.size * len(files):
+            for file in files:
+                os.close(file)
             self._poll.unregister(number)
-            self._connections.pop(number).close()
-            self._until_s.pop(number, None)
+            del self._threads[number]
+            thread.connection.close()
             return
-        pid, until_s = SAYS.unpack(said)
-        self.heard.add(pid)
-        self._until_s[number] = until_s
+        (until_s,) = SAYS.unpack_from(said)
+        thread.wait(until_s, files, [each for (each,) in EVENTS.iter_unpack(said[SAYS.size :])])

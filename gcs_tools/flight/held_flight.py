@@ -1,7 +1,7 @@
 """A flight by a script whose time is held: time stands until the script has answered what it was sent.
 
 The vehicle and the script have answered when every thread of theirs sleeps. Then, and only then, one tick more is
-flown. A Python script sleeps in simulation time (held_clock.py), so two flights of it are the same to the
+flown, and the vehicle reads what it was sent before it. A Python script sleeps in simulation time (held_clock.py), so two flights of it are the same to the
 bit. A program in another language keeps the clock of the wall: it is waited for, time goes no
 faster than the wall's while it lives, and its flights are the same only if nothing that it does
 hangs on time.
@@ -16,6 +16,7 @@ from contextlib import ExitStack, suppress
 
 from fcu.interface import handover
 from gcs_tools.flight import asleep
+from gcs_tools.flight.asleep import Sleepers
 from gcs_tools.flight.held_clock import HeldClock
 from gcs_tools.flight.processes import InfrastructureError
 from gcs_tools.flight.script_flight import ScriptFlight
@@ -28,43 +29,51 @@ REST_LOOK_S = 0.02  # simulation time: between two looks at a vehicle that comes
 class HeldFlight(ScriptFlight):
     """The vehicle and the script of one flight, of which one waits while the other acts."""
 
-    LINK_CLOCK = "sim"  # a script streams setpoints by the time that it is told
+    LINK_CLOCK = "held"
 
     def _led(self, stack: ExitStack) -> Callable[[], bool]:
         self._clock = HeldClock()
         stack.callback(self._clock.close)
-        self._script_pids: set[int] = set()
         self._seen_pids: set[int] = set()
         self._on_wall = False
         self._ticked_s = 0.0  # wall
         self._granted = 0  # ticks
+        self._vehicle = Sleepers(each.process.pid for each in self._pair.children)
         return super()._led(stack)
 
-    def _with_clock(self, words: list[str]) -> list[str]:
+    def _begin(self, words: list[str]) -> None:
+        self._grant(1)  # from the first tick on the vehicle hears at ticks alone
+        while self._flown_ticks() < 1 and not self._is_over():
+            self._collector.wait_for(self._has_flown, LONG_S)
+            self._pair.check()
         told = [f"{name}={value}" for name, value in self._clock.environment().items()]
-        return ["env", *told, *words]
+        super()._begin(["env", *told, *words])
+        self._programs = Sleepers([self._script.process.pid])
 
     def _watch(self) -> bool:
         """Fly tick by tick until the flight is over. It never counts as arrived."""
-        rate_hz, flown = self._scene.rate_hz, 0
+        rate_hz = self._scene.rate_hz
         every = max(1, round(REST_LOOK_S * rate_hz))
         while not self._script.pid() and self._script.outcome() is None:
             self._pair.check()
             time.sleep(LOOK_S)
-        while not self._is_over_at(flown, every):
+        while not self._is_over_at(self._granted, every):
             self._keep_to_the_wall()
-            flown += 1
-            self._clock.set(flown / rate_hz)
-            with suppress(BrokenPipeError):  # the check says why
-                os.write(self._control, handover.GRANT.pack(flown))
-            self._granted = flown
+            self._grant(self._granted + 1)
             self._collector.wait_for(self._has_flown, LONG_S)
-            if flown % every == 0:
+            if self._granted % every == 0:
                 self._pair.check()
-                self._progress(flown / rate_hz)
+                self._progress(self._granted / rate_hz)
         if self._outcome is None:
             self._took_s = time.monotonic() - self._began_s
         return False
+
+    def _grant(self, tick: int) -> None:
+        """Let time go on to this tick."""
+        self._granted = tick
+        self._clock.set(tick / self._scene.rate_hz)
+        with suppress(BrokenPipeError):  # the check of the pair says why
+            os.write(self._control, handover.GRANT.pack(tick))
 
     def _has_flown(self) -> bool:
         return self._is_over() or self._flown_ticks() >= self._granted
@@ -73,7 +82,7 @@ class HeldFlight(ScriptFlight):
         """Let the vehicle and the script act upon the last tick. Returns whether the flight is over."""
         while self._wait_until_all_sleep():
             if self._outcome is None and asleep.has_ended(self._script.pid()):
-                if not self._wait_for_outcome():
+                if not self._wait_for_outcome() or self._is_finished(flown):
                     return True
             elif not self._clock.wake(flown / self._scene.rate_hz):
                 break
@@ -88,16 +97,8 @@ class HeldFlight(ScriptFlight):
 
     def _wait_until_all_sleep(self) -> bool:
         """Wait until no thread of vehicle and script runs. False if the flight or its time is over."""
-        pids = [each.process.pid for each in (*self._pair.children, self._script)]
-        before, looked = None, time.monotonic()
-        while True:
-            found = asleep.all_sleep(pids)
-            if found is not None and found == before:
-                self._script_pids = {pid for pid, _ in found}.difference(pids)
-                return not self._is_over()
-            before = found
-            if found is None:
-                time.sleep(LOOK_S)
+        looked = time.monotonic()
+        while not (self._vehicle.have_slept() and self._programs.have_slept()):
             if time.monotonic() - looked > LONG_S:
                 looked = time.monotonic()
                 if self._collector.error is not None:
@@ -105,6 +106,7 @@ class HeldFlight(ScriptFlight):
                 if self._is_over() or self._has_ended() or self._is_late():
                     return False
                 self._pair.check()
+        return not self._is_over()
 
     def _wait_for_outcome(self) -> bool:
         """Wait for the report of a script that has ended. False if its time is over."""
@@ -118,9 +120,9 @@ class HeldFlight(ScriptFlight):
     def _keep_to_the_wall(self) -> None:
         """Wait for the wall's clock while a program lives that knows no other."""
         now = time.monotonic()
-        if self._script_pids != self._seen_pids:
-            self._seen_pids = self._script_pids
-            others = self._script_pids.difference(self._clock.heard)
+        if self._programs.pids != self._seen_pids:
+            self._seen_pids = self._programs.pids
+            others = self._seen_pids.difference(self._clock.heard)
             self._on_wall = any(map(asleep.has_socket, others))
         if self._on_wall:
             time.sleep(max(0.0, self._ticked_s + 1.0 / self._scene.rate_hz - now))

@@ -120,7 +120,7 @@ class MemoryFlight(ScriptedFlight):
         )
         self._autopilot = Autopilot(
             at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe), reporter,
-            sim_only=True, bind=self._network.socket, write=self._log(stack, "fcu"),
+            clock="sim", bind=self._network.socket, write=self._log(stack, "fcu"),
             fly_decided=self._fly_decided,
         )  # fmt: skip
         stack.callback(self._autopilot.close)

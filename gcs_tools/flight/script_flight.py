@@ -90,18 +90,17 @@ class ScriptFlight(WireFlight):
         if not scene.flight.start.on_ground:
             self._arm_in_the_air()
         told = values(self._instance, self._folder, self._speed or 1.0)
-        words = self._with_clock(with_python(filled(scene.script, told)))
-        self._script = Leashed(
-            "script", words, scene.folder, self._folder / LOG, self._pair.lifeline()
-        )
-        self._script.listen()
+        self._begin(with_python(filled(scene.script, told)))
         stack.callback(self._script.stop)
-        self._began_s = time.monotonic()
         return self._watch
 
-    def _with_clock(self, words: list[str]) -> list[str]:
-        """The command as it is run: by the clock of the wall."""
-        return words
+    def _begin(self, words: list[str]) -> None:
+        """Run the command."""
+        self._began_s = time.monotonic()
+        self._script = Leashed(
+            "script", words, self._scene.folder, self._folder / LOG, self._pair.lifeline()
+        )
+        self._script.listen()
 
     def _arm_in_the_air(self) -> None:
         link = UdpLink(0, ports(self._instance).fcu_station)

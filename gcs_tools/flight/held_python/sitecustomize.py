@@ -1,9 +1,9 @@
-"""Hold the time of a Python program: its clocks tell simulation time, and it sleeps in simulation time.
+"""Hold the time of a Python program: its clocks tell simulation time, and it waits in simulation time.
 
 Python imports this before the program, if its folder is on PYTHONPATH. The environment names the clock (see
-held_clock.py). Without it nothing is changed. Held are the clocks of `time`, sleep, the waiting of `select`
-and `selectors` (so asyncio's), of sockets with a timeout, and of threading's conditions, events and queues.
-A program that looks at the clock again and again without ever sleeping sleeps to the next tick.
+held_clock.py). Without it nothing is changed. Held are the clocks of `time` and `datetime.now`, sleep, the
+waiting of `select` and `selectors` (so asyncio's), of sockets, and of threading's conditions, events and
+queues. A program that looks at the clock again and again without ever waiting waits for the next tick.
 """
 
 from __future__ import annotations
@@ -20,31 +20,34 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 def _hold(name: str, path: str) -> None:
     """Put clocks and waits of this program under the clock of that name."""
     import mmap
+    import select
     import struct
     import time
 
-    of_wall = {each: getattr(time, each) for each in ("time", "monotonic", "sleep")}
     with open(path, "rb") as file:
         shared = mmap.mmap(file.fileno(), 8, prot=mmap.PROT_READ)
+    number, says, event = struct.Struct("<d"), struct.Struct("<d"), struct.Struct("<h")
     date_s = 1_767_225_600.0  # 2026-01-01: the date when simulation begins
     since_s = 1_000.0  # what a monotonic clock then shows
-    spins = [0, -1.0]  # looks at the clock since time last went on, and that time
-    most_spins = 1_000
-    says = struct.Struct("<id")
-    number = struct.Struct("<d")
+    spins = [0, -1.0]  # looks since time last went on, and that time
+    most_spins, most_files = 1_000, 250
+    least_s, step_s = 1e-6, 0.01  # of a wait, and of a thread that is joined
+    select_of_wall, poll_of_wall, epoll_of_wall = select.select, select.poll, select.epoll
+
+    # --- the time
 
     def now() -> float:
         return float(number.unpack(shared[:])[0])
 
     def look() -> float:
-        """The time. Who looks too often without sleeping waits until it goes on."""
+        """The time. Who looks too often without waiting waits until it goes on."""
         at = now()
         if at != spins[1]:
             spins[:] = 0, at
         spins[0] += 1
         if spins[0] > most_spins:
             spins[0] = 0
-            wait((), at + 1e-6)
+            wait((), least_s)
             return now()
         return at
 
@@ -57,67 +60,44 @@ def _hold(name: str, path: str) -> None:
         setattr(time, kind, clock(begins, False))
         setattr(time, f"{kind}_ns", clock(begins, True))
 
-    import select
-    import socket
-    import threading
-
-    poll_of_wall, select_of_wall, epoll_of_wall = select.poll, select.select, select.epoll
-    connect_of_wall, recv_of_wall = socket.socket.connect, socket.socket.recv
-    own = threading.local()
-
-    def forget() -> None:
-        nonlocal own
-        own = threading.local()
-
-    os.register_at_fork(after_in_child=forget)
-
-    def ticket() -> socket.socket:
-        """This thread's connection to the clock."""
-        if not hasattr(own, "ticket"):
-            made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            connect_of_wall(made, f"\0{name}")
-            own.ticket = made
-        return own.ticket
-
-    def wait(files, until_s: float) -> None:
-        """Sleep until one of `files` ((number, events) each) is ready, or that simulation time."""
-        held = ticket()
-        polled = poll_of_wall()
-        for each, events in files:
-            polled.register(each, events)
-        if polled.poll(0):
-            return
-        held.send(says.pack(os.getpid(), until_s))
-        polled.register(held.fileno(), select.POLLIN)
-        ready = polled.poll()
-        if held.fileno() not in (each for each, _ in ready):
-            held.send(says.pack(os.getpid(), float("inf")))
-        elif not recv_of_wall(held, 1):  # the clock is gone, and its flight
-            of_wall["sleep"](60.0)
-            raise SystemExit(1)
-
     def sleep(seconds, /):
         if seconds < 0:
             raise ValueError("sleep length must be non-negative")
-        wait((), now() + seconds)
+        if seconds:
+            wait((), seconds)
+        else:
+            look()
 
     time.sleep = sleep
 
+    # --- files: `socket` imports selectors, which has to find what is held
+
     def numbers(files, events):
-        return [(f if isinstance(f, int) else f.fileno(), events) for f in files]
+        return [(each if isinstance(each, int) else each.fileno(), events) for each in files]
+
+    def held(find, files, timeout):
+        """What `find` finds at once, or once one of `files` is ready or `timeout` (s; None: never) is over."""
+        found = find()
+        if any(found) if isinstance(found, tuple) else found:
+            return found
+        if timeout == 0:
+            look()
+            return found
+        wait(files(), timeout)
+        return find()
 
     def held_select(rlist, wlist, xlist, timeout=None, /):
-        rlist, wlist, xlist = list(rlist), list(wlist), list(xlist)
-        if timeout is not None and timeout > 0:
-            wait(
-                [*numbers(rlist, select.POLLIN), *numbers(wlist, select.POLLOUT), *numbers(xlist, select.POLLPRI)],
-                now() + timeout,
-            )  # fmt: skip
-            timeout = 0
-        found = select_of_wall(rlist, wlist, xlist, timeout)
-        if timeout == 0 and not any(found):
-            look()
-        return found
+        kinds = rlist, wlist, xlist = list(rlist), list(wlist), list(xlist)
+
+        def files():
+            of = select.POLLIN, select.POLLOUT, select.POLLPRI
+            return [
+                each
+                for kind, events in zip(kinds, of, strict=True)
+                for each in numbers(kind, events)
+            ]
+
+        return held(lambda: select_of_wall(*kinds, 0), files, timeout)
 
     class HeldPoll:
         """select.poll, whose timeout is of simulation time."""
@@ -127,25 +107,19 @@ def _hold(name: str, path: str) -> None:
 
         def register(self, fd, eventmask=select.POLLIN | select.POLLPRI | select.POLLOUT, /):
             self._poll.register(fd, eventmask)
-            self._files[fd if isinstance(fd, int) else fd.fileno()] = eventmask
+            self._files.update(numbers([fd], eventmask))
 
         def modify(self, fd, eventmask, /):
             self._poll.modify(fd, eventmask)
-            self._files[fd if isinstance(fd, int) else fd.fileno()] = eventmask
+            self._files.update(numbers([fd], eventmask))
 
         def unregister(self, fd, /):
             self._poll.unregister(fd)
-            del self._files[fd if isinstance(fd, int) else fd.fileno()]
+            del self._files[numbers([fd], 0)[0][0]]
 
         def poll(self, timeout=None, /):
-            if timeout is None or timeout < 0:
-                return self._poll.poll()
-            if timeout > 0:
-                wait(self._files.items(), now() + timeout * 1e-3)
-            found = self._poll.poll(0)
-            if not found:
-                look()
-            return found
+            seconds = None if timeout is None or timeout < 0 else timeout * 1e-3
+            return held(lambda: self._poll.poll(0), self._files.items, seconds)
 
     class HeldEpoll:
         """select.epoll, whose timeout is of simulation time."""
@@ -160,14 +134,9 @@ def _hold(name: str, path: str) -> None:
             return made
 
         def poll(self, timeout=None, maxevents=-1):
-            if timeout is None or timeout < 0:
-                return self._epoll.poll(None, maxevents)
-            if timeout > 0:
-                wait([(self._epoll.fileno(), select.POLLIN)], now() + timeout)
-            found = self._epoll.poll(0, maxevents)
-            if not found:
-                look()
-            return found
+            seconds = None if timeout is None or timeout < 0 else timeout
+            mine = [(self._epoll.fileno(), select.POLLIN)]
+            return held(lambda: self._epoll.poll(0, maxevents), lambda: mine, seconds)
 
         def __getattr__(self, name):
             return getattr(self._epoll, name)
@@ -180,30 +149,72 @@ def _hold(name: str, path: str) -> None:
 
     select.select, select.poll, select.epoll = held_select, HeldPoll, HeldEpoll
 
-    def held_receive(kind):
+    import socket
+
+    def hold_reception(kind):
         receive = getattr(socket.socket, kind)
 
-        def held(self, *args, **named):
+        def held_receive(self, *args, **named):
             timeout = self.gettimeout()
-            if timeout:
-                polled = poll_of_wall()
-                polled.register(self, select.POLLIN)
-                if not polled.poll(0):
-                    wait([(self.fileno(), select.POLLIN)], now() + timeout)
-                if not polled.poll(0):
-                    raise TimeoutError("timed out")
-            try:
-                return receive(self, *args, **named)
-            except BlockingIOError:
-                look()
-                raise
+            if timeout == 0:
+                try:
+                    return receive(self, *args, **named)
+                except BlockingIOError:
+                    look()
+                    raise
+            mine = [(self.fileno(), select.POLLIN)]
+            ready = poll_of_wall()
+            ready.register(*mine[0])
+            if not held(lambda: ready.poll(0), lambda: mine, timeout):
+                raise TimeoutError("timed out")
+            return receive(self, *args, **named)
 
-        setattr(socket.socket, kind, held)
+        setattr(socket.socket, kind, held_receive)
 
+    recv_of_wall, connect_of_wall = socket.socket.recv, socket.socket.connect
     for kind in ("recv", "recv_into", "recvfrom", "recvfrom_into", "recvmsg", "accept"):
-        held_receive(kind)
+        hold_reception(kind)
 
-    lock_of_wall = threading._allocate_lock
+    # --- who holds time
+
+    import threading
+
+    own = threading.local()
+
+    def forget() -> None:
+        nonlocal own
+        own = threading.local()
+
+    os.register_at_fork(after_in_child=forget)
+
+    def ticket() -> socket.socket:
+        """The connection of this thread to the clock."""
+        if not hasattr(own, "ticket"):
+            made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            connect_of_wall(made, f"\0{name}")
+            own.ticket = made
+        return own.ticket
+
+    def wait(files, timeout) -> None:
+        """Wait until one of `files` ((number, events) each) is ready, or `timeout` (s) is over.
+
+        Who holds time looks whether they are: what arrives while others run is seen once they wait.
+        """
+        files = list(files)[:most_files]
+        until_s = float("inf") if timeout is None else now() + max(timeout, least_s)
+        told = says.pack(until_s) + b"".join(event.pack(e & 0x7FFF) for _, e in files)
+        mine = ticket()
+        try:
+            socket.send_fds(mine, [told], [each for each, _ in files])
+            woken = recv_of_wall(mine, 1)
+        except OSError:
+            woken = b""
+        if not woken:  # the clock is gone, and its flight
+            os._exit(1)
+
+    # --- threads
+
+    lock_of_wall, join_of_wall = threading._allocate_lock, threading.Thread.join
 
     class HeldLock:
         """The lock that a condition waits for, whose timeout is of simulation time."""
@@ -219,13 +230,11 @@ def _hold(name: str, path: str) -> None:
                 return False
             if timeout < 0:
                 return self._lock.acquire()
-            bell = os.eventfd(0)
-            self._bell = bell
+            self._bell = bell = os.eventfd(0)
             try:
-                if not self._lock.acquire(False):
-                    wait([(bell, select.POLLIN)], now() + timeout)
-                    return self._lock.acquire(False)
-                return True
+                return held(
+                    lambda: self._lock.acquire(False), lambda: [(bell, select.POLLIN)], timeout
+                )
             finally:
                 self._bell = None
                 os.close(bell)
@@ -241,25 +250,57 @@ def _hold(name: str, path: str) -> None:
             if bell is not None:
                 try:
                     os.eventfd_write(bell, 1)
-                except OSError:  # it has seen the lock itself
+                except OSError:  # who waited has seen the lock already
                     pass
 
         def locked(self):
             return self._lock.locked()
 
-    threading._allocate_lock = HeldLock
-    held = ticket()
-    held.send(says.pack(os.getpid(), float("inf")))
+    def held_join(self, timeout=None):
+        if timeout is not None:
+            until_s = now() + timeout
+            while self.is_alive() and now() < until_s:
+                sleep(step_s)
+            if self.is_alive():
+                return
+        join_of_wall(self)
+
+    threading._allocate_lock, threading.Thread.join = HeldLock, held_join
+
+    # --- dates
+
+    import datetime
+
+    class HeldDatetime(datetime.datetime):
+        """datetime, whose present is of simulation."""
+
+        @classmethod
+        def now(cls, tz=None):
+            return cls.fromtimestamp(time.time(), tz)
+
+        @classmethod
+        def utcnow(cls):
+            utc = datetime.timezone.utc  # noqa: UP017 (Python 3.10 has no other)
+            return cls.fromtimestamp(time.time(), utc).replace(tzinfo=None)
+
+        @classmethod
+        def today(cls):
+            return cls.now()
+
+    HeldDatetime.__name__ = HeldDatetime.__qualname__ = "datetime"
+    HeldDatetime.__module__ = "datetime"
+    datetime.datetime = HeldDatetime
+    ticket()  # so that who holds time has heard of this program before it does anything
 
 
 def _go_on() -> None:
-    """The sitecustomize that this one hides, if there is one."""
+    """Run the sitecustomize that this one hides, if there is one."""
     paths = [each for each in sys.path if os.path.abspath(each) != HERE]
     found = importlib.machinery.PathFinder.find_spec("sitecustomize", paths)
     if found is not None and found.loader is not None:
         found.loader.exec_module(importlib.util.module_from_spec(found))
 
 
-if os.environ.get(NAME):
+if os.environ.get(NAME) and sys.version_info >= (3, 10):  # an older one keeps the wall's time
     _hold(*os.environ[NAME].split(" ", 1))
 _go_on()
