@@ -223,12 +223,17 @@ class Loop:
             if self._autopilot.ground.reset_asked:
                 self._await_reset()
                 return
-            if self._wire is None or self._held:
+            if self._held:
+                datagram = self._plant.receive()
+                if datagram is not None:
+                    if not self._autopilot.codec.is_hold(datagram):
+                        self._listen_at_a_tick()
+                    self._decide(datagram, False)
+                return
+            if self._wire is None:
                 # one datagram a call: whether there is another, poll says for less than a read
                 datagram = self._plant.receive()
                 if datagram is not None:
-                    if self._held and not self._autopilot.codec.is_hold(datagram):
-                        self._listen_at_a_tick()
                     self._decide(datagram, None)
                 return
             why, length = self._serve(self._wire)

@@ -28,6 +28,7 @@ LIMITS = {f"{what}_saturated_fraction": 0.0 for what in ("thrust", "tilt", "torq
 @click.argument("script", metavar="SCRIPT")
 @click.argument("script_arguments", nargs=-1, type=click.UNPROCESSED, metavar="[ARGS]...")
 @arguments.speed("1")
+@click.option("--held", is_flag=True, help="Let time stand until SCRIPT has answered, in place of --speed: twice flown, it is the same flight.")  # fmt: skip
 @click.option("--duration", "duration_s", type=click.FloatRange(0.01, 3600.0), default=300.0, show_default=True, metavar="S", help="Simulated seconds within which the script has to end.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="DIR may hold an earlier run, which is removed.")
@@ -38,7 +39,7 @@ LIMITS = {f"{what}_saturated_fraction": 0.0 for what in ("thrust", "tilt", "torq
 @arguments.FREE_INSTANCE
 @arguments.as_json("Print the result as JSON.")
 def test(
-    script: str, script_arguments: tuple[str, ...], speed: float | None, duration_s: float,
+    script: str, script_arguments: tuple[str, ...], speed: float | None, held: bool, duration_s: float,
     out: Path | None, overwrite: bool, junit: Path | None, law: str | None, airframe: str | None,
     settings: tuple[str, ...], instance: int | None, as_json: bool,
 ) -> int:  # fmt: skip
@@ -54,10 +55,12 @@ def test(
         from gcs_tools.flight.run import fly_missions
         from gcs_tools.flight.run_folder import UsageError
         from gcs_tools.judging import result
+        from gcs_tools.missions.flight_table import HELD
         from gcs_tools.missions.mission import MissionError, from_tables
 
         if speed is None:
-            raise Failure("--speed max: a script runs by the wall clock; give a number", USAGE)
+            why = "a script runs by the wall clock; give a number, or --held"
+            raise Failure(f"--speed max: {why}", USAGE)
         if script.startswith("-"):
             raise Failure(f"{script}: no such option (gcs test --help lists them)", USAGE)
         if script.endswith(".toml"):
@@ -69,7 +72,7 @@ def test(
         words = [*(["python"] if is_python else []), script, *script_arguments]
         flight = {
             "duration_s": duration_s, "ground_z_m": 0.0, "start": {"on_ground": True},
-            "script": shlex.join(words),
+            "script": shlex.join(words), "pace": HELD if held else "real",
         }  # fmt: skip
         try:
             title = "A ground script flies, and lands."
@@ -77,7 +80,7 @@ def test(
                 Path(script).stem, {"title": title, "flight": flight, "expect": LIMITS}
             )
             results = fly_missions(
-                [mission], speed=speed, out=out, law=law, airframe=airframe, settings=settings,
+                [mission], speed=None if held else speed, out=out, law=law, airframe=airframe, settings=settings,
                 instance=instance, display=Display() if as_json else Terminal(), overwrite=overwrite,
                 allow_commands=True,
             )  # fmt: skip

@@ -23,6 +23,7 @@ from gcs_tools.flight.script_flight import ScriptFlight
 
 LOOK_S = 20e-6  # wall: between two looks at who sleeps
 LONG_S = 0.5  # wall: who is awake for so long may have ended, or the flight with it
+STANDS_S = 60.0  # wall: time stands no longer for a script that never waits
 REST_LOOK_S = 0.02  # simulation time: between two looks at a vehicle that comes to rest
 
 
@@ -70,7 +71,7 @@ class HeldFlight(ScriptFlight):
 
     def _grant(self, tick: int) -> None:
         """Let time go on to this tick."""
-        self._granted = tick
+        self._granted, self._stands_since_s = tick, time.monotonic()
         self._clock.set(tick / self._scene.rate_hz)
         with suppress(BrokenPipeError):  # the check of the pair says why
             os.write(self._control, handover.GRANT.pack(tick))
@@ -107,6 +108,12 @@ class HeldFlight(ScriptFlight):
                     return False
                 self._pair.check()
         return not self._is_over()
+
+    def _is_late(self) -> bool:
+        """True if time has stood too long for a script that neither ends nor waits."""
+        if not self._late and time.monotonic() - self._stands_since_s > STANDS_S:
+            self._late = f"{STANDS_S:g} s of wall time without waiting, while simulation time stood"
+        return bool(self._late)
 
     def _wait_for_outcome(self) -> bool:
         """Wait for the report of a script that has ended. False if its time is over."""

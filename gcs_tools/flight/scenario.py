@@ -22,6 +22,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.loader import Law
 from fcu.mavlink.setpoints import nonsense, setpoint_through_the_wire
+from gcs_tools.flight.asleep import AVAILABLE
 from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.asked import Leg, Sent, asked, foreseen, legs, same
@@ -194,6 +195,10 @@ def _of_a_script(mission: Mission) -> dict[str, Any]:
         line = mission.lines.get(("flight", "script"))
         where = mission.source if line is None else f"{mission.source}:{line}"
         raise MissionError(f"{where}: [flight] script: {error}") from error
+    if flight.pace == HELD and not AVAILABLE:
+        raise MissionError(
+            f'{where}: [flight] pace = "{HELD}" needs Linux; "real" or "speed:N" fly here'
+        )
     after = AFTER_SCRIPT_S if flight.after_script_s is None else flight.after_script_s
     return {
         "script": words, "folder": mission.folder.absolute(),
