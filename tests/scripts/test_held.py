@@ -29,7 +29,7 @@ def clock():
 
 
 def held(clock: HeldClock, words: list[str], most_s: float = 60.0) -> tuple[str, float]:
-    """What a program prints whose time is held, and the time at its end, s."""
+    """Run a program whose time is held. Returns its output, and the time at its end, s."""
     environment = {**os.environ, **clock.environment()}
     with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as program:
         sleepers, ticks, end = Sleepers([program.pid]), 0, time.monotonic() + PATIENCE_S

@@ -76,7 +76,7 @@ def _hold(name: str, path: str) -> None:
         return [(each if isinstance(each, int) else each.fileno(), events) for each in files]
 
     def held(find, files, timeout):
-        """What `find` finds at once, or once one of `files` is ready or `timeout` (s; None: never) is over."""
+        """Find at once, or once one of `files` is ready or `timeout` (s, None: never) is over."""
         found = find()
         if any(found) if isinstance(found, tuple) else found:
             return found
