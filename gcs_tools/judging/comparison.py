@@ -38,6 +38,12 @@ class Flown:
     seed: int | None = None  # of its draws; None: a recording does not say
     ended: str = ""  # how the flight ended; empty: a recording does not say
     versions: dict[str, str] = field(default_factory=dict)  # of what flew it
+    missed: tuple[str, ...] = ()  # expectations, as sentences
+
+    @property
+    def why(self) -> str:
+        """Expectations that it missed, or else how it ended."""
+        return "; ".join(self.missed) or self.ended
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,7 @@ def _of_result(path: Path, file: Path) -> Flown:
     return Flown(
         name, path, read.mission, read.passed, dict(read.metrics), values, sha, read.seed,
         read.error or read.ended, dict(read.versions),
+        tuple(str(each) for each in read.expectations if each.is_missed) if not read.error else (),
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from gcs_tools.judging.comparison import RECORDING, Flown, unequal
 from gcs_tools.judging.first_difference import Parted, first_difference
 from gcs_tools.judging.junit_report import Case
 from gcs_tools.judging.metrics import FLOORS, METRICS
+from gcs_tools.missions.flight_table import HELD
 from gcs_tools.recording.reader import RecordingError
 
 LEVEL = (
@@ -79,7 +80,7 @@ class Held:
         """A sentence for each changed value, and then for each thing that is worse."""
         told = [*self.failed[:TOLD], *map(str, self.worse)]
         if more := len(self.failed[TOLD:]):
-            told.append(f"and {more} flights more")
+            told.insert(TOLD, f"and {more} flights more")
         return [*self._changes(), *told] if told else []
 
     def _changes(self) -> list[str]:
@@ -155,19 +156,32 @@ def _pairs(
     return [(each, of_seed[each.seed]) for each in mine]
 
 
+def _is_by_wall(flight: Flown) -> bool:
+    """True of a flight by a script whose time was not held: another with its seed is another flight."""
+    script = flight.values.get("flight.script", "None")
+    return script != "None" and flight.values.get("flight.pace") != HELD
+
+
 def _failures(mine: Sequence[Flown], theirs: Sequence[Flown]) -> list[str]:
     """Flights that fail, where all of the baseline passed."""
     if any(each.passed is False for each in theirs):
         now, was = (sum(each.passed is False for each in of) for of in (mine, theirs))
         more = now / len(mine) > was / len(theirs)
         return [f"{now} of {len(mine)} flights fail, {was} of {len(theirs)} did"] if more else []
-    return [f"{each.name} failed: {each.ended}" for each in mine if each.passed is False]
+    return [f"{each.name} failed: {each.why}" for each in mine if each.passed is False]
 
 
 def _by_metrics(
     mission: str, mine: Sequence[Flown], theirs: Sequence[Flown], tolerance: float
 ) -> Held:
-    pairs = _pairs(mission, mine, theirs)
+    by_wall = any(map(_is_by_wall, (*mine, *theirs)))
+    pairs = [] if by_wall else _pairs(mission, mine, theirs)
+    if by_wall and len(theirs) < FEWEST:
+        raise RegressionError(
+            f"{mission}: a script flew by the clock of the wall, and so no two flights are the same: hold them"
+            f" against a baseline of {FEWEST} flights at least, or fly both with its time held (pace ="
+            ' "held", gcs test --held)'
+        )
     if not pairs and len(theirs) < FEWEST:
         raise RegressionError(
             f"{mission}: the baseline has {len(theirs)} flight(s), with other seeds: fly the same seeds, "

@@ -53,6 +53,31 @@ def test_with_other_seeds_the_baseline_gives_an_interval():
         assert (held.by, held.passed) == ("interval", not is_worse)
 
 
+@pytest.mark.parametrize("pace", ["real", "speed:8", "held", "None"])
+def test_a_script_by_the_wall_never_flies_the_same_twice(pace):
+    """Two flights of one script differ whatever was changed, unless its time is held."""
+    made = replace(FLIGHT, values={"flight.script": "python hop.py", "flight.pace": pace})
+    other = replace(made, metrics={METRIC: 1.02, FLOOR: 10.0})
+    if pace == "held":
+        (held,) = held_against([other], [made])
+        assert (held.by, held.passed) == ("seeds", False)
+        return
+    with pytest.raises(
+        RegressionError, match=r"no two flights are the same: hold them against .* 3 fl"
+    ):
+        held_against([other], [made])
+    baseline = [replace(made, name=name, metrics={METRIC: value, FLOOR: 10.0}) for name, value in
+                (("a", 0.98), ("b", 1.0), ("c", 1.03))]  # fmt: skip
+    (held,) = held_against([other], baseline)
+    assert (held.by, held.passed) == ("interval", True)
+
+
+def test_a_flight_that_fails_is_told_by_what_it_missed():
+    lost = replace(FLIGHT, passed=False, missed=("tilt_max_deg <= 1: 20.2",))
+    (held,) = held_against([lost], [FLIGHT])
+    assert held.failed == ("a failed: tilt_max_deg <= 1: 20.2",)
+
+
 @pytest.mark.parametrize(
     ("mine", "said"),
     [
