@@ -94,7 +94,7 @@ class MissionTest(pytest.Item):
         from gcs_tools.flight.run_folder import UsageError
 
         if isinstance(excinfo.value, MissionMissed | UsageError):
-            return str(excinfo.value)
+            return str(excinfo.value).replace(" --allow-commands ", f" {COMMANDS} ")
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
@@ -134,6 +134,10 @@ def vehicle(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Vehicle]
 
     mark = request.node.get_closest_marker("vehicle")
     asked = {"mission": None, "speed": 1, **(mark.kwargs if mark is not None else {})}
+    if mark is not None and mark.args:
+        raise pytest.UsageError(
+            f"vehicle({', '.join(map(repr, mark.args))}): name it, vehicle(mission={mark.args[0]!r})"
+        )
     if unknown := asked.keys() - {"mission", "speed"}:
         raise pytest.UsageError(f"vehicle({', '.join(unknown)}=...): expected mission or speed")
     words = [str(asked["mission"])] if asked["mission"] is not None else []
@@ -154,12 +158,14 @@ def vehicle(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Vehicle]
             yield Vehicle(instance, int(ready[2]), ports(instance).script, folder, process)
         finally:
             assert process.stdin is not None
+            assert process.stdout is not None
             process.stdin.close()
             try:
                 process.wait(GONE_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+            process.stdout.close()
 
 
 def _until_ready(process: subprocess.Popen[str]) -> str:
