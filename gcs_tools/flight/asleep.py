@@ -34,6 +34,8 @@ class Sleepers:
     def __init__(self, pids: Iterable[int]) -> None:
         self._pids = list(pids)
         self._seen: Asleep | None = None
+        self._before: Asleep = {}  # the last time that all slept
+        self.ran: set[int] = set()  # processes of which a thread ran, for who asks to take away
 
     def have_slept(self) -> bool:
         """True if all their threads sleep, and none has run since this was last asked.
@@ -44,6 +46,9 @@ class Sleepers:
         if self._seen is not None and _still_sleep(self._seen):
             return True
         self._seen = _all_sleep(self._pids)
+        if self._seen is not None:
+            before, self._before = self._before, self._seen
+            self.ran |= {pid for (pid, at), n in self._seen.items() if before.get((pid, at)) != n}
         return False
 
     @property

@@ -22,6 +22,11 @@ from gcs_tools.flight.processes import InfrastructureError
 from gcs_tools.flight.script_flight import ScriptFlight
 
 LOOK_S = 20e-6  # wall: between two looks at who sleeps
+ON_WALL = (
+    "the script has threads or programs that keep the clock of the wall (a library like MAVSDK's does):"
+    " another flight of it is not the same to the bit"
+)
+BEGINS = 5  # ticks within which a script may still begin
 LONG_S = 0.5  # wall: who is awake for so long may have ended, or the flight with it
 STANDS_S = 60.0  # wall: time stands no longer for a script that never waits
 REST_LOOK_S = 0.02  # simulation time: between two looks at a vehicle that comes to rest
@@ -81,7 +86,12 @@ class HeldFlight(ScriptFlight):
 
     def _is_over_at(self, flown: int, every: int) -> bool:
         """Let the vehicle and the script act upon the last tick. Returns whether the flight is over."""
+        self._programs.ran.clear()
+        is_first = flown > BEGINS
         while self._wait_until_all_sleep():
+            if is_first:
+                self._note_who_ran()
+            is_first = False
             if self._outcome is None and asleep.has_ended(self._script.pid()):
                 if not self._wait_for_outcome() or self._is_finished(flown):
                     return True
@@ -124,13 +134,22 @@ class HeldFlight(ScriptFlight):
             time.sleep(LOOK_S)
         return True
 
+    def _note_who_ran(self) -> None:
+        """Learn from who runs though nobody woke it: it has another clock."""
+        self._meets_the_wall(bool(self._programs.ran - {self._script.process.pid}))
+
+    def _meets_the_wall(self, is_met: bool) -> None:
+        if is_met and not self._on_wall:
+            self._on_wall = True
+            self._note(ON_WALL)
+
     def _keep_to_the_wall(self) -> None:
         """Wait for the wall's clock while a program lives that knows no other."""
         now = time.monotonic()
         if self._programs.pids != self._seen_pids:
             self._seen_pids = self._programs.pids
             others = self._seen_pids.difference(self._clock.heard)
-            self._on_wall = any(map(asleep.has_socket, others))
+            self._meets_the_wall(any(map(asleep.has_socket, others)))
         if self._on_wall:
             time.sleep(max(0.0, self._ticked_s + 1.0 / self._scene.rate_hz - now))
         self._ticked_s = time.monotonic()
