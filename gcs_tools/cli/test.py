@@ -58,6 +58,8 @@ def test(
         from gcs_tools.missions.flight_table import HELD
         from gcs_tools.missions.mission import MissionError, from_tables
 
+        if held and _is_given("speed"):
+            raise Failure("--held and --speed: time is held, or has a speed; give one", USAGE)
         if speed is None:
             why = "a script runs by the wall clock; give a number, or --held"
             raise Failure(f"--speed max: {why}", USAGE)
@@ -96,6 +98,12 @@ def test(
         if as_json:
             print_json([dataclasses.asdict(each) for each in results])
     return code
+
+
+def _is_given(name: str) -> bool:
+    """True if an option stands on the command line."""
+    source = click.get_current_context().get_parameter_source(name)
+    return source is click.core.ParameterSource.COMMANDLINE
 
 
 def _of_the_script(arguments: tuple[str, ...]) -> tuple[str, ...]:

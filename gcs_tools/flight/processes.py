@@ -36,6 +36,7 @@ PORTS = (
     "fcu_tcp",
 )  # that a flight binds
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]")  # of a terminal's colours
+WROTE_NOTHING = "it wrote nothing"  # a process that has ended
 LAST_BYTES = 1 << 16  # of a log, that may hold its last words
 HANGS_S = 8.0  # wall: after that a process that neither works nor is ready is given up
 SUSPENDED = "is stopped (SIGSTOP): continue it, or start again"
@@ -255,7 +256,7 @@ class Child:
                 lines = log.read().decode(errors="replace").strip().splitlines()
         except OSError:
             lines = []
-        return printable(" ".join((lines or ["it wrote nothing"])[-1].split()))
+        return printable(" ".join((lines or [WROTE_NOTHING])[-1].split()))
 
     def ask_to_stop(self) -> None:
         """Tell it to end, also if it is suspended; `stop` waits for it."""

@@ -22,7 +22,7 @@ from fcu.interface.ports import ports
 from fcu.mavlink.framing import Source
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.pair import Pair
-from gcs_tools.flight.processes import InfrastructureError
+from gcs_tools.flight.processes import WROTE_NOTHING, InfrastructureError
 from gcs_tools.flight.scripted_flight import ON_GROUND, Flown
 from gcs_tools.flight.user_command import Leashed, filled, names_one_of, with_python
 from gcs_tools.flight.wire_flight import STALL_S, WireFlight
@@ -194,9 +194,12 @@ class ScriptFlight(WireFlight):
             if why:
                 return script_check.OVERLONG, f"The script was ended: {why} ({LOG})."
             if code < 0:
-                return script_check.KILLED, f"Signal {-code} ended the script: {self._words()}"
+                return script_check.KILLED, f"Signal {-code} ended the script. {self._words()}"
             if code > 0:
-                return script_check.EXIT, f"The script ended with exit code {code}: {self._words()}"
+                silent = "" if heard else " It sent the vehicle no MAVLink message."
+                return script_check.EXIT, (
+                    f"The script ended with exit code {code}.{silent} {self._words()}"
+                )
         if not heard:
             at = values(self._instance, self._folder, 1.0)
             return script_check.SILENT, (
@@ -206,7 +209,7 @@ class ScriptFlight(WireFlight):
         if said is None and not self._is_over():
             return script_check.TIMEOUT, (
                 f"The script had not ended within {self._late}. Give it longer (flight.duration_s, or"
-                f" gcs test --duration), or end it earlier: {self._words()}"
+                f" gcs test --duration), or end it earlier. {self._words()}"
             )
         if said is not None and said["left"]:
             return script_check.LEFT, (
@@ -216,4 +219,10 @@ class ScriptFlight(WireFlight):
         return "", ""
 
     def _words(self) -> str:
-        return f"{self._script.last_words()} ({LOG})"
+        """The last line that it wrote, as a sentence."""
+        last = self._script.last_words()
+        return (
+            f"It wrote nothing ({LOG})."
+            if last == WROTE_NOTHING
+            else f"Its last line: {last} ({LOG})"
+        )
