@@ -158,7 +158,9 @@ class Terminal(Display):
             self._say(sentence)
         for warned in result.warnings:
             self._say(str(warned), "yellow")
-        speed = f", {result.real_time_factor:.0f} times real time" if result.wall_time_s else ""
+        factor = result.real_time_factor
+        shown = f"{factor:.0f}" if factor >= 10.0 else f"{factor:.2g}"
+        speed = f", {shown} times real time" if result.wall_time_s else ""
         verdict = {OK: Text("passed: ", "green"), MISSED: Text("failed: ", "red")}
         self._out.print(
             verdict.get(result.exit_code, Text())
