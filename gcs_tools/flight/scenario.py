@@ -197,7 +197,7 @@ def _of_a_script(mission: Mission) -> dict[str, Any]:
         raise MissionError(f"{where}: [flight] script: {error}") from error
     if flight.pace == HELD and not AVAILABLE:
         raise MissionError(
-            f'{where}: [flight] pace = "{HELD}" needs Linux; "real" or "speed:N" fly here'
+            f'{mission.source}: [flight] pace = "{HELD}" needs Linux; "real" or "speed:N" fly here'
         )
     after = AFTER_SCRIPT_S if flight.after_script_s is None else flight.after_script_s
     return {
