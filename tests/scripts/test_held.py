@@ -14,11 +14,11 @@ from gcs_tools.flight import scenario
 from gcs_tools.flight.asleep import Sleepers, has_ended
 from gcs_tools.flight.held_clock import PYTHON, HeldClock
 from gcs_tools.flight.run import UsageError, prepared
-from gcs_tools.judging import result
 from tests.patience import PATIENCE_S, until
 
 HERE = Path(__file__).parent
 TICK_S = 0.002
+HELD = 'flight.pace="held"'
 
 
 @pytest.fixture
@@ -66,8 +66,7 @@ def test_a_program_that_waits_in_every_way_takes_the_same_time_twice():
 def test_who_waits_ends_with_the_clock():
     clock = HeldClock()
     environment = {**os.environ, **clock.environment()}
-    words = [sys.executable, "-c", "import time; time.sleep(1e9)"]
-    with subprocess.Popen(words, env=environment) as program:
+    with subprocess.Popen([sys.executable, str(HERE / "waits.py")], env=environment) as program:
         until(lambda: clock.heard or clock.wake(0.0), "the program is heard of")
         clock.close()
         assert program.wait(PATIENCE_S) == 1
@@ -84,30 +83,9 @@ def test_a_program_without_the_clock_is_left_alone():
     assert said == "True time\n"
 
 
-@pytest.fixture
-def fly(start, tmp_path):
-    """`fly(word)`: flies hop.toml with its time held, misbehaving so. Its exit code and its result."""
-    flown: list[Path] = []
-
-    def one(how: str = "well", *settings: str) -> tuple[int, result.Result]:
-        while True:  # begun again as long as other tests have all the instances
-            flown.append(tmp_path / f"run-{len(flown)}")
-            options = [word for each in settings for word in ("--set", each)]
-            program = start(
-                "gcs_tools", "fly", HERE / "hop.toml", "--allow-commands", "--set", 'flight.pace="held"',
-                "--set", f'flight.script="python hop.py {{url}} {how}"', *options,
-                "--out", flown[-1], "--figure", "never", "--record", "none",
-            )  # fmt: skip
-            code = program.wait()
-            if "all have a port in use" not in program.text():
-                return code, result.read(flown[-1] / "result.json")
-
-    return one
-
-
 @pytest.mark.slow
 def test_the_same_script_twice_is_the_same_flight_to_the_bit(fly):
-    (code, first), (_, second) = fly(), fly()
+    (code, first), (_, second) = fly(HELD), fly(HELD)
     assert (code, first.ended, first.error) == (0, "landed", None)
     assert first.script is not None and second.script is not None
     assert (first.script.failure, first.script.exit_code) == ("", 0)
@@ -122,7 +100,8 @@ def test_the_same_script_twice_is_the_same_flight_to_the_bit(fly):
     ("leaves", "script_left_processes", 1),
 ])  # fmt: skip
 def test_a_failure_has_the_name_that_it_has_by_the_wall(fly, how, failure, code):
-    found_code, found = fly(how, *(["flight.duration_s=3"] if how == "hangs" else []))
+    misbehaves = f'flight.script="python hop.py {{url}} {how}"'
+    found_code, found = fly(HELD, misbehaves, *(["flight.duration_s=3"] if how == "hangs" else []))
     assert found_code == code
     assert found.script is not None and found.script.failure == failure
 
@@ -132,4 +111,4 @@ def test_held_time_is_refused_in_words_where_it_is_not_to_be_had(monkeypatch):
     with pytest.raises(
         UsageError, match=r'pace = "held" needs Linux; "real" or "speed:N" fly here'
     ):
-        prepared(str(HERE / "hop.toml"), settings=('flight.pace="held"',))
+        prepared(str(HERE / "hop.toml"), settings=(HELD,))

@@ -1,4 +1,8 @@
-"""A program that waits in every way that held time knows. Prints each way, and how long it took, s."""
+"""A program that waits in every way that held time knows. Prints each way, and how long it took, s.
+
+Its sleeps are what is tested, or work that takes a thread or a child so long. No test waits for them: their time
+is held, and goes on as soon as everybody waits.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +33,15 @@ def by_looking() -> None:
 def by_tiny_sleeps() -> None:
     until = time.time() + 0.5
     while time.time() < until:
-        time.sleep(1e-9)
+        time.sleep(
+            1e-9
+        )  # a sleep shorter than a tick has to end with the next one, not at once for ever
 
 
 def by_sleeping_zero() -> None:
     until = time.time() + 0.5
     while time.time() < until:
-        time.sleep(0)
+        time.sleep(0)  # scripts yield so in a loop that polls: time has to go on
 
 
 def by_socket() -> None:
@@ -81,7 +87,9 @@ def by_thread() -> None:
     done = threading.Event()
 
     def work() -> None:
-        time.sleep(0.5)
+        time.sleep(
+            0.5
+        )  # held time of another thread: the waiting ends by it, not by its own timeout
         done.set()
 
     threading.Thread(target=work).start()
@@ -90,7 +98,8 @@ def by_thread() -> None:
 
 def by_a_child() -> None:
     """Read what another Python writes after it has slept."""
-    words = [sys.executable, "-c", "import time; time.sleep(0.5); print(1)"]
+    child = "import time; time.sleep(0.5); print(1)"  # held in a process that this one starts, too
+    words = [sys.executable, "-c", child]
     assert subprocess.run(words, capture_output=True, text=True, timeout=60).stdout == "1\n"
 
 
@@ -99,7 +108,7 @@ def by_two_sockets() -> None:
     mine, other = socket.socketpair()
 
     def send() -> None:
-        time.sleep(0.5)
+        time.sleep(0.5)  # held time until there is something to read
         other.send(b"x")
 
     threading.Thread(target=send).start()
