@@ -74,9 +74,7 @@ class Loop:
         self._held = clock == "held"
         self._most = burst_ticks
         self._poll, self._heard = select.poll(), select.poll()  # the second: for time that is held
-        self._is_held = (
-            False  # time is held, and has begun: ground stations are heard at ticks alone
-        )
+        self._hears_at_ticks = False  # ground stations: once time that is held has begun
         self._reset_since = self._reset_due = 0.0  # wall: the plant was asked to; 0: it was not
         self._reset_late = False  # it was asked to, and did not answer in time: it may yet
         self.figures = self._autopilot.figures
@@ -128,13 +126,13 @@ class Loop:
         gc.disable()
         warned = False
         while not self.stopping:
-            waiting = self._autopilot.ground.is_waiting and not self._is_held
+            waiting = self._autopilot.ground.is_waiting and not self._hears_at_ticks
             for fd, _ in poll.poll(0 if waiting else 20):
                 if fd == plant_fd:
                     self._fly()
                 elif fd not in by_fd:
                     self.stopping = True  # whoever started us is gone
-                elif not by_fd[fd].is_waiting and not self._is_held:
+                elif not by_fd[fd].is_waiting and not self._hears_at_ticks:
                     self._listen(by_fd[fd])
             if waiting:  # what they took in before comes first, a time for each port
                 for port in ground_ports:
@@ -165,8 +163,8 @@ class Loop:
     def _listen_at_a_tick(self) -> None:
         """Everything that waits, before a tick of held time. Between ticks nobody is heard any more."""
         ports = self._autopilot.ground.ports
-        if not self._is_held:
-            self._is_held = True
+        if not self._hears_at_ticks:
+            self._hears_at_ticks = True
             self._autopilot.ground.begin_streams()  # their time begins
             for port in ports:
                 self._poll.unregister(port.fileno())
