@@ -7,7 +7,8 @@ campaign), and cached on disk by `cache`.
 numba's own cache does not notice that a *called* function in another file changed, and trusts
 whatever its files hold. The cache therefore lives in a folder named by the hash of every source
 that takes part, and checks a file before it uses it. A law of a user's own has a folder beside
-it, named by the hash of its sources too.
+it, named by the hash of its sources too. So have the studies, which the wheel leaves out: a wheel and
+the checkout that it was built from share a folder.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _KERNEL = Path(__file__).resolve().parent
 _ROOT = _KERNEL.parents[1]
 _PACKAGES = ("fcu", "sitl_plant", "gcs_tools")
+_STUDIES = "gcs_tools/studies/"  # of a checkout alone
 
 
 def _sources() -> Iterator[tuple[str, bytes]]:
@@ -50,12 +52,13 @@ def _sources() -> Iterator[tuple[str, bytes]]:
     for package in _PACKAGES:
         for folder, below, files in os.walk(_ROOT / package):
             below.sort()
-            for path in (os.path.join(folder, name) for name in sorted(files)):
-                if path.endswith(".py"):
+            for name in sorted(files):
+                if name.endswith(".py"):
+                    path = os.path.join(folder, name)
                     with open(path, "rb") as file:
                         text = file.read()
                     values = b"fcu.kernel" in text and (b"@kernel" in text or b"NamedTuple" in text)
-                    here = folder == str(_KERNEL) and path != cache.__file__  # which has a version
+                    here = folder == str(_KERNEL) and name != "cache.py"  # which has a version
                     if values or here or text.startswith(b'"""Once a law'):
                         yield Path(path).relative_to(_ROOT).as_posix(), text
 
@@ -63,13 +66,16 @@ def _sources() -> Iterator[tuple[str, bytes]]:
 def _digest(start: str, folders: tuple[str, ...] = ()) -> str:
     digest = hashlib.sha256(start.encode())
     for name, text in _sources():
-        if not folders or name.startswith(folders):
+        if name.startswith(folders) if folders else not name.startswith(_STUDIES):
             digest.update(name.encode() + text)
     return digest.hexdigest()[:16]
 
 
 def digest(*folders: str) -> str:
-    """A hash of the sources below `folders` ("fcu/laws") that take part; of all if none is named."""
+    """A hash of the sources below `folders` ("fcu/laws") that take part.
+
+    If none is named, of all that the wheel holds.
+    """
     return _digest("", folders)
 
 
@@ -105,13 +111,32 @@ def kept(package: str = "fcu") -> int:
     return sum(folder.count() for folder in {_folders["fcu"], _folders[package]})
 
 
+def _of_studies(module: str) -> bool:
+    """True for a module of the studies."""
+    return f"{module.replace('.', '/')}/".startswith(_STUDIES)
+
+
+@cache_of
+def _folder_of_studies() -> Folder:
+    return Folder(_HOME / f"{FINGERPRINT}-{digest(_STUDIES)}")
+
+
+def _folder(module: str) -> Folder | None:
+    """Folder in which the kernels of a module are cached. None if they are not."""
+    if _of_studies(module):
+        return _folder_of_studies()
+    return _folders.get(module.partition(".")[0])
+
+
 def _is_strange(kind: Any) -> bool:
-    """Whether a type holds a NamedTuple that is declared outside our packages."""
+    """Whether a type holds a NamedTuple that is declared outside our packages, or in a study."""
     if not isinstance(kind, numba.types.BaseTuple):
         return False
-    named = isinstance(kind, numba.types.BaseNamedTuple)
-    strange = named and kind.instance_class.__module__.partition(".")[0] not in _PACKAGES
-    return strange or any(map(_is_strange, kind.types))
+    if isinstance(kind, numba.types.BaseNamedTuple):
+        module = kind.instance_class.__module__
+        if module.partition(".")[0] not in _PACKAGES or _of_studies(module):
+            return True
+    return any(map(_is_strange, kind.types))
 
 
 class _OurCache(Cache):
@@ -160,13 +185,14 @@ def kernel(function: F, makes_arrays: bool = False) -> F:
     # counting references to arrays costs a third of a tick
     flags |= _known(_nrt=makes_arrays or package not in _PACKAGES)
     from_file = not function.__code__.co_filename.startswith("<")
-    is_kept = package in _folders and from_file and function.__closure__ is None
-    kind = _OurCache if package in _PACKAGES else Cache
+    folder = _folder(function.__module__) if from_file and function.__closure__ is None else None
+    is_ours = package in _PACKAGES and not _of_studies(function.__module__)
+    kind = _OurCache if is_ours else Cache
 
     def compiled(inner: bool) -> Any:
         made: Any = numba.njit(**flags, **_known(no_cpython_wrapper=inner))(function)
-        if is_kept and _known_cache(made):
-            made._cache = kind(function, _folders[package], inner)
+        if folder is not None and _known_cache(made):
+            made._cache = kind(function, folder, inner)
         return made
 
     made: Any = compiled(False)

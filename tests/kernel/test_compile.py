@@ -100,6 +100,35 @@ def test_checkouts_of_one_version_share_what_is_compiled(tmp_path: Path) -> None
     assert written[1] == written[0]
 
 
+def test_a_wheel_and_its_checkout_have_one_fingerprint(tmp_path: Path) -> None:
+    """The wheel leaves the studies out, and an environment may be reached through a link."""
+    (tmp_path / "link").symlink_to(tmp_path / "wheel")
+    for package in compile._PACKAGES:
+        ignored = shutil.ignore_patterns("__pycache__", "studies")
+        shutil.copytree(ROOT / package, tmp_path / "wheel" / package, ignore=ignored)
+    show = "import fcu.kernel.compile as c; print(c.__file__, c.FINGERPRINT, c.digest())"
+    for folder in ("wheel", "link"):
+        env = {**os.environ, "PYTHONPATH": str(tmp_path / folder)}
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", show], env=env, capture_output=True, text=True, check=True
+        )
+        file, *told = done.stdout.split()
+        assert file == str(tmp_path / folder / "fcu" / "kernel" / "compile.py")
+        assert told == [compile.FINGERPRINT, compile.digest()]
+
+
+def test_kernels_of_studies_have_a_folder_of_their_own() -> None:
+    ours, studies = (
+        compile._folder("gcs_tools.flight.joined"),
+        compile._folder("gcs_tools.studies.gains"),
+    )
+    assert ours is not None and studies is not None
+    assert ours.path.name == compile.FINGERPRINT
+    assert studies.path.name == f"{compile.FINGERPRINT}-{compile.digest('gcs_tools/studies/')}"
+    assert compile._folder("gcs_tools.studies_of_mine") is ours
+    assert compile._folder("somebody.elses") is None
+
+
 @pytest.mark.slow
 def test_a_kernel_is_compiled_for_calls_from_python_only_where_python_calls_it(
     tmp_path: Path,

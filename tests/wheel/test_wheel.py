@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from fcu.kernel import compile
 from tests.wheel.conftest import ROOT, Bare
 
 
@@ -28,6 +29,11 @@ def test_nothing_of_the_checkout_is_imported(bare: Bare, tmp_path: Path) -> None
         str(bare.packages / name) for name in ("fcu", "gcs_tools", "sitl_plant")
     ]
     assert bare.run(tmp_path, "python", "-c", "import gcs_tools.studies").returncode == 1
+
+
+def test_the_wheel_uses_what_the_checkout_has_compiled(bare: Bare, tmp_path: Path) -> None:
+    show = "import fcu.kernel.compile as c; print(c.FINGERPRINT)"
+    assert bare.run(tmp_path, "python", "-c", show).stdout.split() == [compile.FINGERPRINT]
 
 
 def test_a_mission_by_name_is_the_flight_of_the_checkout(bare: Bare, tmp_path: Path) -> None:
