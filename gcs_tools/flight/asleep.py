@@ -8,81 +8,76 @@ from collections.abc import Iterable
 
 AVAILABLE = sys.platform == "linux"
 
-Asleep = dict[tuple[int, str], bytes]  # process, thread -> how often it was switched out
+Seen = dict[tuple[int, str], bytes]  # process, thread -> how often it was switched out
 _ENDED = b"", b"Z", b"X"
-
-
-def with_descendants(pids: Iterable[int]) -> list[int]:
-    """These processes, and all that they have started. Those that have ended are left out."""
-    found: list[int] = []
-    waiting = list(pids)
-    while waiting:
-        pid = waiting.pop()
-        found.append(pid)
-        try:
-            threads = os.listdir(f"/proc/{pid}/task")
-        except OSError:
-            continue
-        for thread in threads:
-            waiting += map(int, _read(f"/proc/{pid}/task/{thread}/children").split())
-    return found
+_IS_OVER = b"over"  # of a thread that has ended, in place of how often it was switched out
 
 
 class Sleepers:
-    """Processes, and all that they start, of which somebody waits that they sleep."""
+    """Processes, and all that they start, of which somebody waits that they sleep.
+
+    Who leaves its processes to another (a subreaper) is to be named with it.
+    """
 
     def __init__(self, pids: Iterable[int]) -> None:
         self._pids = list(pids)
-        self._seen: Asleep | None = None
-        self._before: Asleep = {}  # the last time that all slept
+        self._seen: Seen | None = None
+        self._before: Seen = {}  # the last time that all slept
         self.ran: set[int] = set()  # processes of which a thread ran, for who asks to take away
 
     def have_slept(self) -> bool:
         """True if all their threads sleep, and none has run since this was last asked.
 
-        A thread that ran was switched out once more before it sleeps again. One that is new was started
-        by one that ran.
+        A thread that ran was switched out once more before it sleeps again. Two looks with the same threads show
+        that there is no other: who slept all the time between them has started none, and each of them lists
+        what a process has started after it has seen its threads asleep.
         """
-        if self._seen is not None and _still_sleep(self._seen):
+        before, self._seen = self._seen, _all_sleep(self._pids)
+        if self._seen is None:
+            return False
+        if self._seen == before:
             return True
-        self._seen = _all_sleep(self._pids)
-        if self._seen is not None:
-            before, self._before = self._before, self._seen
-            self.ran |= {pid for (pid, at), n in self._seen.items() if before.get((pid, at)) != n}
+        for (pid, thread), switches in self._seen.items():
+            if switches != _IS_OVER and self._before.get((pid, thread)) != switches:
+                self.ran.add(pid)
+        self._before = self._seen
         return False
 
     @property
     def pids(self) -> set[int]:
         """The processes that were there when all slept."""
-        return {pid for pid, _ in self._seen or ()}
+        return {pid for (pid, _), switches in (self._seen or {}).items() if switches != _IS_OVER}
 
 
-def _all_sleep(pids: Iterable[int]) -> Asleep | None:
-    """The threads of these processes and of all that they have started. None if one of them runs."""
-    found: Asleep = {}
-    for pid in with_descendants(pids):
+def _all_sleep(pids: Iterable[int]) -> Seen | None:
+    """The threads of these processes and of all that they have started, also of those that have ended.
+
+    None if one of them runs, or was gone before it was looked at.
+    """
+    found: Seen = {}
+    roots = list(pids)
+    waiting = roots.copy()
+    while waiting:
+        pid = waiting.pop()
         try:
             threads = os.listdir(f"/proc/{pid}/task")
         except OSError:
+            if pid not in roots:
+                return None
+            found[pid, ""] = _IS_OVER
             continue
         for thread in threads:
             told = _read(f"/proc/{pid}/task/{thread}/status")
             state = _state(told)
             if state in _ENDED:
-                continue
-            if state != b"S":
+                found[pid, thread] = _IS_OVER
+            elif state == b"S":
+                found[pid, thread] = _switches(told)
+            else:
                 return None
-            found[pid, thread] = _switches(told)
+        for thread in threads:  # after all sleep: who runs may start another before it does
+            waiting += map(int, _read(f"/proc/{pid}/task/{thread}/children").split())
     return found
-
-
-def _still_sleep(seen: Asleep) -> bool:
-    """True if each of these threads sleeps as it did when it was seen."""
-    for (pid, thread), switches in seen.items():
-        told = _read(f"/proc/{pid}/task/{thread}/status")
-        if _state(told) != b"S" or _switches(told) != switches:
-            return False
-    return True
 
 
 def has_ended(pid: int) -> bool:

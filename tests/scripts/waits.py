@@ -9,8 +9,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import datetime
+import os
 import queue
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -115,13 +117,109 @@ def by_two_sockets() -> None:
     assert mine.recv(1) == b"x"
 
 
+def by_simple_queue() -> None:
+    with contextlib.suppress(queue.Empty):
+        queue.SimpleQueue().get(timeout=0.5)
+
+
+def by_lock() -> None:
+    lock = threading.Lock()
+    assert lock.acquire(timeout=0.5)
+    assert not lock.acquire(timeout=0.5)
+
+
+def by_rlock() -> None:
+    """Wait for a lock that another thread has, and gives back."""
+    lock, has_it = threading.RLock(), threading.Event()
+
+    def hold() -> None:
+        with lock:
+            has_it.set()
+            time.sleep(0.5)  # held time of who has the lock
+
+    threading.Thread(target=hold).start()
+    has_it.wait()
+    assert lock.acquire(timeout=5.0)
+
+
+def by_two_for_a_lock() -> None:
+    """Two wait for one lock: one after the other has it."""
+    lock, order = threading.Lock(), []
+
+    def take(name: str) -> None:
+        with lock:
+            order.append(name)
+            time.sleep(0.125)  # held time of who has the lock
+
+    lock.acquire()
+    threads = [threading.Thread(target=take, args=(name,)) for name in "ab"]
+    for each in threads:
+        each.start()
+    time.sleep(0.25)  # held time, in which both wait
+    lock.release()
+    for each in threads:
+        each.join()
+    assert sorted(order) == ["a", "b"]
+
+
+def by_semaphore() -> None:
+    assert not threading.Semaphore(0).acquire(timeout=0.5)
+
+
+def raises(*_: object) -> None:
+    raise InterruptedError
+
+
+def by_alarm() -> None:
+    """End a longer wait by an alarm that raises, and wait again."""
+    signal.signal(signal.SIGALRM, raises)
+    signal.setitimer(signal.ITIMER_REAL, 0.25)
+    with contextlib.suppress(InterruptedError):
+        time.sleep(60.0)  # held time that the alarm ends
+    time.sleep(0.25)  # held time: nothing of the wait before may end it
+
+
+def by_alarm_in_seconds() -> None:
+    signal.signal(signal.SIGALRM, raises)
+    signal.alarm(1)
+    time.sleep(0.5)  # held time until the alarm is taken back
+    assert abs(signal.getitimer(signal.ITIMER_REAL)[0] - 0.5) < 0.01
+    assert signal.alarm(0) == 1
+
+
+def by_alarm_without_a_wait() -> None:
+    """An alarm rings while a program waits for a file of its own, which held time knows nothing of."""
+    signal.signal(signal.SIGALRM, raises)
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    mine, _ = os.pipe()
+    with contextlib.suppress(InterruptedError):
+        os.read(mine, 1)
+
+
+def by_alarms() -> None:
+    """Five alarms, one after the other."""
+    rung = threading.Semaphore(0)
+    signal.signal(signal.SIGALRM, lambda *_: rung.release())
+    signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)
+    for _ in range(5):
+        rung.acquire()
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def by_a_signal() -> None:
+    assert signal.sigtimedwait({signal.SIGUSR1}, 0.5) is None
+
+
 WAYS = {
     "sleep": lambda: time.sleep(0.5), "select": lambda: select.select([], [], [], 0.5),
     "asyncio": lambda: asyncio.run(asyncio.sleep(0.5)), "event": lambda: threading.Event().wait(0.5),
     "datetime": by_datetime, "looking": by_looking, "tiny sleeps": by_tiny_sleeps,
     "sleeping zero": by_sleeping_zero, "socket": by_socket, "polling a socket": by_polling_a_socket,
     "poll": by_poll, "epoll": by_epoll, "queue": by_queue, "join": by_join, "thread": by_thread,
-    "child": by_a_child, "two sockets": by_two_sockets,
+    "child": by_a_child, "two sockets": by_two_sockets, "simple queue": by_simple_queue, "lock": by_lock,
+    "rlock": by_rlock, "two for a lock": by_two_for_a_lock, "semaphore": by_semaphore, "alarm": by_alarm,
+    "alarm in seconds": by_alarm_in_seconds, "alarm without a wait": by_alarm_without_a_wait,
+    "alarms": by_alarms, "signal": by_a_signal,
 }  # fmt: skip
 
 for way, wait in WAYS.items():

@@ -2,8 +2,9 @@
 
 Python imports this before the program, if its folder is on PYTHONPATH. The environment names the clock (see
 held_clock.py). Without it nothing is changed. Held are the clocks of `time` and `datetime.now`, sleep, the
-waiting of `select` and `selectors` (so asyncio's), of sockets, and of threading's conditions, events and
-queues. A program that looks at the clock again and again without ever waiting waits for the next tick.
+waiting of `select` and `selectors` (so asyncio's), of sockets, of threading's locks, conditions and events, of
+queues, and the alarms of `signal`. A program that looks at the clock again and again without ever waiting waits
+for the next tick.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 
 def _hold(name: str, path: str) -> None:
     """Put clocks and waits of this program under the clock of that name."""
+    import errno
     import mmap
     import select
     import struct
@@ -31,7 +33,9 @@ def _hold(name: str, path: str) -> None:
     since_s = 1_000.0  # what a monotonic clock then shows
     spins = [0, -1.0]  # looks since time last went on, and that time
     most_spins, most_files = 1_000, 250
-    least_s, step_s = 1e-6, 0.01  # of a wait, and of a thread that is joined
+    least_s, step_s = 1e-6, 0.01  # of a wait, and of what is looked at again and again
+    gone = errno.EPIPE, errno.ECONNRESET, errno.ECONNREFUSED, errno.ENOTCONN
+    close_s = 1e-9  # a time that is over but for rounding is over
     select_of_wall, poll_of_wall, epoll_of_wall = select.select, select.poll, select.epoll
 
     # --- the time
@@ -207,7 +211,11 @@ def _hold(name: str, path: str) -> None:
         try:
             socket.send_fds(mine, [told], [each for each, _ in files])
             woken = recv_of_wall(mine, 1)
-        except OSError:
+        except BaseException as error:
+            if getattr(error, "errno", None) not in gone:  # the handler of a signal raised it
+                del own.ticket  # this wait is over: what is still said about it is not for the next
+                mine.close()
+                raise
             woken = b""
         if not woken:  # the clock is gone, and its flight
             os._exit(1)
@@ -215,46 +223,67 @@ def _hold(name: str, path: str) -> None:
     # --- threads
 
     lock_of_wall, join_of_wall = threading._allocate_lock, threading.Thread.join
+    bells_lock = lock_of_wall()
 
     class HeldLock:
-        """The lock that a condition waits for, whose timeout is of simulation time."""
+        """A lock that is waited for in simulation time. Who holds time wakes who waits, one at a time."""
 
         def __init__(self):
-            self._lock, self._bell = lock_of_wall(), None
+            self._lock, self._bells = lock_of_wall(), []
 
         def acquire(self, blocking=True, timeout=-1):
+            if not blocking and timeout != -1:
+                raise ValueError("can't specify a timeout for a non-blocking call")
+            if timeout < 0 and timeout != -1:
+                raise ValueError("timeout value must be a non-negative number")
             if self._lock.acquire(False):
                 return True
             if not blocking or timeout == 0:
                 look()
                 return False
-            if timeout < 0:
-                return self._lock.acquire()
-            self._bell = bell = os.eventfd(0)
+            bell = os.eventfd(0)
+            with bells_lock:
+                self._bells.append(bell)
             try:
-                return held(
-                    lambda: self._lock.acquire(False), lambda: [(bell, select.POLLIN)], timeout
+                return self._acquired(
+                    bell, None if timeout == -1 else now() + max(timeout, least_s)
                 )
             finally:
-                self._bell = None
+                with bells_lock:
+                    self._bells.remove(bell)
                 os.close(bell)
 
-        __enter__ = acquire
+        def _acquired(self, bell, until_s):
+            while not self._lock.acquire(False):
+                if until_s is not None and now() >= until_s - close_s:
+                    return False
+                wait([(bell, select.POLLIN)], None if until_s is None else until_s - now())
+                if poll_of_bell(bell):
+                    os.eventfd_read(bell)
+            return True
+
+        def __enter__(self):
+            return self.acquire()
 
         def __exit__(self, *_):
             self.release()
 
         def release(self):
-            bell = self._bell
             self._lock.release()
-            if bell is not None:
-                try:
+            with bells_lock:
+                for bell in self._bells:
                     os.eventfd_write(bell, 1)
-                except OSError:  # who waited has seen the lock already
-                    pass
 
         def locked(self):
             return self._lock.locked()
+
+        def _at_fork_reinit(self):
+            self._lock, self._bells = lock_of_wall(), []
+
+    def poll_of_bell(bell):
+        rung = poll_of_wall()
+        rung.register(bell, select.POLLIN)
+        return rung.poll(0)
 
     def held_join(self, timeout=None):
         if timeout is not None:
@@ -265,7 +294,73 @@ def _hold(name: str, path: str) -> None:
                 return
         join_of_wall(self)
 
-    threading._allocate_lock, threading.Thread.join = HeldLock, held_join
+    threading._allocate_lock = threading.Lock = HeldLock
+    threading.Thread.join = held_join
+    threading._time = time.monotonic  # where threading was imported before
+    threading._CRLock = None  # its RLock in Python waits for a lock as above
+
+    import queue
+
+    queue.SimpleQueue = (
+        queue._PySimpleQueue
+    )  # which waits for a semaphore, and that for a lock as above
+    os.register_at_fork(after_in_child=bells_lock._at_fork_reinit)
+
+    # --- alarms
+
+    import _thread
+    import signal
+
+    itimer_of_wall, left_of_wall = signal.setitimer, signal.getitimer
+    wait_of_wall = signal.sigtimedwait
+    alarms = [0, float("inf"), 0.0]  # how many were set, when the last goes off, and how often then
+
+    def ring(which):
+        """Send the signal when it is time, as often as it is due, until another alarm is set."""
+        while alarms[0] == which:
+            wait((), alarms[1] - now())
+            if alarms[0] == which and now() >= alarms[1] - close_s:
+                alarms[1] = alarms[1] + alarms[2] if alarms[2] else float("inf")
+                os.kill(os.getpid(), signal.SIGALRM)
+                if not alarms[2]:
+                    return
+
+    def held_getitimer(which, /):
+        if which != signal.ITIMER_REAL:
+            return left_of_wall(which)
+        if alarms[1] == float("inf"):
+            return 0.0, 0.0
+        return max(alarms[1] - now(), least_s), alarms[2]
+
+    def held_setitimer(which, seconds, interval=0.0, /):
+        if which != signal.ITIMER_REAL:
+            return itimer_of_wall(which, seconds, interval)
+        if seconds < 0 or interval < 0:
+            raise signal.ItimerError(22, "Invalid argument")
+        before = held_getitimer(which)
+        alarms[:] = alarms[0] + 1, now() + seconds if seconds else float("inf"), interval
+        if seconds:
+            _thread.start_new_thread(ring, (alarms[0],))
+        return before
+
+    def held_alarm(seconds, /):
+        left, _ = held_setitimer(signal.ITIMER_REAL, int(seconds))
+        return -int(-left // 1)
+
+    def held_sigtimedwait(sigset, timeout, /):
+        if timeout < 0:
+            raise ValueError("timeout must be non-negative")
+        until_s = now() + timeout
+        while (found := wait_of_wall(sigset, 0)) is None and now() < until_s - close_s:
+            sleep(min(step_s, until_s - now()))
+        return found
+
+    def no_alarm():
+        alarms[:] = alarms[0] + 1, float("inf"), 0.0
+
+    os.register_at_fork(after_in_child=no_alarm)
+    signal.setitimer, signal.getitimer = held_setitimer, held_getitimer
+    signal.alarm, signal.sigtimedwait = held_alarm, held_sigtimedwait
 
     # --- dates
 
