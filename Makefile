@@ -10,6 +10,10 @@ test test-quick: export PYTHONDONTWRITEBYTECODE =
 PYTHON ?= $(firstword $(foreach python,python3 python3.13 python3.12 python3.11,\
 	$(shell $(python) -c 'import sys; 0x30b <= sys.hexversion >> 16 <= 0x30d and print("$(python)")' 2>/dev/null)))
 
+# an index that answers late is asked again
+PIP_OPTIONS := --quiet --disable-pip-version-check --no-input --retries 10 --timeout 60 \
+	--constraint constraints.txt
+
 help:  ## what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
@@ -21,8 +25,7 @@ setup: .venv/.installed  ## a virtual environment with what is needed, in .venv
 	@echo "installing into .venv (once; about a minute, from the network) ..."
 	@test ! -L .venv || { echo ".venv is a link: make it anew where it points to, or remove the link" >&2; exit 1; }
 	@$(PYTHON) -m venv --clear .venv  # of one Python, whatever was there
-	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
-		--constraint constraints.txt --editable '.[dev]'
+	@.venv/bin/python -m pip install $(PIP_OPTIONS) --editable '.[dev]'
 	@touch $@
 
 # the real clients that tests fly the vehicle with: MAVProxy alone brings half a gigabyte
@@ -31,8 +34,7 @@ clients: .venv/.clients  ## the same, with MAVSDK and MAVProxy for the tests
 
 .venv/.clients: .venv/.installed
 	@echo "installing MAVSDK and MAVProxy into .venv (once; about a minute, from the network) ..."
-	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
-		--constraint constraints.txt --editable '.[dev,clients]'
+	@.venv/bin/python -m pip install $(PIP_OPTIONS) --editable '.[dev,clients]'
 	@touch $@
 
 readers: tests/readers/node_modules/.installed  ## other readers of recordings, for the tests
@@ -61,9 +63,11 @@ browser:  ## Chromium from the system's packages, for the tests, where that can 
 fly: setup  ## the paper's flight
 	@.venv/bin/gcs fly paper_nominal
 
-# three workers on two cores: many tests wait for a flight or for somebody's patience to end
+# three workers on two cores: many tests wait for a flight or for somebody's patience to end. Tests of
+# what happens by the wall's clock come last, with the machine to themselves.
 test: clients readers compiler browser  ## all tests
-	@.venv/bin/pytest -q -n 3 --dist worksteal
+	@.venv/bin/pytest -q -n 3 --dist worksteal -m "not alone"
+	@.venv/bin/pytest -q -m alone
 
 test-quick: setup  ## those that start no processes and need no browser, Node.js or clients
 	@.venv/bin/pytest -q --quick -n 2 --dist worksteal

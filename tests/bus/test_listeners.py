@@ -79,6 +79,7 @@ def test_a_recorder_that_is_suspended_for_good(recorded, quiet):
     assert recording.read(recorder.out).complete
 
 
+@pytest.mark.alone
 @BOTH
 def test_a_recorder_that_is_suspended_for_a_while(recorded, quiet, speed):
     """Lockstep: there is no room for what it does not take. Paced: it is given up, and comes back."""

@@ -45,6 +45,7 @@ def test_a_publisher_that_is_killed(recorded, quiet):
     assert recording.read(recorder.out).complete
 
 
+@pytest.mark.alone
 def test_a_publisher_that_is_suspended_for_a_while(recorded, quiet):
     flight, recorder = recorded(*LOCKSTEP)
     pid = flight.publisher
@@ -83,6 +84,7 @@ def test_who_has_waited_for_a_publisher_has_the_first_tick(start, record, instan
     assert (said["ticks"], said["lost"], said["end_seen"]) == (20, {}, True)
 
 
+@pytest.mark.alone
 def test_a_publisher_that_is_started_anew(recorded, start, record, quiet, instance):
     flight, first = recorded(*PACED)
     os.kill(flight.publisher, signal.SIGKILL)
@@ -104,6 +106,7 @@ def test_a_publisher_that_is_started_anew(recorded, start, record, quiet, instan
 # --- those who shout
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("what", ["puts peer", "puts client", "queries peer", "bytes", "feed"])
 def test_an_intruder(recorded, start, quiet, instance, what):
     flight, recorder = recorded(*PACED)

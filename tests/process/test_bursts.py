@@ -146,6 +146,8 @@ def test_without_libc_it_is_flown_in_python(flown, monkeypatch):
 @pytest.mark.parametrize("libc", [True, False])
 def test_what_is_no_answer_is_counted_and_changes_no_bit(flown, monkeypatch, libc):
     quiet = flown(64)
+    # on a busy machine a quiet flight may have asked again, too
+    column(PlantRow, quiet[0], "timing.resent")[:] = 0.0
     monkeypatch.setattr(system, "HAS_LIBC", libc)
     for ticks in (1, 4096):
         rows, heard, figures = flown(ticks, misbehaves=True)

@@ -20,6 +20,7 @@ from tests.process.conftest import claimed_instance
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.alone
 def test_every_topic_is_listed_with_its_message_and_rate(replay, tool, instance):
     replay("--speed", "1", "--wait")
     found = tool("topics", "--for", "2")
@@ -63,6 +64,7 @@ def test_who_hears_nothing_says_so(start, instance):
     assert program.interrupted() == 130
 
 
+@pytest.mark.alone
 def test_the_table_is_for_people(replay, start, instance):
     replay("--speed", "1", "--wait")
     program = start("gcs_tools", "topics", "--instance", instance)

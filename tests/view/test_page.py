@@ -135,6 +135,7 @@ def test_the_scene_is_drawn_and_changes_with_time(own_page):
 TIME = "Number(document.querySelector('[data-told=time] ~ code')?.innerText)"
 
 
+@pytest.mark.alone
 def test_play_goes_to_the_end_and_stands_still(own_page, recording):
     page = own_page
     play = page.get_by_role("button", name=re.compile("^Play$"))
