@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gcs_tools.campaigns.campaign_file import Campaign
-from gcs_tools.campaigns.shares import Looks, Share, share
+from gcs_tools.campaigns.looks import Looks
+from gcs_tools.campaigns.statistics import Share, share
 from gcs_tools.campaigns.store import DRAWN
 from gcs_tools.judging.metrics import METRICS
 

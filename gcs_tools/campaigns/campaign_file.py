@@ -40,8 +40,8 @@ from gcs_tools.campaigns.draws import (
     grid_size,
     key,
 )
+from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.rare import Mixture
-from gcs_tools.campaigns.shares import Looks
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains

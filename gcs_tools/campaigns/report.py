@@ -17,7 +17,7 @@ from gcs_tools.campaigns.campaign_file import Campaign
 from gcs_tools.campaigns.distributions import Distribution
 from gcs_tools.campaigns.rare_flying import RareFound
 from gcs_tools.campaigns.refly import command
-from gcs_tools.campaigns.shares import interval
+from gcs_tools.campaigns.statistics import interval
 from gcs_tools.campaigns.store import DRAWN
 from gcs_tools.campaigns.verdict import Shown
 from gcs_tools.judging.metrics import SETTLE_S

@@ -29,7 +29,8 @@ import numpy as np
 
 from gcs_tools.campaigns.batch import Asked, Row, fly_batch
 from gcs_tools.campaigns.campaign_file import Campaign
-from gcs_tools.campaigns.shares import Looks, Share, share
+from gcs_tools.campaigns.looks import Looks
+from gcs_tools.campaigns.statistics import Share, share
 from gcs_tools.campaigns.store import SUCCESS, Store
 from gcs_tools.flight.interrupts import interrupts_wait
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gcs_tools.campaigns.analysis import Analysis
 from gcs_tools.campaigns.campaign_file import MOST_FLIGHTS, Campaign
-from gcs_tools.campaigns.shares import at_least
+from gcs_tools.campaigns.statistics import at_least
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.junit_report import Case
 from gcs_tools.pictures import picture_file

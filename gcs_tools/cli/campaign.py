@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gcs_tools.campaigns.campaign_file import Campaign
     from gcs_tools.campaigns.rare_flying import RareFound
     from gcs_tools.campaigns.running import Progress, Workers
-    from gcs_tools.campaigns.shares import Share
+    from gcs_tools.campaigns.statistics import Share
     from gcs_tools.campaigns.store import Store
 
 NEEDED = ("pyarrow", "scipy")

@@ -10,7 +10,7 @@ from pathlib import Path
 from gcs_tools.campaigns.analysis import LIKELY, Analysis, Cause, OfLaw
 from gcs_tools.campaigns.campaign_file import Campaign
 from gcs_tools.campaigns.refly import command
-from gcs_tools.campaigns.shares import Share
+from gcs_tools.campaigns.statistics import Share
 from gcs_tools.campaigns.verdict import Shown
 
 LINES, COLUMNS = 10, 80  # at most; of several laws, a line for each and four more

@@ -109,8 +109,8 @@ def compare(
     if laws := [name for name in compared if _is_law(name)]:
         raise click.UsageError(f"{laws[0]}: a law is compared with --missions")
     if is_judged:
+        from gcs_tools.campaigns.regression import TOLERANCE
         from gcs_tools.cli.regression import compare_with_baseline
-        from gcs_tools.many.regression import TOLERANCE
 
         part = TOLERANCE if tolerance is None else tolerance
         return compare_with_baseline(compared, exact, part, junit, as_json)

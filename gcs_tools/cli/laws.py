@@ -13,12 +13,12 @@ from gcs_tools.exit_codes import OK, USAGE
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_tools.many.comparing import Cell, Difference
-    from gcs_tools.many.entrant import Entrant
-    from gcs_tools.many.gains_file import Gains
-    from gcs_tools.many.margins import Margin
-    from gcs_tools.many.results import Comparison
-    from gcs_tools.many.statistics import Interval
+    from gcs_tools.campaigns.comparing import Cell, Difference
+    from gcs_tools.campaigns.entrant import Entrant
+    from gcs_tools.campaigns.gains_file import Gains
+    from gcs_tools.campaigns.margins import Margin
+    from gcs_tools.campaigns.results import Comparison
+    from gcs_tools.campaigns.statistics import Interval
     from gcs_tools.pictures.plot.laws import Mark
 
 PICTURE = "results.png"
@@ -45,11 +45,11 @@ class Asked:
 def compare_laws(asked: Asked) -> int:
     """Fly, write and show a comparison; the exit code."""
     from fcu.laws.loader import LawError
+    from gcs_tools.campaigns import results
+    from gcs_tools.campaigns.entrant import EntrantError
+    from gcs_tools.campaigns.gains_file import GainsError
+    from gcs_tools.campaigns.procedure import ProcedureError
     from gcs_tools.cli.terminal import PipedConsole
-    from gcs_tools.many import results
-    from gcs_tools.many.entrant import EntrantError
-    from gcs_tools.many.gains_file import GainsError
-    from gcs_tools.many.procedure import ProcedureError
     from gcs_tools.missions.mission import MissionError
 
     log = PipedConsole(stderr=True, highlight=False)
@@ -77,7 +77,7 @@ def compare_laws(asked: Asked) -> int:
 
 def _write(found: Comparison, asked: Asked, log: Console) -> None:
     """The files that were asked for. Raises OSError."""
-    from gcs_tools.many import results
+    from gcs_tools.campaigns import results
     from gcs_tools.pictures import picture_file
 
     if asked.out is not None:
@@ -100,9 +100,9 @@ def _probe(folder: Path) -> None:
 
 
 def _compared(asked: Asked, log: Console) -> Comparison:
-    from gcs_tools.many import comparing, margins, procedure
-    from gcs_tools.many.entrant import EntrantError, refusal, warm_up
-    from gcs_tools.many.results import Comparison
+    from gcs_tools.campaigns import comparing, margins, procedure
+    from gcs_tools.campaigns.entrant import EntrantError, refusal, warm_up
+    from gcs_tools.campaigns.results import Comparison
     from gcs_tools.missions.mission import load, shipped
 
     how = procedure.read(asked.procedure or procedure.SHIPPED)
@@ -128,8 +128,8 @@ def _compared(asked: Asked, log: Console) -> Comparison:
 
 def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str, str], Gains]]:
     """Every law on every airframe, and the files of gains that they fly with, by law and airframe."""
-    from gcs_tools.many import gains_file
-    from gcs_tools.many.entrant import DEFAULT_AIRFRAME, EntrantError, entrant
+    from gcs_tools.campaigns import gains_file
+    from gcs_tools.campaigns.entrant import DEFAULT_AIRFRAME, EntrantError, entrant
 
     files = gains_file.folder(asked.gains) if asked.gains is not None else []
     entrants, used = [], {}

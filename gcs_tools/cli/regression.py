@@ -12,7 +12,7 @@ from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 
 if TYPE_CHECKING:
-    from gcs_tools.many.regression import Held
+    from gcs_tools.campaigns.regression import Held
 
 BY = {
     "seeds": "the same seeds",
@@ -25,9 +25,9 @@ def compare_with_baseline(
     compared: tuple[str, ...], exact: bool, tolerance: float, junit: Path | None, as_json: bool
 ) -> int:
     """Judge the flights below RUN by those below BASELINE. Raises Failure."""
+    from gcs_tools.campaigns.regression import RegressionError, held_against
     from gcs_tools.judging import junit_report
     from gcs_tools.judging.comparison import CompareError, all_flown, below
-    from gcs_tools.many.regression import RegressionError, held_against
     from gcs_tools.pictures import picture_file
 
     if len(compared) != 2:

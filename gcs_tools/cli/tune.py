@@ -14,9 +14,9 @@ from gcs_tools.cli.output import Failure, print_json, print_line
 from gcs_tools.exit_codes import OK, USAGE
 
 if TYPE_CHECKING:
-    from gcs_tools.many.entrant import Entrant
-    from gcs_tools.many.procedure import Procedure
-    from gcs_tools.many.tuning import Evaluation, Tuned
+    from gcs_tools.campaigns.entrant import Entrant
+    from gcs_tools.campaigns.procedure import Procedure
+    from gcs_tools.campaigns.tuning import Evaluation, Tuned
 
 
 @click.command(
@@ -45,8 +45,8 @@ def tune(
     a file that `gcs compare --gains` takes, and whose [law] a mission may have.
     """
     from fcu.laws.loader import LawError
-    from gcs_tools.many import gains_file, procedure, tuning
-    from gcs_tools.many.entrant import EntrantError, entrant, warm_up
+    from gcs_tools.campaigns import gains_file, procedure, tuning
+    from gcs_tools.campaigns.entrant import EntrantError, entrant, warm_up
     from gcs_tools.missions.mission import MissionError, load
     from gcs_tools.pictures import picture_file
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gcs_tools.campaigns.analysis import Analysis
+    from gcs_tools.campaigns.regression import Held
+    from gcs_tools.campaigns.tuning import Tuned
     from gcs_tools.judging.airframe_check import AirframeCheck
-    from gcs_tools.many.regression import Held
-    from gcs_tools.many.tuning import Tuned
     from gcs_tools.recording.reader import Recording
 
 
@@ -63,8 +63,8 @@ def compare(
     Returns a Held for each mission: `passed`, `worse`, `failed`, `changed`, `parted`. Raises CompareError and
     RegressionError for what cannot be compared.
     """
+    from gcs_tools.campaigns.regression import held_against
     from gcs_tools.judging.comparison import all_flown, below
-    from gcs_tools.many.regression import held_against
 
     mine, theirs = (all_flown(below(Path(each))) for each in (run, baseline))
     return held_against(mine, theirs, exact, tolerance)
@@ -118,9 +118,9 @@ def tune(
     Returns a Tuned: `best.gains` (key -> value), the costs of the defaults and of each search. Raises EntrantError,
     ProcedureError, MissionError, LawError.
     """
-    from gcs_tools.many import procedure as how
-    from gcs_tools.many import tuning
-    from gcs_tools.many.entrant import entrant, warm_up
+    from gcs_tools.campaigns import procedure as how
+    from gcs_tools.campaigns import tuning
+    from gcs_tools.campaigns.entrant import entrant, warm_up
     from gcs_tools.missions.mission import load
 
     followed = how.read(Path(procedure) if procedure is not None else how.SHIPPED)

@@ -34,9 +34,9 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of, slice_of
 from fcu.process.tick import Remembered, Tick, beginning
+from gcs_tools.campaigns.flights import each
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.envelope import WAYS
-from gcs_tools.many.flights import each
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.studies.attack.draws import Attack, Numbers, anywhere, between, ends, scaled
 from gcs_tools.studies.attack.flight import Flown, fly

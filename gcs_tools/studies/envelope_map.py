@@ -22,10 +22,10 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.process.settings import Settings
+from gcs_tools.campaigns.flights import Asked, Flight, each, flown, fly
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard
-from gcs_tools.many.flights import Asked, Flight, each, flown, fly
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.studies.guard_check import SATURATED, saturated
 

@@ -20,10 +20,10 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.guard.stability import unstable
+from gcs_tools.campaigns.flights import Asked, Flight, flown
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, step
-from gcs_tools.many.flights import Asked, Flight, flown
 from gcs_tools.missions.mission import load
 
 F_M, GAMMAS = (1.0, 1.5, 2.0, 2.5), (500.0, 1000.0, 2000.0, 4000.0)

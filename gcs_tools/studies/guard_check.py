@@ -25,9 +25,9 @@ from fcu.guard.stability import unstable
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.process.settings import Settings
+from gcs_tools.campaigns.flights import Asked, Flight, Random, drawn, flown
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.flight.several import Keep
-from gcs_tools.many.flights import Asked, Flight, Random, drawn, flown
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.recording.table import Table
 

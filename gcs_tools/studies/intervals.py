@@ -19,8 +19,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.running import Ending
-from gcs_tools.campaigns.shares import Looks, Share, share
+from gcs_tools.campaigns.statistics import Share, share
 
 PROBABILITIES = 0.5, 0.9, 0.99, 0.999
 WIDTHS = None, 0.08, 0.02  # that a campaign ends early at; None: it does not

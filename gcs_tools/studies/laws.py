@@ -39,8 +39,8 @@ def tuned(
     laws: Sequence[str], airframes: Sequence[str], folder: Path, settings: Sequence[str]
 ) -> None:
     """Tune what has no file of gains of these sources and this procedure yet."""
-    from gcs_tools.many import gains_file, procedure
-    from gcs_tools.many.entrant import entrant
+    from gcs_tools.campaigns import gains_file, procedure
+    from gcs_tools.campaigns.entrant import entrant
 
     followed = procedure.read().sha256
     folder.mkdir(parents=True, exist_ok=True)

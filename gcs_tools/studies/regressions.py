@@ -13,8 +13,8 @@ from pathlib import Path
 import click
 
 import gcs_tools
+from gcs_tools.campaigns.regression import Held, held_against
 from gcs_tools.judging.comparison import all_flown, below
-from gcs_tools.many.regression import Held, held_against
 
 MISSION = "noisy_state"
 BASELINE, OTHERS = range(1, 21), range(101, 106)

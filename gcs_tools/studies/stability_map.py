@@ -20,9 +20,9 @@ from rich.console import Console
 
 from fcu.guard.stability import unstable
 from fcu.process.settings import Settings
+from gcs_tools.campaigns.flights import Asked, Flight, Random, drawn, flown
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.flight.several import Keep
-from gcs_tools.many.flights import Asked, Flight, Random, drawn, flown
 from gcs_tools.missions.fields import RATES
 from gcs_tools.missions.mission import Mission, load, override
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from gcs_tools.campaigns.analysis import LIKELY, _of_words
-from gcs_tools.campaigns.shares import interval
+from gcs_tools.campaigns.statistics import interval
 from gcs_tools.pictures.plot.campaign import shrinking
 
 WORDS = list("abcdef")

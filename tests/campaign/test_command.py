@@ -13,7 +13,7 @@ import pytest
 
 from gcs_tools.campaigns import analysis
 from gcs_tools.campaigns.campaign_file import shipped
-from gcs_tools.campaigns.shares import at_least
+from gcs_tools.campaigns.statistics import at_least
 from gcs_tools.campaigns.verdict import Shown
 from tests.command_line import gcs
 

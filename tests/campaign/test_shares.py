@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from gcs_tools.campaigns.looks import RATIO, Looks
 from gcs_tools.campaigns.running import Ending
-from gcs_tools.campaigns.shares import RATIO, Looks, at_least, interval, share
+from gcs_tools.campaigns.statistics import at_least, interval, share
 from gcs_tools.studies.intervals import flown
 
 CAMPAIGNS = 1000

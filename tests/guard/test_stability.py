@@ -12,8 +12,8 @@ from fcu.guard.stability import hover_of, radius, rotor_lag, unstable
 from fcu.interface.airframe import SHIPPED
 from fcu.interface.airframe import believed as airframe_file
 from fcu.process.settings import settings
+from gcs_tools.campaigns.flights import fly
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.many.flights import fly
 from gcs_tools.missions.mission import load, override
 from gcs_tools.studies.stability_map import KEPT, asked, gentle, points
 

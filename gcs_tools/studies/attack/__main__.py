@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
-from gcs_tools.many.flights import each
+from gcs_tools.campaigns.flights import each
 from gcs_tools.missions.mission import MissionError
 from gcs_tools.studies.attack import history, report
 from gcs_tools.studies.attack.draws import (

@@ -19,8 +19,8 @@ from fcu.guard.stability import unstable
 from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
+from gcs_tools.campaigns.flights import Random
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.many.flights import Random
 from gcs_tools.missions.mission import from_tables, load, override
 from gcs_tools.studies.attack.wind import KINDS, OWN, Gust
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from gcs_tools.many.flights import each
+from gcs_tools.campaigns.flights import each
 from gcs_tools.studies.attack.draws import Array, How, Numbers, attack
 from gcs_tools.studies.attack.flight import fly
 from gcs_tools.studies.attack.verdict import Verdict, verdict

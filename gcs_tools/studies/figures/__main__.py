@@ -62,7 +62,7 @@ def _numbers(as_json: bool, page: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from gcs_tools.many.flights import each
+    from gcs_tools.campaigns.flights import each
     from gcs_tools.studies.figures import gamma
     from gcs_tools.studies.figures.cases import CASES, fly
     from gcs_tools.studies.figures.numbers import measured, table
@@ -100,7 +100,7 @@ def _numbers(as_json: bool, page: Path | None) -> None:
 def _draw(out: Path, names: tuple[str, ...]) -> None:
     from rich.console import Console
 
-    from gcs_tools.many.flights import each
+    from gcs_tools.campaigns.flights import each
     from gcs_tools.studies.figures import gamma
     from gcs_tools.studies.figures.cases import CASES, fly
     from gcs_tools.studies.figures.drawing import FIGURES, save

@@ -12,10 +12,10 @@ from subprocess import PIPE, Popen
 
 import pytest
 
-from gcs_tools.many import comparing, gains_file, results
-from gcs_tools.many.comparing import Row
-from gcs_tools.many.procedure import read
-from gcs_tools.many.score import NAMES, Score, lost
+from gcs_tools.campaigns import comparing, gains_file, results
+from gcs_tools.campaigns.comparing import Row
+from gcs_tools.campaigns.procedure import read
+from gcs_tools.campaigns.score import NAMES, Score, lost
 from tests.command_line import gcs
 from tests.patience import PATIENCE_S, until
 
@@ -269,7 +269,7 @@ def test_a_file_of_gains_that_is_none_is_refused(tmp_path, text, said):
     ],
 )
 def test_a_procedure_that_cannot_be_followed_is_refused(tmp_path, change, said):
-    from gcs_tools.many.procedure import SHIPPED
+    from gcs_tools.campaigns.procedure import SHIPPED
 
     text = SHIPPED.read_text()
     assert change[0] in text

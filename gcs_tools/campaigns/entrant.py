@@ -11,13 +11,13 @@ from fcu.interface.airframe import AirframeError, AirframeFile, find, read
 from fcu.interface.parameter import Parameter, ParameterError, flat
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
+from gcs_tools.campaigns import score
+from gcs_tools.campaigns.procedure import Draws, Procedure
+from gcs_tools.campaigns.score import Score
+from gcs_tools.campaigns.seed_draws import Stream, drawn
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.preflight_check import refused_gains
-from gcs_tools.many import score
-from gcs_tools.many.draws import Stream, drawn
-from gcs_tools.many.procedure import Draws, Procedure
-from gcs_tools.many.score import Score
 from gcs_tools.missions.mission import (
     Mission,
     MissionError,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs_tools.many import procedure
-from gcs_tools.many.procedure import SHIPPED, Procedure
+from gcs_tools.campaigns import procedure
+from gcs_tools.campaigns.procedure import SHIPPED, Procedure
 
 CASCADE = str(Path(__file__).parents[1] / "own_law" / "plain_cascade.py")
 HOVER = """title = "A hover from half a metre away."

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gcs_tools.many.margins import between
-from gcs_tools.many.statistics import Interval, mean, share
+from gcs_tools.campaigns.margins import between
+from gcs_tools.campaigns.statistics import Interval, mean
 
 
 def test_the_interval_of_a_mean_is_that_of_students_t():
@@ -49,17 +49,6 @@ def test_of_too_few_flights_there_is_no_interval():
     assert math.isnan(low) and math.isnan(high)
     assert all(map(math.isnan, mean([])))
     assert not mean([2.0]).excludes_zero
-
-
-def test_the_interval_of_a_share_is_wilsons():
-    z = stats.norm.ppf(0.975)
-    n, p = 300, 3 / 300
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    assert share(3, 300) == pytest.approx((p, middle - half, middle + half))
-    none = share(0, 300)
-    assert none.low == 0.0
-    assert 0.012 < none.high < 0.013
 
 
 @pytest.mark.parametrize("limit", [1.0, 1.4, 3.0, 9.9])

@@ -13,9 +13,9 @@ from typing import Any
 from fcu.interface import input_file
 from fcu.interface.input_file import TomlError
 from fcu.interface.parameter import flat
-from gcs_tools.many.entrant import Entrant
-from gcs_tools.many.procedure import Procedure
-from gcs_tools.many.tuning import Tuned
+from gcs_tools.campaigns.entrant import Entrant
+from gcs_tools.campaigns.procedure import Procedure
+from gcs_tools.campaigns.tuning import Tuned
 from gcs_tools.missions.mission import load, written
 
 MOST_BYTES = input_file.MIB // 4

@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 from rich.console import Console
 
-from gcs_tools.many import statistics
-from gcs_tools.many.draws import Stream
-from gcs_tools.many.entrant import Entrant, Flight
-from gcs_tools.many.entrant import fly as fly_some
-from gcs_tools.many.flights import chunked
-from gcs_tools.many.procedure import Objective, Procedure
-from gcs_tools.many.score import NAMES, Score, cost
-from gcs_tools.many.statistics import Interval
+from gcs_tools.campaigns import statistics
+from gcs_tools.campaigns.entrant import Entrant, Flight
+from gcs_tools.campaigns.entrant import fly as fly_some
+from gcs_tools.campaigns.flights import chunked
+from gcs_tools.campaigns.procedure import Objective, Procedure
+from gcs_tools.campaigns.score import NAMES, Score, cost
+from gcs_tools.campaigns.seed_draws import Stream
+from gcs_tools.campaigns.statistics import Interval
 from gcs_tools.missions.mission import Mission
 
 
@@ -159,7 +159,7 @@ def _overall(
     }
     lost = sum(bool(row.score.lost) for row in rows)
     return Overall(
-        airframe, law, len(rows), statistics.share(lost, len(rows)), statistics.mean(list(costs.values())),
+        airframe, law, len(rows), statistics.share(lost, len(rows)).interval, statistics.mean(list(costs.values())),
         statistics.mean([costs[seed] - theirs[seed] for seed in costs]), means,
     )  # fmt: skip
 

@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from fcu.interface.airframe import SHIPPED, AirframeError, read
 from fcu.interface.parameter import ParameterError
 from fcu.laws import loader
+from gcs_tools.campaigns import margins, procedure
+from gcs_tools.campaigns.entrant import entrant
+from gcs_tools.campaigns.flights import each
 from gcs_tools.cli.program import main
 from gcs_tools.exit_codes import USAGE
-from gcs_tools.many import margins, procedure
-from gcs_tools.many.entrant import entrant
-from gcs_tools.many.flights import each
 from gcs_tools.missions.mission import MissionError, load, shipped
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_tools.many import gains_file, procedure, tuning
-from gcs_tools.many.draws import Stream
-from gcs_tools.many.entrant import EntrantError, entrant, free
-from gcs_tools.many.score import NAMES, REFUSED, Score, cost, lost
+from gcs_tools.campaigns import gains_file, procedure, tuning
+from gcs_tools.campaigns.entrant import EntrantError, entrant, free
+from gcs_tools.campaigns.score import NAMES, REFUSED, Score, cost, lost
+from gcs_tools.campaigns.seed_draws import Stream
 from gcs_tools.missions.mission import load
 
 HOW = procedure.read()

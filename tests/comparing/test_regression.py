@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import gcs_tools
+from gcs_tools.campaigns.regression import RegressionError, held_against
 from gcs_tools.judging.comparison import Flown
-from gcs_tools.many.regression import RegressionError, held_against
 from tests.command_line import gcs
 
 METRIC, FLOOR = "setpoint_error_rms_m", "margin_min_n"

@@ -16,13 +16,13 @@ import numpy as np
 
 from fcu.interface.airframe import AirframeError
 from fcu.interface.parameter import Parameter, ParameterError
+from gcs_tools.campaigns import score
+from gcs_tools.campaigns.entrant import Entrant, EntrantError, Flight, free, scene
+from gcs_tools.campaigns.flights import each
+from gcs_tools.campaigns.procedure import Objective, Procedure, Search, Set
+from gcs_tools.campaigns.score import REFUSED, Score, cost, lost
+from gcs_tools.campaigns.seed_draws import Stream
 from gcs_tools.flight.scenario import with_gains
-from gcs_tools.many import score
-from gcs_tools.many.draws import Stream
-from gcs_tools.many.entrant import Entrant, EntrantError, Flight, free, scene
-from gcs_tools.many.flights import each
-from gcs_tools.many.procedure import Objective, Procedure, Search, Set
-from gcs_tools.many.score import REFUSED, Score, cost, lost
 from gcs_tools.missions.mission import load
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gcs_tools.many import margins, procedure
-from gcs_tools.many.entrant import entrant
+from gcs_tools.campaigns import margins, procedure
+from gcs_tools.campaigns.entrant import entrant
 from gcs_tools.missions.mission import load
 
 

@@ -7,10 +7,10 @@ import threading
 import numpy as np
 import pytest
 
+from gcs_tools.campaigns.flights import Asked, chunked, drawn, each, flown, fly
 from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.run import prepared
 from gcs_tools.flight.several import Keep
-from gcs_tools.many.flights import Asked, chunked, drawn, each, flown, fly
 from gcs_tools.recording.table import Table
 
 

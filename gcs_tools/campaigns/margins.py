@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
-from gcs_tools.many import score
-from gcs_tools.many.draws import Stream, drawn
-from gcs_tools.many.entrant import Entrant, EntrantError, scene
-from gcs_tools.many.flights import each
-from gcs_tools.many.procedure import Procedure
+from gcs_tools.campaigns import score
+from gcs_tools.campaigns.entrant import Entrant, EntrantError, scene
+from gcs_tools.campaigns.flights import each
+from gcs_tools.campaigns.procedure import Procedure
+from gcs_tools.campaigns.seed_draws import Stream, drawn
 from gcs_tools.missions.mission import Mission, MissionError, load, with_values
 
 UNITS = {"delay": "s", "lag": "s", "mass": "kg", "wind": "m/s"}

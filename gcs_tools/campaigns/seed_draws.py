@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from fcu.interface.airframe import AirframeFile, Interval, body
-from gcs_tools.many.procedure import Draws
+from gcs_tools.campaigns.procedure import Draws
 from gcs_tools.missions.mission import Mission, with_values
 
 

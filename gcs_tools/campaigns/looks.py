@@ -1,4 +1,4 @@
-"""Shares of successful flights: exact intervals, and an early end that keeps their coverage.
+"""The looks of a campaign: when it may end early, so that its intervals keep their coverage.
 
 A campaign that may end early looks at its flights at numbers that are fixed before the first flight.
 Each look has an equal part of the error: K looks have intervals of confidence 1 - alpha / K. With
@@ -11,52 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+
+from gcs_tools.campaigns.statistics import Share
 
 FIRST = 20  # flights before which nobody looks
 RATIO = 1.5  # of the flights at a look to those at the one before
-
-
-class Share(NamedTuple):
-    """A part of flights, and the interval of its probability."""
-
-    successes: int
-    of: int
-    low: float
-    high: float
-
-    @property
-    def value(self) -> float:
-        """The part; of no flights not a number."""
-        return self.successes / self.of if self.of else math.nan
-
-    @property
-    def width(self) -> float:
-        """Of the interval."""
-        return self.high - self.low
-
-
-def share(successes: int, of: int, confidence: float) -> Share:
-    """The share with its two-sided interval of Clopper and Pearson, which is exact."""
-    each = 0.5 * (1.0 - confidence)
-    return Share(successes, of, _above(successes, of, each), 1.0 - _above(of - successes, of, each))
-
-
-def interval(successes: int, of: int, confidence: float) -> tuple[float, float]:
-    """The interval of `share` alone."""
-    return share(successes, of, confidence)[2:]
-
-
-def at_least(successes: int, of: int, confidence: float) -> float:
-    """The bound that the probability is above with this confidence: one-sided, Clopper and Pearson."""
-    return _above(successes, of, 1.0 - confidence)
-
-
-def _above(successes: int, of: int, error: float) -> float:
-    """The probability with which so many successes, or more, come with the probability `error`."""
-    from scipy.special import betaincinv
-
-    return float(betaincinv(successes, of - successes + 1, error)) if successes else 0.0
 
 
 @dataclass(frozen=True)

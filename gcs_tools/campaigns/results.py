@@ -15,13 +15,13 @@ from importlib.util import find_spec
 from io import BytesIO
 from typing import Any
 
-from gcs_tools.many.comparing import Row, Summary
-from gcs_tools.many.entrant import Entrant
-from gcs_tools.many.gains_file import Gains
-from gcs_tools.many.margins import Margin
-from gcs_tools.many.procedure import Procedure
-from gcs_tools.many.score import NAMES
-from gcs_tools.many.statistics import CONFIDENCE, Interval
+from gcs_tools.campaigns.comparing import Row, Summary
+from gcs_tools.campaigns.entrant import Entrant
+from gcs_tools.campaigns.gains_file import Gains
+from gcs_tools.campaigns.margins import Margin
+from gcs_tools.campaigns.procedure import Procedure
+from gcs_tools.campaigns.score import NAMES
+from gcs_tools.campaigns.statistics import CONFIDENCE, Interval
 from gcs_tools.missions.mission import Mission
 
 SCHEMA_VERSION = 1

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gcs_tools.campaigns import flights
+from gcs_tools.campaigns.flights import Asked, Flight
+from gcs_tools.campaigns.procedure import Objective
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
-from gcs_tools.many import flights
-from gcs_tools.many.flights import Asked, Flight
-from gcs_tools.many.procedure import Objective
 from gcs_tools.missions.asked import asked
 from gcs_tools.missions.mission import Mission
 from sitl_plant.physics import dynamics

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gcs_tools.campaigns import procedure
+from gcs_tools.campaigns.seed_draws import Beliefs, Stream, drawn
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.many import procedure
-from gcs_tools.many.draws import Beliefs, Stream, drawn
 from gcs_tools.missions.mission import load, override, with_law
 
 DRAWS = procedure.read().draws
