@@ -1,6 +1,6 @@
 """A campaign: a TOML file read and checked, and the missions that its flights are drawn from.
 
-    campaign = read("paper_noise", flights=100)
+    campaign = read("paper_noise", Changes(flights=100))
 
 What is wrong with a file is said with its line, its key and what was expected there.
 """
@@ -11,9 +11,9 @@ import difflib
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -52,6 +52,7 @@ from gcs_tools.missions.mission import (
     MissionError,
     allowed,
     from_tables,
+    parsed_setting,
     with_airframe,
     with_law,
     with_values,
@@ -216,6 +217,27 @@ class Document(Table):
 
 
 @dataclass(frozen=True)
+class Changes:
+    """Changes that a command line makes to a campaign's file. None, or empty: no change."""
+
+    flights: int | None = None  # of each law
+    seed: int | None = None
+    set: Mapping[str, Any] = field(default_factory=dict)  # dotted key of a mission -> value
+    metrics: tuple[str, ...] = ()  # shown, and ranked by the first
+
+    def plain(self) -> dict[str, Any]:
+        """As a campaign's folder keeps it."""
+        return asdict(self)
+
+    def of_document(self) -> dict[str, Any]:
+        """The keys of the file that it replaces."""
+        found: dict[str, Any] = {"flights": self.flights, "seed": self.seed}
+        if self.metrics:
+            found["metrics"] = list(self.metrics)
+        return {name: value for name, value in found.items() if value is not None}
+
+
+@dataclass(frozen=True)
 class Variant:
     """A law as a campaign flies it: its mission before anything is drawn."""
 
@@ -244,6 +266,7 @@ class Campaign:
     document: Document
     draws: Draws
     variants: tuple[Variant, ...]
+    changes: Changes = Changes()
 
     @property
     def n(self) -> int:
@@ -325,10 +348,18 @@ def path_of(name: str) -> Path:
     raise CampaignError(f"{name}: no such campaign{meant}; there are {', '.join(shipped())}")
 
 
+def settings(written: Sequence[str]) -> dict[str, Any]:
+    """Dotted key of a mission -> value, of TABLE.KEY=VALUE each. Raises CampaignError."""
+    try:
+        return {key: value for key, value, _ in map(parsed_setting, written)}
+    except MissionError as error:
+        raise CampaignError(str(error)) from error
+
+
 def read(
-    name: str | Path, flights: int | None = None, allow_commands: bool = False
+    name: str | Path, changes: Changes = Changes(), allow_commands: bool = False
 ) -> Campaign:  # fmt: skip
-    """A shipped campaign by its name, or any by its file; `flights` in place of its own.
+    """A shipped campaign by its name, or any by its file, with what the command line changes.
 
     allow_commands : its mission may name a command ([flight] script), which workers run.
     Raises CampaignError.
@@ -340,11 +371,11 @@ def read(
         raise CampaignError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise CampaignError(f"{path}: expected UTF-8 text ({error.reason})") from error
-    return parsed(text, str(path), path.parent, path.stem, flights, allow_commands)
+    return parsed(text, str(path), path.parent, path.stem, changes, allow_commands)
 
 
 def parsed(
-    text: str, source: str, folder: Path, name: str, flights: int | None = None,
+    text: str, source: str, folder: Path, name: str, changes: Changes = Changes(),
     allow_commands: bool = False,
 ) -> Campaign:  # fmt: skip
     """The campaign of a text. `folder`: where relative names in it begin. Raises CampaignError."""
@@ -365,15 +396,15 @@ def parsed(
         for quantity, n in Counter(quantity for quantity, _ in drawn).items():
             if n > 1:
                 raise CampaignError(f"{where('draw', quantity)}: draw.{quantity}: drawn twice")
-    if flights is not None:
-        given["flights"] = flights
+    given |= changes.of_document()
     try:
         document = Document.model_validate(given)
     except ValidationError as error:
         raise CampaignError("\n".join(_problems(error, source, text))) from error
     try:
-        variants = tuple(_variants(document, folder, where, allow_commands))
-        campaign = Campaign(name, source, text, document, _draws(document), variants)
+        draws = _draws(document, changes)
+        variants = tuple(_variants(document, folder, where, allow_commands, changes))
+        campaign = Campaign(name, source, text, document, draws, variants, changes)
         _check(campaign)
     except (MissionError, DrawError, ParameterError, AirframeError) as error:
         raise CampaignError(f"{source}: {error}") from error
@@ -392,13 +423,15 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
             yield above + name, value
 
 
-def _draws(document: Document) -> Draws:
+def _draws(document: Document, changes: Changes) -> Draws:
     for names in {tuple(document.draw), *map(tuple, document.points)}:
         check_apart(names)
     drawn = tuple((key(name), each) for name, each in document.draw.items())
     tables = {each.table for each, _ in drawn}
     tables |= {key(name).table for point in document.points for name in point}
-    tables |= document.set.keys()
+    if both := sorted(tables & changes.set.keys()):
+        raise DrawError(f"--set {both[0]}: the campaign draws this quantity")
+    tables |= document.set.keys() | changes.set.keys()
     rare = document.rare
     return Draws(
         document.method, document.seed, document.n, drawn, document.points, SEED in tables,
@@ -417,7 +450,8 @@ def _blamed(where: str = "") -> Iterator[None]:
 
 
 def _variants(
-    document: Document, folder: Path, where: Callable[..., str], allow_commands: bool
+    document: Document, folder: Path, where: Callable[..., str], allow_commands: bool,
+    changes: Changes,
 ) -> Iterator[Variant]:  # fmt: skip
     with _blamed(f"{where('mission')}: mission"):
         mission = _mission(document.mission, folder)
@@ -440,6 +474,8 @@ def _variants(
                 made = with_law(made, str(_absolute(law, folder, ".py")), at)
         if values := {**document.set, **own}:
             made = with_values(made, values, "set")
+        if changes.set:
+            made = with_values(made, changes.set, "--set")
         if document.success is not None:
             made = with_values(made, {"expect": document.success}, "[success]")
         if (rare := document.rare) is not None:

@@ -16,13 +16,14 @@ import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gcs_tools.campaigns.batch import Row
-from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, parsed
+from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, Changes, parsed
 from gcs_tools.campaigns.rare import Mixture
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.judging.metrics import METRICS
@@ -212,6 +213,7 @@ class Store:
             "title": campaign.document.title,
             "source": str(Path(campaign.source).absolute()),
             "flights": campaign.document.flights,
+            "changes": campaign.changes.plain(),
             "identity": campaign.identity,
             "fingerprint": dict(fingerprint),
         }
@@ -240,15 +242,22 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
     )
 
 
-def again(folder: Path, unchanged: bool = False, allow_commands: bool = False) -> Campaign:
+def again(
+    folder: Path, unchanged: bool = False, allow_commands: bool = False,
+    metrics: tuple[str, ...] = (),
+) -> Campaign:  # fmt: skip
     """The campaign of a folder, to go on with it. Raises CampaignError.
 
+    metrics : shown in place of those that it began with.
     unchanged : also for one of which something has changed since.
     allow_commands : as for `campaign_file.read`.
     """
     try:
         about = json.loads((folder / JSON).read_text(encoding="utf-8"))
-        source, flights, name = Path(about["source"]), about["flights"], str(about["name"])
+        source, name = Path(about["source"]), str(about["name"])
+        # older folders keep the number of flights alone
+        changes = Changes(**about.get("changes", {"flights": about["flights"]}))
+        changes = replace(changes, set=dict(changes.set), metrics=metrics or tuple(changes.metrics))
     except OSError as error:
         raise CampaignError(f"{error.filename}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
@@ -258,7 +267,7 @@ def again(folder: Path, unchanged: bool = False, allow_commands: bool = False) -
     except (OSError, UnicodeDecodeError) as error:
         raise CampaignError(f"{folder / TOML}: {error}") from error
     campaign = parsed(
-        text, str(folder / TOML), source.parent, name, flights, allow_commands
+        text, str(folder / TOML), source.parent, name, changes, allow_commands
     )  # fmt: skip
     if unchanged and about.get("identity") != campaign.identity:
         raise CampaignError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import json
 import re
@@ -41,6 +42,9 @@ class Asked:
     name: str
     out: Path | None
     flights: int | None
+    seed: int | None
+    settings: tuple[str, ...]
+    metrics: tuple[str, ...]
     jobs: int | None
     scheduler: str | None
     wait_s: float
@@ -48,6 +52,21 @@ class Asked:
     report: bool
     allow_commands: bool
     as_json: bool
+
+
+def _metrics(
+    _context: click.Context, _option: click.Parameter, names: str | None
+) -> tuple[str, ...]:
+    """A callback: names of metrics. Raises BadParameter."""
+    from gcs_tools.judging.metrics import METRICS
+
+    found = tuple(filter(None, (name.strip() for name in (names or "").split(","))))
+    for name in found:
+        if name not in METRICS:
+            close = difflib.get_close_matches(name, METRICS, n=1)
+            meant = f"did you mean {close[0]}?" if close else "docs/missions.md lists them"
+            raise click.BadParameter(f"{name}: no such metric ({meant})")
+    return found
 
 
 @click.command(
@@ -70,6 +89,9 @@ shown; 2 invalid command line, campaign or law; 3 a flight or what flies it fail
 @click.argument("name", metavar="FILE")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Results folder. If it already holds this campaign, continue it. Default: a new one in runs/.")  # fmt: skip
 @click.option("--flights", type=click.IntRange(1), metavar="N", help="Flights of each law, in place of the file's.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**53 - 1), metavar="N", help="Seed of the draws, in place of the file's.")  # fmt: skip
+@arguments.SETTINGS
+@click.option("--metrics", callback=_metrics, metavar="NAME,...", help="Metrics to show; flights are ranked by the first. Default: the file's, or all that differ.")  # fmt: skip
 @click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; default: as many as cores.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of a Dask scheduler: tcp://HOST:8786.")  # fmt: skip
 @click.option("--wait", "wait_s", type=click.FloatRange(min=0.0), default=300.0, show_default=True, metavar="S", help="Seconds to wait for a worker of the scheduler; then exit with 3.")  # fmt: skip
@@ -78,7 +100,8 @@ shown; 2 invalid command line, campaign or law; 3 a flight or what flies it fail
 @arguments.ALLOW_COMMANDS
 @arguments.as_json("Print the results as JSON.")
 def campaign(
-    name: str, out: Path | None, flights: int | None, jobs: int | None, scheduler: str | None,
+    name: str, out: Path | None, flights: int | None, seed: int | None,
+    settings: tuple[str, ...], metrics: tuple[str, ...], jobs: int | None, scheduler: str | None,
     wait_s: float, junit: Path | None, report: bool, allow_commands: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Fly a mission many times with its uncertain values sampled.
@@ -93,7 +116,8 @@ def campaign(
 
     _need(*NEEDED)
     asked = Asked(
-        name, out, flights, jobs, scheduler, wait_s, junit, report, allow_commands, as_json
+        name, out, flights, seed, settings, metrics, jobs, scheduler, wait_s, junit, report,
+        allow_commands, as_json,
     )  # fmt: skip
     log = PipedConsole(stderr=True, highlight=False)
     try:
@@ -129,14 +153,22 @@ def _flown(asked: Asked, log: Console) -> int:
         raise Failure(f"--scheduler {asked.scheduler}: expected tcp://HOST:PORT", USAGE)
     folder = Path(asked.name)
     if refly.is_campaign(asked.name):
-        if asked.out is not None or asked.flights is not None:
+        fixed = {
+            "--out": asked.out, "--flights": asked.flights, "--seed": asked.seed,
+            "--set": asked.settings or None,
+        }  # fmt: skip
+        if given := [option for option, value in fixed.items() if value is not None]:
             raise campaign_file.CampaignError(
-                f"{folder}: a campaign that goes on has its folder and its flights (leave out --out"
-                " and --flights)"
+                f"{folder}: a campaign that continues keeps its folder and its flights (leave out"
+                f" {', '.join(given)})"
             )
-        asked_for, out = store.again(folder, allow_commands=asked.allow_commands), folder
+        again = store.again(folder, allow_commands=asked.allow_commands, metrics=asked.metrics)
+        asked_for, out = again, folder
     else:
-        asked_for = campaign_file.read(asked.name, asked.flights, asked.allow_commands)
+        changes = campaign_file.Changes(
+            asked.flights, asked.seed, campaign_file.settings(asked.settings), asked.metrics
+        )
+        asked_for = campaign_file.read(asked.name, changes, asked.allow_commands)
         _check_laws(asked_for)
         out = asked.out or new_folder(None, asked_for.name)
     if out.exists() and not out.is_dir():

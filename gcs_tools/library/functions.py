@@ -71,14 +71,16 @@ def compare(
 
 
 def campaign(
-    file: Path | str, *, out: Path | str, flights: int | None = None, jobs: int | None = None,
-    allow_commands: bool = False,
+    file: Path | str, *, out: Path | str, flights: int | None = None, seed: int | None = None,
+    settings: Sequence[str] = (), jobs: int | None = None, allow_commands: bool = False,
 ) -> Campaigned:  # fmt: skip
     """Fly a mission many times with its uncertain values sampled, as `gcs campaign FILE` does.
 
     file : a campaign's file, or the name of a shipped one, but not one that looks for rare failures ([rare]).
     out : the folder of its flights, new or of the same campaign, which then goes on.
     flights : of each law, in place of the file's.
+    seed : of the draws, in place of the file's.
+    settings : TABLE.KEY=VALUE each, of the mission, as `--set` takes them.
     jobs : worker processes. None: as many as cores.
     allow_commands : the mission may name a command, which is run.
 
@@ -90,7 +92,8 @@ def campaign(
     from gcs_tools.campaigns.verdict import verdict
     from gcs_tools.flight.side_by_side import cores
 
-    asked, folder = campaign_file.read(file, flights, allow_commands), Path(out)
+    changes = campaign_file.Changes(flights, seed, campaign_file.settings(settings))
+    asked, folder = campaign_file.read(file, changes, allow_commands), Path(out)
     if asked.document.rare is not None:
         raise campaign_file.CampaignError(f"{file}: [rare]: fly it with gcs campaign {file}")
     with store.locked(folder):

@@ -221,6 +221,13 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
 
     `option` is the origin that the value is reported with. Raises MissionError.
     """
+    key, value, written = parsed_setting(setting, option)
+    said = setting if option == "--set" else written  # an option of its own has its value alone
+    return with_values(mission, {key: value}, option, _short(said))
+
+
+def parsed_setting(setting: str, option: str = "--set") -> tuple[str, Any, str]:
+    """Key, value and written value of TABLE.KEY=VALUE. Raises MissionError."""
     key, equals, written = (part.strip() for part in setting.partition("="))
     if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key) or not written:
         raise MissionError(f"{option} {setting}: expected TABLE.KEY=VALUE")
@@ -236,8 +243,7 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
         value = written
     if key.count(".") >= input_file.DEEPEST:
         raise MissionError(f"{option} {_short(setting)}: expected TABLE.KEY=VALUE")
-    said = setting if option == "--set" else written  # an option of its own has its value alone
-    return with_values(mission, {key: value}, option, _short(said))
+    return key, value, written
 
 
 def with_values(

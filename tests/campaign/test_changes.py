@@ -1,0 +1,106 @@
+"""Changes of a campaign by the command line: seed, values of the mission, metrics."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from gcs_tools.campaigns import store
+from gcs_tools.campaigns.campaign_file import CampaignError, Changes, read, settings
+from tests.campaign.test_command import gcs
+
+FILE = """
+title = "t"
+mission = "paper_nominal"
+flights = 3
+seed = 5
+set = { "plant.mass_kg" = 8.0 }
+laws = ["mmrac", { law = "px4", set = { "plant.mass_kg" = 7.5 } }]
+[draw]
+"wind.azimuth_deg" = { uniform = [0.0, 360.0] }
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "c.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_another_seed_draws_other_flights_and_is_another_campaign(file):
+    plain, other = read(file), read(file, Changes(seed=6))
+    assert other.draws.seed == 6
+    assert other.draws.quantities(0) != plain.draws.quantities(0)
+    assert other.identity != plain.identity
+    assert read(file, Changes(seed=5)).identity == plain.identity
+
+
+def test_a_value_is_that_of_every_law_whatever_the_file_says(file):
+    found = read(file, Changes(set=settings(["plant.mass_kg=6.5"])))
+    for variant in found.variants:
+        assert variant.mission.plant.mass_kg == 6.5
+        assert variant.base["plant.mass_kg"] == 6.5
+
+
+@pytest.mark.parametrize(
+    ("written", "names"),
+    [
+        ("wind.azimuth_deg=10", "wind.azimuth_deg"),  # drawn
+        ("plant.mas_kg=7", "mass_kg"),
+        ("plant.mass_kg", "TABLE.KEY=VALUE"),
+    ],
+)
+def test_a_value_that_cannot_be_set_is_refused_by_its_name(file, written, names):
+    with pytest.raises(CampaignError, match=names):
+        read(file, Changes(set=settings([written])))
+
+
+def test_the_seed_of_the_noise_can_be_set(file):
+    found = read(file, Changes(set=settings(["flight.seed=3"])))
+    assert "flight.seed" not in found.draws.values(0, {}, found.variants[0].base)
+
+
+def test_metrics_are_shown_and_ranked_by_the_first_and_change_no_flight(file):
+    found = read(file, Changes(metrics=("setpoint_error_max_m", "thrust_saturated_fraction")))
+    assert found.ranked_by == "setpoint_error_max_m"
+    assert found.identity == read(file).identity
+
+
+def test_a_folder_keeps_what_was_changed(file, tmp_path):
+    out = tmp_path / "out"
+    changed = (
+        "--seed", "7", "--set", "plant.mass_kg=7", "--set", "flight.duration_s=0.5",
+        "--metrics", "setpoint_error_max_m", "--flights", "2", "--no-report", "-j", "1",
+    )  # fmt: skip
+    first = gcs("campaign", file, *changed, "--out", out, "--json")
+    told = json.loads(first.stdout)
+    again = store.again(out, unchanged=True)
+    assert again.changes.seed == 7
+    assert again.changes.set == {"plant.mass_kg": 7, "flight.duration_s": 0.5}
+    assert [each["name"] for each in told["laws"][0]["metrics"]] == ["setpoint_error_max_m"]
+    other = gcs("campaign", out, "--json", "--metrics", "thrust_saturated_fraction")
+    metrics = json.loads(other.stdout)["laws"][0]["metrics"]
+    assert [each["name"] for each in metrics] == ["thrust_saturated_fraction"]
+    for option in (("--seed", "8"), ("--set", "plant.mass_kg=8")):
+        refused = gcs("campaign", out, *option)
+        assert refused.exit_code == 2
+        assert option[0] in refused.stderr
+
+
+def test_an_unknown_metric_is_refused_with_the_nearest(file, tmp_path):
+    found = gcs("campaign", file, "--metrics", "setpoint_error_mx_m", "--out", tmp_path / "o")
+    assert found.exit_code == 2
+    assert "setpoint_error_max_m" in found.stderr
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("changes", [{"set": 3}, {"seed": "x"}, {"metrics": 1}, {"a": 1}, [], "x"])
+def test_a_folder_with_changes_that_are_none_is_refused(file, tmp_path, changes):
+    store.Store(tmp_path / "o", read(file), {})
+    path = tmp_path / "o" / "campaign.json"
+    about = json.loads(path.read_text())
+    path.write_text(json.dumps({**about, "changes": changes}))
+    with pytest.raises(CampaignError):
+        store.again(tmp_path / "o")
