@@ -9,6 +9,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any
 
+from fcu.interface import whole_file
 from gcs_tools.campaigns import store
 from gcs_tools.campaigns.campaign_file import CampaignError
 from gcs_tools.missions.mission import Mission, MissionError, with_values, written
@@ -70,12 +71,13 @@ def numbered(name: str, into: str) -> Numbered:
         drawn = with_values(variant.mission, values, "draw")
     except MissionError as error:
         raise CampaignError(f"{name}: {error}") from error
+    if (folder / into).is_symlink():
+        raise CampaignError(f"{folder / into}: expected a folder, not a link: remove it")
     (folder / into).mkdir(exist_ok=True)
     of = f"-{label}" if len(campaign.labels) > 1 else ""
     path = folder / into / f"{campaign.name}-{number}{of}.toml"
-    path.write_text(
-        _toml(drawn.given, f"flight {number} of {folder}, law {label}"), encoding="utf-8"
-    )
+    text = _toml(drawn.given, f"flight {number} of {folder}, law {label}")
+    whole_file.write(path, text.encode(), follow=False)
     row = store.row(campaign, folder, number, label)
     return Numbered(
         folder,

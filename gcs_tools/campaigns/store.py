@@ -9,8 +9,10 @@ flights.parquet   all flights, sorted by number and law: the same bytes whatever
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
+import os
 import re
 import shutil
 import time
@@ -22,18 +24,19 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface import whole_file
 from gcs_tools.campaigns.batch import Row
 from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, Changes, parsed
 from gcs_tools.campaigns.rare import Mixture
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.mission import written
-from gcs_tools.pictures import picture_file
 
 SCHEMA_VERSION = 1
 JSON, TOML, PARTS, PARQUET, LOCK, PROPOSALS = (
     "campaign.json", "campaign.toml", "parts", "flights.parquet", ".lock", "proposals.json",
 )  # fmt: skip
+_PART = re.compile(r"[0-9]{8,18}-(?P<digest>[0-9a-f]{16})\.parquet")
 PART_S = 1.0  # wall: what a crash may lose
 MOST_PARTS = 200  # more are joined to one
 UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
@@ -68,10 +71,12 @@ class Store:
         elif any(each.name != LOCK for each in folder.iterdir()):
             raise Refused(f"--out {folder}: the folder is not empty (name a new or an empty one)")
         else:
-            picture_file.write(folder / TOML, campaign.text.encode())
-            picture_file.write(found, (json.dumps(about, indent=1) + "\n").encode())
+            whole_file.write(folder / TOML, campaign.text.encode())
+            whole_file.write(found, (json.dumps(about, indent=1) + "\n").encode())
         self._schema = schema(campaign)
-        self._n_parts = 1 + max((int(path.stem) for path in self._parts()), default=-1)
+        self._n_parts = 1 + max(
+            (int(path.name.partition("-")[0]) for path in self._parts()), default=-1
+        )
         for table in self._tables():
             self._note(table)
         (folder / PARTS).mkdir(exist_ok=True)
@@ -100,9 +105,7 @@ class Store:
         self._written_at = time.monotonic()
         if not self._pending:
             return
-        part = self.folder / PARTS / f"{self._n_parts:08d}.parquet"
-        self._write(part, self._table(self._pending))
-        self._n_parts += 1
+        self._write_part(self._table(self._pending))
         self._pending = []
         if len(parts := self._parts()) > MOST_PARTS:
             self._join(parts)
@@ -110,7 +113,7 @@ class Store:
     def keep_proposals(self) -> None:
         """What the stages are drawn from, for whoever flies one of their flights again. Raises OSError."""
         mixtures = {str(k): each.plain() for k, each in self._campaign.draws.proposals.items()}
-        picture_file.write(self.folder / PROPOSALS, json.dumps(mixtures).encode())
+        whole_file.write(self.folder / PROPOSALS, json.dumps(mixtures).encode(), follow=False)
 
     def finish(self, n: int) -> Path:
         """The file of the first `n` flights of each law, in place of the parts. Raises OSError."""
@@ -135,33 +138,26 @@ class Store:
         import pyarrow
 
         joined = pyarrow.concat_tables([_read(part, self._schema) for part in parts])
-        self._write(self.folder / PARTS / f"{self._n_parts:08d}.parquet", joined)
-        self._n_parts += 1
+        self._write_part(joined)
         for part in parts:
             part.unlink()
 
     def _parts(self) -> list[Path]:
-        found = sorted((self.folder / PARTS).glob("*.parquet"))
-        for path in found:
-            if not re.fullmatch("[0-9]{1,18}", path.stem):
-                raise Refused(f"{path}: not a part of a campaign: remove it")
-        return found
+        return parts(self.folder)
 
     def _tables(self) -> Iterator[Any]:
         ended = self.folder / PARQUET
         for path in [*([ended] if ended.exists() else []), *self._parts()]:
             yield _read(path, self._schema)
 
+    def _write_part(self, table: Any) -> None:
+        data = _encoded(table)
+        name = f"{self._n_parts:08d}-{_digest(data)}.parquet"
+        whole_file.write(self.folder / PARTS / name, data)
+        self._n_parts += 1
+
     def _write(self, path: Path, table: Any) -> None:
-        from io import BytesIO
-
-        from pyarrow import parquet
-
-        file = BytesIO()
-        parquet.write_table(
-            table, file, compression="zstd", row_group_size=1 << 16, store_schema=True
-        )
-        picture_file.write(path, file.getvalue())
+        whole_file.write(path, _encoded(table), follow=False)
 
     def _table(self, rows: Sequence[Row]) -> Any:
         import pyarrow
@@ -233,6 +229,36 @@ class Store:
             raise Refused(f"{self.folder}: began with {other}: its flights would not be the same")
 
 
+def parts(folder: Path) -> list[Path]:
+    """The parts of a campaign's folder, in the order in which they were written. Raises Refused."""
+    if (folder / PARTS).is_symlink():
+        raise Refused(f"{folder / PARTS}: expected a folder, not a link: remove it")
+    found = sorted((folder / PARTS).glob("*.parquet"))
+    for path in found:
+        if not _PART.fullmatch(path.name):
+            raise Refused(f"{path}: not a part of a campaign: remove it")
+    return found
+
+
+def _encoded(table: Any) -> bytes:
+    """The bytes of a Parquet file. A page that was changed afterwards is not read."""
+    from io import BytesIO
+
+    from pyarrow import parquet
+
+    file = BytesIO()
+    parquet.write_table(
+        table, file, compression="zstd", row_group_size=1 << 16, store_schema=True,
+        write_page_checksum=True,
+    )  # fmt: skip
+    return file.getvalue()
+
+
+def _digest(data: bytes) -> str:
+    """The part of a file's name that tells whether its bytes are those that were written."""
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
 def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
     """Where two fingerprints differ, in words; empty: nowhere."""
     return ", ".join(
@@ -254,7 +280,7 @@ def again(
     """
     try:
         about = json.loads((folder / JSON).read_text(encoding="utf-8"))
-        source, name = Path(about["source"]), str(about["name"])
+        source, name = Path(about["source"]), _plain_name(about["name"])
         # older folders keep the number of flights alone
         changes = Changes(**about.get("changes", {"flights": about["flights"]}))
         changes = replace(changes, set=dict(changes.set), metrics=metrics or tuple(changes.metrics))
@@ -284,11 +310,26 @@ def again(
     return campaign
 
 
+def _plain_name(name: object) -> str:
+    """The name of a campaign. Raises ValueError for one that leads to another folder."""
+    if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
+        raise ValueError(f"name: expected the name of a file without a folder, got {name!r}")
+    return name
+
+
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """While one process flies a campaign in a folder, no other does. Raises Refused, OSError."""
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / LOCK).open("w") as file:
+    # a link in a stranger's folder would have another file emptied
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+    try:
+        descriptor = os.open(folder / LOCK, flags, 0o644)
+    except OSError as error:
+        if (folder / LOCK).is_symlink():
+            raise Refused(f"{folder / LOCK}: expected a file, not a link: remove it") from error
+        raise
+    with os.fdopen(descriptor, "w") as file:
         try:
             import fcntl
 
@@ -341,11 +382,16 @@ def _fit(value: Any, text: bool) -> Any:
 
 def _read(path: Path, wanted: Any) -> Any:
     """A part of the campaign that a schema is of. Raises Refused for anything else, OSError."""
+    from io import BytesIO
+
     import pyarrow
     from pyarrow import compute, parquet
 
     try:
-        table = parquet.read_table(path)
+        data = path.read_bytes()
+        if (named := _PART.fullmatch(path.name)) and named["digest"] != _digest(data):
+            raise ValueError("they are damaged")
+        table = parquet.read_table(BytesIO(data), page_checksum_verification=True)
         if _identity(table.schema) != _identity(wanted):
             raise ValueError("they are of another campaign")
         table = table.select(wanted.names).cast(wanted).replace_schema_metadata(wanted.metadata)
@@ -374,7 +420,7 @@ def row(campaign: Campaign, folder: Path, number: int, law: str) -> Mapping[str,
     from pyarrow import compute
 
     wanted = schema(campaign)
-    for path in (folder / PARQUET, *sorted((folder / PARTS).glob("*.parquet"))):
+    for path in (folder / PARQUET, *parts(folder)):
         if path.exists():
             table = _read(path, wanted)
             is_it = compute.and_(

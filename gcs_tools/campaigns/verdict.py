@@ -6,12 +6,12 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
 
+from fcu.interface import whole_file
 from gcs_tools.campaigns.analysis import Analysis
 from gcs_tools.campaigns.campaign_file import MOST_FLIGHTS, Campaign
 from gcs_tools.campaigns.statistics import at_least
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.junit_report import Case
-from gcs_tools.pictures import picture_file
 
 
 @dataclass(frozen=True)
@@ -98,4 +98,4 @@ def junit(
         for law in campaign.labels
     ]
     text = junit_report.document("gcs campaign", cases, seconds)
-    picture_file.write(path, text.encode())
+    whole_file.write(path, text.encode())

@@ -304,9 +304,9 @@ def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
 
 
 def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began: float) -> int:
+    from fcu.interface import whole_file
     from gcs_tools.campaigns import analysis as analyse
     from gcs_tools.campaigns.verdict import verdict
-    from gcs_tools.pictures import picture_file
 
     table = analyse.read(path)
     found = analyse.analysis(of, table)
@@ -328,11 +328,12 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
         **found.plain(),
     }  # fmt: skip
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
-    picture_file.write(out / RESULT, text.encode())
+    whole_file.write(out / RESULT, text.encode(), follow=False)
     if asked.report:
         from gcs_tools.campaigns.report import report
 
-        picture_file.write(out / REPORT, report(of, found, shown, table, out).encode())
+        page = report(of, found, shown, table, out).encode()
+        whole_file.write(out / REPORT, page, follow=False)
     _junit(asked, of, found, kept.first_error if kept.worst_exit else "", began)
     if asked.as_json:
         print_json(content)
@@ -347,17 +348,18 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
 
 
 def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: Path) -> int:
+    from fcu.interface import whole_file
     from gcs_tools.campaigns.report import rare_report
-    from gcs_tools.pictures import picture_file
 
     content = {
         "campaign": of.name, "title": of.document.title, "folder": str(out),
         "exit_code": kept.worst_exit, "error": kept.first_error or None, **found.plain(),
     }  # fmt: skip
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
-    picture_file.write(out / RESULT, text.encode())
+    whole_file.write(out / RESULT, text.encode(), follow=False)
     if asked.report:
-        picture_file.write(out / REPORT, rare_report(of, found, out).encode())
+        page = rare_report(of, found, out).encode()
+        whole_file.write(out / REPORT, page, follow=False)
     if asked.as_json:
         print_json(content)
     else:

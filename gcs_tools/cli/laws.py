@@ -77,13 +77,13 @@ def compare_laws(asked: Asked) -> int:
 
 def _write(found: Comparison, asked: Asked, log: Console) -> None:
     """The files that were asked for. Raises OSError."""
+    from fcu.interface import whole_file
     from gcs_tools.campaigns import results
-    from gcs_tools.pictures import picture_file
 
     if asked.out is not None:
-        picture_file.write(asked.out / results.JSON, results.as_json(found).encode())
+        whole_file.write(asked.out / results.JSON, results.as_json(found).encode())
         if results.with_parquet():
-            picture_file.write(asked.out / results.PARQUET, results.as_parquet(found))
+            whole_file.write(asked.out / results.PARQUET, results.as_parquet(found))
         else:
             log.print(NO_PARQUET)
         _draw(found, asked.out / PICTURE)
@@ -301,11 +301,11 @@ def _share(interval: Interval) -> str:
 
 
 def _draw(found: Comparison, path: Path) -> None:
-    from gcs_tools.pictures import picture_file
+    from fcu.interface import whole_file
     from gcs_tools.pictures.plot.laws import draw
 
     kind = path.suffix.lower().removeprefix(".")
-    picture_file.write(path, draw([_mark(cell) for cell in found.summary.cells], kind))
+    whole_file.write(path, draw([_mark(cell) for cell in found.summary.cells], kind))
 
 
 def _mark(cell: Cell) -> Mark:

@@ -103,13 +103,13 @@ def _draw(readings: Readings, svg: Path) -> None:
 
     from rich.console import Console
 
-    from gcs_tools.pictures import picture_file
+    from fcu.interface import whole_file
     from gcs_tools.pictures.monitor.screen import screen
 
     canvas = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO(), highlight=False)
     canvas.print(screen(readings, WIDTH, HEIGHT), height=HEIGHT)
     try:
-        picture_file.write(svg, canvas.export_svg(title="gcs monitor").encode())
+        whole_file.write(svg, canvas.export_svg(title="gcs monitor").encode())
     except OSError as error:
         raise Failure(f"{svg}: {error.strerror}", USAGE) from error
 

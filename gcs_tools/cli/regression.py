@@ -25,10 +25,10 @@ def compare_with_baseline(
     compared: tuple[str, ...], exact: bool, tolerance: float, junit: Path | None, as_json: bool
 ) -> int:
     """Judge the flights below RUN by those below BASELINE. Raises Failure."""
+    from fcu.interface import whole_file
     from gcs_tools.campaigns.regression import RegressionError, held_against
     from gcs_tools.judging import junit_report
     from gcs_tools.judging.comparison import CompareError, all_flown, below
-    from gcs_tools.pictures import picture_file
 
     if len(compared) != 2:
         raise click.UsageError("expected RUN and BASELINE: two runs, or two folders with runs")
@@ -40,7 +40,7 @@ def compare_with_baseline(
     if junit is not None:
         text = junit_report.document("gcs compare", [each.case() for each in held])
         try:
-            picture_file.write(junit, text.encode())
+            whole_file.write(junit, text.encode())
         except OSError as error:
             raise Failure(f"{junit}: {error.strerror}", USAGE) from error
     if as_json:

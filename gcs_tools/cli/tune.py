@@ -44,11 +44,11 @@ def tune(
     tracking error over training flights. The gains that are best in validation flights are written to
     a file that `gcs compare --gains` takes, and whose [law] a mission may have.
     """
+    from fcu.interface import whole_file
     from fcu.laws.loader import LawError
     from gcs_tools.campaigns import gains_file, procedure, tuning
     from gcs_tools.campaigns.entrant import EntrantError, entrant, warm_up
     from gcs_tools.missions.mission import MissionError, load
-    from gcs_tools.pictures import picture_file
 
     try:
         how = procedure.read(followed or procedure.SHIPPED)
@@ -64,7 +64,7 @@ def tune(
         raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
     text = gains_file.text(asked, found, how)
     try:
-        picture_file.write(path, text.encode())
+        whole_file.write(path, text.encode())
     except OSError as error:  # what took so long is not lost
         if as_json:
             print_json(_json(found, path))

@@ -127,7 +127,8 @@ def test_a_part_that_was_joined_and_not_yet_removed_counts_once(make, tmp_path):
     ending = Ending.of(campaign, kept)
     run(campaign, kept, Fake(invented), ending)
     (part,) = (tmp_path / "two" / "parts").iterdir()
-    part.with_name("00000007.parquet").write_bytes(part.read_bytes())
+    again = part.name.replace("00000000-", "00000007-")
+    part.with_name(again).write_bytes(part.read_bytes())
     assert kept.finish(ending.n).read_bytes() == whole
 
 
@@ -231,7 +232,7 @@ def test_a_full_disk_loses_nothing_that_was_written(make, tmp_path, monkeypatch)
     campaign = make("flights = 100")
     kept = Store(tmp_path / "out", campaign, HERE)
     whole = finished(campaign, tmp_path / "whole", Fake(invented))
-    write, left = stores.picture_file.write, 3
+    write, left = stores.whole_file.write, 3
 
     def full(path, data):
         nonlocal left
@@ -241,10 +242,10 @@ def test_a_full_disk_loses_nothing_that_was_written(make, tmp_path, monkeypatch)
         write(path, data)
 
     monkeypatch.setattr(stores, "PART_S", 0.0)
-    monkeypatch.setattr(stores.picture_file, "write", full)
+    monkeypatch.setattr(stores.whole_file, "write", full)
     with pytest.raises(OSError, match="No space left"):
         run(campaign, kept, Fake(invented, workers=1), Ending.of(campaign, kept))
-    monkeypatch.setattr(stores.picture_file, "write", write)
+    monkeypatch.setattr(stores.whole_file, "write", write)
     assert Store(tmp_path / "out", campaign, HERE).flown == 72
     assert finished(campaign, tmp_path / "out", Fake(invented)) == whole
 

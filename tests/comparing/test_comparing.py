@@ -288,7 +288,7 @@ def never(path, *_):
 @pytest.mark.slow
 def test_what_a_full_disk_takes_is_shown(tmp_path, cascade, hover, short, monkeypatch):
     out = tmp_path / "new" / "gains.toml"
-    monkeypatch.setattr("gcs_tools.pictures.picture_file.write", never)
+    monkeypatch.setattr("fcu.interface.whole_file.write", never)
     done = gcs("tune", cascade, "--procedure", short, "--out", out)
     assert done.exit_code == 2
     assert f"{out}: No space left on device" in done.stderr.replace("\n", "")

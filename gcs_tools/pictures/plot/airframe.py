@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fcu.interface import whole_file
 from gcs_tools.judging.airframe_check import AirframeCheck, Rotor
-from gcs_tools.pictures import picture_file
 from gcs_tools.pictures.plot import style
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def save(found: AirframeCheck, path: Path) -> None:
         figure.savefig(
             picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
         )
-    picture_file.write(path, picture.getvalue())
+    whole_file.write(path, picture.getvalue())
 
 
 def _radius(rotors: tuple[Rotor, ...]) -> float:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fcu.interface import whole_file
 from fcu.kernel.algebra import Vec3
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Envelope, step, terms, way
 from gcs_tools.missions.asked import foreseen, legs
 from gcs_tools.missions.mission import Mission
-from gcs_tools.pictures import picture_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def save(mission: Mission, found: Envelope, path: Path) -> None:
     figure.savefig(
         picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
     )
-    picture_file.write(path, picture.getvalue())
+    whole_file.write(path, picture.getvalue())
 
 
 def _draw_way(axes: Axes, mission: Mission, found: Envelope) -> None:

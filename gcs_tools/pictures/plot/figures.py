@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gcs_tools.pictures import picture_file
+from fcu.interface import whole_file
 from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
 from gcs_tools.pictures.plot import overview as flight
 from gcs_tools.pictures.plot.numbers import Numbers
@@ -94,5 +94,5 @@ def save(
         which.draw(figure, window, found)
         picture = BytesIO()
         figure.savefig(picture, format=kind, dpi=DPI)
-    picture_file.write(path, picture.getvalue())
+    whole_file.write(path, picture.getvalue())
     return found

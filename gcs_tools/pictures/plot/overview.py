@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fcu.interface import whole_file
 from gcs_tools.judging.metrics import EngagedTicks
-from gcs_tools.pictures import picture_file
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.plot.numbers import Numbers, length, percent, rms, said
 from gcs_tools.pictures.plot.style import (
@@ -190,4 +190,4 @@ def flight_figure(
         _overview(figure, flight, flown.settle_from_s, title)
         picture = BytesIO()
         figure.savefig(picture, format="png", dpi=110)
-    picture_file.write(path, picture.getvalue())
+    whole_file.write(path, picture.getvalue())

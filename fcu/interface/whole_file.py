@@ -1,4 +1,4 @@
-"""A picture on file: whole, or not at all."""
+"""Files that are written whole, or not at all."""
 
 from __future__ import annotations
 
@@ -6,20 +6,23 @@ import os
 from pathlib import Path
 
 
-def write(path: Path, picture: bytes) -> None:
-    """Put a picture at `path`; on a full disk what was there before stays, and nothing else.
+def write(path: Path, data: bytes, follow: bool = True) -> None:
+    """Put bytes at `path`. On a full disk what was there before stays, and nothing else.
+
+    follow : replace the file that a link points to. Otherwise replace the link: in a folder that somebody
+        else may have made, a link could lead anywhere.
 
     Raises OSError, which names the file.
     """
-    target = path.resolve()  # what a link points to is replaced, not the link
+    target = path.resolve() if follow else path.parent.resolve() / path.name
     part = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         if target.exists() and not target.is_file():
-            target.write_bytes(picture)  # a device cannot be replaced
+            target.write_bytes(data)  # a device cannot be replaced
             return
         try:
             with part.open("xb") as file:
-                file.write(picture)
+                file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(part, target)

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from gcs_tools.pictures import picture_file
+from fcu.interface import whole_file
 
 
 @pytest.fixture
@@ -21,19 +21,19 @@ def small_disk():
 
 def test_of_a_full_disk_there_is_no_part_of_a_picture(tmp_path, small_disk):
     with pytest.raises(OSError, match=r"x\.png"):
-        picture_file.write(tmp_path / "x.png", b"x" * 2000)
+        whole_file.write(tmp_path / "x.png", b"x" * 2000)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_of_a_full_disk_the_picture_before_stays(tmp_path, small_disk):
     (tmp_path / "x.png").write_bytes(b"before")
     with pytest.raises(OSError, match=r"x\.png"):
-        picture_file.write(tmp_path / "x.png", b"x" * 2000)
+        whole_file.write(tmp_path / "x.png", b"x" * 2000)
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("x.png", b"before")]
 
 
 def test_a_picture_is_written_through_a_link(tmp_path):
     (tmp_path / "link.png").symlink_to("x.png")
-    picture_file.write(tmp_path / "link.png", b"picture")
+    whole_file.write(tmp_path / "link.png", b"picture")
     assert os.readlink(tmp_path / "link.png") == "x.png"
     assert (tmp_path / "x.png").read_bytes() == b"picture"
