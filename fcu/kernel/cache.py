@@ -35,7 +35,7 @@ else:
     _missing = None
 
 _SUFFIX, _INNER = ".kernel", ".inner"  # called from Python, by other kernels
-_START = b"m-mrac kernel 1\n"
+_START = b"m-mrac kernel 2\n"
 _DIGEST = hashlib.sha256().digest_size
 _LENGTH = 8  # of the length of what comes first, bytes
 _NO_CODE = ll.parse_assembly("").as_bitcode()
@@ -103,9 +103,8 @@ class Folder:
             _tell(f"{path}: {error.strerror or error}; compiling it anew")
             return None
         head = len(_START) + _DIGEST
-        digest = hashlib.sha256(name.encode())
-        digest.update(memoryview(data)[head:])
-        if data[: len(_START)] != _START or data[len(_START) : head] != digest.digest():
+        expected = self._digest(name, memoryview(data)[head:])
+        if data[: len(_START)] != _START or data[len(_START) : head] != expected:
             self.damaged(name)
             return None
         if not self._used:
@@ -123,10 +122,11 @@ class Folder:
         """Keep `data` under `name`: all of it, or nothing. Once that has failed it is not tried again."""
         if not self._writable or not self._is_ours():
             return
-        digest = hashlib.sha256(name.encode() + data).digest()
+        digest = self._digest(name, data)
         try:
             if not self.path.is_dir():
-                self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+                for path in (self.path.parent, self.path):
+                    path.mkdir(mode=0o700, parents=True, exist_ok=True)
                 _clean(self.path.parent)
             file, made = tempfile.mkstemp(prefix=".new-", dir=self.path)
             try:
@@ -142,14 +142,21 @@ class Folder:
                 f"{self.path}: {error.strerror or error}: compiled code is not kept for the next start"
             )
 
+    def _digest(self, name: str, data: bytes | memoryview) -> bytes:
+        """The digest of a file: of its folder, too, whose name is the version that it was compiled by."""
+        digest = hashlib.sha256(f"{self.path.name}/{name}\n".encode())
+        digest.update(data)
+        return digest.digest()
+
     def _is_ours(self) -> bool:
         """Whether nobody else can have written here. What is not there yet is ours."""
         if self._checked is None:
             try:
-                status = os.stat(self.path)
+                here, above = os.stat(self.path), os.stat(self.path.parent)
             except OSError:
                 return True
-            self._checked = _is_own(status)
+            # whoever may write above may put another folder in its place
+            self._checked = _is_own(here) and _is_own(above)
             if not self._checked:
                 _tell(
                     f"{self.path}: belongs to another user, or others may write there: not used, so"

@@ -46,7 +46,7 @@ from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
-from gcs_tools.missions.fields import Table, optional, wrong
+from gcs_tools.missions.fields import Table, one_line, optional, wrong
 from gcs_tools.missions.mission import (
     Mission,
     MissionError,
@@ -133,7 +133,7 @@ class LawEntry(Table):
 class Document(Table):
     """A campaign: one mission flown many times with its uncertain values sampled."""
 
-    title: str
+    title: Annotated[str, AfterValidator(one_line)]
     mission: str = Field(description="a shipped one's name, or a file (relative to this one)")
     airframe: str | None = optional("in place of the mission's own; a name, or a file")
     laws: (

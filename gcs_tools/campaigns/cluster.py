@@ -167,6 +167,11 @@ def cluster(address: str, ours: Mapping[str, str], wait_s: float, note: Note) ->
         client = Client(address, timeout=CONNECT_S, set_as_default=False, name="gcs-campaign")
     except (OSError, ValueError) as error:
         raise RunningError(f"--scheduler {address}: no scheduler answers ({error})") from error
+    except (TypeError, RuntimeError) as error:  # TLS without certificates
+        raise RunningError(
+            f"--scheduler {address}: {str(error).splitlines()[0]} (Dask's own settings name the"
+            " certificates: docs/campaigns.md)"
+        ) from error
     try:
         yield Cluster(client, ours, wait_s, note)
     finally:

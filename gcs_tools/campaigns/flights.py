@@ -129,16 +129,21 @@ def flown(
 
 
 def fly(
-    asked: Sequence[Asked[Found]], keep: Keep = EVERYTHING, in_all: float | None = None
-) -> list[Found]:
+    asked: Sequence[Asked[Found]], keep: Keep = EVERYTHING, in_all: float | None = None,
+    on_error: Callable[[LawError], Found] | None = None,
+) -> list[Found]:  # fmt: skip
     """What is found in each of the flights, on this thread; rows are dropped once they are looked at.
 
-    in_all : how many flights these are some of (`several.fly`).  Raises LawError.
+    in_all : how many flights these are some of (`several.fly`).
+    on_error : what is found in a flight whose law raises. Default: raise its LawError.
     """
     scenes, found = [one.scene for one in asked], dict[int, Found]()
     for i, flight in several.each(scenes, keep, in_all=in_all):
         if isinstance(flight, LawError):
-            raise flight
+            if on_error is None:
+                raise flight
+            found[i] = on_error(flight)
+            continue
         plant, law = several.tables(scenes[i], flight, keep)
         found[i] = asked[i].look(Flight(scenes[i], plant, law, flight.ticks, flight.ended))
     return [found[i] for i in range(len(asked))]

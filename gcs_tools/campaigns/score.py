@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcu.laws.loader import LawError
 from gcs_tools.campaigns import flights
 from gcs_tools.campaigns.flights import Asked, Flight
 from gcs_tools.campaigns.procedure import Objective
@@ -30,13 +31,15 @@ KEPT = Keep(  # what is looked at
     law=("t", "engaged", "command", "outputs"),
 )
 REFUSED = "refused"  # a vehicle would not arm with these gains
+RAISED = "raised: "  # and then what its law raised
 _SATURATED = tuple(f"outputs.saturation.{of}" for of in ("thrust", "tilt", "torque", "yaw"))
 
 
 class Score(NamedTuple):
     """What is kept of a flight. Of one that was lost only why: the rest is not a number."""
 
-    lost: str  # crashed, diverged, not finite, far, refused; empty if it was not
+    # crashed, diverged, not finite, far, refused, or what its law raised; empty if it was not
+    lost: str
     error_m: float  # RMS distance to the setpoint, after the transient
     error_all_m: float  # the same of the whole flight
     error_max_m: float  # the greatest, after the transient
@@ -57,6 +60,11 @@ def lost(why: str) -> Score:
     return Score(why, *[math.nan] * len(NAMES))
 
 
+def _raised(error: LawError) -> Score:
+    """A flight whose law raised is lost, and no other is."""
+    return lost(f"{RAISED}{error}".partition("\n")[0])
+
+
 def window(mission: Mission) -> tuple[float, float | None]:
     """From when to when (s; None: to the end) the error counts."""
     own = mission.expectations().get(ERROR)
@@ -66,7 +74,7 @@ def window(mission: Mission) -> tuple[float, float | None]:
 
 
 def fly(scene: Scenario, mission: Mission, far_m: float) -> Score:
-    """Fly a scene and score it. Raises LawError.
+    """Fly a scene and score it.
 
     far_m : from the setpoint at the end, at which it counts as lost.
     """
@@ -76,7 +84,7 @@ def fly(scene: Scenario, mission: Mission, far_m: float) -> Score:
 def fly_several(
     of: Sequence[tuple[Scenario, Mission]], far_m: float, in_all: float | None = None
 ) -> list[Score]:
-    """The same of several flights, side by side where that can be (`many.flights.fly`).
+    """The same of several flights, side by side where that can be (`flights.fly`).
 
     in_all : how many flights these are some of; default: there are no others.
     """
@@ -85,7 +93,7 @@ def fly_several(
         for scene, mission in of
         if not scene.unstable
     ]
-    found = iter(flights.fly(allowed, KEPT, in_all))
+    found = iter(flights.fly(allowed, KEPT, in_all, _raised))
     known = {id(each.scene) for each in allowed}
     return [next(found) if id(scene) in known else lost(REFUSED) for scene, _ in of]
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 NEEDED = ("pyarrow", "scipy")
 LINE_S = 10.0  # wall: between two lines off a terminal about how far a campaign is
 RESULT, REPORT = "result.json", "report.html"
-ADDRESS = re.compile(r"[a-z]+://[^\s/]+:[0-9]{1,5}")  # of a scheduler
+ADDRESS = re.compile(r"(tcp|tls)://[^\s/]+:[0-9]{1,5}")  # of a scheduler
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,9 @@ def _flown(asked: Asked, log: Console) -> int:
 
     began = time.monotonic()
     if asked.scheduler is not None and not ADDRESS.fullmatch(asked.scheduler):
-        raise Failure(f"--scheduler {asked.scheduler}: expected tcp://HOST:PORT", USAGE)
+        raise Failure(
+            f"--scheduler {asked.scheduler}: expected tcp://HOST:PORT or tls://HOST:PORT", USAGE
+        )
     folder = Path(asked.name)
     if refly.is_campaign(asked.name):
         fixed = {
@@ -332,8 +334,8 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
     if asked.report:
         from gcs_tools.campaigns.report import report
 
-        page = report(of, found, shown, table, out).encode()
-        whole_file.write(out / REPORT, page, follow=False)
+        html = report(of, found, shown, table, out).encode()
+        whole_file.write(out / REPORT, html, follow=False)
     _junit(asked, of, found, kept.first_error if kept.worst_exit else "", began)
     if asked.as_json:
         print_json(content)
@@ -358,8 +360,8 @@ def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: P
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
     whole_file.write(out / RESULT, text.encode(), follow=False)
     if asked.report:
-        page = rare_report(of, found, out).encode()
-        whole_file.write(out / REPORT, page, follow=False)
+        html = rare_report(of, found, out).encode()
+        whole_file.write(out / REPORT, html, follow=False)
     if asked.as_json:
         print_json(content)
     else:

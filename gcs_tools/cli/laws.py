@@ -49,6 +49,7 @@ def compare_laws(asked: Asked) -> int:
     from gcs_tools.campaigns.entrant import EntrantError
     from gcs_tools.campaigns.gains_file import GainsError
     from gcs_tools.campaigns.procedure import ProcedureError
+    from gcs_tools.campaigns.score import RAISED
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.missions.mission import MissionError
 
@@ -72,6 +73,15 @@ def compare_laws(asked: Asked) -> int:
     for path in (asked.out, asked.figure):
         if path is not None and not asked.as_json:
             print_line(f"{path}")
+    raised = [row for row in found.rows if row.score.lost.startswith(RAISED)]
+    if raised:
+        law, first = raised[0].law, raised[0]
+        of = sum(row.law == law for row in found.rows)
+        raise Failure(
+            f"{law} in {first.mission} with seed {first.seed}: {first.score.lost}; in"
+            f" {sum(row.law == law for row in raised)} of its {of} flights, which count as lost",
+            USAGE,
+        )
     return OK
 
 

@@ -40,6 +40,13 @@ def because(key: tuple[str | int, ...], why: str) -> PydanticCustomError:
     return PydanticCustomError("because", "{why}", {"key": key, "why": why})
 
 
+def one_line(text: str) -> str:
+    """Check a text that terminals show: one line, without control characters. Raises a PydanticCustomError."""
+    if not text.isprintable():
+        raise wrong((), "one line of text without control characters", text)
+    return text
+
+
 def _whole(value: Any) -> Any:
     """500.0 as 500: a rate on a command line is a float."""
     return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -257,7 +257,7 @@ Expect: type[Table] = create_model(
 
 
 def _sentence(text: str) -> str:
-    if not (text[:1].isupper() and text.endswith(".") and "\n" not in text):
+    if not (text[:1].isupper() and text.endswith(".") and text.isprintable()):
         raise wrong((), "a sentence on one line: a capital first, a full stop last", text)
     return text
 

@@ -274,12 +274,21 @@ def test_json_of_flights_that_cannot_be_flown_is_one_object(tmp_path):
     assert told["error"] in done.stderr
 
 
-def test_an_address_that_is_none_is_refused_before_anything_is_made(flown, tmp_path):
+@pytest.mark.parametrize("address", ["nonsense", "http://127.0.0.1:8786", "tcp://127.0.0.1"])
+def test_an_address_that_is_none_is_refused_before_anything_is_made(flown, tmp_path, address):
     file, _, _ = flown
-    found = gcs("campaign", file, "--out", tmp_path / "out", "--scheduler", "nonsense")
+    found = gcs("campaign", file, "--out", tmp_path / "out", "--scheduler", address)
     assert found.exit_code == 2
     assert "expected tcp://HOST:PORT" in found.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_scheduler_by_tls_without_certificates_is_a_sentence(flown, tmp_path):
+    file, _, _ = flown
+    found = gcs("campaign", file, "--out", tmp_path / "out", "--scheduler", "tls://127.0.0.1:1")
+    assert found.exit_code == 3
+    assert "certificates" in found.stderr
+    assert "Traceback" not in found.stderr
 
 
 def test_the_report_needs_nothing_else(flown):

@@ -18,7 +18,7 @@ FLIPS = 300
 
 
 def interrupted(campaign, out):
-    """A folder with a part, as an interruption leaves it; the part."""
+    """The part in a folder that an interruption has left."""
     kept = Store(out, campaign, HERE)
     run(campaign, kept, Fake(invented), Ending.of(campaign, kept))
     (part,) = (out / PARTS).iterdir()

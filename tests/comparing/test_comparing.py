@@ -192,16 +192,25 @@ def test_tuning_says_what_it_will_do_and_when_nothing_flew(tmp_path, cascade, sh
     assert (done.exit_code, "expected a file" in done.stderr) == (2, True)
 
 
-def test_a_law_that_raises_ends_the_comparison_with_a_sentence(tmp_path, cascade, hover):
+def test_a_law_that_raises_loses_that_flight_alone(tmp_path, cascade, hover):
     with open(cascade) as file:
         text = file.read()
     assert RAISES in text
-    raises = RAISES + '    if measured.r_E.x > 0.1:\n        raise ValueError("too far east")\n'
+    raises = RAISES + '    if measured.r_E.z > 0.1:\n        raise ValueError("too high")\n'
     (tmp_path / "raises.py").write_text(text.replace(RAISES, raises))
-    done = gcs("compare", tmp_path / "raises.py", "--missions", hover, "--seeds", 1)
+    low = tmp_path / "low.toml"
+    low.write_text(hover.read_text().replace("0.2]", "0.0]").replace("A hover", "Low"))
+    done = gcs(
+        "compare", tmp_path / "raises.py", "--missions", f"{low},{hover}", "--seeds", "0..0",
+        "--json",
+    )  # fmt: skip
     assert done.exit_code == 2
-    assert done.stderr.count("\n") <= 2
-    assert "raise" in done.stderr and "Traceback" not in done.stderr
+    found = {each["mission"]: each for each in json.loads(done.stdout)["flights"]}
+    assert found["low"]["why_lost"] == ""
+    assert found["hover"]["why_lost"].startswith("raised: ")
+    last = done.stderr.splitlines()[-1]
+    assert all(part in last for part in ("raises in hover with seed 0", "1 of its 2 flights"))
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(

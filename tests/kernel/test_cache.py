@@ -317,3 +317,24 @@ def test_a_flight_from_damaged_code_is_the_same(tmp_path: Path) -> None:
         path.write_bytes(_flip(path.read_bytes(), 100_000))
     assert flown("damaged", str(tmp_path / "cache")) == (whole, len(kernels))
     assert flown("mended", str(tmp_path / "cache")) == (whole, 0)
+
+
+def test_code_of_another_version_is_compiled_anew_whatever_its_folder_is_called(
+    folder: cache.Folder,
+) -> None:
+    _started(first, folder)(3.0, 4.0)
+    assert _is_loaded(first, folder)
+    renamed = folder.path.with_name("fedcba9876543210")
+    folder.path.rename(renamed)
+    assert not _is_loaded(first, cache.Folder(renamed))
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707])
+def test_nothing_is_used_where_others_may_exchange_the_folder(
+    folder: cache.Folder, mode: int
+) -> None:
+    _started(first, folder)(3.0, 4.0)
+    folder.path.parent.chmod(mode)
+    assert not _is_loaded(first, folder)
+    folder.path.parent.chmod(0o700)
+    assert _is_loaded(first, folder)

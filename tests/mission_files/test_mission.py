@@ -122,6 +122,7 @@ REFUSED = [
     ("[expect]", "ended = 'no'\n[expect]", 14, "[plant] ended: no such key"),
     ("[expect]", "[expct]", 14, "[expct]: no such key (did you mean expect?)"),
     ('"A hover."', '"a hover"', 1, "title: expected a sentence on one line"),
+    ('"A hover."', '"A \\u001b[31mhover."', 1, "title: expected a sentence on one line"),
     ("[wind]", "[wind", 10, "Expected ']' at the end of a table declaration"),
 ]  # fmt: skip
 
