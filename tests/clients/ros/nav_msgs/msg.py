@@ -1,0 +1,3 @@
+"""Messages of nav_msgs."""
+
+from message_types import Odometry  # noqa: F401

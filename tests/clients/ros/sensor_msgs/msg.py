@@ -1,0 +1,3 @@
+"""Messages of sensor_msgs."""
+
+from message_types import BatteryState, Imu, NavSatFix, NavSatStatus  # noqa: F401

@@ -1,0 +1,1 @@
+"""The stand-in for ROS: a package of messages."""

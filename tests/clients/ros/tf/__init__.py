@@ -1,0 +1,3 @@
+"""The stand-in for ROS' tf: its rotations."""
+
+from . import transformations  # noqa: F401
