@@ -92,6 +92,7 @@ Setpoint = Annotated[
 
 
 AFTER_SCRIPT_S = 30.0  # of simulation time, if a mission does not say
+SCRIPT_ARENA_M = 1000.0  # if a mission with a script does not say
 _PACE = re.compile(r"speed:([0-9]+(\.[0-9]+)?)")
 FASTEST = 100.0  # pace of a script
 HELD = "held"  # pace of a script: time stands until it has answered
@@ -113,7 +114,10 @@ class Flight(Table):
     seed: Annotated[int, Field(ge=0, lt=2**53)] = Field(1, description="of the noise")
     start: Start = Start()
     ground_z_m: Coordinate = Field(-10.0, description="height of the ground, m")
-    arena_m: Positive = Field(100.0, description="farther from the start the flight has diverged")
+    arena_m: Positive = Field(
+        100.0,
+        description=f"farther from the start the flight has diverged; left out, of a script: {SCRIPT_ARENA_M:g}",
+    )
     setpoints: Annotated[tuple[Setpoint, ...], Field(strict=False)] = Field(
         (), description="positions over time, the first at 0; or curve, items or script"
     )
@@ -136,6 +140,14 @@ class Flight(Table):
         20, description="rate at which a moving setpoint is sent"
     )
     arrive: Arrive | None = optional("when to end before duration_s")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _wide_for_a_script(cls, given: Any) -> Any:
+        """A script says where it flies as it flies: a place on the map may be far."""
+        if isinstance(given, dict) and given.get("script") is not None:
+            return {"arena_m": SCRIPT_ARENA_M, **given}
+        return given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

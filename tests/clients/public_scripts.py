@@ -195,7 +195,6 @@ class Runner:
 [flight]
 duration_s = {script.for_s}
 ground_z_m = {-10.0 if script.air else 0.0}
-arena_m = 1000.0
 {start}
 script = {command}
 pace = "{self._pace}"
@@ -215,6 +214,8 @@ after_script_s = {150.0 if script.lands else 8.0}
         level_m = float(np.linalg.norm((r_E - r_E[0])[:, :2], axis=1).max())
         said = (run / "script.log").read_text(errors="replace")
         ended, code = told["ended"], (told["script"] or {}).get("exit_code")
+        if not len(recording.plant) or not len(recording.fcu):
+            return Flown(NOT, "", script.wants or "it ended before the first tick", self._at)
         rests = recording.plant["on_ground"][-1] > 0.5 and not recording.fcu["engaged"][-1] > 0.0
         landed = bool(rests and away_m > 0.3)
         did = []

@@ -52,6 +52,19 @@ def test_a_shipped_mission_loads_by_name_and_names_its_schema(name):
     assert first == f"#:schema {mission_schema.NAME}"
 
 
+@pytest.mark.parametrize(
+    ("flight", "arena_m"),
+    [
+        ('script = "true"', 1000.0),
+        ('script = "true"\narena_m = 50.0', 50.0),
+        ("setpoints = [[0.0, 0.0, 0.0, 0.0]]", 100.0),
+    ],
+)
+def test_a_script_may_fly_farther(write, flight, arena_m):
+    mission = load(write(f'title = "A flight."\n[flight]\nduration_s = 20.0\n{flight}\n'))
+    assert mission.flight.arena_m == arena_m
+
+
 def test_the_paper_s_missions_are_shipped():
     assert {
         "paper_nominal", "paper_fast", "paper_printed", "paper_printed_fast", "package_drop",
