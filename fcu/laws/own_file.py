@@ -22,7 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fcu.interface import input_file
+from fcu.interface import foreign_code, input_file
 from fcu.kernel import compile
 from fcu.laws import seam
 
@@ -89,9 +89,12 @@ class _Source(Loader):
 
 def imported(name: str, file: Path, shown: Path) -> ModuleType:
     """The module; what goes wrong while it is imported, with the line of the user's at fault."""
+    foreign_code.before_import(file)
     try:
         return importlib.import_module(name)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever it is, it ends the law, and not the program
         ours = [
             frame
             for frame in traceback.extract_tb(error.__traceback__)

@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from fcu.interface.ports import table
+from gcs_tools.cli import guardian
 from gcs_tools.cli.output import is_unread, silence, write_anywhere
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, OK, USAGE
 from gcs_tools.flight import interrupts
@@ -75,12 +76,14 @@ class Program(click.Group):
         try:
             if is_own:
                 interrupts.install()
+                guardian.install()
             code = self._code(*args, **options)
         except KeyboardInterrupt:
             pass  # it came when there was nothing left to interrupt
         finally:
             if is_own:
                 interrupts.ignore()
+                guardian.leave()
         if bus := sys.modules.get("gcs_tools.live.bus"):
             bus.leave(code)  # whatever threads Zenoh still has
         if code == INTERRUPTED:
@@ -106,6 +109,7 @@ class Program(click.Group):
                 click.echo(f"Error: {error.filename}: {error.strerror}", err=True)
                 return USAGE
             click.echo(f"Error: {error.strerror or error}", err=True)
+            guardian.leave()
             os._exit(INFRASTRUCTURE)  # what is still buffered would fail again
         except Exception:
             if not interrupts.is_heard():

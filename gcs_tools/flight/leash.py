@@ -34,8 +34,8 @@ def _prctl(option: int, value: int) -> None:
     ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
 
 
-def _die_with_parent() -> None:
-    """In the command's process, before it begins: also a leash that is killed leaves it not behind."""
+def die_with_parent() -> None:
+    """Let this process be killed when the one that started it has ended, however it ends."""
     _prctl(_DIE_WITH_PARENT, signal.SIGKILL)
 
 
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str]) -> None:
     try:
         process = subprocess.Popen(
             command, cwd=folder, stdin=subprocess.DEVNULL, stdout=sys.stderr, start_new_session=True,
-            preexec_fn=_die_with_parent if LINUX else None,
+            preexec_fn=die_with_parent if LINUX else None,
         )  # fmt: skip
     except OSError as error:
         announce({"ended": "controller", "why": f"it did not begin ({error.strerror})"})
