@@ -92,6 +92,23 @@ def _manual_control(f: Fields, source: Source) -> ManualControl:
     return ManualControl(source, f["target"], x, y, stick("z", 0.0), r)
 
 
+class ChannelsOverride(NamedTuple):
+    """RC_CHANNELS_OVERRIDE: the first four channels of a radio, NaN where there is none."""
+
+    source: Source
+    target_system: int
+    target_component: int
+    channels: tuple[float, float, float, float]  # roll, pitch, throttle, yaw, -1 to 1
+
+
+def _channels_override(f: Fields, source: Source) -> ChannelsOverride:
+    def channel(n: int) -> float:
+        us = f[f"chan{n}_raw"]  # 1000 to 2000; 0: given back to a radio; 65535: left out
+        return math.nan if us in (0, 2**16 - 1) else max(-1.0, min(1.0, (us - 1500) / 500.0))
+
+    return ChannelsOverride(*_from(f, source), (channel(1), channel(2), channel(3), channel(4)))
+
+
 class NotTaken(NamedTuple):
     """A message that asks for what this vehicle does not do: its sender is told so."""
 
@@ -336,7 +353,7 @@ def _extended(kind: str) -> Callable[[Fields, Source], ExtendedParameter]:
 
 
 Message = (
-    Command | ManualControl | NotTaken | GlobalOrigin | SetMode | ParamRequestList | ParamRequestRead | ParamSet
+    Command | ManualControl | ChannelsOverride | NotTaken | GlobalOrigin | SetMode | ParamRequestList | ParamRequestRead | ParamSet
     | StreamRequest | Ping | TimeSync | MissionMessage | FileTransfer | LogRequestList
     | LogRequestData | SerialControl | ExtendedParameter
 )  # fmt: skip
@@ -347,7 +364,7 @@ READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "SET_MODE": _set_mode,
     "SET_GPS_GLOBAL_ORIGIN": _global_origin,
     "SET_ACTUATOR_CONTROL_TARGET": _not_taken("SET_ACTUATOR_CONTROL_TARGET"),
-    "RC_CHANNELS_OVERRIDE": _not_taken("RC_CHANNELS_OVERRIDE"),
+    "RC_CHANNELS_OVERRIDE": _channels_override,
     "PARAM_REQUEST_LIST": _param_request_list,
     "PARAM_REQUEST_READ": _param_request_read,
     "PARAM_SET": _param_set,

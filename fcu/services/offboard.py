@@ -1,4 +1,4 @@
-"""The offboard protocol: a script's setpoints, and sticks, from their arrival to what is flown.
+"""The offboard protocol: a script's setpoints, from their arrival to what is flown.
 
 A setpoint that is flown is echoed to its sender; one that is not, or not as it is, is told of:
 once, not at the stream's rate.
@@ -6,20 +6,15 @@ once, not at the stream's rate.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from fcu.interface.messages import AttitudeRequest, PositionRequest, Setpoint
 from fcu.interface.status_texts import Code, Told
-from fcu.kernel.algebra import Vec3
 from fcu.mavlink.definitions import IGNORE_POSITION, RELATIVE_FRAMES, Severity
 from fcu.mavlink.geodesy import Origin, to_local
-from fcu.mavlink.requests import ManualControl
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage, echo, placed
 from fcu.parameters import Parameters
 from fcu.services.ground_port import GroundPort, Link
-from fcu.vehicle.modes import Mode
-from fcu.vehicle.setpoints import turned
 from fcu.vehicle.state_machine import StateMachine
 
 COMPLAINTS, COMPLAIN_S = 5, 1.0  # about setpoints, each another, in so long by the wall
@@ -121,15 +116,3 @@ class OffboardProtocol:
             self._tell(told, Severity.WARNING)
             return True
         return False
-
-    def sticks(self, message: ManualControl, t_us: int) -> None:
-        """MANUAL_CONTROL in position mode: forward, right, up (half: still) and yaw, -1 to 1."""
-        vehicle, p = self._vehicle, self._params
-        if vehicle.mode is not Mode.POSITION or not vehicle.armed:
-            return
-        ahead, right, up, yaw = (0.0 if n != n else n for n in (message.x, message.y, message.z, message.r))  # fmt: skip
-        speed, climb = p["MPC_XY_CRUISE"], 2.0 * up - 1.0 if message.z == message.z else 0.0
-        v = turned(Vec3(ahead * speed, -right * speed, 0.0), vehicle.pose().psi)
-        vertical = p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"]
-        rate = -yaw * p["MPC_MAN_Y_MAX"] * math.pi / 180.0
-        vehicle.move(Vec3(v.x, v.y, climb * vertical), rate, t_us)

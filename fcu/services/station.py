@@ -21,7 +21,14 @@ from fcu.mavlink.definitions import CommandId, Result, Severity
 from fcu.mavlink.geodesy import Geodetic, Origin
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
-from fcu.mavlink.requests import Command, GlobalOrigin, ManualControl, NotTaken, SetMode
+from fcu.mavlink.requests import (
+    ChannelsOverride,
+    Command,
+    GlobalOrigin,
+    ManualControl,
+    NotTaken,
+    SetMode,
+)
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
 from fcu.mavlink.telemetry import gps_global_origin
 from fcu.parameters import Parameters
@@ -31,6 +38,7 @@ from fcu.services.ground_port import PEERS, GroundPort, Link
 from fcu.services.information import Information
 from fcu.services.offboard import OffboardProtocol
 from fcu.services.parameter_protocol import ParameterProtocol
+from fcu.services.sticks import StickProtocol
 from fcu.services.streams import (
     CURRENT_MODE,
     HOME_POSITION,
@@ -58,12 +66,12 @@ SEVERITIES = {  # of what happens by itself; else INFO
     Code.FAILSAFE_MODE: Severity.CRITICAL,
     Code.FAILSAFE_STOPPED: Severity.CRITICAL,
     Code.OFFBOARD_LOST_STOPPED: Severity.CRITICAL,
+    Code.STICKS_LOST_STOPPED: Severity.CRITICAL,
     Code.RESET: Severity.NOTICE,
     Code.NOT_RESET: Severity.WARNING,
 }
 NOT_TAKEN = {  # messages that ask for what this vehicle does not do
     "SET_ACTUATOR_CONTROL_TARGET": Code.NOT_TAKEN,
-    "RC_CHANNELS_OVERRIDE": Code.NOT_TAKEN,
 }
 
 
@@ -111,6 +119,7 @@ class Station:
             self._commands, self._information.questions, vehicle, self.tell
         )
         self._offboard = OffboardProtocol(vehicle, params, identity.origin, self.tell)
+        self._sticks = StickProtocol(vehicle, self.tell)
         self._home_told = 0
         self._mode_told: Mode | None = None
         self._row: Row = np.zeros(size(params.flown.ticks.Tick))
@@ -224,8 +233,8 @@ class Station:
                     status.of_numbers(*asked), request, status.shown(*asked)
                 )
                 self._protocol.explain(verdict, now)
-            elif isinstance(message, ManualControl):
-                self._offboard.sticks(message, t_us)
+            elif isinstance(message, ManualControl | ChannelsOverride):
+                self._sticks.take(link, message, t_us, now)
             elif isinstance(message, GlobalOrigin):
                 self._set_origin(port, link, message, now)
             elif isinstance(message, NotTaken):

@@ -31,6 +31,10 @@ MODES: dict[Mode, Numbers] = {
     Mode.HOLD: Numbers(main=MainMode.AUTO, sub=AutoMode.LOITER, standard=0, guided=True),
     Mode.TAKEOFF: Numbers(main=MainMode.AUTO, sub=AutoMode.TAKEOFF, standard=8, guided=False),
     Mode.POSITION: Numbers(main=MainMode.POSITION, sub=0, standard=1, guided=False),
+    Mode.ALTITUDE: Numbers(main=MainMode.ALTITUDE, sub=0, standard=4, guided=False),
+    Mode.STABILIZED: Numbers(main=MainMode.STABILIZED, sub=0, standard=0, guided=False),
+    Mode.MANUAL: Numbers(main=MainMode.MANUAL, sub=0, standard=0, guided=False),
+    Mode.ACRO: Numbers(main=MainMode.ACRO, sub=0, standard=0, guided=False),
     Mode.OFFBOARD: Numbers(main=MainMode.OFFBOARD, sub=0, standard=0, guided=True),
     Mode.LAND: Numbers(main=MainMode.AUTO, sub=AutoMode.LAND, standard=7, guided=False),
     Mode.RETURN: Numbers(main=MainMode.AUTO, sub=AutoMode.RETURN, standard=5, guided=False),
@@ -41,10 +45,6 @@ MODES: dict[Mode, Numbers] = {
 
 # PX4's modes that this vehicle does not have, as ground stations show them: main, sub
 OTHERS: dict[tuple[int, int], str] = {
-    (MainMode.MANUAL, 0): "Manual",
-    (MainMode.ALTITUDE, 0): "Altitude",
-    (MainMode.ACRO, 0): "Acro",
-    (MainMode.STABILIZED, 0): "Stabilized",
     (MainMode.AUTO, 0): "Mission",  # as PX4 reads AUTO without a sub mode
     (MainMode.AUTO, AutoMode.READY): "Ready",
     (MainMode.AUTO, AutoMode.MISSION): "Mission",
@@ -52,7 +52,7 @@ OTHERS: dict[tuple[int, int], str] = {
     (MainMode.AUTO, AutoMode.PRECISION_LAND): "Precision Land",
     (MainMode.AUTO, AutoMode.VTOL_TAKEOFF): "VTOL Takeoff",
 }
-OTHER_STANDARD = {3: "Cruise", 4: "Altitude Hold", 6: "Mission"}  # MAV_STANDARD_MODE
+OTHER_STANDARD = {3: "Cruise", 6: "Mission"}  # MAV_STANDARD_MODE
 
 _BY_NUMBERS = {(int(row.main), int(row.sub)): mode for mode, row in MODES.items()}
 _BY_STANDARD = {row.standard: mode for mode, row in MODES.items() if row.standard}

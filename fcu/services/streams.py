@@ -46,7 +46,7 @@ from fcu.process.tick import Internals, State
 from fcu.services.ground_port import GroundPort, Link
 from fcu.services.status import MODES, custom_mode, landed_state, system_status
 from fcu.services.wind import Wind
-from fcu.vehicle.modes import Mode
+from fcu.vehicle.modes import BY_STICKS, Mode
 from fcu.vehicle.state_machine import StateMachine
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -214,6 +214,8 @@ def heartbeat(vehicle: StateMachine, kind: int, autopilot: int) -> Packed:
         flags |= ModeFlag.GUIDED
     if row.main in (MainMode.AUTO, MainMode.OFFBOARD):
         flags |= ModeFlag.AUTO
+    if vehicle.mode in BY_STICKS:
+        flags |= ModeFlag.MANUAL_INPUT
     return tm.heartbeat(
         kind, autopilot, vehicle.armed, int(row.main), int(row.sub), system_status(vehicle), flags
     )

@@ -49,6 +49,7 @@ class Condition(IntEnum):
     BATTERY_EMERGENCY = auto()
     OFFBOARD_LOST = auto()
     PLAN_DUE = auto()  # the next piece of a plan
+    STICKS_LOST = auto()
     POSITION_JUMPED = auto()
     STATE_STUCK = auto()
     PLANT_SILENT = auto()
@@ -127,6 +128,9 @@ _OFFBOARD_LOST = {
     0: Action.POSITION, 3: Action.RETURN, 4: Action.LAND, 5: Action.HOLD, 6: Action.TERMINATE,
     7: Action.DISARM,
 }  # fmt: skip
+_STICKS_LOST = {
+    1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.DISARM,
+}  # fmt: skip
 _CRITICAL = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
 _EMERGENCY = {0: Action.WARN, 2: Action.LAND, 3: Action.LAND}
 
@@ -147,6 +151,10 @@ ROWS: dict[Condition, Row] = {
     Condition.OFFBOARD_LOST: Row(  # its hold time is COM_OF_LOSS_T
         code=Code.OFFBOARD_LOST_MODE, severity="CRITICAL",
         action=By("COM_OBL_RC_ACT", _OFFBOARD_LOST), clears=Clears.CHOSEN,
+    ),
+    Condition.STICKS_LOST: Row(  # the state machine, at steps of modes that sticks fly
+        code=Code.STICKS_LOST_MODE, severity="CRITICAL",
+        action=By("NAV_RCL_ACT", _STICKS_LOST), clears=Clears.CHOSEN,
     ),
     Condition.POSITION_JUMPED: Row(  # position_filter
         code=Code.POSITION_JUMPED, severity="CRITICAL", action=_WARN, clears=Clears.GONE

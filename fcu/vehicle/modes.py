@@ -13,6 +13,10 @@ class Mode(Enum):
     HOLD = "Hold"
     TAKEOFF = "Takeoff"
     POSITION = "Position"
+    ALTITUDE = "Altitude"
+    STABILIZED = "Stabilized"
+    MANUAL = "Manual"
+    ACRO = "Acro"
     OFFBOARD = "Offboard"
     LAND = "Land"
     RETURN = "Return"
@@ -29,6 +33,7 @@ class Need(Enum):
     AIRBORNE = Code.NOT_AIRBORNE
     GROUNDED = Code.NOT_GROUNDED
     SETPOINTS = Code.NO_STREAM
+    STICKS = Code.NO_STICKS
 
 
 class Event(Enum):
@@ -41,10 +46,18 @@ class Event(Enum):
 
 _ALOFT = (Need.STATE, Need.ARMED, Need.AIRBORNE)
 
+# Modes that sticks fly. The last three give their thrust, and hold no height.
+BY_STICKS = (Mode.POSITION, Mode.ALTITUDE, Mode.STABILIZED, Mode.MANUAL, Mode.ACRO)
+BY_THRUST = (Mode.STABILIZED, Mode.MANUAL, Mode.ACRO)
+
 NEEDS: dict[Mode, tuple[Need, ...]] = {
     Mode.HOLD: (),
     Mode.TAKEOFF: (Need.STATE, Need.GROUNDED),  # disarmed: it takes off once it is armed
-    Mode.POSITION: (),
+    Mode.POSITION: (),  # holds without sticks
+    Mode.ALTITUDE: (Need.STICKS,),
+    Mode.STABILIZED: (Need.STICKS,),
+    Mode.MANUAL: (Need.STICKS,),
+    Mode.ACRO: (Need.STICKS,),
     Mode.OFFBOARD: (Need.SETPOINTS,),
     Mode.LAND: (Need.STATE, Need.ARMED),
     Mode.RETURN: _ALOFT,

@@ -60,6 +60,20 @@ class Clocks:
     wall_s: float
 
 
+def is_lost(
+    last: Clocks | None, now_us: int, wall_s: float, lost_us: int, sim_only: bool
+) -> bool:  # fmt: skip
+    """Whether what was heard last is older than `lost_us`, on both clocks. None: nothing was.
+
+    sim_only : by simulation time alone.
+    """
+    if last is None:
+        return True
+    if now_us - last.sim_us <= lost_us:
+        return False
+    return sim_only or (wall_s - last.wall_s) * 1e6 > lost_us
+
+
 @dataclass
 class Script:
     """The stream of setpoints of one script at a time."""
@@ -81,11 +95,7 @@ class Script:
 
     def lost(self, now_us: int, wall_s: float, lost_us: int) -> bool:
         """Whether the last setpoint is older than `lost_us` (simulation time, and by the wall too)."""
-        if self._last is None:
-            return True
-        if now_us - self._last.sim_us <= lost_us:
-            return False
-        return self.sim_only or (wall_s - self._last.wall_s) * 1e6 > lost_us
+        return is_lost(self._last, now_us, wall_s, lost_us, self.sim_only)
 
     @property
     def heard_us(self) -> float:

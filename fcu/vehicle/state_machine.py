@@ -10,7 +10,7 @@ simulation time in whole microseconds, unless they are called wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -51,6 +51,8 @@ from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.plans import Circle, Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import (
+    POSITION,
+    Owner,
     Script,
     Throttle,
     anchored,
@@ -58,6 +60,18 @@ from fcu.vehicle.setpoints import (
     of_attitude,
     of_position,
     script_limits,
+)
+from fcu.vehicle.sticks import (
+    CENTER,
+    LOW,
+    STEP_US,
+    Accepts,
+    Gesture,
+    Seen,
+    StickFlight,
+    StickInput,
+    Sticks,
+    StickSource,
 )
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -83,7 +97,7 @@ _APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE = (
 _MODE = slice(column_of(Watch, "in_offboard"), column_of(Watch, "in_idle") + 1)
 
 _NOTHING = plans.at(plans.STILL, 0.0)
-_IDLE = Mode.HOLD, Mode.POSITION  # on the ground a vehicle waits in these
+_IDLE = Mode.HOLD, *modes.BY_STICKS  # on the ground a vehicle waits in these
 
 
 def _flag(name: str) -> property:
@@ -163,6 +177,8 @@ class StateMachine:
         )
         self.leader = Leader(self.watch[_UNTIL])
         self.script = Script(sim_only, self._write_script)
+        self.sticks = StickInput(sim_only)
+        self._stick_flight: StickFlight | None = None  # while sticks are flown
         self.feasibility = FeasibilityCheck(params)
         self._cruise: float | None = None
         self._on_ground = True  # until a state has shown otherwise
@@ -182,7 +198,7 @@ class StateMachine:
             Condition.IDLE_LANDED: self._disarm_landed,
             Condition.IDLE_ARMED: self._disarm_idle,
             Condition.OFFBOARD_LOST: self._script_lost,
-            Condition.PLAN_DUE: lambda t_us, wall_s, told: self._advance(t_us, told),
+            Condition.PLAN_DUE: self._plan_due,
         }
         self._write_script()
         self.parameters_changed()
@@ -406,18 +422,21 @@ class StateMachine:
         if worst not in MODES or goes_on:  # in Hold it may be on its way to another place
             return None
         if self._touchdown.done:
-            self._rest_in(MODES[worst])
+            self._rest_in(MODES[worst], t_us)
         else:
             self._enter(MODES[worst], t_us)
         self._took_over = True
         return MODES[worst]
 
-    def _rest_in(self, mode: Mode) -> None:
+    def _rest_in(self, mode: Mode, t_us: int) -> None:
         """Be in a mode on the ground that was met, where the vehicle goes on to rest.
 
         It may be unknown yet whether it has landed: one that held its position there would lean
         against the wind.
         """
+        if self._stick_flight is not None:
+            self._stick_flight = None
+            self.leader.take(landing.resting(self.flown(t_us), self._landed.light), t_us)
         self.mode, self._approach, self.script.owner = mode, Approach.AS_ASKED, None
 
     def _clear(self, *ends: Clears) -> None:
@@ -475,6 +494,28 @@ class StateMachine:
         else:
             told.append(Told(row.code, (silent, mode.value)))
 
+    def _plan_due(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """On to the next piece of a plan, or of what sticks ask for, unless they are lost."""
+        if self._stick_flight is not None and self.sticks.lost(t_us, wall_s, self.sticks_lost_us):
+            self._sticks_lost(t_us, told)
+        else:
+            self._advance(t_us, told)
+
+    @property
+    def sticks_lost_us(self) -> int:
+        """How old the last sticks may be, us."""
+        return round(self._params["COM_RC_LOSS_T"] * 1e6)
+
+    def _sticks_lost(self, t_us: int, told: list[Told]) -> None:
+        """Fly on without sticks, as NAV_RCL_ACT says."""
+        row, silent = ROWS[Condition.STICKS_LOST], self._params["COM_RC_LOSS_T"]
+        self._active[Condition.STICKS_LOST] = row.action(self._params)
+        mode = self._take_worst(t_us)
+        if mode is None:
+            told.append(Told(Code.STICKS_LOST_STOPPED, (silent,)))
+        else:
+            told.append(Told(row.code, (silent, mode.value)))
+
     def _advance(self, t_us: int, told: list[Told]) -> None:
         """On to the setpoint of this moment, and to the mode that follows at the end of a plan."""
         if self.leader.advance(t_us):
@@ -508,9 +549,20 @@ class StateMachine:
             return self.unfit
         if self.mode is Mode.TAKEOFF:
             return self._why_not_take_off(self._take_off_to, t_us, wall_s)
+        if self.mode in modes.BY_STICKS:
+            return self._why_not_by_sticks(t_us, wall_s)
         if self.mode is not Mode.OFFBOARD or self.script.ready(t_us, wall_s, self.lost_us):
             return None
         return Told(Code.NO_STREAM)
+
+    def _why_not_by_sticks(self, t_us: int, wall_s: float) -> Told | None:
+        """The reason against arming in a mode that sticks fly: none, or a throttle that is not low."""
+        if self.sticks.lost(t_us, wall_s, self.sticks_lost_us):
+            return None if self.mode is Mode.POSITION else Told(Code.NO_STICKS)
+        throttle = self.sticks.now.throttle
+        if self.mode in modes.BY_THRUST:
+            return None if throttle < LOW else Told(Code.THROTTLE_NOT_LOW)
+        return None if throttle <= CENTER else Told(Code.THROTTLE_ABOVE_MIDDLE)
 
     @property
     def unfit(self) -> Told | None:
@@ -713,19 +765,68 @@ class StateMachine:
         limited = speed > greatest
         return Answer(True, Told(Code.SPEED_LIMITED, (speed, greatest)) if limited else None)
 
-    def move(self, v: Vec3, psi_dot: float, t_us: int) -> None:
-        """Sticks in position mode: a velocity (m/s, E) and a yaw rate (rad/s)."""
-        if not self.armed or self.mode is not Mode.POSITION:
-            return
-        if self._touchdown.done:
-            if v.z <= 0.0:
-                return  # it is on the ground, and stays there
-            self._end_approach()
-        now = self.flown(t_us)
-        going = plans.at(now.r_c, now.psi_c, v)._replace(psi_dot_c=psi_dot)
-        piece = Piece(going, self._params["COM_RC_LOSS_T"])
-        r, psi = now.r_c + piece.for_s * v, now.psi_c + piece.for_s * psi_dot
-        self._follow([piece, plans.rest(r, psi)], t_us)
+    # --- sticks
+
+    def fly_by(
+        self, sticks: Sticks, source: StickSource, owner: Owner, t_us: int, wall_s: float
+    ) -> Answer | None:  # fmt: skip
+        """Sticks have been heard: they are flown in modes that sticks fly, from the next step on.
+
+        Returns what a gesture of arming came to, None without one.
+        """
+        p, lost_us = self._params, self.sticks_lost_us
+        accepts = Accepts(int(p["COM_RC_IN_MODE"]))
+        if not self.sticks.counts(source, owner, accepts, t_us, wall_s, lost_us):
+            return None
+        self.sticks.take(sticks, source, owner, t_us, wall_s)
+        if self.armed and self.mode in modes.BY_STICKS and self._stick_flight is None:
+            self._fly_sticks(t_us)
+        gesture = self.sticks.gesture(round(p["COM_RC_ARM_HYST"] * 1e3))
+        if gesture is None or p["MAN_ARM_GESTURE"] == 0.0:
+            return None
+        if gesture is Gesture.ARM:
+            if self.mode not in modes.BY_STICKS:
+                return _refused(Code.MODE_WITHOUT_STICKS)
+            return None if self.armed else self.arm(t_us, wall_s)
+        return self.disarm(t_us) if self.armed else None
+
+    def _fly_sticks(self, t_us: int) -> None:
+        """Lay down what the sticks ask for, step by step."""
+        self._stick_flight = StickFlight(self.mode, self._params, self._seen(t_us))
+        self._follow(self._stick_plan(self._stick_flight), t_us)
+
+    def _stick_plan(self, flight: StickFlight) -> Iterator[Piece]:
+        while True:
+            t_us, sticks = self.leader.until_us, self.sticks.now
+            seen, asked = self._seen(t_us), None
+            if self._touchdown.done or seen.landed:
+                asked = flight.rests(sticks, seen, self._landed.light)
+                if asked is None or asked.T_c > 2.0 * self._landed.light:
+                    self._landed_us = self._armed_us = t_us  # what takes off does not wait
+            if asked is None:
+                self._touchdown.reset()
+                asked = flight.setpoint(sticks, seen, STEP_US * 1e-6)
+            yield Piece(asked, STEP_US * 1e-6)
+
+    def _seen(self, t_us: int) -> Seen:
+        p, measured, pose = self._params, self.measured, self.pose()
+        assert measured is not None
+        ground = self._landed.ground
+        if math.isnan(ground):
+            ground = pose.r_E.z if self.home is None else self.home.z
+        return Seen(
+            measured=measured,
+            pose=pose,
+            flown=self.flown(t_us, pose),
+            height=pose.r_E.z - ground,
+            landed=self._landed.landed,
+            led=plans.limits(p, p["MPC_VEL_MANUAL"], self.feasibility.pace),
+            throttle=self.throttle,
+            weight=p.weight,
+            c_T=self._landed.c_T,
+            yaw_rate_max=p.pace.yaw_rate_max,
+            phi_star=p.law.limits.phi_star,
+        )
 
     def set_home(self, home: Vec3 | None) -> Answer:
         """Where a return flies to; None: here."""
@@ -742,6 +843,8 @@ class StateMachine:
             Need.AIRBORNE: not landed,
             Need.GROUNDED: landed,
             Need.SETPOINTS: self.script.ready(t_us, wall_s, self.lost_us),
+            # disarmed, such a mode may be chosen: arming asks for sticks then
+            Need.STICKS: not self.armed or not self.sticks.lost(t_us, wall_s, self.sticks_lost_us),
         }
         return frozenset(need for need, yes in met.items() if yes)
 
@@ -810,6 +913,7 @@ class StateMachine:
     def _become(self, mode: Mode) -> None:
         self.mode = mode
         self._take_off_to = None
+        self._stick_flight = None
         self._end_approach()
         if mode is not Mode.OFFBOARD:
             self.script.owner = None
@@ -832,10 +936,37 @@ class StateMachine:
         if mode is Mode.OFFBOARD:
             self._untold = self.fly_script(t_us) is not None
             return
+        if mode in modes.BY_STICKS and not self.sticks.lost(t_us, math.inf, self.sticks_lost_us):
+            self._fly_sticks(t_us)
+            return
         assert self.home is not None
         here = begins or self._from(t_us)
-        plan = plans.plan_of(mode, here, self.home, self._params, self._limits())
+        plan: Iterable[Piece]
+        below = self.setpoint is not None and self.setpoint.level > POSITION
+        if below and self._is_too_fast():
+            plan = self._slowed(mode, self.home)
+        else:
+            plan = plans.plan_of(mode, here, self.home, self._params, self._limits())
         self._follow(plan, t_us, (mode, Event.ARRIVED) in modes.TRANSITIONS)
+
+    def _is_too_fast(self) -> bool:
+        """Whether it is faster than it is led: by attitudes or rates."""
+        led, v = self._limits(), self.pose().v_E
+        return math.hypot(v.x, v.y) > led.cruise or not -led.down <= v.z <= led.up
+
+    def _slowed(self, mode: Mode, home: Vec3) -> Iterator[Piece]:
+        """Brake beside the vehicle until it is as slow as it is led, then fly what the mode flies.
+
+        The guard may slow it faster than the plan does: one that is laid down from a great speed
+        would end far ahead, and be gone to at leisure.
+        """
+        psi = self._from(self.leader.until_us).psi
+        while self._is_too_fast():
+            here = self.pose()
+            a = -self._limits().acceleration / max(plans.length(here.v_E), plans.SLOW)
+            yield Piece(plans.at(here.r_E, psi, here.v_E, a * here.v_E), STEP_US * 1e-6)
+        here = self._from(self.leader.until_us)
+        yield from plans.plan_of(mode, here, home, self._params, self._limits())
 
     def _follow(self, plan: Iterable[Piece], t_us: int, ends: bool = False) -> None:
         self.leader.follow(plan, t_us, ends)
@@ -871,6 +1002,11 @@ class StateMachine:
     def _touched_down(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         """Rest on the ground that was met, or land from here if the vehicle has left it again."""
         assert self.setpoint is not None
+        if self._stick_flight is not None:
+            if self._touchdown.done:
+                told.append(Told(Code.LED_INTO_GROUND))
+            self._follow(self._stick_plan(self._stick_flight), t_us)
+            return
         flown: Setpoint = carried(self.setpoint, (t_us - self.since_us) * 1e-6)
         if not self._touchdown.done:
             self._land_from(self.pose()._replace(psi=flown.psi_c), t_us)

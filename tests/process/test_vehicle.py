@@ -10,6 +10,7 @@ import time
 
 import pymavlink.dialects.v20.common as mavlink
 import pytest
+from pymavlink.quaternion import QuaternionBase
 
 from fcu.interface.airframe import believed
 from fcu.vehicle.modes import Mode
@@ -212,14 +213,16 @@ def test_protocols_that_it_has_nothing_of_answer(flight):
     assert bytes(answer.data[: answer.count]).endswith(b"console.\n")
 
 
-def test_rc_that_is_not_taken_is_told_once_while_it_streams(flight):
-    override = mavlink.MAVLink_rc_channels_override_message(flight.at.system_id, 1, *[1500] * 8)
+def test_what_is_not_taken_is_told_once_while_it_streams(flight):
+    controls = mavlink.MAVLink_set_actuator_control_target_message(
+        0, 0, flight.at.system_id, 1, [0.0] * 8
+    )
     for _ in range(30):
-        flight.send(override)
+        flight.send(controls)
         flight.tick(100)  # six seconds of simulation time in all
         flight.sync()
     told = [m.text for m in flight.inbox if m.get_type() == "STATUSTEXT"]
-    assert told.count("RC_CHANNELS_OVERRIDE is ignored") == 1
+    assert told.count("SET_ACTUATOR_CONTROL_TARGET is ignored") == 1
 
 
 def test_what_displays_ask_for_is_told_as_far_as_there_is_any(flight):
@@ -285,7 +288,25 @@ def test_sticks_fly_it_in_position_mode(flight):
     assert flight.ask(176, 1, 3) == ACCEPTED
     flight.send(mavlink.MAVLink_manual_control_message(flight.at.system_id, 1000, 0, 500, 0, 0))
     flight.sync()
-    flight.tick(2)
+    flight.tick(200)
     target = flight.asked(85, "POSITION_TARGET_LOCAL_NED")
-    assert (target.vx, target.vy, target.vz) == pytest.approx((0.0, 5.0, 0.0), abs=1e-5)  # ahead
+    assert target.vy > 0.1 and (target.vx, target.vz) == pytest.approx(
+        (0.0, 0.0), abs=1e-3
+    )  # ahead
     assert flight.mode() == POSITION
+
+
+def test_a_radios_channels_tilt_it_in_stabilized(flight):
+    """The mode may be chosen before a stick is heard. It is armed with a low throttle alone."""
+    system = flight.at.system_id
+    assert flight.ask(176, 1, 7) == ACCEPTED
+    assert flight.ask(400, 1) == mavlink.MAV_RESULT_DENIED
+    for throttle, armed in ((1500, mavlink.MAV_RESULT_DENIED), (1000, ACCEPTED)):
+        channels = 1500, 1000, throttle, 1500, *[65535] * 4  # the pitch stick pushed
+        flight.send(mavlink.MAVLink_rc_channels_override_message(system, 1, *channels))
+        flight.sync()
+        assert flight.ask(400, 1) == armed
+    flight.tick(100)
+    target = flight.asked(83, "ATTITUDE_TARGET")
+    assert QuaternionBase(target.q).euler[1] < math.radians(-20.0)  # nose down, in MAVLink's frame
+    assert flight.mode() == 7 << 16

@@ -15,14 +15,11 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
 from fcu.kernel.rows import column_of
 from fcu.mavlink.definitions import Severity
-from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin, to_geodetic
 from fcu.mavlink.ground_link import GroundCodec
-from fcu.mavlink.requests import ManualControl
 from fcu.parameters import Parameters
 from fcu.process.settings import settings
 from fcu.services.offboard import COMPLAIN_S, COMPLAINTS, OffboardProtocol
-from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
 ORIGIN = Origin(47.4, 8.5, 488.0)
@@ -100,20 +97,3 @@ def test_of_kinds_only_some_are_told_at_once(protocol, told):
     for name in names:
         protocol.complain(Told(Code.SETPOINT_REFUSED, (Told(Code.NOT_FINITE, (name,)),)), 0.0)
     assert len(told) == COMPLAINTS < len(names)
-
-
-@pytest.mark.parametrize(
-    ("ahead", "up", "climbs"),
-    [(0.0, 1.0, 1), (0.0, 0.0, -1), (0.0, 0.5, 0), (1.0, 0.5, 0), (1.0, 1.0, 1), (1.0, np.nan, 0)],
-)
-def test_the_middle_of_the_thrust_stick_holds_the_height(protocol, ahead, up, climbs):
-    """Half of it holds the height, as no stick does. Its ends climb and sink at their limits."""
-    moved = []
-    protocol._vehicle = SimpleNamespace(
-        mode=Mode.POSITION, armed=True, pose=lambda: SimpleNamespace(psi=0.0),
-        move=lambda v, rate, t_us: moved.append(v),
-    )  # fmt: skip
-    protocol.sticks(ManualControl(Source(245, 190), 1, ahead, 0.0, up, 0.0), 0)
-    p = protocol._params
-    limit = {1: p["MPC_Z_VEL_MAX_UP"], -1: p["MPC_Z_VEL_MAX_DN"], 0: 0.0}[climbs]
-    assert moved == [Vec3(ahead * p["MPC_XY_CRUISE"], 0.0, climbs * limit)]

@@ -12,6 +12,7 @@ from fcu.vehicle import landing
 from fcu.vehicle.landing import Approach, TouchdownDetector
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import PlanLimits, Pose
+from fcu.vehicle.sticks import Sticks, StickSource
 from sitl_plant.physics import dynamics
 from tests.vehicle.flown import ZERO, Flown, at
 
@@ -101,20 +102,22 @@ def test_sticks_into_the_ground_end_on_it_and_up_again_in_the_air():
     flown.up(2.5)
     assert flown.vehicle.select(Mode.POSITION, flown.t_us, 0.0).granted
 
-    def stick(v, seconds):
-        until = flown.t_us + seconds * 1e6
+    def stick(seconds, **sticks):
+        until, sender = flown.t_us + seconds * 1e6, ((255, 190), "one")
         while flown.t_us < until and flown.vehicle.armed:
-            flown.vehicle.move(Vec3(*v), 0.0, flown.t_us)
+            at_s = flown.t_us * 1e-6
+            flown.vehicle.fly_by(Sticks(**sticks), StickSource.JOYSTICK, sender, flown.t_us, at_s)
             flown.fly(0.05)
 
-    stick((1.0, 0.0, -1.0), 4.0)
+    flown.params.set("COM_DISARM_LAND", 5.0, armed=True)
+    stick(8.0, pitch=0.4, throttle=-1.0)
     assert Code.LED_INTO_GROUND in flown.told
-    stick((0.0, 0.0, 1.0), 3.0)
+    stick(4.0, throttle=1.0)
     high = flown.r
     assert high.z > 2.0
-    stick((1.0, 0.0, 0.0), 3.0)  # along again, not only up
+    stick(4.0, pitch=1.0)  # along again, not only up
     assert flown.r.x > high.x + 2.0
-    stick((1.0, 0.0, -1.0), 20.0)
+    stick(30.0, pitch=0.4, throttle=-1.0)
     rests_on_it(flown)
 
 

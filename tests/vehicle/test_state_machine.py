@@ -22,6 +22,7 @@ from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import Pose
 from fcu.vehicle.setpoints import script_limits
 from fcu.vehicle.state_machine import Answer, StateMachine
+from fcu.vehicle.sticks import Sticks, StickSource
 
 ZERO = Vec3(0.0, 0.0, 0.0)
 HERE, YAW = Vec3(1.0, 2.0, 3.0), 0.7
@@ -620,23 +621,15 @@ def test_the_tilt_that_is_allowed_bounds_the_acceleration_across(armed, params):
     assert script_limits(params).across_acceleration == pytest.approx(most)
 
 
-def test_sticks_move_it_in_position_mode_for_as_long_as_they_speak(armed):
-    armed.move(Vec3(1.0, 0.0, 0.0), 0.0, 0)
-    assert armed.setpoint.v_c == ZERO  # in hold they do nothing
+def test_sticks_move_it_in_position_mode_alone(armed):
+    ahead = Sticks(pitch=1.0), StickSource.JOYSTICK, ((255, 190), "one")
+    armed.fly_by(*ahead, 0, 0.0)
+    assert armed.setpoint.v_c == ZERO and armed.setpoint.a_c == ZERO  # in hold they do nothing
     armed.select(Mode.POSITION, 0, 0.0)
-    armed.move(Vec3(1.0, 0.0, 0.0), 0.2, TICK)
-    assert (armed.setpoint.v_c, armed.setpoint.psi_dot_c) == (Vec3(1.0, 0.0, 0.0), 0.2)
-    fly(armed, 2 * TICK, 600_000)
-    assert (armed.setpoint.v_c, armed.setpoint.psi_dot_c) == (ZERO, 0.0)
-    assert armed.setpoint.r_c.x == pytest.approx(HERE.x + 0.5)
-
-
-def test_where_the_sticks_have_turned_it_stays(armed):
-    armed.select(Mode.POSITION, 0, 0.0)
-    before = armed.flown(0).psi_c
-    armed.move(Vec3(0.0, 0.0, 0.0), 1.0, 0)
-    fly(armed, TICK, 2_000_000)  # nobody speaks for longer than COM_RC_LOSS_T, half a second
-    assert armed.flown(2_000_000).psi_c == pytest.approx(before + 0.5)
+    armed.fly_by(*ahead, TICK, 0.002)
+    a = armed.setpoint.a_c
+    assert math.hypot(a.x, a.y) == pytest.approx(armed.feasibility.pace.acceleration)
+    assert math.atan2(a.y, a.x) == pytest.approx(YAW)
 
 
 def test_a_figure_of_eight_that_is_too_tight_is_denied(armed, params):
