@@ -82,6 +82,15 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "REF_8_SPEED", 3.0, 0.1, 10.0, "m/s", "speed at which that figure-eight crosses itself"),
     ),
     *group(
+        "Follow Me",
+        P("", "FLW_TGT_HT", 8.0, 8.0, 1000.0, "m", "height above home, or above the target"),
+        P("", "FLW_TGT_DST", 8.0, 1.0, 1000.0, "m", "distance across from the target"),
+        P("", "FLW_TGT_FA", 180.0, -180.0, 180.0, "deg", "angle to its course, clockwise: 0 ahead, 90 right, 180 behind"),
+        P("", "FLW_TGT_ALT_M", 0.0, 0.0, 2.0, "", "height is above 0 home, 1 the ground, flat at home, 2 the target", values=(0.0, 1.0, 2.0), integer=True),
+        P("", "FLW_TGT_MAX_VEL", 5.0, 0.0, 20.0, "m/s", "greatest speed across of the vehicle, if MPC_XY_CRUISE is not less"),
+        P("", "FLW_TGT_RS", 0.1, 0.0, 1.0, "", "no effect: reports of a target are not filtered"),
+    ),
+    *group(
         "Setpoints of a script, and their loss",
         P("", "MR_SP_DIST", 100.0, 1.0, 10000.0, "m", "setpoints farther away are flown at this distance"),
         P("", "MR_SP_BELOW", 1.0, 0.0, 10000.0, "m", "setpoints farther below home are flown there"),

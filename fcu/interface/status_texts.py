@@ -109,7 +109,7 @@ class Code(Enum):
     NO_STICKS = "no sticks (MANUAL_CONTROL)"
     THROTTLE_ABOVE_MIDDLE = "throttle above its middle"
     THROTTLE_NOT_LOW = "throttle is not low"
-    MODE_WITHOUT_STICKS = "the mode is not flown by sticks"
+    MODE_WITHOUT_STICKS = "not a mode of sticks"
     GUARD_REFUSES = "the guard rejects its setpoints"
     WAS_TERMINATED = "flight was terminated (gcs reset)"
     HAS_ENDED = "the flight has ended (gcs reset)"
@@ -139,7 +139,9 @@ class Code(Enum):
     TO_NO_SYSTEM = "expected this system as target"
     COMMAND_FRAME = "frame {}"
     PARAMETER_NAN = "parameter {} is NaN"
-    PARAMETER_UNUSED = "parameter {} is unused (expected 0 or NaN)"
+    PARAMETER_UNUSED = "{}: parameter {} has no effect"
+    PLACE_LOW = "{:.1f} m up (least: 0.5)"
+    MODE_NOT_TO_ARM = "not in mode {}"
     NEITHER_0_NOR_1 = "parameter 1: expected 0 or 1"
     CUSTOM_MODES_ONLY = "expected a custom mode (base mode 1)"
     PLACE_NOT_HERE = "the position is not the vehicle's"
@@ -235,7 +237,6 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.SAVES_OR_RESETS: ("expected 1 or 2 (reset)",),
     Code.HEARTBEATS_KEEP: ("HEARTBEAT has a fixed rate",),
     Code.INTERVAL_NEGATIVE: ("interval is below -1 us",),
-    Code.PARAMETER_UNUSED: ("parameter {0} must be 0 or NaN",),
     Code.CUSTOM_MODES_ONLY: ("base mode must be 1 (custom)",),
     Code.PLACE_NOT_HERE: ("position is elsewhere",),
     Code.NO_HEIGHT_NEAR: ("height not -100 m to 20 km",),

@@ -10,8 +10,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from fcu.kernel.algebra import Vec3
 from fcu.mavlink.definitions import GLOBAL_FRAMES, REAL32, Packed
 from fcu.mavlink.definitions import message as _message
+from fcu.mavlink.frames import enu_ned
 from fcu.mavlink.framing import Source
 from fcu.mavlink.parameter_values import read
 from fcu.mavlink.replies import printable
@@ -107,6 +109,23 @@ def _channels_override(f: Fields, source: Source) -> ChannelsOverride:
         return math.nan if us in (0, 2**16 - 1) else max(-1.0, min(1.0, (us - 1500) / 500.0))
 
     return ChannelsOverride(*_from(f, source), (channel(1), channel(2), channel(3), channel(4)))
+
+
+class FollowTarget(NamedTuple):
+    """FOLLOW_TARGET: where a target is that is to be followed. It names no system."""
+
+    source: Source
+    target_system: int  # 0: everyone
+    lat_deg: float
+    lon_deg: float
+    alt_m: float  # above the sea
+    v_E: Vec3 | None  # m/s; None: not said
+
+
+def _follow_target(f: Fields, source: Source) -> FollowTarget:
+    v = enu_ned(Vec3(*f["vel"])) if f["est_capabilities"] & 2 else None
+    place = f["lat"] / 1e7, f["lon"] / 1e7, f["alt"]
+    return FollowTarget(source, 0, *place, v)
 
 
 class NotTaken(NamedTuple):
@@ -353,7 +372,7 @@ def _extended(kind: str) -> Callable[[Fields, Source], ExtendedParameter]:
 
 
 Message = (
-    Command | ManualControl | ChannelsOverride | NotTaken | GlobalOrigin | SetMode | ParamRequestList | ParamRequestRead | ParamSet
+    Command | ManualControl | ChannelsOverride | FollowTarget | NotTaken | GlobalOrigin | SetMode | ParamRequestList | ParamRequestRead | ParamSet
     | StreamRequest | Ping | TimeSync | MissionMessage | FileTransfer | LogRequestList
     | LogRequestData | SerialControl | ExtendedParameter
 )  # fmt: skip
@@ -365,6 +384,7 @@ READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "SET_GPS_GLOBAL_ORIGIN": _global_origin,
     "SET_ACTUATOR_CONTROL_TARGET": _not_taken("SET_ACTUATOR_CONTROL_TARGET"),
     "RC_CHANNELS_OVERRIDE": _channels_override,
+    "FOLLOW_TARGET": _follow_target,
     "PARAM_REQUEST_LIST": _param_request_list,
     "PARAM_REQUEST_READ": _param_request_read,
     "PARAM_SET": _param_set,

@@ -202,6 +202,9 @@ def _refusal(
     return None
 
 
+_YAW_BITS = IGNORE_YAW.bit_length() - 1, IGNORE_YAW_RATE.bit_length() - 1
+
+
 def _target(f: Fields, x: str, y: str, z: str) -> Target:
     return Target(
         f[x], f[y], f[z], f["vx"], f["vy"], f["vz"], f["afx"], f["afy"], f["afz"],
@@ -212,7 +215,10 @@ def _target(f: Fields, x: str, y: str, z: str) -> Target:
 def _setpoint(
     f: Fields, source: Source, target: Target, geodetic: Geodetic | None
 ) -> SetpointMessage:  # fmt: skip
-    mask, frame = f["type_mask"], f["coordinate_frame"]
+    frame, bits = f["coordinate_frame"], (*range(9), *_YAW_BITS)
+    mask = f["type_mask"]
+    for bit, number in zip(bits, target, strict=True):
+        mask |= math.isnan(number) << bit  # no number is asked for nothing, as PX4 takes it
     return SetpointMessage(
         source, f["target_system"], f["target_component"], f["time_boot_ms"], mask, frame, target,
         geodetic, _refusal(target, mask, frame, geodetic),

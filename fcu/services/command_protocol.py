@@ -2,8 +2,8 @@
 
 Every command is answered, to its sender: it may be a repetition, or wait. A first acknowledgement
 is the last, but for what takes its time (IN_PROGRESS): many clients read no second one. What is
-wrong with a command is told, and changes nothing. The table says which parameters mean something; another that is not
-0 or NaN is an error, since its sender expects something that will not happen.
+wrong with a command is told, and changes nothing. The table says which parameters mean something; of
+another that is not 0 or NaN it is told that it has no effect.
 """
 
 from __future__ import annotations
@@ -53,6 +53,7 @@ class Verdict(NamedTuple):
 
     result: Result
     told: Told | None = None
+    unused: Told | None = None  # what of it has no effect
 
     @property
     def good(self) -> bool:
@@ -152,9 +153,15 @@ class Commands:
         for n, value in enumerate(command.params, start=1):
             if math.isinf(value) or (n in spec.required and math.isnan(value)):
                 return denied(spec.what, Told(Code.PARAMETER_NAN, (n,)))
-            if n not in spec.used and not math.isnan(value) and value != 0.0:
-                return denied(spec.what, Told(Code.PARAMETER_UNUSED, (n,)))
-        return spec.run(request)
+        verdict = spec.run(request)
+        unused = [
+            n
+            for n, value in enumerate(command.params, start=1)
+            if n not in spec.used and not math.isnan(value) and value != 0.0
+        ]
+        if not unused or not verdict.good or not spec.what:
+            return verdict
+        return verdict._replace(unused=Told(Code.PARAMETER_UNUSED, (spec.what, unused[0])))
 
     # --- each
 
@@ -386,9 +393,13 @@ class CommandProtocol:
 
     def __init__(
         self, commands: Commands, questions: frozenset[int], vehicle: StateMachine,
-        tell: Callable[[Told, Severity], None],
+        tell: Callable[[Told, Severity], None], tell_change: Callable[[], None] = lambda: None,
     ) -> None:  # fmt: skip
-        """`questions`: commands that ask, and change nothing. `tell`: to everyone."""
+        """`questions`: commands that ask, and change nothing. `tell`: to everyone.
+
+        `tell_change`: sends a heartbeat if mode or arming has changed.
+        """
+        self._tell_change = tell_change
         self._commands = commands
         self._questions = questions
         self._vehicle = vehicle
@@ -432,6 +443,8 @@ class CommandProtocol:
         """What a verdict tells, to everyone; as much as there is room for."""
         if verdict.told is not None and self.texts.may_say(verdict.told, verdict.good, now):
             self._tell(verdict.told, Severity.INFO if verdict.good else Severity.WARNING)
+        if verdict.unused is not None and self.texts.may_say(verdict.unused, verdict.good, now):
+            self._tell(verdict.unused, Severity.INFO)
 
     def _is_pending(self, port: GroundPort, link: Link, command: Command, now: float) -> bool:
         pending = self._pending.get(command.command)
@@ -505,6 +518,8 @@ class CommandProtocol:
                 command.command, _asked(command), command.confirmation, verdict.result, now
             )
             link.acknowledged = [done, *link.acknowledged][:REMEMBERED]
+        if verdict.good and command.command not in self._questions:
+            self._tell_change()  # before: clients take the mode from a heartbeat once answered
         _acknowledge(port, link, command, verdict.result)
         self.explain(verdict, now)  # after: who waits for the answer then hears the reason
 

@@ -6,6 +6,7 @@ the vehicle goes through `serve`. Nothing here blocks.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,12 +19,13 @@ from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
 from fcu.mavlink.definitions import CommandId, Result, Severity
-from fcu.mavlink.geodesy import Geodetic, Origin
+from fcu.mavlink.geodesy import Geodetic, Origin, to_local
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.px4_modes import main_and_sub
 from fcu.mavlink.requests import (
     ChannelsOverride,
     Command,
+    FollowTarget,
     GlobalOrigin,
     ManualControl,
     NotTaken,
@@ -52,6 +54,7 @@ from fcu.services.streams import (
 from fcu.services.tcp_socket import TcpSocket
 from fcu.services.wind import Wind
 from fcu.vehicle.conditions import ROWS
+from fcu.vehicle.follow import Report
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -116,7 +119,11 @@ class Station:
         self._wind = Wind(identity.drag)
         self._wind_due = 0.0
         self._protocol = CommandProtocol(
-            self._commands, self._information.questions, vehicle, self.tell
+            self._commands,
+            self._information.questions,
+            vehicle,
+            self.tell,
+            self.streams.tell_change,
         )
         self._offboard = OffboardProtocol(vehicle, params, identity.origin, self.tell)
         self._sticks = StickProtocol(vehicle, self.tell)
@@ -235,6 +242,8 @@ class Station:
                 self._protocol.explain(verdict, now)
             elif isinstance(message, ManualControl | ChannelsOverride):
                 self._sticks.take(link, message, t_us, now)
+            elif isinstance(message, FollowTarget):
+                self._follow(message, t_us)
             elif isinstance(message, GlobalOrigin):
                 self._set_origin(port, link, message, now)
             elif isinstance(message, NotTaken):
@@ -243,6 +252,17 @@ class Station:
                     link.told.add(message.name)  # once: it may be a stream
             else:
                 self._other(port, link, message, t_us, now)
+
+    def _follow(self, message: FollowTarget, t_us: int) -> None:
+        """Take a target's report. One that is no place on Earth is left out."""
+        place = message.lat_deg, message.lon_deg
+        if out_of_range(Origin(*place, 0.0)) or place == (0.0, 0.0):
+            return
+        v = message.v_E
+        if v is not None and not all(map(math.isfinite, v)):
+            v = None
+        r = to_local(self._identity.origin, *place, message.alt_m)
+        self._vehicle.follow(Report(r if math.isfinite(r.z) else r._replace(z=math.nan), v), t_us)
 
     def _set_origin(self, port: GroundPort, link: Link, message: GlobalOrigin, now: float) -> None:
         """Move the place on Earth of local (0, 0, 0). Local positions stay as they are.

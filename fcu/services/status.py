@@ -39,6 +39,7 @@ MODES: dict[Mode, Numbers] = {
     Mode.LAND: Numbers(main=MainMode.AUTO, sub=AutoMode.LAND, standard=7, guided=False),
     Mode.RETURN: Numbers(main=MainMode.AUTO, sub=AutoMode.RETURN, standard=5, guided=False),
     Mode.ORBIT: Numbers(main=MainMode.POSITION, sub=PositionMode.ORBIT, standard=2, guided=True),
+    Mode.FOLLOW: Numbers(main=MainMode.AUTO, sub=AutoMode.FOLLOW, standard=0, guided=True),
     Mode.STEP: Numbers(main=MainMode.AUTO, sub=STEP_SUB, standard=0, guided=False),
     Mode.FIGURE_EIGHT: Numbers(main=MainMode.AUTO, sub=FIGURE_EIGHT_SUB, standard=0, guided=False),
 }
@@ -48,7 +49,6 @@ OTHERS: dict[tuple[int, int], str] = {
     (MainMode.AUTO, 0): "Mission",  # as PX4 reads AUTO without a sub mode
     (MainMode.AUTO, AutoMode.READY): "Ready",
     (MainMode.AUTO, AutoMode.MISSION): "Mission",
-    (MainMode.AUTO, AutoMode.FOLLOW): "Follow Me",
     (MainMode.AUTO, AutoMode.PRECISION_LAND): "Precision Land",
     (MainMode.AUTO, AutoMode.VTOL_TAKEOFF): "VTOL Takeoff",
 }

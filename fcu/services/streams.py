@@ -532,11 +532,24 @@ class Streams:
 
     def heartbeat(self, now: float) -> None:
         """Send one if a second has passed, or if it would say something else. `now`: monotonic, s."""
-        v = self._vehicle
-        status = (v.armed, v.mode, system_status(v))
+        status = self._status()
         if now < self._heartbeat_due and status == self._last:
             return
-        self._heartbeat_due, self._last = now + HEARTBEAT_S, status
+        self._heartbeat_due = now + HEARTBEAT_S
+        self._beat(status)
+
+    def tell_change(self) -> None:
+        """Send a heartbeat if it says something else than the last one."""
+        status = self._status()
+        if self._last is not None and status != self._last:
+            self._beat(status)
+
+    def _status(self) -> tuple[object, ...]:
+        v = self._vehicle
+        return v.armed, v.mode, system_status(v)
+
+    def _beat(self, status: tuple[object, ...]) -> None:
+        self._last, v = status, self._vehicle
         packed = heartbeat(v, self._kind, self._autopilot)
         for port in self._ports:
             port.broadcast(packed)

@@ -106,12 +106,17 @@ class FeasibilityCheck:
         moves = STILL not in (setpoint.v_c, self._told.v_c)
         return moves and not self.refuses and short <= WORSE * self._told_short
 
-    def of_move(self, here: Pose, to: Vec3, led: PlanLimits, reference: Row) -> Shortfall | None:
-        """What a vehicle led from `here` straight to `to` (m, E) lacks; None if nothing."""
+    def of_move(
+        self, here: Pose, to: Vec3, led: PlanLimits, reference: Row, by: Vec3 | None = None
+    ) -> Shortfall | None:
+        """What a vehicle led from `here` straight to `to` (m, E) lacks; None if nothing.
+
+        by : a place (m, E) on the way, at which it stops.
+        """
 
         def way(part: float) -> Way:
             less = led._replace(**{name: part * getattr(led, name) for name in SCALED})
-            return through(here.r_E, here.v_E, [to], here.psi, less)
+            return through(here.r_E, here.v_E, [to] if by is None else [by, to], here.psi, less)
 
         what = Told(Code.WAY_LED, (length(to - here.r_E), led.cruise))
         return self._shortfall(what, way, lambda p: Told(Code.PERCENT_LED, (p,)), reference)

@@ -21,6 +21,7 @@ class Mode(Enum):
     LAND = "Land"
     RETURN = "Return"
     ORBIT = "Orbit"
+    FOLLOW = "Follow Me"
     STEP = "Step"
     FIGURE_EIGHT = "Figure eight"
 
@@ -50,6 +51,11 @@ _ALOFT = (Need.STATE, Need.ARMED, Need.AIRBORNE)
 BY_STICKS = (Mode.POSITION, Mode.ALTITUDE, Mode.STABILIZED, Mode.MANUAL, Mode.ACRO)
 BY_THRUST = (Mode.STABILIZED, Mode.MANUAL, Mode.ACRO)
 
+# Modes in which a vehicle cannot be armed: it would have to be in the air.
+ALOFT = (
+    Mode.LAND, Mode.RETURN, Mode.ORBIT, Mode.FOLLOW, Mode.STEP, Mode.FIGURE_EIGHT,
+)  # fmt: skip
+
 NEEDS: dict[Mode, tuple[Need, ...]] = {
     Mode.HOLD: (),
     Mode.TAKEOFF: (Need.STATE, Need.GROUNDED),  # disarmed: it takes off once it is armed
@@ -62,6 +68,7 @@ NEEDS: dict[Mode, tuple[Need, ...]] = {
     Mode.LAND: (Need.STATE, Need.ARMED),
     Mode.RETURN: _ALOFT,
     Mode.ORBIT: _ALOFT,
+    Mode.FOLLOW: _ALOFT,
     Mode.STEP: _ALOFT,
     Mode.FIGURE_EIGHT: _ALOFT,
 }

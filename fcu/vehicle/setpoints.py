@@ -63,7 +63,7 @@ class Clocks:
 def is_lost(
     last: Clocks | None, now_us: int, wall_s: float, lost_us: int, sim_only: bool
 ) -> bool:  # fmt: skip
-    """Whether what was heard last is older than `lost_us`, on both clocks. None: nothing was.
+    """Return true if the last message is older than `lost_us` on both clocks, or there is none.
 
     sim_only : by simulation time alone.
     """

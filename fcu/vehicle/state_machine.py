@@ -47,9 +47,10 @@ from fcu.vehicle.conditions import (
     warm_up,
 )
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
+from fcu.vehicle.follow import FOLLOW_US, Follower, Report, Target
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.modes import Event, Mode, Need
-from fcu.vehicle.plans import Circle, Leader, Piece, PlanLimits, Pose
+from fcu.vehicle.plans import STILL, Circle, Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import (
     POSITION,
     Owner,
@@ -78,6 +79,8 @@ Row = np.ndarray[Any, np.dtype[np.float64]]
 
 YAW_OF_ORBIT = 0.5  # rad/s, with which it turns at the entry of an orbit, at most
 NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
+HIGHEST = 1000.0  # m: farther up no take-off goes
+LEAST_UP = 0.5  # m: from the ground no place that is lower is flown to
 TILT_TO_ARM = math.radians(25.0)
 
 _FOUND, _VALUE = column_of(Watch, "found"), column_of(Watch, "value")
@@ -164,6 +167,7 @@ class StateMachine:
         self.mode = Mode.HOLD
         self.home = None
         self.circle: Circle | None = None  # of the last orbit
+        self.target = Target()  # of Follow Me
         self.home_changed = 0  # how often
         self.terminated = False
         self.ended: Told | None = None  # how the plant's flight has ended, if it has
@@ -503,7 +507,7 @@ class StateMachine:
 
     @property
     def sticks_lost_us(self) -> int:
-        """How old the last sticks may be, us."""
+        """Age at which the last sticks are lost, us."""
         return round(self._params["COM_RC_LOSS_T"] * 1e6)
 
     def _sticks_lost(self, t_us: int, told: list[Told]) -> None:
@@ -549,6 +553,8 @@ class StateMachine:
             return self.unfit
         if self.mode is Mode.TAKEOFF:
             return self._why_not_take_off(self._take_off_to, t_us, wall_s)
+        if self.mode in modes.ALOFT:
+            return Told(Code.MODE_NOT_TO_ARM, (self.mode.value,))
         if self.mode in modes.BY_STICKS:
             return self._why_not_by_sticks(t_us, wall_s)
         if self.mode is not Mode.OFFBOARD or self.script.ready(t_us, wall_s, self.lost_us):
@@ -611,8 +617,11 @@ class StateMachine:
         """Another mode; to be asked for `later` while a script's stream is all that is missing."""
         if wanted is self.mode and wanted is not Mode.HOLD:
             return Answer(True)  # a script that repeats itself
+        if wanted is Mode.TAKEOFF and self.armed and not self._landed.landed:
+            return self.take_off(None, t_us, wall_s)
         need = modes.denied(wanted, self._met(t_us, wall_s))
-        if need is not None:
+        # disarmed, modes may be chosen that cannot be flown: arming asks for their needs then
+        if need is not None and (self.armed or wanted is Mode.OFFBOARD):
             missing = need is Need.SETPOINTS
             refused = missing and self.feasibility.refused
             return Answer(False, Told(Code.GUARD_REFUSES if refused else need.value), missing)
@@ -638,8 +647,11 @@ class StateMachine:
     def take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Answer:
         """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold.
 
-        A vehicle that is not armed does so once it is.
+        A vehicle that is not armed does so once it is. One in the air goes up from where it is, to
+        MIS_TAKEOFF_ALT above home if no height is told, or holds if it is higher already.
         """
+        if self.armed and not self._landed.landed:
+            return self._climb_on(to_z, t_us)
         why = self._why_not_take_off(to_z, t_us, wall_s)
         if why is not None:
             return Answer(False, why)
@@ -652,6 +664,23 @@ class StateMachine:
         self._take_off_to = to_z
         return Answer(True, Told(Code.TAKES_OFF_ONCE_ARMED, (height,)))
 
+    def _climb_on(self, to_z: float | None, t_us: int) -> Answer:
+        here, led = self._from(t_us), self._limits()
+        if to_z is None:
+            home = here.r_E if self.home is None else self.home
+            to_z = home.z + self._params["MIS_TAKEOFF_ALT"]
+        if not to_z - here.r_E.z <= HIGHEST:
+            return _refused(Code.TAKEOFF_HEIGHT, to_z - here.r_E.z)
+        self._clear(Clears.CHOSEN)
+        self._become(Mode.TAKEOFF)
+        stops = plans.brake(here.r_E, here.v_E, here.psi, led)[1]
+        up = stops._replace(z=max(stops.z, to_z))
+        settle = plans.settle_s(self._params)
+        self._follow(
+            plans.through(here.r_E, here.v_E, [up], here.psi, led, settle), t_us, ends=True
+        )
+        return Answer(True, Told(Code.TAKING_OFF, (up.z - here.r_E.z,)))
+
     def _why_not_take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Told | None:
         need = modes.denied(Mode.TAKEOFF, self._met(t_us, wall_s))
         if need is not None:
@@ -659,7 +688,7 @@ class StateMachine:
         if self._charge_critical is not None:
             return self._charge_critical
         height = self._climb(to_z, t_us)
-        return None if 0.0 < height <= 1000.0 else Told(Code.TAKEOFF_HEIGHT, (height,))
+        return None if 0.0 < height <= HIGHEST else Told(Code.TAKEOFF_HEIGHT, (height,))
 
     def _climb(self, to_z: float | None, t_us: int) -> float:
         """How far it is up from here, m."""
@@ -728,7 +757,8 @@ class StateMachine:
         """`to`: where to hold, m, E; None: where it comes to rest."""
         if not self.armed or self.state is None:
             return _refused(Code.NOT_ARMED)
-        if self._landed.landed:
+        from_ground = self._landed.landed
+        if from_ground and to is None:
             return _refused(Code.NOT_AIRBORNE)
         was = self.cruise
         limited = None
@@ -739,13 +769,26 @@ class StateMachine:
             limited = changed.told
         here, led = self._from(t_us), self._limits()
         psi = here.psi if psi is None else psi
-        lack = None if to is None else self.feasibility.of_move(here, to, led, self.reference)
+        way = [] if to is None else [to]
+        if from_ground and to is not None:  # up first: what slides along the ground tips over
+            up = to.z - here.r_E.z
+            if up < LEAST_UP:
+                self.cruise = was
+                return _refused(Code.PLACE_LOW, up)
+            led = led._replace(up=min(led.up, self._params["MPC_TKO_SPEED"]))
+            here = here._replace(v_E=STILL)
+            way = [Vec3(here.r_E.x, here.r_E.y, to.z), to]
+        lack = None
+        if to is not None:
+            by = way[0] if from_ground else None
+            lack = self.feasibility.of_move(here, to, led, self.reference, by)
         if lack is not None and self.feasibility.refuses:
             self.cruise = was
             return Answer(False, lack.reason)
         self._clear(Clears.CHOSEN)
+        if from_ground:
+            self._landed_us = self._armed_us = t_us  # what takes off does not wait on the ground
         self._become(Mode.HOLD)
-        way = [] if to is None else [to]
         self._follow(plans.through(here.r_E, here.v_E, way, psi, led), t_us)
         if to is None:
             return Answer(True, Told(Code.MODE, (self.mode.value,)))
@@ -804,7 +847,8 @@ class StateMachine:
                 if asked is None or asked.T_c > 2.0 * self._landed.light:
                     self._landed_us = self._armed_us = t_us  # what takes off does not wait
             if asked is None:
-                self._touchdown.reset()
+                if self._touchdown.done:
+                    self._touchdown.reset()
                 asked = flight.setpoint(sticks, seen, STEP_US * 1e-6)
             yield Piece(asked, STEP_US * 1e-6)
 
@@ -843,8 +887,7 @@ class StateMachine:
             Need.AIRBORNE: not landed,
             Need.GROUNDED: landed,
             Need.SETPOINTS: self.script.ready(t_us, wall_s, self.lost_us),
-            # disarmed, such a mode may be chosen: arming asks for sticks then
-            Need.STICKS: not self.armed or not self.sticks.lost(t_us, wall_s, self.sticks_lost_us),
+            Need.STICKS: not self.sticks.lost(t_us, wall_s, self.sticks_lost_us),
         }
         return frozenset(need for need, yes in met.items() if yes)
 
@@ -945,12 +988,14 @@ class StateMachine:
         below = self.setpoint is not None and self.setpoint.level > POSITION
         if below and self._is_too_fast():
             plan = self._slowed(mode, self.home)
+        elif mode is Mode.FOLLOW:
+            plan = self._following(self.home)
         else:
             plan = plans.plan_of(mode, here, self.home, self._params, self._limits())
         self._follow(plan, t_us, (mode, Event.ARRIVED) in modes.TRANSITIONS)
 
     def _is_too_fast(self) -> bool:
-        """Whether it is faster than it is led: by attitudes or rates."""
+        """Return true if attitudes or rates have made it faster than it is led."""
         led, v = self._limits(), self.pose().v_E
         return math.hypot(v.x, v.y) > led.cruise or not -led.down <= v.z <= led.up
 
@@ -965,8 +1010,23 @@ class StateMachine:
             here = self.pose()
             a = -self._limits().acceleration / max(plans.length(here.v_E), plans.SLOW)
             yield Piece(plans.at(here.r_E, psi, here.v_E, a * here.v_E), STEP_US * 1e-6)
+        if mode is Mode.FOLLOW:
+            yield from self._following(home)
         here = self._from(self.leader.until_us)
         yield from plans.plan_of(mode, here, home, self._params, self._limits())
+
+    def _following(self, home: Vec3) -> Iterator[Piece]:
+        follower = Follower(self._params)
+        while True:
+            t_us, pose = self.leader.until_us, self.pose()
+            now = self.flown(t_us, pose)
+            led = plans.limits(self._params, None, self.feasibility.pace)
+            asked = follower.setpoint(self.target, now, pose, home, led, t_us)
+            yield Piece(asked, FOLLOW_US * 1e-6)
+
+    def follow(self, report: Report, t_us: int) -> None:
+        """A target has told where it is: mode Follow Me keeps beside it."""
+        self.target.take(report, t_us)
 
     def _follow(self, plan: Iterable[Piece], t_us: int, ends: bool = False) -> None:
         self.leader.follow(plan, t_us, ends)

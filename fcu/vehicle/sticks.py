@@ -4,8 +4,8 @@ Five modes are flown by sticks, as on a PX4: Position asks for a velocity, Altit
 a vertical speed, Stabilized and Manual for a tilt and a thrust, Acro for body rates and a thrust.
 Curves, filters and their parameters are PX4's. Position goes through the law's position control
 and the guard. The others do not: their setpoints are of attitude or rates. Altitude holds its
-height by a loop of its own here, since laws take a thrust below the position level. Pure. Frames:
-Earth ENU, body FLU; SI; times are simulation time in microseconds, unless they are called wall.
+height by a loop of its own here, since laws take a thrust below the position level. Pure. Frames are
+Earth ENU and body FLU, units SI, times simulation time in microseconds, unless they are called wall.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import NamedTuple
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.rotations import matrix, wrap
-from fcu.laws.demand import tilt_of
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import STANDARD_GRAVITY, STILL, PlanLimits, Pose, at
@@ -37,7 +36,7 @@ LEAST_LEAN = 0.5  # cosine of the tilt down to which thrust makes up for it
 
 
 class Sticks(NamedTuple):
-    """Where the sticks are, -1 to 1 each."""
+    """Positions of the sticks, -1 to 1 each."""
 
     roll: float = 0.0  # right
     pitch: float = 0.0  # forward
@@ -49,7 +48,7 @@ CENTERED = Sticks()
 
 
 class StickSource(Enum):
-    """What sticks were sent by."""
+    """Messages that sticks are sent by."""
 
     JOYSTICK = "MANUAL_CONTROL"
     RADIO = "RC_CHANNELS_OVERRIDE"
@@ -66,7 +65,7 @@ class Accepts(IntEnum):
 
 
 class Gesture(Enum):
-    """What a throttle low and a yaw to the side ask for, held for a while."""
+    """Requests by a low throttle and a yaw to the side, held for a while."""
 
     ARM = "arm"
     DISARM = "disarm"
@@ -86,14 +85,14 @@ class StickInput:
     _gesture_done: bool = field(default=False, repr=False)
 
     def lost(self, now_us: int, wall_s: float, lost_us: int) -> bool:
-        """Whether no stick was heard for `lost_us` (simulation time, and by the wall too)."""
+        """Return true if no stick was heard for `lost_us` (simulation time, and by the wall too)."""
         return is_lost(self._last, now_us, wall_s, lost_us, self.sim_only)
 
     def counts(
         self, source: StickSource, owner: Owner, accepts: Accepts, at_us: int, wall_s: float,
         lost_us: int,
     ) -> bool:  # fmt: skip
-        """Whether sticks of a sender are heard now. Changes nothing."""
+        """Return true if sticks of a sender are heard now. Changes nothing."""
         if accepts is Accepts.NEITHER:
             return False
         only = {Accepts.RADIO: StickSource.RADIO, Accepts.JOYSTICK: StickSource.JOYSTICK}
@@ -176,7 +175,7 @@ def _slewed(was: float, to: float, most: float) -> float:
 
 
 class Seen(NamedTuple):
-    """What a setpoint of sticks goes by at one moment."""
+    """State of the vehicle, and its limits, that a setpoint of sticks goes by."""
 
     measured: VehicleState
     pose: Pose
@@ -192,7 +191,7 @@ class Seen(NamedTuple):
 
 
 class StickFlight:
-    """What sticks ask for in one mode, from its begin on: filters, heading and height."""
+    """Setpoints of sticks in one mode, from its begin on: filters, heading and height."""
 
     def __init__(self, mode: Mode, p: Parameters, seen: Seen) -> None:
         self._mode = mode
@@ -213,7 +212,7 @@ class StickFlight:
         return self._lies(sticks, thrust, seen, dt_s)
 
     def rests(self, sticks: Sticks, seen: Seen, light: float) -> Setpoint | None:
-        """The setpoint on the ground, until the throttle lifts the vehicle; None: it does.
+        """The setpoint on the ground, until the throttle lifts the vehicle. None: it does.
 
         light : thrust (N) of rotors that do not carry the vehicle.
         """
@@ -262,8 +261,9 @@ class StickFlight:
         far = math.hypot(*self._tilt)
         angle = math.atan(far * math.tan(most)) if thrust is None else far * most
         k = math.sin(angle) / far if far > 1e-9 else 0.0
-        out = k * self._tilt[0], -k * self._tilt[1]
-        roll, pitch = tilt_of(Vec3(*out, math.cos(angle)), 0.0)
+        out_ahead, out_right, out_up = k * self._tilt[0], k * self._tilt[1], math.cos(angle)
+        pitch = math.atan2(out_ahead, out_up)
+        roll = math.atan2(out_right, math.hypot(out_ahead, out_up))
         bent = expo_of_yaw(sticks.yaw, p) if thrust is None else sticks.yaw
         self._turn(sticks, bent, seen, dt_s)
         if thrust is None:

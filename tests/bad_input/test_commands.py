@@ -43,13 +43,13 @@ def test_a_bad_command_is_answered_and_changes_nothing(flying, command, params, 
     ("ask", "said"),
     [
         (lambda f: f.long(176, 1, 4, 4), Told(Code.MODE_UNKNOWN, ("Mission",))),
-        (lambda f: f.long(176, 1, 7), "Mode Stabilized denied"),
+        (lambda f: f.long(176, 1, 7), Told(Code.DENIED, ("Stabilized", Told(Code.NO_STICKS)))),
         (lambda f: f.long(176, 1, 4, 99), "Mode 4, 99 denied"),
-        (lambda f: f.long(262, 4), "Mode Altitude Hold denied"),
+        (lambda f: f.long(262, 4), Told(Code.DENIED, ("Altitude", Told(Code.NO_STICKS)))),
         (lambda f: f.long(262, 2), "Orbit denied: an orbit begins with DO_ORBIT"),
         (
             lambda f: mavlink.MAVLink_set_mode_message(f.at.system_id, 1, 1 << 16),
-            "Mode Manual denied",
+            Told(Code.DENIED, ("Manual", Told(Code.NO_STICKS))),
         ),
     ],
 )

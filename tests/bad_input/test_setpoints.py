@@ -17,12 +17,12 @@ from tests.bad_input.hovering import MASK_POSITION, NAN, OFFBOARD, POSITION
 @pytest.mark.parametrize(
     ("bad", "why"),
     [
-        ({"r": (NAN, 0, 0)}, Told(Code.NOT_FINITE, ("position",))),  # S1
+        ({"r": (NAN, NAN, NAN), "yaw": NAN}, Told(Code.COMMANDS_NOTHING)),  # S1
         ({"r": (0, math.inf, 0)}, Told(Code.NOT_FINITE, ("position",))),
-        ({"mask": 0xDC7, "v": (NAN, 0, 0)}, Told(Code.NOT_FINITE, ("velocity",))),
+        ({"mask": 0xDC7, "v": (-math.inf, 0, 0)}, Told(Code.NOT_FINITE, ("velocity",))),
         ({"mask": 0xFFF}, Told(Code.COMMANDS_NOTHING)),  # S3
         ({"mask": 0xC3F | 512}, Told(Code.FORCE)),
-        ({"mask": 0xDF9, "r": (0, NAN, 0)}, Told(Code.NOT_FINITE, ("position",))),
+        ({"mask": 0xDFD, "r": (0, NAN, 0)}, Told(Code.COMMANDS_NOTHING)),
         ({"frame": 4}, Told(Code.FRAME_UNSUPPORTED, (4,))),  # S4
         ({"frame": 255}, Told(Code.FRAME_UNSUPPORTED, (255,))),
         ({"r": (1e9, 0, 0)}, Told(Code.ABOVE_LIMIT, ("position", 100000.0, "m"))),  # S6
@@ -44,6 +44,21 @@ def test_a_bad_setpoint_is_refused_in_words_and_does_not_keep_the_stream_alive(f
     flying.tick(1)
     flying.says(Told(Code.OFFBOARD_LOST_MODE, (1.0, "Position")))
     assert flying.mode() == POSITION
+
+
+@pytest.mark.parametrize(
+    ("mask", "r", "v", "masked"),
+    [
+        (0xDF8, (NAN, NAN, -20.0), (0, 0, 0), 0xDFB),
+        (0xDC7, (0, 0, 0), (1.0, NAN, 0.0), 0xDD7),
+        (0xDC0, (0.0, 0.0, NAN), (NAN, NAN, 0.5), 0xDDC),
+    ],
+)
+def test_what_is_no_number_is_as_if_it_were_masked(flying, mask, r, v, masked):
+    """S1, as PX4 takes it."""
+    flying.send(flying.setpoint(mask=mask, r=r, v=v))
+    echo = flying.heard("POSITION_TARGET_LOCAL_NED", lambda m: m.type_mask == masked)
+    assert (echo.vx, echo.vy, echo.vz) == pytest.approx(v, nan_ok=True)
 
 
 def test_what_is_ignored_may_be_anything(flying):

@@ -41,6 +41,14 @@ def test_an_orbit_is_flown_on_its_circle(vehicle, run):
     assert [float(each) for each in flown.split()[1:]] == pytest.approx([8.0] * 4, abs=0.1)
 
 
+def test_a_target_is_followed_that_is_told_as_soon_as_the_mode_is_answered(vehicle, run):
+    up = vehicle("--speed", "4")
+    said = run(Path(__file__).parent / "follow_mavsdk.py", up.ports.script).splitlines()
+    (beside,) = (line.split()[1:] for line in said if line.startswith("beside "))
+    assert [float(each) for each in beside] == pytest.approx([10.0, 9.0], abs=0.4)
+    assert said[-1] == "landed"
+
+
 def test_a_mission_runs_a_script_of_mavsdk(tmp_path):
     script = Path(__file__).parent / "fly_mavsdk.py"
     (tmp_path / "one.toml").write_text(

@@ -10,7 +10,7 @@ import pytest
 
 from fcu.interface.airframe import believed
 from fcu.interface.messages import VehicleState
-from fcu.interface.status_texts import Code
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns
 from fcu.mavlink.definitions import CommandId, Result
@@ -44,11 +44,16 @@ def commands(vehicle):
     return Commands(vehicle, ORIGIN)
 
 
-def asked(commands, number, *params, frame=LONG):
-    """(result, reason) of a command with so many parameters, the others 0."""
+def verdict_of(commands, number, *params, frame=LONG):
+    """Verdict on a command with so many parameters, the others 0."""
     seven = (*map(float, params), *[0.0] * (7 - len(params)))
     command = Command(Source(255, 190), 1, 1, number, seven, frame, 0)
-    result, told = commands.answer(Request(command, 0, 0.0))
+    return commands.answer(Request(command, 0, 0.0))
+
+
+def asked(commands, number, *params, frame=LONG):
+    """(result, reason) of a command with so many parameters, the others 0."""
+    result, told, _ = verdict_of(commands, number, *params, frame=frame)
     return result, told.values[1].code if told and told.code is Code.DENIED else None
 
 
@@ -134,6 +139,16 @@ def test_an_orbit_flies_round_its_place(vehicle, commands, frame, radius, speed,
 NEAR_HERE = (NAN, NAN, NAN)
 
 
+def test_a_parameter_without_effect_is_told_and_hinders_nothing(commands, vehicle):
+    """As PX4 takes it: a landing with a number in parameter 3 lands."""
+    params = NAN, 0.0, 7.0, NAN, 0.0, 0.0, 0.0
+    verdict = verdict_of(commands, CommandId.LAND, *params)
+    assert (verdict.result, vehicle.mode) == (Result.ACCEPTED, Mode.LAND)
+    assert verdict.unused == Told(Code.PARAMETER_UNUSED, ("Landing", 3))
+    verdict = verdict_of(commands, CommandId.LAND)
+    assert verdict.unused is None
+
+
 @pytest.mark.parametrize(
     ("params", "code"),
     [
@@ -143,7 +158,6 @@ NEAR_HERE = (NAN, NAN, NAN)
         ((100.0, 100.0, 0.0, 0.0, *NEAR_HERE), Code.SPEED_RANGE),
         ((1.0, 2.5, 0.0, 0.0, *NEAR_HERE), Code.ASKS_TOO_MUCH),
         ((10.0, 1.0, 2.0, 0.0, *NEAR_HERE), Code.ORBIT_YAW),
-        ((10.0, 1.0, 0.0, 3.0, *NEAR_HERE), Code.PARAMETER_UNUSED),
         ((10.0, 1.0, 0.0, 0.0, *place(30_000.0, 0.0, 5.0)), Code.NO_PLACE_NEAR),
         ((math.inf, 1.0, 0.0, 0.0, *NEAR_HERE), Code.PARAMETER_NAN),
     ],

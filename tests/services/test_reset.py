@@ -42,7 +42,7 @@ def asked(commands, first, sixth=0.0, system=1, frame=None):
     """(result, code) of PREFLIGHT_REBOOT_SHUTDOWN with parameters 1 and 6."""
     params = (first, 0.0, 0.0, 0.0, 0.0, sixth, 0.0)
     command = Command(Source(255, 190), system, 1, CommandId.REBOOT, params, frame, 0)
-    result, told = commands.answer(Request(command, 0, 0.0))
+    result, told, _ = commands.answer(Request(command, 0, 0.0))
     return result, None if told is None else told.values[1].code
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fcu.interface.status_texts import Code
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle import landing
 from fcu.vehicle.landing import Approach, TouchdownDetector
@@ -94,6 +94,37 @@ def test_a_reposition_into_the_ground_ends_on_it():
     assert flown.vehicle.reposition(Vec3(5.0, 3.0, -3.0), None, flown.t_us).granted
     flown.fly(30.0, lambda: not flown.vehicle.armed)
     rests_on_it(flown)
+
+
+def grounded():
+    flown = Flown()
+    flown.fly(0.5)
+    assert flown.vehicle.arm(flown.t_us, 0.0).granted
+    return flown
+
+
+def test_a_reposition_from_the_ground_climbs_first():
+    flown, to = grounded(), Vec3(12.0, -5.0, 4.0)
+    assert flown.vehicle.reposition(to, None, flown.t_us).granted
+    aside = 0.0
+    for _ in range(400):
+        flown.fly(0.05)
+        if flown.r.z < 3.9:
+            aside = max(aside, math.hypot(flown.r.x, flown.r.y))
+    assert aside < 0.05
+    assert math.dist(flown.r, to) < 0.05 and flown.vehicle.armed
+
+
+@pytest.mark.parametrize(("up", "granted"), [(0.4, False), (-3.0, False), (0.6, True)])
+def test_a_place_near_the_ground_is_not_flown_to_from_it(up, granted):
+    """A vehicle sent to a place 2 cm up slid along the ground and tipped over."""
+    flown = grounded()
+    to = Vec3(20.0, 0.0, flown.r.z + up)
+    answer = flown.vehicle.reposition(to, None, flown.t_us)
+    assert answer.granted is granted
+    if not granted:
+        assert answer.told == Told(Code.PLACE_LOW, (pytest.approx(up),))
+    assert flown.vehicle.reposition(Vec3(0.0, 0.0, 30.0), None, flown.t_us).granted
 
 
 @pytest.mark.slow

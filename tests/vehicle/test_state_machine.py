@@ -16,7 +16,7 @@ from fcu.mavlink.definitions import LandedState, SystemStatus
 from fcu.parameters import Parameters
 from fcu.process.settings import settings
 from fcu.services.status import landed_state, system_status
-from fcu.vehicle import plans
+from fcu.vehicle import modes, plans
 from fcu.vehicle.conditions import ROWS, Action, Always, Condition
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import Pose
@@ -145,10 +145,27 @@ def test_it_disarms_if_it_does_not_take_off(params):
 # --- modes
 
 
-@pytest.mark.parametrize("mode", [Mode.LAND, Mode.RETURN, Mode.STEP, Mode.FIGURE_EIGHT])
-def test_a_mode_that_flies_needs_a_vehicle_that_may(vehicle, mode):
-    assert vehicle.select(mode, 0, 0.0) == refused(Code.NOT_ARMED)
-    assert vehicle.mode is Mode.HOLD
+@pytest.mark.parametrize("mode", [each for each in Mode if each not in (Mode.ORBIT, Mode.OFFBOARD)])
+def test_a_disarmed_vehicle_may_be_put_into_any_mode(vehicle, mode):
+    """Arming asks for what the mode needs then, and is denied in modes that begin in the air."""
+    assert vehicle.select(mode, 0, 0.0).granted
+    assert (vehicle.mode, vehicle.armed, vehicle.setpoint) == (mode, False, None)
+    answer = vehicle.arm(0, 0.0)
+    if mode in modes.ALOFT:
+        assert answer == refused(Code.MODE_NOT_TO_ARM, mode.value)
+    elif mode in modes.BY_STICKS and mode is not Mode.POSITION:
+        assert answer == refused(Code.NO_STICKS)
+    elif mode is Mode.TAKEOFF:
+        assert answer == refused(Code.NOT_GROUNDED)
+    else:
+        assert answer.granted
+
+
+@pytest.mark.parametrize("mode", [Mode.RETURN, Mode.STEP, Mode.FIGURE_EIGHT, Mode.FOLLOW])
+def test_a_mode_that_flies_needs_a_vehicle_in_the_air(grounded, mode):
+    assert grounded.arm(2_000_000, 2.0).granted
+    assert grounded.select(mode, 2_000_000, 2.0) == refused(Code.NOT_AIRBORNE)
+    assert grounded.mode is Mode.HOLD
 
 
 GROUND = Vec3(0.0, 0.0, 0.3)
@@ -223,9 +240,22 @@ def test_it_comes_to_rest_ahead_of_where_it_is(params):
     assert there.x >= 1.0 + 3.0**2 / (2.0 * params["MPC_ACC_HOR"])
 
 
-def test_taking_off_in_the_air_is_denied(armed):
-    assert armed.take_off(None, TICK, 0.0) == refused(Code.NOT_GROUNDED)
-    assert armed.mode is Mode.HOLD
+@pytest.mark.parametrize(("to_z", "ends"), [(None, 5.5), (13.0, 13.0), (1.0, 3.0)])
+def test_a_take_off_in_the_air_climbs_on_or_holds(armed, to_z, ends):
+    """As PX4: to MIS_TAKEOFF_ALT above home (3 m), to a height, or not at all from above it."""
+    assert armed.take_off(to_z, TICK, 0.0).granted
+    assert armed.mode is Mode.TAKEOFF
+    for t_us in range(TICK, 30_000_000, 100_000):
+        armed.leader.advance(t_us)
+    assert armed.setpoint.r_c == pytest.approx(Vec3(HERE.x, HERE.y, ends))
+    assert armed.setpoint.v_c == ZERO
+
+
+def test_mode_takeoff_in_the_air_climbs_on(armed):
+    assert armed.select(Mode.TAKEOFF, TICK, 0.0).granted
+    assert armed.mode is Mode.TAKEOFF
+    too_high = armed.take_off(1e4, TICK, 0.0)
+    assert not too_high.granted and too_high.told.code is Code.TAKEOFF_HEIGHT
 
 
 def test_offboard_needs_two_setpoints_at_most_half_a_second_apart(armed):

@@ -32,7 +32,7 @@ LOW = Sticks(throttle=-1.0)
 
 
 def heard(accepts, *spoke, lost_us=500_000):
-    """Which of these (us, source, owner) are heard, one after the other."""
+    """Return true for each of these (us, source, owner) that is heard, one after the other."""
     sticks, found = StickInput(sim_only=True), []
     for at_us, source, owner in spoke:
         counts = sticks.counts(source, owner, accepts, at_us, 0.0, lost_us)
