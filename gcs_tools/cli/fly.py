@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from gcs_tools.cli import arguments
-from gcs_tools.cli.output import Failure, print_json
+from gcs_tools.cli.output import Failure, print_json, report_rejected
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 from gcs_tools.flight.interrupts import interrupts_wait
 
@@ -65,7 +64,7 @@ def fly(
         from gcs_tools.cli.again import Again
         from gcs_tools.cli.terminal import Terminal
         from gcs_tools.flight.display import Display
-        from gcs_tools.flight.run import fly_missions, versions
+        from gcs_tools.flight.run import fly_missions
         from gcs_tools.flight.run_folder import UsageError
         from gcs_tools.judging import result
         from gcs_tools.missions.mission import called, members
@@ -81,11 +80,8 @@ def fly(
                 controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
             )  # fmt: skip
         except UsageError as error:
-            if junit is not None:  # of what cannot be flown a report is wanted, too
-                names = [called(each) for name in missions for each in members(name)]
-                none = [result.rejected(name, str(error), versions()) for name in names]
-                with suppress(result.ResultError):
-                    result.junit(none, junit)
+            names = [called(each) for name in missions for each in members(name)]
+            report_rejected(names, error, junit)
             raise Failure(error, USAGE) from error
         code = max((r.exit_code for r in results), default=INTERRUPTED)
         if not (settings or law or airframe or controller) and (seed, rate_hz) == (None, None):

@@ -7,7 +7,10 @@ import errno
 import json
 import os
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from io import TextIOWrapper
+from pathlib import Path
 from typing import IO, Any
 
 import click
@@ -24,6 +27,23 @@ class Failure(click.ClickException):
     def __init__(self, why: object, exit_code: int = INFRASTRUCTURE) -> None:
         super().__init__(str(why))
         self.exit_code = exit_code  # type: ignore[misc]
+
+
+def report_rejected(missions: Iterable[str], error: Exception, path: Path | None) -> None:
+    """Write a JUnit report of missions of which none can be flown. Without a path, nothing.
+
+    error : why. Its `of`, if it has one, maps a mission to a reason of its own. What cannot be written is
+    left out, for the error is told anyway.
+    """
+    if path is None:
+        return
+    from gcs_tools.flight.run import versions
+    from gcs_tools.judging import result
+
+    of = getattr(error, "of", {})
+    with suppress(result.ResultError):
+        none = [result.rejected(name, of.get(name, str(error)), versions()) for name in missions]
+        result.junit(none, path)
 
 
 def print_json(content: Any) -> None:

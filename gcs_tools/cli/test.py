@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from gcs_tools.cli import arguments
-from gcs_tools.cli.output import Failure, print_json
+from gcs_tools.cli.output import Failure, print_json, report_rejected
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
 from gcs_tools.flight.interrupts import interrupts_wait
 
@@ -58,19 +58,13 @@ def test(
         from gcs_tools.missions.flight_table import HELD
         from gcs_tools.missions.mission import MissionError, from_tables
 
-        if held and _is_given("speed"):
-            raise Failure("--held and --speed: time is held, or has a speed; give one", USAGE)
-        if speed is None:
-            why = "a script runs by the wall clock; give a number, or --held"
-            raise Failure(f"--speed max: {why}", USAGE)
-        if script.startswith("-"):
-            raise Failure(f"{script}: no such option (gcs test --help lists them)", USAGE)
-        if script.endswith(".toml"):
-            raise Failure(f"{script}: a mission: gcs fly {script}", USAGE)
-        script_arguments = _of_the_script(script_arguments)
+        try:
+            _check(script, speed, held)
+            script_arguments = _of_the_script(script_arguments)
+        except Failure as error:
+            report_rejected([Path(script).stem], error, junit)
+            raise
         is_python = script.endswith(".py")
-        if is_python and not Path(script).is_file():
-            raise Failure(f"{script}: no such file", USAGE)
         words = [*(["python"] if is_python else []), script, *script_arguments]
         flight = {
             "duration_s": duration_s, "ground_z_m": 0.0, "start": {"on_ground": True},
@@ -87,6 +81,7 @@ def test(
                 allow_commands=True,
             )  # fmt: skip
         except (MissionError, UsageError) as error:
+            report_rejected([Path(script).stem], error, junit)
             raise Failure(error, USAGE) from error
         code = max((each.exit_code for each in results), default=INTERRUPTED)
         if junit is not None:
@@ -98,6 +93,21 @@ def test(
         if as_json:
             print_json([dataclasses.asdict(each) for each in results])
     return code
+
+
+def _check(script: str, speed: float | None, held: bool) -> None:
+    """Raise Failure for what cannot be tested."""
+    if held and _is_given("speed"):
+        raise Failure("--held and --speed: time is held, or has a speed; give one", USAGE)
+    if speed is None:
+        why = "a script runs by the wall clock; give a number, or --held"
+        raise Failure(f"--speed max: {why}", USAGE)
+    if script.startswith("-"):
+        raise Failure(f"{script}: no such option (gcs test --help lists them)", USAGE)
+    if script.endswith(".toml"):
+        raise Failure(f"{script}: a mission: gcs fly {script}", USAGE)
+    if script.endswith(".py") and not Path(script).is_file():
+        raise Failure(f"{script}: no such file", USAGE)
 
 
 def _is_given(name: str) -> bool:

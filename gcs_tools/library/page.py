@@ -46,7 +46,8 @@ mmrac_missions = ["flights/*.toml"]
     pytest flights/square.toml
 
 Each mission is flown in process. A missed expectation is the failure, with what was measured. A mission with a script of
-its own is flown over the wire, if `--mmrac-allow-commands` is given.
+its own is flown over the wire, if `--mmrac-allow-commands` is given. Log, light recording, `result.json` and, of a mission that
+misses, a figure are in pytest's cache, `.pytest_cache/d/m-mrac/`, until the next run.
 
 The fixture `vehicle` starts a vehicle on the ground, on an instance that is free, and ends it with
 the test. A test talks to it through any client:

@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,23 +72,34 @@ class MissionTest(pytest.Item):
 
     def runtest(self) -> None:
         """Fly it. Raises MissionMissed, and UsageError for one that cannot be flown."""
-        from tempfile import TemporaryDirectory
-
         from gcs_tools.flight.run import fly
         from gcs_tools.missions.mission import load
 
         commands = bool(self.config.getoption(COMMANDS))
         by_script = commands and load(str(self.path)).flight.script is not None
-        with TemporaryDirectory(prefix="m-mrac-") as folder:
+        with self._folder() as folder:
             result = fly(
-                str(self.path), in_process=not by_script, out=Path(folder) / "run", record="none",
-                figure="never", allow_commands=commands,
+                str(self.path), in_process=not by_script, out=folder, record="light", figure="failed",
+                allow_commands=commands, overwrite=True,
             )  # fmt: skip
         if result.passed:
             return
         missed = [f"[expect] {each}" for each in result.expectations if each.is_missed]
         told = [result.title, *([result.error] if result.error else []), *missed, *result.causes]
+        told += [f"log, recording and figure: {folder}"] * (self._cache() is not None)
         raise MissionMissed("\n".join(told))
+
+    def _folder(self) -> AbstractContextManager[Path]:
+        """A folder for log, recording and figure: in pytest's cache until the next run, if that keeps one."""
+        cache = self._cache()
+        if cache is None:
+            return _passing()
+        name = re.sub(r"[^\w.-]+", "-", self.nodeid)
+        return nullcontext(cache.mkdir("m-mrac") / name)
+
+    def _cache(self) -> pytest.Cache | None:
+        """The cache of pytest. None where its plugin is turned off."""
+        return getattr(self.config, "cache", None)
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
         """The sentences of a flight that missed. Of anything else a traceback."""
@@ -100,6 +112,15 @@ class MissionTest(pytest.Item):
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Its place in reports."""
         return self.path, None, f"mission: {self.name}"
+
+
+@contextmanager
+def _passing() -> Iterator[Path]:
+    """A folder that is removed behind the block."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(prefix="m-mrac-") as folder:
+        yield Path(folder)
 
 
 @dataclass(frozen=True)

@@ -45,17 +45,7 @@ def test_it_is_killed(vehicle):
 
 
 def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    words = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-p",
-        "no:cacheprovider",
-        "-q",
-        "--rootdir",
-        ".",
-        *arguments,
-    ]
+    words = [sys.executable, "-m", "pytest", "-q", "--rootdir", ".", *arguments]
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=400)
 
 
@@ -74,6 +64,20 @@ def test_missions_that_are_named_are_tests(missions):
     assert failed["good"] is None and failed["bad"] is not None
     assert "reference_error_max_m" in (failed["bad"].text or "")
     assert "Traceback" not in done.stdout
+
+
+def test_log_recording_and_figure_of_a_mission_are_kept_until_the_next_run(missions):
+    """Nothing is kept if pytest has no cache."""
+    assert run_pytest(missions, "-p", "no:cacheprovider", "bad.toml").returncode == 1
+    assert sorted(path.name for path in missions.iterdir()) == ["bad.toml", "good.toml"]
+    for _ in range(2):
+        done = run_pytest(missions, "bad.toml")
+        assert done.returncode == 1
+        (told,) = [line for line in done.stdout.splitlines() if "log, recording" in line]
+        folder = missions / ".pytest_cache" / "d" / "m-mrac" / "bad.toml-bad"
+        assert told.endswith(str(folder))
+        for name in ("flight.mcap", "flight.png", "fcu.log", "result.json"):
+            assert (folder / name).stat().st_size > 0
 
 
 def test_missions_are_found_by_the_configuration_alone(missions):
