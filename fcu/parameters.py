@@ -359,6 +359,10 @@ class Parameters:
         """The guard's parameters in force; without a guard, nothing."""
         return self.settings.guard
 
+    def is_of_law(self, name: str) -> bool:
+        """True for a parameter of the law or of the guard."""
+        return name in self._of_law
+
     def __len__(self) -> int:
         return len(self.names)
 

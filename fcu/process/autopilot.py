@@ -93,6 +93,7 @@ class Figures:
     unpublished: int = 0  # rows that the publisher had no room for
     ground_dropped: dict[str, int] | None = None  # messages of the ground links, by reason
     script_messages: int = 0  # readable ones that came on the script link
+    parameters_set: dict[str, float] | None = None  # of law and guard, by MAVLink
 
 
 def tells_beginning(law: Law) -> bool:

@@ -314,5 +314,6 @@ class Loop:
         self.figures.script_messages = sum(
             port.heard for port in ground.ports if port is not ground.station
         )
+        self.figures.parameters_set = ground.parameters_set()
         self._autopilot.close()
         self._plant.close()

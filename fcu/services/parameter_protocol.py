@@ -68,6 +68,7 @@ class ParameterProtocol:
         self._sets = Bucket(SETS_PER_S, SETS_AT_ONCE)
         self._commands = commands
         self._saving: Saving | None = None
+        self._set_of_law: set[str] = set()  # names that have been set
         commands.table[CommandId.PREFLIGHT_STORAGE] = Spec(
             self._storage, (1, 2, 3), (1,), what="Storage"
         )
@@ -125,8 +126,14 @@ class ParameterProtocol:
             return self._not_set(message, ParameterError[refused.kind], told)
         if not changed:
             return [self._value(self._params.index(name))], [], None
+        if self._params.is_of_law(name):
+            self._set_of_law.add(name)
         also = (self._params.index(each) for each in self._params.changed if each != name)
         return [], [self._value(i) for i in (self._params.index(name), *also)], None
+
+    def set_of_law(self) -> dict[str, float]:
+        """The parameters of law and guard that were set, with the values in force."""
+        return {name: self._params[name] for name in sorted(self._set_of_law)}
 
     def _not_set(self, message: ParamSet, error: ParameterError, why: Told) -> Outcome:
         """Answered with the value in force, if there is one, and the reason."""

@@ -144,6 +144,10 @@ class Station:
                 self._see_wind(view)
         self._wind = Wind(self._identity.drag)
 
+    def parameters_set(self) -> dict[str, float]:
+        """The parameters of law and guard that were set by MAVLink, with the values in force."""
+        return self._parameters.set_of_law()
+
     # --- what the loop tells
 
     def see(self, row: Row, flying: bool, load: float, off: float) -> None:

@@ -27,7 +27,7 @@ QUANTILES = (0.05, 0.5, 0.95, 0.99)
 WORST = 10
 TABLES = 9999  # drawn by chance, that a table of words is held against
 LIKELY = 0.01  # a quantity with a p-value (corrected) above this explains nothing
-LOST = ("crashed", "diverged", "rejected", "aborted", "refused")
+LOST = ("crashed", "fell", "diverged", "rejected", "aborted", "refused")
 
 
 class Quantile(NamedTuple):

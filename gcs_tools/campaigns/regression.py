@@ -157,7 +157,9 @@ def _pairs(
 
 
 def _is_by_wall(flight: Flown) -> bool:
-    """True of a flight by a script whose time was not held: another with its seed is another flight."""
+    """True of a flight by a script that kept the wall's clock: another with its seed is another flight."""
+    if flight.by_wall:
+        return True
     script = flight.values.get("flight.script", "None")
     return script != "None" and flight.values.get("flight.pace") != HELD
 
@@ -180,7 +182,8 @@ def _by_metrics(
         raise RegressionError(
             f"{mission}: a script flew by the clock of the wall, and so no two flights are the same: hold them"
             f" against a baseline of {FEWEST} flights at least, or fly both with its time held (pace ="
-            ' "held", gcs test --held)'
+            ' "held", gcs test --held; a library with threads of its own, as MAVSDK, keeps the clock of the'
+            " wall then, too)"
         )
     if not pairs and len(theirs) < FEWEST:
         raise RegressionError(
@@ -196,6 +199,11 @@ def _by_metrics(
     for name in wanted:
         before = [value for each in theirs if (value := each.metrics.get(name)) is not None]
         now = [value for each in mine if (value := each.metrics.get(name)) is not None]
+        if not pairs and len(before) < FEWEST:
+            raise RegressionError(
+                f"{mission}: {name} has a value in {len(before)} of the baseline's {len(theirs)} flights,"
+                f" and an interval takes {FEWEST}: fly more flights for the baseline"
+            )
         limit = _limit(name, before, len(now), bool(pairs), len(wanted), tolerance)
         mean = math.fsum(now) / len(now) if len(now) == len(mine) else None
         sign = -1.0 if name in FLOORS else 1.0

@@ -123,6 +123,7 @@ class HeldFlight(ScriptFlight):
         """True if time has stood too long for a script that neither ends nor waits."""
         if not self._late and time.monotonic() - self._stands_since_s > STANDS_S:
             self._late = f"{STANDS_S:g} s of wall time without waiting, while simulation time stood"
+            self._never_waits = True
         return bool(self._late)
 
     def _wait_for_outcome(self) -> bool:

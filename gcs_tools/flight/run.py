@@ -46,8 +46,11 @@ from gcs_tools.flight.memory_flight import MemoryFlight, is_compiled
 from gcs_tools.flight.processes import PORTS, InfrastructureError, Misused, Take, claimed
 from gcs_tools.flight.publisher_process import Zenoh
 from gcs_tools.flight.run_folder import (
+    LOGS,
+    RECORDING,
     RESULT,
     RUNS,
+    Kept,
     UsageError,
     alone_in,
     emptied,
@@ -300,7 +303,8 @@ def _admitted(
                     why_not[place] = why
                     del ready[place]
     if not ready:
-        raise UsageError("\n".join(dict.fromkeys(why_not[place] for place in sorted(why_not))))
+        of = {mission_file.called(_name(asked[place][0])): why for place, why in why_not.items()}
+        raise UsageError("\n".join(dict.fromkeys(why_not[i] for i in sorted(why_not))), of)
     rejected = {
         place: result.rejected(
             mission_file.called(_name(asked[place][0])), why_not[place], versions()
@@ -477,6 +481,7 @@ class _Run:
         self._record = record
         self._opens_s = controller_timeout_s
         self._left = _nothing()
+        self._is_spoilt = False  # its folder, by a script: nothing more is written there
         self._note: Callable[[str], None] = lambda text: None
         self._progress: Callable[[float], None] = lambda time_s: None
         self._compiling: Compiling | None = None  # if it is cold
@@ -525,8 +530,12 @@ class _Run:
             self._note(COMPILING)
             self._compiling = Compiling(self._law.package, compiling)
         with interrupts_wait() as interrupts:
-            with result.reserved(self.folder):
-                self._left, exit_code, error = self._recorded()
+            with result.reserved(self.folder), Kept(self.folder) as kept:
+                self._left, exit_code, error = self._recorded(kept)
+                has_run = self._left.script is not None
+                if self._scene.script and (why := kept.spoilt(LOGS if has_run else ())):
+                    self._is_spoilt = True
+                    exit_code, error = max(exit_code, INFRASTRUCTURE), why
             judged = self._written(self._judged(exit_code, error))
             return self.interrupted(judged) if interrupts.take() else judged
 
@@ -543,7 +552,7 @@ class _Run:
         failed = not judged.passed and judged.exit_code != INTERRUPTED
         wanted = self._figure == ALWAYS or (self._figure == FAILED and failed)
         flown = self._left
-        if not wanted or len(flown.fcu) <= 1:
+        if not wanted or len(flown.fcu) <= 1 or self._is_spoilt:
             return judged
         try:
             from gcs_tools.pictures.plot.overview import flight_figure
@@ -581,25 +590,31 @@ class _Run:
 
     def _script(self, flown: Flown) -> ScriptFlown | None:
         """The end of the script, with the files that it left in the folder."""
-        if flown.script is None:
-            return None
+        if flown.script is None or self._is_spoilt:
+            return flown.script
         return replace(flown.script, files=left_by_script(self.folder))
 
     def _written(self, judged: Result) -> Result:
+        if self._is_spoilt:
+            return judged
         try:
             judged.write(self.folder / RESULT)
         except (OSError, result.ResultError) as failed:
             return _spoilt(judged, INFRASTRUCTURE, str(failed))
         return judged
 
-    def _recorded(self) -> tuple[Flown, int, str | None]:
-        """What was flown, on file too; an exit code and an error if it was cut short."""
+    def _recorded(self, kept: Kept) -> tuple[Flown, int, str | None]:
+        """What was flown, on file too; an exit code and an error if it was cut short.
+
+        `kept`: holds the files that a script might remove.
+        """
         flown, exit_code, error = _nothing(), OK, None
         try:
             with light.recorder(
-                self._record, self.folder / "flight.mcap", self._metadata(), self._scene.kinds,
+                self._record, self.folder / RECORDING, self._metadata(), self._scene.kinds,
                 self._scene.rate_hz,
             ) as recorder:  # fmt: skip
+                kept.hold(RECORDING)
                 if self._scene.kinds.tells:
                     recorder.set_params(to_buffer(self._scene.settings))
                 until = UntilArrival(self._scene, (recorder.add_plant, recorder.add_fcu))

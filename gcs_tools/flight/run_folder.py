@@ -6,8 +6,8 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -16,22 +16,28 @@ try:
 except ImportError:  # not on Windows, where nobody is kept out
     fcntl = None  # type: ignore[assignment]
 
-RUNS, RESULT = Path("runs"), "result.json"
+RUNS, RESULT, RECORDING = Path("runs"), "result.json", "flight.mcap"
 MARKS = (
     RESULT,
     "settings.json",
     "world.json",
-    "flight.mcap",
+    RECORDING,
 )  # one of these is in every run's folder
 KNOWN = (
     *MARKS, "about.json", "flight.png", "flight-*.png", "flight-*.svg", "flight-*.pdf", ".result.json.*",
     *(f"{who}.{kind}" for who in ("fcu", "plant", "publisher", "controller", "script") for kind in ("log", "jsonl")),
 )  # fmt: skip
+LOGS = "fcu.log", "plant.log", "script.log"  # of every flight of a script
 LONGEST = 50  # characters of a mission's name in that of its run's folder
 
 
 class UsageError(ValueError):
     """A mission, a setting or a folder that cannot be used: which, and what was expected."""
+
+    def __init__(self, why: str, of: Mapping[str, str] | None = None) -> None:
+        """`of`: where several missions are rejected, the reason of each."""
+        super().__init__(why)
+        self.of = of or {}
 
 
 @contextmanager
@@ -112,6 +118,64 @@ def emptied(out: Path) -> None:
                 run.rmdir()
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be emptied: {error.strerror}") from error
+
+
+class Kept:
+    """The folder of a run and files in it, which are to be there still when the flight is over.
+
+    A script of a user's may remove them, or put others or links in their place. What is written then would go
+    elsewhere.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._whole = ExitStack()
+        self._held = {folder: self._open(folder)}  # open, so that no other file gets its number
+        self._was_link = folder.is_symlink()
+
+    def __enter__(self) -> Kept:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._whole.close()
+
+    def hold(self, name: str) -> None:
+        """Hold a file of the folder, if it is there."""
+        path = self._folder / name
+        if path.is_file():
+            self._held[path] = self._open(path)
+
+    def spoilt(self, logs: Sequence[str]) -> str:
+        """Sentence about what was removed or replaced. Empty if all is there.
+
+        logs : names of files that were written there, too.
+        """
+        for path, held in self._held.items():
+            if not _is_same(path, held) or (
+                path == self._folder and path.is_symlink() > self._was_link
+            ):
+                return f"the script removed or replaced {path}"
+        names = sorted(os.listdir(self._folder))
+        for name in (name for name in names if any(fnmatch(name, each) for each in KNOWN)):
+            if (self._folder / name).is_symlink():
+                return f"the script put a link in the place of {self._folder / name}"
+        for name in logs:
+            if name not in names:
+                return f"the script removed {self._folder / name}"
+        return ""
+
+    def _open(self, path: Path) -> int:
+        file = os.open(path, os.O_RDONLY)
+        self._whole.callback(os.close, file)
+        return file
+
+
+def _is_same(path: Path, held: int) -> bool:
+    """True if a path leads to the file that is held open."""
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(held))
+    except OSError:
+        return False
 
 
 def _is_run(folder: Path) -> bool:

@@ -7,6 +7,7 @@ script says more.
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 import time
@@ -23,13 +24,14 @@ from fcu.mavlink.framing import Source
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.pair import Pair
 from gcs_tools.flight.processes import WROTE_NOTHING, InfrastructureError
-from gcs_tools.flight.scripted_flight import ON_GROUND, Flown
+from gcs_tools.flight.scripted_flight import FELL, HEIGHT, ON_GROUND, Flown
 from gcs_tools.flight.user_command import Leashed, filled, names_one_of, with_python
 from gcs_tools.flight.wire_flight import STALL_S, WireFlight
 from gcs_tools.judging import script_check
 from gcs_tools.judging.script_check import ScriptFlown
 
 ARMS = Source(254, 190)  # the system that arms a vehicle in the air
+AIRBORNE_M = 0.15  # a vehicle that never was so high above the ground has not flown, one that is is in the air
 REST_S = 1.0  # simulation time: a vehicle on the ground that stays disarmed for so long has landed
 WALL_FACTOR, WALL_S = (
     3.0,
@@ -68,22 +70,47 @@ class ScriptFlight(WireFlight):
     _outcome: dict[str, Any] | None = None  # of the script's leash
     _began_s = _took_s = 0.0  # wall
     _ended_tick: int | None = None
+    _never_waits = False  # it runs while its time is held
+    _on_wall = True  # somebody of the script keeps the clock of the wall
     _late = ""  # which time was over while the script ran
 
     def fly(self) -> Flown:
         """The whole flight. Raises InfrastructureError. What was flown is then in `flown`."""
         flown = super().fly()
-        heard = int(flown.said.get("flight controller", {}).get("script_messages", 0))
-        return replace(flown, script=self._verdict(heard))
+        said = flown.said.get("flight controller", {})
+        verdict = self._verdict(int(said.get("script_messages", 0)))
+        verdict = replace(
+            verdict, parameters=said.get("parameters_set") or {}, by_wall=self._on_wall,
+            **self._pace(flown.wall_time_s),
+        )  # fmt: skip
+        for text in verdict.told():
+            self._note(text)
+        return replace(flown, script=verdict)
 
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
         flown = super().flown()
-        if self._late or flown.ended != "time":
+        if flown.ended != "time" or not len(flown.fcu):
             return flown
-        flew = bool((flown.plant[:, ON_GROUND] < 0.5).any())  # armed on the ground is no flight
-        landed = self._is_grounded() and flew
+        n = min(len(flown.plant), len(flown.fcu))
+        on_ground, height = flown.plant[:n, ON_GROUND] > 0.5, flown.plant[:n, HEIGHT]
+        rest = height[on_ground].min(initial=math.inf)  # of a vehicle that stands
+        is_up = ~on_ground & ((height > rest + AIRBORNE_M) | math.isinf(rest))
+        runs = flown.fcu[:n, self._engaged] > 0.0
+        begun = runs.argmax() if runs.any() else n
+        if (is_up & ~runs)[begun:].any():
+            return replace(flown, done=FELL)
+        if self._late:
+            return flown
+        landed = self._is_grounded() and bool(is_up.any())  # armed on the ground is no flight
         return replace(flown, done="landed" if landed else "script")
+
+    def _pace(self, wall_s: float) -> dict[str, Any]:
+        """The pace that was asked for, and the one that was kept."""
+        if self._speed is None or not wall_s:
+            return {}
+        kept = self._flown_ticks() / self._scene.rate_hz / wall_s
+        return {"pace": self._speed, "pace_kept": kept}
 
     def _led(self, stack: ExitStack) -> Callable[[], bool]:
         scene = self._scene
@@ -200,7 +227,7 @@ class ScriptFlight(WireFlight):
                 return script_check.EXIT, (
                     f"The script ended with exit code {code}.{silent} {self._words()}"
                 )
-        if not heard:
+        if not heard and not self._never_waits:
             at = values(self._instance, self._folder, 1.0)
             return script_check.SILENT, (
                 "The script sent the vehicle no MAVLink message. Expected one on the script link:"

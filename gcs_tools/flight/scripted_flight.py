@@ -31,7 +31,10 @@ from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 _STILL = Vec3(0.0, 0.0, 0.0)
-_ENDED, ON_GROUND = (column_of(PlantRecord, name) for name in ("ended", "on_ground"))
+_ENDED, ON_GROUND, HEIGHT = (
+    column_of(PlantRecord, name) for name in ("ended", "on_ground", "state.r_E.z")
+)
+FELL = "fell"  # how a flight ends whose rotors were stopped in the air
 _R_E, _V_E = (slice_of(PlantRecord, f"state.{name}") for name in ("r_E", "v_E"))
 
 
@@ -43,7 +46,9 @@ class Flown:
     fcu: Rows
     arrived: bool = False
     begun: tuple[Begun, ...] = ()  # legs of the mission's items
-    done: str = ""  # how a flight ends whose items are done: landed, done; refused; empty: not
+    done: str = (
+        ""  # how a flight ends whose items are done: landed, done; refused, fell; empty: not
+    )
     refusal: str = ""  # what the vehicle would not do
     script: ScriptFlown | None = None  # of a mission that names one
     startup_s: float = 0.0

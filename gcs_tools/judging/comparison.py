@@ -39,6 +39,7 @@ class Flown:
     ended: str = ""  # how the flight ended; empty: a recording does not say
     versions: dict[str, str] = field(default_factory=dict)  # of what flew it
     missed: tuple[str, ...] = ()  # expectations, as sentences
+    by_wall: bool = False  # by a script that kept the clock of the wall
 
     @property
     def why(self) -> str:
@@ -80,6 +81,7 @@ def _of_result(path: Path, file: Path) -> Flown:
         name, path, read.mission, read.passed, dict(read.metrics), values, sha, read.seed,
         read.error or read.ended, dict(read.versions),
         tuple(str(each) for each in read.expectations if each.is_missed) if not read.error else (),
+        read.script is not None and read.script.by_wall,
     )  # fmt: skip
 
 

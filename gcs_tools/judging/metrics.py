@@ -310,8 +310,8 @@ def _nonfinite(flight: EngagedTicks) -> float:
 def _computed(fcu: Table) -> list[int]:
     """The columns that have to be finite at all ticks at which a law flies.
 
-    Its command and outputs have to be, but for the reference model, which it may not have. Of this,
-    and of what it remembers and computes on the way, it tells what is finite as it takes over.
+    Its command, outputs and state have to be, but for the reference model, which it may not have. Of this,
+    and of what it computes on the way, it tells what is finite as it takes over.
     """
     first = np.isfinite(fcu.rows[0]) if len(fcu.rows) else np.zeros(len(fcu.names), dtype=bool)
     return [
@@ -322,8 +322,10 @@ def _computed(fcu: Table) -> list[int]:
 
 
 def _is_always_a_number(name: str) -> bool:
-    """Whether it is a column of what a law commands or tells; of a reference it may tell nothing."""
-    return name.startswith(("command.", "outputs.")) and not name.startswith(_OF_A_REFERENCE)
+    """True for a column of what a law commands, tells or remembers. Of a reference it may tell nothing."""
+    return name.startswith(("command.", "outputs.", "state.")) and not name.startswith(
+        _OF_A_REFERENCE
+    )
 
 
 METRICS: dict[str, Callable[[EngagedTicks], float]] = {

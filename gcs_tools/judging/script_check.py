@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from gcs_tools.judging.expectations import Expectation
 
+PACE_KEPT = 0.9  # of the pace, at least
 EXIT = "script_exit"  # it ended with an exit code other than 0
 KILLED = "script_killed"  # a signal ended it
 TIMEOUT = "script_timeout"  # it had not ended when its time was over
@@ -33,6 +34,36 @@ class ScriptFlown:
     messages: int = 0  # MAVLink messages that the vehicle had from it
     left: list[str] = field(default_factory=list)  # names of the processes that it left behind
     files: list[str] = field(default_factory=list)  # names of what it left in the folder of the run
+    pace: float | None = (
+        None  # simulated seconds per second that were asked for. None: time was held
+    )
+    pace_kept: float | None = None  # and that were flown
+    by_wall: bool = (
+        False  # it, or a program of it, kept the clock of the wall: no other flight is the same
+    )
+    parameters: dict[str, float] = field(
+        default_factory=dict
+    )  # of law and guard, set by MAVLink: the last values
+
+    @property
+    def is_slow(self) -> bool:
+        """True if this machine did not keep the pace."""
+        return self.pace is not None and (self.pace_kept or 0.0) < PACE_KEPT * self.pace
+
+    def told(self) -> list[str]:
+        """Sentences about what changes the meaning of a verdict, and fails no flight."""
+        said = []
+        if self.is_slow:
+            said.append(
+                f"The pace was {self.pace_kept:.2g} simulated seconds per second, not {self.pace:g}: this"
+                " machine was busy. The script met a vehicle that was slower than it was told."
+            )
+        if self.parameters:
+            values = ", ".join(f"{name} {value:g}" for name, value in self.parameters.items())
+            said.append(
+                f"The script set parameters of the law or the guard: {values}. The flight is judged with them."
+            )
+        return said
 
     def judged(self) -> list[Expectation]:
         """The expectation that nobody has to name: the script ends with 0, and with no failure.

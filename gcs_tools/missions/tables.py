@@ -213,7 +213,7 @@ class Plant(Table):
 # --- [expect]
 
 
-_ENDINGS = ("time", "arrived", "landed", "done", "script", "refused", "diverged", "crashed")
+_ENDINGS = ("time", "arrived", "landed", "done", "script", "refused", "diverged", "crashed", "fell")
 
 _ended: Any = (
     Annotated[Literal[_ENDINGS], one_of(*_ENDINGS)] | None,

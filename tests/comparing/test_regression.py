@@ -72,6 +72,36 @@ def test_a_script_by_the_wall_never_flies_the_same_twice(pace):
     assert (held.by, held.passed) == ("interval", True)
 
 
+def test_a_held_script_with_a_clock_of_its_own_goes_by_the_interval():
+    """MAVSDK's threads keep the clock of the wall, whatever the mission's pace."""
+    held = {"flight.script": "python fly.py", "flight.pace": "held"}
+    made = replace(FLIGHT, values=held, by_wall=True)
+    now = replace(made, metrics={METRIC: 1.02, FLOOR: 10.0})
+    with pytest.raises(RegressionError, match="a baseline of 3 flights"):
+        held_against([now], [made])
+    values = {"a": 0.98, "b": 1.0, "c": 1.03}
+    baseline = [replace(made, name=n, metrics={METRIC: v, FLOOR: 10.0}) for n, v in values.items()]
+    (found,) = held_against([now], baseline)
+    assert (found.by, found.passed) == ("interval", True)
+
+
+@pytest.mark.parametrize("known", [1, 2, 3])
+def test_a_metric_of_fewer_than_three_flights_gives_no_interval(known):
+    baseline = [
+        replace(each, metrics={METRIC: each.metrics[METRIC], FLOOR: 10.0 if i < known else None})
+        for i, each in enumerate(flights({1: 1.0, 2: 1.1, 3: 0.9, 4: 1.0}))
+    ]
+    now = flights({99: 1.0})
+    if known < 3:
+        with pytest.raises(
+            RegressionError, match=rf"{FLOOR} has a value in {known} of .* 4 flights"
+        ):
+            held_against(now, baseline)
+        return
+    (found,) = held_against(now, baseline)
+    assert (found.by, found.passed) == ("interval", True)
+
+
 def test_a_flight_that_fails_is_told_by_what_it_missed():
     lost = replace(FLIGHT, passed=False, missed=("tilt_max_deg <= 1: 20.2",))
     (held,) = held_against([lost], [FLIGHT])

@@ -210,6 +210,16 @@ def test_a_number_that_stops_being_finite_is_named_with_its_time(name: str) -> N
     assert (broken.time_s, broken.fields) == (fcu[100, 0], [name])
 
 
+def test_a_state_that_is_not_finite_from_the_first_tick_on_is_named() -> None:
+    """The state is what a law goes on from: it has no number there that it may not have."""
+    plant, fcu = flight(20.0)
+    put(fcu, Tick, "state.estimates.m_hat", np.nan)
+    found = EngagedTicks.of(*told(plant, fcu))
+    assert found.metric("nonfinite_samples") == len(found.t)
+    broken = found.first_not_finite()
+    assert broken is not None and broken.fields == ["state.estimates.m_hat"]
+
+
 def test_a_number_that_a_law_never_tells_is_none_that_it_lost() -> None:
     plant, fcu = flight(20.0)
     put(fcu, Tick, "internals.demand.tau_d", np.nan)

@@ -59,7 +59,16 @@ print("armed", flush=True)
 if HOW == "sits":
     command(MAV.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
     sys.exit(0)
+if HOW == "unguarded":
+    link.mav.param_set_send(link.target_system, 1, b"MR_GUARD", 0.0, MAV.MAV_PARAM_TYPE_REAL32)
+    while link.recv_match(type="PARAM_VALUE", blocking=True).param_id != "MR_GUARD":
+        pass
 command(MAV.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, float("nan"), float("nan"), float("nan"), 3.0)
+if HOW == "stops":  # the rotors, where a fall harms nothing
+    while height() < ground + 0.3:
+        pass
+    command(MAV.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)
+    sys.exit(0)
 while height() < ground + 2.7:
     pass
 until = time.monotonic() + float(os.environ.get("HOP_S", "0"))

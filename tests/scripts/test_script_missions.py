@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -12,6 +13,7 @@ from gcs_tools.flight.run import UsageError, prepared
 from gcs_tools.flight.script_flight import only_first, values
 from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging import result
+from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.missions.mission import MissionError, load
 from tests.process.conftest import alive
 
@@ -43,6 +45,70 @@ def test_a_vehicle_that_never_left_the_ground_has_not_landed(fly):
     code, found = fly('flight.script="python hop.py {url} sits"', "flight.after_script_s=2")
     assert (code, found.ended, found.passed) == (1, "script", False)
     assert found.script is not None and found.script.failure == ""
+
+
+@pytest.mark.parametrize("pace", ["speed:8", "held"])
+def test_rotors_that_are_stopped_in_the_air_are_a_fall(fly, pace):
+    """It lies on the ground disarmed, as after a landing."""
+    code, found = fly(
+        f'flight.pace="{pace}"',
+        'flight.script="python hop.py {url} stops"',
+        "flight.after_script_s=3",
+    )
+    assert (code, found.ended, found.passed) == (1, "fell", False)
+    assert found.script is not None and found.script.failure == ""
+
+
+def test_what_a_script_sets_of_the_guard_is_listed(fly):
+    code, found = fly('flight.script="python hop.py {url} unguarded"')
+    assert (code, found.ended) == (0, "landed")
+    assert found.script is not None
+    assert found.script.parameters == {"MR_GUARD": 0.0}
+    assert any("MR_GUARD 0" in text for text in found.script.told())
+
+
+def test_the_pace_is_told_and_whether_it_was_kept(fly):
+    _, found = fly()
+    assert found.script is not None and found.script.pace == 8.0
+    assert found.script.pace_kept is not None and 0.0 < found.script.pace_kept < 8.8
+    for kept, is_slow in ((7.0, True), (7.3, False)):
+        flown = ScriptFlown("hop", pace=8.0, pace_kept=kept)
+        assert (flown.is_slow, len(flown.told())) == (is_slow, is_slow)
+    assert ScriptFlown("hop").told() == []  # its time was held
+
+
+SPOILS = {  # what a script does with the folder of its run
+    "removes": "rm -r {out}",
+    "replaces": "mv {out} {out}.old; mkdir {out}",
+    "links": "mv {out} {out}.old; ln -s $PWD/elsewhere {out}",
+    "removes the recording": "rm {out}/flight.mcap",
+    "replaces the recording": "echo > {out}/new; mv {out}/new {out}/flight.mcap",
+    "removes a log": "rm {out}/fcu.log",
+    "links the result": "ln -s $PWD/elsewhere/result.json {out}/result.json",
+}
+
+
+@pytest.mark.parametrize("how", SPOILS)
+def test_a_script_that_spoils_the_folder_of_its_run_fails(start, tmp_path, how):
+    """JUnit says so, and nothing is written elsewhere."""
+    for name in ("hop.py", "hop.toml"):
+        shutil.copy(HERE / name, tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    script = f"sh -c 'python hop.py {{url}} sits; {SPOILS[how]}'"
+    while True:  # begun again as long as other tests have all the instances
+        out, report = tmp_path / "run", tmp_path / "report.xml"
+        shutil.rmtree(out, ignore_errors=True)
+        program = start(
+            "gcs_tools", "fly", tmp_path / "hop.toml", "--allow-commands", "--set", f'flight.script="{script}"',
+            "--out", out, "--junit", report, "--json",
+        )  # fmt: skip
+        code = program.wait()
+        if "all have a port in use" not in program.text():
+            break
+    assert code == 3, program.text()
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+    assert not (out / "result.json").is_file()
+    assert '<error message="the script' in report.read_text()
 
 
 def test_a_program_beside_its_mission_is_found_from_any_folder(tmp_path, monkeypatch):
@@ -133,6 +199,28 @@ def test_a_script_is_tested_without_a_mission(start, tmp_path, how, wanted):
 def test_what_cannot_be_tested_is_refused(start, tmp_path, arguments):
     told = start("gcs_tools", "test", *arguments)
     assert told.wait() == 2
+
+
+def test_a_report_is_written_of_what_cannot_be_tested(start, tmp_path):
+    report = tmp_path / "report.xml"
+    assert start("gcs_tools", "test", "--junit", report, "nothing.py").wait() == 2
+    text = report.read_text()
+    assert 'name="nothing"' in text and "nothing.py: no such file" in text
+
+
+def test_missions_that_are_refused_have_a_reason_each(start, tmp_path):
+    for name, height in (("one", "3"), ("other", "4")):
+        (tmp_path / f"{name}.toml").write_text(f"title = {height}\n")
+    report = tmp_path / "report.xml"
+    names = tmp_path / "one.toml", tmp_path / "other.toml"
+    assert start("gcs_tools", "fly", *names, "--junit", report).wait() == 2
+    cases = {each.get("name"): each.find("error") for each in ET.parse(report).iter("testcase")}
+    assert set(cases) == {"one", "other"}
+    for name, other in (("one", "other"), ("other", "one")):
+        error = cases[name]
+        assert error is not None
+        assert f"{name}.toml" in error.get("message", "")
+        assert f"{other}.toml" not in error.get("message", "")
 
 
 MANY = """title = "A script hops in winds that are not known."
