@@ -281,7 +281,7 @@ class Document(Table):
         lands = bool(items) and isinstance(items[-1], LANDINGS)
         if self.flight.script is not None:
             if ended in ("time", "arrived", "done", "refused"):
-                why = f"a flight with a script never ends {ended}: expected landed, script, diverged or crashed"
+                why = f"a flight with a script never ends {ended}: expected landed, script, fell, diverged or crashed"
                 raise because(("expect", "ended"), why)
             if self.expect.limited is not None:  # type: ignore[attr-defined]
                 why = "what a script asked for is not recorded, only what the vehicle made of it: leave it out"
@@ -289,6 +289,7 @@ class Document(Table):
             return self
         lacks = {
             "script": "[flight] script names one",
+            "fell": "[flight] script names one that stops the rotors",
             "arrived": self.flight.arrive is None and "[flight] arrive says when it has arrived",
             "landed": not lands and "the last of [[flight.items]] is land or return",
             "done": (lands or not items) and "the last of [[flight.items]] does not land",

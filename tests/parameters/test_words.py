@@ -28,7 +28,7 @@ def test_a_mission_and_an_airframe_say_the_same_of_a_wrong_word(key):
 
 
 @pytest.mark.parametrize(("setting", "said"), [
-    ("expect.ended=well", "expected time, arrived, landed, done, script, refused, diverged or crashed, got well"),
+    ("expect.ended=well", "expected time, arrived, landed, done, script, refused, diverged, crashed or fell, got well"),
     ("law.guard=true", "expected warn, govern or refuse, got true"),
     ('law.guard="true"', 'expected warn, govern or refuse, got "true"'),
     ('law.guard="on and off"', 'got "on and off"'),
