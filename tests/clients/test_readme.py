@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from fcu.interface.status_texts import Code
+from gcs_tools.recording.events import logged
+
 README = Path(__file__).parents[2] / "README.md"
 SCRIPTS = {
     "pymavlink" if "pymavlink" in code else "mavsdk": code
@@ -19,11 +22,14 @@ def test_the_pymavlink_script_is_short():
 
 
 @pytest.mark.parametrize("name", ["pymavlink", "mavsdk"])
-def test_it_flies(vehicle, run, tmp_path, name):
+def test_it_flies_and_lands(vehicle, run, tmp_path, name):
     up = vehicle("--speed", "4")
     script = tmp_path / "script.py"
     script.write_text(SCRIPTS[name].replace("14540", str(up.ports.script)))
-    assert "there" in run(script)
+    run(script)
+    (folder,) = (up.folder / "runs").iterdir()
+    codes = [event.code for event in logged(folder)]
+    assert Code.DISARMED_LANDED.name in codes
 
 
 def test_the_script_of_the_guards_readme_sets_beliefs(vehicle, run, tmp_path):
