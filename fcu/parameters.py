@@ -59,6 +59,8 @@ VEHICLE: tuple[Parameter, ...] = (
     *group(
         "Modes that lead the vehicle",
         P("", "MIS_TAKEOFF_ALT", 2.5, 0.5, 80.0, "m", "height of a take-off that names none"),
+        P("", "NAV_ACC_RAD", 2.0, 0.05, 200.0, "m", "radius in which a place of a plan counts as reached, and its corner is rounded"),
+        P("", "RTL_TYPE", 0.0, 0.0, 1.0, "", "a return ends at the nearest of: 0 home and rally points, 1 rally points, and home without any", values=(0.0, 1.0), integer=True),
         P("", "RTL_RETURN_ALT", 10.0, 0.0, 150.0, "m", "height above home of the way back"),
         P("", "RTL_DESCEND_ALT", 10.0, 0.0, 100.0, "m", "height above home at which it waits RTL_LAND_DELAY"),
         P("", "RTL_LAND_DELAY", 0.0, -1.0, 300.0, "s", "time above home before it lands; below 0 for ever, 0 lands at once"),
@@ -127,6 +129,13 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "MC_ACRO_SUPEXPOY", 0.7, 0.0, 0.95, "", "how far it bends still more towards the ends"),
     ),
     *group(
+        "Fence",
+        P("", "GF_ACTION", 2.0, 0.0, 5.0, "", "outside the fence: 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land", values=(0.0, 1.0, 2.0, 3.0, 4.0, 5.0), integer=True),
+        P("", "GF_MAX_HOR_DIST", 0.0, 0.0, 10000.0, "m", "greatest distance across from home; 0: no limit"),
+        P("", "GF_MAX_VER_DIST", 0.0, 0.0, 10000.0, "m", "greatest height above home; 0: no limit"),
+        P("", "GF_PREDICT", 0.0, 0.0, 1.0, "", "1: the fence is held against the place where the vehicle would stop", values=(0.0, 1.0), integer=True),
+    ),
+    *group(
         "Arming",
         P("", "COM_DISARM_LAND", 2.0, -1.0, 60.0, "s", "time on the ground until it disarms; below 0 never"),
         P("", "COM_DISARM_PRFLT", 10.0, -1.0, 60.0, "s", "time until it disarms if it does not take off; below 0 never"),
@@ -160,7 +169,6 @@ VEHICLE: tuple[Parameter, ...] = (
         _fixed("COM_FLTMODE1", -1.0, "no receiver whose switch selects a mode"),
         _fixed("NAV_DLL_ACT", 0.0, "no action on the loss of a ground station"),
         _fixed("RC_MAP_ROLL", 0.0, "no receiver whose channels are mapped"),
-        _fixed("RTL_TYPE", 0.0, "a return flies straight home"),
         _fixed("SENS_BOARD_ROT", 0.0, "no board that can be turned"),
         _fixed("SYS_AUTOCONFIG", 0.0, "the airframe is chosen at the start (--airframe)"),
         _fixed("SYS_FAILURE_EN", 0.0, "failures cannot be injected by command"),

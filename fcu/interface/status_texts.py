@@ -37,11 +37,14 @@ class Code(Enum):
     BATTERY_EMERGENCY = "Battery emergency: {:.0f} %"
     FAILSAFE_MODE = "Failsafe: mode {}"
     FAILSAFE_STOPPED = "Failsafe: rotors stopped"
+    FENCE_BREACHED = "Fence breached"
+    FENCE_INSIDE = "Inside the fence again"
     OFFBOARD_LOST_MODE = "Offboard lost: no setpoint for {:g} s, mode {}"
     OFFBOARD_LOST_STOPPED = "Offboard lost: no setpoint for {:g} s, rotors stopped"
     STICKS_LOST_MODE = "Sticks lost: none for {:g} s, mode {}"
     STICKS_LOST_STOPPED = "Sticks lost: none for {:g} s, rotors stopped"
     PLAN_COMPLETE = "{} complete, mode {}"
+    MISSION_COMPLETE = "Mission complete"
     POSITION_JUMPED = "Position jumped {:.0f} m: flying by velocity"
     POSITION_BACK = "Position valid again"
     NOT_AS_BELIEVED = "Contradicts assumptions: {}"
@@ -77,6 +80,10 @@ class Code(Enum):
     GOING = "Flying {:.0f} m"
     GOING_SHORT = "Flying {:.0f} m needs {:newtons} more than available: thrust may saturate"
     HOME_SET = "Home set"
+    CURRENT_ITEM = "Mission item {} is current"
+    ITEMS_TAKEN = "{}: {} items taken"
+    ITEMS_PASSED_OVER = "{}: {} items taken, {} of them passed over"
+    ITEMS_CLEARED = "{} cleared"
     ORIGIN_SET = "Origin set"
     READY_TO_ARM = "Ready to arm"
     NOT_READY_TO_ARM = "Not ready to arm: {}"
@@ -151,6 +158,24 @@ class Code(Enum):
     LANDS_HERE = "lands at the current position (reposition first)"
     ORBIT_YAW = "yaw behaviour: 0, 1 or 3"
     NO_MISSION = "no mission uploaded"
+    NO_LAND_START = "the mission has no DO_LAND_START"
+    NO_ITEM = "no item {} (the mission has {})"
+
+    # --- why: an item of a plan, a fence or rally points
+    ITEM = "item {}: {}"
+    ITEM_TERRAIN = "heights above terrain are not supported"
+    ITEM_PARAMETER = "parameter {} is {:g}, expected {}"
+    ITEM_PLACE = "its place is {:.0f} m away (at most {:.0f})"
+    ITEM_HEIGHT = "its height is {:.0f} m (expected {:.0f} to {:.0f})"
+    ITEMS_TOO_MANY = "{} items (at most {})"
+    TRANSFER_BUSY = "another transfer is in progress"
+    TRANSFER_LOST = "the transfer was broken off"
+    NO_SUCH_PART = "items {} to {} of {} cannot be replaced"
+    OUTSIDE_FENCE = "outside the fence"
+    PLACE_OUTSIDE = "its place is outside the fence"
+    WAY_OUTSIDE = "the way to it leaves the fence"
+    POLYGON_SHORT = "a polygon of {} corners (at least 3)"
+    POLYGON_BROKEN = "polygon corner {} of {} is missing"
     GROUND_SPEED_ONLY = "expected speed type 1 (ground speed)"
     NO_PLACE = "expected a position"
     RESETS_ONLY = "parameter 1: expected 0 or 1 (reset)"
@@ -192,6 +217,20 @@ class Code(Enum):
 # Shorter texts of codes whose own may be too long for a STATUSTEXT, the longest first. A value is taken
 # by its place. A reason within a text is shortened first.
 SHORT: dict[Code, tuple[str, ...]] = {
+    Code.NO_LAND_START: ("no DO_LAND_START",),
+    Code.NO_ITEM: ("no item {0}",),
+    Code.ITEM: ("item {0}",),
+    Code.ITEM_TERRAIN: ("height above terrain",),
+    Code.ITEM_PARAMETER: ("parameter {0} is {1:g}", "parameter {0}"),
+    Code.ITEM_PLACE: ("{0:.0f} m away",),
+    Code.ITEM_HEIGHT: ("height {0:.0f} m",),
+    Code.ITEMS_TOO_MANY: ("at most {1} items", "too many items"),
+    Code.TRANSFER_BUSY: ("another is in progress",),
+    Code.NO_SUCH_PART: ("no items {0} to {1}", "no such part"),
+    Code.POLYGON_SHORT: ("{0} corners (at least 3)", "too few corners"),
+    Code.POLYGON_BROKEN: ("no corner {0}",),
+    Code.PLACE_OUTSIDE: ("not inside the fence",),
+    Code.WAY_OUTSIDE: ("way leaves the fence",),
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
     Code.NOT_AS_BELIEVED: ("Unexpected: {0}",),

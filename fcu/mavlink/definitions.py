@@ -183,11 +183,26 @@ def packed(definition: Definition, /, **values: Any) -> Packed:
 DEFINITIONS: dict[int, Definition] = {n: of(m) for n, m in mavlink.mavlink_map.items()}
 _NAMED = {definition.name: definition for definition in DEFINITIONS.values()}
 # Messages of the standard that the dialect leaves out, or did until lately; TIMESYNC and
-# SERIAL_CONTROL, whose newer fields it leaves out; and ArduPilot's WIND.
+# SERIAL_CONTROL and those of plans, whose newer fields it leaves out; and ArduPilot's WIND.
 for _each in (
     declared(
         "TIMESYNC", 111, "int64_t tc1", "int64_t ts1",
         extensions=("uint8_t target_system", "uint8_t target_component"),
+    ),
+    declared(
+        "MISSION_CURRENT", 42, "uint16_t seq",
+        extensions=(
+            "uint16_t total", "uint8_t mission_state", "uint8_t mission_mode",
+            "uint32_t mission_id", "uint32_t fence_id", "uint32_t rally_points_id",
+        ),
+    ),
+    declared(
+        "MISSION_COUNT", 44, "uint8_t target_system", "uint8_t target_component", "uint16_t count",
+        extensions=("uint8_t mission_type", "uint32_t opaque_id"),
+    ),
+    declared(
+        "MISSION_ACK", 47, "uint8_t target_system", "uint8_t target_component", "uint8_t type",
+        extensions=("uint8_t mission_type", "uint32_t opaque_id"),
     ),
     declared("WIND", 168, "float direction", "float speed", "float speed_z"),
     declared(
@@ -257,6 +272,9 @@ class CommandId(IntEnum):
     FLIGHT_TERMINATION = mavlink.MAV_CMD_DO_FLIGHTTERMINATION
     REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
     ORBIT = mavlink.MAV_CMD_DO_ORBIT
+    MISSION_START = mavlink.MAV_CMD_MISSION_START
+    SET_MISSION_CURRENT = 224  # newer than some releases of the dialect
+    LAND_START = mavlink.MAV_CMD_DO_LAND_START
     PAUSE_CONTINUE = mavlink.MAV_CMD_DO_PAUSE_CONTINUE
     PREFLIGHT_STORAGE = mavlink.MAV_CMD_PREFLIGHT_STORAGE
     REBOOT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
@@ -301,6 +319,7 @@ GLOBAL_FRAMES = frozenset(
         Frame.GLOBAL_TERRAIN_ALT_INT,
     }
 )
+MISSION_FRAME: int = mavlink.MAV_FRAME_MISSION  # of items of a plan without a place
 # height above home, not above the sea; terrain is taken to be flat, at the height of home
 RELATIVE_FRAMES = GLOBAL_FRAMES - {Frame.GLOBAL, Frame.GLOBAL_INT}
 
@@ -397,6 +416,7 @@ class Sensor(IntFlag):
     AHRS = mavlink.MAV_SYS_STATUS_AHRS
     BATTERY = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
     PREARM = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    GEOFENCE = mavlink.MAV_SYS_STATUS_GEOFENCE
 
 
 class Capability(IntFlag):
@@ -410,6 +430,8 @@ class Capability(IntFlag):
     SET_POSITION_TARGET_GLOBAL_INT = mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     FLIGHT_TERMINATION = mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
     MAVLINK2 = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    MISSION_FENCE = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    MISSION_RALLY = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
 
 
 class Autopilot(IntEnum):
@@ -448,8 +470,87 @@ class MissionResult(IntEnum):
     """MAV_MISSION_RESULT."""
 
     ACCEPTED = mavlink.MAV_MISSION_ACCEPTED
+    ERROR = mavlink.MAV_MISSION_ERROR
+    UNSUPPORTED_FRAME = mavlink.MAV_MISSION_UNSUPPORTED_FRAME
     UNSUPPORTED = mavlink.MAV_MISSION_UNSUPPORTED
+    NO_SPACE = mavlink.MAV_MISSION_NO_SPACE
+    INVALID = mavlink.MAV_MISSION_INVALID
+    INVALID_PARAM1 = mavlink.MAV_MISSION_INVALID_PARAM1
+    INVALID_PARAM2 = mavlink.MAV_MISSION_INVALID_PARAM2
+    INVALID_PARAM3 = mavlink.MAV_MISSION_INVALID_PARAM3
+    INVALID_PARAM4 = mavlink.MAV_MISSION_INVALID_PARAM4
+    INVALID_PARAM5 = mavlink.MAV_MISSION_INVALID_PARAM5_X
+    INVALID_PARAM6 = mavlink.MAV_MISSION_INVALID_PARAM6_Y
+    INVALID_PARAM7 = mavlink.MAV_MISSION_INVALID_PARAM7
     INVALID_SEQUENCE = mavlink.MAV_MISSION_INVALID_SEQUENCE
+    DENIED = mavlink.MAV_MISSION_DENIED
+    CANCELLED = mavlink.MAV_MISSION_OPERATION_CANCELLED
+
+
+class MissionType(IntEnum):
+    """MAV_MISSION_TYPE."""
+
+    MISSION = mavlink.MAV_MISSION_TYPE_MISSION
+    FENCE = mavlink.MAV_MISSION_TYPE_FENCE
+    RALLY = mavlink.MAV_MISSION_TYPE_RALLY
+    ALL = mavlink.MAV_MISSION_TYPE_ALL
+
+
+class MissionState(IntEnum):
+    """MISSION_STATE, newer than some releases of the dialect."""
+
+    NO_MISSION = 1
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
+
+
+class ItemCommand(IntEnum):
+    """MAV_CMD of the items of plans, fences and rally points that are understood here."""
+
+    WAYPOINT = mavlink.MAV_CMD_NAV_WAYPOINT
+    LOITER_UNLIM = mavlink.MAV_CMD_NAV_LOITER_UNLIM
+    LOITER_TURNS = mavlink.MAV_CMD_NAV_LOITER_TURNS
+    LOITER_TIME = mavlink.MAV_CMD_NAV_LOITER_TIME
+    RETURN = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+    LAND = mavlink.MAV_CMD_NAV_LAND
+    TAKEOFF = mavlink.MAV_CMD_NAV_TAKEOFF
+    LOITER_TO_ALT = mavlink.MAV_CMD_NAV_LOITER_TO_ALT
+    DELAY = mavlink.MAV_CMD_NAV_DELAY
+    CONDITION_DELAY = mavlink.MAV_CMD_CONDITION_DELAY
+    CONDITION_DISTANCE = mavlink.MAV_CMD_CONDITION_DISTANCE
+    CONDITION_YAW = mavlink.MAV_CMD_CONDITION_YAW
+    JUMP = mavlink.MAV_CMD_DO_JUMP
+    CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
+    SET_HOME = mavlink.MAV_CMD_DO_SET_HOME
+    LAND_START = mavlink.MAV_CMD_DO_LAND_START
+    ROI_LOCATION = mavlink.MAV_CMD_DO_SET_ROI_LOCATION
+    ROI_NONE = mavlink.MAV_CMD_DO_SET_ROI_NONE
+    ROI = mavlink.MAV_CMD_DO_SET_ROI
+    FENCE_POLYGON_IN = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+    FENCE_POLYGON_OUT = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+    FENCE_CIRCLE_IN = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+    FENCE_CIRCLE_OUT = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+    FENCE_RETURN_POINT = mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT
+    RALLY_POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
+
+
+# Items of cameras, gimbals, servos and the like: taken, kept and passed over.
+PASSED_OVER = frozenset(
+    getattr(mavlink, f"MAV_CMD_{name}", fallback)
+    for name, fallback in {
+        "DO_SET_SERVO": 183, "DO_REPEAT_SERVO": 184, "DO_SET_RELAY": 181, "DO_REPEAT_RELAY": 182,
+        "DO_CONTROL_VIDEO": 200, "DO_DIGICAM_CONFIGURE": 202, "DO_DIGICAM_CONTROL": 203,
+        "DO_MOUNT_CONFIGURE": 204, "DO_MOUNT_CONTROL": 205, "DO_SET_CAM_TRIGG_DIST": 206,
+        "DO_SET_CAM_TRIGG_INTERVAL": 214, "DO_SET_ACTUATOR": 187, "DO_GRIPPER": 211,
+        "DO_WINCH": 42600, "DO_TRIGGER_CONTROL": 2003, "DO_GIMBAL_MANAGER_PITCHYAW": 1000,
+        "DO_GIMBAL_MANAGER_CONFIGURE": 1001, "DO_SET_ROI_WPNEXT_OFFSET": 196,
+        "IMAGE_START_CAPTURE": 2000, "IMAGE_STOP_CAPTURE": 2001, "VIDEO_START_CAPTURE": 2500,
+        "VIDEO_STOP_CAPTURE": 2501, "SET_CAMERA_MODE": 530, "SET_CAMERA_ZOOM": 531,
+        "SET_CAMERA_FOCUS": 532, "SET_CAMERA_SOURCE": 534, "OBLIQUE_SURVEY": 260,
+    }.items()
+)  # fmt: skip
 
 
 class ParameterError(IntEnum):
@@ -465,12 +566,12 @@ class ParameterError(IntEnum):
 GCS: int = mavlink.MAV_TYPE_GCS
 NO_AUTOPILOT: int = mavlink.MAV_AUTOPILOT_INVALID
 AUTOPILOT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
+FENCE_MITIGATE_NONE: int = mavlink.FENCE_MITIGATE_NONE
 INT32: int = mavlink.MAV_PARAM_TYPE_INT32
 REAL32: int = mavlink.MAV_PARAM_TYPE_REAL32
 # newer than some releases of the dialect
 LOCKSTEP = 1  # HIL_ACTUATOR_CONTROLS.flags
 AUTO_MODE = 4  # MAV_MODE_PROPERTY
-NO_MISSION = 1  # MISSION_STATE
 SERIAL_REPLY: int = mavlink.SERIAL_CONTROL_FLAG_REPLY
 SERIAL_RESPOND: int = mavlink.SERIAL_CONTROL_FLAG_RESPOND
 EXT_UNSUPPORTED: int = mavlink.PARAM_ACK_VALUE_UNSUPPORTED

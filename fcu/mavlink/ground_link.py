@@ -10,13 +10,20 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from fcu.mavlink import replies, requests, setpoints, telemetry
+from fcu.mavlink import plan_messages, replies, requests, setpoints, telemetry
 from fcu.mavlink.definitions import AUTOPILOT, DEFINITIONS, Packed
 from fcu.mavlink.framing import FRAMES_AT_ONCE, Source, framed, framed_v1, frames
 
-GroundMessage = requests.Message | setpoints.Message | telemetry.Message | replies.Message
+GroundMessage = (
+    requests.Message
+    | plan_messages.Message
+    | setpoints.Message
+    | telemetry.Message
+    | replies.Message
+)
 READERS: dict[str, Callable[[dict[str, Any], Source], GroundMessage]] = {
     **requests.READERS,
+    **plan_messages.READERS,
     **setpoints.READERS,
     **telemetry.READERS,
     **replies.READERS,

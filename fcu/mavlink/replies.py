@@ -77,16 +77,6 @@ def ping(time_usec: int, sequence: int, to: Source) -> Packed:
     return _message("PING", time_usec=time_usec, seq=sequence, **_to(to))
 
 
-def mission_count(count: int, mission_type: int, to: Source) -> Packed:
-    """MISSION_COUNT."""
-    return _message("MISSION_COUNT", count=count, mission_type=mission_type, **_to(to))
-
-
-def mission_ack(result: int, mission_type: int, to: Source) -> Packed:
-    """MISSION_ACK."""
-    return _message("MISSION_ACK", type=result, mission_type=mission_type, **_to(to))
-
-
 def log_entry() -> Packed:
     """LOG_ENTRY of a vehicle without logs."""
     return _message("LOG_ENTRY")

@@ -15,6 +15,7 @@ from fcu.mavlink.definitions import GLOBAL_FRAMES, REAL32, Packed
 from fcu.mavlink.definitions import message as _message
 from fcu.mavlink.frames import enu_ned
 from fcu.mavlink.framing import Source
+from fcu.mavlink.geodesy import Origin
 from fcu.mavlink.parameter_values import read
 from fcu.mavlink.replies import printable
 
@@ -154,6 +155,14 @@ class GlobalOrigin(NamedTuple):
     alt_m: float  # above the sea
 
 
+def set_gps_global_origin(to: Source, origin: Origin) -> Packed:
+    """SET_GPS_GLOBAL_ORIGIN."""
+    return _message(
+        "SET_GPS_GLOBAL_ORIGIN", target_system=to.system, latitude=1e7 * origin.lat_deg,
+        longitude=1e7 * origin.lon_deg, altitude=1e3 * origin.alt_m,
+    )  # fmt: skip
+
+
 def _global_origin(f: Fields, source: Source) -> GlobalOrigin:
     place = f["latitude"] / 1e7, f["longitude"] / 1e7, f["altitude"] / 1e3
     return GlobalOrigin(source, f["target_system"], *place)
@@ -272,30 +281,6 @@ def _timesync(f: Fields, source: Source) -> TimeSync:
     return TimeSync(source, f["tc1"], f["ts1"])
 
 
-class MissionMessage(NamedTuple):
-    """One of the mission protocol.
-
-    `kind`: REQUEST_LIST, COUNT, CLEAR_ALL, REQUEST, ITEM, SET_CURRENT, PARTIAL or ACK.
-    """
-
-    source: Source
-    target_system: int
-    target_component: int
-    kind: str
-    sequence: int  # of the item it is about, from 0
-    total: int  # of items announced
-    mission_type: int
-
-
-def _mission(kind: str) -> Callable[[Fields, Source], MissionMessage]:
-    def read(f: Fields, source: Source) -> MissionMessage:
-        return MissionMessage(
-            *_from(f, source), kind, f.get("seq", 0), f.get("count", 0), f.get("mission_type", 0)
-        )
-
-    return read
-
-
 class FileTransfer(NamedTuple):
     """FILE_TRANSFER_PROTOCOL."""
 
@@ -373,7 +358,7 @@ def _extended(kind: str) -> Callable[[Fields, Source], ExtendedParameter]:
 
 Message = (
     Command | ManualControl | ChannelsOverride | FollowTarget | NotTaken | GlobalOrigin | SetMode | ParamRequestList | ParamRequestRead | ParamSet
-    | StreamRequest | Ping | TimeSync | MissionMessage | FileTransfer | LogRequestList
+    | StreamRequest | Ping | TimeSync | FileTransfer | LogRequestList
     | LogRequestData | SerialControl | ExtendedParameter
 )  # fmt: skip
 READERS: dict[str, Callable[[Fields, Source], Message]] = {
@@ -391,17 +376,6 @@ READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "REQUEST_DATA_STREAM": _request_data_stream,
     "PING": _ping,
     "TIMESYNC": _timesync,
-    "MISSION_REQUEST_LIST": _mission("REQUEST_LIST"),
-    "MISSION_COUNT": _mission("COUNT"),
-    "MISSION_CLEAR_ALL": _mission("CLEAR_ALL"),
-    "MISSION_REQUEST": _mission("REQUEST"),
-    "MISSION_REQUEST_INT": _mission("REQUEST"),
-    "MISSION_ITEM": _mission("ITEM"),
-    "MISSION_ITEM_INT": _mission("ITEM"),
-    "MISSION_SET_CURRENT": _mission("SET_CURRENT"),
-    "MISSION_REQUEST_PARTIAL_LIST": _mission("PARTIAL"),
-    "MISSION_WRITE_PARTIAL_LIST": _mission("PARTIAL"),
-    "MISSION_ACK": _mission("ACK"),
     "FILE_TRANSFER_PROTOCOL": _file_transfer,
     "LOG_REQUEST_LIST": _log_request_list,
     "LOG_REQUEST_DATA": _log_request_data,

@@ -16,7 +16,6 @@ from fcu.kernel.rotations import euler, matrix, normalised
 from fcu.mavlink.definitions import (
     GCS,
     NO_AUTOPILOT,
-    NO_MISSION,
     Frame,
     ModeFlag,
     Packed,
@@ -25,7 +24,7 @@ from fcu.mavlink.definitions import (
 from fcu.mavlink.definitions import message as _message
 from fcu.mavlink.frames import attitude, body, earth, heading
 from fcu.mavlink.framing import Source
-from fcu.mavlink.geodesy import Geodetic
+from fcu.mavlink.geodesy import Geodetic, Origin
 from fcu.mavlink.px4_modes import custom_mode, main_and_sub
 
 Fields = dict[str, Any]
@@ -255,11 +254,6 @@ def _half(degrees: int) -> int:
     return degrees - 360 if degrees > 180 else degrees
 
 
-def mission_current() -> Packed:
-    """MISSION_CURRENT of a vehicle that has no mission."""
-    return _message("MISSION_CURRENT", mission_state=NO_MISSION)
-
-
 def rc_channels(t: float) -> Packed:
     """RC_CHANNELS of a vehicle without a receiver: no channels."""
     unused = {f"chan{n}_raw": _UNKNOWN_16 for n in range(1, 19)}
@@ -402,6 +396,24 @@ def _local_position(f: Fields, source: Source) -> LocalPosition:
     return LocalPosition(source, f["time_boot_ms"], earth(r), earth(v))
 
 
+class OriginTold(NamedTuple):
+    """GPS_GLOBAL_ORIGIN."""
+
+    source: Source
+    origin: Origin
+
+    def is_close(self, origin: Origin) -> bool:
+        """Tell whether it is a place that was sent, as whole numbers carry it."""
+        across = (self.origin.lat_deg - origin.lat_deg, self.origin.lon_deg - origin.lon_deg)
+        near = max(map(abs, across)) < 2e-7
+        return near and abs(self.origin.alt_m - origin.alt_m) < 2e-3
+
+
+def _origin_told(f: Fields, source: Source) -> OriginTold:
+    place = f["latitude"] * 1e-7, f["longitude"] * 1e-7, f["altitude"] * 1e-3
+    return OriginTold(source, Origin(*place))
+
+
 class GlobalPosition(NamedTuple):
     """GLOBAL_POSITION_INT."""
 
@@ -460,12 +472,21 @@ def _extended_state(f: Fields, source: Source) -> ExtendedState:
     return ExtendedState(source, f["landed_state"])
 
 
-Message = Heartbeat | LocalPosition | GlobalPosition | HomePosition | Attitude | ExtendedState
+Message = (
+    Heartbeat
+    | LocalPosition
+    | OriginTold
+    | GlobalPosition
+    | HomePosition
+    | Attitude
+    | ExtendedState
+)
 READERS: dict[str, Callable[[Fields, Source], Message]] = {
     "HEARTBEAT": _heartbeat,
     "LOCAL_POSITION_NED": _local_position,
     "GLOBAL_POSITION_INT": _global_position,
     "HOME_POSITION": _home_position,
+    "GPS_GLOBAL_ORIGIN": _origin_told,
     "ATTITUDE_QUATERNION": _attitude,
     "EXTENDED_SYS_STATE": _extended_state,
 }

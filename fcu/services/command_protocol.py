@@ -129,6 +129,9 @@ class Commands:
             ),
             CommandId.ORBIT: Spec(self._orbit, (1, 2, 3, 5, 6, 7), place=True, what="Orbit"),
             CommandId.PAUSE_CONTINUE: Spec(self._pause, (1,), (1,), what="Pause"),
+            CommandId.MISSION_START: Spec(self._start_plan, (1, 2), to_all=False, what="Mission"),
+            CommandId.SET_MISSION_CURRENT: Spec(self._set_current, (1, 2), (1,), what="Item"),
+            CommandId.LAND_START: Spec(self._land_start, (4, 5, 6, 7), what="Landing"),
             CommandId.CHANGE_SPEED: Spec(self._speed, (1, 2, 3), (2,), what="Speed"),
             CommandId.SET_HOME: Spec(self._set_home, (1, 2, 3, 4, 5, 6, 7), (1,), what="Home"),
             CommandId.FLIGHT_TERMINATION: Spec(
@@ -311,8 +314,31 @@ class Commands:
         if request.parameter(1) not in (0.0, 1.0):
             return denied("Pause", Code.NEITHER_0_NOR_1)
         if request.parameter(1) == 1.0:
-            return denied("Continuing", Code.NO_MISSION)
+            return self._select(Mode.MISSION, request)
         return self._select(Mode.HOLD, request)
+
+    def _start_plan(self, request: Request) -> Verdict:
+        """Fly the plan from item parameter 1 on, and arm. The last item is always the plan's."""
+        answer = self._vehicle.start_plan(int(request.given(1, -1.0)), request.t_us, request.wall_s)
+        return _verdict("Mission", answer)
+
+    def _set_current(self, request: Request) -> Verdict:
+        item = request.parameter(1)
+        if item == -1.0:
+            item = float(self._vehicle.mission.current)
+        if request.given(2, 0.0) == 1.0:
+            self._vehicle.mission.restart()
+        return _verdict("Item", self._vehicle.set_current(int(item), request.t_us))
+
+    def _land_start(self, request: Request) -> Verdict:
+        """Fly the landing of the plan, from its DO_LAND_START on."""
+        begin = self._vehicle.mission.landing
+        if begin is None:
+            return denied("Landing", Code.NO_LAND_START)
+        if not self._vehicle.armed:
+            return denied("Landing", Code.NOT_ARMED)
+        answer = self._vehicle.start_plan(begin, request.t_us, request.wall_s)
+        return _verdict("Landing", answer)
 
     def _speed(self, request: Request) -> Verdict:
         if request.given(1, 1.0) not in (0.0, 1.0):

@@ -21,6 +21,7 @@ from typing import NamedTuple
 from fcu.interface.link import HOST, Address, Datagrams, hear_refusals, refusals
 from fcu.mavlink.definitions import Packed, Result
 from fcu.mavlink.ground_link import GroundCodec, GroundMessage
+from fcu.mavlink.plan_messages import PlanItem
 from fcu.mavlink.telemetry import Heartbeat
 from fcu.services.tcp_socket import TcpSocket
 
@@ -102,6 +103,7 @@ class Link:
         self.list_at: int | None = None  # the next parameter of a list that is being sent
         self.list_due = 0.0
         self.acknowledged: list[Acknowledged] = []  # the last few, the newest first
+        self.downloads: dict[int, tuple[PlanItem, ...]] = {}  # of plans: what its list was of
         self.told: set[str] = set()  # of which messages it was told that they are not taken
         self.beats = False  # has sent a heartbeat
         self.is_met = False  # has sent anything since it was new
@@ -117,6 +119,7 @@ class Link:
         self.streams = {}
         self.list_at = None
         self.acknowledged = []
+        self.downloads = {}
         self.told = set()
 
 

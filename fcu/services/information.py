@@ -1,7 +1,7 @@
 """What ground stations ask for by message or command, beside telemetry: who are you, what is due.
 
 The legacy requests that MAVProxy and MAVROS still send are answered here too, and the protocols
-of things this vehicle does not have (missions, files, logs) say so at once: a client waits for
+of things this vehicle does not have (files, logs) say so at once: a client waits for
 an answer, not for a feature.
 """
 
@@ -19,7 +19,6 @@ from fcu.mavlink.definitions import (
     Autopilot,
     Capability,
     CommandId,
-    MissionResult,
     Packed,
     ParameterError,
     Result,
@@ -31,7 +30,6 @@ from fcu.mavlink.requests import (
     FileTransfer,
     LogRequestData,
     LogRequestList,
-    MissionMessage,
     Ping,
     SerialControl,
     StreamRequest,
@@ -58,7 +56,7 @@ CAPABILITIES = (
     Capability.MISSION_INT | Capability.COMMAND_INT | Capability.PARAM_ENCODE_BYTEWISE
     | Capability.SET_ATTITUDE_TARGET | Capability.SET_POSITION_TARGET_LOCAL_NED
     | Capability.SET_POSITION_TARGET_GLOBAL_INT | Capability.FLIGHT_TERMINATION
-    | Capability.MAVLINK2
+    | Capability.MAVLINK2 | Capability.MISSION_FENCE | Capability.MISSION_RALLY
 )  # fmt: skip
 VERSION = version(
     "m-mrac"
@@ -206,8 +204,6 @@ class Information:
         if isinstance(message, StreamRequest):
             self._stream(message)
             return []
-        if isinstance(message, MissionMessage):
-            return self._mission(message)
         if isinstance(message, FileTransfer):
             return [replies.file_transfer(_refused(message.payload), message.source)]
         if isinstance(message, LogRequestList):
@@ -226,23 +222,6 @@ class Information:
         hz = float(message.rate_hz) if message.start else 0.0
         for number in _GROUPS.get(message.stream, ()):
             self._streams.set_rate(self._port, self._link, number, hz)
-
-    @staticmethod
-    def _mission(message: MissionMessage) -> Sequence[Packed]:
-        kind, to = message.kind, message.source
-        if kind == "REQUEST_LIST":
-            return [replies.mission_count(0, message.mission_type, to)]
-        if kind == "PARTIAL":
-            return [replies.mission_ack(MissionResult.UNSUPPORTED, message.mission_type, to)]
-        if kind in ("COUNT", "ITEM"):
-            nothing = kind == "COUNT" and message.total == 0
-            result = MissionResult.ACCEPTED if nothing else MissionResult.UNSUPPORTED
-            return [replies.mission_ack(result, message.mission_type, to)]
-        if kind == "CLEAR_ALL":
-            return [replies.mission_ack(MissionResult.ACCEPTED, message.mission_type, to)]
-        if kind in ("REQUEST", "SET_CURRENT"):
-            return [replies.mission_ack(MissionResult.INVALID_SEQUENCE, message.mission_type, to)]
-        return []
 
 
 def _extended(message: ExtendedParameter) -> Sequence[Packed]:

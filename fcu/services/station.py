@@ -18,9 +18,10 @@ from fcu.interface.link import Datagrams
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
-from fcu.mavlink.definitions import CommandId, Result, Severity
+from fcu.mavlink.definitions import CommandId, MissionResult, MissionType, Result, Severity
 from fcu.mavlink.geodesy import Geodetic, Origin, to_local
 from fcu.mavlink.ground_link import GroundMessage
+from fcu.mavlink.plan_messages import MissionMessage, PlanItem
 from fcu.mavlink.px4_modes import main_and_sub
 from fcu.mavlink.requests import (
     ChannelsOverride,
@@ -40,6 +41,15 @@ from fcu.services.ground_port import PEERS, GroundPort, Link
 from fcu.services.information import Information
 from fcu.services.offboard import OffboardProtocol
 from fcu.services.parameter_protocol import ParameterProtocol
+from fcu.services.plan_items import (
+    NAMES,
+    RefusedItem,
+    areas_of,
+    passed_over,
+    rally_of,
+    steps_of,
+)
+from fcu.services.plan_protocol import PlanProtocol
 from fcu.services.sticks import StickProtocol
 from fcu.services.streams import (
     CURRENT_MODE,
@@ -127,6 +137,9 @@ class Station:
         )
         self._offboard = OffboardProtocol(vehicle, params, identity.origin, self.tell)
         self._sticks = StickProtocol(vehicle, self.tell)
+        self._plans = PlanProtocol(vehicle, self._take_plan, self._tell_of_plan)
+        self._plan_told = 0
+        self._now = 0.0  # wall, s: of the message that is served
         self._home_told = 0
         self._mode_told: Mode | None = None
         self._row: Row = np.zeros(size(params.flown.ticks.Tick))
@@ -163,7 +176,7 @@ class Station:
         self._counters.errors = sum(sum(port.dropped.values()) for port in self.ports)
         return View(
             self._identity, self._vehicle, self._params, self._wind, self._row, measured,
-            float(self._row[0]), self._flying, self._offboard.message, self._counters,
+            float(self._row[0]), self._flying, self._offboard.message, self._plans, self._counters,
         )  # fmt: skip
 
     def tell(self, told: Told, severity: Severity | None = None) -> None:
@@ -210,11 +223,17 @@ class Station:
             if self._home_told != self._vehicle.home_changed:
                 self._home_told = self._vehicle.home_changed
                 self.streams.broadcast(*STREAMS[HOME_POSITION].build(view))
+            reached = self._plans.reached()
+            if reached or self._plan_told != self._vehicle.mission.changed:
+                self._plan_told = self._vehicle.mission.changed
+                self.streams.broadcast(*reached, self._plans.current())
             if self._mode_told is not self._vehicle.mode:
                 self._mode_told = self._vehicle.mode
                 self.streams.broadcast(*STREAMS[CURRENT_MODE].build(view))
         for port in self.ports:
             self._parameters.pace(port, now)
+        self._now = decides
+        self._plans.pace(decides)
 
     def begin_streams(self) -> None:
         """Let all be due by a clock that begins now, whatever was sent by another."""
@@ -250,6 +269,9 @@ class Station:
                 self._follow(message, t_us)
             elif isinstance(message, GlobalOrigin):
                 self._set_origin(port, link, message, now)
+            elif isinstance(message, MissionMessage):
+                self._now = now
+                self._plans.take(port, link, message, t_us, now)
             elif isinstance(message, NotTaken):
                 told = Told(NOT_TAKEN[message.name], (message.name,))
                 if message.name not in link.told and self._offboard.complain(told, now):
@@ -278,6 +300,7 @@ class Station:
         if why is None:
             self._identity = replace(self._identity, origin=origin)
             self._commands.origin = self._offboard.origin = origin
+            self._place_plan_anew()
             self._home_told = -1  # it is another place on Earth
         verdict = denied("Origin", why) if why else Verdict(Result.ACCEPTED, Told(Code.ORIGIN_SET))
         told = gps_global_origin(Geodetic(*self._identity.origin))
@@ -286,6 +309,58 @@ class Station:
         if why is not None or not link.hears_telemetry:
             port.send(link, told)
         self._protocol.explain(verdict, now)
+
+    # --- plans
+
+    def _tell_of_plan(self, told: Told, good: bool) -> None:
+        result = Result.ACCEPTED if good else Result.DENIED
+        self._protocol.explain(Verdict(result, told), self._now)
+
+    def _take_plan(self, kind: MissionType, items: tuple[PlanItem, ...], t_us: int) -> Told:
+        """Take a whole plan, fence or the rally points. Raises RefusedItem."""
+        vehicle, origin = self._vehicle, self._identity.origin
+        if kind is MissionType.MISSION:
+            steps = steps_of(items, origin)
+            crossed = vehicle.plan_outside(steps)
+            if crossed is not None:
+                number, why = crossed
+                raise RefusedItem(MissionResult.DENIED, why, number)
+            vehicle.take_plan(steps, t_us)
+        elif kind is MissionType.FENCE:
+            vehicle.take_fence(areas_of(items, origin))
+        else:
+            vehicle.rally = rally_of(items, origin)
+        if not items:
+            return Told(Code.ITEMS_CLEARED, (NAMES[kind],))
+        over = passed_over(items)
+        if over:
+            return Told(Code.ITEMS_PASSED_OVER, (NAMES[kind], len(items), over))
+        return Told(Code.ITEMS_TAKEN, (NAMES[kind], len(items)))
+
+    def _place_plan_anew(self) -> None:
+        """The origin has moved: places on Earth are other local places. A plan goes on as it was.
+
+        What is too far away now is cleared.
+        """
+        vehicle, origin, stored = self._vehicle, self._identity.origin, self._plans.stored.items
+
+        def again(kind: MissionType, place: Callable[[tuple[PlanItem, ...]], None]) -> None:
+            try:
+                place(stored[kind])
+            except RefusedItem as refused:
+                stored[kind] = ()
+                place(())
+                self._tell_of_plan(Told(Code.DENIED, (NAMES[kind], refused.told)), False)
+
+        def plan(items: tuple[PlanItem, ...]) -> None:
+            vehicle.mission.steps = steps_of(items, origin)
+
+        def rally(items: tuple[PlanItem, ...]) -> None:
+            vehicle.rally = rally_of(items, origin)
+
+        again(MissionType.MISSION, plan)
+        again(MissionType.FENCE, lambda items: vehicle.take_fence(areas_of(items, origin)))
+        again(MissionType.RALLY, rally)
 
     def _other(
         self, port: GroundPort, link: Link, message: GroundMessage, t_us: int, now: float

@@ -38,6 +38,7 @@ MODES: dict[Mode, Numbers] = {
     Mode.OFFBOARD: Numbers(main=MainMode.OFFBOARD, sub=0, standard=0, guided=True),
     Mode.LAND: Numbers(main=MainMode.AUTO, sub=AutoMode.LAND, standard=7, guided=False),
     Mode.RETURN: Numbers(main=MainMode.AUTO, sub=AutoMode.RETURN, standard=5, guided=False),
+    Mode.MISSION: Numbers(main=MainMode.AUTO, sub=AutoMode.MISSION, standard=6, guided=False),
     Mode.ORBIT: Numbers(main=MainMode.POSITION, sub=PositionMode.ORBIT, standard=2, guided=True),
     Mode.FOLLOW: Numbers(main=MainMode.AUTO, sub=AutoMode.FOLLOW, standard=0, guided=True),
     Mode.STEP: Numbers(main=MainMode.AUTO, sub=STEP_SUB, standard=0, guided=False),
@@ -46,15 +47,14 @@ MODES: dict[Mode, Numbers] = {
 
 # PX4's modes that this vehicle does not have, as ground stations show them: main, sub
 OTHERS: dict[tuple[int, int], str] = {
-    (MainMode.AUTO, 0): "Mission",  # as PX4 reads AUTO without a sub mode
     (MainMode.AUTO, AutoMode.READY): "Ready",
-    (MainMode.AUTO, AutoMode.MISSION): "Mission",
     (MainMode.AUTO, AutoMode.PRECISION_LAND): "Precision Land",
     (MainMode.AUTO, AutoMode.VTOL_TAKEOFF): "VTOL Takeoff",
 }
-OTHER_STANDARD = {3: "Cruise", 6: "Mission"}  # MAV_STANDARD_MODE
+OTHER_STANDARD = {3: "Cruise"}  # MAV_STANDARD_MODE
 
 _BY_NUMBERS = {(int(row.main), int(row.sub)): mode for mode, row in MODES.items()}
+_BY_NUMBERS[int(MainMode.AUTO), 0] = Mode.MISSION  # as PX4 reads AUTO without a sub mode
 _BY_STANDARD = {row.standard: mode for mode, row in MODES.items() if row.standard}
 
 

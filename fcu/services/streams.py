@@ -39,13 +39,16 @@ from fcu.mavlink.definitions import (
     definition,
 )
 from fcu.mavlink.geodesy import Geodetic, Origin, to_geodetic
+from fcu.mavlink.plan_messages import fence_status
 from fcu.mavlink.px4_modes import MainMode
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
 from fcu.parameters import Parameters
 from fcu.process.tick import Internals, State
 from fcu.services.ground_port import GroundPort, Link
+from fcu.services.plan_protocol import PlanProtocol
 from fcu.services.status import MODES, custom_mode, landed_state, system_status
 from fcu.services.wind import Wind
+from fcu.vehicle.fence import Breach
 from fcu.vehicle.modes import BY_STICKS, Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -108,6 +111,7 @@ class View:
     asked: (
         SetpointMessage | AttitudeSetpointMessage | None
     )  # the script's last setpoint, as it came
+    plans: PlanProtocol
     counters: Counters = field(default_factory=Counters)
 
     @property
@@ -233,8 +237,14 @@ def _sys_status(v: View) -> Sequence[Packed]:
         volts, amperes, left = v.battery.voltage, v.battery.current, v.battery.remaining
         if left < v.params["BAT_CRIT_THR"]:
             health &= ~Sensor.BATTERY
+    fence = v.vehicle.fence
+    enabled = present
+    if fence.is_set:
+        present |= Sensor.GEOFENCE
+        enabled |= Sensor.GEOFENCE if v.params["GF_ACTION"] > 0.0 else Sensor(0)
+        health |= Sensor(0) if fence.is_breached else Sensor.GEOFENCE
     load = v.counters.load
-    return [tm.sys_status(present, present, health, load, volts, amperes, left, v.counters.errors)]
+    return [tm.sys_status(present, enabled, health, load, volts, amperes, left, v.counters.errors)]
 
 
 def _battery(v: View) -> Sequence[Packed]:
@@ -379,8 +389,18 @@ def _nav_controller(v: View) -> Sequence[Packed]:
     return [tm.nav_controller_output(v.outputs.angles_c, way, v.angles.z)]
 
 
-def _mission_current(_v: View) -> Sequence[Packed]:
-    return [tm.mission_current()]
+def _mission_current(v: View) -> Sequence[Packed]:
+    return [v.plans.current()]
+
+
+def _fence_status(v: View) -> Sequence[Packed]:
+    """The fence. None without one."""
+    fence = v.vehicle.fence
+    if not fence.is_set:
+        return []
+    border = fence.border if fence.is_breached else Breach.NONE
+    since_ms = fence.since_us // 1000
+    return [fence_status(fence.is_breached, fence.breaches, border, since_ms)]
 
 
 def _rc_channels(v: View) -> Sequence[Packed]:
@@ -487,6 +507,7 @@ STREAMS = {
         Stream("ALTITUDE", 1.0, 10.0, _altitude),
         Stream("NAV_CONTROLLER_OUTPUT", 1.0, 0.0, _nav_controller),
         Stream("MISSION_CURRENT", 1.0, 1.0, _mission_current),
+        Stream("FENCE_STATUS", 1.0, 1.0, _fence_status),
         Stream("RC_CHANNELS", 0.0, 0.0, _rc_channels),
         Stream("FLIGHT_INFORMATION", 0.0, 0.0, _flight_information),
         Stream("BATTERY_STATUS", 0.5, 0.5, _battery),

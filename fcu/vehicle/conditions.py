@@ -18,7 +18,7 @@ import numpy as np
 
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import Code
-from fcu.kernel.algebra import Rotors, Vec3, minimum
+from fcu.kernel.algebra import Rotors, Vec3, minimum, norm, select3
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.laws.setpoint import carried
@@ -29,6 +29,7 @@ from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import STILL, PlanLimits, at, pose_at, pose_of, stop
 
 LOOK_US = 20_000  # between looks
+NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 RISES = 0.1  # m: a place so far above the vehicle is a take-off
 BATTERY_HELD_US = 1_000_000  # ten reports: one that is wrong does not land a vehicle
 
@@ -47,9 +48,11 @@ class Condition(IntEnum):
     BATTERY_LOW = auto()  # the three levels stay together, in this order
     BATTERY_CRITICAL = auto()
     BATTERY_EMERGENCY = auto()
+    FENCE_NEAR = auto()  # so far from where the fence was looked at that it may be crossed
     OFFBOARD_LOST = auto()
     PLAN_DUE = auto()  # the next piece of a plan
     STICKS_LOST = auto()
+    FENCE_BREACHED = auto()
     POSITION_JUMPED = auto()
     STATE_STUCK = auto()
     PLANT_SILENT = auto()
@@ -131,6 +134,10 @@ _OFFBOARD_LOST = {
 _STICKS_LOST = {
     1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.DISARM,
 }  # fmt: skip
+_BREACHED = {
+    0: Action.NONE, 1: Action.WARN, 2: Action.HOLD, 3: Action.RETURN, 4: Action.TERMINATE,
+    5: Action.LAND,
+}  # fmt: skip
 _CRITICAL = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
 _EMERGENCY = {0: Action.WARN, 2: Action.LAND, 3: Action.LAND}
 
@@ -155,6 +162,10 @@ ROWS: dict[Condition, Row] = {
     Condition.STICKS_LOST: Row(  # the state machine, at steps of modes that sticks fly
         code=Code.STICKS_LOST_MODE, severity="CRITICAL",
         action=By("NAV_RCL_ACT", _STICKS_LOST), clears=Clears.CHOSEN,
+    ),
+    Condition.FENCE_BREACHED: Row(  # found by Python, at FENCE_NEAR
+        code=Code.FENCE_BREACHED, severity="CRITICAL", action=By("GF_ACTION", _BREACHED),
+        clears=Clears.GONE,
     ),
     Condition.POSITION_JUMPED: Row(  # position_filter
         code=Code.POSITION_JUMPED, severity="CRITICAL", action=_WARN, clears=Clears.GONE
@@ -227,6 +238,14 @@ class Held(NamedTuple):
     since_us: float  # since when a greater level is found; NaN: none is
 
 
+class FenceLook(NamedTuple):
+    """The place at which the fence was looked at last: nearer to it than `radius` nothing can have changed."""
+
+    center: Vec3  # m, E
+    radius: float  # m; inf: there is no fence
+    predicts: float  # 1: of the place where the vehicle would stop
+
+
 class Watch(NamedTuple):
     """All that a look decides by. StateMachine writes what it changes where it changes it.
 
@@ -240,6 +259,7 @@ class Watch(NamedTuple):
     touchdown: TouchdownState
     battery: Held  # 1: low, 2: critical, 3: an emergency
     script: Script
+    fence: FenceLook
     home: Vec3  # m, E; NaN: not known
     armed: float
     in_offboard: float  # mode
@@ -263,6 +283,7 @@ _pack_found, _pack_look = packer(Watch, "found"), packer(Watch, "due.look_us")
 _pack_landed, _pack_touchdown = packer(Watch, "landed"), packer(Watch, "touchdown")
 _pack_battery = packer(Watch, "battery")
 _pack_value = packer(Watch, "value")
+_unpack_limits = unpacker(PlanLimits)
 
 
 @kernel
@@ -305,6 +326,26 @@ def held(was, level, hold_us, t_us):
     if t_us - since_us >= hold_us:
         return Held(level=lowest, pending=0.0, since_us=math.nan)
     return Held(level=was.level, pending=lowest, since_us=since_us)
+
+
+@kernel
+def fence_place(pose, flown, predicts, limits):
+    """The place that the fence is held against: where the vehicle is, or where it would stop.
+
+    flown : Setpoint, carried to this moment: from it the vehicle is led to rest, if it is near.
+    """
+    near = norm(flown.r_c - pose.r_E) < NEAR
+    led = near & (flown.level == 0.0)
+    r, v = select3(led, flown.r_c, pose.r_E), select3(led, flown.v_c, pose.v_E)
+    return select3(predicts != 0.0, stop(r, v, limits).r_E, pose.r_E)
+
+
+@kernel
+def fence_place_at(state, setpoint, age, predicts, limits):
+    """`fence_place`, for Python: from buffers, of a setpoint `age` seconds after it took effect."""
+    flown = carried(_unpack_setpoint(setpoint), age)
+    pose = pose_of(_unpack_measured(state))
+    return fence_place(pose, flown, predicts, _unpack_limits(limits))
 
 
 @kernel
@@ -360,6 +401,11 @@ def _find(buffer, state, setpoint, age, remaining, behind, t_us):
         if battery.level != watch.battery.level:
             _pack_value(buffer, 100.0 * remaining)
             return Condition.BATTERY_LOW.value + int(battery.level) - 1
+    if behind < Condition.FENCE_NEAR and armed and watch.fence.radius < math.inf:
+        flown = carried(_unpack_setpoint(setpoint), age)
+        place = fence_place(pose, flown, watch.fence.predicts, watch.limits)
+        if not norm(place - watch.fence.center) < watch.fence.radius:
+            return Condition.FENCE_NEAR.value
     return Condition.NOTHING.value
 
 
@@ -400,4 +446,5 @@ def warm_up(limits: PlanLimits) -> None:
     landing.landing_from(asked, pose, 0.0)
     stop(STILL, STILL, limits)
     carried(asked, 0.0)
+    fence_place_at(measured, to_buffer(asked), 0.0, 0.0, to_buffer(limits))
     look(np.zeros(size(Watch)), measured, to_buffer(asked), 0.0, math.nan, 0.0)

@@ -24,6 +24,7 @@ class Mode(Enum):
     FOLLOW = "Follow Me"
     STEP = "Step"
     FIGURE_EIGHT = "Figure eight"
+    MISSION = "Mission"
 
 
 class Need(Enum):
@@ -35,12 +36,14 @@ class Need(Enum):
     GROUNDED = Code.NOT_GROUNDED
     SETPOINTS = Code.NO_STREAM
     STICKS = Code.NO_STICKS
+    PLAN = Code.NO_MISSION
 
 
 class Event(Enum):
     """What ends a mode by itself."""
 
     ARRIVED = "it is where it was going"
+    HANDS_OVER = "its plan says return"
     LANDED = "it stands on the ground"
     DISARMED = "its rotors were stopped"
 
@@ -71,12 +74,14 @@ NEEDS: dict[Mode, tuple[Need, ...]] = {
     Mode.FOLLOW: _ALOFT,
     Mode.STEP: _ALOFT,
     Mode.FIGURE_EIGHT: _ALOFT,
+    Mode.MISSION: (Need.STATE, Need.PLAN),  # disarmed: it is flown once it is armed
 }
 
 # What follows a mode that ends by itself; what is not here goes on.
 TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (Mode.TAKEOFF, Event.ARRIVED): Mode.HOLD,
     (Mode.RETURN, Event.ARRIVED): Mode.LAND,
+    (Mode.MISSION, Event.HANDS_OVER): Mode.RETURN,
     **{(mode, Event.DISARMED): Mode.HOLD for mode in Mode},
 }
 

@@ -138,6 +138,15 @@ def brake(r: Vec3, v: Vec3, psi: float, limits: PlanLimits) -> tuple[list[Piece]
     return [Piece(at(r, psi, v, (-1.0 / time) * v), time)], place
 
 
+def limits_along(ahead: Vec3, limits: PlanLimits) -> tuple[float, float]:
+    """The greatest speed (m/s) and acceleration (m/s^2) along a direction, a unit vector."""
+    across, climb = math.hypot(ahead.x, ahead.y), ahead.z
+    vertical = limits.up if climb > 0.0 else limits.down
+    speed = min(limits.cruise / max(across, 1e-9), vertical / max(abs(climb), 1e-9))
+    a = min(limits.acceleration / max(across, 1e-9), limits.acceleration_up / max(abs(climb), 1e-9))
+    return speed, a
+
+
 def line(start: Vec3, end: Vec3, psi: float, limits: PlanLimits) -> list[Piece]:
     """From rest at `start` straight to rest at `end`, within the limits; without the rest there."""
     way = end - start
@@ -145,10 +154,7 @@ def line(start: Vec3, end: Vec3, psi: float, limits: PlanLimits) -> list[Piece]:
     if far < 1e-6:
         return []
     ahead = (1.0 / far) * way
-    across, climb = math.hypot(ahead.x, ahead.y), ahead.z
-    vertical = limits.up if climb > 0.0 else limits.down
-    speed = min(limits.cruise / max(across, 1e-9), vertical / max(abs(climb), 1e-9))
-    a = min(limits.acceleration / max(across, 1e-9), limits.acceleration_up / max(abs(climb), 1e-9))
+    speed, a = limits_along(ahead, limits)
     speed = min(speed, math.sqrt(a * far))  # a triangle if the way is short
     ramp, flat = speed / a, far / speed - speed / a
     pieces, r = [], start

@@ -35,6 +35,7 @@ from fcu.vehicle import landing, modes, plans
 from fcu.vehicle.conditions import (
     HELD,
     MODES,
+    NEAR,
     ROWS,
     Action,
     Clears,
@@ -43,12 +44,16 @@ from fcu.vehicle.conditions import (
     Held,
     Values,
     Watch,
+    fence_place_at,
     look,
     warm_up,
 )
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
+from fcu.vehicle.fence import Area, Fence, Limits
 from fcu.vehicle.follow import FOLLOW_US, Follower, Report, Target
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
+from fcu.vehicle.mission import Mission, Step, first_place, is_finite, outside, placed
+from fcu.vehicle.mission_flight import MissionFlight, Sees
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.plans import STILL, Circle, Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.setpoints import (
@@ -78,7 +83,6 @@ from fcu.vehicle.sticks import (
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
 YAW_OF_ORBIT = 0.5  # rad/s, with which it turns at the entry of an orbit, at most
-NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 HIGHEST = 1000.0  # m: farther up no take-off goes
 LEAST_UP = 0.5  # m: from the ground no place that is lower is flown to
 TILT_TO_ARM = math.radians(25.0)
@@ -89,6 +93,7 @@ _UNTIL, _LIMITS = slice_of(Watch, "due.until_us"), slice_of(Watch, "limits")
 _VALUES, _HOME = slice_of(Watch, "values"), slice_of(Watch, "home")
 _HELD = tuple(slice_of(Watch, name) for name in HELD)
 _ASKED = slice_of(Watch, "script.asked")
+_FENCE, _FENCE_PREDICTS = slice_of(Watch, "fence"), column_of(Watch, "fence.predicts")
 _C_T, _DUE = slice_of(Watch, "c_T"), slice_of(Watch, "due")
 _APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE = (
     column_of(Watch, name)
@@ -99,6 +104,10 @@ _APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE = (
 )  # fmt: skip
 _MODE = slice(column_of(Watch, "in_offboard"), column_of(Watch, "in_idle") + 1)
 
+# Modes that lead the vehicle along ways that were held against the fence, or straight up or down.
+_LED = frozenset(
+    {Mode.MISSION, Mode.RETURN, Mode.LAND, Mode.TAKEOFF, Mode.ORBIT, Mode.STEP, Mode.FIGURE_EIGHT}
+)
 _NOTHING = plans.at(plans.STILL, 0.0)
 _IDLE = Mode.HOLD, *modes.BY_STICKS  # on the ground a vehicle waits in these
 
@@ -164,6 +173,10 @@ class StateMachine:
         """`sim_only`: a script's stream is lost by simulation time alone."""
         self._params = params
         self.watch = np.zeros(size(Watch))
+        self._active: dict[Condition, Action] = {}  # the conditions that have not cleared
+        self.mission = Mission()
+        self.fence = Fence()
+        self.rally: tuple[Vec3, ...] = ()  # m, E: beside home, where a return may end
         self.mode = Mode.HOLD
         self.home = None
         self.circle: Circle | None = None  # of the last orbit
@@ -171,7 +184,6 @@ class StateMachine:
         self.home_changed = 0  # how often
         self.terminated = False
         self.ended: Told | None = None  # how the plant's flight has ended, if it has
-        self._active: dict[Condition, Action] = {}  # the conditions that have not cleared
         self.battery: Battery | None = None
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
         self.reference_model: Row | None = None  # float64[6]: its r_m and v_m, after the last tick
@@ -191,6 +203,7 @@ class StateMachine:
             params.law.rotors.c_T, params.pace.T_hover, self.watch[_LANDED]
         )
         self._touchdown = TouchdownDetector(self.watch[_TOUCHDOWN])
+        self._to_tell: list[Told] = []  # at the next tick: of a plan that has begun
         self._take_off_to: float | None = None  # m, E: once it is armed; None: MIS_TAKEOFF_ALT
         self._took_over = False  # a condition has entered a mode, and nobody another since
         self._acts: Mapping[int, Callable[[int, float, list[Told]], None]] = {
@@ -202,6 +215,7 @@ class StateMachine:
             Condition.IDLE_LANDED: self._disarm_landed,
             Condition.IDLE_ARMED: self._disarm_idle,
             Condition.OFFBOARD_LOST: self._script_lost,
+            Condition.FENCE_NEAR: self._look_at_fence,
             Condition.PLAN_DUE: self._plan_due,
         }
         self._write_script()
@@ -223,7 +237,14 @@ class StateMachine:
     @mode.setter
     def mode(self, mode: Mode) -> None:
         self._mode = mode
-        self.watch[_MODE] = mode is Mode.OFFBOARD, mode is Mode.LAND, mode in _IDLE
+        self.mission.lands &= mode is Mode.MISSION
+        self._write_mode()
+
+    def _write_mode(self) -> None:
+        """Tell looks of the mode, and whether it brings the vehicle down."""
+        down = self._mode is Mode.LAND or self.mission.lands
+        self.watch[_FENCE_PREDICTS] = self._mode not in _LED and self._params["GF_PREDICT"] > 0.0
+        self.watch[_MODE] = self._mode is Mode.OFFBOARD, down, self._mode in _IDLE
 
     @property
     def home(self) -> Vec3 | None:
@@ -234,6 +255,7 @@ class StateMachine:
     def home(self, home: Vec3 | None) -> None:
         self._home = home
         self.watch[_HOME] = math.nan if home is None else to_buffer(home)
+        self._look_at_fence_anew()
 
     @property
     def cruise(self) -> float | None:
@@ -270,6 +292,10 @@ class StateMachine:
         watch[_LIMITS] = to_buffer(self._limits())
         watch[_C_T] = to_buffer(self._landed.c_T)
         watch[_ANYWHERE] = landing.anywhere_us(p.pace.f_m)
+        across, up = p["GF_MAX_HOR_DIST"], p["GF_MAX_VER_DIST"]
+        self.fence.limits = Limits(across or math.inf, up or math.inf)
+        self._write_mode()
+        self._look_at_fence_anew()
 
     @property
     def failsafe(self) -> bool:
@@ -336,7 +362,8 @@ class StateMachine:
     @property
     def is_landing(self) -> bool:
         """Whether it comes down, for itself or for a script."""
-        return self.mode is Mode.LAND or self._approach is Approach.DOWN
+        lands = self.mode is Mode.LAND or self.mission.lands
+        return lands or self._approach is Approach.DOWN
 
     @property
     def leads_itself(self) -> bool:
@@ -360,7 +387,7 @@ class StateMachine:
         Called at every tick. Does nothing before `wake_us`.
         """
         self.state = state
-        told: list[Told] = []
+        told, self._to_tell = self._to_tell, []
         found = int(self.watch[_FOUND])  # by compiled code, at this tick
         if not found and t_us < self.wake_us:
             return told
@@ -456,12 +483,39 @@ class StateMachine:
     def _first_state(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         self._set_home(self.pose().r_E)
 
+    def _look_at_fence_anew(self) -> None:
+        """Let the next look hold the vehicle against a fence that has changed, if there is one."""
+        if self.home is not None:
+            self.fence.home = self.home
+        radius = 0.0 if self.fence.is_set else math.inf
+        self.watch[_FENCE] = 0.0, 0.0, 0.0, radius, self.watch[_FENCE_PREDICTS]
+        if not self.fence.is_set:
+            self.fence.is_breached = False
+            self._active.pop(Condition.FENCE_BREACHED, None)
+
+    def _look_at_fence(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Hold the vehicle against the fence. It is looked at again once it may have crossed it."""
+        was, predicts = self.fence.is_breached, float(self.watch[_FENCE_PREDICTS])
+        flown, age = self.setpoint or _NOTHING, (t_us - self.since_us) * 1e-6
+        place: Vec3 = fence_place_at(
+            self.state, to_buffer(flown), age, predicts, self.watch[_LIMITS]
+        )
+        margin = self.fence.see(place, t_us)
+        self.watch[_FENCE] = *place, abs(margin.value), predicts
+        if self.fence.is_breached and not was:
+            self._meet(Condition.FENCE_BREACHED, (), t_us, told)
+        elif was and not self.fence.is_breached:
+            self._active.pop(Condition.FENCE_BREACHED, None)
+            told.append(Told(Code.FENCE_INSIDE))
+
     def _has_landed(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         self._on_ground = self._landed.landed
         if self._on_ground:
             self._landed_us = t_us
             self.flight_times = self.flight_times._replace(landed_us=t_us)
             told.append(Told(Code.LANDED))
+            if self.mode is Mode.MISSION and self.mission.lands:
+                self._mission_landed(t_us)
         else:
             self.flight_times = self.flight_times._replace(took_off_us=t_us, landed_us=0)
 
@@ -522,12 +576,21 @@ class StateMachine:
 
     def _advance(self, t_us: int, told: list[Told]) -> None:
         """On to the setpoint of this moment, and to the mode that follows at the end of a plan."""
-        if self.leader.advance(t_us):
-            following = modes.after(self.mode, Event.ARRIVED)
-            told.append(Told(Code.PLAN_COMPLETE, (self.mode.value, following.value)))
-            end = self.leader.setpoint
-            assert end is not None
-            self._enter(following, t_us, Pose(end.r_c, end.v_c, end.psi_c))
+        ended = self.leader.advance(t_us)
+        if self.mode is Mode.MISSION:
+            self._write_mode()
+            told += self.mission.events
+            self.mission.events.clear()
+        if not ended:
+            return
+        event = Event.HANDS_OVER if self.mode is Mode.MISSION else Event.ARRIVED
+        if self.mode is Mode.MISSION and not self.mission.hands_over:
+            return
+        following = modes.after(self.mode, event)
+        told.append(Told(Code.PLAN_COMPLETE, (self.mode.value, following.value)))
+        end = self.leader.setpoint
+        assert end is not None
+        self._enter(following, t_us, Pose(end.r_c, end.v_c, end.psi_c))
 
     # --- what it is asked for
 
@@ -582,6 +645,9 @@ class StateMachine:
             return Told(Code.WAS_TERMINATED)
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
             return Told(Code.TILTED, (math.degrees(TILT_TO_ARM),))
+        outside = self.fence.margin(m.r_E).value < 0.0
+        if outside and self._params["GF_ACTION"] > 1.0:
+            return Told(Code.OUTSIDE_FENCE)
         return self._charge_critical
 
     @property
@@ -632,6 +698,10 @@ class StateMachine:
             too_much = too_much or self._charge_critical
         if too_much is not None:
             return Answer(False, too_much)
+        if wanted is Mode.MISSION:
+            too_much = self._plan_outside(self.mission.steps, self.mission.current)
+        if too_much is not None:
+            return Answer(False, too_much)
         lack: Shortfall | None = None
         if wanted is Mode.STEP:
             away = Vec3(*(self._params[f"REF_STEP_{axis}"] for axis in "ENU"))
@@ -639,10 +709,126 @@ class StateMachine:
         if lack is not None and self.feasibility.refuses:
             return Answer(False, lack.reason)
         self._clear(Clears.CHOSEN)
+        if wanted is Mode.MISSION and self.mission.current >= len(self.mission.steps):
+            self.mission.restart()
         self._enter(wanted, t_us)
         name = wanted.value
         short = lack is not None and Told(Code.MODE_SHORT, (name, lack.short))
         return Answer(True, short or Told(Code.MODE, (name,)))
+
+    # --- its plan
+
+    def take_plan(self, steps: tuple[Step, ...], t_us: int) -> None:
+        """Take another plan in place of the one there is. None: clear it.
+
+        In mode Mission the new plan is flown from its first step, and none is left for Hold.
+        """
+        self.mission.replace(steps)
+        self._fly_plan_anew(t_us)
+
+    def plan_outside(self, steps: tuple[Step, ...]) -> tuple[int, Told] | None:
+        """The first step whose place, or the way to it, is not inside the fence. Why. None: none."""
+        if not self.fence.is_set:
+            return None
+        home = self.home or (Vec3(0.0, 0.0, 0.0) if self.state is None else self.pose().r_E)
+        return outside(steps, home, self.fence.is_clear)
+
+    def _plan_outside(self, steps: tuple[Step, ...], current: int) -> Told | None:
+        """The reason why a plan must not be flown from a step on. None if it may."""
+        found = self.plan_outside(steps)
+        if found is not None:
+            return Told(Code.ITEM, found)
+        if not self.fence.is_set or self.state is None:
+            return None
+        first = first_place(steps, current)
+        if first is None:
+            return None
+        place = placed(steps[first], self.home or self.pose().r_E)
+        assert place is not None
+        here = self.pose().r_E
+        z = place.z if math.isfinite(place.z) else here.z
+        to = Vec3(place.x, place.y, z) if is_finite(Vec3(place.x, place.y, 0.0)) else here
+        over = Vec3(here.x, here.y, max(here.z, z)) if self._landed.landed else here
+        return (
+            None
+            if self.fence.is_clear(over, to)
+            else Told(Code.ITEM, (first, Told(Code.WAY_OUTSIDE)))
+        )
+
+    def take_fence(self, areas: tuple[Area, ...]) -> None:
+        """Take another fence in place of the one there is. Without areas: none."""
+        self.fence.areas = areas
+        self._look_at_fence_anew()
+
+    def _return_to(self, here: Vec3) -> Vec3:
+        """The place at which a return ends: the nearest of home and rally points, as RTL_TYPE says."""
+        assert self.home is not None
+        home = self.home
+        safe = [Vec3(r.x, r.y, home.z) for r in self.rally]
+        if self._params["RTL_TYPE"] == 0.0 or not safe:
+            safe.insert(0, home)
+        return min(safe, key=lambda r: math.hypot(r.x - here.x, r.y - here.y))
+
+    def set_current(self, step: int, t_us: int) -> Answer:
+        """Go on with this step of the plan, at once in mode Mission."""
+        if not 0 <= step < len(self.mission.steps):
+            return _refused(Code.NO_ITEM, step, len(self.mission.steps))
+        self.mission.set_current(step)
+        if self.mode is Mode.MISSION and self.mission.steps:
+            self._fly_plan_anew(t_us)
+        return Answer(True, Told(Code.CURRENT_ITEM, (step,)))
+
+    def start_plan(self, step: int, t_us: int, wall_s: float) -> Answer:
+        """Enter mode Mission at a step (below 0: the current one), and arm."""
+        if step >= 0:
+            jumped = self.set_current(step, t_us)
+            if not jumped.granted:
+                return jumped
+        if not self.armed and self.unfit is not None:
+            return Answer(False, self.unfit)
+        entered = self.select(Mode.MISSION, t_us, wall_s)
+        return self.arm(t_us, wall_s) if entered.granted and not self.armed else entered
+
+    def _fly_plan_anew(self, t_us: int) -> None:
+        if self.mode is Mode.MISSION:
+            self._enter(Mode.MISSION if self.mission.steps else Mode.HOLD, t_us)
+
+    def _mission_landed(self, t_us: int) -> None:
+        """The landing of a plan is done: the plan goes on, if it has more to do."""
+        self.mission.lands = False
+        self.mission.done()
+        if self.mission.current < len(self.mission.steps):
+            self._landed_us = math.inf  # it is not disarmed before the plan is complete
+            self._enter(Mode.MISSION, t_us)
+        else:
+            self.mission.lands = True  # as long as it stands there: nothing leads it up
+            self.mission.complete()
+            self._to_tell.append(Told(Code.MISSION_COMPLETE))
+
+    def _sees(self, t_us: int) -> Sees:
+        """All that the flight of a plan asks."""
+
+        def off(r: Vec3) -> float:
+            there = plans.length(self.pose().r_E - r)
+            if self.reference_model is None:
+                return there
+            return max(there, plans.length(Vec3(*self.reference_model[:3].tolist()) - r))
+
+        def limits(cruise: float | None) -> PlanLimits:
+            wanted = self.cruise if cruise is None else None if cruise < 0.0 else cruise
+            return plans.limits(self._params, wanted, self.feasibility.pace)
+
+        def takes_off() -> None:
+            self._landed_us = math.inf  # what takes off does not wait on the ground
+
+        return Sees(
+            off=off, pose=self.pose, is_landed=lambda: self._landed.landed,
+            home=lambda: self.home or self.pose().r_E, ground=lambda: self._landed.ground,
+            limits=limits, is_clear=self.fence.is_clear,
+            set_cruise=self.change_speed, set_home=self.set_home,
+            light=lambda: self._landed.light, takes_off=takes_off,
+            parameter=self._params.__getitem__, yaw_rate=lambda: self._params.pace.yaw_rate_max,
+        )  # fmt: skip
 
     def take_off(self, to_z: float | None, t_us: int, wall_s: float) -> Answer:
         """Climb to the height `to_z` (m, E), or by MIS_TAKEOFF_ALT; then hold.
@@ -888,6 +1074,7 @@ class StateMachine:
             Need.GROUNDED: landed,
             Need.SETPOINTS: self.script.ready(t_us, wall_s, self.lost_us),
             Need.STICKS: not self.sticks.lost(t_us, wall_s, self.sticks_lost_us),
+            Need.PLAN: bool(self.mission.steps),
         }
         return frozenset(need for need, yes in met.items() if yes)
 
@@ -974,24 +1161,31 @@ class StateMachine:
             self._take_off(self._climb(self._take_off_to, t_us), t_us)
             return
         self._become(mode)
+        if mode is not Mode.MISSION and math.isinf(self._landed_us):
+            self._landed_us = t_us  # a plan that waits on the ground is not gone on with
         if not self.armed:
             return
         if mode is Mode.OFFBOARD:
             self._untold = self.fly_script(t_us) is not None
+            return
+        if mode is Mode.MISSION:
+            flight = MissionFlight(self.mission, self._sees(t_us), begins or self._from(t_us))
+            self._follow(flight.pieces(), t_us, ends=True)
             return
         if mode in modes.BY_STICKS and not self.sticks.lost(t_us, math.inf, self.sticks_lost_us):
             self._fly_sticks(t_us)
             return
         assert self.home is not None
         here = begins or self._from(t_us)
+        to = self._return_to(here.r_E) if mode is Mode.RETURN else self.home
         plan: Iterable[Piece]
         below = self.setpoint is not None and self.setpoint.level > POSITION
         if below and self._is_too_fast():
-            plan = self._slowed(mode, self.home)
+            plan = self._slowed(mode, to)
         elif mode is Mode.FOLLOW:
             plan = self._following(self.home)
         else:
-            plan = plans.plan_of(mode, here, self.home, self._params, self._limits())
+            plan = plans.plan_of(mode, here, to, self._params, self._limits())
         self._follow(plan, t_us, (mode, Event.ARRIVED) in modes.TRANSITIONS)
 
     def _is_too_fast(self) -> bool:
@@ -1030,7 +1224,7 @@ class StateMachine:
 
     def _follow(self, plan: Iterable[Piece], t_us: int, ends: bool = False) -> None:
         self.leader.follow(plan, t_us, ends)
-        self._advance(t_us, [])
+        self._advance(t_us, self._to_tell)
 
     # --- near the ground
 

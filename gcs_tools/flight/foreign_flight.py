@@ -25,6 +25,7 @@ from fcu.kernel.rows import column, column_of
 from fcu.laws.face import FLYING
 from fcu.mavlink import setpoints
 from fcu.mavlink.framing import Source
+from fcu.mavlink.geodesy import Origin
 from fcu.mavlink.ground_link import GroundCodec
 from gcs_tools.flight.flown_rows import FlownRows
 from gcs_tools.flight.forking import can_fork
@@ -40,6 +41,7 @@ from gcs_tools.flight.processes import (
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.user_command import Leashed, command_words, filled, names_one_of
 from gcs_tools.flight.wire_flight import DRAIN_S, WireFlight
+from gcs_tools.missions.plan_file import PlanFile
 from gcs_tools.recording.schema import AskedTick
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics import dynamics
@@ -150,6 +152,14 @@ class SetpointSender:
     def return_home(self) -> None:
         """As take_off."""
         raise VehicleError("a controller of your own is not told to return")
+
+    def fly_plan(self, plan: PlanFile, origin: Origin) -> None:
+        """As take_off."""
+        raise VehicleError("a controller of your own is not told a plan")
+
+    def plan_is_complete(self) -> bool:
+        """As take_off."""
+        raise VehicleError("a controller of your own is not told a plan")
 
     def close(self) -> None:
         """Give the port back."""

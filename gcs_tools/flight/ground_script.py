@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from fcu.interface.link import Link, UdpLink
@@ -16,7 +16,7 @@ from fcu.interface.messages import Setpoint
 from fcu.interface.ports import owner, ports
 from fcu.interface.status_texts import Code, says
 from fcu.kernel.algebra import Vec3
-from fcu.mavlink import requests, setpoints
+from fcu.mavlink import plan_messages, requests, setpoints
 from fcu.mavlink.definitions import (
     IGNORE_ACCELERATION,
     IGNORE_VELOCITY,
@@ -24,16 +24,29 @@ from fcu.mavlink.definitions import (
     IGNORE_YAW_RATE,
     CommandId,
     LandedState,
+    MissionResult,
+    MissionState,
+    MissionType,
     Result,
     SystemStatus,
+    definition,
 )
 from fcu.mavlink.framing import Source
+from fcu.mavlink.geodesy import Origin
 from fcu.mavlink.ground_link import GroundCodec, GroundMessage
+from fcu.mavlink.plan_messages import MissionCurrent, MissionMessage, PlanItem
 from fcu.mavlink.px4_modes import AutoMode, MainMode
 from fcu.mavlink.replies import CommandAck, ParamValue, StatusText
 from fcu.mavlink.setpoints import PositionTarget
-from fcu.mavlink.telemetry import ExtendedState, Heartbeat, LocalPosition, ground_heartbeat
+from fcu.mavlink.telemetry import (
+    ExtendedState,
+    Heartbeat,
+    LocalPosition,
+    OriginTold,
+    ground_heartbeat,
+)
 from gcs_tools.flight.interrupts import interrupts_wait
+from gcs_tools.missions.plan_file import PlanFile
 
 FORCE_REBOOT = 20190226.0  # MAVLink's REBOOT_SHUTDOWN_CONDITIONS_FORCE
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
@@ -250,6 +263,69 @@ class Vehicle:
     def return_home(self) -> None:
         """Fly home and land there. Raises VehicleError."""
         self.command(CommandId.SET_MODE, 1.0, MainMode.AUTO, AutoMode.RETURN)
+
+    # --- plans
+
+    def set_origin(self, origin: Origin) -> None:
+        """Have local (0, 0, 0) at this place on Earth. Raises VehicleError."""
+
+        def answer(message: GroundMessage) -> bool | None:
+            return True if isinstance(message, OriginTold) and message.is_close(origin) else None
+
+        packed = requests.set_gps_global_origin(self._target, origin)
+        self._ask(self._codec.framed(packed), answer, "its origin")
+
+    def upload(self, kind: MissionType, items: Sequence[PlanItem]) -> None:
+        """Upload a plan, a fence or rally points. Raises Refused with the reason, or VehicleError."""
+        self._forget()
+        to = self._target
+
+        def answer(message: GroundMessage) -> MissionMessage | None:
+            if not isinstance(message, MissionMessage) or message.mission_type != kind:
+                return None
+            return message if message.kind in ("REQUEST", "REQUEST_INT", "ACK") else None
+
+        packed = plan_messages.count(len(items), kind, to)
+        while True:
+            found = self._ask(self._codec.framed(packed), answer, f"a {kind.name.lower()}")
+            if found.kind == "ACK":
+                break
+            if found.sequence >= len(items):
+                raise VehicleError(f"asked for item {found.sequence} of {len(items)}")
+            each = items[found.sequence]
+            packed = plan_messages.item(each, found.sequence, kind, to, True, found.sequence == 0)
+        if found.result != MissionResult.ACCEPTED:
+            self._hear_reason()
+            why = "; ".join(self._texts) or MissionResult(found.result).name
+            raise Refused(f"{kind.name} refused: {why}")
+
+    def fly_plan(self, plan: PlanFile, origin: Origin) -> None:
+        """Upload a plan, its fence and its rally points, and fly it. Raises VehicleError."""
+        self.set_origin(origin)
+        self.upload(MissionType.MISSION, ())  # or the one there is may not fit the fence
+        self.upload(MissionType.FENCE, plan.fence)
+        self.upload(MissionType.RALLY, plan.rally)
+        self.upload(MissionType.MISSION, plan.mission)
+        self.start_mission()
+
+    def plan_is_complete(self) -> bool:
+        """Tell whether all of the plan is done. Raises VehicleError."""
+        return self.mission_state().state == MissionState.COMPLETE
+
+    def start_mission(self) -> None:
+        """Arm, and fly the plan from its first item on. Raises VehicleError."""
+        self.command(CommandId.MISSION_START, 0.0)
+
+    def mission_state(self) -> MissionCurrent:
+        """The state of the plan. Raises VehicleError."""
+
+        def answer(message: GroundMessage) -> MissionCurrent | None:
+            return message if isinstance(message, MissionCurrent) else None
+
+        asked = requests.command_long(
+            self._target, CommandId.REQUEST_MESSAGE, (definition("MISSION_CURRENT").id,)
+        )
+        return self._ask(self._codec.framed(asked), answer, "the state of its mission")
 
     def position(self, timeout_s: float = 5.0) -> LocalPosition:
         """The next position it reports. Raises VehicleError."""

@@ -13,11 +13,16 @@ from typing import NamedTuple, Protocol
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
+from fcu.mavlink.geodesy import Origin, to_geodetic
 from gcs_tools.flight.ground_script import SLOW_M_S, Refused
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.missions.asked import LANDS, Begun, Leg, at_rest, on_path, path_ticks
+from gcs_tools.missions.asked import LANDS, PLANS, Begun, Leg, at_rest, on_path, path_ticks
+from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.items import Plan
+from gcs_tools.missions.plan_file import PlanFile
 
 LOOK_S = 0.1  # simulation time between two looks
+ASK_S = 0.5  # simulation time between two questions how far a plan is flown
 SEND_AGAIN_S = 0.9  # simulation time after which a setpoint is sent again, if there is no other
 
 
@@ -44,6 +49,12 @@ class Flyer(Protocol):
 
     def return_home(self) -> None:
         """Fly home and land there."""
+
+    def fly_plan(self, plan: PlanFile, origin: Origin) -> None:
+        """Upload a plan whose places are about `origin`, the place of local (0, 0, 0), and fly it."""
+
+    def plan_is_complete(self) -> bool:
+        """Tell whether all of the plan is done."""
 
 
 class Seen(NamedTuple):
@@ -72,6 +83,7 @@ class ItemScript:
         self._tick = 0
         self._setpoint: Setpoint | None = None  # that is streamed; None: the vehicle leads itself
         self._sent_at = 0
+        self._asked_at = 0  # how far its plan is
         self.begun: list[Begun] = []
         self.is_done = False
         self.refusal = ""
@@ -115,6 +127,12 @@ class ItemScript:
         elif leg.kind == "return":
             self._setpoint = None
             self._vehicle.return_home()
+        elif leg.kind in PLANS:
+            self._setpoint = None
+            item = self._scene.flight.items[leg.item]
+            assert isinstance(item, Plan)
+            self._vehicle.fly_plan(item.plan, origin_of(item.plan, self._scene.flight))
+            self._asked_at = self._tick
         elif leg.path is not None:
             self._stream(on_path(leg, 0.0))
         elif leg.kind == "go_to":
@@ -156,6 +174,11 @@ class ItemScript:
         seen = self._seen()
         if leg.kind in LANDS:
             return not seen.flies
+        if leg.kind in PLANS:
+            if self._tick - self._asked_at < ASK_S * self._scene.rate_hz:
+                return False
+            self._asked_at = self._tick
+            return self._vehicle.plan_is_complete()
         assert begin.place is not None
         near = math.dist(seen.r_E, begin.place) <= leg.within
         aloft = seen.flies and not seen.stands
@@ -175,6 +198,18 @@ class ItemScript:
         if begins:
             self._vehicle.offboard()
         self._setpoint, self._sent_at = setpoint, self._tick
+
+
+SEA_M = 488.0  # of a plan that does not say how high its home is: of the origin, as PX4's SITL
+
+
+def origin_of(plan: PlanFile, flight: Flight) -> Origin:
+    """The place on Earth that local (0, 0, 0) has to be, so that the flight begins at the plan's home."""
+    home, start = plan.begin, flight.start.position_m
+    alt_m = SEA_M if home.alt_m is None else home.alt_m
+    about = Origin(home.lat_deg, home.lon_deg, alt_m)
+    place = to_geodetic(about, Vec3(-start[0], -start[1], -flight.ground_z_m))
+    return Origin(place.lat_deg, place.lon_deg, place.alt_m)
 
 
 def _looks(begin: int, moves: Iterable[int], ends: int | None, every: int) -> Iterator[int]:

@@ -15,7 +15,7 @@ from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_metr
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S, EngagedTicks, on_ground
 from gcs_tools.missions.asked import LANDS, Begun, legs
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.items import LANDINGS
+from gcs_tools.missions.items import lands
 from gcs_tools.recording.table import Table
 
 STEPS_COUNT = ("setpoint_error_max_m", "setpoint_error_rms_m")
@@ -59,7 +59,7 @@ def good_endings(flight: Flight) -> tuple[str, ...]:
         return ("landed",) if flight.start.on_ground else ("landed", "script")
     if not flight.items:
         return GOOD_ENDINGS
-    return ("landed",) if isinstance(flight.items[-1], LANDINGS) else ("done",)
+    return ("landed",) if lands(flight.items[-1]) else ("done",)
 
 
 def unfinished(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> str:

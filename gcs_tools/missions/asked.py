@@ -19,7 +19,7 @@ from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.items import Follow, GoTo, Hold, Land, Return, TakeOff
+from gcs_tools.missions.items import Follow, GoTo, Hold, Land, Plan, Return, TakeOff
 from gcs_tools.missions.paths import Path
 from gcs_tools.missions.same import Same
 from gcs_tools.missions.trajectory import (
@@ -127,7 +127,8 @@ class Leg(NamedTuple):
     for_s: float = 0.0
 
 
-LANDS = ("land", "return")
+LANDS = ("land", "return", "plan_down")  # legs that end with the rotors stopped
+PLANS = ("plan", "plan_down")  # an uploaded plan, that ends in the air, or on the ground
 ITEM_BEGUN = "ITEM_BEGUN"  # its values: item from 1, of how many, its kind, the leg's, place
 
 
@@ -154,6 +155,9 @@ def legs(flight: Flight) -> tuple[Leg, ...]:
                 found.append(Leg(i, "path", psi, place, path, within=item.within_m))
             case Hold():
                 found.append(Leg(i, item.kind, psi, place, for_s=item.for_s))
+            case Plan():
+                place = None
+                found.append(Leg(i, "plan_down" if item.plan.lands else item.kind, psi))
             case Land() | Return():
                 place = None
                 found.append(Leg(i, item.kind, psi))

@@ -134,6 +134,9 @@ class Flight(Table):
     after_script_s: NotNegative | None = optional(
         f"of a script: the flight goes on so long at most after it has ended; left out: {AFTER_SCRIPT_S:g}"
     )
+    plan: str | None = optional(
+        "a .plan or .waypoints file, flown in mode Mission: short for one item of kind plan"
+    )
     yaw: Yaw | None = optional("a swing of the yaw command")
     yaw_deg: Number | None = optional("yaw command; left out: the yaw of the start")
     stream_hz: Annotated[int, Field(ge=2, le=100)] = Field(
@@ -143,17 +146,21 @@ class Flight(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _wide_for_a_script(cls, given: Any) -> Any:
-        """A script says where it flies as it flies: a place on the map may be far."""
-        if isinstance(given, dict) and given.get("script") is not None:
+    def _derived(cls, given: Any) -> Any:
+        """A script says where it flies as it flies: a place on the map may be far. A plan is one item."""
+        if not isinstance(given, dict):
+            return given
+        if given.get("script") is not None:
             return {"arena_m": SCRIPT_ARENA_M, **given}
+        if isinstance(given.get("plan"), str) and "items" not in given:
+            return {**given, "items": [{"kind": "plan", "file": given["plan"]}]}
         return given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         given = bool(self.setpoints), bool(self.items), self.curve is not None
         if sum(given) + (self.script is not None) != 1:
-            raise wrong((), "one of setpoints, curve, items and script")
+            raise wrong((), "one of setpoints, curve, items, plan and script")
         self._check_script()
         times = [s.at_s for s in self.setpoints]
         if times and times[0] != 0.0:

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from fcu.interface.parameter import choice, not_one_of
-from gcs_tools.missions import paths, track_file
+from gcs_tools.missions import paths, plan_file, track_file
 from gcs_tools.missions.bounds import AT_MOST, LIMITS
 from gcs_tools.missions.fields import (
     MOST,
@@ -161,9 +161,43 @@ class Return(Table):
     expect: LandingExpect = Field(LandingExpect(), description="of this item")
 
 
-KINDS = ("take_off", "go_to", "follow", "hold", "land", "return")
+class Plan(Table):
+    """Upload a plan of a ground station, and fly it in mode Mission until it is complete."""
+
+    kind: Literal["plan"]
+    file: str = Field(description="a .plan of QGroundControl or a .waypoints file (docs/plans.md)")
+    expect: ItemExpect = _expect
+
+    _plan: plan_file.PlanFile | None = PrivateAttr(None)
+
+    @property
+    def plan(self) -> plan_file.PlanFile:
+        """The items to upload. Raises PlanError for a file that was not to be read."""
+        if self._plan is None:
+            raise plan_file.PlanError("the file of this plan is not known")
+        return self._plan
+
+    @model_validator(mode="after")
+    def _is_read(self, info: ValidationInfo) -> Self:
+        folder = (info.context or {}).get(FOLDER)
+        if folder is None:
+            return self
+        try:
+            self._plan = plan_file.read(folder / self.file)
+            _ = self._plan.begin
+        except plan_file.PlanError as error:
+            raise because(("file",), str(error)) from None
+        return self
+
+
+KINDS = ("take_off", "go_to", "follow", "hold", "land", "return", "plan")
 LANDINGS = (Land, Return)
-OF_AN_AUTOPILOT = ("take_off", "land", "return")  # the others are setpoints
+OF_AN_AUTOPILOT = ("take_off", "land", "return", "plan")  # the others are setpoints
+
+
+def lands(item: Any) -> bool:
+    """Tell whether an item ends on the ground, with the rotors stopped."""
+    return isinstance(item, LANDINGS) or (isinstance(item, Plan) and item.plan.lands)
 
 
 def _of_a_kind(value: Any) -> Any:
@@ -177,7 +211,7 @@ def _of_a_kind(value: Any) -> Any:
 
 
 Item = Annotated[
-    Annotated[TakeOff | GoTo | Follow | Hold | Land | Return, Field(discriminator="kind")],
+    Annotated[TakeOff | GoTo | Follow | Hold | Land | Return | Plan, Field(discriminator="kind")],
     BeforeValidator(_of_a_kind),
 ]
 
@@ -203,9 +237,17 @@ def check(
                     ("items", i, "height_m"), f"at most arena_m, {arena:g} m", item.height_m
                 )
             continue
+        if isinstance(item, Plan):
+            in_air = not lands(item)
+            if item.plan.reach_m > arena:
+                raise because(
+                    ("items", i, "file"),
+                    f"leads {item.plan.reach_m:.0f} m from its home, and arena_m is {arena:g} m",
+                )
+            continue
         if not in_air:
             raise wrong(("items", i, "kind"), "take_off, for a vehicle on the ground", item.kind)
-        in_air = not isinstance(item, LANDINGS)
+        in_air = not lands(item)
         for key, place in _places(item):
             if place[2] <= ground:
                 raise wrong(

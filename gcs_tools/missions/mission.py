@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import difflib
 import json
+import math
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,9 +30,10 @@ from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from fcu.process.configuration import ConfigurationError, read_airframe
 from gcs_tools.judging.metrics import RENAMED
-from gcs_tools.missions import items
+from gcs_tools.missions import items, plan_file
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.plan_file import PlanError
 from gcs_tools.missions.tables import Document, Plant, Wind, document
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
@@ -149,7 +151,12 @@ def _path(name: str) -> Path:
     if isfile(path) and not isfile(name) and of != CAMPAIGNS:
         return path  # also of a folder of them: benchmark/steps
     ours = not of or ((folder() / of).parent == folder() and isdir(folder() / of))
-    if name.endswith(".toml") or exists(name) or of in (".", "..") or not ours:
+    if (
+        name.endswith((".toml", *plan_file.SUFFIXES))
+        or exists(name)
+        or of in (".", "..")
+        or not ours
+    ):
         return Path(name)
     known = shipped(of)
     folders = [each.name for each in sorted(folder().iterdir()) if shipped(each.name)]
@@ -190,6 +197,11 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
     """
     path = _path(str(name_or_path))
     source = _shown(path)
+    if plan_file.is_plan(path):
+        mission = _of_plan(path, source)
+        for setting in settings:
+            mission = override(mission, setting)
+        return mission
     try:
         text = input_file.text(path, MOST_BYTES)
         given = input_file.toml(text)
@@ -204,6 +216,22 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
     for setting in settings:
         mission = override(mission, setting)
     return mission
+
+
+def _of_plan(path: Path, source: str) -> Mission:
+    """The mission that a plan file is by itself: from the ground, in still air, until it is complete."""
+    try:
+        plan = plan_file.read(path)
+        reach, most = plan.reach_m, plan.most_s
+    except PlanError as error:
+        raise MissionError(str(error)) from error
+    flight = {
+        "duration_s": min(math.ceil(most), 3600), "ground_z_m": 0.0,
+        "start": {"on_ground": True}, "arena_m": max(100.0, math.ceil(2.0 * reach + 100.0)),
+        "plan": path.name,
+    }  # fmt: skip
+    given = {"title": f"The vehicle flies the plan {path.name}.", "flight": flight}
+    return _checked(path.stem, source, path.parent, given, {})
 
 
 def called(name_or_path: str) -> str:

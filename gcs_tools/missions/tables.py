@@ -36,7 +36,7 @@ from gcs_tools.missions.fields import (
     wrong,
 )
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.items import LANDINGS
+from gcs_tools.missions.items import lands as ends_on_ground
 
 # --- [law]
 
@@ -278,7 +278,7 @@ class Document(Table):
     @model_validator(mode="after")
     def _can_end_so(self) -> Self:
         ended, items = self.expect.ended, self.flight.items  # type: ignore[attr-defined]
-        lands = bool(items) and isinstance(items[-1], LANDINGS)
+        lands = bool(items) and ends_on_ground(items[-1])
         if self.flight.script is not None:
             if ended in ("time", "arrived", "done", "refused"):
                 why = f"a flight with a script never ends {ended}: expected landed, script, fell, diverged or crashed"

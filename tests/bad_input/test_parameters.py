@@ -105,7 +105,7 @@ def test_missions_files_and_logs_are_answered(flight):
     flight.send(mavlink.MAVLink_mission_request_list_message(system, 1))
     assert flight.heard("MISSION_COUNT").count == 0
     flight.send(mavlink.MAVLink_mission_count_message(system, 1, 65535))
-    assert flight.heard("MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
+    assert flight.heard("MISSION_ACK").type == mavlink.MAV_MISSION_NO_SPACE
     payload = [3, 0, 0, 4, 0, 0, 0, 0, *[0] * 243]
     flight.send(mavlink.MAVLink_file_transfer_protocol_message(0, system, 1, payload))
     answer = bytes(flight.heard("FILE_TRANSFER_PROTOCOL").payload)

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fcu.mavlink import replies
+from fcu.mavlink import plan_messages, replies
 from fcu.mavlink.definitions import Packed, Result, Severity
 from fcu.mavlink.framing import Source, framed
+from fcu.mavlink.plan_messages import PlanItem
 
 SCRIPT = Source(245, 190)
 
@@ -63,8 +64,24 @@ CASES = [  # a message, and its fields
         {"tc1": 2**60 + 1, "ts1": 2**61 + 1},
     ),
     (replies.ping(2**60 + 1, 77, SCRIPT), {"time_usec": 2**60 + 1, "seq": 77}),
-    (replies.mission_count(0, 2, SCRIPT), {"count": 0, "mission_type": 2}),
-    (replies.mission_ack(3, 1, SCRIPT), {"type": 3, "mission_type": 1}),
+    (plan_messages.count(0, 2, SCRIPT), {"count": 0, "mission_type": 2}),
+    (plan_messages.ack(3, 1, SCRIPT), {"type": 3, "mission_type": 1}),
+    (
+        plan_messages.item(
+            PlanItem(6, 16, (1.0, 2.0, 3.0, 4.0), 5, -6, 7.0), 9, 0, SCRIPT, True, False
+        ),
+        {"seq": 9, "frame": 6, "command": 16, "current": 0, "autocontinue": 1, "param1": 1.0,
+         "param2": 2.0, "param3": 3.0, "param4": 4.0, "x": 5, "y": -6, "z": 7.0},
+    ),
+    (
+        plan_messages.item(
+            PlanItem(3, 16, (0.0, 0.0, 0.0, 0.0), 455_000_000, -65_000_000, 7.0), 9, 0, SCRIPT,
+            False, True,
+        ),
+        {"seq": 9, "frame": 3, "current": 1, "x": 45.5, "y": -6.5, "z": 7.0},
+    ),
+    (plan_messages.current(2, 5, 3, True, (0, 0, 0)), {"seq": 2, "total": 5, "mission_state": 3, "mission_mode": 1}),
+    (plan_messages.reached(3), {"seq": 3}),
     (replies.log_entry(), {"id": 0, "num_logs": 0, "last_log_num": 0, "size": 0}),
     (replies.log_data(3, 900), {"id": 3, "ofs": 900, "count": 0}),
     (

@@ -15,7 +15,7 @@ from fcu.mavlink.definitions import CommandId, Severity
 from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Geodetic
 from fcu.mavlink.ground_link import GroundCodec
-from fcu.mavlink.requests import MissionMessage
+from fcu.mavlink.plan_messages import MissionMessage, PlanItem
 
 FCU = Source(3, 1)
 SCRIPT = Source(245, 190)
@@ -101,20 +101,45 @@ def make(name, *fields):
             MissionMessage(SCRIPT, *FCU, "CLEAR_ALL", 0, 0, 255),
         ),
         (make("mission_request", *FCU, 4, 0), MissionMessage(SCRIPT, *FCU, "REQUEST", 4, 0, 0)),
-        (make("mission_request_int", *FCU, 4, 1), MissionMessage(SCRIPT, *FCU, "REQUEST", 4, 0, 1)),
         (
-            make("mission_item", *FCU, 5, 3, 16, 2, 1, *[0.0] * 7, 1),
-            MissionMessage(SCRIPT, *FCU, "ITEM", 5, 0, 1),
+            make("mission_request_int", *FCU, 4, 1),
+            MissionMessage(SCRIPT, *FCU, "REQUEST_INT", 4, 0, 1),
         ),
         (
-            make("mission_item_int", *FCU, 5, 6, 16, 2, 1, *[0.0] * 4, 0, 0, 0.0, 0),
-            MissionMessage(SCRIPT, *FCU, "ITEM", 5, 0, 0),
+            make("mission_item", *FCU, 5, 3, 16, 2, 1, 1.0, 2.0, 3.0, 4.0, 47.5, -8.5, 9.0, 1),
+            MissionMessage(
+                SCRIPT,
+                *FCU,
+                "ITEM",
+                5,
+                0,
+                1,
+                0,
+                PlanItem(3, 16, (1.0, 2.0, 3.0, 4.0), 475_000_000, -85_000_000, 9.0, True),
+            ),
+        ),
+        (
+            make("mission_item_int", *FCU, 5, 6, 16, 2, 0, 1.0, 2.0, 3.0, 4.0, 7, -8, 9.0, 0),
+            MissionMessage(
+                SCRIPT,
+                *FCU,
+                "ITEM_INT",
+                5,
+                0,
+                0,
+                0,
+                PlanItem(6, 16, (1.0, 2.0, 3.0, 4.0), 7, -8, 9.0, False),
+            ),
         ),
         (
             make("mission_set_current", *FCU, 6),
             MissionMessage(SCRIPT, *FCU, "SET_CURRENT", 6, 0, 0),
         ),
-        (make("mission_ack", *FCU, 0, 1), MissionMessage(SCRIPT, *FCU, "ACK", 0, 0, 1)),
+        (make("mission_ack", *FCU, 3, 1), MissionMessage(SCRIPT, *FCU, "ACK", 0, 0, 1, 3)),
+        (
+            make("mission_write_partial_list", *FCU, 2, 5, 1),
+            MissionMessage(SCRIPT, *FCU, "WRITE_PARTIAL", 2, 5, 1),
+        ),
         (
             make("command_ack", 400, 2, 255, 0, *FCU),
             replies.CommandAck(SCRIPT, *FCU, 400, 2, 255),

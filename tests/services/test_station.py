@@ -34,7 +34,7 @@ class Met:
     def __init__(self):
         params = Parameters(settings(*believed(), 500.0), 1)
         self.vehicle = StateMachine(params)
-        network = MemoryNetwork()
+        self.network = network = MemoryNetwork()
         identity = Identity(1, Autopilot.PX4, Origin(47.4, 8.5, 488.0), Vec3(0.0, 0.0, 0.0))
         self.station = Station(
             AT, identity, params, self.vehicle, None, lambda level, told: None, network.socket

@@ -30,6 +30,11 @@ ACTIONS = {
     Condition.BATTERY_EMERGENCY: (
         "COM_LOW_BAT_ACT", {0: Action.WARN, 2: Action.LAND, 3: Action.LAND},
     ),
+    Condition.FENCE_BREACHED: (
+        "GF_ACTION",
+        {0: Action.NONE, 1: Action.WARN, 2: Action.HOLD, 3: Action.RETURN, 4: Action.TERMINATE,
+         5: Action.LAND},
+    ),
 }  # fmt: skip
 
 

@@ -1,0 +1,111 @@
+"""A plan file looked at as the vehicle looks at it when it is uploaded, and sent to a vehicle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fcu.interface.status_texts import words
+from fcu.kernel.algebra import Vec3
+from fcu.mavlink.definitions import MissionType, command_name
+from fcu.mavlink.geodesy import Origin, to_local
+from fcu.services.plan_items import RefusedItem, areas_of, rally_of, steps_of
+from fcu.vehicle.fence import Area, Fence, Polygon
+from fcu.vehicle.mission import Step, leads, outside
+from gcs_tools.flight.ground_script import Vehicle
+from gcs_tools.missions.plan_file import PlanFile
+
+ROUND = 72  # corners of a circle that is drawn
+
+
+class Shown(NamedTuple):
+    """One item of a plan, about its home."""
+
+    item: int
+    command: str
+    params: tuple[float, ...]
+    east_m: float | None
+    north_m: float | None
+    height_m: float | None
+
+
+@dataclass(frozen=True)
+class Look:
+    """A plan as the vehicle would have it. `refused`: why it does not take it. Empty: it does."""
+
+    items: tuple[Shown, ...]
+    steps: tuple[Step, ...]
+    areas: tuple[Area, ...]
+    rally: tuple[Vec3, ...]
+    refused: str
+
+
+def look(plan: PlanFile, alt_m: float = 488.0) -> Look:
+    """Look at a plan from its own home, where the vehicle stands. Raises PlanError.
+
+    alt_m : height of home above the sea, if the plan does not say.
+    """
+    home = plan.begin
+    origin = Origin(home.lat_deg, home.lon_deg, alt_m if home.alt_m is None else home.alt_m)
+    items = tuple(_shown(plan, number, origin) for number in range(len(plan.mission)))
+    steps: tuple[Step, ...] = ()
+    areas: tuple[Area, ...] = ()
+    rally: tuple[Vec3, ...] = ()
+    what = "Fence"
+    try:
+        areas = areas_of(plan.fence, origin)
+        what = "Rally points"
+        rally = rally_of(plan.rally, origin)
+        what = "Mission"
+        steps = steps_of(plan.mission, origin)
+    except RefusedItem as refused:
+        return Look(items, steps, areas, rally, f"{what}: {words(refused.told)}")
+    fence = Fence()
+    fence.areas = areas
+    crossed = outside(steps, Vec3(0.0, 0.0, 0.0), fence.is_clear)
+    why = "" if crossed is None else f"Mission: item {crossed[0]}: {words(crossed[1])}"
+    return Look(items, steps, areas, rally, why)
+
+
+def _shown(plan: PlanFile, number: int, origin: Origin) -> Shown:
+    item = plan.mission[number]
+    name = command_name(item.command)
+    at = {k: (lat, lon, z) for k, lat, lon, z, _ in plan.places()}.get(number)
+    if at is None:
+        z = None if math.isnan(item.z) else item.z
+        return Shown(number, name, item.params, None, None, z)
+    r = to_local(origin, at[0], at[1], origin.alt_m)
+    return Shown(number, name, item.params, round(r.x, 3), round(r.y, 3), at[2])
+
+
+def path(found: Look) -> list[Vec3]:
+    """The places of a plan in turn, m, E, about its home."""
+    here, places = Vec3(0.0, 0.0, 0.0), [Vec3(0.0, 0.0, 0.0)]
+    for step in found.steps:
+        if leads(step) and step.place is not None:
+            x, y = (step.place.x, step.place.y) if math.isfinite(step.place.x) else here[:2]
+            here = Vec3(x, y, step.place.z if math.isfinite(step.place.z) else here.z)
+            places.append(here)
+    return places
+
+
+def outlines(found: Look) -> list[tuple[bool, list[tuple[float, float]]]]:
+    """The areas of a fence, each by whether the vehicle stays inside, and its corners, m."""
+    lines: list[tuple[bool, list[tuple[float, float]]]] = []
+    for area in found.areas:
+        if isinstance(area, Polygon):
+            lines.append((area.inclusion, list(area.corners)))
+            continue
+        angles = [2.0 * math.pi * k / ROUND for k in range(ROUND)]
+        circle = [(area.x + area.radius * math.cos(q), area.y + area.radius * math.sin(q)) for q in angles]  # fmt: skip
+        lines.append((area.inclusion, circle))
+    return lines
+
+
+def send(vehicle: Vehicle, plan: PlanFile) -> None:
+    """Upload a plan, its fence and its rally points, where the vehicle is. Raises VehicleError."""
+    vehicle.upload(MissionType.MISSION, ())  # the one there is may not fit the fence
+    vehicle.upload(MissionType.FENCE, plan.fence)
+    vehicle.upload(MissionType.RALLY, plan.rally)
+    vehicle.upload(MissionType.MISSION, plan.mission)

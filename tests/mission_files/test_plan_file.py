@@ -1,0 +1,169 @@
+"""Plan files: what a ground station would upload for them, and what is wrong with one."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import random
+from pathlib import Path
+
+import pytest
+
+import gcs_tools
+from gcs_tools.flight.plan_look import look
+from gcs_tools.missions.mission import MissionError, load
+from gcs_tools.missions.plan_file import PlanError, read
+
+SQUARE = Path(gcs_tools.__file__).parents[1] / "missions" / "square.plan"
+
+
+@pytest.fixture
+def file(tmp_path):
+    """`file(tables or text, "name.plan")`: a file."""
+
+    def write(content, name="a.plan"):
+        path = tmp_path / name
+        path.write_text(content if isinstance(content, str) else json.dumps(content))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def tables():
+    return json.loads(SQUARE.read_text())
+
+
+def test_a_plan_of_qgroundcontrol_is_read():
+    plan = read(SQUARE)
+    assert [item.command for item in plan.mission] == [22, 178, 16, 16, 16, 16, 21]
+    assert [item.command for item in plan.fence] == [5001] * 4 + [5004]
+    assert plan.fence[0].params[0] == 4.0
+    assert math.isnan(plan.mission[2].params[3])  # null
+    assert len(plan.rally) == 1
+    assert plan.lands
+    assert look(plan).refused == ""
+
+
+def test_a_jump_leads_to_the_item_of_its_number(file, tables):
+    items = tables["mission"]["items"]
+    items.insert(
+        5, {"autoContinue": True, "command": 177, "doJumpId": 50, "frame": 2,
+            "params": [3, 2, 0, 0, 0, 0, 0], "type": "SimpleItem"}
+    )  # fmt: skip
+    assert read(file(tables)).mission[5].params[:2] == (2.0, 2.0)
+    items[5]["params"][0] = 99
+    with pytest.raises(PlanError, match=r"items\[5\]\.params\[0\]"):
+        read(file(tables))
+
+
+def test_a_survey_is_flown_by_the_items_that_it_holds(file, tables):
+    items = tables["mission"]["items"]
+    survey = {"complexItemType": "survey", "type": "ComplexItem",
+              "TransectStyleComplexItem": {"Items": items[2:5]}}  # fmt: skip
+    tables["mission"]["items"] = [*items[:2], survey, *items[5:]]
+    assert read(file(tables)).mission == read(SQUARE).mission
+    del survey["TransectStyleComplexItem"]
+    with pytest.raises(PlanError, match="survey"):
+        read(file(tables))
+
+
+WAYPOINTS = """QGC WPL 110
+0 1 0 16 0 0 0 0 47.4 8.5 500 1
+1 0 3 22 0 0 0 0 47.4 8.5 6 1
+2 0 3 16 0 2 0 0 47.4002 8.5 8 1
+3 0 2 177 2 1 0 0 0 0 0 1
+4 0 3 20 0 0 0 0 0 0 0 0
+"""
+
+
+def test_a_waypoints_file_is_read_without_its_home(file):
+    plan = read(file(WAYPOINTS, "a.waypoints"))
+    assert [item.command for item in plan.mission] == [22, 16, 177, 20]
+    assert plan.mission[2].params[0] == 1.0  # as home is not counted
+    assert [item.autocontinue for item in plan.mission] == [True, True, True, False]
+    assert (plan.home.lat_deg, plan.home.alt_m) == (47.4, 500.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "where"),
+    [
+        ("2 0 3 16 0 2 0 0 47.4002 8.5 8", ":4: expected 12 numbers"),
+        ("2 0 3 x 0 2 0 0 47.4002 8.5 8 1", ":4: expected 12 numbers"),
+        ("2 0 3.5 16 0 2 0 0 47.4002 8.5 8 1", ":4: expected whole numbers"),
+        ("7 0 3 16 0 2 0 0 47.4002 8.5 8 1", ":4: expected item 2"),
+    ],
+)
+def test_a_broken_line_is_named(file, line, where):
+    lines = WAYPOINTS.splitlines()
+    lines[3] = line
+    with pytest.raises(PlanError) as told:
+        read(file("\n".join(lines), "a.waypoints"))
+    assert where in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"fileType": "Plan"}', "[" * 5000, "QGC WPL 110\n"]
+)
+def test_what_is_no_plan_is_said(file, text):
+    with pytest.raises(PlanError):
+        read(file(text))
+
+
+def mutated(rng, tables):
+    """A plan with one value somewhere in it replaced by another one, or taken out."""
+    made = copy.deepcopy(tables)
+    places = []
+
+    def walk(value):
+        each = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in list(each):
+            places.append((value, key))
+            if isinstance(inner, dict | list):
+                walk(inner)
+
+    walk(made)
+    for _ in range(rng.randint(1, 3)):
+        value, key = rng.choice(places)
+        if isinstance(value, dict) and rng.random() < 0.3:
+            value.pop(key, None)
+        elif not isinstance(value, list) or key < len(value):
+            value[key] = rng.choice(
+                [None, -1, 0, 1e9, 1e300, -7.5, True, "x", [], {}, 2**40, 400, 177, 5001]
+            )
+    return made
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_mutated_plan_is_read_or_refused_with_its_place(file, tables, seed):
+    """A hundred of each seed: nothing but a PlanError, and a look that says why or takes it."""
+    rng = random.Random(seed)
+    for _ in range(100):
+        try:
+            plan = read(file(mutated(rng, tables)))
+            found = look(plan)
+        except PlanError:
+            continue
+        assert found.refused or len(found.steps) == len(plan.mission)
+
+
+def test_a_plan_file_is_a_mission_by_itself():
+    mission = load(str(SQUARE))
+    (item,) = mission.flight.items
+    assert (item.kind, item.plan.lands, mission.flight.start.on_ground) == ("plan", True, True)
+    assert mission.flight.duration_s > 60.0
+
+
+def test_a_mission_names_its_plan(tmp_path):
+    toml = 'title = "A plan."\n[flight]\nduration_s = 60.0\nground_z_m = 0.0\nstart = { on_ground = true }\n'
+    path = tmp_path / "a.toml"
+    path.write_text(f'{toml}plan = "none.plan"\n')
+    with pytest.raises(MissionError, match=r"none\.plan"):
+        load(str(path))
+    (tmp_path / "square.plan").write_text(SQUARE.read_text())
+    path.write_text(f'{toml}plan = "square.plan"\n')
+    assert load(str(path)).flight.items[0].kind == "plan"
+    path.write_text(f'{toml}arena_m = 10.0\nplan = "square.plan"\n')
+    with pytest.raises(MissionError, match="arena_m"):
+        load(str(path))

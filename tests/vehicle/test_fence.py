@@ -1,0 +1,222 @@
+"""The fence: how far a place is from its border, which ways are clear, and what a breach does."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise
+
+import pytest
+
+from fcu.interface.status_texts import Code
+from fcu.kernel.algebra import Vec3
+from fcu.vehicle.fence import Breach, Disc, Fence, Limits, Polygon
+from fcu.vehicle.mission import Do, Step
+from fcu.vehicle.modes import Mode
+from tests.vehicle.flown import Flown, at
+from tests.vehicle.test_mission import UP, Planned, go
+
+SQUARE = Polygon(True, ((-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)))
+POND = Disc(False, 10.0, 0.0, 4.0)
+
+
+def fence(*areas, limits=None):
+    made = Fence()
+    made.areas, made.limits = areas, limits or Limits()
+    return made
+
+
+@pytest.mark.parametrize(
+    ("areas", "limits", "place", "margin", "border"),
+    [
+        ((SQUARE,), None, (0.0, 0.0, 5.0), 20.0, Breach.BORDER),
+        ((SQUARE,), None, (25.0, 0.0, 5.0), -5.0, Breach.BORDER),
+        ((SQUARE,), None, (23.0, 24.0, 5.0), -5.0, Breach.BORDER),
+        ((SQUARE, POND), None, (10.0, 0.0, 5.0), -4.0, Breach.BORDER),
+        ((SQUARE, POND), None, (10.0, 7.0, 5.0), 3.0, Breach.BORDER),
+        # two areas to stay inside: one is enough
+        ((SQUARE, Disc(True, 30.0, 0.0, 12.0)), None, (30.0, 0.0, 5.0), 12.0, Breach.BORDER),
+        # a corner that is there twice
+        (
+            (Polygon(True, ((0.0, 0.0), (0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 8.0))),), None,
+            (4.0, 3.0, 0.0), 3.0, Breach.BORDER,
+        ),
+        ((), Limits(across=30.0, up=10.0), (0.0, 0.0, 12.0), -2.0, Breach.HIGHEST),
+        ((), Limits(across=30.0, up=10.0), (32.0, 0.0, 2.0), -2.0, Breach.BORDER),
+    ],
+)  # fmt: skip
+def test_the_margin_of_a_place(areas, limits, place, margin, border):
+    found = fence(*areas, limits=limits).margin(Vec3(*place))
+    assert found.value == pytest.approx(margin)
+    assert found.border is border
+
+
+def test_without_a_fence_all_is_free():
+    assert fence().margin(Vec3(1e6, 0.0, 1e6)).value == math.inf
+    assert fence().is_clear(Vec3(0.0, 0.0, 0.0), Vec3(1e6, 0.0, 0.0))
+
+
+def drawn(rng):
+    """A fence of areas that may cross each other."""
+    areas = []
+    for _ in range(rng.randint(1, 4)):
+        inclusion = rng.random() < 0.4
+        if rng.random() < 0.5:
+            areas.append(Disc(inclusion, rng.uniform(-30, 30), rng.uniform(-30, 30), rng.uniform(2, 25)))  # fmt: skip
+        else:
+            corners = [(rng.uniform(-40, 40), rng.uniform(-40, 40)) for _ in range(rng.randint(3, 7))]  # fmt: skip
+            areas.append(Polygon(inclusion, tuple(corners)))
+    return fence(*areas, limits=Limits(rng.uniform(30, 60), rng.uniform(10, 30)))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_margin_changes_by_no_more_than_the_place_moves(seed):
+    rng = random.Random(seed)
+    made = drawn(rng)
+    for _ in range(200):
+        a, b = (Vec3(*(rng.uniform(-50, 50) for _ in range(3))) for _ in range(2))
+        assert abs(made.margin(a).value - made.margin(b).value) <= math.dist(a, b) + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_way_is_clear_if_every_place_on_it_is_inside(seed):
+    rng = random.Random(seed)
+    made = drawn(rng)
+    for _ in range(60):
+        a, b = (Vec3(*(rng.uniform(-40, 40) for _ in range(2)), 5.0) for _ in range(2))
+        least = min(made.margin(a + (k / 1000.0) * (b - a)).value for k in range(1001))
+        if least > 0.1:
+            assert made.is_clear(a, b)
+        elif least < 0.0:
+            assert not made.is_clear(a, b)
+
+
+def test_a_way_exactly_through_a_corner_is_not_clear():
+    made = fence(Polygon(False, ((5.0, 0.0), (10.0, 5.0), (10.0, -5.0))))
+    assert not made.is_clear(Vec3(5.0, -9.0, 0.0), Vec3(5.0, 9.0, 0.0))
+    assert made.is_clear(Vec3(4.9, -9.0, 0.0), Vec3(4.9, 9.0, 0.0))
+
+
+# --- flown
+
+
+def rushing(action, predicts=0.0, speed=5.0):
+    """A script that flies east at the border of a square, and what the vehicle did."""
+    flight = Flown()
+    flight.params.set("GF_ACTION", float(action), False)
+    flight.params.set("GF_PREDICT", predicts, False)
+    flight.vehicle.take_fence((SQUARE,))
+    flight.up(5.0)
+    east = {"most": 0.0}
+
+    def ask():
+        east["most"] = max(east["most"], flight.r.x)
+        return at(flight.r.x, 0.0, 5.3, Vec3(speed, 0.0, 0.0))
+
+    vehicle = flight.vehicle
+    for _ in range(2):
+        vehicle.script.take(ask(), flight.t_us, flight.t_us * 1e-6)
+    vehicle.select(Mode.OFFBOARD, flight.t_us, 0.0)
+    flight.stream(ask, 60.0, lambda: vehicle.fence.breaches > 0)
+    mode = vehicle.mode
+    for _ in range(20):
+        flight.fly(0.5)
+        east["most"] = max(east["most"], flight.r.x)
+    return flight, mode, east["most"]
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"),
+    [(0, Mode.OFFBOARD), (1, Mode.OFFBOARD), (2, Mode.HOLD), (3, Mode.RETURN), (5, Mode.LAND)],
+)
+def test_a_breach_does_what_its_parameter_says(action, mode):
+    flight, entered, _ = rushing(action)
+    assert entered is mode
+    assert flight.vehicle.fence.breaches >= 1
+    assert (Code.FENCE_BREACHED in flight.told) == (action > 0)
+
+
+def test_a_fence_that_predicts_stops_the_vehicle_inside():
+    *_, behind = rushing(2)
+    flight, mode, inside = rushing(2, predicts=1.0)
+    assert mode is Mode.HOLD
+    assert inside < 20.5 < behind
+    assert flight.vehicle.armed
+
+
+def test_a_breach_counts_once_until_the_vehicle_is_inside_again():
+    flight, _, _ = rushing(3)
+    flight.fly(60.0, lambda: not flight.vehicle.armed)
+    assert flight.vehicle.fence.breaches == 1
+    assert flight.told.count(Code.FENCE_BREACHED) == 1
+    assert flight.told.count(Code.FENCE_INSIDE) == 1
+    assert math.hypot(flight.r.x, flight.r.y) < 1.0
+
+
+def test_it_is_not_armed_outside():
+    flight = Flown()
+    flight.fly(0.5)
+    flight.vehicle.take_fence((Disc(True, 30.0, 0.0, 5.0),))
+    answer = flight.vehicle.arm(flight.t_us, 0.0)
+    assert (answer.granted, answer.told.code) == (False, Code.OUTSIDE_FENCE)
+
+
+@pytest.mark.parametrize(
+    ("steps", "item", "why"),
+    [
+        ((UP, go(0.0, 10.0, 5.0), go(30.0, 10.0, 5.0)), 2, Code.PLACE_OUTSIDE),
+        ((UP, go(0.0, 10.0, 5.0), go(18.0, -10.0, 5.0)), 2, Code.WAY_OUTSIDE),
+        ((UP, go(0.0, 10.0, 5.0), Step(Do.CIRCLE, Vec3(0.0, 12.0, 5.0), radius=9.0, value=1.0)), 2,
+         Code.PLACE_OUTSIDE),
+        ((UP, go(18.0, 5.0, 5.0), go(0.0, 9.0, 5.0), go(0.0, -9.0, 5.0), Step(Do.JUMP, to=1, times=1)),
+         1, Code.WAY_OUTSIDE),
+        ((UP, go(18.0, 10.0, 5.0), go(0.0, 10.0, 5.0)), None, None),
+    ],
+)  # fmt: skip
+def test_a_plan_through_a_fence_is_not_flown(steps, item, why):
+    flight = Planned()
+    flight.vehicle.take_fence((SQUARE, POND))
+    found = flight.vehicle.plan_outside(steps)
+    assert (None if found is None else (found[0], found[1].code)) == (item and (item, why))
+    flight.vehicle.take_plan(steps, flight.t_us)
+    answer = flight.vehicle.start_plan(0, flight.t_us, 0.0)
+    assert answer.granted == (item is None)
+
+
+def test_a_corner_is_not_rounded_into_an_exclusion():
+    """The curve would cut across the post in the inside of the corner."""
+    post = Disc(False, 17.2, 2.8, 1.5)
+    corner = go(20.0, 0.0, 5.0, radius=9.0), go(20.0, 20.0, 5.0)
+    assert any(post.inside(r.x, r.y) > 0.0 for r in _flown(*corner).track)
+    flight = _flown(*corner, areas=(post,))
+    assert flight.vehicle.mission.is_complete
+    assert max(post.inside(r.x, r.y) for r in flight.track) < 0.0
+    assert flight.vehicle.fence.breaches == 0
+
+
+def _flown(*steps, areas=()):
+    flight = Planned(UP, *steps)
+    flight.vehicle.take_fence(areas)
+    flight.begin(90.0)
+    return flight
+
+
+@pytest.mark.parametrize(("kind", "ends"), [(0.0, (9.0, 9.0)), (1.0, (9.0, 9.0))])
+def test_a_return_ends_at_the_nearest_rally_point(kind, ends):
+    flight = Flown()
+    flight.params.set("RTL_TYPE", kind, False)
+    flight.vehicle.rally = (Vec3(-30.0, 0.0, 0.0), Vec3(9.0, 9.0, 0.0))
+    flight.up(5.0)
+    flight.vehicle.reposition(Vec3(12.0, 12.0, 5.0), None, flight.t_us)
+    flight.fly(15.0)
+    flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
+    flight.fly(90.0, lambda: not flight.vehicle.armed)
+    assert not flight.vehicle.armed
+    assert math.dist(flight.r[:2], ends) < 0.5
+
+
+def test_the_track_of_a_plan_inside_never_comes_closer_than_it_was_held_against():
+    flight = _flown(go(15.0, 15.0, 5.0), go(-15.0, 15.0, 5.0), areas=(SQUARE,))
+    assert flight.vehicle.mission.is_complete
+    assert min(SQUARE.inside(r.x, r.y) for r in flight.track) > 4.0
+    assert all(math.dist(a, b) < 0.1 for a, b in pairwise(flight.track))

@@ -1,0 +1,88 @@
+"""A plan's steps, flown by law and plant: where it goes, how fast, what it tells."""
+
+from __future__ import annotations
+
+import math
+
+from fcu.interface.status_texts import Code
+from fcu.kernel.algebra import Vec3
+from fcu.vehicle.mission import Do, Step
+from fcu.vehicle.modes import Mode
+from tests.vehicle.flown import Flown
+
+
+def go(x, y, z, **more):
+    return Step(Do.GO_TO, Vec3(x, y, z), **more)
+
+
+UP = Step(Do.TAKE_OFF, Vec3(math.nan, math.nan, 5.0), above_home=True)
+LAND = Step(Do.LAND)
+
+
+class Planned(Flown):
+    """Flies a plan from the ground, and keeps where it was, where it was led and its heading."""
+
+    def __init__(self, *steps, wind=None):
+        super().__init__(wind)
+        self.track, self.led, self.at_s, self.psi = [], [], [], []
+        self.fly(0.5)
+        self.vehicle.take_plan(steps, self.t_us)
+        self.ground = self.r.z
+
+    def _look(self):
+        super()._look()
+        if self.vehicle.setpoint is not None:
+            self.track.append(self.r)
+            self.led.append(self.vehicle.flown(self.t_us).v_c)
+            self.at_s.append(self.t_us * 1e-6)
+
+    def begin(self, seconds, done=None):
+        assert self.vehicle.start_plan(-1, self.t_us, 0.0).granted
+        self.fly(seconds, done or (lambda: self.vehicle.mission.is_complete))
+
+    def nearest(self, x, y, z):
+        return min(math.dist(r, (x, y, z)) for r in self.track)
+
+
+def test_a_plan_takes_off_goes_round_its_corners_and_lands_where_it_says():
+    z = 5.0
+    flight = Planned(
+        UP, go(20.0, 0.0, z), go(20.0, 20.0, z), go(0.0, 20.0, z),
+        Step(Do.LAND, Vec3(3.0, 17.0, math.nan)),
+    )  # fmt: skip
+    flight.begin(120.0)
+    mission = flight.vehicle.mission
+    assert mission.is_complete
+    assert list(mission.reached) == [0, 1, 2, 3, 4]
+    for corner in ((20.0, 0.0), (20.0, 20.0)):
+        assert flight.nearest(*corner, z) < 2.0
+    assert math.dist(flight.r[:2], (3.0, 17.0)) < 0.5
+    flight.fly(5.0, lambda: not flight.vehicle.armed)
+    assert not flight.vehicle.armed
+    assert flight.vehicle.mode is Mode.HOLD
+    assert Code.MISSION_COMPLETE in flight.told
+
+
+def test_speed_is_kept_through_a_corner_and_not_where_it_holds():
+    z = 5.0
+    corner = go(30.0, 0.0, z), go(30.0, 30.0, z)
+    speeds = {}
+    for hold_s in (0.0, 1.0):
+        flight = Planned(UP, corner[0]._replace(hold_s=hold_s), corner[1])
+        flight.begin(90.0)
+        near = [
+            math.hypot(v.x, v.y) for r, v in zip(flight.track, flight.led, strict=True)
+            if math.dist(r, (30.0, 0.0, z)) < 3.0
+        ]  # fmt: skip
+        speeds[hold_s] = min(near)
+    assert speeds[0.0] > 1.5
+    assert speeds[1.0] == 0.0
+    print(speeds)
+
+
+def test_a_place_in_the_ground_is_flown_above_it():
+    flight = Planned(UP, go(8.0, 0.0, -3.0), go(8.0, 8.0, 4.0))
+    flight.begin(60.0)
+    assert flight.vehicle.mission.is_complete
+    assert min(r.z for r in flight.track[1500:]) > flight.ground + 0.2
+    assert Code.LED_INTO_GROUND not in flight.told
