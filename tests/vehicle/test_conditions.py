@@ -30,6 +30,10 @@ ACTIONS = {
     Condition.BATTERY_EMERGENCY: (
         "COM_LOW_BAT_ACT", {0: Action.WARN, 2: Action.LAND, 3: Action.LAND},
     ),
+    Condition.STICKS_LOST: (
+        "NAV_RCL_ACT",
+        {1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.DISARM},
+    ),
     Condition.FENCE_BREACHED: (
         "GF_ACTION",
         {0: Action.NONE, 1: Action.WARN, 2: Action.HOLD, 3: Action.RETURN, 4: Action.TERMINATE,
