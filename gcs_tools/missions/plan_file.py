@@ -26,6 +26,9 @@ _GLOBAL, _GLOBAL_INT = 0, 5
 _IN, _OUT, _DISC_IN, _DISC_OUT, _RALLY = 5001, 5002, 5003, 5004, 5100
 _PLACED = {16, 17, 18, 19, 21, 22, 31, 195}
 _LEVELS = 20  # of complex items inside one another
+_MOST = 1e9  # of any number, as in mission files
+_DIGITS = 20  # of a whole number that may be meant; Python reads no more than 4300
+_BOUND = f"expected a number from {-_MOST:g} to {_MOST:g}"
 
 
 class PlanError(ValueError):
@@ -96,7 +99,9 @@ class PlanFile:
             default=2.0,
         )
         holds = sum(max(0.0, item.params[0]) for item in self.mission if item.command in _WAITS)
-        return (way / min(2.0, slowest) + holds + 8.0 * len(self.mission)) * again + 120.0
+        return (
+            way / min(2.0, max(slowest, 1e-3)) + holds + 8.0 * len(self.mission)
+        ) * again + 120.0
 
 
 def _apart(home: Home, lat: float, lon: float) -> float:
@@ -111,9 +116,12 @@ def is_plan(name: str | Path) -> bool:
 
 
 def read(path: Path) -> PlanFile:
-    """The items of a file. Raises PlanError, with what is wrong and where."""
+    """The items of a file. Raises PlanError, with what is wrong and where.
+
+    A byte order mark at its begin, as editors on Windows write it, is passed over.
+    """
     try:
-        text = input_file.text(path, MOST_BYTES)
+        text = input_file.text(path, MOST_BYTES).removeprefix(input_file.MARK)
     except OSError as error:
         raise PlanError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -142,6 +150,9 @@ def _waypoints(text: str) -> PlanFile:
             cells_f = [float(cell) for cell in cells]
         except ValueError:
             raise PlanError(f":{number}: expected 12 numbers") from None
+        for column, value in enumerate(cells_f, start=1):
+            if abs(value) > _MOST:
+                raise PlanError(f":{number}: {_BOUND} in column {column}")
         whole = (cells_f[0], cells_f[2], cells_f[3], cells_f[11])
         if not all(value == value and abs(value) < 1e6 and value == int(value) for value in whole):
             raise PlanError(f":{number}: expected whole numbers in columns 1, 3, 4 and 12")
@@ -174,7 +185,7 @@ def _check_total(items: list[PlanItem], where: str) -> None:
 
 def _plan(text: str) -> PlanFile:
     try:
-        tables = json.loads(text)
+        tables = json.loads(text, parse_int=_whole)
     except (ValueError, RecursionError) as error:
         line = f":{error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         what = error.msg if isinstance(error, json.JSONDecodeError) else "too deep"
@@ -186,9 +197,12 @@ def _plan(text: str) -> PlanFile:
     mission = _table(tables, "mission", "")
     entries = list(_simple(_list(mission, "items", ".mission"), ".mission.items", 0))
     numbers: dict[float, int] = {}  # of items, by the number that a jump names
-    for i, (_, entry) in enumerate(entries):
-        if _is_number(entry.get("doJumpId")):
-            numbers.setdefault(float(entry["doJumpId"]), i)
+    for i, (where, entry) in enumerate(entries):
+        if "doJumpId" in entry:
+            number = entry["doJumpId"]
+            if not _is_number(number) or number != int(number):
+                raise PlanError(f": {where}.doJumpId: expected a whole number")
+            numbers.setdefault(float(number), i)
     items = []
     for where, entry in entries:
         items.append(_item(entry, where, numbers))
@@ -201,6 +215,11 @@ def _plan(text: str) -> PlanFile:
         tuple(_rally(tables["rallyPoints"])) if "rallyPoints" in tables else (),
         _home(mission),
     )
+
+
+def _whole(digits: str) -> int | float:
+    """A whole number of JSON, of any length: a long one is told as too large, with its place."""
+    return int(digits) if len(digits) <= _DIGITS else float(digits)
 
 
 def _table(of: Any, key: str, where: str) -> dict[str, Any]:
@@ -219,16 +238,19 @@ def _list(of: Any, key: str, where: str) -> list[Any]:
 
 def _numbers(value: Any, total: int, where: str, null: bool = False) -> tuple[float, ...]:
     """So many numbers. `null`: one may be left out, and is NaN."""
-    good = isinstance(value, list) and len(value) == total
-    good = good and all(_is_number(each) or (null and each is None) for each in value)
-    if not good:
+    if not isinstance(value, list) or len(value) != total:
         raise PlanError(f": {where}: expected {total} numbers")
+    for n, each in enumerate(value):
+        if isinstance(each, int | float) and abs(each) > _MOST:
+            raise PlanError(f": {where}[{n}]: {_BOUND}")
+        if not _is_number(each) and not (null and each is None):
+            raise PlanError(f": {where}: expected {total} numbers")
     return tuple(math.nan if each is None else float(each) for each in value)
 
 
 def _is_number(value: Any) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and math.isfinite(value) and abs(value) < 1e12
+    return is_number and abs(value) <= _MOST  # which NaN is not
 
 
 def _simple(items: list[Any], where: str, level: int) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -286,6 +308,8 @@ def _fence(fence: Any) -> Iterator[PlanItem]:
     for n, area in enumerate(_list(fence, "polygons", ".geoFence")):
         where = f".geoFence.polygons[{n}]"
         corners = _list(area, "polygon", where)
+        if len(corners) < 3:
+            raise PlanError(f": {where}.polygon: expected 3 corners or more, got {len(corners)}")
         for corner in corners:
             lat, lon = _numbers(corner, 2, f"{where}.polygon")
             command = _IN if _inclusion(area, where) else _OUT

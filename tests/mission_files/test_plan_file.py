@@ -12,8 +12,10 @@ import pytest
 
 import gcs_tools
 from gcs_tools.flight.plan_look import look
+from gcs_tools.missions import fields, plan_file
 from gcs_tools.missions.mission import MissionError, load
 from gcs_tools.missions.plan_file import PlanError, read
+from tests.command_line import gcs
 
 SQUARE = Path(gcs_tools.__file__).parents[1] / "missions" / "square.plan"
 
@@ -93,6 +95,12 @@ def test_a_waypoints_file_is_read_without_its_home(file):
         ("2 0 3 x 0 2 0 0 47.4002 8.5 8 1", ":4: expected 12 numbers"),
         ("2 0 3.5 16 0 2 0 0 47.4002 8.5 8 1", ":4: expected whole numbers"),
         ("7 0 3 16 0 2 0 0 47.4002 8.5 8 1", ":4: expected item 2"),
+        (
+            "2 0 3 16 0 2 0 0 1e300 8.5 8 1",
+            ":4: expected a number from -1e+09 to 1e+09 in column 9",
+        ),
+        ("2 0 3 16 0 2 0 0 47.4002 8.5 -inf 1", "in column 11"),
+        (f"2 0 3 16 {'9' * 6000} 2 0 0 47.4002 8.5 8 1", "in column 5"),
     ],
 )
 def test_a_broken_line_is_named(file, line, where):
@@ -109,6 +117,50 @@ def test_a_broken_line_is_named(file, line, where):
 def test_what_is_no_plan_is_said(file, text):
     with pytest.raises(PlanError):
         read(file(text))
+
+
+@pytest.mark.parametrize("value", ["1e300", "-1000000001", "1e999", "9" * 310, "9" * 6000])
+def test_a_number_that_is_too_large_is_named(file, tables, value):
+    """Also a whole one that no float holds, and one of more digits than Python reads."""
+    tables["mission"]["items"][2]["params"][4] = "HERE"
+    path = file(json.dumps(tables).replace('"HERE"', value))
+    told = gcs("plan", "show", path)
+    assert told.exit_code == 2
+    said = " ".join(told.output.split())
+    assert ".mission.items[2].params[4]: expected a number from -1e+09 to 1e+09" in said
+
+
+def test_plans_have_the_bound_of_mission_files():
+    assert plan_file._MOST == fields.MOST
+
+
+def test_a_byte_order_mark_is_passed_over(file):
+    assert read(file("\ufeff" + SQUARE.read_text())).mission == read(SQUARE).mission
+    assert read(file("\ufeff" + WAYPOINTS, "a.waypoints")).home is not None
+
+
+@pytest.mark.parametrize("corners", [[], [[47.4, 8.5]], None])
+def test_a_polygon_without_an_inside_is_refused(file, tables, corners):
+    """It would be a plan without its fence."""
+    polygon = tables["geoFence"]["polygons"][0]
+    if corners is None:
+        del polygon["polygon"]
+    else:
+        polygon["polygon"] = corners
+    with pytest.raises(PlanError, match=r"\.geoFence\.polygons\[0\]\.polygon: expected 3 corners"):
+        read(file(tables))
+
+
+@pytest.mark.parametrize("number", [[1], "1", None, True, 1.5, 1e300])
+def test_a_number_to_jump_to_that_is_none_is_refused(file, tables, number):
+    tables["mission"]["items"][1]["doJumpId"] = number
+    with pytest.raises(PlanError, match=r"\.mission\.items\[1\]\.doJumpId: expected a whole"):
+        read(file(tables))
+
+
+def test_a_speed_of_almost_nothing_leaves_a_time(file, tables):
+    tables["mission"]["items"][1]["params"][1] = 1e-320
+    assert math.isfinite(read(file(tables)).most_s)
 
 
 def mutated(rng, tables):
