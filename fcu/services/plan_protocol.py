@@ -74,17 +74,15 @@ class Stored:
     """All that the vehicle has, of each kind."""
 
     items: dict[MissionType, Items] = field(default_factory=lambda: dict.fromkeys(KINDS, ()))
+    _identities: dict[MissionType, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+
+    def replace(self, kind: MissionType, items: Items) -> None:
+        """Put items in the place of those there were."""
+        self.items[kind], self._identities[kind] = items, _identity_of(items)
 
     def identity(self, kind: MissionType) -> int:
         """A number that is another for other items, and 0 without items."""
-        items = self.items.get(kind, ())
-        if not items:
-            return 0
-        packed = b"".join(
-            struct.pack("<BH4fiif", each.frame, each.command, *each.params, each.x, each.y, each.z)
-            for each in items
-        )
-        return crc32(packed) or 1
+        return self._identities[kind]
 
 
 class PlanProtocol:
@@ -239,7 +237,7 @@ class PlanProtocol:
         except RefusedItem as refused:
             self._finish(upload, refused.result, refused.told, now)
             return
-        self.stored.items[upload.kind] = items
+        self.stored.replace(upload.kind, items)
         self._finish(upload, MissionResult.ACCEPTED, told, now)
 
     def _finish(self, upload: Upload, result: MissionResult, told: Told | None, now: float) -> None:
@@ -296,7 +294,7 @@ class PlanProtocol:
         for kind in map(MissionType, kinds):
             if self.stored.items[kind]:
                 self._takes(kind, (), t_us)
-                self.stored.items[kind] = ()
+                self.stored.replace(kind, ())
                 self._tell(Told(Code.ITEMS_CLEARED, (NAMES[kind],)), True)
         port.send(
             link, plan_messages.ack(MissionResult.ACCEPTED, message.mission_type, message.source)
@@ -353,6 +351,16 @@ def state_of(vehicle: StateMachine) -> MissionState:
     if vehicle.mode is Mode.MISSION and vehicle.armed:
         return MissionState.ACTIVE
     return MissionState.PAUSED if mission.begun else MissionState.NOT_STARTED
+
+
+def _identity_of(items: Items) -> int:
+    if not items:
+        return 0
+    packed = b"".join(
+        struct.pack("<BH4fiif", each.frame, each.command, *each.params, each.x, each.y, each.z)
+        for each in items
+    )
+    return crc32(packed) or 1
 
 
 def _same(a: MissionMessage, b: MissionMessage) -> bool:

@@ -342,13 +342,13 @@ class Station:
 
         What is too far away now is cleared.
         """
-        vehicle, origin, stored = self._vehicle, self._identity.origin, self._plans.stored.items
+        vehicle, origin, stored = self._vehicle, self._identity.origin, self._plans.stored
 
         def again(kind: MissionType, place: Callable[[tuple[PlanItem, ...]], None]) -> None:
             try:
-                place(stored[kind])
+                place(stored.items[kind])
             except RefusedItem as refused:
-                stored[kind] = ()
+                stored.replace(kind, ())
                 place(())
                 self._tell_of_plan(Told(Code.DENIED, (NAMES[kind], refused.told)), False)
 

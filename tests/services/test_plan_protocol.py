@@ -8,6 +8,8 @@ import random
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
+from fcu.mavlink.definitions import MissionType
+from fcu.services import plan_protocol
 from fcu.vehicle.modes import Mode
 from tests.services.test_station import AT, Met
 
@@ -255,6 +257,36 @@ def test_progress_is_told(client):
     (answer,) = client.say(mavlink.MAVLink_mission_set_current_message(1, 1, 4))
     assert answer.type == mavlink.MAV_MISSION_INVALID_SEQUENCE
     assert client.vehicle.mission.current == 2
+
+
+def test_the_identity_of_a_plan_follows_it_and_is_found_once(client, monkeypatch):
+    found, identity_of = [], plan_protocol._identity_of
+
+    def once_more(items):
+        found.append(items)
+        return identity_of(items)
+
+    monkeypatch.setattr(plan_protocol, "_identity_of", once_more)
+
+    def identity():
+        client.station._plans.current()
+        client.download()
+        return client.station._plans.stored.identity(MissionType.MISSION)
+
+    assert identity() == 0
+    assert client.upload(plan(4)) == ACCEPTED
+    first = identity()
+    assert client.upload([item(0, 84)]) == mavlink.MAV_MISSION_UNSUPPORTED
+    assert identity() == first != 0
+    assert client.upload(plan(5)) == ACCEPTED
+    assert identity() not in (0, first)
+    assert client.upload(plan(4)) == ACCEPTED
+    assert identity() == first
+    assert [len(items) for items in found] == [4, 5, 4]
+    origin = mavlink.MAVLink_set_gps_global_origin_message(1, -353_632_600, 1_491_652_300, 584_000)
+    client.say(origin, client.now)  # too far away: it is cleared
+    assert client.download() == []
+    assert identity() == 0
 
 
 def test_a_plan_is_started_paused_and_continued_by_command(client):
