@@ -10,7 +10,7 @@ AIRFRAME = click.option("--airframe", metavar="NAME|FILE.toml", help="Vehicle: t
 ORIGIN = (47.397742, 8.545594, 489.4)  # latitude, longitude (deg), m above the sea: PX4's home
 
 
-def speed(_context: click.Context, _option: click.Parameter, value: str) -> float | None:
+def speed(_context: click.Context, option: click.Parameter, value: str) -> float | None:
     """Simulated seconds a second; None for "max". Raises BadParameter."""
     if value == "max":
         return None
@@ -19,7 +19,8 @@ def speed(_context: click.Context, _option: click.Parameter, value: str) -> floa
     except ValueError:
         number = 0.0
     if not 1e-3 <= number < 1e6:
-        raise click.BadParameter(f"expected 0.001 to 1e6, or max; got {value}")
+        or_max = "" if option.metavar == "N" else ", or max"
+        raise click.BadParameter(f"expected 0.001 to 1e6{or_max}; got {value}")
     return number
 
 

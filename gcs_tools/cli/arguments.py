@@ -70,6 +70,11 @@ def speed(default: str) -> Decorator:
     return click.option("--speed", default=default, show_default=True, callback=options.speed, metavar="N|max", help="Simulated seconds per second, or max.")  # fmt: skip
 
 
+def wall_speed(default: str) -> Decorator:
+    """--speed of what runs by the wall clock: max, which is None, is not offered."""
+    return click.option("--speed", default=default, show_default=True, callback=options.speed, metavar="N", help="Simulated seconds per second.")  # fmt: skip
+
+
 def as_json(said: str) -> Decorator:
     """--json."""
     return click.option("--json", "as_json", is_flag=True, help=said)

@@ -27,7 +27,7 @@ LIMITS = {f"{what}_saturated_fraction": 0.0 for what in ("thrust", "tilt", "torq
 )
 @click.argument("script", metavar="SCRIPT")
 @click.argument("script_arguments", nargs=-1, type=click.UNPROCESSED, metavar="[ARGS]...")
-@arguments.speed("1")
+@arguments.wall_speed("1")
 @click.option("--held", is_flag=True, help="Let time stand until SCRIPT has answered, in place of --speed: twice flown, it is the same flight.")  # fmt: skip
 @click.option("--duration", "duration_s", type=click.FloatRange(0.01, 3600.0), default=300.0, show_default=True, metavar="S", help="Simulated seconds within which the script has to end.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip

@@ -19,6 +19,15 @@ def test_no_line_of_help_is_longer_than_a_terminal_is_wide(name: str) -> None:
     _fits(said.output)
 
 
+def test_a_speed_that_is_refused_is_not_offered() -> None:
+    said = gcs("test", "--help").output
+    assert "--speed N " in said
+    assert "max" not in said
+    assert "max" not in gcs("test", "--speed", "x", "a.py").output
+    assert "N|max" in gcs("fly", "--help").output
+    assert ", or max" in gcs("fly", "--speed", "x", "hover").output
+
+
 @pytest.mark.parametrize("program", [fcu, plant])
 def test_nor_is_one_of_the_other_programs(program: click.Command) -> None:
     said = CliRunner().invoke(program, ["--help"])
