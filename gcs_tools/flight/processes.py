@@ -242,7 +242,9 @@ class Child:
 
     def last_error(self) -> Event | None:
         """The last error that it told. None if it told none, or is none of ours."""
-        told = () if self._events is None else event_log.read(self._events)
+        if self._events is None or not self._events.is_file():  # a FIFO of a script's, for one
+            return None
+        told = event_log.read(self._events)
         errors = [event for event in told if event.level == "error"]
         return errors[-1] if errors else None
 
@@ -250,12 +252,12 @@ class Child:
         """The last error that it told, or the last line of its log."""
         if error := self.last_error():
             return " ".join(event_log.line(error).split())
-        try:
-            with self._log_path.open("rb") as log:
-                log.seek(max(0, self._log_path.stat().st_size - LAST_BYTES))
-                lines = log.read().decode(errors="replace").strip().splitlines()
-        except OSError:
-            lines = []
+        lines: list[str] = []
+        with suppress(OSError):
+            if self._log_path.is_file():
+                with self._log_path.open("rb") as log:
+                    log.seek(max(0, self._log_path.stat().st_size - LAST_BYTES))
+                    lines = log.read().decode(errors="replace").strip().splitlines()
         return printable(" ".join((lines or [WROTE_NOTHING])[-1].split()))
 
     def ask_to_stop(self) -> None:

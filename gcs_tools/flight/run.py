@@ -582,7 +582,7 @@ class _Run:
         flown = self._left
         return judge(
             self._mission, float(self._scene.rate_hz), flown.plant, flown.fcu, ended=flown.ended,
-            exit_code=exit_code, error=error, said=logged(self.folder), folder=str(self.folder),
+            exit_code=exit_code, error=error, said=() if self._is_spoilt else logged(self.folder), folder=str(self.folder),
             begun=flown.begun, refusal=flown.refusal, script=self._script(flown), wall_time_s=flown.wall_time_s,
             startup_s=flown.startup_s, slips=int(flown.said.get("plant", {}).get("slips", 0)),
             versions=_flown_versions(self._mission),
@@ -625,7 +625,8 @@ class _Run:
                 until.finish()
                 for each in flown.begun:
                     recorder.event(each.event(self._mission.flight))
-                for event in logged(self.folder):
+                is_whole = not (self._scene.script and kept.spoilt(()))
+                for event in logged(self.folder) if is_whole else ():
                     recorder.event(event)
         except RecordingError as failed:
             exit_code, error = max(INFRASTRUCTURE, exit_code), error or f"recording: {failed}"

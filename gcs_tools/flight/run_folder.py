@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import stat
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -157,8 +158,11 @@ class Kept:
                 return f"the script removed or replaced {path}"
         names = sorted(os.listdir(self._folder))
         for name in (name for name in names if any(fnmatch(name, each) for each in KNOWN)):
-            if (self._folder / name).is_symlink():
-                return f"the script put a link in the place of {self._folder / name}"
+            path = self._folder / name
+            if path.is_symlink():
+                return f"the script put a link in the place of {path}"
+            if not stat.S_ISREG(path.lstat().st_mode):  # a FIFO would be waited for without end
+                return f"the script put something that is no file in the place of {path}"
         for name in logs:
             if name not in names:
                 return f"the script removed {self._folder / name}"

@@ -85,6 +85,9 @@ SPOILS = {  # what a script does with the folder of its run
     "replaces the recording": "echo > {out}/new; mv {out}/new {out}/flight.mcap",
     "removes a log": "rm {out}/fcu.log",
     "links the result": "ln -s $PWD/elsewhere/result.json {out}/result.json",
+    "puts a FIFO for the result": "mkfifo {out}/result.json",
+    "puts a FIFO for the figure": "mkfifo {out}/flight.png",
+    "puts a FIFO for events": "rm {out}/fcu.jsonl; mkfifo {out}/fcu.jsonl",
 }
 
 
