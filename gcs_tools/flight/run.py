@@ -533,7 +533,9 @@ class _Run:
             with result.reserved(self.folder), Kept(self.folder) as kept:
                 self._left, exit_code, error = self._recorded(kept)
                 has_run = self._left.script is not None
-                if self._scene.script and (why := kept.spoilt(LOGS if has_run else ())):
+                if self._scene.script and (
+                    why := kept.spoilt(LOGS if has_run else ()) or kept.changed()
+                ):
                     self._is_spoilt = True
                     exit_code, error = max(exit_code, INFRASTRUCTURE), why
             judged = self._written(self._judged(exit_code, error))
@@ -614,7 +616,7 @@ class _Run:
                 self._record, self.folder / RECORDING, self._metadata(), self._scene.kinds,
                 self._scene.rate_hz,
             ) as recorder:  # fmt: skip
-                kept.hold(RECORDING)
+                kept.hold(RECORDING, lambda: recorder.written)
                 if self._scene.kinds.tells:
                     recorder.set_params(to_buffer(self._scene.settings))
                 until = UntilArrival(self._scene, (recorder.add_plant, recorder.add_fcu))

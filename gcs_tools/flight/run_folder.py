@@ -7,7 +7,8 @@ import os
 import shutil
 import stat
 import time
-from collections.abc import Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from fnmatch import fnmatch
 from pathlib import Path
@@ -29,6 +30,7 @@ KNOWN = (
     *(f"{who}.{kind}" for who in ("fcu", "plant", "publisher", "controller", "script") for kind in ("log", "jsonl")),
 )  # fmt: skip
 LOGS = "fcu.log", "plant.log", "script.log"  # of every flight of a script
+BLOCK_BYTES = 1 << 20  # read at a time
 LONGEST = 50  # characters of a mission's name in that of its run's folder
 
 
@@ -132,6 +134,7 @@ class Kept:
         self._folder = folder
         self._whole = ExitStack()
         self._held = {folder: self._open(folder)}  # open, so that no other file gets its number
+        self._written: dict[Path, Callable[[], tuple[int, int]]] = {}
         self._was_link = folder.is_symlink()
 
     def __enter__(self) -> Kept:
@@ -140,11 +143,14 @@ class Kept:
     def __exit__(self, *_: object) -> None:
         self._whole.close()
 
-    def hold(self, name: str) -> None:
-        """Hold a file of the folder, if it is there."""
+    def hold(self, name: str, written: Callable[[], tuple[int, int]]) -> None:
+        """Hold a file of the folder, if it is there.
+
+        written : gives how many bytes were written to it in all, and their CRC-32.
+        """
         path = self._folder / name
         if path.is_file():
-            self._held[path] = self._open(path)
+            self._held[path], self._written[path] = self._open(path), written
 
     def spoilt(self, logs: Sequence[str]) -> str:
         """Sentence about what was removed or replaced. Empty if all is there.
@@ -166,6 +172,22 @@ class Kept:
         for name in logs:
             if name not in names:
                 return f"the script removed {self._folder / name}"
+        return ""
+
+    def changed(self) -> str:
+        """Sentence about a file that holds other bytes than were written. Empty if there is none."""
+        for path, written in self._written.items():
+            size, crc = written()
+            found, at = 0, 0
+            try:
+                if os.fstat(self._held[path]).st_size != size:  # one with a hole may be of any size
+                    return f"the script changed {path}"
+                while block := os.pread(self._held[path], BLOCK_BYTES, at):
+                    found, at = zlib.crc32(block, found), at + len(block)
+            except OSError as error:
+                return f"{path}: {error.strerror}"
+            if found != crc:
+                return f"the script changed {path}"
         return ""
 
     def _open(self, path: Path) -> int:

@@ -65,6 +65,8 @@ class LightRecording(RecordingWriter):
 class NoRecording(AbstractContextManager["NoRecording"]):
     """Writes nothing; as RecordingWriter."""
 
+    written = 0, 0
+
     def add_plant(self, rows: Rows) -> None:
         """Forget them."""
 

@@ -151,6 +151,7 @@ class _Chunks:
     def __init__(self, stream: FileIO, profile: str, library: str) -> None:
         self._stream = stream
         self._offset = 0
+        self.written = 0, 0  # bytes, and their CRC-32
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._chunks: list[ChunkIndex] = []
@@ -162,7 +163,10 @@ class _Chunks:
         """Hand all of `data` to the operating system (an unbuffered write may take a part)."""
         rest = memoryview(data)
         while rest:
-            rest = rest[self._stream.write(rest) :]
+            taken = self._stream.write(rest)
+            count, crc = self.written
+            self.written = count + taken, zlib.crc32(rest[:taken], crc)
+            rest = rest[taken:]
         self._offset += len(data)
 
     def add_channel(self, topic: str, message: str, schema: bytes, metadata: dict[str, str]) -> int:
@@ -345,6 +349,11 @@ class RecordingFile:
             self._queue.put(None)
             self._thread.join()
             self._thread = None
+
+    @property
+    def written(self) -> tuple[int, int]:
+        """How many bytes the file has, once it is closed, and their CRC-32."""
+        return self._chunks.written
 
     def finish(self) -> None:
         """Write the index."""

@@ -238,6 +238,11 @@ class RecordingWriter:
             self._file.close()
 
     @property
+    def written(self) -> tuple[int, int]:
+        """How many bytes the file has, once it is closed, and their CRC-32."""
+        return self._file.written
+
+    @property
     def has_failed(self) -> bool:
         """Whether the file could not be written."""
         return self._file.failed is not None

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -90,6 +91,14 @@ def test_every_bit_comes_back(tmp_path: Path, batch: int) -> None:
         assert found.rows.tobytes() == expected.rows.tobytes()
     assert recording.params is None
     assert recording.metadata == {"mission": "paper_nominal"}
+
+
+def test_what_was_written_is_known_to_the_byte(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    with RecordingWriter(path, {}) as recorder:
+        recorder.add_plant(any_rows(1000, PlantRow))
+    data = path.read_bytes()
+    assert recorder.written == (len(data), zlib.crc32(data))
 
 
 def test_parameters_and_events_come_back(tmp_path: Path) -> None:
