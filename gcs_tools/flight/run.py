@@ -538,6 +538,8 @@ class _Run:
                 ):
                     self._is_spoilt = True
                     exit_code, error = max(exit_code, INFRASTRUCTURE), why
+                if self._scene.script:
+                    kept.remove(RESULT)  # one of the script's own
             judged = self._written(self._judged(exit_code, error))
             return self.interrupted(judged) if interrupts.take() else judged
 

@@ -9,7 +9,7 @@ import stat
 import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -135,6 +135,7 @@ class Kept:
         self._whole = ExitStack()
         self._held = {folder: self._open(folder)}  # open, so that no other file gets its number
         self._written: dict[Path, Callable[[], tuple[int, int]]] = {}
+        self._since_ns = time.time_ns()
         self._was_link = folder.is_symlink()
 
     def __enter__(self) -> Kept:
@@ -189,6 +190,19 @@ class Kept:
             if found != crc:
                 return f"the script changed {path}"
         return ""
+
+    def remove(self, name: str) -> None:
+        """Remove a file or a link from the folder, wherever that is now, and from one put in its place.
+
+        There only what was made since: a script may have moved a folder of the user's there.
+        """
+        with suppress(OSError):
+            os.unlink(name, dir_fd=self._held[self._folder])
+        with suppress(OSError):
+            there = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            self._whole.callback(os.close, there)
+            if os.stat(name, dir_fd=there, follow_symlinks=False).st_ctime_ns >= self._since_ns:
+                os.unlink(name, dir_fd=there)
 
     def _open(self, path: Path) -> int:
         file = os.open(path, os.O_RDONLY)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from gcs_tools.flight.run import UsageError, prepared
+from gcs_tools.flight.run_folder import Kept
 from gcs_tools.flight.script_flight import only_first, values
 from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging import result
@@ -89,6 +92,9 @@ SPOILS = {  # what a script does with the folder of its run
     "removes a log": "rm {out}/fcu.log",
     "links the result": "ln -s $PWD/elsewhere/result.json {out}/result.json",
     "puts a FIFO for the result": "mkfifo {out}/result.json",
+    "tells its own result": "touch {out}/result.json; rm {out}/fcu.log",
+    "moves the folder with its own result": "touch {out}/result.json; mv {out} {out}.old",
+    "tells a result in another folder": "mv {out} {out}.old; mkdir {out}; touch {out}/result.json",
     "puts a FIFO for the figure": "mkfifo {out}/flight.png",
     "puts a FIFO for events": "rm {out}/fcu.jsonl; mkfifo {out}/fcu.jsonl",
 }
@@ -113,8 +119,24 @@ def test_a_script_that_spoils_the_folder_of_its_run_fails(start, tmp_path, how):
             break
     assert code == 3, program.text()
     assert list((tmp_path / "elsewhere").iterdir()) == []
-    assert not (out / "result.json").is_file()
+    for folder in (out, tmp_path / "run.old"):
+        assert not os.path.lexists(folder / "result.json")
     assert '<error message="the script' in report.read_text()
+
+
+@pytest.mark.parametrize("put", [Path.rename, lambda users, run: run.symlink_to(users)])
+def test_a_result_of_the_users_is_not_removed(tmp_path, put):
+    """It was there before, in a folder that the script puts in the place of the run's."""
+    run, users = tmp_path / "run", tmp_path / "users"
+    for folder in (run, users):
+        folder.mkdir()
+    (users / "result.json").touch()
+    time.sleep(0.1)  # a file's time is that of the system's last tick
+    with Kept(run) as kept:
+        run.rename(tmp_path / "moved")
+        put(users, run)
+        kept.remove("result.json")
+    assert (run / "result.json").is_file()
 
 
 def test_a_program_beside_its_mission_is_found_from_any_folder(tmp_path, monkeypatch):
