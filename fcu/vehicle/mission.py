@@ -204,10 +204,9 @@ def outside(
             if before_it and behind_it:
                 ways.append((behind_it[0], before_it[-1], at[behind_it[0]]))
     for number, start, end in ways:
-        if not is_clear(end, end):
-            return number, Told(Code.PLACE_OUTSIDE)
         if not is_clear(start, end):
-            return number, Told(Code.WAY_OUTSIDE)
+            inside = is_clear(end, end)
+            return number, Told(Code.WAY_OUTSIDE if inside else Code.PLACE_OUTSIDE)
     return None
 
 

@@ -150,7 +150,7 @@ def test_what_is_dropped_is_counted_by_its_reason_and_told(flight):
         for _ in range(times):
             flight.raw(datagram)
     for _ in range(9):
-        flight.send(flight.setpoint(r=(math.nan, 0.0, 0.0)))
+        flight.send(flight.setpoint(r=(math.inf, 0.0, 0.0)))
     flight.sync()
     assert flight.asked(1, "SYS_STATUS").errors_comm - before == sum(range(2, 9))
     assert flight.program.interrupted() == 0

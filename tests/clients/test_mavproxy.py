@@ -24,7 +24,7 @@ def test_a_whole_flight(vehicle, airframe, link, port):
     saved = next(up.folder.rglob("*.parm"))
     assert parameters == len(saved.read_text().splitlines())
     assert parameters > 50
-    modes = re.findall(r"^(?:\w+> )?Mode (\w+)$", said, re.MULTILINE)
+    modes = re.findall(r"^(?:\w+> )*Mode (\w+)$", said, re.MULTILINE)
     # what the console calls Hold it may show late, or not at all in passing
     assert [mode for mode in modes if mode != "LOITER"] == [
         "TAKEOFF", "POSCTL", "UNKNOWN", "RTL", "LAND",

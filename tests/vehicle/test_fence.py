@@ -97,6 +97,36 @@ def test_a_way_exactly_through_a_corner_is_not_clear():
     assert made.is_clear(Vec3(4.9, -9.0, 0.0), Vec3(4.9, 9.0, 0.0))
 
 
+def test_a_way_from_one_area_into_another_that_overlaps_it_is_clear():
+    made = fence(
+        Disc(True, 0.0, 0.0, 10.0),
+        Polygon(True, ((5.0, -4.0), (30.0, -4.0), (30.0, 4.0), (5.0, 4.0))),
+    )
+    assert made.is_clear(Vec3(0.0, 0.0, 0.0), Vec3(25.0, 1.0, 0.0))
+    assert not made.is_clear(Vec3(0.0, 9.0, 0.0), Vec3(25.0, 3.9, 0.0))
+
+
+def test_a_way_along_a_border_or_through_two_sides_is_not_clear():
+    square = Polygon(True, ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)))
+    assert not fence(square).is_clear(Vec3(2.0, 0.0, 0.0), Vec3(8.0, 0.0, 0.0))
+    away = fence(square._replace(inclusion=False))
+    assert not away.is_clear(Vec3(-5.0, 5.0, 0.0), Vec3(15.0, 5.0, 0.0))
+    assert not away.is_clear(Vec3(-5.0, 10.0, 0.0), Vec3(15.0, 10.0, 0.0))
+    assert away.is_clear(Vec3(-5.0, 10.1, 0.0), Vec3(15.0, 10.1, 0.0))
+
+
+def test_a_way_looks_at_each_corner_a_few_times_however_near_the_border_it_is():
+    """Halving it looked at 360,000 places, and stalled the loop for 4 s."""
+    wide = fence(
+        Polygon(True, ((-9000.0, 0.1), (9000.0, 0.1), (9000.0, -9000.0), (-9000.0, -9000.0)))
+    )
+    looked = []
+    margins = wide._borders.margins
+    wide._borders.margins = lambda places: looked.append(len(places)) or margins(places)
+    assert wide.is_clear(Vec3(-8950.0, 0.0, 5.0), Vec3(8950.0, 0.0, 5.0))
+    assert sum(looked) < 10
+
+
 # --- flown
 
 
