@@ -53,6 +53,11 @@ ME = Source(255, 190)  # a ground station, as MAVLink numbers them
 TOGETHER = 256  # messages of one datagram: others' vehicles may send all they have in one
 ANSWER_S, TRIES = 0.5, 10  # wall: how long an answer may take, how often to ask
 REASON_S = 0.2  # wall: how long after a refusal its reason may come
+ACCEPTED = (
+    Code.ITEMS_TAKEN,
+    Code.ITEMS_PASSED_OVER,
+    Code.ITEMS_CLEARED,
+)  # of an upload: may come late
 CHUNK = 50  # characters of a STATUSTEXT; one that is full is followed by another
 
 TAKEOFF_M = 2.5
@@ -143,11 +148,15 @@ class Vehicle:
         self._hear()
         self._texts.clear()
 
-    def _hear_reason(self) -> None:
-        """Until why something was refused has been said to its end: it follows the refusal."""
+    def _reason(self, is_one: Callable[[str], bool]) -> str:
+        """The reason of a refusal, heard to its end: it follows the refusal. Empty: not said.
+
+        is_one : whether a text may be the reason.
+        """
         until = time.monotonic() + REASON_S
-        while (self._goes_on or not self._texts) and time.monotonic() < until:
+        while (self._goes_on or not any(map(is_one, self._texts))) and time.monotonic() < until:
             self.messages(until - time.monotonic())
+        return "; ".join(filter(is_one, self._texts))
 
     def _ask(
         self, datagram: bytes, answer: Callable[[GroundMessage], T | None], what: str,
@@ -194,8 +203,7 @@ class Vehicle:
                 raise VehicleError(f"{command.name} was begun, and has not ended")
             result = ended
         if result != Result.ACCEPTED:
-            self._hear_reason()
-            why = "; ".join(self._texts) or Result(result).name
+            why = self._reason(_is_no_acceptance) or Result(result).name
             raise Refused(f"{command.name} refused: {why}")
 
     def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
@@ -219,8 +227,7 @@ class Vehicle:
             why = "; ".join(self._texts)
             raise VehicleError(f"{error}{': ' + why if why else ''}") from None
         if not accepted:
-            self._hear_reason()
-            raise SetpointRefused("; ".join(self._texts))
+            raise SetpointRefused(self._reason(_is_no_acceptance))
 
     def set_parameter(self, name: str, value: float, tries: int = TRIES) -> None:
         """Set a parameter and await that it is told. Raises VehicleError, also if it is another."""
@@ -295,8 +302,7 @@ class Vehicle:
             each = items[found.sequence]
             packed = plan_messages.item(each, found.sequence, kind, to, True, found.sequence == 0)
         if found.result != MissionResult.ACCEPTED:
-            self._hear_reason()
-            why = "; ".join(self._texts) or MissionResult(found.result).name
+            why = self._reason(_is_denial) or MissionResult(found.result).name
             raise Refused(f"{kind.name} refused: {why}")
 
     def fly_plan(self, plan: PlanFile, origin: Origin) -> None:
@@ -344,6 +350,14 @@ class Vehicle:
                 if isinstance(message, Heartbeat):
                     return message
         raise VehicleError(f"no heartbeat within {timeout_s:.0f} s")
+
+
+def _is_denial(text: str) -> bool:
+    return says(text, Code.DENIED)
+
+
+def _is_no_acceptance(text: str) -> bool:
+    return not any(says(text, code) for code in ACCEPTED)
 
 
 def distance(a: Vec3, b: Vec3) -> float:

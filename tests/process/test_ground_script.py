@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import common
 
-from fcu.mavlink.definitions import CommandId
-from gcs_tools.flight.ground_script import Vehicle, VehicleError
+from fcu.mavlink.definitions import CommandId, MissionType
+from gcs_tools.flight.ground_script import Refused, Vehicle, VehicleError
 
 LONG = "Arming refused: the setpoint is 990 m away, and what it would take exceeds what the rotors give"
 VEHICLE = common.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -60,6 +60,32 @@ def test_a_reason_is_heard_to_its_end(text):
     with pytest.raises(VehicleError) as refused:
         vehicle.arm()
     assert str(refused.value) == f"ARM_DISARM refused: {text}"
+
+
+@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("says", ["Mission denied: item 2: way leaves the fence", None])
+def test_the_text_of_the_upload_before_is_no_reason(together, says):
+    """It comes after the acknowledgement, so that the next upload has begun when it is heard."""
+    refusal = common.MAVLink_mission_ack_message(255, 190, common.MAV_MISSION_DENIED, 0)
+    late = common.MAVLink_statustext_message(6, b"Rally points: 1 items taken")
+    answers = [packed(late), packed(refusal)]
+    if says is not None:
+        answers.append(packed(common.MAVLink_statustext_message(4, says.encode())))
+    if together:
+        answers = [b"".join(answers)]
+    with pytest.raises(Refused) as refused:
+        Vehicle(0, Slow([b"", *answers])).upload(MissionType.MISSION, ())
+    assert str(refused.value) == f"MISSION refused: {says or 'DENIED'}"
+
+
+def test_the_text_of_an_upload_is_no_reason_of_a_command():
+    answers = [
+        common.MAVLink_statustext_message(6, b"Mission: 7 items taken"),
+        common.MAVLink_command_ack_message(CommandId.MISSION_START, common.MAV_RESULT_DENIED),
+        common.MAVLink_statustext_message(4, b"Mode Mission denied: outside the fence"),
+    ]
+    with pytest.raises(Refused, match="refused: Mode Mission denied: outside the fence"):
+        Vehicle(0, Slow([b"", *map(packed, answers)])).start_mission()
 
 
 @pytest.mark.parametrize(
