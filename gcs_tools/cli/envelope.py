@@ -81,6 +81,7 @@ def envelope(
         MissionError,
         load,
         override,
+        refuse_plan,
         refuse_script,
         with_airframe,
     )
@@ -93,6 +94,7 @@ def envelope(
         for setting in settings:
             chosen = override(chosen, setting)
         refuse_script(chosen, "gcs envelope")
+        refuse_plan(chosen, "gcs envelope")
         if not is_cached("foreseen.along"):
             click.echo("compiling, once for this version (for 10 s or so) ...", err=True)
         try:

@@ -16,7 +16,7 @@ import numpy as np
 from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.judging.setpoint_checks import Standing
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.mission import Mission, Value, written
+from gcs_tools.missions.mission import Mission, Value, is_foreseen, written
 from gcs_tools.missions.trajectory import last_change_s, positions_at
 from gcs_tools.recording.table import Rows
 
@@ -78,9 +78,10 @@ def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[st
     part = flight.metric("governed_fraction", missed.since_s, missed.until_s)
     if part is None or part < LITTLE or missed.grounded:
         return []
+    look = f" How long it may take: {envelope_command(mission)}" if is_foreseen(mission) else ""
     return [
         f"The guard slowed the flight to the setpoint of {missed.since_s:g} s for {100.0 * part:.0f} % of the"
-        f" time that it stood. How long it may take: {envelope_command(mission)}"
+        f" time that it stood.{look}"
     ]
 
 
@@ -101,7 +102,7 @@ def _limits_and_ending(
         found.append(f"At a limit: {each}.")
     found.append(_air(flight, values))
     found += _mass(flight, values)
-    if mission.flown.guard is not None and not mission.controller:
+    if mission.flown.guard is not None and not mission.controller and is_foreseen(mission):
         found.append(f"What uses up the margin: {envelope_command(mission)}")
     return found
 

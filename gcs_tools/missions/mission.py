@@ -38,8 +38,8 @@ from gcs_tools.missions.tables import Document, Plant, Wind, document
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [
-    "Mission", "MissionError", "Value", "folder", "from_tables", "last_change_s", "load",
-    "override", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
+    "Mission", "MissionError", "Value", "folder", "from_tables", "is_foreseen", "last_change_s", "load",
+    "override", "refuse_plan", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
     "written",
 ]  # fmt: skip
 
@@ -349,6 +349,23 @@ def refuse_script(mission: Mission, what: str) -> None:
             f"{mission.source}: [flight] script: {what} does not run scripts, and what a script asks"
             " for is not known. Fly this mission with gcs fly --allow-commands"
         )
+
+
+def refuse_plan(mission: Mission, what: str) -> None:
+    """Raise MissionError for a mission with a plan, which `what` cannot use."""
+    for i, item in enumerate(mission.flight.items):
+        if isinstance(item, items.Plan):
+            key = f"items[{i}]" if mission.flight.plan is None else "plan"
+            raise MissionError(
+                f"{mission.source}: [flight] {key}: {what} does not look at plans, whose way the"
+                " vehicle chooses as it flies. Fly this mission with gcs fly"
+            )
+
+
+def is_foreseen(mission: Mission) -> bool:
+    """Tell whether the setpoints are known before the flight: not those of scripts and plans."""
+    planned = any(isinstance(item, items.Plan) for item in mission.flight.items)
+    return mission.flight.script is None and not planned
 
 
 def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:

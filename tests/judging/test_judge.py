@@ -19,6 +19,7 @@ from sitl_plant.physics.types import PlantRecord
 from tests.judging.test_metrics import put
 
 RATE = 100.0  # Hz
+SCRIPT = str(Path(__file__).parents[1] / "scripts" / "hop.toml")
 ABOUT = {"wall_time_s": 1.0, "startup_s": 0.1, "slips": 0, "versions": {}}
 PATH = """title = "A path."
 [flight]
@@ -66,6 +67,13 @@ def test_a_law_without_a_guard_is_sent_to_no_margin() -> None:
     mission = with_law(load("gust_step"), "px4")
     found = judged(mission, *flight(mission, 4.0, thrust=1.0))
     assert found.causes[0].startswith("At a limit: the thrust command")
+    assert not [each for each in found.causes if "gcs envelope" in each]
+
+
+@pytest.mark.parametrize("name", ["plan_square", SCRIPT])
+def test_a_flight_by_a_plan_or_a_script_is_sent_to_no_margin(name) -> None:
+    found = judged(load(name), *flight(load(name), 4.0, thrust=1.0))
+    assert [each for each in found.causes if each.startswith("At a limit: the thrust command")]
     assert not [each for each in found.causes if "gcs envelope" in each]
 
 

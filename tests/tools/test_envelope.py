@@ -55,6 +55,12 @@ def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_sa
     assert "12 kg, is not in guard_mass_kg" in beyond.stdout
 
 
+def test_a_plan_is_not_looked_at():
+    done = gcs("plan_square")
+    assert done.exit_code == 2
+    assert "gcs envelope does not look at plans" in done.stderr
+
+
 @pytest.mark.parametrize("mission", ["paper_fast_governed", "paper_fast"])
 def test_one_that_fails_is_told_to_be_no_prediction(mission):
     assert "sufficient, not necessary" in gcs(mission).stdout
