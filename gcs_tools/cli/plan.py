@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import up_by, wait_ready
 from gcs_tools.cli.output import Failure, print_json
-from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
+from gcs_tools.exit_codes import OK, USAGE
+
+if TYPE_CHECKING:
+    from gcs_tools.flight.plan_look import Shown
 
 FILE = click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 
@@ -31,7 +36,7 @@ def show(file: Path, figure: Path | None, as_json: bool) -> int:
 
     Exit codes: 0 the vehicle takes the plan, 1 it refuses an item, 2 the file cannot be read.
     """
-    from gcs_tools.flight.plan_look import look
+    from gcs_tools.flight.plan_look import counts, look
     from gcs_tools.missions import plan_file
 
     try:
@@ -42,24 +47,14 @@ def show(file: Path, figure: Path | None, as_json: bool) -> int:
     if as_json:
         print_json(
             {
-                "items": [each._asdict() for each in found.items],
+                "items": [_plain(each._asdict()) for each in found.items],
                 "fence": len(read.fence), "rally": len(read.rally), "refused": found.refused,
             }
         )  # fmt: skip
     else:
         for each in found.items:
-            place = ""
-            if each.east_m is not None and each.north_m is not None:
-                place = f"{each.east_m:9.1f} E {each.north_m:9.1f} N"
-            height = (
-                ""
-                if each.height_m is None or math.isnan(each.height_m)
-                else f"{each.height_m:7.1f} m"
-            )
-            click.echo(f"{each.item:4d}  {each.command:24s} {place:24s} {height}".rstrip())
-        click.echo(
-            f"{len(read.mission)} items, fence of {len(read.fence)}, {len(read.rally)} rally points"
-        )
+            click.echo(_line(each))
+        click.echo(counts(read, found))
         click.echo(f"Refused: {found.refused}" if found.refused else "The vehicle takes this plan.")
     if figure is not None:
         from gcs_tools.flight.plan_look import outlines, path
@@ -85,13 +80,14 @@ def show(file: Path, figure: Path | None, as_json: bool) -> int:
 
 @plan.command()
 @FILE
-@arguments.FREE_INSTANCE
+@arguments.UP_TIMEOUT
+@arguments.instance("the first that runs")
 @click.option("--start", is_flag=True, help="Then arm, and fly the plan.")
-def upload(file: Path, instance: int | None, start: bool) -> int:
+def upload(file: Path, timeout_s: float, instance: int | None, start: bool) -> int:
     """Upload FILE, with its fence and rally points, to a vehicle that is up (gcs up).
 
     The whole file is looked at before any part is sent. Exit codes: 0 taken, 1 refused, 2 the file cannot be read,
-    3 the vehicle does not answer.
+    3 no vehicle is ready within --timeout, or it does not answer.
     """
     from fcu.interface.link import PortBusy
     from gcs_tools.flight.ground_script import Refused, Vehicle, VehicleError
@@ -105,20 +101,42 @@ def upload(file: Path, instance: int | None, start: bool) -> int:
         raise Failure(error, USAGE) from error
     if refused:
         raise Failure(ValueError(f"{file}: {refused}"), 1)
+    number, due = up_by(instance, timeout_s)
     try:
-        vehicle = Vehicle(instance or 0)
+        vehicle = Vehicle(number)
     except PortBusy as error:
-        raise Failure(error, INFRASTRUCTURE) from error
+        raise Failure(f"another script flies instance {number} (it holds UDP port {error.port}): wait for it, or end it") from error  # fmt: skip
     try:
-        vehicle.wait_ready()
+        wait_ready(vehicle, due)
         send(vehicle, read)
         if start:
             vehicle.start_mission()
     except Refused as error:
-        raise Failure(error, 1) from error
+        raise Failure(f"instance {number}: {error}", 1) from error
     except VehicleError as error:
-        raise Failure(error, INFRASTRUCTURE) from error
+        raise Failure(f"instance {number}: {error}") from error
     finally:
         vehicle.close()
-    click.echo(f"{file}: uploaded" + (" and started" if start else ""))
+    click.echo(f"{file}: uploaded to instance {number}" + (" and started" if start else ""))
     return OK
+
+
+def _plain(value: Any) -> Any:
+    """The value for JSON: a number that is left out (NaN) is null."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _line(item: Shown) -> str:
+    """Number, name and place of an item, and its height or speed."""
+    place = last = ""
+    if item.east_m is not None and item.north_m is not None:
+        place = f"{item.east_m:9.1f} E {item.north_m:9.1f} N"
+    if item.height_m is not None and math.isfinite(item.height_m):
+        last = f"{item.height_m:7.1f} m"
+    if item.speed_m_s is not None:
+        last = f"{item.speed_m_s:7.1f} m/s"
+    return f"{item.item:4d}  {item.command:24s} {place:24s} {last}".rstrip()

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from fcu.interface.status_texts import words
 from fcu.kernel.algebra import Vec3
-from fcu.mavlink.definitions import MissionType, command_name
+from fcu.mavlink.definitions import ItemCommand, MissionType, command_name
 from fcu.mavlink.geodesy import Origin, to_local
+from fcu.mavlink.plan_messages import PlanItem
 from fcu.services.plan_items import RefusedItem, areas_of, rally_of, steps_of
 from fcu.vehicle.fence import Area, Fence, Polygon
 from fcu.vehicle.mission import Step, leads, outside
@@ -17,6 +18,14 @@ from gcs_tools.flight.ground_script import Vehicle
 from gcs_tools.missions.plan_file import PlanFile
 
 ROUND = 72  # corners of a circle that is drawn
+ROI_LOCATION = 3.0  # MAV_ROI
+_HIGH = frozenset(  # items whose parameter 7 is a height
+    {
+        ItemCommand.WAYPOINT, ItemCommand.TAKEOFF, ItemCommand.LAND, ItemCommand.LOITER_UNLIM,
+        ItemCommand.LOITER_TURNS, ItemCommand.LOITER_TIME, ItemCommand.LOITER_TO_ALT,
+        ItemCommand.ROI_LOCATION,
+    }
+)  # fmt: skip
 
 
 class Shown(NamedTuple):
@@ -28,6 +37,7 @@ class Shown(NamedTuple):
     east_m: float | None
     north_m: float | None
     height_m: float | None
+    speed_m_s: float | None = None  # of DO_CHANGE_SPEED, if it names one
 
 
 @dataclass(frozen=True)
@@ -73,10 +83,40 @@ def _shown(plan: PlanFile, number: int, origin: Origin) -> Shown:
     name = command_name(item.command)
     at = {k: (lat, lon, z) for k, lat, lon, z, _ in plan.places()}.get(number)
     if at is None:
-        z = None if math.isnan(item.z) else item.z
-        return Shown(number, name, item.params, None, None, z)
+        return Shown(number, name, item.params, None, None, _height(item), _speed(item))
     r = to_local(origin, at[0], at[1], origin.alt_m)
     return Shown(number, name, item.params, round(r.x, 3), round(r.y, 3), at[2])
+
+
+def _height(item: PlanItem) -> float | None:
+    high = (
+        item.command in _HIGH
+        or (item.command == ItemCommand.SET_HOME and item.params[0] != 1.0)
+        or (item.command == ItemCommand.ROI and item.params[0] == ROI_LOCATION)
+    )
+    return item.z if high and math.isfinite(item.z) else None
+
+
+def _speed(item: PlanItem) -> float | None:
+    speed = item.params[1]
+    return speed if item.command == ItemCommand.CHANGE_SPEED and speed > 0.0 else None
+
+
+def counts(plan: PlanFile, found: Look) -> str:
+    """The numbers of items, areas and rally points of a plan, in words."""
+    polygons = sum(isinstance(area, Polygon) for area in found.areas)
+    circles = len(found.areas) - polygons
+    areas = [
+        _count(many, what) for many, what in ((polygons, "polygon"), (circles, "circle")) if many
+    ]
+    fence = "no fence"
+    if plan.fence:  # one that is refused has no areas
+        fence = f"fence: {', '.join(areas) or _count(len(plan.fence), 'item')}"
+    return f"{_count(len(plan.mission), 'item')}; {fence}; {_count(len(plan.rally), 'rally point')}"
+
+
+def _count(many: int, what: str) -> str:
+    return f"{many} {what}{'' if many == 1 else 's'}"
 
 
 def path(found: Look) -> list[Vec3]:
