@@ -60,7 +60,7 @@ VEHICLE: tuple[Parameter, ...] = (
         "Modes that lead the vehicle",
         P("", "MIS_TAKEOFF_ALT", 2.5, 0.5, 80.0, "m", "height of a take-off that names none"),
         P("", "NAV_ACC_RAD", 2.0, 0.05, 200.0, "m", "radius in which a place of a plan counts as reached, and its corner is rounded"),
-        P("", "RTL_TYPE", 0.0, 0.0, 1.0, "", "a return ends at the nearest of: 0 home and rally points, 1 rally points, and home without any", values=(0.0, 1.0), integer=True),
+        P("", "RTL_TYPE", 0.0, 0.0, 1.0, "", "return to the nearest of: 0 home and rally points, 1 rally points (else home)", values=(0.0, 1.0), integer=True),
         P("", "RTL_RETURN_ALT", 10.0, 0.0, 150.0, "m", "height above home of the way back"),
         P("", "RTL_DESCEND_ALT", 10.0, 0.0, 100.0, "m", "height above home at which it waits RTL_LAND_DELAY"),
         P("", "RTL_LAND_DELAY", 0.0, -1.0, 300.0, "s", "time above home before it lands; below 0 for ever, 0 lands at once"),
@@ -102,7 +102,7 @@ VEHICLE: tuple[Parameter, ...] = (
     ),
     *group(
         "Sticks, and their loss",
-        P("", "COM_RC_IN_MODE", 3.0, 0.0, 4.0, "", "sticks heard: 0 RC_CHANNELS_OVERRIDE, 1 MANUAL_CONTROL, 2 either, 3 the first, 4 none", values=(0.0, 1.0, 2.0, 3.0, 4.0), integer=True),
+        P("", "COM_RC_IN_MODE", 3.0, 0.0, 4.0, "", "sticks by: 0 RC_CHANNELS_OVERRIDE, 1 MANUAL_CONTROL, 2 either, 3 first, 4 none", values=(0.0, 1.0, 2.0, 3.0, 4.0), integer=True),
         P("", "COM_RC_LOSS_T", 0.5, 0.1, 35.0, "s", "age of the last sticks at which they are lost"),
         P("", "NAV_RCL_ACT", 2.0, 1.0, 6.0, "", "then, in modes flown by sticks: 1 hold, 2 return, 3 land, 5 terminate, 6 disarm", values=(1.0, 2.0, 3.0, 5.0, 6.0), integer=True),
         P("", "COM_RC_ARM_HYST", 1000.0, 100.0, 1500.0, "ms", "time for which a gesture of arming is held", integer=True),

@@ -238,12 +238,12 @@ def _sys_status(v: View) -> Sequence[Packed]:
         if left < v.params["BAT_CRIT_THR"]:
             health &= ~Sensor.BATTERY
     fence = v.vehicle.fence
-    if not fence.is_breached:  # also where there is none: a console takes unhealthy for a breach
+    if not fence.is_breached:  # also where none is set: a console takes unhealthy for a breach
         health |= Sensor.GEOFENCE
     enabled = present
-    if fence.is_set:
-        present |= Sensor.GEOFENCE
-        enabled |= Sensor.GEOFENCE if v.params["GF_ACTION"] > 0.0 else Sensor(0)
+    present |= Sensor.GEOFENCE
+    if fence.is_set and v.params["GF_ACTION"] > 0.0:
+        enabled |= Sensor.GEOFENCE
     load = v.counters.load
     return [tm.sys_status(present, enabled, health, load, volts, amperes, left, v.counters.errors)]
 

@@ -98,7 +98,7 @@ SCRIPTS = {
         [
             (10, "script", do(CommandId.CHANGE_SPEED, 1.0, 1e6)),
             (90, "script", fly_to(500.0, 0.0, 4.0)),
-            (91, "script", offer(NAN, 0.0, 4.0)),
+            (91, "script", offer(math.inf, 0.0, 4.0)),
             (180, "script", do(Command.UNKNOWN)),
             (181, "script", do(TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, 5.0)),
             *streamed(200, 700, fly_to(0.0, 0.0, 3.0)),
