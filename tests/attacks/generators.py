@@ -297,6 +297,8 @@ def command_line(rng: random.Random, group: click.Group, instance: int) -> list[
     command = group.get_command(click.Context(group), name)
     if command is None or rng.random() < 0.02:
         return [rng.choice(WORDS), *rng.choices(WORDS, k=rng.randrange(3))]
+    if isinstance(command, click.Group):
+        return [name, *command_line(rng, command, instance)]
     words = []
     options = [p for p in command.params if isinstance(p, click.Option) and not p.hidden]
     for each in rng.choices(options, k=rng.randrange(4)):
