@@ -284,7 +284,8 @@ def test_an_address_that_is_none_is_refused_before_anything_is_made(flown, tmp_p
 
 
 def test_a_scheduler_by_tls_without_certificates_is_a_sentence(flown, tmp_path):
-    file, _, _ = flown
+    folder, _, _ = flown
+    file = folder / "winds.toml"
     found = gcs("campaign", file, "--out", tmp_path / "out", "--scheduler", "tls://127.0.0.1:1")
     assert found.exit_code == 3
     assert "certificates" in found.stderr

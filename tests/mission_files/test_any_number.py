@@ -151,7 +151,9 @@ def _own(name: str) -> list[tuple[Any, ...]]:
 def test_no_key_is_left_out():
     assert PLANT.keys() == Plant.model_fields.keys()
     assert WIND.keys() == Wind.model_fields.keys()
-    assert FLIGHT.keys() | {"curve", "items", *SCRIPT} == Flight.model_fields.keys()
+    # a plan is a file of its own: tests of plan files change the numbers in it
+    others = {"curve", "items", "plan", *SCRIPT}
+    assert FLIGHT.keys() | others == Flight.model_fields.keys()
 
 
 @pytest.mark.slow

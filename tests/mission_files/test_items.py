@@ -56,7 +56,7 @@ def test_in_the_air_none_has_to_take_off(tmp_path: Path) -> None:
         ((UP, UP), 8, "items[1].kind: expected an item for a vehicle in the air"),
         ((UP.replace("3.0", "200.0"),), 7, "items[0].height_m: expected at most arena_m, 100 m, got 200.0"),
         ((UP, LAND, THERE), 9, "items[2].kind: expected take_off"),
-        ((UP, '{ kind = "fly" }'), 8, "items[1].kind: expected take_off, go_to, follow, hold, land or return, got fly"),
+        ((UP, '{ kind = "fly" }'), 8, "items[1].kind: expected take_off, go_to, follow, hold, land, return or plan, got fly"),
         ((UP, "3"), 8, "items[1]: expected a table with a kind, got 3"),
         ((UP, HOLD[:-1] + ", fors = 3.0 }"), 8, "items[1].fors: no such key (did you mean for_s?)"),
         ((UP, '{ kind = "hold" }'), 8, "items[1].for_s: is missing"),
