@@ -251,6 +251,7 @@ class Vehicle:
             if state == STICKS:
                 for _ in range(3):
                     self.speak()
+                    # a joystick's rate: sticks count as there while they are heard so often
                     time.sleep(0.05)
             if self._is(state):
                 return

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_wo
 from gcs_tools.judging import result
 from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.missions.mission import MissionError, load
+from tests.patience import until
 from tests.process.conftest import alive
 
 HERE = Path(__file__).parent
@@ -131,7 +131,9 @@ def test_a_result_of_the_users_is_not_removed(tmp_path, put):
     for folder in (run, users):
         folder.mkdir()
     (users / "result.json").touch()
-    time.sleep(0.1)  # a file's time is that of the system's last tick
+    before, later = (users / "result.json").stat().st_ctime_ns, tmp_path / "later"
+    # a file's time is that of the system's last tick: the run begins at a later one
+    until(lambda: later.touch() or later.stat().st_ctime_ns > before, "a tick of the system")
     with Kept(run) as kept:
         run.rename(tmp_path / "moved")
         put(users, run)

@@ -381,6 +381,7 @@ class MavrosLink:
             for _ in range(10):
                 with self._send:
                     self._link.mav.timesync_send(0, time.time_ns())
+                # it sends at a rate by the wall, as MAVROS does: there is nothing to wait for
                 time.sleep(0.1)
 
     def _hear(self) -> None:
