@@ -173,7 +173,7 @@ class ItemScript:
             return False
         seen = self._seen()
         if leg.kind in LANDS:
-            return not seen.flies
+            return seen.stands and not seen.flies
         if leg.kind in PLANS:
             if self._tick - self._asked_at < ASK_S * self._scene.rate_hz:
                 return False

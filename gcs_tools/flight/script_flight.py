@@ -7,7 +7,6 @@ script says more.
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 import time
@@ -24,14 +23,13 @@ from fcu.mavlink.framing import Source
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.flight.pair import Pair
 from gcs_tools.flight.processes import WROTE_NOTHING, InfrastructureError
-from gcs_tools.flight.scripted_flight import FELL, HEIGHT, ON_GROUND, Flown
+from gcs_tools.flight.scripted_flight import ON_GROUND, Flown, is_aloft
 from gcs_tools.flight.user_command import Leashed, filled, names_one_of, with_python
 from gcs_tools.flight.wire_flight import STALL_S, WireFlight
 from gcs_tools.judging import script_check
 from gcs_tools.judging.script_check import ScriptFlown
 
 ARMS = Source(254, 190)  # the system that arms a vehicle in the air
-AIRBORNE_M = 0.15  # a vehicle that never was so high above the ground has not flown, one that is is in the air
 REST_S = 1.0  # simulation time: a vehicle on the ground that stays disarmed for so long has landed
 WALL_FACTOR, WALL_S = (
     3.0,
@@ -90,19 +88,9 @@ class ScriptFlight(WireFlight):
     def flown(self) -> Flown:
         """Everything that has arrived so far."""
         flown = super().flown()
-        if flown.ended != "time" or not len(flown.fcu):
+        if flown.ended != "time" or not len(flown.fcu) or self._late:
             return flown
-        n = min(len(flown.plant), len(flown.fcu))
-        on_ground, height = flown.plant[:n, ON_GROUND] > 0.5, flown.plant[:n, HEIGHT]
-        rest = height[on_ground].min(initial=math.inf)  # of a vehicle that stands
-        is_up = ~on_ground & ((height > rest + AIRBORNE_M) | math.isinf(rest))
-        runs = flown.fcu[:n, self._engaged] > 0.0
-        begun = runs.argmax() if runs.any() else n
-        if (is_up & ~runs)[begun:].any():
-            return replace(flown, done=FELL)
-        if self._late:
-            return flown
-        landed = self._is_grounded() and bool(is_up.any())  # armed on the ground is no flight
+        landed = self._is_grounded() and bool(is_aloft(flown.plant).any())  # armed is not flown
         return replace(flown, done="landed" if landed else "script")
 
     def _pace(self, wall_s: float) -> dict[str, Any]:

@@ -35,6 +35,7 @@ _ENDED, ON_GROUND, HEIGHT = (
     column_of(PlantRecord, name) for name in ("ended", "on_ground", "state.r_E.z")
 )
 FELL = "fell"  # how a flight ends whose rotors were stopped in the air
+AIRBORNE_M = 0.15  # a vehicle so high above the ground is in the air
 _R_E, _V_E = (slice_of(PlantRecord, f"state.{name}") for name in ("r_E", "v_E"))
 
 
@@ -46,9 +47,7 @@ class Flown:
     fcu: Rows
     arrived: bool = False
     begun: tuple[Begun, ...] = ()  # legs of the mission's items
-    done: str = (
-        ""  # how a flight ends whose items are done: landed, done; refused, fell; empty: not
-    )
+    done: str = ""  # how a flight ends whose items are done: landed, done; or refused, fell; empty: none of it
     refusal: str = ""  # what the vehicle would not do
     script: ScriptFlown | None = None  # of a mission that names one
     startup_s: float = 0.0
@@ -101,12 +100,14 @@ class ScriptedFlight(ABC):
         plant, fcu = self._plant_rows.rows, self._fcu_rows.rows
         if len(plant) < self._ticks(plant) or len(fcu) < self._ticks(fcu):
             plant, fcu = in_step(plant, fcu)
+        n = min(len(plant), len(fcu))
+        fell = FELL * has_fallen(plant[:n], fcu[:n, self._engaged] > 0.0)
         script = self._items
         if script is None:
-            return Flown(plant, fcu)
+            return Flown(plant, fcu, done=fell)
         lands = self._scene.legs[-1].kind in LANDS
         done = "refused" if script.refusal else ("landed" if lands else "done") * script.is_done
-        return Flown(plant, fcu, False, tuple(script.begun), done, script.refusal)
+        return Flown(plant, fcu, False, tuple(script.begun), fell or done, script.refusal)
 
     def _arm(self, vehicle: Flyer) -> None:
         """Armed, and flying the first setpoint; of items on the ground, ready. Raises InfrastructureError."""
@@ -179,6 +180,28 @@ class ScriptedFlight(ABC):
     def _is_over(self) -> bool:
         """Whether the plant's last row says that the flight has ended."""
         return bool((self._plant_rows.last[:, _ENDED] != dynamics.FLYING).any())
+
+
+def is_aloft(plant: Rows) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Tell for each row of the plant if the vehicle was in the air.
+
+    It is more than AIRBORNE_M above the place where it touches the ground next, or touched it last.
+    """
+    on_ground, height = plant[:, ON_GROUND] > 0.5, plant[:, HEIGHT]
+    at = np.flatnonzero(on_ground)
+    if not len(at):
+        return ~on_ground
+    following = np.minimum(np.searchsorted(at, np.arange(len(plant))), len(at) - 1)
+    found: np.ndarray[Any, np.dtype[np.bool_]] = height > height[at[following]] + AIRBORNE_M
+    return found
+
+
+def has_fallen(plant: Rows, runs: np.ndarray[Any, np.dtype[np.bool_]]) -> bool:
+    """Return True if rotors that ran were stopped in the air. `runs`: they run, at each row."""
+    begun = int(runs.argmax()) if runs.any() else len(runs)
+    if runs[begun:].all():
+        return False
+    return bool((is_aloft(plant) & ~runs)[begun:].any())
 
 
 def _goes_on(setpoint: Setpoint, refused: Setpoint) -> bool:

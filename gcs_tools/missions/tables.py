@@ -289,7 +289,6 @@ class Document(Table):
             return self
         lacks = {
             "script": "[flight] script names one",
-            "fell": "[flight] script names one that stops the rotors",
             "arrived": self.flight.arrive is None and "[flight] arrive says when it has arrived",
             "landed": not lands and "the last of [[flight.items]] is land or return",
             "done": (lands or not items) and "the last of [[flight.items]] does not land",

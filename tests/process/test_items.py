@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 import gcs_tools
+from fcu.mavlink.definitions import CommandId
+from fcu.mavlink.framing import Source
+from fcu.services.command_protocol import FORCE
+from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.run import UsageError
+from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.judging.result import Result
 from gcs_tools.missions.asked import ITEM_BEGUN, asked
@@ -23,6 +28,7 @@ duration_s = 60.0
 ground_z_m = 0.0
 """
 GROUND = "start = { on_ground = true }\n"
+STATION_PORT = 14599
 UP = '{ kind = "take_off", height_m = 3.0 }'
 
 
@@ -92,6 +98,27 @@ def test_it_returns_to_where_it_took_off_and_takes_off_again(tmp_path: Path) -> 
     assert result.passed, result.expectations
     assert len(by_text(result)) == 6
     assert result.ended == "landed"
+
+
+@pytest.mark.parametrize("last", ["land", "hold"])
+def test_rotors_that_are_stopped_in_the_air_end_no_landing(tmp_path: Path, last: str) -> None:
+    """The controller is disarmed then, as after a landing."""
+    item = '{ kind = "land" }' if last == "land" else '{ kind = "hold", for_s = 6.0 }'
+    mission = tmp_path / "items.toml"
+    mission.write_text(f'{HEAD}{GROUND}items = [{{ kind = "take_off", height_m = 0.8 }}, {item}]\n')
+    drop = (lambda rows: None, lambda rows: None)
+    stopped: list[float] = []
+
+    def stop(time_s: float) -> None:
+        begun = [] if flight._items is None else flight._items.begun
+        if not stopped and len(begun) == 2 and time_s >= begun[1].tick / 500.0 + 0.3:
+            stopped.append(time_s)
+            vehicle = flight.meet(STATION_PORT, Source(254, 190))
+            vehicle.command(CommandId.ARM_DISARM, 0.0, FORCE)
+
+    flight = MemoryFlight(scenario(load(mission)), None, drop, stop)
+    flown = flight.fly()
+    assert stopped and (flown.ended, flown.arrived) == ("fell", False)
 
 
 def test_in_the_air_it_begins_where_it_is_and_ends_once_all_is_done(tmp_path: Path) -> None:
