@@ -174,6 +174,7 @@ class Code(Enum):
     OUTSIDE_FENCE = "outside the fence"
     PLACE_OUTSIDE = "its place is outside the fence"
     WAY_OUTSIDE = "the way to it leaves the fence"
+    CIRCLE_OUTSIDE = "its circle leaves the fence"
     POLYGON_SHORT = "a polygon of {} corners (at least 3)"
     POLYGON_BROKEN = "polygon corner {} of {} is missing"
     GROUND_SPEED_ONLY = "expected speed type 1 (ground speed)"
@@ -231,6 +232,7 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.POLYGON_BROKEN: ("no corner {0}",),
     Code.PLACE_OUTSIDE: ("not inside the fence",),
     Code.WAY_OUTSIDE: ("way leaves the fence",),
+    Code.CIRCLE_OUTSIDE: ("circle leaves the fence",),
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
     Code.NOT_AS_BELIEVED: ("Unexpected: {0}",),

@@ -28,7 +28,7 @@ from fcu.mavlink.frames import heading
 from fcu.mavlink.geodesy import Origin, to_local
 from fcu.mavlink.plan_messages import UNSET, PlanItem
 from fcu.vehicle import plans
-from fcu.vehicle.fence import Area, Disc, Polygon
+from fcu.vehicle.areas import Area, Disc, Polygon
 from fcu.vehicle.mission import Do, Step
 
 MOST_ITEMS = 2000

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum, auto
-from itertools import pairwise
 from typing import NamedTuple
 
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
+from fcu.vehicle.fence import Way
 
 KEPT = 64  # reached steps that are remembered until somebody tells them
-CHORDS = 36  # of a circle, which are held against the fence
 LOOKED = 200  # steps without a place that a look ahead goes through, at most
 
 
@@ -172,17 +171,21 @@ def leads(step: Step) -> bool:
 
 
 def outside(
-    steps: tuple[Step, ...], home: Vec3, is_clear: Callable[[Vec3, Vec3], bool]
+    steps: tuple[Step, ...], home: Vec3, first_outside: Callable[[Sequence[Way]], int | None]
 ) -> tuple[int, Told] | None:
     """The first step whose place, or the straight way to it, is not clear, and why. None: none.
 
     Ways of jumps are looked at too. The first step is looked at alone: where the vehicle comes from is
-    not known. home : m, E, with which heights above home are placed.
+    not known. home : m, E, with which heights above home are placed.  first_outside : of a Fence.
     """
-    at: dict[int, Vec3] = {}
+    at: list[Vec3 | None] = []  # of each step, if it leads somewhere
+    led_by: list[Vec3 | None] = []  # the last place before each step
     last: Vec3 | None = None
-    ways: list[tuple[int, Vec3, Vec3]] = []
+    left: Vec3 | None = None
+    ways: list[tuple[int, Way]] = []
     for number, step in enumerate(steps):
+        led_by.append(left)
+        at.append(None)
         if leads(step):
             place = placed(step, home)
             assert place is not None
@@ -191,31 +194,37 @@ def outside(
             here = Vec3(x, y, place.z if math.isfinite(place.z) else before.z)
             if step.do is Do.LAND and last is not None:
                 here = Vec3(x, y, last.z)
-            ways.append((number, here if last is None else last, here))
+            ways.append((number, Way(here if last is None else last, here)))
             if step.do is Do.CIRCLE:
-                ways += _round(number, here, abs(step.radius))
-            last = at[number] = here
+                ways.append((number, Way(here, here, abs(step.radius))))
+            last = left = at[number] = here
         elif step.do is Do.RETURN:
             last = None  # from where the way goes on, only the flight knows
+    ways += _jumps(steps, at, led_by)
+    crossing = first_outside([way for _, way in ways])
+    if crossing is None:
+        return None
+    number, way = ways[crossing]
+    if first_outside([Way(way.end, way.end)]) is not None:
+        return number, Told(Code.PLACE_OUTSIDE)
+    return number, Told(Code.CIRCLE_OUTSIDE if way.radius > 0.0 else Code.WAY_OUTSIDE)
+
+
+def _jumps(
+    steps: tuple[Step, ...], at: list[Vec3 | None], led_by: list[Vec3 | None]
+) -> list[tuple[int, Way]]:
+    """The ways from the last place before a jump to the first behind it, with the step there."""
+    leads_to: list[int | None] = [None] * (len(steps) + 1)  # the first place from each step on
+    for number in reversed(range(len(steps))):
+        leads_to[number] = leads_to[number + 1] if at[number] is None else number
+    ways = []
     for number, step in enumerate(steps):
         if step.do is Do.JUMP:
-            before_it = [at[k] for k in at if k < number]
-            behind_it = [k for k in at if k >= step.to]
-            if before_it and behind_it:
-                ways.append((behind_it[0], before_it[-1], at[behind_it[0]]))
-    for number, start, end in ways:
-        if not is_clear(start, end):
-            inside = is_clear(end, end)
-            return number, Told(Code.WAY_OUTSIDE if inside else Code.PLACE_OUTSIDE)
-    return None
-
-
-def _round(number: int, center: Vec3, radius: float) -> list[tuple[int, Vec3, Vec3]]:
-    """The chords of a circle, a little outside it."""
-    wider = radius / math.cos(math.pi / CHORDS)
-    angles = [2.0 * math.pi * k / CHORDS for k in range(CHORDS + 1)]
-    points = [center + wider * Vec3(math.cos(q), math.sin(q), 0.0) for q in angles]
-    return [(number, a, b) for a, b in pairwise(points)]
+            before, to = led_by[number], leads_to[step.to]
+            place = None if to is None else at[to]
+            if before is not None and to is not None and place is not None:
+                ways.append((to, Way(before, place)))
+    return ways
 
 
 def is_finite(r: Vec3) -> bool:

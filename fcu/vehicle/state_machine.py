@@ -32,6 +32,7 @@ from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
 from fcu.vehicle import landing, modes, plans
+from fcu.vehicle.areas import Area
 from fcu.vehicle.conditions import (
     HELD,
     MODES,
@@ -49,7 +50,7 @@ from fcu.vehicle.conditions import (
     warm_up,
 )
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
-from fcu.vehicle.fence import Area, Fence, Limits
+from fcu.vehicle.fence import Fence, Limits
 from fcu.vehicle.follow import FOLLOW_US, Follower, Report, Target
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.mission import Mission, Step, first_place, is_finite, outside, placed
@@ -176,6 +177,7 @@ class StateMachine:
         self._active: dict[Condition, Action] = {}  # the conditions that have not cleared
         self.mission = Mission()
         self.fence = Fence()
+        self._outside: tuple[object, tuple[int, Told] | None] | None = None  # asked last, and found
         self.rally: tuple[Vec3, ...] = ()  # m, E: beside home, where a return may end
         self.mode = Mode.HOLD
         self.home = None
@@ -225,6 +227,7 @@ class StateMachine:
     def warm_up(self) -> None:
         """Compile what is asked at ticks and looks."""
         self.feasibility.warm_up()
+        self.fence.warm_up()
         warm_up(self._limits())
 
     # --- what looks decide by
@@ -731,7 +734,10 @@ class StateMachine:
         if not self.fence.is_set:
             return None
         home = self.home or (Vec3(0.0, 0.0, 0.0) if self.state is None else self.pose().r_E)
-        return outside(steps, home, self.fence.is_clear)
+        asked = steps, home, self.fence.areas, self.fence.limits
+        if self._outside is None or self._outside[0] != asked:  # a client may ask again and again
+            self._outside = asked, outside(steps, home, self.fence.first_outside)
+        return self._outside[1]
 
     def _plan_outside(self, steps: tuple[Step, ...], current: int) -> Told | None:
         """The reason why a plan must not be flown from a step on. None if it may."""

@@ -12,7 +12,8 @@ from fcu.mavlink.definitions import ItemCommand, MissionType, command_name
 from fcu.mavlink.geodesy import Origin, to_local
 from fcu.mavlink.plan_messages import PlanItem
 from fcu.services.plan_items import RefusedItem, areas_of, rally_of, steps_of
-from fcu.vehicle.fence import Area, Fence, Polygon
+from fcu.vehicle.areas import Area, Polygon
+from fcu.vehicle.fence import Fence
 from fcu.vehicle.mission import Step, leads, outside
 from gcs_tools.flight.ground_script import Vehicle
 from gcs_tools.missions.plan_file import PlanFile
@@ -73,7 +74,7 @@ def look(plan: PlanFile, alt_m: float = 488.0) -> Look:
         return Look(items, steps, areas, rally, f"{what}: {words(refused.told)}")
     fence = Fence()
     fence.areas = areas
-    crossed = outside(steps, Vec3(0.0, 0.0, 0.0), fence.is_clear)
+    crossed = outside(steps, Vec3(0.0, 0.0, 0.0), fence.first_outside)
     why = "" if crossed is None else f"Mission: item {crossed[0]}: {words(crossed[1])}"
     return Look(items, steps, areas, rally, why)
 
