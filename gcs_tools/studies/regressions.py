@@ -34,7 +34,7 @@ def flown(out: Path, seeds: Sequence[int], settings: Sequence[str] = ()) -> Path
     for seed in seeds:
         gcs_tools.fly(
             MISSION, settings=list(settings), in_process=True, seed=seed, out=out / str(seed),
-            figure="never",
+            figure="never", record="none",
         )  # fmt: skip
     return out
 
