@@ -16,3 +16,14 @@ def until(condition: Callable[[], Any], what: str) -> Any:
         assert time.monotonic() < end, f"not within {PATIENCE_S:g} s: {what}"
         time.sleep(0.01)
     return found
+
+
+def with_room(flown: Callable[[], tuple[int, str]]) -> tuple[int, str]:
+    """Exit code and text of a program, which is begun again while other tests have the ports that it needs."""
+
+    def once() -> tuple[int, str] | None:
+        code, text = flown()
+        return None if "in use" in text else (code, text)
+
+    found: tuple[int, str] = until(once, "a free instance")
+    return found

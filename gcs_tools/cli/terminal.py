@@ -156,8 +156,9 @@ class Terminal(Display):
                 self._say(f"{line.name}{no_value}: {line.why}")
         for sentence in result.causes:
             self._say(sentence)
-        for warned in result.warnings:
-            self._say(str(warned), "yellow")
+        told = result.script.told() if result.script else []
+        for warned in (*told, *map(str, result.warnings)):
+            self._say(warned, "yellow")
         factor = result.real_time_factor
         shown = f"{factor:.0f}" if factor >= 10.0 else f"{factor:.2g}"
         speed = f", {shown} times real time" if result.wall_time_s else ""

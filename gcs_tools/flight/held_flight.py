@@ -22,10 +22,6 @@ from gcs_tools.flight.processes import InfrastructureError
 from gcs_tools.flight.script_flight import ScriptFlight
 
 LOOK_S = 20e-6  # wall: between two looks at who sleeps
-ON_WALL = (
-    "the script has threads or programs that keep the clock of the wall (a library like MAVSDK's does):"
-    " another flight of it is not the same to the bit"
-)
 BEGINS = 5  # ticks within which a script may still begin
 LONG_S = 0.5  # wall: who is awake for so long may have ended, or the flight with it
 STANDS_S = 60.0  # wall: time stands no longer for a script that never waits
@@ -137,12 +133,7 @@ class HeldFlight(ScriptFlight):
 
     def _note_who_ran(self) -> None:
         """Learn from who runs though nobody woke it: it has another clock."""
-        self._meets_the_wall(bool(self._programs.ran - {self._script.process.pid}))
-
-    def _meets_the_wall(self, is_met: bool) -> None:
-        if is_met and not self._on_wall:
-            self._on_wall = True
-            self._note(ON_WALL)
+        self._on_wall |= bool(self._programs.ran - {self._script.process.pid})
 
     def _keep_to_the_wall(self) -> None:
         """Wait for the wall's clock while a program lives that knows no other."""
@@ -150,7 +141,7 @@ class HeldFlight(ScriptFlight):
         if self._programs.pids != self._seen_pids:
             self._seen_pids = self._programs.pids
             others = self._seen_pids.difference(self._clock.heard)
-            self._meets_the_wall(any(map(asleep.has_socket, others)))
+            self._on_wall |= any(map(asleep.has_socket, others))
         if self._on_wall:
             time.sleep(max(0.0, self._ticked_s + 1.0 / self._scene.rate_hz - now))
         self._ticked_s = time.monotonic()

@@ -30,6 +30,7 @@ KNOWN = (
     *(f"{who}.{kind}" for who in ("fcu", "plant", "publisher", "controller", "script") for kind in ("log", "jsonl")),
 )  # fmt: skip
 LOGS = "fcu.log", "plant.log", "script.log"  # of every flight of a script
+RESERVED = RECORDING, "flight.png"  # names that a script may give to no file of its own
 BLOCK_BYTES = 1 << 20  # read at a time
 LONGEST = 50  # characters of a mission's name in that of its run's folder
 
@@ -170,6 +171,11 @@ class Kept:
                 return f"the script put a link in the place of {path}"
             if not stat.S_ISREG(path.lstat().st_mode):  # a FIFO would be waited for without end
                 return f"the script put something that is no file in the place of {path}"
+            # a figure is drawn into it, and a recording that was not wanted would be read as the flight's
+            if name in RESERVED and path not in self._held:
+                return (
+                    f"the script wrote {path}, a name that is kept for the run (name it otherwise)"
+                )
         for name in logs:
             if name not in names:
                 return f"the script removed {self._folder / name}"

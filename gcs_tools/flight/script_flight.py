@@ -81,8 +81,6 @@ class ScriptFlight(WireFlight):
             verdict, parameters=said.get("parameters_set") or {}, by_wall=self._on_wall,
             **self._pace(flown.wall_time_s),
         )  # fmt: skip
-        for text in verdict.told():
-            self._note(text)
         return replace(flown, script=verdict)
 
     def flown(self) -> Flown:
@@ -95,9 +93,9 @@ class ScriptFlight(WireFlight):
 
     def _pace(self, wall_s: float) -> dict[str, Any]:
         """The pace that was asked for, and the one that was kept."""
-        if self._speed is None or not wall_s:
+        if self._speed is None:
             return {}
-        kept = self._flown_ticks() / self._scene.rate_hz / wall_s
+        kept = self._flown_ticks() / self._scene.rate_hz / wall_s if wall_s else None
         return {"pace": self._speed, "pace_kept": kept}
 
     def _led(self, stack: ExitStack) -> Callable[[], bool]:

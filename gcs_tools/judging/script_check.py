@@ -48,11 +48,18 @@ class ScriptFlown:
     @property
     def is_slow(self) -> bool:
         """True if this machine did not keep the pace."""
-        return self.pace is not None and (self.pace_kept or 0.0) < PACE_KEPT * self.pace
+        if self.pace is None or self.pace_kept is None:
+            return False
+        return self.pace_kept < PACE_KEPT * self.pace
 
     def told(self) -> list[str]:
         """Sentences about what changes the meaning of a verdict, and fails no flight."""
         said = []
+        if self.by_wall and self.pace is None:
+            said.append(
+                "The script has threads or programs that keep the clock of the wall (a library like MAVSDK's"
+                " does): another flight of it is not the same to the bit."
+            )
         if self.is_slow:
             said.append(
                 f"The pace was {self.pace_kept:.2g} simulated seconds per second, not {self.pace:g}: this"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
+from gcs_tools.cli.terminal import Terminal
 from gcs_tools.flight.run import UsageError, prepared
 from gcs_tools.flight.run_folder import Kept
 from gcs_tools.flight.script_flight import only_first, values
@@ -17,8 +20,9 @@ from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_wo
 from gcs_tools.judging import result
 from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.missions.mission import MissionError, load
-from tests.patience import until
+from tests.patience import until, with_room
 from tests.process.conftest import alive
+from tests.scripts.failures import SPOILS
 
 HERE = Path(__file__).parent
 FAILURES = {  # how it misbehaves -> exit code, name of the failure, exit code of the script, ended
@@ -78,47 +82,47 @@ def test_the_pace_is_told_and_whether_it_was_kept(fly):
         flown = ScriptFlown("hop", pace=8.0, pace_kept=kept)
         assert (flown.is_slow, len(flown.told())) == (is_slow, is_slow)
     assert ScriptFlown("hop").told() == []  # its time was held
+    assert ScriptFlown("hop", by_wall=True).told() != []  # but not that of its threads
 
 
-SPOILS = {  # what a script does with the folder of its run
-    "removes": "rm -r {out}",
-    "replaces": "mv {out} {out}.old; mkdir {out}",
-    "links": "mv {out} {out}.old; ln -s $PWD/elsewhere {out}",
-    "removes the recording": "rm {out}/flight.mcap",
-    "replaces the recording": "echo > {out}/new; mv {out}/new {out}/flight.mcap",
-    "empties the recording": "truncate -s 0 {out}/flight.mcap",
-    "stretches the recording": "truncate -s 100G {out}/flight.mcap",
-    "flips a byte of the recording": "printf x | dd of={out}/flight.mcap bs=1 seek=700 conv=notrunc",
-    "removes a log": "rm {out}/fcu.log",
-    "links the result": "ln -s $PWD/elsewhere/result.json {out}/result.json",
-    "puts a FIFO for the result": "mkfifo {out}/result.json",
-    "tells its own result": "touch {out}/result.json; rm {out}/fcu.log",
-    "moves the folder with its own result": "touch {out}/result.json; mv {out} {out}.old",
-    "tells a result in another folder": "mv {out} {out}.old; mkdir {out}; touch {out}/result.json",
-    "puts a FIFO for the figure": "mkfifo {out}/flight.png",
-    "puts a FIFO for events": "rm {out}/fcu.jsonl; mkfifo {out}/fcu.jsonl",
-}
+def test_what_changes_the_meaning_of_a_verdict_stands_below_it(capsys):
+    found = replace(
+        result.rejected("hop", "No reason.", {}), script=ScriptFlown("hop", pace=8.0, pace_kept=1.0)
+    )
+    Terminal().verdict(found, "run")
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert told.out.index("No reason.") < told.out.index("simulated seconds per second")
 
 
-@pytest.mark.parametrize("how", SPOILS)
-def test_a_script_that_spoils_the_folder_of_its_run_fails(start, tmp_path, how):
+@pytest.mark.parametrize(
+    ("does", "options"),
+    [(does, ()) for does in SPOILS.values()]
+    + [("echo > {out}/flight.mcap", ("--record", "none")),
+       ("echo > {out}/flight.png", ("--figure", "never"))],
+    ids=[*SPOILS, "a recording of its own", "a figure of its own"],
+)  # fmt: skip
+def test_a_script_that_spoils_the_folder_of_its_run_fails(start, tmp_path, does, options):
     """JUnit says so, and nothing is written elsewhere."""
     for name in ("hop.py", "hop.toml"):
         shutil.copy(HERE / name, tmp_path)
     (tmp_path / "elsewhere").mkdir()
-    script = f"sh -c 'python hop.py {{url}} sits; {SPOILS[how]}'"
-    while True:  # begun again as long as other tests have all the instances
-        out, report = tmp_path / "run", tmp_path / "report.xml"
+    (tmp_path / "kept").touch()
+    script = f"sh -c '{sys.executable} hop.py {{url}} sits; {does}'"
+    out, report = tmp_path / "run", tmp_path / "report.xml"
+
+    def flown() -> tuple[int, str]:
         shutil.rmtree(out, ignore_errors=True)
         program = start(
             "gcs_tools", "fly", tmp_path / "hop.toml", "--allow-commands", "--set", f'flight.script="{script}"',
-            "--out", out, "--junit", report, "--json",
+            "--out", out, "--junit", report, "--json", *options,
         )  # fmt: skip
-        code = program.wait()
-        if "all have a port in use" not in program.text():
-            break
-    assert code == 3, program.text()
+        return program.wait(), program.text()
+
+    code, text = with_room(flown)
+    assert code == 3, text
     assert list((tmp_path / "elsewhere").iterdir()) == []
+    assert (tmp_path / "kept").stat().st_size == 0
     for folder in (out, tmp_path / "run.old"):
         assert not os.path.lexists(folder / "result.json")
     assert '<error message="the script' in report.read_text()
@@ -201,15 +205,16 @@ def test_a_command_runs_only_where_it_is_allowed(start, tmp_path):
 
 @pytest.mark.parametrize(("how", "wanted"), [("well", 0), ("fails", 1)])
 def test_a_script_is_tested_without_a_mission(start, tmp_path, how, wanted):
-    while True:  # begun again as long as other tests have all the instances
-        report = tmp_path / "report.xml"
+    report = tmp_path / "report.xml"
+
+    def flown() -> tuple[int, str]:
         program = start(
             "gcs_tools", "test", "--speed", "8", "--out", tmp_path / "run", "--overwrite",
             "--junit", report, HERE / "hop.py", "{url}", how,
         )  # fmt: skip
-        code = program.wait()
-        if "all have a port in use" not in program.text():
-            break
+        return program.wait(), program.text()
+
+    code, _ = with_room(flown)
     found = result.read(tmp_path / "run" / "result.json")
     assert (code, found.passed, found.mission) == (wanted, wanted == 0, "hop")
     assert found.ended == ("script" if wanted else "landed")
@@ -348,17 +353,18 @@ def test_scripts_that_can_only_fly_the_first_instance_fly_one_after_the_other(st
     own = f"python {HERE / 'hop.py'} udpin:127.0.0.1:14540"
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text(text.replace("python hop.py {url}", own))
-    while True:  # begun again as long as another test has instance 0
+
+    def flown() -> tuple[int, str]:
         program = start(
             "gcs_tools", "fly", tmp_path / "a.toml", tmp_path / "b.toml", "--allow-commands", "--jobs", "2",
             "--out", tmp_path / "out", "--overwrite", "--figure", "never", "--record", "none", "--json",
         )  # fmt: skip
-        code, told = program.wait(), program.text()
-        if "in use" not in told:
-            break
+        return program.wait(), program.text()
+
+    code, told = with_room(flown)
     assert code == 0, told
-    flown = [result.read(tmp_path / "out" / name / "result.json") for name in ("a", "b")]
-    assert [each.ended for each in flown] == ["landed", "landed"]
+    found = [result.read(tmp_path / "out" / name / "result.json") for name in ("a", "b")]
+    assert [each.ended for each in found] == ["landed", "landed"]
 
 
 def test_what_a_script_leaves_in_its_folder_is_listed(fly):
