@@ -23,6 +23,7 @@ AHEAD_S = 1.5  # for so long a target is taken to move on as it was reported
 MOVES = 0.5  # m/s, from which a target has a course
 CLOSES = 0.8  # 1/s: distance to the place beside the target becomes speed
 NEAR = 1.0  # m across: nearer to the target there is no way to face it
+LOWEST = 1.0  # m above home: not lower, wherever the target says that it is, as PX4's
 TRACKS_HEIGHT = 2.0  # FLW_TGT_ALT_M: height above the target, else above home
 
 
@@ -92,10 +93,11 @@ class Follower:
         side = self._beside(away, v, pose, fastest, dt)
         distance = p["FLW_TGT_DST"]
         tracks = p["FLW_TGT_ALT_M"] == TRACKS_HEIGHT and not math.isnan(r.z)
+        height = (r.z if tracks else home.z) + p["FLW_TGT_HT"]
         place = Vec3(
             r.x + distance * math.cos(side),
             r.y + distance * math.sin(side),
-            (r.z if tracks else home.z) + p["FLW_TGT_HT"],
+            max(height, home.z + LOWEST),
         )
         wanted = _towards(place - now.r_c, v, fastest, led)
         rate = min(math.radians(p["MPC_MAN_Y_MAX"]), p.pace.yaw_rate_max)

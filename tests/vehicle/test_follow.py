@@ -90,6 +90,17 @@ def test_beside_a_target_at_rest_it_goes_to_its_distance_and_height_and_faces_it
     assert math.cos(flown.faces - math.atan2(-north, -east)) > 0.999
 
 
+def test_a_target_below_the_ground_is_followed_a_metre_above_home():
+    """MAVSDK's example says 8 m below home, and FLW_TGT_HT is 8 m: the vehicle must not land."""
+    flown = Follow(FLW_TGT_ALT_M=2.0)
+    home = flown.vehicle.home.z
+    place = Vec3(20.0, 15.0, home - 8.0)
+    flown.follow(40.0, lambda t: place)
+    assert flown.r.z - home == pytest.approx(1.0, abs=0.1)
+    assert math.hypot(*flown.beside(place)) == pytest.approx(8.0, abs=0.1)
+    assert flown.vehicle.mode is Mode.FOLLOW
+
+
 @pytest.mark.parametrize(
     ("angle", "east", "north"), [(180.0, -8.0, 0.0), (90.0, 0.0, -8.0), (0.0, 8.0, 0.0)]
 )
