@@ -276,7 +276,7 @@ _DISCS = {ItemCommand.FENCE_CIRCLE_IN: True, ItemCommand.FENCE_CIRCLE_OUT: False
 def areas_of(items: Sequence[PlanItem], origin: Origin) -> tuple[Area, ...]:
     """The areas of a fence. Raises RefusedItem.
 
-    The corners of a polygon follow each other, and each says how many there are.
+    The corners of a polygon follow each other, and each says how many there are. A circle of radius 0 is no area.
     """
     areas: list[Area] = []
     corners: list[tuple[float, float]] = []
@@ -295,8 +295,11 @@ def areas_of(items: Sequence[PlanItem], origin: Origin) -> tuple[Area, ...]:
                     corners = []
             elif item.command in _DISCS:
                 radius = item.params[0]
-                if not 0.0 < radius <= FARTHEST:
-                    raise _parameter(1, radius, f"above 0, at most {FARTHEST:g}")
+                if not 0.0 <= radius <= FARTHEST:
+                    raise _parameter(1, radius, f"0 to {FARTHEST:g}")
+                # MAVSDK's geofence example sends one to say that it wants no circle
+                if radius == 0.0:
+                    continue
                 x, y = _across(item, origin)
                 areas.append(Disc(_DISCS[ItemCommand(item.command)], x, y, radius))
             elif item.command != ItemCommand.FENCE_RETURN_POINT:  # which PX4 takes and leaves

@@ -332,13 +332,23 @@ def test_a_fence_and_rally_points_are_taken_and_given_back(client):
     assert len(client.vehicle.rally) == 2
 
 
+def test_a_circle_of_radius_0_is_no_area(client):
+    """MAVSDK's geofence example sends it, at latitude and longitude 0, beside its polygon."""
+    nothing = item(4, DISC_IN, 0.0, kind=FENCE, frame=0)
+    nothing.x = nothing.y = 0
+    assert client.upload([*polygon(*SQUARE), nothing], FENCE) == ACCEPTED
+    (square,) = client.vehicle.fence.areas
+    assert len(square.corners) == 4
+    assert [m.command for m in client.download(FENCE)] == [IN] * 4 + [DISC_IN]
+
+
 @pytest.mark.parametrize(
     ("fence", "result"),
     [
         (polygon(*SQUARE[:2]), mavlink.MAV_MISSION_INVALID_PARAM1),
         (polygon(*SQUARE, say=5), mavlink.MAV_MISSION_INVALID),
         ([*polygon(*SQUARE)[:3], *polygon(*SQUARE, first=3, command=OUT)], mavlink.MAV_MISSION_INVALID),
-        ([item(0, DISC_IN, 0.0, kind=FENCE)], mavlink.MAV_MISSION_INVALID_PARAM1),
+        ([item(0, DISC_IN, -1.0, kind=FENCE)], mavlink.MAV_MISSION_INVALID_PARAM1),
         ([item(0, DISC_IN, math.nan, kind=FENCE)], mavlink.MAV_MISSION_INVALID_PARAM1),
         ([item(0, WAYPOINT, kind=FENCE)], mavlink.MAV_MISSION_UNSUPPORTED),
     ],
