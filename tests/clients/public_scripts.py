@@ -6,7 +6,8 @@
 CLONES holds git repositories as OWNER/NAME. public_scripts.toml lists the scripts. Each is run in a clean copy of
 its commit, with a vehicle and a network of its own, so the ports that scripts have written into them do not
 collide, and several fly at once. What came of each is in FOLDER/results.json, which a later call adds to. The table
-is written between two marks of the page. Needs Linux with `unshare`, and git.
+is written between two marks of the page. An example that is compiled is a program that you have built as its
+repository says, in --built FOLDER/OWNER/NAME. Needs Linux with `unshare`, and git.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import subprocess
 import sys
 import tomllib
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,10 @@ class Script:
     arguments: str = ""
     parameters: dict[str, Any] = field(default_factory=dict)  # of ROS
     program: str = ""  # in place of Python and the file: for what is typed into a program
+    built: str = ""  # the program that its repository builds of it, in --built FOLDER/OWNER/NAME
+    beside: str = ""  # a program of --built that runs beside it, and its arguments
+    ready: str = ""  # what the program beside writes before the script begins
+    addresses: tuple[str, ...] = ()  # more addresses of this machine, in the script's network
     typed: tuple[
         tuple[str, str], ...
     ] = ()  # a text that it writes, and the line that is then typed
@@ -80,6 +85,7 @@ class Script:
     endless: bool = False  # it ends when it is ended
     code: int = 0  # the exit code of its own that means success
     says: str = ""  # regular expression: what it writes when it has done what it is for
+    logged: str = ""  # regular expression: what the autopilot's log then has
     wants: str = ""  # what it wants that the vehicle has not
 
     @property
@@ -106,7 +112,8 @@ def listed() -> list[Script]:
         shared = {key: value for key, value in table.items() if key != "scripts"}
         for path, own in table["scripts"].items():
             fields = {"path": path, **shared, **own}
-            fields["pythonpath"] = tuple(fields.get("pythonpath", ()))
+            for several in ("pythonpath", "addresses"):
+                fields[several] = tuple(fields.get(several, ()))
             fields["typed"] = tuple((after, line) for after, line in fields.get("typed", ()))
             scripts.append(Script(repository=repository, **fields))
     return scripts
@@ -117,16 +124,19 @@ class Runner:
 
     def __init__(
         self, clones: Path, out: Path, pythons: dict[str, str], instance: int = 0,
-        network: bool = True, pace: str = "real",
+        network: bool = True, pace: str = "real", built: Path = Path(),
     ) -> None:  # fmt: skip
-        """`pythons`: a client's Python by its name. `network`: each script has a network of its own."""
-        self._clones, self._out, self._pythons = clones, out, pythons
+        """`pythons`: a client's Python by its name. `network`: each script has a network of its own.
+
+        `built`: folder of the programs that compiled examples became, OWNER/NAME.
+        """
+        self._clones, self._out, self._pythons, self._built = clones, out, pythons, built
         self._instance, self._network, self._pace = instance, network, pace
         self._at = _told(["git", "-C", str(ROOT), "rev-parse", "--short=7", "HEAD"]).strip()
 
     def fly(self, script: Script) -> Flown:
         """The script, flown and judged."""
-        folder = self._out / re.sub(r"\W+", "-", script.name)
+        folder = self._folder(script)
         subprocess.run(["rm", "-rf", str(folder)], check=True)
         copy, run = folder / "copy", folder / "run"
         copy.mkdir(parents=True)
@@ -139,6 +149,7 @@ class Runner:
         fly += ["--instance", str(self._instance), "--record", "light", "--figure", "never"]
         fly += ["--out", str(run)]
         begun = ["ip link set lo up"] if self._network else []
+        begun += [f"ip addr add {each} dev lo" for each in script.addresses]
         if script.router:
             router = Path(sys.executable).with_name("mavproxy.py")
             begun.append(
@@ -159,7 +170,14 @@ class Runner:
                 words, cwd=folder, env=environment, check=False, stdin=subprocess.DEVNULL,
                 stdout=log, stderr=subprocess.STDOUT,
             )  # fmt: skip
-        return self._judged(script, run, folder / "gcs.log")
+        return self.judged(script)
+
+    def flown(self, script: Script) -> bool:
+        """Return true if a run of the script is kept."""
+        return (self._folder(script) / "run" / "result.json").is_file()
+
+    def _folder(self, script: Script) -> Path:
+        return self._out / re.sub(r"\W+", "-", script.name)
 
     def _copied(self, script: Script, copy: Path) -> None:
         """A clean copy of the repository, as it is at the script's commit."""
@@ -184,7 +202,18 @@ class Runner:
         words = script.program.split() or [python, Path(script.path).name]
         if words[0].endswith(".py") and not (copy / words[0]).is_file():
             words = [sys.executable, str(beside / words[0]), *words[1:]]
+        if script.built:
+            words = [str(self._built / script.repository / script.built)]
         words += shlex.split(script.arguments)
+        if script.beside:  # begun with the script, since a vehicle begins with its ports free
+            log = shlex.quote(str(self._folder(script) / "beside.log"))
+            lines = [
+                f"{self._built}/{script.beside} >{log} 2>&1 & beside=$!",
+                f"until grep -q {shlex.quote(script.ready)} {log}; do sleep 0.1; done",
+                f"{shlex.join(words)}; code=$?",
+                "kill $beside; wait $beside; exit $code",
+            ]
+            words = ["sh", "-c", "\n".join(lines)]
         if script.typed:
             lines = [word for pair in script.typed for word in pair]
             words = [sys.executable, str(TYPED), str(len(lines)), *lines, *words]
@@ -201,13 +230,14 @@ pace = "{self._pace}"
 after_script_s = {150.0 if script.lands else 8.0}
 """
 
-    def _judged(self, script: Script, run: Path, log: Path) -> Flown:
-        """The verdict of a script that has flown."""
+    def judged(self, script: Script) -> Flown:
+        """The verdict of a script that has flown, from its run that is kept."""
+        run, station = self._folder(script) / "run", self._folder(script) / "gcs.log"
         try:
             told = json.loads((run / "result.json").read_text())
             recording = read(run / "flight.mcap")
         except (OSError, ValueError) as error:
-            return Flown(NOT, "", f"no result: {error}: {log.read_text()[-300:]}", self._at)
+            return Flown(NOT, "", f"no result: {error}: {station.read_text()[-300:]}", self._at)
         r_E = np.asarray(recording.plant["state.r_E"])
         up_m = float(r_E[:, 2].max() + (10.0 if script.air else 0.0))
         away_m = float(np.linalg.norm(r_E - r_E[0], axis=1).max())
@@ -240,6 +270,9 @@ after_script_s = {150.0 if script.lands else 8.0}
         if ends and script.says and not re.search(script.says, said):
             faults.append(f"did not write {script.says!r}")
         wants_m = max(script.up_m, script.away_m)
+        log = (run / "fcu.log").read_text(errors="replace")
+        if ends and script.logged and not re.search(script.logged, log):
+            faults.append(f"the autopilot did not log {script.logged!r}")
         if script.wants and not wants_m and not script.says:
             faults.append("nothing tells that it has it")
         if not faults and wants_m:
@@ -312,6 +345,15 @@ def main() -> int:
         metavar="NAME=PROGRAM",
         help="the Python with a client",
     )
+    parser.add_argument(
+        "--built",
+        type=Path,
+        default=Path(),
+        help="folder of the programs built of examples, OWNER/NAME",
+    )
+    parser.add_argument(
+        "--judge", action="store_true", help="fly nothing, judge the kept runs anew"
+    )
     parser.add_argument("-j", "--jobs", type=int, default=2, help="flights at once")
     parser.add_argument("--table", type=Path, help="page whose table is written anew")
     given = parser.parse_args()
@@ -328,7 +370,15 @@ def main() -> int:
             script for script in chosen
             if results.get(script.name, {}).get("verdict") == NOT and not script.wants
         ]  # fmt: skip
-    runner = Runner(given.clones.absolute(), given.out.absolute(), pythons)
+    runner = Runner(
+        given.clones.absolute(), given.out.absolute(), pythons, built=given.built.absolute()
+    )
+    if given.judge:
+        for script in filter(runner.flown, chosen):
+            at = results[script.name]["at"]
+            results[script.name] = asdict(replace(runner.judged(script), at=at))
+        kept.write_text(json.dumps(results, indent=1))
+        chosen = []
     unknown = 0
     with ThreadPoolExecutor(given.jobs) as pool:
         flights = {pool.submit(runner.fly, script): script for script in chosen}

@@ -49,6 +49,15 @@ def test_a_target_is_followed_that_is_told_as_soon_as_the_mode_is_answered(vehic
     assert said[-1] == "landed"
 
 
+@pytest.mark.parametrize("script", ["sticks_mavsdk.py", "sticks_mavsdk_grpc.py"])
+def test_a_flight_by_sticks_alone(vehicle, run, script):
+    up = vehicle("--speed", "1")
+    address = f"udpin://127.0.0.1:{up.ports.script}" if "grpc" in script else up.ports.script
+    said = run(Path(__file__).parent / script, address).splitlines()
+    steps = ["Position", "took off", "forward", "turned clockwise", "Altitude", "right", "landed"]
+    assert [line for line in said if line in steps] == steps
+
+
 def test_a_mission_runs_a_script_of_mavsdk(tmp_path):
     script = Path(__file__).parent / "fly_mavsdk.py"
     (tmp_path / "one.toml").write_text(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -109,12 +110,16 @@ def clones(tmp_path):
 def flown(clones, tmp_path):
     """`flown(path, **fields)`: what comes of a script of that repository."""
     with claimed_instance() as instance:
-        runner = Runner(clones, tmp_path / "out", {}, instance, network=False, pace="speed:4")
+        runner = Runner(
+            clones, tmp_path / "out", {}, instance, network=False, pace="speed:4",
+            built=tmp_path / "built",
+        )  # fmt: skip
 
         def fly(path, **fields):
             script = Script("somebody/flights", "HEAD", "pymavlink", path, "flies", **fields)
             return runner.fly(script)
 
+        fly.runner = runner
         yield fly
 
 
@@ -164,6 +169,30 @@ def test_a_script_that_does_not_say_what_it_should(flown):
     assert got.verdict == NOT
 
 
+def test_a_program_that_was_built_flies_with_another_beside_it(flown, tmp_path):
+    """It begins once the other is ready, and is judged again without a flight."""
+    place = tmp_path / "built" / "somebody" / "flights"
+    place.mkdir(parents=True)
+    programs = {
+        "hop": f"test -e made && exec {sys.executable} hop.py $1",
+        "makes": "touch $1/made && echo it is made && exec sleep 1000",
+    }
+    for name, line in programs.items():
+        (place / name).write_text(f"#!/bin/sh\n{line}\n")
+        (place / name).chmod(0o755)
+    folder = tmp_path / "out" / "somebody-flights-hop-py" / "copy"
+    fields = {
+        "built": "hop", "arguments": "{url}", "beside": f"somebody/flights/makes {folder}",
+        "ready": "is made", "up_m": 2.0, "lands": True, "logged": r"Armed[\s\S]*Disarmed",
+    }  # fmt: skip
+    assert flown("hop.py", **fields).verdict == FLIES
+    script = Script("somebody/flights", "HEAD", "pymavlink", "hop.py", "flies", **fields)
+    assert flown.runner.judged(script).verdict == FLIES
+    judged = flown.runner.judged(replace(script, logged="Mode Orbit"))
+    assert (judged.verdict, "did not log" in judged.why) == (NOT, True)
+    assert flown.runner.judged(replace(script, up_m=9.0)).verdict == NOT
+
+
 def test_the_list_names_each_script_once_and_what_it_is_judged_by():
     scripts = listed()
     assert len({script.name for script in scripts}) == len(scripts) > 100
@@ -171,6 +200,9 @@ def test_the_list_names_each_script_once_and_what_it_is_judged_by():
         assert script.program or re.fullmatch("[0-9a-f]{7,40}", script.commit), script.name
         assert not script.lands or script.up_m or script.away_m, script.name
         assert script.does, script.name
+        # nothing else tells a script that works from one that waits for ever
+        evidence = script.up_m or script.away_m or script.says or script.logged or script.wants
+        assert evidence or not script.endless, script.name
 
 
 def test_the_table_counts():
