@@ -284,6 +284,9 @@ after_script_s = {150.0 if script.lands else 8.0}
                 faults.append("did not land")
         if not faults:
             return Flown(FLIES if wants_m else WORKS, "; ".join(did), "", self._at)
+        pace = told["real_time_factor"]
+        if self._pace == "real" and pace < 0.95:  # its own waits were too short for the vehicle
+            faults.append(f"at {pace:.2f} times real time")
         last = [line.strip() for line in said.splitlines() if line.strip()][-1:] or ["nothing"]
         why = script.wants or f"{', '.join(faults)}; last line: {last[0][:160]}"
         return Flown(NOT, "; ".join(did), why, self._at)
