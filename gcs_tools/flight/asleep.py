@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 
 AVAILABLE = sys.platform == "linux"
 
@@ -78,6 +79,25 @@ def _all_sleep(pids: Iterable[int]) -> Seen | None:
         for thread in threads:  # after all sleep: who runs may start another before it does
             waiting += map(int, _read(f"/proc/{pid}/task/{thread}/children").split())
     return found
+
+
+def work(pid: int) -> tuple[float, bool]:
+    """Processor time (s) that a process and all that it has started have used, and whether one of them runs.
+
+    One that waits for a processor runs, too.
+    """
+    used, runs, waiting = 0, False, [pid]
+    while waiting:
+        pid = waiting.pop()
+        # behind the name, which may hold anything: the state, and from the 12th word on the times of user and
+        # system, its own and those of children that have ended
+        told = _read(f"/proc/{pid}/stat").rpartition(b")")[2].split()
+        used += sum(map(int, told[11:15]))
+        with suppress(OSError):
+            for thread in os.listdir(f"/proc/{pid}/task"):
+                runs = runs or _state(_read(f"/proc/{pid}/task/{thread}/status")) == b"R"
+                waiting += map(int, _read(f"/proc/{pid}/task/{thread}/children").split())
+    return used / os.sysconf("SC_CLK_TCK"), runs
 
 
 def has_ended(pid: int) -> bool:

@@ -24,8 +24,42 @@ from gcs_tools.flight.script_flight import ScriptFlight
 LOOK_S = 20e-6  # wall: between two looks at who sleeps
 BEGINS = 5  # ticks within which a script may still begin
 LONG_S = 0.5  # wall: who is awake for so long may have ended, or the flight with it
-STANDS_S = 60.0  # wall: time stands no longer for a script that never waits
+STANDS_S = (
+    60.0  # time stands no longer for a script that works so long, or does nothing for so long
+)
 REST_LOOK_S = 0.02  # simulation time: between two looks at a vehicle that comes to rest
+
+
+class Standing:
+    """How long simulation time stands for a script that does not wait.
+
+    Work is counted by the script's processor time: on a busy machine it takes longer, and is not late.
+    """
+
+    def __init__(
+        self, work: Callable[[], tuple[float, bool]], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """work : processor time (s) that the script has used so far, and whether it runs.  clock : of the wall, s."""
+        self._work, self._clock = work, clock
+        self.begin()
+
+    def begin(self) -> None:
+        """Time stands from now on."""
+        self._since_s: float | None = None
+        self._began_s = self._seen_s = 0.0
+
+    def too_long(self) -> str:
+        """What was too long, for a sentence. Empty: nothing yet."""
+        (worked_s, runs), now = self._work(), self._clock()
+        if self._since_s is None:
+            self._began_s = worked_s
+        if self._since_s is None or worked_s > self._seen_s or runs:
+            self._seen_s, self._since_s = worked_s, now
+        if worked_s - self._began_s > STANDS_S:
+            return f"{STANDS_S:g} s of processor time without waiting, while simulation time stood"
+        if now - self._since_s > STANDS_S:
+            return f"{STANDS_S:g} s of wall time in which it neither worked nor waited"
+        return ""
 
 
 class HeldFlight(ScriptFlight):
@@ -40,6 +74,7 @@ class HeldFlight(ScriptFlight):
         self._on_wall = False
         self._ticked_s = 0.0  # wall
         self._granted = 0  # ticks
+        self._standing: Standing | None = None  # of the script, once it has begun
         self._vehicle = Sleepers(each.process.pid for each in self._pair.children)
         return super()._led(stack)
 
@@ -50,7 +85,9 @@ class HeldFlight(ScriptFlight):
             self._pair.check()
         told = [f"{name}={value}" for name, value in self._clock.environment().items()]
         super()._begin(["env", *told, *words])
-        self._programs = Sleepers([self._script.process.pid])
+        pid = self._script.process.pid
+        self._programs = Sleepers([pid])
+        self._standing = Standing(lambda: asleep.work(pid))
 
     def _watch(self) -> bool:
         """Fly tick by tick until the flight is over. It never counts as arrived."""
@@ -72,7 +109,9 @@ class HeldFlight(ScriptFlight):
 
     def _grant(self, tick: int) -> None:
         """Let time go on to this tick."""
-        self._granted, self._stands_since_s = tick, time.monotonic()
+        self._granted = tick
+        if self._standing is not None:
+            self._standing.begin()
         self._clock.set(tick / self._scene.rate_hz)
         with suppress(BrokenPipeError):  # the check of the pair says why
             os.write(self._control, handover.GRANT.pack(tick))
@@ -117,9 +156,9 @@ class HeldFlight(ScriptFlight):
 
     def _is_late(self) -> bool:
         """True if time has stood too long for a script that neither ends nor waits."""
-        if not self._late and time.monotonic() - self._stands_since_s > STANDS_S:
-            self._late = f"{STANDS_S:g} s of wall time without waiting, while simulation time stood"
-            self._never_waits = True
+        if not self._late and self._standing is not None:
+            self._late = self._standing.too_long()
+            self._never_waits = bool(self._late)
         return bool(self._late)
 
     def _wait_for_outcome(self) -> bool:

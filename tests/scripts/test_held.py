@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -12,7 +13,9 @@ import pytest
 
 from gcs_tools.flight import scenario
 from gcs_tools.flight.asleep import Sleepers, has_ended
+from gcs_tools.flight.asleep import work as of_processes
 from gcs_tools.flight.held_clock import PYTHON, HeldClock
+from gcs_tools.flight.held_flight import STANDS_S, Standing
 from gcs_tools.flight.run import UsageError, prepared
 from tests.patience import PATIENCE_S, until
 
@@ -81,6 +84,35 @@ def test_a_program_without_the_clock_is_left_alone():
     environment = {**os.environ, "PYTHONPATH": str(PYTHON)}
     said = subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout
     assert said == "True time\n"
+
+
+@pytest.mark.parametrize(
+    ("work", "runs", "after_s"),
+    [(0.01, True, None), (1.0, True, STANDS_S), (0.5, True, 2 * STANDS_S), (0.0, False, STANDS_S), (0.0, True, None)],
+)  # fmt: skip
+def test_a_script_is_late_by_what_it_works_or_if_it_does_nothing(work, runs, after_s):
+    """Work is processor time a second of the wall's clock. A busy machine gives little, and ends no script."""
+    wall_s = 0.0
+    standing = Standing(lambda: (work * wall_s, runs), lambda: wall_s)
+    late = []
+    for wall_s in map(float, range(1000)):
+        if standing.too_long():
+            late.append(wall_s)
+    assert late[:1] == ([] if after_s is None else [after_s + 1.0])
+    standing.begin()
+    assert not standing.too_long()
+
+
+def test_the_work_of_a_program_and_its_children_is_counted():
+    spins = "while True: pass"
+    starts = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {spins!r}])"
+    with subprocess.Popen([sys.executable, "-c", starts], start_new_session=True) as program:
+        try:
+            until(lambda: of_processes(program.pid)[0] > 1.0, "a second of work")
+            assert of_processes(program.pid)[1]
+        finally:
+            os.killpg(program.pid, signal.SIGKILL)
+    assert of_processes(program.pid) == (0.0, False)
 
 
 @pytest.mark.slow
