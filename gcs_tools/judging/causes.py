@@ -46,14 +46,16 @@ def causes(
     flight : all of it.  ended : how.  passed : whether its expectations are met.  values : in force.
     missed : the setpoint that was missed by most.
     """
+    stays_up = [] if passed else _not_landed(mission, flight, ended)
     if not len(flight.t):
-        return []
+        return stays_up
     broken = flight.first_not_finite()
     slowed = [] if missed is None or ended in EARLY else _slowed(mission, flight, missed)
     return (
         ([] if broken is None else [str(broken)])
         + slowed
         + _not_arrived(mission, flight, ended)
+        + stays_up
         + _limits_and_ending(mission, flight, ended, passed, values)
     )
 
@@ -71,6 +73,19 @@ def _not_arrived(mission: Mission, flight: EngagedTicks, ended: str) -> list[str
         f" setpoint, at the nearest {away.min():.3g} m (flight.arrive: within {arrive.within_m:g} m for"
         f" {arrive.for_s:g} s)."
     ]
+
+
+def _not_landed(mission: Mission, flight: EngagedTicks, ended: str) -> list[str]:
+    """Where a vehicle was that a script should have landed and did not."""
+    if mission.flight.script is None or ended != "script":
+        return []
+    if flight.is_grounded.all():
+        return ["The vehicle never left the ground."]
+    height = flight.plant["state.r_E"][-1, 2] - mission.flight.ground_z_m
+    where = (
+        "on the ground, and armed" if flight.is_grounded[-1] else f"at a height of {height:.3g} m"
+    )
+    return [f"The vehicle was {where} when the flight was over: a script has to land it."]
 
 
 def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[str]:

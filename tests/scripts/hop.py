@@ -75,6 +75,8 @@ until = time.monotonic() + float(os.environ.get("HOP_S", "0"))
 while time.monotonic() < until:
     height()
 print("up", flush=True)
+if HOW == "floats":
+    sys.exit(0)
 command(MAV.MAV_CMD_NAV_LAND)
 while link.recv_match(type="HEARTBEAT", blocking=True).base_mode & MAV.MAV_MODE_FLAG_SAFETY_ARMED:
     pass

@@ -52,6 +52,13 @@ def test_a_vehicle_that_never_left_the_ground_has_not_landed(fly):
     code, found = fly('flight.script="python hop.py {url} sits"', "flight.after_script_s=2")
     assert (code, found.ended, found.passed) == (1, "script", False)
     assert found.script is not None and found.script.failure == ""
+    assert found.causes == ["The vehicle never left the ground."]
+
+
+def test_a_vehicle_that_a_script_leaves_in_the_air_is_told_of(fly):
+    code, found = fly('flight.script="python hop.py {url} floats"', "flight.after_script_s=1")
+    assert (code, found.ended) == (1, "script")
+    assert ["height" in each for each in found.causes[:1]] == [True]
 
 
 @pytest.mark.parametrize("pace", ["speed:8", "held"])
