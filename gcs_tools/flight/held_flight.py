@@ -31,7 +31,7 @@ REST_LOOK_S = 0.02  # simulation time: between two looks at a vehicle that comes
 
 
 class Standing:
-    """How long simulation time stands for a script that does not wait.
+    """Bound on how long simulation time stands for a script that does not wait.
 
     Work is counted by the script's processor time: on a busy machine it takes longer, and is not late.
     """
@@ -49,7 +49,7 @@ class Standing:
         self._began_s = self._seen_s = 0.0
 
     def too_long(self) -> str:
-        """What was too long, for a sentence. Empty: nothing yet."""
+        """Name what was too long, for a sentence. Empty: nothing yet."""
         (worked_s, runs), now = self._work(), self._clock()
         if self._since_s is None:
             self._began_s = worked_s

@@ -76,7 +76,7 @@ def _not_arrived(mission: Mission, flight: EngagedTicks, ended: str) -> list[str
 
 
 def _not_landed(mission: Mission, flight: EngagedTicks, ended: str) -> list[str]:
-    """Where a vehicle was that a script should have landed and did not."""
+    """Name the place of a vehicle that a script should have landed and did not."""
     if mission.flight.script is None or ended != "script":
         return []
     if flight.is_grounded.all():
