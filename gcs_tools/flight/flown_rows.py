@@ -1,25 +1,12 @@
-"""The rows of a flight as they come, in one array: what was flown is in memory once, not twice."""
+"""Rows of a process as they come, in one array: in memory once, or, of a long flight, in a file."""
 
 from __future__ import annotations
 
-import mmap
-from typing import Any
+from contextlib import suppress
 
-import numpy as np
-
-Rows = np.ndarray[Any, np.dtype[np.float64]]
+from gcs_tools.recording.spilled_rows import LARGE, Rows, Spill, in_memory
 
 ROOM = 1 << 18  # rows to begin with, at most: memory is taken when it is written to
-
-
-def _room(rows: int, width: int) -> Rows:
-    """An array of so many rows, whose memory comes page by page.
-
-    NumPy asks for huge pages for what is large, and the kernel may stop a flight for as long again to
-    find them.
-    """
-    pages = mmap.mmap(-1, rows * width * 8, access=mmap.ACCESS_COPY)
-    return np.frombuffer(pages).reshape(rows, width)
 
 
 class FlownRows:
@@ -27,7 +14,12 @@ class FlownRows:
 
     def __init__(self, width: int, expected: int) -> None:
         """`width`: columns that are kept; the first of each row. `expected`: so many rows, or fewer."""
-        self._all = _room(max(1, min(expected, ROOM)), width)
+        self._spill: Spill | None = None
+        if expected * width * 8 > LARGE:
+            with suppress(OSError):
+                self._spill = Spill(expected, width)
+        room = max(1, min(expected, ROOM))
+        self._all = in_memory(room, width) if self._spill is None else self._spill.array
         self._n = 0
 
     def __len__(self) -> int:
@@ -47,9 +39,19 @@ class FlownRows:
     def append(self, rows: Rows) -> None:
         """Keep the first columns of some more, (k, at least width)."""
         n, width = self._n + len(rows), self._all.shape[1]
-        if n > len(self._all):
-            larger = _room(max(n, 2 * len(self._all)), width)
+        if n > len(self._all) or not self._has_disk(n):
+            larger = in_memory(max(n, 2 * self._n), width)
             larger[: self._n] = self._all[: self._n]
-            self._all = larger
+            self._all, self._spill = larger, None
         self._all[self._n : n] = rows[:, :width]
         self._n = n
+
+    def _has_disk(self, n: int) -> bool:
+        """Return True if so many rows have room where they are kept."""
+        if self._spill is None:
+            return True
+        try:
+            self._spill.reserve(n)
+        except OSError:
+            return False
+        return True

@@ -10,7 +10,7 @@ would make meaningless, has no value: None, so that results stay finite and a li
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +31,7 @@ _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _OF_THE_LAW = "command.", "outputs.", "state.", "internals.", "guard_state.", "guard."
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"
 _CONTRADICTED = "guard.contradicted."
+BLOCK = 1 << 15  # rows that are worked on at once
 _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
 
@@ -114,21 +115,27 @@ class EngagedTicks:
         """
         grounded = on_ground(plant)
         fcu = _flying(fcu)
-        _, of_plant, of_fcu = np.intersect1d(
-            np.rint(plant["t"] * 1e6), np.rint(fcu["t"] * 1e6), return_indices=True
-        )
+        of_plant, of_fcu = _in_common(plant["t"], fcu["t"])
         plant, fcu, grounded = plant.take(of_plant), fcu.take(of_fcu), grounded[of_plant]
-        wanted = fcu["setpoint.r_c"] if asked is None else asked(fcu["t"])
-        is_asked: Flags = np.full(len(wanted), asked is None)
-        is_asked |= np.isfinite(wanted).all(axis=1)
-        true_r = plant["state.r_E"]
-        told = "outputs.reference.r_m" in fcu  # of a controller that tells of itself
-        reference = fcu["outputs.reference.r_m"] if told else np.full(true_r.shape, math.nan)
+        t = fcu["t"]
+        n, told = len(t), "outputs.reference.r_m" in fcu  # of a controller that tells of itself
+        reference_error, setpoint_error = np.full(n, math.nan), np.empty(n)
+        is_asked: Flags = np.full(n, asked is None)
+        has_reference = False
+        for block in blocks(n):
+            ticks, truth = fcu.take(block), plant.take(block)["state.r_E"]
+            wanted = ticks["setpoint.r_c"] if asked is None else asked(t[block])
+            is_asked[block] |= np.isfinite(wanted).all(axis=1)
+            setpoint_error[block] = _distance(truth, wanted)
+            if told:
+                reference = ticks["outputs.reference.r_m"]
+                has_reference |= not np.isnan(reference).all()
+                reference_error[block] = _distance(truth, reference)
         return cls(
-            t=fcu["t"],
-            reference_error=_distance(true_r, reference),
-            has_reference=not np.isnan(reference).all(),
-            setpoint_error=_distance(true_r, wanted),
+            t=t,
+            reference_error=reference_error,
+            has_reference=has_reference,
+            setpoint_error=setpoint_error,
             is_asked=is_asked,
             is_grounded=grounded,
             plant=plant,
@@ -170,11 +177,11 @@ class EngagedTicks:
 
     def first_not_finite(self) -> NotFinite | None:
         """The first number that the law computed and that was not finite. None if all were."""
-        finite = np.isfinite(self.fcu.rows[:, self.computed])
-        bad = np.flatnonzero(~finite.all(axis=1))
+        bad = np.flatnonzero(~_finite(self))
         if not len(bad):
             return None
-        names = [self.fcu.names[self.computed[i]] for i in np.flatnonzero(~finite[bad[0]])]
+        row = self.fcu.rows[bad[0], self.computed]
+        names = [self.fcu.names[self.computed[i]] for i in np.flatnonzero(~np.isfinite(row))]
         return NotFinite(float(self.t[bad[0]]), names)
 
     def metric(
@@ -216,6 +223,23 @@ class EngagedTicks:
         return {name: self.metric(name) for name in METRICS}
 
 
+def blocks(n: int) -> Iterator[slice]:
+    """Yield slices of n rows, each of BLOCK at most: what is worked out by block needs little memory."""
+    for i in range(0, n, BLOCK):
+        yield slice(i, min(i + BLOCK, n))
+
+
+def _in_common(t_plant: Rows, t_fcu: Rows) -> tuple[Any, Any]:
+    """Return the rows of plant and flight controller that belong to one time (s), as slices or indices."""
+    a, b = np.rint(t_plant * 1e6), np.rint(t_fcu * 1e6)
+    if len(b):
+        first = int(np.searchsorted(a, b[0]))
+        if np.array_equal(a[first : first + len(b)], b):  # as of every flight without a gap
+            return slice(first, first + len(b)), slice(0, len(b))
+    _, of_plant, of_fcu = np.intersect1d(a, b, return_indices=True)
+    return of_plant, of_fcu
+
+
 def _distance(a: Rows, b: Rows) -> Rows:
     """Euclidean distance, row by row, of (n, 3) arrays; without overflow short of infinity."""
     with np.errstate(invalid="ignore", over="ignore"):
@@ -250,11 +274,10 @@ def _final(flight: EngagedTicks, error: Rows) -> float:
     return float(error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
 
 
-def _tilts(flight: EngagedTicks) -> Rows:
-    """Commanded roll and pitch of all ticks, rad, unsigned."""
-    angles_c = (flight.told(f"outputs.angles_c.{axis}") for axis in "xy")
-    both: Rows = np.abs(np.concatenate(list(angles_c)))
-    return both
+def _tilt_max(flight: EngagedTicks) -> float:
+    """The greatest commanded roll or pitch, rad, unsigned."""
+    x, y = (_greatest(np.abs(flight.told(f"outputs.angles_c.{axis}"))) for axis in "xy")
+    return float(np.fmax(x, y))
 
 
 def _asked(flight: EngagedTicks) -> EngagedTicks:
@@ -280,7 +303,9 @@ def _fraction(*names: str, in_air: bool = False) -> Callable[[EngagedTicks], flo
     def part(flight: EngagedTicks) -> float:
         if in_air:
             flight = aloft(flight)
-        flag = np.fmax.reduce([flight.told(name) for name in names])
+        flag = flight.told(names[0])
+        for name in names[1:]:
+            flag = np.fmax(flag, flight.told(name))
         known = len(flag) > 0 and not np.isnan(flag).any()
         return float(np.mean(flag > 0.5)) if known else math.nan
 
@@ -303,8 +328,15 @@ def _nonfinite(flight: EngagedTicks) -> float:
     """Ticks at which the error is not finite, or a number that the law computes."""
     error = flight.reference_error if flight.has_reference else flight.setpoint_error
     error = np.where(flight.is_asked | flight.has_reference, error, 0.0)
-    finite = np.isfinite(error) & np.isfinite(flight.fcu.rows[:, flight.computed]).all(axis=1)
-    return float(np.sum(~finite))
+    return float(np.sum(~(np.isfinite(error) & _finite(flight))))
+
+
+def _finite(flight: EngagedTicks) -> Flags:
+    """Return at which ticks every number that the law computes is finite."""
+    finite: Flags = np.full(len(flight.t), True)
+    for at in flight.computed:
+        finite &= np.isfinite(flight.fcu[flight.fcu.names[at]])
+    return finite
 
 
 def _computed(fcu: Table) -> list[int]:
@@ -350,7 +382,7 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     "margin_tilt_min_deg": lambda f: math.degrees(_least(aloft(f).told("guard.margin.tilt"))),
     "margin_condition_min_n": lambda f: _least(aloft(f).told("guard.margin.condition")),
     "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
-    "tilt_max_deg": lambda f: math.degrees(_greatest(_tilts(f))),
+    "tilt_max_deg": lambda f: math.degrees(_tilt_max(f)),
     "energy_j": _energy,
     "nonfinite_samples": _nonfinite,
 }

@@ -38,7 +38,7 @@ from gcs_tools.judging.item_checks import (
     unfinished,
 )
 from gcs_tools.judging.junit_report import Case
-from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, NotFinite
+from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, NotFinite, blocks
 from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.judging.setpoint_checks import Standing, accepted, changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
@@ -375,8 +375,11 @@ def trajectory_sha256(plant: Rows) -> str:
 
     plant : float64 (n, size(PlantRecord)).
     """
-    t, state = (column(PlantRecord, plant, name) for name in ("t", "state"))
-    return hashlib.sha256(np.column_stack([t, state]).astype("<f8").tobytes()).hexdigest()
+    digest = hashlib.sha256()
+    for block in blocks(len(plant)):
+        t, state = (column(PlantRecord, plant[block], name) for name in ("t", "state"))
+        digest.update(np.column_stack([t, state]).astype("<f8").tobytes())
+    return digest.hexdigest()
 
 
 def junit(results: Iterable[Result], path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.buffers import columns
+from gcs_tools.recording.spilled_rows import read_whole
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -45,11 +46,13 @@ class Table:
     def __getitem__(self, name: str) -> Rows:
         """One column, (n,), or all of a value, (n, k). Raises UnknownColumn."""
         if (at := self._at.get(name)) is not None:
-            one: Rows = self.rows[:, at]
-            return one
+            return read_whole(self.rows[:, at])
         parts = self._parts(name)
         if not parts:
             raise UnknownColumn(name)
+        first, last = parts[0], parts[-1]
+        if parts == list(range(first, last + 1)):
+            return read_whole(self.rows[:, first : last + 1])
         value: Rows = self.rows[:, parts]
         return value
 
