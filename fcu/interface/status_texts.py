@@ -174,6 +174,7 @@ class Code(Enum):
     OUTSIDE_FENCE = "outside the fence"
     PLACE_OUTSIDE = "its place is outside the fence"
     WAY_OUTSIDE = "the way to it leaves the fence"
+    RETURN_STRAIGHT = "Return: straight, no way around the fence is known"
     CIRCLE_OUTSIDE = "its circle leaves the fence"
     POLYGON_SHORT = "a polygon of {} corners (at least 3)"
     POLYGON_BROKEN = "polygon corner {} of {} is missing"

@@ -72,10 +72,9 @@ def borders_of(areas: tuple[Area, ...]) -> Borders:
 
 
 @kernel
-def _apart(edges, i, x, y):
-    """The square of the distance of a place from an edge, m^2."""
-    ax, ay = edges[i, 0], edges[i, 1]
-    dx, dy = edges[i, 2] - ax, edges[i, 3] - ay
+def _apart(ax, ay, bx, by, x, y):
+    """The square of the distance of a place from the straight line between two others, m^2."""
+    dx, dy = bx - ax, by - ay
     square, part = dx * dx + dy * dy, 0.0
     if square > 0.0:
         part = max(0.0, min(1.0, ((x - ax) * dx + (y - ay) * dy) / square))
@@ -100,7 +99,7 @@ def _is_by(edges, i, x, y):
         return False
     if y < min(ay, by) - TOUCHES or y > max(ay, by) + TOUCHES:
         return False
-    return _apart(edges, i, x, y) <= TOUCHES * TOUCHES
+    return _apart(ax, ay, bx, by, x, y) <= TOUCHES * TOUCHES
 
 
 @kernel
@@ -113,7 +112,8 @@ def margin_at(edges, first, stays, discs, x, y):
     for k in range(stays.size):
         nearest, within = math.inf, False
         for i in range(first[k], first[k + 1]):
-            nearest = min(nearest, _apart(edges, i, x, y))
+            apart = _apart(edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3], x, y)
+            nearest = min(nearest, apart)
             within ^= _beyond(edges, i, x, y)
         depth = math.sqrt(nearest) if within else -math.sqrt(nearest)
         if stays[k] != 0.0:
@@ -295,3 +295,44 @@ def first_crossing(edges, first, stays, discs, ways, parts):
                 return k
             before = part
     return -1
+
+
+@kernel
+def _keeps_clear(edges, discs, ax, ay, bx, by, kept):
+    """Tell whether a straight way is so far (m) from every border."""
+    square = kept * kept
+    for i in range(edges.shape[0]):
+        cx, cy, dx, dy = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        near = _apart(cx, cy, dx, dy, ax, ay) < square or _apart(cx, cy, dx, dy, bx, by) < square
+        if near or _apart(ax, ay, bx, by, cx, cy) < square:  # its other end begins the next edge
+            return False
+        # the ends of each lie on both sides of the other: they cross
+        of_c = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        of_d = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
+        of_a = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
+        of_b = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
+        if (of_c > 0.0) != (of_d > 0.0) and (of_a > 0.0) != (of_b > 0.0):
+            return False
+    for k in range(discs.shape[0]):
+        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
+        nearest = math.sqrt(_apart(ax, ay, bx, by, x, y))
+        farthest = max(math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y))
+        if nearest < radius + kept and farthest > radius - kept:
+            return False
+    return True
+
+
+@kernel
+def measure(edges, first, stays, discs, starts, ends, kept, lengths):
+    """Write the lengths of the straight ways between places to `lengths`. Inf: too near a border, or outside.
+
+    starts, ends : float64[n, 2] and float64[m, 2].  lengths : float64[n, m].
+    kept : the distance from every border that a way keeps.
+    """
+    for i in range(starts.shape[0]):
+        x, y = starts[i, 0], starts[i, 1]
+        inside = _is_inside(edges, first, stays, discs, x, y)
+        for k in range(ends.shape[0]):
+            to_x, to_y = ends[k, 0], ends[k, 1]
+            clear = inside and _keeps_clear(edges, discs, x, y, to_x, to_y, kept)
+            lengths[i, k] = math.hypot(to_x - x, to_y - y) if clear else math.inf

@@ -16,6 +16,7 @@ import numpy as np
 
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle.areas import MOST_CROSSED, TOUCHES, Area, borders_of, first_crossing, margin_at
+from fcu.vehicle.detour import Detours
 
 
 class Way(NamedTuple):
@@ -73,11 +74,13 @@ class Fence:
     def areas(self, areas: tuple[Area, ...]) -> None:
         self._areas = areas
         self._borders = borders_of(areas)
+        self._detours = Detours(areas)
 
     def warm_up(self) -> None:
         """Load what looks at places and ways."""
         margin_at(*self._borders, 0.0, 0.0)
         first_crossing(*self._borders, np.zeros((0, 5)), self._parts)
+        self._detours.way(self.home, self.home, self.home, math.inf)
 
     @property
     def is_set(self) -> bool:
@@ -120,6 +123,17 @@ class Fence:
     def is_clear(self, start: Vec3, end: Vec3) -> bool:
         """Tell whether the straight way between two places stays inside, and touches no border."""
         return self.first_outside([Way(start, end)]) is None
+
+    def way(self, start: Vec3, end: Vec3) -> list[Vec3] | None:
+        """The places to fly through to `end` so that the way stays inside. None: there is no way.
+
+        It keeps a few metres from the borders where that can be. Height is not looked at.
+        """
+        if not self.is_set:
+            return [end]
+        found = self._detours.way(start, end, self.home, self.limits.across)
+        straight = found is None and self.first_outside([Way(start, end)]) is None
+        return [end] if straight else found
 
     def see(self, r: Vec3, t_us: int) -> Margin:
         """Look at a place. `is_breached` afterwards says whether it is outside."""

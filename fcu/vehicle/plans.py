@@ -8,7 +8,7 @@ follows them in time. Frames: Earth ENU; SI; times are simulation time in micros
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
 from itertools import chain
 from typing import Any, NamedTuple
@@ -38,6 +38,7 @@ NEVER_US = 2**62
 RADIUS_LEAST, RADIUS_MOST = 1.0, 1000.0  # m, of an orbit, as PX4's
 AT_CENTER = 0.1  # m from the centre of a circle, within which the heading is the way out
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home
+Around = Callable[[Vec3, Vec3], list[Vec3]]  # the places of a way from one to another, m, E
 FOREVER_S = 1e9  # so long a plan waits that is not to go on
 STANDARD_GRAVITY = 9.80665  # m/s^2
 SLOW_BELOW = 5.0  # m above home: from there a landing is slow
@@ -368,13 +369,15 @@ def asks_too_much(mode: Mode, p: Parameters) -> Told | None:
     return Told(Code.ASKS_TOO_MUCH, (asks, most)) if asks > most else None
 
 
-def plan_of(mode: Mode, here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> Iterable[Piece]:
+def plan_of(
+    mode: Mode, here: Pose, home: Vec3, p: Parameters, led: PlanLimits, around: Around
+) -> Iterable[Piece]:
     """What a mode flies from here, keeping its yaw."""
     r, v, psi = here
     if mode is Mode.LAND:
         return descent(r, v, psi, home.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
     if mode is Mode.RETURN:
-        return _return(here, home, p, led)
+        return _return(here, home, p, led, around)
     if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
         stopping, stop = brake(r, v, psi, led)
         return chain(stopping, _generated(mode, stop, psi, p))
@@ -388,22 +391,23 @@ def _generated(mode: Mode, r: Vec3, psi: float, p: Parameters) -> Iterator[Piece
     return figure_eight(r, (p["REF_8_LEN"], p["REF_8_WIDTH"]), p["REF_8_SPEED"], psi)
 
 
-def _return(here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> list[Piece]:
+def _return(here: Pose, home: Vec3, p: Parameters, led: PlanLimits, around: Around) -> list[Piece]:
     """Home, and there wait as RTL_LAND_DELAY says, at RTL_DESCEND_ALT at the highest."""
     r, v, psi = here
-    way, waits = _way_home(here, home, p, led), p["RTL_LAND_DELAY"]
+    way, waits = _way_home(here, home, p, led, around), p["RTL_LAND_DELAY"]
     if waits != 0.0:
         last = way[-1] if way else brake(r, v, psi, led)[1]
         way.append(Vec3(last.x, last.y, min(last.z, home.z + p["RTL_DESCEND_ALT"])))
     return through(r, v, way, psi, led, settle_s(p) + (FOREVER_S if waits < 0.0 else waits))
 
 
-def _way_home(here: Pose, home: Vec3, p: Parameters, led: PlanLimits) -> list[Vec3]:
+def _way_home(here: Pose, home: Vec3, p: Parameters, led: PlanLimits, around: Around) -> list[Vec3]:
     _, stop = brake(here.r_E, here.v_E, here.psi, led)
     if math.hypot(stop.x - home.x, stop.y - home.y) < HOME_CLOSE:
         return []
     top = max(stop.z, home.z + p["RTL_RETURN_ALT"])
-    return [Vec3(stop.x, stop.y, top), Vec3(home.x, home.y, top)]
+    up = Vec3(stop.x, stop.y, top)
+    return [up, *around(up, Vec3(home.x, home.y, top))]
 
 
 # --- following in time

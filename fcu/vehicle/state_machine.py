@@ -775,6 +775,13 @@ class StateMachine:
             safe.insert(0, home)
         return min(safe, key=lambda r: math.hypot(r.x - here.x, r.y - here.y))
 
+    def _around(self, start: Vec3, end: Vec3) -> list[Vec3]:
+        """The places of the way home: straight, or around what the fence forbids if there is such a way."""
+        way = self.fence.way(start, end)
+        if way is None:
+            self._to_tell.append(Told(Code.RETURN_STRAIGHT))
+        return way or [end]
+
     def set_current(self, step: int, t_us: int) -> Answer:
         """Go on with this step of the plan, at once in mode Mission."""
         if not 0 <= step < len(self.mission.steps):
@@ -1191,7 +1198,7 @@ class StateMachine:
         elif mode is Mode.FOLLOW:
             plan = self._following(self.home)
         else:
-            plan = plans.plan_of(mode, here, to, self._params, self._limits())
+            plan = plans.plan_of(mode, here, to, self._params, self._limits(), self._around)
         self._follow(plan, t_us, (mode, Event.ARRIVED) in modes.TRANSITIONS)
 
     def _is_too_fast(self) -> bool:
@@ -1213,7 +1220,7 @@ class StateMachine:
         if mode is Mode.FOLLOW:
             yield from self._following(home)
         here = self._from(self.leader.until_us)
-        yield from plans.plan_of(mode, here, home, self._params, self._limits())
+        yield from plans.plan_of(mode, here, home, self._params, self._limits(), self._around)
 
     def _following(self, home: Vec3) -> Iterator[Piece]:
         follower = Follower(self._params)

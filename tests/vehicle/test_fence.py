@@ -194,6 +194,142 @@ def test_the_ways_of_a_plan_may_cross_so_many_borders_and_no_more():
     assert made.first_outside(ways[: MOST_BESIDE // (MOST_CROSSED - 1)]) is None
 
 
+# --- the way around
+
+ISLAND = Polygon(True, ((-100.0, -100.0), (100.0, -100.0), (100.0, 100.0), (-100.0, 100.0)))
+
+
+def length(way):
+    return sum(math.dist(a, b) for a, b in pairwise(way))
+
+
+def least(made, way):
+    """The least margin along a way."""
+    places = [a + (k / 200.0) * (b - a) for a, b in pairwise(way) for k in range(201)]
+    return min(made.margin(r).value for r in places)
+
+
+def test_a_way_that_is_clear_is_straight():
+    made = fence(SQUARE, POND)
+    start, end = Vec3(-15.0, -10.0, 5.0), Vec3(15.0, -10.0, 5.0)
+    assert made.way(start, end) == [end]
+    assert fence().way(start, end) == [end]
+
+
+def test_a_way_bends_around_what_lies_between_and_is_the_shortest():
+    wall = Polygon(False, ((-2.0, -30.0), (2.0, -30.0), (2.0, 50.0), (-2.0, 50.0)))
+    made = fence(ISLAND, wall)
+    start, end = Vec3(-40.0, 0.0, 5.0), Vec3(40.0, 0.0, 5.0)
+    way = made.way(start, end)
+    assert way[-1] == end
+    assert {r.z for r in way} == {5.0}
+    assert least(made, [start, *way]) >= 3.0 - 1e-9
+    by_corners = length([start, Vec3(-2.0, -30.0, 5.0), Vec3(2.0, -30.0, 5.0), end])
+    assert by_corners < length([start, *way]) < by_corners + 6.0
+
+
+def test_a_way_through_a_gap_keeps_less_and_through_none_is_not_there():
+    def between(gap):
+        walls = [Polygon(False, ((-2.0, y), (2.0, y), (2.0, end), (-2.0, end)))
+                 for y, end in ((-120.0, -0.5 * gap), (0.5 * gap, 120.0))]  # fmt: skip
+        return fence(ISLAND, *walls)
+
+    start, end = Vec3(-40.0, 30.0, 5.0), Vec3(40.0, 30.0, 5.0)
+    for gap, kept in ((8.0, 3.0), (3.0, 1.0)):
+        way = between(gap).way(start, end)
+        assert least(between(gap), [start, *way]) >= kept - 1e-9
+    assert between(1.0).way(start, end) is None
+
+
+def test_a_way_does_not_bend_farther_from_home_than_the_fence_allows():
+    wall = Polygon(False, ((-2.0, -30.0), (2.0, -30.0), (2.0, 45.0), (-2.0, 45.0)))
+    start, end = Vec3(-20.0, 20.0, 5.0), Vec3(20.0, 20.0, 5.0)
+    assert fence(wall).way(start, end)[0].y > 45.0
+    assert fence(wall, limits=Limits(across=40.0)).way(start, end)[0].y < -30.0
+    assert fence(wall, limits=Limits(across=32.0)).way(start, end) is None
+
+
+def test_a_way_from_outside_or_in_a_fence_of_many_corners_is_not_known():
+    start, end = Vec3(-40.0, 0.0, 5.0), Vec3(40.0, 0.0, 5.0)
+    assert fence(SQUARE).way(start, Vec3(0.0, 0.0, 5.0)) is None
+    posts = [Disc(False, 6.0 * k, 0.0, 2.0) for k in range(-5, 6)]
+    assert fence(*posts[:10]).way(start, end) is not None
+    assert fence(*posts).way(start, end) is None
+
+
+def reached(made, start, end, keeps):
+    """Tell whether a chain of places 2 m apart, all with such a margin, leads from start to end."""
+
+    def inside(k, m):
+        return made.margin(Vec3(2.0 * k, 2.0 * m, 5.0)).value >= keeps
+
+    goal = round(end.x / 2.0), round(end.y / 2.0)
+    border = [(round(start.x / 2.0), round(start.y / 2.0))]
+    seen = set(border)
+    while border:
+        k, m = border.pop()
+        if (k, m) == goal:
+            return True
+        for there in ((k + 1, m), (k - 1, m), (k, m + 1), (k, m - 1)):
+            if there not in seen and max(map(abs, there)) <= 50 and inside(*there):
+                seen.add(there)
+                border.append(there)
+    return False
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_there_is_a_way_where_there_is_one_and_it_keeps_clear(seed):
+    rng = random.Random(seed)
+    areas = [ISLAND]
+    for _ in range(rng.randint(2, 7)):
+        x, y = rng.uniform(-60, 60), rng.uniform(-60, 60)
+        if rng.random() < 0.4:
+            areas.append(Disc(False, x, y, rng.uniform(5, 30)))
+        else:
+            angles = sorted(rng.uniform(0.0, 2.0 * math.pi) for _ in range(rng.randint(3, 6)))
+            far = [rng.uniform(8, 45) for _ in angles]
+            corners = [(x + r * math.cos(q), y + r * math.sin(q)) for q, r in zip(angles, far, strict=True)]  # fmt: skip
+            areas.append(Polygon(False, tuple(corners)))
+    made = fence(*areas)
+    start, end = (Vec3(2.0 * rng.randint(-45, 45), side, 5.0) for side in (-90.0, 90.0))
+    way = made.way(start, end)
+    if way is None:
+        assert not reached(made, start, end, 5.0)
+        return
+    assert least(made, [start, *way]) >= 1.0 - 1e-9
+    assert way[-1] == end
+
+
+def test_a_return_flies_around_what_lies_between():
+    flight = Planned(UP, go(20.0, 0.0, 5.0))
+    flight.params.set("RTL_RETURN_ALT", 5.0, False)
+    flight.vehicle.take_plan((UP, go(0.0, 12.0, 5.0), go(20.0, 12.0, 5.0), go(20.0, 0.0, 5.0)), 0)
+    flight.vehicle.take_fence((POND,))
+    flight.begin(90.0)
+    assert flight.vehicle.mission.is_complete
+    flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
+    flight.fly(120.0, lambda: not flight.vehicle.armed)
+    assert not flight.vehicle.armed
+    assert math.hypot(flight.r.x, flight.r.y) < 1.0
+    assert flight.vehicle.fence.breaches == 0
+    assert min(-depth(POND, r.x, r.y) for r in flight.track) > 2.0
+
+
+def test_a_return_without_a_way_around_flies_straight_and_says_so():
+    wall = Polygon(False, ((8.0, -40.0), (12.0, -40.0), (12.0, 40.0), (8.0, 40.0)))
+    flight = Planned(UP, go(20.0, 0.0, 5.0))
+    flight.params.set("RTL_RETURN_ALT", 5.0, False)
+    flight.params.set("GF_ACTION", 1.0, False)
+    flight.begin(90.0)
+    flight.vehicle.take_fence(
+        (wall, SQUARE._replace(corners=tuple((1.2 * x, 1.2 * y) for x, y in SQUARE.corners)))
+    )
+    flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
+    flight.fly(120.0, lambda: not flight.vehicle.armed)
+    assert Code.RETURN_STRAIGHT in flight.told
+    assert math.hypot(flight.r.x, flight.r.y) < 1.0
+
+
 # --- flown
 
 
