@@ -15,6 +15,7 @@ from gcs_tools.exit_codes import OK, USAGE
 
 if TYPE_CHECKING:
     from gcs_tools.flight.plan_look import Shown
+    from gcs_tools.missions.plan_file import PlanFile
 
 FILE = click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 
@@ -48,13 +49,18 @@ def show(file: Path, figure: Path | None, as_json: bool) -> int:
         print_json(
             {
                 "items": [_plain(each._asdict()) for each in found.items],
-                "fence": len(read.fence), "rally": len(read.rally), "refused": found.refused,
+                "home": _home(read), "fence": len(read.fence), "rally": len(read.rally),
+                "refused": found.refused,
             }
         )  # fmt: skip
     else:
         for each in found.items:
             click.echo(_line(each))
         click.echo(counts(read, found))
+        if read.home is None:
+            click.echo(
+                "The file has no home: places are shown about the first one, below which it begins."
+            )
         click.echo(f"Refused: {found.refused}" if found.refused else "The vehicle takes this plan.")
     if figure is not None:
         from gcs_tools.flight.plan_look import outlines, path
@@ -119,6 +125,14 @@ def upload(file: Path, timeout_s: float, instance: int | None, start: bool) -> i
         vehicle.close()
     click.echo(f"{file}: uploaded to instance {number}" + (" and started" if start else ""))
     return OK
+
+
+def _home(plan: PlanFile) -> dict[str, float | None] | None:
+    """The home of a plan file for JSON: null if it has none."""
+    home = plan.home
+    if home is None:
+        return None
+    return {"lat_deg": home.lat_deg, "lon_deg": home.lon_deg, "alt_m": home.alt_m}
 
 
 def _plain(value: Any) -> Any:

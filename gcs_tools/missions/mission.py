@@ -210,6 +210,9 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
     except UnicodeDecodeError as error:
         raise MissionError(f"{source}: expected UTF-8 text ({error.reason})") from error
     except TomlError as error:
+        if plan_file.looks_like_one(text):
+            ends = " or ".join(plan_file.SUFFIXES)
+            raise MissionError(f"{source}: a plan: its name has to end in {ends}") from error
         where = source if error.line is None else f"{source}:{error.line}"
         raise MissionError(f"{where}: {error}") from error
     mission = _checked(path.stem, source, path.parent, given, {}, text)
@@ -513,11 +516,17 @@ def _problems(
             expected = _EXPECTED.get(kind, problem["msg"]).format(**context)
             said = f"expected {expected}"
             said += "" if got is _NOTHING else f", got {_written(got)}"
-        path = _untagged(path)
+        path = _as_written(_untagged(path), found)
         line = nearest(found, path)
         where = source if line is None else f"{source}:{line}"
         placed.append((line or 0, f"{where}: {_key(path, got)}: {said}"))
     return (text for _, text in sorted(placed, key=lambda item: item[0]))
+
+
+def _as_written(path: KeyPath, found: dict[KeyPath, int]) -> KeyPath:
+    """The key that a file has for one that is derived of it: `plan` is short for an item."""
+    is_short = path[:3] == ("flight", "items", 0) and ("flight", "plan") in found
+    return ("flight", "plan") if is_short else path
 
 
 def _key(path: KeyPath, got: Any) -> str:

@@ -19,7 +19,7 @@ from fcu.mavlink.plan_messages import PlanItem, item_of
 SUFFIXES = (".plan", ".waypoints")
 MOST_BYTES = 8 * input_file.MIB
 MOST_ITEMS = 2000
-HEADER = "QGC WPL"
+HEADER, VERSION = "QGC WPL", "110"
 WAYPOINT, LAND, RETURN, TAKEOFF, JUMP, SPEED = 16, 21, 20, 22, 177, 178
 _WAITS = {16, 19, 93, 112}  # items whose parameter 1 is a time, s
 _GLOBAL, _GLOBAL_INT = 0, 5
@@ -115,6 +115,11 @@ def is_plan(name: str | Path) -> bool:
     return str(name).endswith(SUFFIXES)
 
 
+def looks_like_one(text: str) -> bool:
+    """Tell whether a text, whatever the name of its file, is that of a plan."""
+    return text.startswith(HEADER) or '"fileType": "Plan"' in text[:10_000]
+
+
 def read(path: Path) -> PlanFile:
     """The items of a file. Raises PlanError, with what is wrong and where.
 
@@ -140,6 +145,9 @@ def _waypoints(text: str) -> PlanFile:
     items: list[PlanItem] = []
     home: Home | None = None
     dropped = 0
+    version = text.partition("\n")[0].removeprefix(HEADER).strip()
+    if version != VERSION:
+        raise PlanError(f":1: expected {HEADER} {VERSION}, got version {version[:20] or 'none'}")
     for number, line in enumerate(text.splitlines(), start=1):
         if number == 1 or not line.strip() or line.startswith("#"):
             continue
@@ -190,7 +198,7 @@ def _plan(text: str) -> PlanFile:
         line = f":{error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         what = error.msg if isinstance(error, json.JSONDecodeError) else "too deep"
         raise PlanError(
-            f"{line}: expected JSON of QGroundControl, or {HEADER} 110: {what}"
+            f"{line}: expected JSON of QGroundControl, or {HEADER} {VERSION}: {what}"
         ) from None
     if not isinstance(tables, dict) or tables.get("fileType") != "Plan":
         raise PlanError(': expected a plan of QGroundControl ("fileType": "Plan")')

@@ -211,11 +211,26 @@ def test_a_mission_names_its_plan(tmp_path):
     toml = 'title = "A plan."\n[flight]\nduration_s = 60.0\nground_z_m = 0.0\nstart = { on_ground = true }\n'
     path = tmp_path / "a.toml"
     path.write_text(f'{toml}plan = "none.plan"\n')
-    with pytest.raises(MissionError, match=r"none\.plan"):
+    with pytest.raises(
+        MissionError, match=r"a\.toml:6: \[flight\] plan: .*none\.plan: No such file"
+    ):
         load(str(path))
     (tmp_path / "square.plan").write_text(SQUARE.read_text())
     path.write_text(f'{toml}plan = "square.plan"\n')
     assert load(str(path)).flight.items[0].kind == "plan"
     path.write_text(f'{toml}arena_m = 10.0\nplan = "square.plan"\n')
-    with pytest.raises(MissionError, match="arena_m"):
+    with pytest.raises(MissionError, match=r"\[flight\] plan: leads .* arena_m"):
+        load(str(path))
+
+
+def test_another_version_of_waypoints_is_refused(file):
+    with pytest.raises(PlanError, match=r":1: expected QGC WPL 110, got version 120"):
+        read(file(WAYPOINTS.replace("110", "120", 1), "a.waypoints"))
+
+
+@pytest.mark.parametrize("text", ["WAYPOINTS", "SQUARE"])
+def test_a_plan_by_another_name_is_told_by_its_content(tmp_path, text):
+    path = tmp_path / "a.txt"
+    path.write_text(WAYPOINTS if text == "WAYPOINTS" else SQUARE.read_text())
+    with pytest.raises(MissionError, match=r"a plan: its name has to end in \.plan or \.waypoints"):
         load(str(path))

@@ -44,6 +44,19 @@ def test_a_plan_without_a_fence_says_so(tmp_path):
     assert "7 items; no fence; 0 rally points\n" in gcs("plan", "show", path).stdout
 
 
+def test_a_plan_without_a_home_says_where_it_begins(tmp_path):
+    tables = json.loads(SQUARE.read_text())
+    home = json.loads(gcs("plan", "show", SQUARE, "--json").stdout)["home"]
+    assert [home["lat_deg"], home["lon_deg"], home["alt_m"]] == tables["mission"][
+        "plannedHomePosition"
+    ]
+    del tables["mission"]["plannedHomePosition"]
+    path = tmp_path / "a.plan"
+    path.write_text(json.dumps(tables))
+    assert "The file has no home" in gcs("plan", "show", path).stdout
+    assert json.loads(gcs("plan", "show", path, "--json").stdout)["home"] is None
+
+
 @pytest.mark.parametrize(("options", "which"), [((), ""), (("--instance", 9), " as instance 9")])
 def test_without_a_vehicle_an_upload_names_what_starts_one(monkeypatch, options, which):
     monkeypatch.setattr("fcu.interface.ports.running_instances", list)

@@ -52,7 +52,7 @@ def draw(plan: Drawn, path: Path) -> None:
             axes.plot([x], [y], "s", color=style.Y, label="rally point")
         handles, labels = axes.get_legend_handles_labels()
         named = dict(zip(labels, handles, strict=True))
-        axes.legend(named.values(), named.keys())
+        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named))
         axes.set(aspect="equal", xlabel="east of home, m", ylabel="north of home, m")
         axes.set_title(plan.title)
         picture = io.BytesIO()
