@@ -76,6 +76,7 @@ WIND_S = 0.05  # wall: between two looks at the wind
 SEVERITIES = {  # of what happens by itself; else INFO
     **{row.code: Severity[row.severity] for row in ROWS.values()},
     Code.LED_INTO_GROUND: Severity.WARNING,
+    Code.RETURN_STRAIGHT: Severity.WARNING,
     Code.FAILSAFE_MODE: Severity.CRITICAL,
     Code.FAILSAFE_STOPPED: Severity.CRITICAL,
     Code.OFFBOARD_LOST_STOPPED: Severity.CRITICAL,

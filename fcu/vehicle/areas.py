@@ -18,7 +18,7 @@ Numbers = np.ndarray[Any, np.dtype[np.float64]]
 TOUCHES = 1e-6  # m: a margin so small is a border
 NEARLY = 1e-9  # of an edge: so far beyond its ends it is met
 MOST_CROSSED = 64  # borders that a clear way crosses, of areas that overlap
-MOST_BESIDE = 2000  # borders that the ways of one plan cross, beside one a way
+MOST_LOOKS = 30_000_000  # at a border, for the ways of one plan: some 0.1 s
 
 
 class Polygon(NamedTuple):
@@ -134,6 +134,8 @@ def _is_inside(edges, first, stays, discs, x, y):
     """Tell whether `margin_at` is above TOUCHES, for less."""
     asked, found = False, False
     for k in range(stays.size):
+        if found and stays[k] != 0.0:
+            continue  # one is enough
         touches, within = False, False
         for i in range(first[k], first[k + 1]):
             touches |= _is_by(edges, i, x, y)
@@ -144,11 +146,12 @@ def _is_inside(edges, first, stays, discs, x, y):
         elif within or touches:
             return False
     for k in range(discs.shape[0]):
-        depth = discs[k, 2] - math.hypot(x - discs[k, 0], y - discs[k, 1])
+        dx, dy, radius = x - discs[k, 0], y - discs[k, 1], discs[k, 2]
+        apart = dx * dx + dy * dy
         if discs[k, 3] != 0.0:
             asked = True
-            found |= depth > TOUCHES
-        elif depth >= -TOUCHES:
+            found |= radius > TOUCHES and apart < (radius - TOUCHES) ** 2
+        elif apart <= (radius + TOUCHES) ** 2:
             return False
     return found or not asked
 
@@ -263,13 +266,13 @@ def first_crossing(edges, first, stays, discs, ways, parts):
     """The number of the first of some ways that leaves the areas or touches a border. -1: none.
 
     A way stays inside if its ends do, the places where it meets borders, and one between any two of these.
-    One that meets more than MOST_CROSSED borders counts as leaving, and so does the way at which all have met
-    MOST_BESIDE more than there are ways: this bounds the time.
+    One that meets more than MOST_CROSSED borders counts as leaving, and so does the way at which MOST_LOOKS
+    are through: this bounds the time.
 
     ways : float64[k, 5], east and north of two places and 0, or the centre of a circle twice and its radius.
     parts : float64[MOST_CROSSED], scratch.
     """
-    beside = MOST_BESIDE
+    left, borders = MOST_LOOKS, edges.shape[0] + discs.shape[0]
     for k in range(ways.shape[0]):
         way = ways[k]
         joined = k > 0 and ways[k - 1, 2] == way[0] and ways[k - 1, 3] == way[1]
@@ -282,8 +285,8 @@ def first_crossing(edges, first, stays, discs, ways, parts):
             met = _circle_crossed(edges, discs, way, parts)
         else:
             met = _straight_crossed(edges, discs, way, parts)
-        beside -= max(0, met - 1)
-        if met > parts.size or beside < 0:
+        left -= borders * (4 + 2 * met)
+        if met > parts.size or left < 0:
             return k
         _sort(parts, met)
         before = 0.0
@@ -323,16 +326,18 @@ def _keeps_clear(edges, discs, ax, ay, bx, by, kept):
 
 
 @kernel
-def measure(edges, first, stays, discs, starts, ends, kept, lengths):
+def measure(edges, first, stays, discs, starts, ends, kept, mirrored, lengths):
     """Write the lengths of the straight ways between places to `lengths`. Inf: too near a border, or outside.
 
     starts, ends : float64[n, 2] and float64[m, 2].  lengths : float64[n, m].
-    kept : the distance from every border that a way keeps.
+    kept : the distance from every border that a way keeps.  mirrored : the ends are the starts.
     """
     for i in range(starts.shape[0]):
         x, y = starts[i, 0], starts[i, 1]
         inside = _is_inside(edges, first, stays, discs, x, y)
-        for k in range(ends.shape[0]):
+        for k in range(i if mirrored else 0, ends.shape[0]):
             to_x, to_y = ends[k, 0], ends[k, 1]
             clear = inside and _keeps_clear(edges, discs, x, y, to_x, to_y, kept)
             lengths[i, k] = math.hypot(to_x - x, to_y - y) if clear else math.inf
+            if mirrored:
+                lengths[k, i] = lengths[i, k]

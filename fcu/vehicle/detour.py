@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from fcu.kernel.algebra import Vec3
-from fcu.vehicle.areas import Area, Polygon, borders_of, measure
+from fcu.vehicle.areas import Area, Polygon, borders_of, margin_at, measure
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
 
 KEPT = (3.0, 1.0)  # distances from the borders: the first at which there is a way
+OWN = 0.99  # of the margin of a start or an end nearer than that: what the way to it keeps
 ASIDE = 1.05  # of it: the distance of a bend from its corner
-MOST_CORNERS = 128  # of a fence; each bend is looked at with each other, in 10 ms, once
+MOST_CORNERS = 128  # of a fence: its bends, two a corner at most, are looked at with each other
 ROUND = 12  # bends about a circle
 
 
@@ -29,14 +30,10 @@ class Detours:
 
     def __init__(self, areas: tuple[Area, ...]) -> None:
         self._borders = borders_of(areas)
-        self._graphs: list[
-            tuple[float, Numbers, Numbers]
-        ] = []  # distance kept, bends, ways between
         few = len(self._borders.edges) + ROUND * len(self._borders.discs) <= MOST_CORNERS
-        for kept in KEPT:
-            beside = [r for area in areas for r in _bends(area, ASIDE * kept)] if few else []
-            bends = np.array(beside).reshape(-1, 2)
-            self._graphs.append((kept, bends, self._lengths(bends, bends, kept)))
+        self._areas = areas if few else ()
+        self._graphs: dict[float, tuple[Numbers, Numbers]] = {}  # bends and ways, by distance kept
+        self._graph(KEPT[0])
 
     def way(self, start: Vec3, end: Vec3, home: Vec3, across: float) -> list[Vec3] | None:
         """The places to fly through after `start`, at its height, with `end` as the last. None: no way.
@@ -44,10 +41,15 @@ class Detours:
         It is straight where that keeps clear.  across : the distance from home that bends may have.
         """
         a, b = np.array([start[:2]]), np.array([end[:2]])
-        for kept, bends, between in self._graphs:
-            if self._lengths(a, b, kept)[0, 0] < math.inf:
+        of_a, of_b = (OWN * margin_at(*self._borders, *r[:2]) for r in (start, end))
+        if not min(of_a, of_b) > 0.0:
+            return None
+        for kept in KEPT:
+            if self._lengths(a, b, min(kept, of_a, of_b))[0, 0] < math.inf:
                 return [end]
-            first, last = self._lengths(a, bends, kept)[0], self._lengths(bends, b, kept)[:, 0]
+            bends, between = self._graph(kept)
+            first = self._lengths(a, bends, min(kept, of_a))[0]
+            last = self._lengths(bends, b, min(kept, of_b))[:, 0]
             far = np.hypot(*(bends - home[:2]).T) > across - kept
             first[far] = last[far] = math.inf
             chain = shortest(first, np.where(far, math.inf, between), last)
@@ -56,9 +58,18 @@ class Detours:
                 return [*at, end]
         return None
 
-    def _lengths(self, starts: Numbers, ends: Numbers, kept: float) -> Numbers:
+    def _graph(self, kept: float) -> tuple[Numbers, Numbers]:
+        if kept not in self._graphs:
+            beside = [r for area in self._areas for r in _bends(area, ASIDE * kept)]
+            bends = np.array(beside).reshape(-1, 2)
+            self._graphs[kept] = bends, self._lengths(bends, bends, kept, mirrored=True)
+        return self._graphs[kept]
+
+    def _lengths(
+        self, starts: Numbers, ends: Numbers, kept: float, mirrored: bool = False
+    ) -> Numbers:
         found = np.empty((len(starts), len(ends)))
-        measure(*self._borders, starts, ends, kept, found)
+        measure(*self._borders, starts, ends, kept, mirrored, found)
         return found
 
 

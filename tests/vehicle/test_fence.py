@@ -10,7 +10,7 @@ import pytest
 
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
-from fcu.vehicle.areas import MOST_BESIDE, MOST_CROSSED, Disc, Polygon
+from fcu.vehicle.areas import MOST_CROSSED, MOST_LOOKS, Disc, Polygon
 from fcu.vehicle.fence import Breach, Fence, Limits, Way
 from fcu.vehicle.mission import Do, Step
 from fcu.vehicle.modes import Mode
@@ -185,13 +185,14 @@ def test_a_way_that_crosses_more_borders_than_are_looked_at_is_not_clear():
     assert not many.is_clear(start, end)
 
 
-def test_the_ways_of_a_plan_may_cross_so_many_borders_and_no_more():
+def test_a_plan_that_takes_too_long_to_look_at_is_refused():
     """Each crossing is a look at all corners: 2,000 ways of 64 would stall the loop for a second."""
     made = fence(*comb(MOST_CROSSED // 2))
     there, back = Vec3(-0.5, 0.0, 0.0), Vec3(200.0, 0.0, 0.0)
-    ways = [Way(there, back), Way(back, there)] * 100
-    assert made.first_outside(ways) == MOST_BESIDE // (MOST_CROSSED - 1)
-    assert made.first_outside(ways[: MOST_BESIDE // (MOST_CROSSED - 1)]) is None
+    ways = [Way(there, back), Way(back, there)] * 1500
+    looks = (3 * (MOST_CROSSED // 2) + 4 + 1) * (4 + 2 * MOST_CROSSED)  # a way
+    assert made.first_outside(ways) == MOST_LOOKS // looks
+    assert made.first_outside(ways[: MOST_LOOKS // looks]) is None
 
 
 # --- the way around
@@ -247,6 +248,18 @@ def test_a_way_does_not_bend_farther_from_home_than_the_fence_allows():
     assert fence(wall).way(start, end)[0].y > 45.0
     assert fence(wall, limits=Limits(across=40.0)).way(start, end)[0].y < -30.0
     assert fence(wall, limits=Limits(across=32.0)).way(start, end) is None
+
+
+@pytest.mark.parametrize("near", [0.9, 0.5, 0.1, 0.001])
+def test_a_way_begins_and_ends_nearer_to_a_border_than_it_keeps(near):
+    """A vehicle that hovered half a metre beside a wall flew home through it."""
+    wall = Polygon(False, ((15.0, -20.0), (30.0, -20.0), (30.0, 20.0), (15.0, 20.0)))
+    made, beside, home = fence(wall), Vec3(30.0 + near, 0.0, 5.0), Vec3(0.0, 0.0, 5.0)
+    for start, end in ((beside, home), (home, beside), (beside, Vec3(15.0 - near, 1.0, 5.0))):
+        way = made.way(start, end)
+        assert len(way) > 1
+        assert least(made, [start, *way]) >= 0.9 * near
+        assert least(made, way[:-1]) >= 3.0 - 1e-9
 
 
 def test_a_way_from_outside_or_in_a_fence_of_many_corners_is_not_known():
