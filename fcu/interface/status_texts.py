@@ -233,6 +233,7 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.POLYGON_BROKEN: ("no corner {0}",),
     Code.PLACE_OUTSIDE: ("not inside the fence",),
     Code.WAY_OUTSIDE: ("way leaves the fence",),
+    Code.RETURN_STRAIGHT: ("Return: straight, no way around known", "no way around"),
     Code.CIRCLE_OUTSIDE: ("circle leaves the fence",),
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
