@@ -1,7 +1,6 @@
 """Areas of a fence: how far a place is from their borders, and which ways cross none.
 
-Pure. Compiled, as the loop waits meanwhile: a way by 2,000 corners costs some 0.03 ms. Frame: Earth, east and
-north. Lengths in m.
+Pure. Compiled, as the loop waits meanwhile. Frame: Earth, east and north. Lengths in m.
 """
 
 from __future__ import annotations
@@ -18,7 +17,8 @@ Numbers = np.ndarray[Any, np.dtype[np.float64]]
 TOUCHES = 1e-6  # m: a margin so small is a border
 NEARLY = 1e-9  # of an edge: so far beyond its ends it is met
 MOST_CROSSED = 64  # borders that a clear way crosses, of areas that overlap
-MOST_LOOKS = 30_000_000  # at a border, for the ways of one plan: some 0.1 s
+# At a border, for the ways of one plan. This bounds how long the loop waits.
+MOST_LOOKS = 30_000_000
 
 
 class Polygon(NamedTuple):
@@ -106,7 +106,7 @@ def _is_by(edges, i, x, y):
 def margin_at(edges, first, stays, discs, x, y):
     """The distance of a place inside what the areas allow, below 0 outside.
 
-    Of several areas to stay inside, one is enough, as for PX4. Inf without areas.
+    Of several areas to stay inside, one is enough (PX4 at 001bb4d7 asks for all). Inf without areas.
     """
     inside, value, asked = -math.inf, math.inf, False
     for k in range(stays.size):

@@ -1,8 +1,8 @@
 """The way from one place to another that keeps inside a fence: straight, or around what is in between.
 
 The shortest way around areas bends at their corners. So the places to bend at stand a little aside from
-corners. Which straight ways between them keep clear of all borders is measured once for a fence, and the
-shortest chain of them is flown (Dijkstra). Pure. Frame: Earth ENU. M.
+corners. The straight ways between them that keep clear of all borders are measured once for a fence, and
+the shortest chain of them is flown (Dijkstra). Pure. Frame: Earth ENU. M.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import pytest
 
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
+from fcu.services.plan_items import MOST_ITEMS
 from fcu.vehicle.areas import MOST_CROSSED, MOST_LOOKS, Disc, Polygon
 from fcu.vehicle.fence import Breach, Fence, Limits, Way
 from fcu.vehicle.mission import Do, Step
@@ -193,6 +194,19 @@ def test_a_plan_that_takes_too_long_to_look_at_is_refused():
     looks = (3 * (MOST_CROSSED // 2) + 4 + 1) * (4 + 2 * MOST_CROSSED)  # a way
     assert made.first_outside(ways) == MOST_LOOKS // looks
     assert made.first_outside(ways[: MOST_LOOKS // looks]) is None
+
+
+@pytest.mark.parametrize("do", [Do.GO_TO, Do.CIRCLE])
+def test_the_largest_plan_and_fence_are_taken_and_as_many_circles_are_not(do):
+    """As docs/plans.md says it."""
+    angles = [2.0 * math.pi * k / MOST_ITEMS for k in range(MOST_ITEMS)]
+    corners = tuple((5000.0 * math.cos(q), 5000.0 * math.sin(q)) for q in angles)
+    flight = Flown()
+    flight.vehicle.take_fence((Polygon(True, corners),))
+    steps = tuple(
+        Step(do, Vec3(0.1 * k, float(k % 40), 5.0), radius=9.0) for k in range(MOST_ITEMS)
+    )
+    assert (flight.vehicle.plan_outside(steps) is None) == (do is Do.GO_TO)
 
 
 # --- the way around
