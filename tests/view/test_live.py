@@ -114,7 +114,8 @@ def test_a_vehicle_on_the_bus_is_shown_until_it_is_gone(recording, replayed, gcs
         arg=round(recording.plant["t"][-1], 3),
     )
     r_E = recording.plant["state.r_E"][-1]
-    np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, atol=1e-5)
+    # the scene passes over a move of less than a hundred-thousandth of where the vehicle is
+    np.testing.assert_allclose(node(page, "/world/vehicle")["position"], r_E, rtol=1.1e-5)
 
 
 def test_what_a_slow_browser_says_again_is_no_move_by_hand(recording):
