@@ -1,6 +1,8 @@
-"""Areas of a fence: how far a place is from their borders, and which ways cross none.
+"""Areas of a fence: how far a place is from their borders, and which ways keep clear of them.
 
-Pure. Compiled, as the loop waits meanwhile. Frame: Earth, east and north. Lengths in m.
+A vehicle has to be inside every area to stay inside, as for PX4 at 001bb4d7, and outside all others. So a way is
+clear if it begins inside and comes near no border. Pure. Compiled, as the loop waits meanwhile. Frame: Earth, east
+and north. Lengths in m.
 """
 
 from __future__ import annotations
@@ -15,10 +17,6 @@ from fcu.kernel.compile import kernel
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
 
 TOUCHES = 1e-6  # m: a margin so small is a border
-NEARLY = 1e-9  # of an edge: so far beyond its ends it is met
-MOST_CROSSED = 64  # borders that a clear way crosses, of areas that overlap
-# At a border, for the ways of one plan. This bounds how long the loop waits.
-MOST_LOOKS = 30_000_000
 
 
 class Polygon(NamedTuple):
@@ -92,23 +90,9 @@ def _beyond(edges, i, x, y):
 
 
 @kernel
-def _is_by(edges, i, x, y):
-    """Tell whether a place touches an edge."""
-    ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-    if x < min(ax, bx) - TOUCHES or x > max(ax, bx) + TOUCHES:
-        return False
-    if y < min(ay, by) - TOUCHES or y > max(ay, by) + TOUCHES:
-        return False
-    return _apart(ax, ay, bx, by, x, y) <= TOUCHES * TOUCHES
-
-
-@kernel
 def margin_at(edges, first, stays, discs, x, y):
-    """The distance of a place inside what the areas allow, below 0 outside.
-
-    Of several areas to stay inside, one is enough (PX4 at 001bb4d7 asks for all). Inf without areas.
-    """
-    inside, value, asked = -math.inf, math.inf, False
+    """The distance of a place inside what the areas allow, below 0 outside. Inf without areas."""
+    value = math.inf
     for k in range(stays.size):
         nearest, within = math.inf, False
         for i in range(first[k], first[k + 1]):
@@ -116,213 +100,82 @@ def margin_at(edges, first, stays, discs, x, y):
             nearest = min(nearest, apart)
             within ^= _beyond(edges, i, x, y)
         depth = math.sqrt(nearest) if within else -math.sqrt(nearest)
-        if stays[k] != 0.0:
-            inside, asked = max(inside, depth), True
-        else:
-            value = min(value, -depth)
+        value = min(value, depth if stays[k] != 0.0 else -depth)
     for k in range(discs.shape[0]):
         depth = discs[k, 2] - math.hypot(x - discs[k, 0], y - discs[k, 1])
-        if discs[k, 3] != 0.0:
-            inside, asked = max(inside, depth), True
-        else:
-            value = min(value, -depth)
-    return min(value, inside) if asked else value
+        value = min(value, depth if discs[k, 3] != 0.0 else -depth)
+    return value
 
 
 @kernel
-def _is_inside(edges, first, stays, discs, x, y):
-    """Tell whether `margin_at` is above TOUCHES, for less."""
-    asked, found = False, False
-    for k in range(stays.size):
-        if found and stays[k] != 0.0:
-            continue  # one is enough
-        touches, within = False, False
-        for i in range(first[k], first[k + 1]):
-            touches |= _is_by(edges, i, x, y)
-            within ^= _beyond(edges, i, x, y)
-        if stays[k] != 0.0:
-            asked = True
-            found |= within and not touches
-        elif within or touches:
-            return False
-    for k in range(discs.shape[0]):
-        dx, dy, radius = x - discs[k, 0], y - discs[k, 1], discs[k, 2]
-        apart = dx * dx + dy * dy
-        if discs[k, 3] != 0.0:
-            asked = True
-            found |= radius > TOUCHES and apart < (radius - TOUCHES) ** 2
-        elif apart <= (radius + TOUCHES) ** 2:
-            return False
-    return found or not asked
+def _meets(edges, i, ax, ay, bx, by, kept):
+    """Tell whether a straight way comes nearer than `kept` to an edge."""
+    cx, cy, dx, dy = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+    along_x, along_y = bx - ax, by - ay
+    of_c = along_x * (cy - ay) - along_y * (cx - ax)
+    of_d = along_x * (dy - ay) - along_y * (dx - ax)
+    wide = kept * math.hypot(along_x, along_y)
+    if (of_c > wide and of_d > wide) or (of_c < -wide and of_d < -wide):
+        return False  # all of it lies on one side
+    of_a = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
+    of_b = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
+    if (of_c > 0.0) != (of_d > 0.0) and (of_a > 0.0) != (of_b > 0.0):
+        return True  # the ends of each lie on both sides of the other
+    nearest = min(_apart(cx, cy, dx, dy, ax, ay), _apart(cx, cy, dx, dy, bx, by))
+    nearest = min(nearest, _apart(ax, ay, bx, by, cx, cy), _apart(ax, ay, bx, by, dx, dy))
+    return nearest <= kept * kept
 
 
 @kernel
-def _place(way, part):
-    """The place, east and north, at a part, 0 to 1, of a way."""
-    if way[4] > 0.0:
-        angle = 2.0 * math.pi * part
-        return way[0] + way[4] * math.cos(angle), way[1] + way[4] * math.sin(angle)
-    return way[0] + part * (way[2] - way[0]), way[1] + part * (way[3] - way[1])
-
-
-@kernel
-def _put(parts, found, part):
-    """Write a part within 0 and 1 to `parts` behind those found. How many there are now.
-
-    More than fit are one more than fit.
-    """
-    if not 0.0 < part < 1.0:
-        return found
-    if found >= parts.size:
-        return parts.size + 1
-    parts[found] = part
-    return found + 1
-
-
-@kernel
-def _straight_crossed(edges, discs, way, parts):
-    """Write to `parts` where a straight way meets borders. How often, as `_put`."""
-    x, y, dx, dy = way[0], way[1], way[2] - way[0], way[3] - way[1]
-    found = 0
+def _straight_keeps(edges, discs, ax, ay, bx, by, kept):
+    """Tell whether a straight way keeps so far from every border."""
     for i in range(edges.shape[0]):
-        ex, ey = edges[i, 2] - edges[i, 0], edges[i, 3] - edges[i, 1]
-        to_x, to_y = edges[i, 0] - x, edges[i, 1] - y
-        across = dx * ey - dy * ex
-        if across == 0.0:  # an edge along the way is met at its corners, by its neighbours
-            continue
-        of_edge = (to_x * dy - to_y * dx) / across
-        if abs(of_edge - 0.5) <= 0.5 + NEARLY:
-            found = _put(parts, found, (to_x * ey - to_y * ex) / across)
-    square = dx * dx + dy * dy
-    for k in range(discs.shape[0]):
-        to_x, to_y, radius = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
-        apart = (to_x * dy - to_y * dx) ** 2
-        if square == 0.0 or apart > (radius + TOUCHES) ** 2 * square:
-            continue
-        nearest = (to_x * dx + to_y * dy) / square
-        half = math.sqrt(max(radius * radius - apart / square, 0.0) / square)
-        found = _put(parts, found, nearest - half)
-        found = _put(parts, found, nearest + half)
-    return found
-
-
-@kernel
-def _part_of(x, y):
-    """The part of a circle at which a direction from its centre is."""
-    return (math.atan2(y, x) / (2.0 * math.pi)) % 1.0
-
-
-@kernel
-def _circle_crossed(edges, discs, way, parts):
-    """Write to `parts` where a circle meets borders. How often, as `_put`."""
-    x, y, radius = way[0], way[1], way[4]
-    found = 0
-    for i in range(edges.shape[0]):
-        to_x, to_y = edges[i, 0] - x, edges[i, 1] - y
-        ex, ey = edges[i, 2] - edges[i, 0], edges[i, 3] - edges[i, 1]
-        square = ex * ex + ey * ey
-        apart = (to_x * ey - to_y * ex) ** 2
-        if square == 0.0 or apart > (radius + TOUCHES) ** 2 * square:
-            continue
-        nearest = -(to_x * ex + to_y * ey) / square
-        half = math.sqrt(max(radius * radius - apart / square, 0.0) / square)
-        for of_edge in (nearest - half, nearest + half):
-            if abs(of_edge - 0.5) <= 0.5 + NEARLY:
-                part = _part_of(to_x + of_edge * ex, to_y + of_edge * ey)
-                found = _put(parts, found, part)
-    for k in range(discs.shape[0]):
-        to_x, to_y, other = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
-        apart = math.hypot(to_x, to_y)
-        if apart == 0.0 or not abs(radius - other) - TOUCHES <= apart <= radius + other + TOUCHES:
-            continue
-        cosine = (apart * apart + radius * radius - other * other) / (2.0 * apart * radius)
-        bends = math.acos(max(-1.0, min(1.0, cosine))) / (2.0 * math.pi)
-        middle = _part_of(to_x, to_y)
-        found = _put(parts, found, (middle - bends) % 1.0)
-        found = _put(parts, found, (middle + bends) % 1.0)
-    return found
-
-
-@kernel
-def _sort(parts, total):
-    """Sort the first `total` numbers, which are few."""
-    for k in range(1, total):
-        part, i = parts[k], k
-        while i > 0 and parts[i - 1] > part:
-            parts[i] = parts[i - 1]
-            i -= 1
-        parts[i] = part
-
-
-@kernel
-def _stays(edges, first, stays, discs, way, part):
-    """Tell whether the place at a part of a way is inside."""
-    x, y = _place(way, part)
-    return _is_inside(edges, first, stays, discs, x, y)
-
-
-@kernel
-def first_crossing(edges, first, stays, discs, ways, parts):
-    """The number of the first of some ways that leaves the areas or touches a border. -1: none.
-
-    A way stays inside if its ends do, the places where it meets borders, and one between any two of these.
-    One that meets more than MOST_CROSSED borders counts as leaving, and so does the way at which MOST_LOOKS
-    are through: this bounds the time.
-
-    ways : float64[k, 5], east and north of two places and 0, or the centre of a circle twice and its radius.
-    parts : float64[MOST_CROSSED], scratch.
-    """
-    left, borders = MOST_LOOKS, edges.shape[0] + discs.shape[0]
-    for k in range(ways.shape[0]):
-        way = ways[k]
-        joined = k > 0 and ways[k - 1, 2] == way[0] and ways[k - 1, 3] == way[1]
-        goes_on = joined and way[4] == 0.0 and ways[k - 1, 4] == 0.0
-        if not goes_on and not _stays(edges, first, stays, discs, way, 0.0):
-            return k
-        if not _stays(edges, first, stays, discs, way, 1.0):
-            return k
-        if way[4] > 0.0:
-            met = _circle_crossed(edges, discs, way, parts)
-        else:
-            met = _straight_crossed(edges, discs, way, parts)
-        left -= borders * (4 + 2 * met)
-        if met > parts.size or left < 0:
-            return k
-        _sort(parts, met)
-        before = 0.0
-        for i in range(met + 1):
-            part = parts[i] if i < met else 1.0
-            if not _stays(edges, first, stays, discs, way, 0.5 * (before + part)):
-                return k
-            if i < met and not _stays(edges, first, stays, discs, way, part):
-                return k
-            before = part
-    return -1
-
-
-@kernel
-def _keeps_clear(edges, discs, ax, ay, bx, by, kept):
-    """Tell whether a straight way is so far (m) from every border."""
-    square = kept * kept
-    for i in range(edges.shape[0]):
-        cx, cy, dx, dy = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-        near = _apart(cx, cy, dx, dy, ax, ay) < square or _apart(cx, cy, dx, dy, bx, by) < square
-        if near or _apart(ax, ay, bx, by, cx, cy) < square:  # its other end begins the next edge
-            return False
-        # the ends of each lie on both sides of the other: they cross
-        of_c = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        of_d = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
-        of_a = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
-        of_b = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
-        if (of_c > 0.0) != (of_d > 0.0) and (of_a > 0.0) != (of_b > 0.0):
+        if _meets(edges, i, ax, ay, bx, by, kept):
             return False
     for k in range(discs.shape[0]):
         x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
         nearest = math.sqrt(_apart(ax, ay, bx, by, x, y))
         farthest = max(math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y))
-        if nearest < radius + kept and farthest > radius - kept:
+        if nearest <= radius + kept and farthest >= radius - kept:
             return False
     return True
+
+
+@kernel
+def _circle_keeps(edges, discs, x, y, radius, kept):
+    """Tell whether a circle about a place keeps so far from every border."""
+    for i in range(edges.shape[0]):
+        ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        nearest = math.sqrt(_apart(ax, ay, bx, by, x, y))
+        farthest = max(math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y))
+        if nearest <= radius + kept and farthest >= radius - kept:
+            return False
+    for k in range(discs.shape[0]):
+        apart, other = math.hypot(discs[k, 0] - x, discs[k, 1] - y), discs[k, 2]
+        if abs(radius - other) - kept <= apart <= radius + other + kept:
+            return False
+    return True
+
+
+@kernel
+def first_crossing(edges, first, stays, discs, ways):
+    """The number of the first of some ways that is not clear, or that touches a border. -1: none.
+
+    ways : float64[k, 5], east and north of two places and 0, or the centre of a circle twice and its radius.
+    """
+    for k in range(ways.shape[0]):
+        x, y, radius = ways[k, 0], ways[k, 1], ways[k, 4]
+        joined = k > 0 and ways[k - 1, 2] == x and ways[k - 1, 3] == y
+        goes_on = joined and radius == 0.0 and ways[k - 1, 4] == 0.0  # where one ends that is clear
+        if not goes_on and not margin_at(edges, first, stays, discs, x + radius, y) > TOUCHES:
+            return k
+        if radius > 0.0:
+            clear = _circle_keeps(edges, discs, x, y, radius, TOUCHES)
+        else:
+            clear = _straight_keeps(edges, discs, x, y, ways[k, 2], ways[k, 3], TOUCHES)
+        if not clear:
+            return k
+    return -1
 
 
 @kernel
@@ -334,10 +187,10 @@ def measure(edges, first, stays, discs, starts, ends, kept, mirrored, lengths):
     """
     for i in range(starts.shape[0]):
         x, y = starts[i, 0], starts[i, 1]
-        inside = _is_inside(edges, first, stays, discs, x, y)
+        inside = margin_at(edges, first, stays, discs, x, y) > 0.0
         for k in range(i if mirrored else 0, ends.shape[0]):
             to_x, to_y = ends[k, 0], ends[k, 1]
-            clear = inside and _keeps_clear(edges, discs, x, y, to_x, to_y, kept)
+            clear = inside and _straight_keeps(edges, discs, x, y, to_x, to_y, kept)
             lengths[i, k] = math.hypot(to_x - x, to_y - y) if clear else math.inf
             if mirrored:
                 lengths[k, i] = lengths[i, k]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcu.kernel.algebra import Vec3
-from fcu.vehicle.areas import MOST_CROSSED, TOUCHES, Area, borders_of, first_crossing, margin_at
+from fcu.vehicle.areas import TOUCHES, Area, borders_of, first_crossing, margin_at
 from fcu.vehicle.detour import Detours
 
 
@@ -63,7 +63,6 @@ class Fence:
         self.breaches = 0
         self.border = Breach.NONE  # of the last breach
         self.since_us = 0
-        self._parts = np.zeros(MOST_CROSSED)
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -79,7 +78,7 @@ class Fence:
     def warm_up(self) -> None:
         """Load what looks at places and ways."""
         margin_at(*self._borders, 0.0, 0.0)
-        first_crossing(*self._borders, np.zeros((0, 5)), self._parts)
+        first_crossing(*self._borders, np.zeros((0, 5)))
         self._detours.way(self.home, self.home, self.home, math.inf)
 
     @property
@@ -108,7 +107,7 @@ class Fence:
         if not self.is_set:
             return None
         across = np.array([(a.x, a.y, b.x, b.y, r) for a, b, r in ways]).reshape(-1, 5)
-        crossing = int(first_crossing(*self._borders, across, self._parts))
+        crossing = int(first_crossing(*self._borders, across))
         looked = ways if crossing < 0 else ways[:crossing]
         beyond = (k for k, way in enumerate(looked) if not self._is_within(way))
         return next(beyond, None if crossing < 0 else crossing)
