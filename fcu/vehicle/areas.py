@@ -108,47 +108,69 @@ def margin_at(edges, first, stays, discs, x, y):
 
 
 @kernel
-def _meets(edges, i, ax, ay, bx, by, kept):
-    """Tell whether a straight way comes nearer than `kept` to an edge."""
-    cx, cy, dx, dy = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-    along_x, along_y = bx - ax, by - ay
-    of_c = along_x * (cy - ay) - along_y * (cx - ax)
-    of_d = along_x * (dy - ay) - along_y * (dx - ax)
-    wide = kept * math.hypot(along_x, along_y)
-    if (of_c > wide and of_d > wide) or (of_c < -wide and of_d < -wide):
-        return False  # all of it lies on one side
-    of_a = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
-    of_b = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
-    if (of_c > 0.0) != (of_d > 0.0) and (of_a > 0.0) != (of_b > 0.0):
-        return True  # the ends of each lie on both sides of the other
+def _is_within(edges, first, stays, discs, x, y):
+    """Tell whether a place that is on no border is inside, for less than `margin_at`."""
+    for k in range(stays.size):
+        within = False
+        for i in range(first[k], first[k + 1]):
+            within ^= _beyond(edges, i, x, y)
+        if within != (stays[k] != 0.0):
+            return False
+    for k in range(discs.shape[0]):
+        within = (x - discs[k, 0]) ** 2 + (y - discs[k, 1]) ** 2 < discs[k, 2] ** 2
+        if within != (discs[k, 3] != 0.0):
+            return False
+    return True
+
+
+@kernel
+def _meets(cx, cy, dx, dy, ax, ay, bx, by, kept):
+    """Tell whether a straight way, from a to b, comes nearer than `kept` to an edge, from c to d."""
+    across = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) > 0.0
+    beyond = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax) > 0.0
+    before = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx) > 0.0
+    behind = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx) > 0.0
+    if across != beyond and before != behind:  # the ends of each lie on both sides of the other
+        return True
     nearest = min(_apart(cx, cy, dx, dy, ax, ay), _apart(cx, cy, dx, dy, bx, by))
     nearest = min(nearest, _apart(ax, ay, bx, by, cx, cy), _apart(ax, ay, bx, by, dx, dy))
     return nearest <= kept * kept
 
 
 @kernel
+def _reaches(nearest, farthest, radius, kept):
+    """Tell whether what lies at these distances, squared, comes nearer than `kept` to a circle."""
+    inner = max(radius - kept, 0.0)
+    return nearest <= (radius + kept) ** 2 and farthest >= inner * inner
+
+
+@kernel
 def _straight_keeps(edges, discs, ax, ay, bx, by, kept):
-    """Tell whether a straight way keeps so far from every border."""
+    """Tell whether a straight way keeps farther than that from every border."""
+    along_x, along_y = bx - ax, by - ay
+    wide = kept * math.hypot(along_x, along_y)
     for i in range(edges.shape[0]):
-        if _meets(edges, i, ax, ay, bx, by, kept):
+        cx, cy, dx, dy = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        of_c = along_x * (cy - ay) - along_y * (cx - ax)
+        of_d = along_x * (dy - ay) - along_y * (dx - ax)
+        aside = (of_c > wide and of_d > wide) or (of_c < -wide and of_d < -wide)
+        if not aside and _meets(cx, cy, dx, dy, ax, ay, bx, by, kept):
             return False
     for k in range(discs.shape[0]):
-        x, y, radius = discs[k, 0], discs[k, 1], discs[k, 2]
-        nearest = math.sqrt(_apart(ax, ay, bx, by, x, y))
-        farthest = max(math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y))
-        if nearest <= radius + kept and farthest >= radius - kept:
+        x, y = discs[k, 0], discs[k, 1]
+        farthest = max((ax - x) ** 2 + (ay - y) ** 2, (bx - x) ** 2 + (by - y) ** 2)
+        if _reaches(_apart(ax, ay, bx, by, x, y), farthest, discs[k, 2], kept):
             return False
     return True
 
 
 @kernel
 def _circle_keeps(edges, discs, x, y, radius, kept):
-    """Tell whether a circle about a place keeps so far from every border."""
+    """Tell whether a circle about a place keeps farther than that from every border."""
     for i in range(edges.shape[0]):
         ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-        nearest = math.sqrt(_apart(ax, ay, bx, by, x, y))
-        farthest = max(math.hypot(ax - x, ay - y), math.hypot(bx - x, by - y))
-        if nearest <= radius + kept and farthest >= radius - kept:
+        farthest = max((ax - x) ** 2 + (ay - y) ** 2, (bx - x) ** 2 + (by - y) ** 2)
+        if _reaches(_apart(ax, ay, bx, by, x, y), farthest, radius, kept):
             return False
     for k in range(discs.shape[0]):
         apart, other = math.hypot(discs[k, 0] - x, discs[k, 1] - y), discs[k, 2]
@@ -164,16 +186,12 @@ def first_crossing(edges, first, stays, discs, ways):
     ways : float64[k, 5], east and north of two places and 0, or the centre of a circle twice and its radius.
     """
     for k in range(ways.shape[0]):
-        x, y, radius = ways[k, 0], ways[k, 1], ways[k, 4]
-        joined = k > 0 and ways[k - 1, 2] == x and ways[k - 1, 3] == y
-        goes_on = joined and radius == 0.0 and ways[k - 1, 4] == 0.0  # where one ends that is clear
-        if not goes_on and not margin_at(edges, first, stays, discs, x + radius, y) > TOUCHES:
-            return k
+        x, y, to_x, to_y, radius = ways[k, 0], ways[k, 1], ways[k, 2], ways[k, 3], ways[k, 4]
         if radius > 0.0:
             clear = _circle_keeps(edges, discs, x, y, radius, TOUCHES)
         else:
-            clear = _straight_keeps(edges, discs, x, y, ways[k, 2], ways[k, 3], TOUCHES)
-        if not clear:
+            clear = _straight_keeps(edges, discs, x, y, to_x, to_y, TOUCHES)
+        if not clear or not _is_within(edges, first, stays, discs, x + radius, y):
             return k
     return -1
 
@@ -187,7 +205,7 @@ def measure(edges, first, stays, discs, starts, ends, kept, mirrored, lengths):
     """
     for i in range(starts.shape[0]):
         x, y = starts[i, 0], starts[i, 1]
-        inside = margin_at(edges, first, stays, discs, x, y) > 0.0
+        inside = _is_within(edges, first, stays, discs, x, y)
         for k in range(i if mirrored else 0, ends.shape[0]):
             to_x, to_y = ends[k, 0], ends[k, 1]
             clear = inside and _straight_keeps(edges, discs, x, y, to_x, to_y, kept)
