@@ -46,6 +46,7 @@ from fcu.mavlink.telemetry import (
     ground_heartbeat,
 )
 from gcs_tools.flight.interrupts import interrupts_wait
+from gcs_tools.missions.asked import PlanProgress
 from gcs_tools.missions.plan_file import PlanFile
 
 FORCE_REBOOT = 20190226.0  # MAVLink's REBOOT_SHUTDOWN_CONDITIONS_FORCE
@@ -314,9 +315,10 @@ class Vehicle:
         self.upload(MissionType.MISSION, plan.mission)
         self.start_mission()
 
-    def plan_is_complete(self) -> bool:
-        """Tell whether all of the plan is done. Raises VehicleError."""
-        return self.mission_state().state == MissionState.COMPLETE
+    def plan_progress(self) -> PlanProgress:
+        """How far the plan is flown. Raises VehicleError."""
+        told = self.mission_state()
+        return PlanProgress(told.sequence, told.total, told.state == MissionState.COMPLETE)
 
     def start_mission(self) -> None:
         """Arm, and fly the plan from its first item on. Raises VehicleError."""

@@ -16,7 +16,16 @@ from fcu.kernel.algebra import Vec3
 from fcu.mavlink.geodesy import Origin, to_geodetic
 from gcs_tools.flight.ground_script import SLOW_M_S, Refused
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.missions.asked import LANDS, PLANS, Begun, Leg, at_rest, on_path, path_ticks
+from gcs_tools.missions.asked import (
+    LANDS,
+    PLANS,
+    Begun,
+    Leg,
+    PlanProgress,
+    at_rest,
+    on_path,
+    path_ticks,
+)
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import Plan
 from gcs_tools.missions.plan_file import PlanFile
@@ -53,8 +62,8 @@ class Flyer(Protocol):
     def fly_plan(self, plan: PlanFile, origin: Origin) -> None:
         """Upload a plan whose places are about `origin`, the place of local (0, 0, 0), and fly it."""
 
-    def plan_is_complete(self) -> bool:
-        """Tell whether all of the plan is done."""
+    def plan_progress(self) -> PlanProgress:
+        """How far the plan is flown."""
 
 
 class Seen(NamedTuple):
@@ -178,7 +187,9 @@ class ItemScript:
             if self._tick - self._asked_at < ASK_S * self._scene.rate_hz:
                 return False
             self._asked_at = self._tick
-            return self._vehicle.plan_is_complete()
+            progress = self._vehicle.plan_progress()
+            self.begun[-1] = begin._replace(plan=progress)
+            return progress.is_complete
         assert begin.place is not None
         near = math.dist(seen.r_E, begin.place) <= leg.within
         aloft = seen.flies and not seen.stands

@@ -69,6 +69,8 @@ def unfinished(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> str:
     leg = legs(flight)[begun[-1].leg]
     kind, place = flight.items[leg.item].kind, begun[-1].place
     text = f"Item {leg.item + 1} of {len(flight.items)} ({kind}) had not ended"
+    if (plan := begun[-1].plan) is not None:
+        return f"{text}: the vehicle was at item {plan.item} of the plan, whose last is {plan.total - 1}."
     r, v = plant["state.r_E"][-1], plant["state.v_E"][-1]
     if place is None or leg.kind in LANDS or not np.isfinite(r).all():
         return f"{text}."

@@ -164,12 +164,21 @@ def legs(flight: Flight) -> tuple[Leg, ...]:
     return tuple(found)
 
 
+class PlanProgress(NamedTuple):
+    """The item of a plan, from 0, at which the vehicle is, of how many, and whether all are done."""
+
+    item: int
+    total: int
+    is_complete: bool
+
+
 class Begun(NamedTuple):
     """A leg that was begun in a flight."""
 
     leg: int  # of `legs`
     tick: int
     place: Vec3 | None  # m, E: where to be at its end; a take-off's is above where it began
+    plan: PlanProgress | None = None  # as it was asked last; None: it is no plan
 
     def event(self, flight: Flight) -> Event:
         """The event of a recording that tells it: `read_begun` reads that."""

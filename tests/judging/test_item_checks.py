@@ -6,7 +6,7 @@ import numpy as np
 
 from fcu.kernel.buffers import columns, size
 from gcs_tools.judging.item_checks import unfinished
-from gcs_tools.missions.asked import Begun
+from gcs_tools.missions.asked import Begun, PlanProgress
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
@@ -41,6 +41,11 @@ def test_the_last_item_that_was_begun_is_told_with_the_way_left():
     said = unfinished(FLIGHT, begun, plant())
     assert "2 of 3 (go_to)" in said
     assert "3 m away at 0.25 m/s" in said
+
+
+def test_of_a_plan_its_item_is_told():
+    said = unfinished(FLIGHT, (Begun(1, 500, None, PlanProgress(4, 7, False)),), plant())
+    assert "the vehicle was at item 4 of the plan, whose last is 6." in said
 
 
 def test_of_a_landing_no_way_is_told():
