@@ -153,14 +153,14 @@ class Autopilot:
         self._stood_s = self._stands_s = 0.0  # for how long it stood, before and now
         self.heard_s = 0.0  # wall: when the plant was heard last; 0: never
         remembers, h = self._law.ticks.Remembered, params.law.h
+        has_model = fields(fields(remembers)["law"]).get("reference") is Reference
         self.flight = flight(
             self.codec, to_buffer(self._settings), h, size(remembers), self._filter.buffer,
-            self.vehicle.watch,
+            self.vehicle.watch, slice_of(remembers, "law.reference") if has_model else None,
         )  # fmt: skip
         self._measured = self.flight.measured
-        if fields(fields(remembers)["law"]).get("reference") is Reference:
-            at = slice_of(remembers, "law.reference")
-            self.vehicle.reference_model = self.flight.remembered[at]
+        if has_model:
+            self.vehicle.reference_model = self.flight.model
         if "a_m" in fields(fields(remembers)["guard"]):
             at = slice_of(remembers, "guard.a_m")
             self.vehicle.reference_acceleration = self.flight.remembered[at]

@@ -22,7 +22,7 @@ from fcu.kernel.pointers import Pointer, address_of, call_law
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
-from fcu.vehicle.conditions import look
+from fcu.vehicle.conditions import NO_MODEL, look
 from fcu.vehicle.position_filter import Filtered, quiet, take
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -67,6 +67,7 @@ class Flight(NamedTuple):
     settings: Buffer
     setpoint: Buffer
     remembered: Buffer
+    model: Buffer  # Reference, a part of `remembered`; NaN for a law without a reference model
     battery: Buffer  # Battery
     has_battery: Integers  # [1]
     told: Integers  # [3], of a datagram
@@ -74,13 +75,15 @@ class Flight(NamedTuple):
 
 
 def flight(
-    codec: PlantCodec, settings: Buffer, h: float, remembered: int, filtered: Buffer, watch: Buffer
-) -> Flight:
+    codec: PlantCodec, settings: Buffer, h: float, remembered: int, filtered: Buffer, watch: Buffer,
+    model: slice | None = None,
+) -> Flight:  # fmt: skip
     """What flies by `settings`, on the ground and disarmed, before its first tick.
 
     h : control period, s.  remembered : size of the law's Remembered.  filtered : float64[n] of a
-    PositionFilter.  watch : float64[size(Watch)], see `look`.
+    PositionFilter.  watch : float64[size(Watch)], see `look`.  model : where the law remembers its Reference, if it has one.
     """
+    memory = np.zeros(remembered)
     course = Course(
         system=codec.system, period_us=round(h * 1e6), h=h,
         time_us=-1.5,  # no whole number follows it: a first time is never quiet
@@ -96,7 +99,8 @@ def flight(
         watch=watch,
         settings=settings,
         setpoint=np.zeros(size(Setpoint)),
-        remembered=np.zeros(remembered),
+        remembered=memory,
+        model=NO_MODEL.copy() if model is None else memory[model],
         battery=codec.battery_buffer,
         has_battery=codec.has_battery,
         told=np.zeros(3, dtype=np.int64),
@@ -143,7 +147,13 @@ def tick(flight, law, datagram, length, row, decided_us):
         age = (time_us - course.since_us) * 1e-6
         remaining = flight.battery[_REMAINING] if flight.has_battery[0] != 0 else np.nan
         if look(
-            flight.watch, flight.measured, flight.setpoint, age, remaining, np.float64(time_us)
+            flight.watch,
+            flight.measured,
+            flight.model,
+            flight.setpoint,
+            age,
+            remaining,
+            np.float64(time_us),
         ):
             return NOT_QUIET_FILTERED
     if decide(flight, law, course, time_us, row):

@@ -21,6 +21,8 @@ from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Rotors, Vec3, minimum, norm, select3
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.rows import column_of
+from fcu.laws.face import Reference
 from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
 from fcu.vehicle import landing
@@ -273,6 +275,10 @@ class Watch(NamedTuple):
     anywhere_us: float  # as in `landing.touches`
 
 
+# of a law without a reference model
+NO_MODEL = np.full(size(Reference), math.nan)
+_MODEL_Z = column_of(Reference, "v_m.z")
+
 HELD = tuple(name for name, kind in get_type_hints(Watch).items() if kind is Held)
 
 _unpack_measured, _unpack_setpoint = unpacker(VehicleState), unpacker(Setpoint)
@@ -349,7 +355,7 @@ def fence_place_at(state, setpoint, age, predicts, limits):
 
 
 @kernel
-def _find(buffer, state, setpoint, age, remaining, behind, t_us):
+def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
     """The first Condition after `behind` that is new at a look. Other arguments as of `look`."""
     watch, measured = _unpack(buffer), _unpack_measured(state)
     pose, was = pose_of(measured), watch.landed
@@ -375,7 +381,14 @@ def _find(buffer, state, setpoint, age, remaining, behind, t_us):
     if behind < Condition.TOUCHDOWN and armed and (lands or not scripted):
         flown = carried(_unpack_setpoint(setpoint), age)
         touchdown = landing.touches(
-            watch.touchdown, flown, pose, landed.ground, t_us, lands, watch.anywhere_us
+            watch.touchdown,
+            flown,
+            model[_MODEL_Z],
+            pose,
+            landed.ground,
+            t_us,
+            lands,
+            watch.anywhere_us,
         )
         _pack_touchdown(buffer, touchdown)
         if touchdown.done != watch.touchdown.done:
@@ -410,12 +423,13 @@ def _find(buffer, state, setpoint, age, remaining, behind, t_us):
 
 
 @kernel
-def look(buffer, state, setpoint, age, remaining, t_us):
+def look(buffer, state, model, setpoint, age, remaining, t_us):
     """The next Condition that is new at this tick, as an int. NOTHING ends the look of this tick.
 
     To be called again once a condition is acted on: the look goes on behind it.
 
     buffer : float64[size(Watch)].  state : float64[size(VehicleState)], measured.
+    model : float64[6], place and velocity of the reference model after the last tick, NaN without one.
     setpoint : float64[size(Setpoint)], the setpoint that is flown, `age` seconds after it took
     effect, or any while the vehicle is disarmed.  remaining : charge of the battery, 0 to 1, NaN
     without one.  t_us : a float.
@@ -425,7 +439,7 @@ def look(buffer, state, setpoint, age, remaining, t_us):
     late = scripted and t_us > due.heard_us + due.lost_us
     found = Condition.NOTHING.value
     if t_us >= due.look_us:
-        found = _find(buffer, state, setpoint, age, remaining, behind, t_us)
+        found = _find(buffer, state, model, setpoint, age, remaining, behind, t_us)
         if found == Condition.NOTHING:
             _pack_look(buffer, t_us + LOOK_US)
     if found == Condition.NOTHING and late and behind < Condition.OFFBOARD_LOST:
@@ -447,4 +461,4 @@ def warm_up(limits: PlanLimits) -> None:
     stop(STILL, STILL, limits)
     carried(asked, 0.0)
     fence_place_at(measured, to_buffer(asked), 0.0, 0.0, to_buffer(limits))
-    look(np.zeros(size(Watch)), measured, to_buffer(asked), 0.0, math.nan, 0.0)
+    look(np.zeros(size(Watch)), measured, NO_MODEL, to_buffer(asked), 0.0, math.nan, 0.0)

@@ -271,9 +271,11 @@ def raised(asked: Setpoint, pose: Pose, ground: float) -> Setpoint:
 
 
 @kernel
-def touches(was, flown, pose, ground, t_us, meant, anywhere_us):
+def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us):
     """The TouchdownState after a look. `flown` : the Setpoint, carried to this moment.
 
+    model_z : velocity up of the reference model, m/s, NaN without one. A vehicle that does as its
+    reference model does is not hindered, however fast the setpoint sinks: the model lags behind it.
     meant : whether it is landing; else only a ground that is known can be what is in its way.
     anywhere_us : how long something has to be in its way where the ground is not.
     """
@@ -281,7 +283,8 @@ def touches(was, flown, pose, ground, t_us, meant, anywhere_us):
     if was.done != 0.0:
         gust = not v.z > -FALLING
         return TouchdownState(done=select(gust, 0.0, 1.0), since_us=since_us)
-    if flown.v_c.z > -AT_REST or v.z < HINDERED * flown.v_c.z:
+    down = select(model_z > flown.v_c.z, model_z, flown.v_c.z)
+    if down > -AT_REST or v.z < HINDERED * down:
         return TouchdownState(done=0.0, since_us=math.nan)
     if math.isnan(since_us):
         since_us = t_us
@@ -294,10 +297,10 @@ def touches(was, flown, pose, ground, t_us, meant, anywhere_us):
 
 
 @kernel
-def _see_touchdown(buffer, flown, pose, ground, t_us, meant, anywhere_us):
+def _see_touchdown(buffer, flown, model_z, pose, ground, t_us, meant, anywhere_us):
     """`touches` on a flat buffer; whether something has changed."""
     was = _unpack_touchdown(buffer)
-    now = touches(was, flown, pose, ground, t_us, meant, anywhere_us)
+    now = touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us)
     _pack_touchdown(buffer, now)
     return now.done != was.done
 
@@ -329,14 +332,14 @@ class TouchdownDetector:
 
     def see(
         self, flown: Setpoint, pose: Pose, ground: float, t_us: int, meant: bool = True,
-        f_m: float = 1.0,
+        f_m: float = 1.0, model_z: float = math.nan,
     ) -> bool:  # fmt: skip
         """One look; whether something has changed. `flown`: carried to this moment.
 
-        `meant`, `f_m`: as in `touches` and `anywhere_us`.
+        `meant`, `f_m`, `model_z`: as in `touches` and `anywhere_us`.
         """
         changed: bool = _see_touchdown(
-            self.buffer, flown, pose, ground, float(t_us), meant, anywhere_us(f_m)
+            self.buffer, flown, model_z, pose, ground, float(t_us), meant, anywhere_us(f_m)
         )
         return changed
 

@@ -37,6 +37,7 @@ from fcu.vehicle.conditions import (
     HELD,
     MODES,
     NEAR,
+    NO_MODEL,
     ROWS,
     Action,
     Clears,
@@ -409,7 +410,10 @@ class StateMachine:
         flown = _NOTHING if self.setpoint is None else self.setpoint
         age = (t_us - self.since_us) * 1e-6
         remaining = math.nan if self.battery is None else self.battery.remaining
-        return int(look(self.watch, self.state, to_buffer(flown), age, remaining, float(t_us)))
+        model = NO_MODEL if self.reference_model is None else self.reference_model
+        return int(
+            look(self.watch, self.state, model, to_buffer(flown), age, remaining, float(t_us))
+        )
 
     @property
     def wake_us(self) -> float:

@@ -248,6 +248,15 @@ def test_a_lazy_reference_that_lags_behind_is_not_a_ground():
     assert looks.index(True) * 20_000 == 5_000_000
 
 
+@pytest.mark.parametrize(("model_z", "touches"), [(0.14, False), (-0.1, False), (-0.7, True)])
+def test_a_vehicle_that_does_as_its_reference_model_is_not_hindered(model_z, touches):
+    """Behind a setpoint that sinks already, the model may still rise: no ground does that."""
+    sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
+    still = pose(5.0, Vec3(0.0, 0.0, 0.14))
+    looks = [seen.see(sinking, still, GROUND, k * 20_000, model_z=model_z) for k in range(60)]
+    assert any(looks) is touches
+
+
 @pytest.mark.slow
 def test_entering_offboard_with_a_setpoint_in_the_ground_is_told():
     flown = Flown(None)

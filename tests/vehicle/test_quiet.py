@@ -12,7 +12,7 @@ from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.rows import column_of
-from fcu.vehicle.conditions import Condition, look
+from fcu.vehicle.conditions import NO_MODEL, Condition, look
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.position_filter import PositionFilter, quiet
 from fcu.vehicle.state_machine import StateMachine
@@ -54,7 +54,7 @@ class Vehicles(Both):
         if self.charge is not None:
             remaining = self.charge(t_us)
             one.battery = other.battery = Battery(22.0, 10.0, 0.0, remaining, 0.0)
-        found = look(other.watch, state, to_buffer(flown), age, remaining, float(t_us))
+        found = look(other.watch, state, NO_MODEL, to_buffer(flown), age, remaining, float(t_us))
         is_quiet = found == Condition.NOTHING
         told = [] if is_quiet else other.observe(state, t_us, wall_s)
         self.quiet.append(is_quiet)
