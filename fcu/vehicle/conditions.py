@@ -364,7 +364,8 @@ def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
         return Condition.FIRST_STATE.value
     landed = was
     if behind < Condition.LANDED:
-        landed = landing.stands(was, watch.c_T, measured, t_us)
+        down = watch.touchdown.done if armed else 0.0
+        landed = landing.stands(was, down, watch.c_T, measured, t_us)
         _pack_landed(buffer, landed)
         if landed.landed != was.landed:  # either way: what is reported of a tick is of that tick
             return Condition.LANDED.value

@@ -76,14 +76,15 @@ _unpack_touchdown, _pack_touchdown = unpacker(TouchdownState), packer(TouchdownS
 
 
 @kernel
-def stands(was, c_T, measured, t_us):
+def stands(was, down, c_T, measured, t_us):
     """The LandedState after a look at a VehicleState, some 50 times a second.
 
+    down : 1 if it is armed and has come down. A wind may then drag it along the ground.
     c_T : believed thrust coefficients, N s^2, a Rotors.  t_us : simulation time, us, a float.
     """
     Omega, v, height = measured.Omega, measured.v_E, measured.r_E.z
     T = total(c_T * (Omega * Omega))
-    still = dot(v, v) < STANDS * STANDS
+    still = dot(v, v) < STANDS * STANDS or (down != 0.0 and abs(v.z) < STANDS)
     carried = LIGHT * was.T_flight < T  # by its rotors
     T_flight, since_us, stood_at = was.T_flight, was.since_us, was.stood_at
     ground, landed, has_flown = was.ground, was.landed, was.has_flown
@@ -121,7 +122,7 @@ def stands(was, c_T, measured, t_us):
 @kernel
 def _see_landed(buffer, c_T, row, t_us):
     """`stands` on flat buffers."""
-    _pack_landed(buffer, stands(_unpack_landed(buffer), c_T, _unpack_measured(row), t_us))
+    _pack_landed(buffer, stands(_unpack_landed(buffer), 0.0, c_T, _unpack_measured(row), t_us))
 
 
 class LandedDetector:
