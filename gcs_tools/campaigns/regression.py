@@ -3,7 +3,8 @@
 Flights of one mission are held against each other. With the same seeds in both, winds and noise are the
 same too: what differs is the change's doing, and a metric is worse when its mean is, by more than a
 tolerance. With other seeds a metric is worse when its mean is beyond the interval in which the baseline
-expects it: of shares of time by their square roots, whose spread does not grow with the share.
+expects it. Of shares of time the mean is that of their square roots, squared: the spread of roots does not
+grow with the share.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_tools.judging.comparison import RECORDING, Flown, unequal
+from gcs_tools.judging.comparison import RECORDING, RESULT, Flown, unequal
 from gcs_tools.judging.first_difference import Parted, first_difference
 from gcs_tools.judging.junit_report import Case
 from gcs_tools.judging.metrics import FLOORS, METRICS
@@ -28,6 +29,7 @@ LEVEL = (
 TOLERANCE = 0.005  # of the baseline's mean, by which a metric may be worse
 LEAST = 1e-6  # in a metric's unit: less is no difference
 TOLD = 3  # flights that are told of one by one
+RESAMPLES = 19_999  # of flights that change sides
 FEWEST = 3  # flights of a baseline that give an interval
 _NOT_TOLD = "flight.seed", "flight.duration_s"
 
@@ -105,6 +107,7 @@ def held_against(
 ) -> list[Held]:
     """Each mission of the baseline, with what is worse. Raises RegressionError.
 
+    A run without a verdict is refused, and a recording alone is not.
     exact : to the bit.  tolerance : part of the baseline's mean, for flights with the same seeds.
     """
     missions = list(dict.fromkeys(each.mission for each in baseline))
@@ -113,6 +116,11 @@ def held_against(
         raise RegressionError(
             f"no mission in common: flown {flown}; baseline {', '.join(missions)}"
         )
+    for each in (*flights, *baseline):
+        if each.passed is None and each.path.is_dir():
+            raise RegressionError(
+                f"{each.path}: this run has no verdict (its {RESULT} is missing or cannot be read): fly it again"
+            )
     hold = _exactly if exact else _by_metrics
     found = []
     for mission in missions:
@@ -164,13 +172,26 @@ def _is_by_wall(flight: Flown) -> bool:
     return script != "None" and flight.values.get("flight.pace") != HELD
 
 
-def _failures(mine: Sequence[Flown], theirs: Sequence[Flown]) -> list[str]:
-    """Flights that fail, where all of the baseline passed."""
-    if any(each.passed is False for each in theirs):
+def _failures(mine: Sequence[Flown], theirs: Sequence[Flown], paired: bool) -> list[str]:
+    """Flights that fail and passed with the same seed, or that fail more often than those of other seeds."""
+    passed = [each.passed is not False for each in theirs]
+    if not paired and not all(passed):
         now, was = (sum(each.passed is False for each in of) for of in (mine, theirs))
-        more = now / len(mine) > was / len(theirs)
+        more = _is_more_often(now, len(mine), was, len(theirs))
         return [f"{now} of {len(mine)} flights fail, {was} of {len(theirs)} did"] if more else []
-    return [f"{each.name} failed: {each.why}" for each in mine if each.passed is False]
+    if not paired:
+        passed = [True] * len(mine)
+    return [
+        f"{each.name} failed: {each.why}" for each, did in zip(mine, passed, strict=True)
+        if did and each.passed is False
+    ]  # fmt: skip
+
+
+def _is_more_often(now: int, flights: int, was: int, baseline: int) -> bool:
+    """Tell whether `now` of some flights are more than `was` of the baseline's lead one to expect (Fisher)."""
+    from scipy.stats import hypergeom
+
+    return bool(hypergeom.sf(now - 1, flights + baseline, now + was, flights) < 1.0 - LEVEL)
 
 
 def _by_metrics(
@@ -197,24 +218,77 @@ def _by_metrics(
     ]
     worse = []
     for name in wanted:
-        before = [value for each in theirs if (value := each.metrics.get(name)) is not None]
-        now = [value for each in mine if (value := each.metrics.get(name)) is not None]
+        before, now = _values(name, theirs), _values(name, mine)
+        if pairs:
+            lost = any(
+                b.metrics.get(name) is not None and a.metrics.get(name) is None for a, b in pairs
+            )
+            both = [(a, b) for a, b in pairs if a.metrics.get(name) is not None]
+            now, before = (
+                _values(name, [a for a, _ in both]),
+                _values(name, [b for _, b in both]) or before,
+            )
         if not pairs and len(before) < FEWEST:
             raise RegressionError(
                 f"{mission}: {name} has a value in {len(before)} of the baseline's {len(theirs)} flights,"
                 f" and an interval takes {FEWEST}: fly more flights for the baseline"
             )
+        if not pairs:
+            without, were = len(mine) - len(now), len(theirs) - len(before)
+            lost = (
+                without > 0 if were == 0 else _is_more_often(without, len(mine), were, len(theirs))
+            )
         limit = _limit(name, before, len(now), bool(pairs), len(wanted), tolerance)
-        mean = math.fsum(now) / len(now) if len(now) == len(mine) else None
+        mean = _mean(name, now, bool(pairs)) if now and not lost else None
         sign = -1.0 if name in FLOORS else 1.0
-        if mean is None and len(before) < len(theirs):
-            continue  # the baseline has flights without a value of it, too
-        if mean is None or sign * (mean - limit) > 0.0:
-            worse.append(Worse(name, mean, math.fsum(before) / len(before), limit))
+        beyond = mean is not None and sign * (mean - limit) > 0.0
+        if beyond and not pairs:
+            beyond = _is_beyond_chance(name, before, now, len(wanted))
+        if lost or beyond:
+            worse.append(Worse(name, mean, _mean(name, before, bool(pairs)), limit))
     return Held(
         mission, len(mine), len(theirs), "seeds" if pairs else "interval", tuple(worse),
-        tuple(_failures(mine, theirs)), _changed(mine, theirs),
+        tuple(_failures(mine, theirs, bool(pairs))), _changed(mine, theirs),
     )  # fmt: skip
+
+
+def _is_beyond_chance(
+    name: str, before: Sequence[float], now: Sequence[float], metrics: int
+) -> bool:
+    """Tell whether flights that change sides at random differ so rarely. True where they are too few to tell.
+
+    Student's interval takes what is outside for rarer than it is, if the metric is 0 but for a few flights.
+    """
+    from scipy.stats import permutation_test
+
+    rare = (1.0 - LEVEL) / metrics
+    if math.comb(len(before) + len(now), len(now)) * rare < 1.0:
+        return True
+    sign = -1.0 if name in FLOORS else 1.0
+    of = [
+        np.sqrt(each) if _is_by_roots(name, False) else np.asarray(each) for each in (now, before)
+    ]
+    found = permutation_test(
+        of, lambda x, y, axis: sign * (x.mean(axis) - y.mean(axis)), vectorized=True,
+        alternative="greater", n_resamples=RESAMPLES, rng=np.random.default_rng(0),
+    )  # fmt: skip
+    return bool(found.pvalue < rare)
+
+
+def _values(name: str, flights: Sequence[Flown]) -> list[float]:
+    """The values of a metric, of the flights that have one."""
+    return [value for each in flights if (value := each.metrics.get(name)) is not None]
+
+
+def _is_by_roots(name: str, paired: bool) -> bool:
+    return name.endswith("_fraction") and not paired
+
+
+def _mean(name: str, values: Sequence[float], paired: bool) -> float:
+    """The mean of a metric, of shares of time with other seeds that of their roots, squared."""
+    if _is_by_roots(name, paired):
+        return float(np.sqrt(values).mean()) ** 2
+    return math.fsum(values) / len(values)
 
 
 def _limit(
@@ -222,14 +296,14 @@ def _limit(
 ) -> float:
     """From which on the mean of so many flights is worse than the baseline's."""
     sign = -1.0 if name in FLOORS else 1.0
-    mean, n = math.fsum(before) / len(before), len(before)
+    mean, n = _mean(name, before, paired), len(before)
     limit = mean + sign * max(tolerance * abs(mean), LEAST)
     if paired or n == 1 or not flights:
         return limit
     from scipy.special import stdtrit
 
     quantile = float(stdtrit(n - 1, 1.0 - (1.0 - LEVEL) / metrics))
-    is_share = name.endswith("_fraction")
+    is_share = _is_by_roots(name, paired)
     values = np.sqrt(before) if is_share else np.asarray(before)
     room = quantile * float(np.std(values, ddof=1)) * math.sqrt(1.0 / flights + 1.0 / n)
     edge = float(values.mean()) + sign * room

@@ -107,7 +107,8 @@ def below(path: Path) -> list[Path]:
     """The run at a path, or all runs in the folders below it. Raises CompareError if there is none."""
     if path.is_file() or (path / RESULT).is_file() or (path / RECORDING).is_file():
         return [path]
-    found = sorted(result.parent for result in path.rglob(RESULT))
+    # a run that was killed has left no result
+    found = sorted({each.parent for name in (RESULT, RECORDING) for each in path.rglob(name)})
     if not found:
         raise CompareError(f"{path}: expected a run, or a folder with runs: no {RESULT} is there")
     return found

@@ -132,6 +132,57 @@ def test_a_flight_that_fails_and_a_mission_that_is_missing_are_worse():
     assert held.passed
 
 
+def test_of_the_same_seeds_each_flight_that_fails_and_passed_is_told():
+    """As many fail as before, but another one."""
+    one, two = (replace(FLIGHT, name=str(seed), seed=seed) for seed in (1, 2))
+    lost = [replace(each, passed=False, ended="crashed") for each in (one, two)]
+    (held,) = held_against([lost[0], two], [one, lost[1]])
+    assert held.failed == ("1 failed: crashed",)
+
+
+@pytest.mark.parametrize(("lost", "is_more"), [(10, False), (13, False), (18, True)])
+def test_of_other_seeds_flights_fail_more_often_beyond_chance(lost, is_more):
+    """Ten of twenty failed in the baseline. P(at least 18 of 20 | 28 of 40) is 0.7 % (Fisher)."""
+    before = [replace(FLIGHT, name=str(k), seed=k, passed=k > 10) for k in range(1, 21)]
+    now = [replace(FLIGHT, name=str(k), seed=k, passed=k > 100 + lost) for k in range(101, 121)]
+    (held,) = held_against(now, before)
+    assert (held.by, bool(held.failed)) == ("interval", is_more)
+
+
+def test_flights_that_have_a_value_are_compared_though_others_have_none():
+    before, now = (
+        flights(dict.fromkeys(range(1, 21), 0.1)),
+        flights(dict.fromkeys(range(1, 21), 9.0)),
+    )
+    without = {METRIC: None, FLOOR: 10.0}
+    before[0] = replace(before[0], metrics=without)
+    (held,) = held_against(now, before)
+    assert [(each.metric, each.value) for each in held.worse] == [(METRIC, 9.0)]
+    (held,) = held_against([before[0], *now[1:]], before)
+    assert [each.metric for each in held.worse] == [METRIC]
+    (held,) = held_against(before, before)
+    assert held.passed
+
+
+def test_shares_of_time_that_are_mostly_0_raise_no_false_alarm():
+    """One flight in twenty meets a limit for a while: of 400 comparisons, at most a few say worse."""
+    random = np.random.default_rng(2)
+    name = "torque_saturated_fraction"
+
+    def drawn(first: int) -> list[Flown]:
+        shares = np.where(random.random(50) < 0.05, random.exponential(1e-3, 50), 0.0)
+        return flights(dict(enumerate(shares.tolist(), first)), name)
+
+    told = sum(not held_against(drawn(1), drawn(101))[0].passed for _ in range(400))
+    assert told <= 4  # a hundredth
+
+
+def test_a_run_without_a_verdict_is_refused(tmp_path):
+    """One whose runner was killed, or whose result is cut: the recording alone says not that it passed."""
+    with pytest.raises(RegressionError, match="has no verdict"):
+        held_against([replace(FLIGHT, passed=None, path=tmp_path)], [FLIGHT])
+
+
 def test_a_metric_that_is_lost_is_worse():
     (held,) = held_against([replace(FLIGHT, metrics={METRIC: None, FLOOR: 10.0})], [FLIGHT])
     assert [each.value for each in held.worse] == [None]
