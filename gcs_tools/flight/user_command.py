@@ -15,6 +15,7 @@ from typing import Any
 from gcs_tools.flight.processes import SUSPENDED, Child, is_stopped
 
 _WORD = re.compile(r"\{([a-z_]+)\}")
+_OPEN = re.compile(r"\{([a-z_]+)(?![a-z_}])")
 SCRIPT_WORDS = ("url", "mavsdk_url", "tcp_url", "port", "instance", "system_id", "out", "speed")
 PYTHON = ("python", "python3")  # the Python that runs this program
 
@@ -34,6 +35,11 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
         raise CommandError(f"{text!r}: {error}") from error
     if not words:
         raise CommandError("expected a command, got nothing")
+    if (sign := _shell_sign(text)) is not None:
+        raise CommandError(
+            f"{sign!r}: no shell runs this command. Quote it if it is a part of a word, or have a shell run all:"
+            " sh -c '...'"
+        )
     if "\0" in text or text != text.encode(errors="replace").decode():
         raise CommandError(f"{text!r}: expected text without null characters")
     _is_there(words, folder)
@@ -43,7 +49,20 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
             raise CommandError(
                 f"{{{name}}}: did you mean {{{close[0]}}}? Expected one of {', '.join(names)}"
             )
+    for name in (name for word in words for name in _OPEN.findall(word)):
+        if name in names:
+            raise CommandError(f"{{{name}: expected a closing brace, {{{name}}}")
     return words
+
+
+def _shell_sign(text: str) -> str | None:
+    """The first sign outside quotes that means something to a shell alone. None: there is none."""
+    lexer = shlex.shlex(text, posix=False, punctuation_chars=";<>|&")
+    lexer.whitespace_split, lexer.commenters = True, ""
+    try:
+        return next((word for word in lexer if not word.strip(";<>|&")), None)
+    except ValueError:  # quotes within quotes, which this reader of words does not follow
+        return None
 
 
 def _is_there(words: Sequence[str], folder: Path) -> None:
@@ -64,6 +83,8 @@ def _is_there(words: Sequence[str], folder: Path) -> None:
         )
         if "/" not in words[0] or not os.access(program, os.X_OK):
             raise CommandError(f"{words[0]}: this file is not run by its name alone: {way}")
+    if "/" in words[0]:
+        raise CommandError(f"{words[0]}: no such program in {folder.absolute()}")
     raise CommandError(f"{words[0]}: no such program (a file needs its path)")
 
 

@@ -167,6 +167,35 @@ def test_a_program_beside_its_mission_is_found_from_any_folder(tmp_path, monkeyp
             command_words(bad, SCRIPT_WORDS, tmp_path)
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "true {url} && true",
+        "true; exit 7",
+        "true {url} > out.txt",
+        "true | tee out",
+        "true &",
+        "true {url",
+    ],
+)
+def test_signs_of_a_shell_and_open_braces_are_refused(command, tmp_path):
+    """A check behind && was given to the script as its arguments, and never ran."""
+    with pytest.raises(CommandError):
+        command_words(command, SCRIPT_WORDS, tmp_path)
+
+
+def test_signs_of_a_shell_are_allowed_within_quotes(tmp_path):
+    assert (
+        command_words("sh -c 'true && true; exit 7'", SCRIPT_WORDS, tmp_path)[2]
+        == "true && true; exit 7"
+    )
+    assert command_words("true 'a;b' \"c & d\" it\\'s", SCRIPT_WORDS, tmp_path)[1:] == (
+        "a;b",
+        "c & d",
+        "it's",
+    )
+
+
 @pytest.mark.parametrize("how", FAILURES)
 def test_a_failure_is_named_and_leaves_nobody(fly, how):
     late = how in ("hangs", "deaf")
