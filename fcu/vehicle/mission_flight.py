@@ -30,7 +30,8 @@ EASES = 0.1  # of the speed: by so much it changes from piece to piece
 WITHIN = 0.7  # of the acceptance radius, in which a corner is rounded
 SHARE = 0.45  # of a leg, that a corner takes at most
 REMAINDER = 0.8  # the same, of a leg whose begin a corner has taken
-CHORDS = 8  # of a curve, which are held against the fence
+CHORDS, MOST_CHORDS = 8, 1000  # of a curve, which are held against the fence
+BULGE = 0.01  # m, that a curve may lie outside its chords
 STRAIGHT = 1e-3  # |u2 - u1| of legs that are one line
 TURNS = 0.5  # rad/s, at most
 FACES_FROM = 1.0  # m across: a shorter leg does not turn the vehicle
@@ -358,7 +359,10 @@ class MissionFlight:
         """Tell whether the curve through a corner stays inside the fence."""
         enters = end - corner.before * leg.ahead
         begins = at(enters, 0.0, corner.speed * leg.ahead, corner.acceleration)
-        places = [carried(begins, k / CHORDS * corner.for_s).r_c for k in range(CHORDS + 1)]
+        # a chord of a parabola is a t^2 / 8 from it, of the time t that the chord takes
+        bulge = 0.125 * length(corner.acceleration) * corner.for_s * corner.for_s
+        n = min(MOST_CHORDS, max(CHORDS, math.ceil(math.sqrt(bulge / BULGE))))
+        places = [carried(begins, k / n * corner.for_s).r_c for k in range(n + 1)]
         return all(self._sees.is_clear(a, b) for a, b in pairwise(places))
 
     def _round(self, leg: Leg, corner: Corner, end: Vec3) -> Iterator[Piece]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle.mission import Do, Step
+from fcu.vehicle.mission_flight import MissionFlight, corner_of, leg_of
 from fcu.vehicle.modes import Mode
+from fcu.vehicle.plans import STILL, PlanLimits, length
 from tests.vehicle.flown import Flown
 
 
@@ -85,4 +88,21 @@ def test_a_place_in_the_ground_is_flown_above_it():
     flight.begin(60.0)
     assert flight.vehicle.mission.is_complete
     assert min(r.z for r in flight.track[1500:]) > flight.ground + 0.2
-    assert Code.LED_INTO_GROUND not in flight.told
+    assert Code.led_INTO_GROUND not in flight.told
+
+
+def test_a_long_curve_is_held_against_the_fence_all_along():
+    """With eight chords it would lie a metre beside them."""
+    led = PlanLimits(12.0, 3.0, 1.5, 3.0, 2.0)
+    leg = leg_of(Vec3(0.0, 0.0, 5.0), Vec3(300.0, 0.0, 5.0), led)
+    onward = leg_of(Vec3(300.0, 0.0, 5.0), Vec3(300.0, 300.0, 5.0), led)
+    corner = corner_of(leg, onward, 150.0, 140.0, led)
+    asked = []
+    sees = SimpleNamespace(is_clear=lambda a, b: asked.append((a, b)) or True)
+    flight = MissionFlight(None, sees, SimpleNamespace(r_E=STILL, psi=0.0))
+    assert flight._is_clear(leg, corner, Vec3(300.0, 0.0, 5.0))
+    for a, b in asked:
+        far = length(b - a)
+        bulge = length(corner.acceleration) * (corner.for_s / len(asked)) ** 2 / 8.0
+        assert far > 0.0
+        assert bulge <= 0.01
