@@ -232,8 +232,8 @@ class StickFlight:
         """Position: a velocity along the heading, taken up within the limits of acceleration."""
         p, led, now = self._p, seen.led, seen.flown
         zone, bend = p["MAN_DEADZONE"], p["MPC_XY_MAN_EXPO"]
-        ahead, right = within_circle(sticks.pitch, sticks.roll)
-        ahead, right = (expo(past_dead_zone(n, zone), bend) for n in (ahead, right))
+        bent = (expo(past_dead_zone(n, zone), bend) for n in (sticks.pitch, sticks.roll))
+        ahead, right = within_circle(*bent)
         speed = min(p["MPC_VEL_MANUAL"], led.cruise)
         self._turn(sticks, expo_of_yaw(sticks.yaw, p), seen, dt_s)
         wanted = turned(Vec3(speed * ahead, -speed * right, 0.0), seen.pose.psi)

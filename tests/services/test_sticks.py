@@ -26,8 +26,8 @@ NAN = np.nan
         (ManualControl(FROM, 1, 0.0, 0.0, 0.5, 0.0), Sticks(0.0, 0.0, 0.0, 0.0)),
         (ManualControl(FROM, 1, 0.0, 0.0, 0.0, NAN), Sticks(0.0, 0.0, 0.0, -1.0)),
         (ManualControl(FROM, 1, NAN, NAN, NAN, NAN), None),
-        # a radio's pitch stick is high when it is pulled, as PX4 reads it
-        (ChannelsOverride(FROM, 1, 1, (0.5, -1.0, 1.0, -1.0)), Sticks(0.5, 1.0, -1.0, 1.0)),
+        # high is forward, as PX4 reads a channel that is not reversed
+        (ChannelsOverride(FROM, 1, 1, (0.5, 1.0, 1.0, -1.0)), Sticks(0.5, 1.0, -1.0, 1.0)),
         (ChannelsOverride(FROM, 1, 1, (NAN, NAN, -1.0, NAN)), Sticks(0.0, 0.0, 0.0, -1.0)),
         (ChannelsOverride(FROM, 1, 1, (NAN, NAN, NAN, NAN)), None),
     ],
