@@ -26,7 +26,7 @@ def summary(
     first = [_shortened(campaign.document.title)]
     last = [f"Everything else: {page}"]
     if len(found.laws) > 1:
-        return [*first, *_laws(found, shown), *_worst(found.laws, out), *last]
+        return [*first, *_laws(found, shown), *_worst(campaign, found.laws, out), *last]
     (law,) = found.laws
     end = f", ended early of {found.of}" if found.flights < found.of else ""
     first.append(
@@ -34,7 +34,7 @@ def summary(
         f" {percent(law.success, found.confidence)}"
     )
     first += [line for each in shown for line in _wrapped(f"{mark(each)}  {each}")]
-    last = [*_failures(law), *_worst(found.laws, out), *last]
+    last = [*_failures(law), *_worst(campaign, found.laws, out), *last]
     return [*first, *_metrics(campaign, law, LINES - len(first) - len(last)), *last]
 
 
@@ -105,7 +105,7 @@ def _said(cause: Cause) -> str:
     return f"a low {cause.name}" if cause.direction < 0.45 else f"the value of {cause.name}"
 
 
-def _worst(laws: tuple[OfLaw, ...], out: Path) -> Iterator[str]:
+def _worst(campaign: Campaign, laws: tuple[OfLaw, ...], out: Path) -> Iterator[str]:
     """The command that flies the worst flight again: of the first law that has a failure."""
     named = [law for law in laws if law.worst]
     if not named:
@@ -114,7 +114,8 @@ def _worst(laws: tuple[OfLaw, ...], out: Path) -> Iterator[str]:
     worst = law.worst[0]
     again = command(out, worst.number, law.law if len(laws) > 1 else "")
     what = "largest error" if worst.success else f"worst failure, ended by {worst.ended}"
-    yield f"Fly again ({what}): {again}"
+    allowed = "" if campaign.variants[0].mission.flight.script is None else " --allow-commands"
+    yield f"Fly again ({what}): {again}{allowed}"
 
 
 def _metrics(campaign: Campaign, law: OfLaw, lines: int) -> Iterator[str]:

@@ -426,8 +426,11 @@ def fly(
     mission, a setting or a folder that cannot be used; what goes wrong in flight is in the Result
     (`exit_code`, `error`).
     """
+    given = (
+        [settings] if isinstance(settings, str) else settings
+    )  # a text is a sequence of texts, too
     (result,) = fly_missions(
-        [mission], settings=settings, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
+        [mission], settings=given, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
         in_process=in_process, speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
         figure=figure, display=display, zenoh=zenoh, controller=controller,
         controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,

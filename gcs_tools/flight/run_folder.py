@@ -243,7 +243,8 @@ def _strange(run: Path) -> Iterator[Path]:
 def left_by_script(run: Path) -> list[str]:
     """Names of what a script has left in the folder of its run."""
     names = (path.name for path in run.iterdir() if not path.is_symlink())
-    return sorted(name for name in names if not any(fnmatch(name, each) for each in KNOWN))
+    left = (name for name in names if not any(fnmatch(name, each) for each in KNOWN))
+    return sorted(os.fsencode(name).decode("utf-8", "backslashreplace") for name in left)
 
 
 def _left_by_its_script(run: Path) -> set[str]:

@@ -141,6 +141,11 @@ def _ending(asked: Flight, flight: EngagedTicks, ended: str) -> str:
     r, over_s = flight.plant["state.r_E"], float(flight.t[-1])
     if ended == "crashed":
         return f"The vehicle hit the ground, or lay on its side there, at {over_s:.2f} s."
+    if ended == "fell":
+        height = float(r[-1, 2]) - asked.ground_z_m
+        return (
+            f"The rotors were stopped in flight, at {over_s:.2f} s and a height of {height:.3g} m."
+        )
     with np.errstate(over="ignore", invalid="ignore"):
         away = float(np.linalg.norm(r[-1] - r[0]))
     if far := _beyond(asked, flight):
