@@ -26,6 +26,7 @@ REACHED_M = (
     0.5  # how near a setpoint that stands that long is to be reached, if a mission does not say
 )
 BOUNCE_S = 0.5  # in the air for less, between two contacts with the ground, is no flight
+JUMP_M = 1e-3  # of a setpoint that moved: farther from where its velocity carries it
 FINAL_S = 1.0  # length of the last part of a flight that metrics of its end look at
 _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _OF_THE_LAW = "command.", "outputs.", "state.", "internals.", "guard_state.", "guard."
@@ -38,9 +39,9 @@ _HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met b
 def settle_from(fcu: Table) -> float:
     """Simulation time (s) from which a flight counts as settled.
 
-    SETTLE_S after the last step of a position setpoint, or after take-over if there was none:
-    a moving setpoint (one with a velocity or an acceleration) makes no step. Infinite for a
-    flight in which the law never flew.
+    SETTLE_S after the last step of a position setpoint, or after take-over if there was none: a
+    setpoint that moves with its velocity and acceleration makes no step, but where it jumps to rest
+    it does. Infinite for a flight in which the law never flew.
     """
     fcu = _flying(fcu)
     if not len(fcu):
@@ -50,7 +51,10 @@ def settle_from(fcu: Table) -> float:
     resting = (v_c == 0.0).all(axis=1) & (a_c == 0.0).all(axis=1)
     r_c = fcu["setpoint.r_c"]
     moved = (r_c[1:] != r_c[:-1]).any(axis=1)
-    steps = 1 + np.flatnonzero(moved & resting[1:] & resting[:-1])
+    to = 1 + np.flatnonzero(moved & resting[1:])
+    h = (fcu["t"][to] - fcu["t"][to - 1])[:, None]
+    carried = r_c[to - 1] + h * v_c[to - 1] + 0.5 * h * h * a_c[to - 1]
+    steps = to[resting[to - 1] | (_distance(r_c[to], carried) > JUMP_M)]
     last = max([0, *taken_over.tolist(), *steps.tolist()])
     return float(fcu["t"][last]) + SETTLE_S
 
@@ -120,12 +124,15 @@ class EngagedTicks:
         t = fcu["t"]
         n, told = len(t), "outputs.reference.r_m" in fcu  # of a controller that tells of itself
         reference_error, setpoint_error = np.full(n, math.nan), np.empty(n)
-        is_asked: Flags = np.full(n, asked is None)
+        is_asked: Flags = np.zeros(n, dtype=bool)
         has_reference = False
         for block in blocks(n):
             ticks, truth = fcu.take(block), plant.take(block)["state.r_E"]
             wanted = ticks["setpoint.r_c"] if asked is None else asked(t[block])
-            is_asked[block] |= np.isfinite(wanted).all(axis=1)
+            if asked is not None or "setpoint.level" not in ticks:
+                is_asked[block] = np.isfinite(wanted).all(axis=1) | (asked is None)
+            else:  # of attitudes and rates, the place is where the vehicle happened to be
+                is_asked[block] = ticks["setpoint.level"] == 0.0
             setpoint_error[block] = _distance(truth, wanted)
             if told:
                 reference = ticks["outputs.reference.r_m"]

@@ -110,6 +110,27 @@ def test_a_moving_setpoint_makes_no_step() -> None:
     assert settle_from(told(plant, fcu)[1]) == 5.0
 
 
+def test_a_place_after_a_velocity_is_a_step_unless_it_is_where_that_led() -> None:
+    plant, fcu = flight(20.0)
+    t = plant[:, 0]
+    put(fcu, Tick, "setpoint.v_c", [1.0, 0.0, 0.0], slice(0, 100))
+    put(fcu, Tick, "setpoint.r_c.x", np.minimum(t, 10.0)[:, None])
+    assert settle_from(told(plant, fcu)[1]) == 5.0
+    put(fcu, Tick, "setpoint.r_c.x", 58.0, slice(100, None))
+    assert settle_from(told(plant, fcu)[1]) == 15.0
+
+
+def test_of_attitudes_there_is_no_setpoint_error() -> None:
+    plant, fcu = flight(20.0)
+    put(fcu, Tick, "setpoint.level", 1.0)
+    found = EngagedTicks.of(*told(plant, fcu))
+    assert found.metric("setpoint_error_max_m") is None
+    assert found.why_no_value("setpoint_error_max_m", None, None) == "no place was asked for"
+    put(fcu, Tick, "setpoint.level", 0.0, slice(0, 50))
+    put(plant, PlantRecord, "state.r_E", OFF, slice(50, None))
+    assert metrics(*told(plant, fcu))["setpoint_error_max_m"] == 0.0
+
+
 def test_who_knows_the_mission_says_when_it_settles() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", OFF, slice(0, 150))
