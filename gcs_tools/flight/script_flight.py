@@ -76,7 +76,9 @@ class ScriptFlight(WireFlight):
         """The whole flight. Raises InfrastructureError. What was flown is then in `flown`."""
         flown = super().fly()
         said = flown.said.get("flight controller", {})
-        verdict = self._verdict(int(said.get("script_messages", 0)))
+        verdict = self._verdict(
+            int(said.get("script_messages", 0)), bool(is_aloft(flown.plant).any())
+        )
         verdict = replace(
             verdict, parameters=said.get("parameters_set") or {}, by_wall=self._on_wall,
             **self._pace(flown.wall_time_s),
@@ -184,19 +186,23 @@ class ScriptFlight(WireFlight):
             return False
         return bool(plant[0, ON_GROUND] > 0.5 and not fcu[0, self._engaged] > 0.0)
 
-    def _verdict(self, heard: int) -> ScriptFlown:
-        """The end of the script. `heard`: messages that the vehicle had on the script link."""
+    def _verdict(self, heard: int, flew: bool) -> ScriptFlown:
+        """The end of the script.
+
+        heard : messages that the vehicle had on the script link.  flew : it was in the air, so that a
+        script without any has flown it by the port of ground stations.
+        """
         said, at = self._outcome, None
         if self._ended_tick is not None:
             at = self._ended_tick / self._scene.rate_hz
         code = None if said is None else said.get("exit_code")
         left = [] if said is None else list(said.get("left", ()))
-        failure, text = self._failure(said, heard)
+        failure, text = self._failure(said, heard > 0 or flew)
         return ScriptFlown(
             shlex.join(self._scene.script), code, failure, text, self._took_s, at, heard, left
         )
 
-    def _failure(self, said: dict[str, Any] | None, heard: int) -> tuple[str, str]:
+    def _failure(self, said: dict[str, Any] | None, heard: bool) -> tuple[str, str]:
         """The first failure that applies: its code, and a sentence. Empty for none."""
         if said is not None:
             code, why = said.get("exit_code"), said.get("why")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from gcs_tools.judging.expectations import Expectation
 
 PACE_KEPT = 0.9  # of the pace, at least
+SHORT_S = 5.0  # wall: the pace of a script that ran for less says nothing of the machine
 EXIT = "script_exit"  # it ended with an exit code other than 0
 KILLED = "script_killed"  # a signal ended it
 TIMEOUT = "script_timeout"  # it had not ended when its time was over
@@ -48,7 +49,7 @@ class ScriptFlown:
     @property
     def is_slow(self) -> bool:
         """True if this machine did not keep the pace."""
-        if self.pace is None or self.pace_kept is None:
+        if self.pace is None or self.pace_kept is None or self.wall_time_s < SHORT_S:
             return False
         return self.pace_kept < PACE_KEPT * self.pace
 
