@@ -29,7 +29,9 @@ class Failure(click.ClickException):
         self.exit_code = exit_code  # type: ignore[misc]
 
 
-def report_rejected(missions: Iterable[str], error: Exception, path: Path | None) -> None:
+def report_rejected(
+    missions: Iterable[str], error: Exception, path: Path | None, are_scripts: bool = False
+) -> None:
     """Write a JUnit report of missions of which none can be flown. Without a path, nothing.
 
     error : why. Its `of`, if it has one, maps a mission to a reason of its own. What cannot be written is
@@ -43,7 +45,7 @@ def report_rejected(missions: Iterable[str], error: Exception, path: Path | None
     of = getattr(error, "of", {})
     with suppress(result.ResultError):
         none = [result.rejected(name, of.get(name, str(error)), versions()) for name in missions]
-        result.junit(none, path)
+        result.junit(none, path, are_scripts)
 
 
 def print_json(content: Any) -> None:

@@ -62,7 +62,7 @@ def test(
             _check(script, speed, held)
             script_arguments = _of_the_script(script_arguments)
         except Failure as error:
-            report_rejected([Path(script).stem], error, junit)
+            report_rejected([Path(script).stem], error, junit, are_scripts=True)
             raise
         is_python = script.endswith(".py")
         words = [*(["python"] if is_python else []), script, *script_arguments]
@@ -81,12 +81,12 @@ def test(
                 allow_commands=True,
             )  # fmt: skip
         except (MissionError, UsageError) as error:
-            report_rejected([Path(script).stem], error, junit)
+            report_rejected([Path(script).stem], error, junit, are_scripts=True)
             raise Failure(error, USAGE) from error
         code = max((each.exit_code for each in results), default=INTERRUPTED)
         if junit is not None:
             try:
-                result.junit(results, junit)
+                result.junit(results, junit, are_scripts=True)
             except result.ResultError as error:
                 click.echo(f"Error: {error}", err=True)
                 code = max(code, INFRASTRUCTURE)

@@ -382,21 +382,23 @@ def trajectory_sha256(plant: Rows) -> str:
     return digest.hexdigest()
 
 
-def junit(results: Iterable[Result], path: Path) -> None:
+def junit(results: Iterable[Result], path: Path, are_scripts: bool = False) -> None:
     """Write JUnit XML: a test case a mission, a failure with each expectation missed.
 
+    are_scripts : of `gcs test`, so that a script and a mission of one name are two test cases.
     Raises ResultError if it cannot be written.
     """
-    _replace(path, junit_report.document("gcs fly", map(_case, results)))
+    command, kind = ("gcs test", "scripts") if are_scripts else ("gcs fly", "missions")
+    _replace(path, junit_report.document(command, (_case(each, kind) for each in results)))
 
 
-def _case(result: Result) -> Case:
+def _case(result: Result, kind: str) -> Case:
     missed = [str(e) for e in result.expectations if e.is_missed]
     left = [str(e) for e in result.expectations if e.passed is None]
     failed = result.exit_code >= USAGE
     told = [result.title, *result.changes, *(f"[expect] {line}" for line in missed), *result.causes]
     return Case(
-        "missions",
+        kind,
         result.name,
         result.startup_s + result.wall_time_s,
         failure="" if failed or result.passed else "; ".join(missed) or result.ended,
