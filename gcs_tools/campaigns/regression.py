@@ -79,11 +79,11 @@ class Held:
         return not self.worse and not self.failed
 
     def lines(self) -> list[str]:
-        """A sentence for each changed value, and then for each thing that is worse."""
+        """A sentence for each thing that is worse, and then for each changed value."""
         told = [*self.failed[:TOLD], *map(str, self.worse)]
         if more := len(self.failed[TOLD:]):
             told.insert(TOLD, f"and {more} flights more")
-        return [*self._changes(), *told] if told else []
+        return [*told, *self._changes()] if told else []
 
     def _changes(self) -> list[str]:
         return [
