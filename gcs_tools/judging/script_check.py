@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from gcs_tools.judging.expectations import Expectation
 
 PACE_KEPT = 0.9  # of the pace, at least
-SHORT_S = 5.0  # wall: the pace of a script that ran for less says nothing of the machine
+SHORT_S = 1.0  # wall: the pace of a script that ran for less says nothing of the machine
 EXIT = "script_exit"  # it ended with an exit code other than 0
 KILLED = "script_killed"  # a signal ended it
 TIMEOUT = "script_timeout"  # it had not ended when its time was over

@@ -86,15 +86,18 @@ def test_the_pace_is_told_and_whether_it_was_kept(fly):
     assert found.script is not None and found.script.pace == 8.0
     assert found.script.pace_kept is not None and 0.0 < found.script.pace_kept < 8.8
     for kept, is_slow in ((7.0, True), (7.3, False)):
-        flown = ScriptFlown("hop", pace=8.0, pace_kept=kept)
+        flown = ScriptFlown("hop", wall_time_s=2.0, pace=8.0, pace_kept=kept)
         assert (flown.is_slow, len(flown.told())) == (is_slow, is_slow)
+    short = ScriptFlown("hop", wall_time_s=0.6, pace=8.0, pace_kept=7.0)
+    assert not short.is_slow  # which says nothing of the machine
     assert ScriptFlown("hop").told() == []  # its time was held
     assert ScriptFlown("hop", by_wall=True).told() != []  # but not that of its threads
 
 
 def test_what_changes_the_meaning_of_a_verdict_stands_below_it(capsys):
     found = replace(
-        result.rejected("hop", "No reason.", {}), script=ScriptFlown("hop", pace=8.0, pace_kept=1.0)
+        result.rejected("hop", "No reason.", {}),
+        script=ScriptFlown("hop", wall_time_s=2.0, pace=8.0, pace_kept=1.0),
     )
     Terminal().verdict(found, "run")
     told = capsys.readouterr()
@@ -256,7 +259,8 @@ def test_a_script_is_tested_without_a_mission(start, tmp_path, how, wanted):
     assert found.ended == ("script" if wanted else "landed")
     limits = [f"{what}_saturated_fraction" for what in ("thrust", "tilt", "torque")]
     assert [each.name for each in found.expectations] == ["ended", *limits, "script"]
-    assert f'failures="{wanted}"' in report.read_text()
+    text = report.read_text()
+    assert f'failures="{wanted}"' in text and 'classname="scripts"' in text
 
 
 @pytest.mark.parametrize(
@@ -276,7 +280,7 @@ def test_a_report_is_written_of_what_cannot_be_tested(start, tmp_path):
     report = tmp_path / "report.xml"
     assert start("gcs_tools", "test", "--junit", report, "nothing.py").wait() == 2
     text = report.read_text()
-    assert 'name="nothing"' in text and "nothing.py: no such file" in text
+    assert 'classname="scripts" name="nothing"' in text and "nothing.py: no such file" in text
 
 
 def test_missions_that_are_refused_have_a_reason_each(start, tmp_path):
