@@ -301,7 +301,7 @@ def test_a_radios_channels_tilt_it_in_stabilized(flight):
     assert flight.ask(176, 1, 7) == ACCEPTED
     assert flight.ask(400, 1) == mavlink.MAV_RESULT_DENIED
     for throttle, armed in ((1500, mavlink.MAV_RESULT_DENIED), (1000, ACCEPTED)):
-        channels = 1500, 1000, throttle, 1500, *[65535] * 4  # the pitch stick pushed
+        channels = 1500, 2000, throttle, 1500, *[65535] * 4  # the pitch stick pushed
         flight.send(mavlink.MAVLink_rc_channels_override_message(system, 1, *channels))
         flight.sync()
         assert flight.ask(400, 1) == armed
