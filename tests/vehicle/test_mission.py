@@ -88,7 +88,7 @@ def test_a_place_in_the_ground_is_flown_above_it():
     flight.begin(60.0)
     assert flight.vehicle.mission.is_complete
     assert min(r.z for r in flight.track[1500:]) > flight.ground + 0.2
-    assert Code.led_INTO_GROUND not in flight.told
+    assert Code.LED_INTO_GROUND not in flight.told
 
 
 def test_a_long_curve_is_held_against_the_fence_all_along():
