@@ -232,6 +232,13 @@ def test_a_client_that_always_confirms_arms_and_disarms_as_often_as_it_asks(vehi
         assert vehicle.armed
 
 
+def test_arming_needs_no_number_that_forces_it(vehicle, client):
+    client.ask(CommandId.ARM_DISARM, 0, 21196.0)
+    assert not vehicle.armed
+    client.ask(CommandId.ARM_DISARM, 1, math.nan)
+    assert vehicle.armed
+
+
 def test_a_repetition_is_of_a_command_that_was_sent_with_a_lower_confirmation(vehicle, client):
     client.ask(CommandId.ARM_DISARM, 0, 21196.0)
     assert vehicle.arm(0, 0.0).granted  # by another client
