@@ -46,12 +46,8 @@ def sticks_of(message: ManualControl | ChannelsOverride) -> tuple[Sticks | None,
     else:
         source = StickSource.RADIO
         roll, pitch, throttle, yaw = message.channels
-        given = (
-            roll,
-            pitch,
-            yaw,
-            throttle,
-        )  # as PX4 reads a channel that is not reversed (RC2_REV 1)
+        # high is forward, as PX4 reads a channel that is not reversed (RC2_REV 1)
+        given = roll, pitch, yaw, throttle
     if all(map(math.isnan, given)):
         return None, source
     return Sticks(*(0.0 if math.isnan(n) else n for n in given)), source

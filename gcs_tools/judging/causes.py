@@ -56,8 +56,18 @@ def causes(
         + slowed
         + _not_arrived(mission, flight, ended)
         + stays_up
+        + _fell(mission, flight, ended)
         + _limits_and_ending(mission, flight, ended, passed, values)
     )
+
+
+def _fell(mission: Mission, flight: EngagedTicks, ended: str) -> list[str]:
+    """Tell when and where rotors were stopped in the air."""
+    if ended != "fell":
+        return []
+    height = float(flight.plant["state.r_E"][-1, 2]) - mission.flight.ground_z_m
+    when = f"at {flight.t[-1]:.2f} s and a height of {height:.3g} m"
+    return [f"The rotors were stopped in flight, {when}."]
 
 
 def _not_arrived(mission: Mission, flight: EngagedTicks, ended: str) -> list[str]:
@@ -141,11 +151,6 @@ def _ending(asked: Flight, flight: EngagedTicks, ended: str) -> str:
     r, over_s = flight.plant["state.r_E"], float(flight.t[-1])
     if ended == "crashed":
         return f"The vehicle hit the ground, or lay on its side there, at {over_s:.2f} s."
-    if ended == "fell":
-        height = float(r[-1, 2]) - asked.ground_z_m
-        return (
-            f"The rotors were stopped in flight, at {over_s:.2f} s and a height of {height:.3g} m."
-        )
     with np.errstate(over="ignore", invalid="ignore"):
         away = float(np.linalg.norm(r[-1] - r[0]))
     if far := _beyond(asked, flight):

@@ -14,7 +14,7 @@ import pytest
 
 from gcs_tools.cli.terminal import Terminal
 from gcs_tools.flight.run import UsageError, prepared
-from gcs_tools.flight.run_folder import Kept
+from gcs_tools.flight.run_folder import Kept, left_by_script
 from gcs_tools.flight.script_flight import only_first, values
 from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging import result
@@ -71,6 +71,19 @@ def test_rotors_that_are_stopped_in_the_air_are_a_fall(fly, pace):
     )
     assert (code, found.ended, found.passed) == (1, "fell", False)
     assert found.script is not None and found.script.failure == ""
+    assert found.causes[0].startswith("The rotors were stopped in flight, at ")
+
+
+def test_a_script_by_the_port_of_ground_stations_is_not_silent(fly):
+    code, found = fly('flight.script="python hop.py udpin:127.0.0.1:1455{instance}"')
+    assert (code, found.ended) == (0, "landed")
+    assert found.script is not None
+    assert (found.script.failure, found.script.messages) == ("", 0)
+
+
+def test_a_name_that_is_no_text_is_listed_all_the_same(tmp_path):
+    (tmp_path / os.fsdecode(b"bad\xff")).touch()
+    assert left_by_script(tmp_path) == ["bad\\xff"]
 
 
 def test_what_a_script_sets_of_the_guard_is_listed(fly):
