@@ -81,7 +81,8 @@ def flight(
     """What flies by `settings`, on the ground and disarmed, before its first tick.
 
     h : control period, s.  remembered : size of the law's Remembered.  filtered : float64[n] of a
-    PositionFilter.  watch : float64[size(Watch)], see `look`.  model : where the law remembers its Reference, if it has one.
+    PositionFilter.  watch : float64[size(Watch)], see `look`.  model : where the law remembers
+    its Reference, if it has one.
     """
     memory = np.zeros(remembered)
     course = Course(
@@ -147,14 +148,9 @@ def tick(flight, law, datagram, length, row, decided_us):
         age = (time_us - course.since_us) * 1e-6
         remaining = flight.battery[_REMAINING] if flight.has_battery[0] != 0 else np.nan
         if look(
-            flight.watch,
-            flight.measured,
-            flight.model,
-            flight.setpoint,
-            age,
-            remaining,
+            flight.watch, flight.measured, flight.model, flight.setpoint, age, remaining,
             np.float64(time_us),
-        ):
+        ):  # fmt: skip
             return NOT_QUIET_FILTERED
     if decide(flight, law, course, time_us, row):
         return LAW_RAISED

@@ -275,7 +275,7 @@ class Watch(NamedTuple):
     anywhere_us: float  # as in `landing.touches`
 
 
-# of a law without a reference model
+# what a law without a reference model has in its place
 NO_MODEL = np.full(size(Reference), math.nan)
 _MODEL_Z = column_of(Reference, "v_m.z")
 
@@ -382,15 +382,9 @@ def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
     if behind < Condition.TOUCHDOWN and armed and (lands or not scripted):
         flown = carried(_unpack_setpoint(setpoint), age)
         touchdown = landing.touches(
-            watch.touchdown,
-            flown,
-            model[_MODEL_Z],
-            pose,
-            landed.ground,
-            t_us,
-            lands,
+            watch.touchdown, flown, model[_MODEL_Z], pose, landed.ground, t_us, lands,
             watch.anywhere_us,
-        )
+        )  # fmt: skip
         _pack_touchdown(buffer, touchdown)
         if touchdown.done != watch.touchdown.done:
             return Condition.TOUCHDOWN.value

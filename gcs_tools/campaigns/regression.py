@@ -224,10 +224,8 @@ def _by_metrics(
                 b.metrics.get(name) is not None and a.metrics.get(name) is None for a, b in pairs
             )
             both = [(a, b) for a, b in pairs if a.metrics.get(name) is not None]
-            now, before = (
-                _values(name, [a for a, _ in both]),
-                _values(name, [b for _, b in both]) or before,
-            )
+            now = _values(name, [a for a, _ in both])
+            before = _values(name, [b for _, b in both]) or before
         if not pairs and len(before) < FEWEST:
             raise RegressionError(
                 f"{mission}: {name} has a value in {len(before)} of the baseline's {len(theirs)} flights,"
@@ -257,7 +255,7 @@ def _is_beyond_chance(
 ) -> bool:
     """Tell whether flights that change sides at random differ so rarely. True where they are too few to tell.
 
-    Student's interval takes what is outside for rarer than it is, if the metric is 0 but for a few flights.
+    Flights leave Student's interval more often than it says where a metric is 0 but for a few of them.
     """
     from scipy.stats import permutation_test
 

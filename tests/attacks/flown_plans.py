@@ -280,7 +280,7 @@ def not_reached(made: Drawn, r: np.ndarray) -> int | None:
 # --- flying
 
 
-class Flown(NamedTuple):
+class Outcome(NamedTuple):
     """One drawn plan: what became of it, what is wrong with that, and figures."""
 
     seed: int
@@ -290,7 +290,7 @@ class Flown(NamedTuple):
     kept_m: float  # least margin of the vehicle
 
 
-def flown(seed: int) -> Flown:
+def flown(seed: int) -> Outcome:
     """Draw and fly one plan."""
     made = drawn(seed)
     asked = least_margin(made)
@@ -303,7 +303,7 @@ def flown(seed: int) -> Flown:
                          out=here / "run", figure="never", record="light")  # fmt: skip
         if result.ended == "refused":
             wrong = "" if asked < SURE_M else "refused without need"
-            return Flown(
+            return Outcome(
                 seed,
                 "refused",
                 wrong and f"{wrong}: {result.error} {result.causes}",
@@ -329,7 +329,7 @@ def flown(seed: int) -> Flown:
         if result.metrics.get(f"{name}_saturated_fraction"):
             wrong.append(f"{name} saturated {result.metrics[f'{name}_saturated_fraction']:.2g}")
     outcome = "beside a border" if breached else result.ended
-    return Flown(seed, outcome, "; ".join(wrong), asked, kept)
+    return Outcome(seed, outcome, "; ".join(wrong), asked, kept)
 
 
 def main() -> None:
