@@ -67,6 +67,7 @@ def test_a_publisher_that_is_suspended_for_a_while(recorded, quiet):
     assert len(own.fcu) == len(own.plant) == TICKS
 
 
+@pytest.mark.alone  # a publisher waits a second of the wall's clock for who has waited for it
 def test_who_has_waited_for_a_publisher_has_the_first_tick(start, record, instance):
     recorder = record(instance)
     recorder.waits()
