@@ -61,6 +61,9 @@ class Code(Enum):
     FLIGHT_ENDED = "the flight ended: the vehicle {}"
     PLANT_RESET = "reset: at the start again"
     LINK_SILENT = "the plant has been silent for {:.0f} s"
+    PLAN_ITEMS = "{}: items {:.0f} to {:.0f} of {:.0f}"  # and the items: `fcu.services.plan_record`
+    PLAN_AT = "mission: {:.0f} of {:.0f} items are behind it"
+    HOME_AT = "home at ({:.2f}, {:.2f}, {:.2f}) m"
 
     # --- what contradicts a belief
     LIGHTER = "mass below {:g} kg, or a persistent updraft"

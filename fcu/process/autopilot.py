@@ -454,6 +454,7 @@ class Autopilot:
     def _tell(self, happened: Sequence[Told]) -> None:
         for told in happened:
             self.ground.tell(told)
+        self.ground.record_plan(self.time_us)
 
     def say(self, level: str, said: Said, time_us: int | None = None) -> None:
         """An event, for the log and for whoever listens to the publisher.

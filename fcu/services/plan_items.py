@@ -267,10 +267,22 @@ def steps_of(items: Sequence[PlanItem], origin: Origin) -> tuple[Step, ...]:
     return tuple(steps)
 
 
+def place_of(item: PlanItem, origin: Origin) -> tuple[Vec3 | None, bool]:
+    """The place of an item that was taken, m, E, and whether its height is above home. None: it has none."""
+    try:
+        if item.command in _AREAS_AND_POINTS:
+            return Vec3(*_across(item, origin), 0.0), False
+        step = step_of(item, origin)
+    except RefusedItem:  # it was taken for another origin
+        return None, False
+    return step.place, step.above_home
+
+
 # --- fences and rally points
 
 _POLYGONS = {ItemCommand.FENCE_POLYGON_IN: True, ItemCommand.FENCE_POLYGON_OUT: False}
 _DISCS = {ItemCommand.FENCE_CIRCLE_IN: True, ItemCommand.FENCE_CIRCLE_OUT: False}
+_AREAS_AND_POINTS = {*_POLYGONS, *_DISCS, ItemCommand.RALLY_POINT}
 
 
 def areas_of(items: Sequence[PlanItem], origin: Origin) -> tuple[Area, ...]:

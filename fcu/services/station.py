@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -50,6 +51,7 @@ from fcu.services.plan_items import (
     steps_of,
 )
 from fcu.services.plan_protocol import PlanProtocol
+from fcu.services.plan_record import PlanRecord
 from fcu.services.sticks import StickProtocol
 from fcu.services.streams import (
     CURRENT_MODE,
@@ -70,6 +72,14 @@ from fcu.vehicle.state_machine import StateMachine
 
 Bind = Callable[[int, str], Datagrams]
 Listen = Callable[[int, str, int], TcpSocket]
+
+
+class Say(Protocol):
+    """Takes what the log is told."""
+
+    def __call__(self, level: str, said: Told, time_us: int | None = None, /) -> None:
+        """`time_us`: its simulation time. None: that of the last tick."""
+
 
 WIND_S = 0.05  # wall: between two looks at the wind
 
@@ -104,7 +114,7 @@ class Station:
 
     def __init__(
         self, ports: Ports, identity: Identity, params: Parameters, vehicle: StateMachine,
-        file: Path | None, say: Callable[[str, Told], None], bind: Bind, resets: bool = False,
+        file: Path | None, say: Say, bind: Bind, resets: bool = False,
         before: Station | None = None, listen: Listen | None = None,
     ) -> None:  # fmt: skip
         """`file`: where parameters are saved. `say`: takes what is told, with its level.
@@ -140,6 +150,7 @@ class Station:
         self._sticks = StickProtocol(vehicle, self.tell)
         self._plans = PlanProtocol(vehicle, self._take_plan, self._tell_of_plan)
         self._plan_told = 0
+        self._record = PlanRecord(vehicle, say)
         self._now = 0.0  # wall, s: of the message that is served
         self._home_told = 0
         self._mode_told: Mode | None = None
@@ -212,6 +223,8 @@ class Station:
         """
         if self.is_pending:
             self._protocol.settle(t_us, decides)
+        self.record_plan(t_us)
+        self._record.tell()
         if not self.streams.is_due(now):
             return
         self.streams.heartbeat(now)
@@ -269,7 +282,7 @@ class Station:
             elif isinstance(message, FollowTarget):
                 self._follow(message, t_us)
             elif isinstance(message, GlobalOrigin):
-                self._set_origin(port, link, message, now)
+                self._set_origin(port, link, message, t_us, now)
             elif isinstance(message, MissionMessage):
                 self._now = now
                 self._plans.take(port, link, message, t_us, now)
@@ -291,7 +304,9 @@ class Station:
         r = to_local(self._identity.origin, *place, message.alt_m)
         self._vehicle.follow(Report(r if math.isfinite(r.z) else r._replace(z=math.nan), v), t_us)
 
-    def _set_origin(self, port: GroundPort, link: Link, message: GlobalOrigin, now: float) -> None:
+    def _set_origin(
+        self, port: GroundPort, link: Link, message: GlobalOrigin, t_us: int, now: float
+    ) -> None:
         """Move the place on Earth of local (0, 0, 0). Local positions stay as they are.
 
         Its sender hears the origin in force, whether it has changed or not, as from PX4.
@@ -301,7 +316,7 @@ class Station:
         if why is None:
             self._identity = replace(self._identity, origin=origin)
             self._commands.origin = self._offboard.origin = origin
-            self._place_plan_anew()
+            self._place_plan_anew(t_us)
             self._home_told = -1  # it is another place on Earth
         verdict = denied("Origin", why) if why else Verdict(Result.ACCEPTED, Told(Code.ORIGIN_SET))
         told = gps_global_origin(Geodetic(*self._identity.origin))
@@ -312,6 +327,10 @@ class Station:
         self._protocol.explain(verdict, now)
 
     # --- plans
+
+    def record_plan(self, t_us: int) -> None:
+        """Tell the log where plan and home are at a time, us, if that has changed."""
+        self._record.look(t_us)
 
     def _tell_of_plan(self, told: Told, good: bool) -> None:
         result = Result.ACCEPTED if good else Result.DENIED
@@ -331,6 +350,7 @@ class Station:
             vehicle.take_fence(areas_of(items, origin))
         else:
             vehicle.rally = rally_of(items, origin)
+        self._record.take(kind, items, origin, t_us)
         if not items:
             return Told(Code.ITEMS_CLEARED, (NAMES[kind],))
         over = passed_over(items)
@@ -338,7 +358,7 @@ class Station:
             return Told(Code.ITEMS_PASSED_OVER, (NAMES[kind], len(items), over))
         return Told(Code.ITEMS_TAKEN, (NAMES[kind], len(items)))
 
-    def _place_plan_anew(self) -> None:
+    def _place_plan_anew(self, t_us: int) -> None:
         """The origin has moved: places on Earth are other local places. A plan goes on as it was.
 
         What is too far away now is cleared.
@@ -362,6 +382,9 @@ class Station:
         again(MissionType.MISSION, plan)
         again(MissionType.FENCE, lambda items: vehicle.take_fence(areas_of(items, origin)))
         again(MissionType.RALLY, rally)
+        for kind, items in stored.items.items():
+            if items:
+                self._record.take(kind, items, origin, t_us)
 
     def _other(
         self, port: GroundPort, link: Link, message: GroundMessage, t_us: int, now: float
@@ -390,7 +413,8 @@ class Station:
         return {**counted, "setpoints refused": refused, **({"texts": unsaid} if unsaid else {})}
 
     def close(self) -> None:
-        """Give the ports back."""
+        """Tell the log what is left to tell, and give the ports back."""
+        self._record.close()
         for port in self.ports:
             port.close()
 

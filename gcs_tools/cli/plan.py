@@ -31,14 +31,18 @@ def plan() -> None:
 @plan.command()
 @FILE
 @click.option("--figure", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also draw the plan, its fence and rally points, as PNG, SVG or PDF.")  # fmt: skip
+@click.option("--flight", type=click.Path(path_type=Path), callback=arguments.recording, metavar="RUN", help="Draw the way that was flown in a run over it, by its recording.")  # fmt: skip
 @arguments.as_json("Print the items as JSON.")
-def show(file: Path, figure: Path | None, as_json: bool) -> int:
+def show(file: Path, figure: Path | None, flight: Path | None, as_json: bool) -> int:
     """Show the items of FILE and whether the vehicle would take them.
 
-    Exit codes: 0 the vehicle takes the plan, 1 it refuses an item, 2 the file cannot be read.
+    Exit codes: 0 the vehicle takes the plan, 1 it refuses an item, 2 the file or RUN cannot be read.
     """
+    if flight is not None and figure is None:
+        raise click.UsageError("--flight draws over a figure: name one with --figure")
     from gcs_tools.flight.plan_look import counts, look
     from gcs_tools.missions import plan_file
+    from gcs_tools.recording.reader import RecordingError
 
     try:
         read = plan_file.read(file)
@@ -63,7 +67,7 @@ def show(file: Path, figure: Path | None, as_json: bool) -> int:
             )
         click.echo(f"Refused: {found.refused}" if found.refused else "The vehicle takes this plan.")
     if figure is not None:
-        from gcs_tools.flight.plan_look import outlines, path
+        from gcs_tools.flight.plan_look import flown_way, outlines, path
         from gcs_tools.pictures.plot.plan import Drawn, Outline, draw
 
         drawn = Drawn(
@@ -78,7 +82,11 @@ def show(file: Path, figure: Path | None, as_json: bool) -> int:
             rally=[(r.x, r.y) for r in found.rally],
         )
         try:
+            if flight is not None:
+                drawn = drawn._replace(flown=flown_way(flight, read))
             draw(drawn, figure)
+        except RecordingError as error:
+            raise Failure(error, USAGE) from error
         except (OSError, ValueError) as error:  # ValueError: of a kind of picture that there is not
             raise Failure(error, USAGE) from error
     return 1 if found.refused else OK

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from fcu.interface.status_texts import words
 from fcu.kernel.algebra import Vec3
@@ -17,8 +20,11 @@ from fcu.vehicle.fence import Fence
 from fcu.vehicle.mission import Step, leads, outside
 from gcs_tools.flight.ground_script import Vehicle
 from gcs_tools.missions.plan_file import PlanFile
+from gcs_tools.recording.plans import PlanHistory
+from gcs_tools.recording.reader import RecordingError, read
 
 ROUND = 72  # corners of a circle that is drawn
+DRAWN = 5000  # places of a way that is drawn, about
 ROI_LOCATION = 3.0  # MAV_ROI
 _HIGH = frozenset(  # items whose parameter 7 is a height
     {
@@ -142,6 +148,27 @@ def outlines(found: Look) -> list[tuple[bool, list[tuple[float, float]]]]:
         circle = [(area.x + area.radius * math.cos(q), area.y + area.radius * math.sin(q)) for q in angles]  # fmt: skip
         lines.append((area.inclusion, circle))
     return lines
+
+
+def flown_way(recording: Path, plan: PlanFile) -> list[tuple[float, float]]:
+    """The way of a flight from above, east and north of a plan's home, m. Raises RecordingError, PlanError.
+
+    The flight's own plan says where on Earth it was. Without one it begins at home.
+    """
+    found = read(recording)
+    if not len(found.plant):
+        raise RecordingError(f"{recording}: nothing was recorded of this flight")
+    r = np.column_stack([found.plant["state.r_E.x"], found.plant["state.r_E.y"]])
+    items = PlanHistory(found.events).placed()
+    if items is None:
+        x, y = r[0].tolist()
+    else:  # a place on Earth whose local place is known
+        home = plan.begin
+        about = Origin(home.lat_deg, home.lon_deg, 0.0)
+        same = to_local(about, items.x * 1e-7, items.y * 1e-7, 0.0)
+        x, y = items.place.x - same.x, items.place.y - same.y
+    every = max(1, len(r) // DRAWN)
+    return [(float(east) - x, float(north) - y) for east, north in r[::every].tolist()]
 
 
 def send(vehicle: Vehicle, plan: PlanFile) -> None:

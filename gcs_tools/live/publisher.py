@@ -31,6 +31,7 @@ from fcu.interface import topics as keys
 from fcu.interface.event_log import Event
 from fcu.interface.ports import ports
 from fcu.interface.starter import announce
+from fcu.interface.status_texts import Code
 from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
 from fcu.laws.loader import Law
@@ -60,6 +61,8 @@ PERIOD_S = 0.01  # wall: between two looks at what has come
 LEAVE_S = 0.6  # wall: for what is still on its way when a flight has ended
 SAY_AGAIN_S = 0.05  # wall: between two words that it has ended, which a busy machine may drop
 IDLE_S = 0.05  # the same, while nobody flies
+_OF_PLANS = (Code.PLAN_ITEMS.name, Code.PLAN_AT.name, Code.HOME_AT.name)
+MOST_PARTS = 1000  # events that are kept of a plan
 KNOCK_S = 0.25  # wall: within it who was there before a publisher has found it
 LISTEN_S = 1.0  # wall: and within it who has found it listens
 LAST_S = 2.0  # wall: for what has still come when it ends, should more come all the time
@@ -294,6 +297,7 @@ class PublishedVehicle:
         self._last: dict[str, tuple[bytes, str]] = {}  # by topic: a sample of its last tick
         self._latest: dict[str, tuple[Packer, Rows, Numbers, Numbers]] = {}
         self._flown: dict[str, int] = {}  # by topic: number of the last tick there was
+        self._plan: dict[tuple[Any, ...], tuple[int, int, bytes]] = {}  # by part: number, ns, event
         self._counts = {"params": 0, keys.EVENTS: 0}
         self.about: dict[str, Any] = {}
         self._queries = session.declare_queryable(
@@ -330,11 +334,29 @@ class PublishedVehicle:
 
     def event(self, event: Event) -> None:
         """Something happened."""
-        numbered = self._numbered(keys.EVENTS, event.t)
-        sample = samples.pack_messages(*numbered, [events.encode(event)])
-        self._put(events.TOPIC, events.encoding(), sample)
-        self._last[events.TOPIC] = sample, events.encoding()
+        numbered, message = self._numbered(keys.EVENTS, event.t), events.encode(event)
+        self._put(events.TOPIC, events.encoding(), samples.pack_messages(*numbered, [message]))
+        self._keep(event, int(numbered[0][0]), int(numbered[1][0]), message)
         self._flown[events.TOPIC] = int(numbered[0][0])
+
+    def _keep(self, event: Event, number: int, time_ns: int, message: bytes) -> None:
+        """Keep the last event for who comes late, with those that tell of the plan in force."""
+        if event.code in _OF_PLANS:
+            is_part = event.code == Code.PLAN_ITEMS.name
+            key = (event.code, *event.values[:2]) if is_part else (event.code,)
+            if is_part and event.values[1:2] == (0.0,):  # the first of a new upload
+                for old in [old for old in self._plan if old[1:2] == event.values[:1]]:
+                    del self._plan[old]
+            self._plan.pop(key, None)
+            if len(self._plan) < MOST_PARTS:
+                self._plan[key] = number, time_ns, message
+        last = number, time_ns, message
+        kept = sorted({each[0]: each for each in (*self._plan.values(), last)}.values())
+        numbers, times, told = zip(*kept, strict=True)
+        sample = samples.pack_messages(
+            np.array(numbers, np.uint64), np.array(times, np.uint64), list(told)
+        )
+        self._last[events.TOPIC] = sample, events.encoding()
 
     def messages(
         self, topic: str, encoding: str, sequence: Numbers, time_ns: Numbers,

@@ -51,8 +51,12 @@ class Follower:
             if name == events.TOPIC:
                 found = events.decode(events.schema(), sample.ticks)
                 self.events.extend(
-                    e._replace(text=printable(e.text), who=printable(e.who)) for e in found
+                    e._replace(text=printable(e.text), who=printable(e.who))
+                    for e in found
+                    if e.level != "debug"
                 )
+                for event in found:
+                    self.flight.plans.take(event)
             elif name in self._shown and (topic := self.vehicle.topics.get(name)) is not None:
                 self._append(name, Table(decode(topic.layout, sample.ticks), topic.columns))
         except (ValueError, KeyError):

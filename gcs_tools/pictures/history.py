@@ -17,6 +17,7 @@ from fcu.interface.airframe import AirframeError
 from fcu.interface.input_file import TomlError
 from fcu.mavlink.px4_modes import AutoMode, MainMode
 from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
+from gcs_tools.recording.plans import PlanHistory
 from gcs_tools.recording.reader import AIRFRAME_FILE, RecordingError, read, values_told
 from gcs_tools.recording.schema import FCU, PLANT_TIMING, STATUS, TIMING, TRUTH, WIND
 from gcs_tools.recording.table import Rows, Table
@@ -108,6 +109,7 @@ class FlightHistory:
         self.title = title
         self.limits = Limits.believed()
         self.ground_z: float | None = None  # m; None until it is known
+        self.plans = PlanHistory()
         self._is_over = keep_s == math.inf
         self._topics = {topic: TopicHistory(names, keep_s) for topic, names in kept(topics).items()}
         self._topic_of = {name: topic for topic, names in kept(topics).items() for name in names}
@@ -227,6 +229,7 @@ def recorded(path: Path) -> FlightHistory:
         raise RecordingError(f"{path}: {error}") from error
     tables = {TRUTH: recording.plant, FCU: recording.fcu, **recording.reports}
     flight = FlightHistory.of(recording.metadata.get("title") or path.name, tables, limits)
+    flight.plans = PlanHistory(recording.events)
     if (z := ground_z(values_told(recording.metadata))) is not None:
         flight.ground_z = z
     return flight

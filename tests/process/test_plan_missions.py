@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 import gcs_tools
+from gcs_tools.flight.plan_look import flown_way
+from gcs_tools.missions import plan_file
+from gcs_tools.recording.plans import PlanHistory
+from tests.command_line import gcs
 
 SQUARE = Path(gcs_tools.__file__).parents[1] / "missions" / "square.plan"
 
@@ -23,9 +28,26 @@ def test_over_the_wire_and_in_one_process_it_is_one_flight(tmp_path):
     assert len(hashes) == 1
 
 
-def test_a_plan_file_is_flown(tmp_path):
+def test_a_plan_file_is_flown_and_recorded(tmp_path):
     flown = gcs_tools.fly(str(SQUARE), in_process=True, out=tmp_path / "run", figure="never")
     assert (flown.exit_code, flown.ended) == (0, "landed")
+    plans = PlanHistory(gcs_tools.read(tmp_path / "run").events)
+    seen = plans.at(30.0)
+    assert (len(seen.mission), len(seen.fence), len(seen.rally)) == (7, 2, 1)
+    assert seen.mission[3].at(seen.home)[:2] == pytest.approx((25.0, 25.0), abs=0.1)
+    items = [item for _, item in plans.steps()]
+    assert items == sorted(items)
+    assert items[-1] == 7
+    # drawn over the same plan, the way begins at its home and passes its places
+    way = flown_way(tmp_path / "run" / "flight.mcap", plan_file.read(SQUARE))
+    assert way[0] == pytest.approx((0.0, 0.0), abs=0.05)
+    assert min(math.dist(r, (0.0, 25.0)) for r in way) < 0.3
+    figure = tmp_path / "plan.png"
+    assert (
+        gcs("plan", "show", SQUARE, "--figure", figure, "--flight", tmp_path / "run").exit_code == 0
+    )
+    assert gcs("plan", "show", SQUARE, "--flight", tmp_path / "run").exit_code == 2
+    assert figure.stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(("changed", "said"), [("fence", "item 2"), ("command", "item 3")])

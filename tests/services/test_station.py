@@ -34,13 +34,15 @@ class Met:
     def __init__(self):
         params = Parameters(settings(*believed(), 500.0), 1)
         self.vehicle = StateMachine(params)
+        self.logged = []  # level, what was told, simulation time, us
         self.network = network = MemoryNetwork()
         identity = Identity(1, Autopilot.PX4, Origin(47.4, 8.5, 488.0), Vec3(0.0, 0.0, 0.0))
-        self.station = Station(
-            AT, identity, params, self.vehicle, None, lambda level, told: None, network.socket
-        )
+        self.station = Station(AT, identity, params, self.vehicle, None, self._log, network.socket)
         self._link = network.link(AT.script, AT.fcu_script, "script")
         self._mav = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
+
+    def _log(self, level, told, time_us=None):
+        self.logged.append((level, told, time_us))
 
     def observe(self):
         """A first state: level, on the ground."""

@@ -50,6 +50,8 @@ def header(r: Readings) -> Panel:
     words = Text.assemble((r.flight.title, "bold"), "   ", number(r.t, 2, "s"))
     words.append(f"   × {plain(r.speed(), 2)}", style=DIM)
     words.append(f"   {r.flight.status(r.t)}", style=GOOD)
+    if progress := r.flight.plans.at(math.inf).progress:
+        words.append(f"   {progress}")
     if vehicle.gone:
         words.append("   gone: it is on the bus no more", style=BAD)
     elif "replay_of" in vehicle.about:

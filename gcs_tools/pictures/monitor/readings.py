@@ -120,12 +120,15 @@ class Readings:
             "wind_estimate_m_s": self.vector("wind.v_air_E"),
             "wind_m_s": self.vector("v_air_E"),
         }
+        plan = self.flight.plans.at(math.inf)
         return {
             "schema": 1,
             "run": vehicle.about.get("run"),
             "vehicle": vehicle.about.get("vehicle"),
             "alive": sorted(vehicle.alive),
             "status": self.flight.status(self.t) or None,
+            "plan_item": plan.current if plan.mission else None,
+            "plan_items": len(plan.mission) or None,
             **{name: _known(value) for name, value in known.items()},
             **{name: [_known(v) for v in vector] for name, vector in vectors.items()},
             "ticks": {topic: c.ticks for topic, c in vehicle.counted.items()},

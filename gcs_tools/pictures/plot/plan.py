@@ -26,6 +26,7 @@ class Drawn(NamedTuple):
     items: Sequence[tuple[int, float, float]]  # number and place
     areas: Sequence[Outline]
     rally: Sequence[tuple[float, float]]
+    flown: Sequence[tuple[float, float]] = ()  # the way of a flight
 
 
 def draw(plan: Drawn, path: Path) -> None:
@@ -44,6 +45,8 @@ def draw(plan: Drawn, path: Path) -> None:
             else:
                 axes.fill(east, north, color=style.LIMIT, alpha=0.25, label="stay outside")
         axes.plot([x for x, _ in plan.way], [y for _, y in plan.way], color=style.X, label="way")
+        if len(plan.flown):
+            axes.plot(*zip(*plan.flown, strict=True), color=style.INK, linewidth=1.0, label="flown")
         for number, x, y in plan.items:
             axes.plot([x], [y], "o", color=style.X, markersize=4.0)
             axes.annotate(str(number), (x, y), (4, 4), textcoords="offset points")

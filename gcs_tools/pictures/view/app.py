@@ -95,6 +95,7 @@ class App:
         self._frames = 0
         self._frame = time.monotonic()  # when the last began
         self._late = False
+        self._knew_plan = self._has_plan
         with self._server.atomic():
             self._camera()
             self._controls()
@@ -138,8 +139,13 @@ class App:
             self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
             self._button = gui.add_button("Play")
             self._button.on_click(lambda _: self._press())
-        gui.add_html(page.key())
+        self._key = gui.add_html(page.key(self._has_plan))
         gui.main_panel.float(x=15, y=15, width=PANEL_PX)
+
+    @property
+    def _has_plan(self) -> bool:
+        """Tell whether the flight has or had a plan or a fence."""
+        return self._flight.plans.has_any
 
     @property
     def _kind(self) -> str:
@@ -239,6 +245,9 @@ class App:
             if self._shown is None or shown[2] != self._shown[2]:
                 self._heading.content = page.heading(flight.title, self._kind)
             self._told.content = page.told(flight, self._now)
+            if self._has_plan != self._knew_plan:
+                self._knew_plan = self._has_plan
+                self._key.content = page.key(self._knew_plan)
             self._scene.show(self._now, self._follow.value)
             if not self._late and flight.span is not None:
                 for plot in self._plots:

@@ -8,6 +8,7 @@ from html import escape
 
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view.multicopter import SHARES, Colour
+from gcs_tools.pictures.view.plan import INSIDE, OUTSIDE, PLAN
 from gcs_tools.pictures.view.scene import AIR, FLOWN, REFERENCE, SETPOINT, TRUE_AIR
 
 
@@ -33,6 +34,7 @@ STYLE = """<style>
   margin: 0 12px; font-size: 12px; color: #555; }
 .told code, .told i { text-align: right; font-style: normal; }
 .told i { color: #888; font-size: 11px; }
+.plan { margin: 2px 12px; font-size: 12px; color: #555; }
 .key { list-style: none; margin: 2px 12px; padding: 0; font-size: 11.5px; color: #444;
   display: grid; grid-template-columns: 1fr 1fr; gap: 1px 8px; }
 .bar { height: 8px; border-radius: 2px; margin: 6px 12px 1px 12px; }
@@ -53,7 +55,9 @@ def told(flight: FlightHistory, now: float) -> str:
     said += _row("velocity", flight.vector("state.v_E", now), "m/s")
     if flight.value("engaged", now) > 0.5:
         said += _row("setpoint", flight.vector("setpoint.r_c", now), "m")
-    return f'<div class="told">{said}</div>'
+    progress = flight.plans.at(now).progress
+    plan = f'<div class="plan" data-told="plan">plan: {escape(progress)}</div>' if progress else ""
+    return f'<div class="told">{said}</div>{plan}'
 
 
 def _row(name: str, values: Iterable[float], unit: str) -> str:
@@ -64,12 +68,14 @@ def _row(name: str, values: Iterable[float], unit: str) -> str:
     return f'<span data-told="{name}">{name}</span>{"".join(cells)}<i>{unit}</i>'
 
 
-def key() -> str:
-    """What the colours of the scene mean."""
-    meanings = (
+def key(with_plan: bool) -> str:
+    """What the colours of the scene mean. `with_plan`: those of a plan too."""
+    meanings: tuple[tuple[str, Colour], ...] = (
         ("flown", FLOWN), ("reference model", REFERENCE), ("wind", TRUE_AIR),
         ("wind, estimate", AIR), ("setpoint", SETPOINT), ("front arms", SETPOINT),
     )  # fmt: skip
+    if with_plan:
+        meanings += ("plan", PLAN), ("stay inside", INSIDE), ("stay outside", OUTSIDE)
     items = "".join(f'<li style="--c:{_css(c)}">{escape(word)}</li>' for word, c in meanings)
     stops = ", ".join(f"rgb({r},{g},{b})" for r, g, b in SHARES.tolist())
     return (

@@ -13,6 +13,7 @@ import numpy as np
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.quantities import ROTORS
 from gcs_tools.pictures.view.multicopter import Colour, Multicopter
+from gcs_tools.pictures.view.plan import DrawnPlan
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ class Scene:
         self._flown = scene.add_line_segments(
             "/world/flown", nowhere, FLOWN, thickness=4.5, thickness_units="screen"
         )
+        self._plan = DrawnPlan(scene, "/world/plan")
         # what goes with the vehicle hangs on one node: lines are redrawn later than nodes move
         self._here = scene.add_frame("/world/here", show_axes=False)
         self._plumb = scene.add_line_segments(
@@ -140,6 +142,7 @@ class Scene:
         if follow:
             self._world.position = -r_E
         self._ways(now, r_E)
+        self._plan.show(flight.plans.at(now), flight.ground_z)
         self._goal(now)
         self._here.position = r_E
         self._true_air.show(flight.vector("v_air_E", now))
