@@ -50,8 +50,9 @@ class PlanRecord:
         vehicle = self._vehicle
         if self._changed != vehicle.mission.changed:
             self._changed = vehicle.mission.changed
-            if vehicle.mission.steps:
-                where = vehicle.mission.current, len(vehicle.mission.steps)
+            plan = vehicle.mission
+            if plan.steps:
+                where = plan.current, len(plan.steps), plan.last_reached
                 self._say(LEVEL, Told(Code.PLAN_AT, where), t_us)
         if self._home != vehicle.home_changed and any(self._has_any.values()):
             self._home = vehicle.home_changed

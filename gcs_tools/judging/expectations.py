@@ -48,7 +48,12 @@ BAD_ENDINGS = (
 NOT_FINITE = "nonfinite_samples"
 LAWS_WITH = "laws_with"
 NOT_APPLICABLE = "not applicable"
-ENDED, REACHED, LIMITED = OTHERS = ("ended", "reached", "limited")  # entries that are no metric
+ENDED, REACHED, LIMITED, ITEMS = OTHERS = (
+    "ended",
+    "reached",
+    "limited",
+    "items",
+)  # entries that are no metric
 _KEYS = ("limit", "at_least", "from", "to", LAWS_WITH)
 
 

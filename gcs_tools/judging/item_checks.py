@@ -11,11 +11,19 @@ import numpy as np
 
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.causes import LITTLE
-from gcs_tools.judging.expectations import GOOD_ENDINGS, Expectation, judge_metric
+from gcs_tools.judging.expectations import (
+    GOOD_ENDINGS,
+    ITEMS,
+    Expectation,
+    MetricFunction,
+    Reason,
+    judge_metric,
+)
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S, EngagedTicks, on_ground
 from gcs_tools.missions.asked import LANDS, Begun, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import lands
+from gcs_tools.recording.plans import PlanHistory
 from gcs_tools.recording.table import Table
 
 STEPS_COUNT = ("setpoint_error_max_m", "setpoint_error_rms_m")
@@ -81,47 +89,22 @@ def unfinished(flight: Flight, begun: tuple[Begun, ...], plant: Table) -> str:
 def judge_items(
     flight: Flight, expected: Iterable[Mapping[str, Any]], flown: Iterable[ItemFlown],
     ticks: EngagedTicks, plant: Table, begun: tuple[Begun, ...], followed: bool,
+    plans: PlanHistory,
 ) -> list[Expectation]:  # fmt: skip
     """What was expected of each item, judged in its own time.
 
     expected : an item's [expect] as plain values, each.  ticks, plant : of the flight.  followed :
-    whether paths are to be, of which nothing is written.
+    whether paths are to be, of which nothing is written.  plans : which item of a plan was flown when.
     """
     found = []
     for entries, item in zip(expected, flown, strict=True):
-        own = None if item.began_s is None else ticks.window(item.began_s, _last(flight, item))
-        if own is not None and item.began_s is not None:
-            own = replace(own, settle_from_s=item.began_s + SETTLE_S)
+        own = _own(flight, item, ticks)
         landing = _landing(flight, item, begun, plant) if item.kind in LANDS else {}
-
-        def metric(
-            name: str, t_from: float | None, t_to: float | None,
-            item: ItemFlown = item, own: EngagedTicks | None = own,
-            landing: Mapping[str, float | None] = landing,
-        ) -> float | None:  # fmt: skip
-            if item.began_s is None or own is None:
-                return None
-            if name == "took_s":
-                return None if item.ended_s is None else item.ended_s - item.began_s
-            if name in landing:
-                return landing[name]
-            return own.metric(name, *_shifted(item.began_s, t_from, t_to))
-
-        def reason(
-            name: str, t_from: float | None, t_to: float | None,
-            item: ItemFlown = item, own: EngagedTicks | None = own,
-            landing: Mapping[str, float | None] = landing,
-        ) -> str:  # fmt: skip
-            if item.began_s is None or own is None:
-                return "it never began"
-            if name == "took_s":
-                return "it had not ended"
-            if name in landing:
-                return "the vehicle has not touched the ground"
-            return own.why_no_value(name, *_shifted(item.began_s, t_from, t_to))
-
+        metrics = _metrics_of(item, own, landing)
         for name, entry in entries.items():
-            judged = judge_metric(name, entry, metric, reason, ticks.law_has)
+            if name == ITEMS:
+                continue
+            judged = judge_metric(name, entry, *metrics, ticks.law_has)
             said = judged.why
             if own is not None and judged.is_missed and judged.value is not None:
                 said = _why_missed(name, entry, own, item, flight, begun)
@@ -130,6 +113,76 @@ def judge_items(
         written = any(name.startswith("setpoint_error_") for name in entries)
         if followed and item.kind == "follow" and not written:
             found += _followed(flight, item, ticks, begun)
+        if entries.get(ITEMS):
+            found += _of_plan(flight, entries[ITEMS], item, ticks, plans)
+    return found
+
+
+def _own(flight: Flight, item: ItemFlown, ticks: EngagedTicks) -> EngagedTicks | None:
+    """The ticks of an item. None: it never began."""
+    if item.began_s is None:
+        return None
+    own = ticks.window(item.began_s, _last(flight, item))
+    return replace(own, settle_from_s=item.began_s + SETTLE_S)
+
+
+def _metrics_of(
+    item: ItemFlown, own: EngagedTicks | None, others: Mapping[str, float | None],
+    lacks: str = "the vehicle has not touched the ground",
+) -> tuple[MetricFunction, Reason]:  # fmt: skip
+    """The value of a metric in an item's own time, and the reason why it has none.
+
+    own : its ticks.  others : metrics of this item alone, and `lacks` the reason why one has no value.
+    """
+
+    def metric(name: str, t_from: float | None, t_to: float | None) -> float | None:
+        if item.began_s is None or own is None:
+            return None
+        if name == "took_s":
+            return None if item.ended_s is None else item.ended_s - item.began_s
+        if name in others:
+            return others[name]
+        return own.metric(name, *_shifted(item.began_s, t_from, t_to))
+
+    def reason(name: str, t_from: float | None, t_to: float | None) -> str:
+        if item.began_s is None or own is None:
+            return "it never began"
+        if name == "took_s":
+            return "it had not ended"
+        if name in others:
+            return lacks
+        return own.why_no_value(name, *_shifted(item.began_s, t_from, t_to))
+
+    return metric, reason
+
+
+def _of_plan(
+    flight: Flight, expected: Mapping[str, Mapping[str, Any]], item: ItemFlown,
+    ticks: EngagedTicks, plans: PlanHistory,
+) -> list[Expectation]:  # fmt: skip
+    """Judge items of a plan, each in the time in which it was flown first."""
+    found = []
+    until = math.inf if item.ended_s is None else item.ended_s
+    spans = {} if item.began_s is None else plans.spans(item.began_s, until)
+    for number, entries in expected.items():
+        k = int(number)
+        began_s, ended_s = spans.get(k, (None, None))
+        plan = plans.at(math.inf if began_s is None else began_s)
+        command = plan.mission[k].command if k < len(plan.mission) else "item"
+        part = ItemFlown(k, command, began_s, ended_s)
+        own = _own(flight, part, ticks)
+        place = plan.mission[k].at(plan.home) if k < len(plan.mission) else None
+        nearest = None
+        if own is not None and place is not None and len(own.t):
+            away = np.linalg.norm(own.plant["state.r_E"] - np.array(place), axis=1)
+            nearest = float(away.min())
+        metrics = _metrics_of(part, own, {"passed_m": nearest}, "it has no place, or took no time")
+        before = "" if len(flight.items) == 1 else f"{item.name}: "
+        for name, entry in entries.items():
+            judged = judge_metric(name, entry, *metrics, ticks.law_has)
+            why = None if judged.why is None else f"of plan item {k}: {judged.why}"
+            text = f"{before}plan item {k} ({command}): {judged.text}"
+            found.append(replace(judged, text=text, why=why))
     return found
 
 

@@ -395,7 +395,7 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
 }
 
 
-OF_ITEMS = ("took_s", "touchdown_m_s", "touchdown_m")  # of items alone: see item_checks
+OF_ITEMS = ("took_s", "touchdown_m_s", "touchdown_m", "passed_m")  # of items alone: see item_checks
 
 # which need the plant and the mission alone, whatever a controller tells of itself
 OF_THE_TRUTH = frozenset(name for name in METRICS if name.startswith("setpoint_error_")) | {

@@ -28,7 +28,7 @@ from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
-from gcs_tools.judging.expectations import REACHED, Expectation, judge_each
+from gcs_tools.judging.expectations import ITEMS, REACHED, Expectation, judge_each
 from gcs_tools.judging.item_checks import (
     ItemFlown,
     good_endings,
@@ -46,6 +46,7 @@ from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value
 from gcs_tools.recording import notebook
+from gcs_tools.recording.plans import PlanHistory
 from gcs_tools.recording.schema import UNTOLD
 from gcs_tools.recording.table import Rows, Table
 from sitl_plant.physics.types import PlantRecord
@@ -140,7 +141,7 @@ class Judged(NamedTuple):
     @staticmethod
     def of(
         mission: Mission, rate_hz: float, plant: Rows, fcu: Rows, ended: str, begun: tuple[Begun, ...] = (),
-        whole: bool = True, script: ScriptFlown | None = None,
+        whole: bool = True, script: ScriptFlown | None = None, said: Iterable[Event] = (),
     ) -> Judged:  # fmt: skip
         """Measure a flight, and judge one that is `whole`. The others: as for `judge`."""
         judged: list[Expectation] = []
@@ -170,8 +171,13 @@ class Judged(NamedTuple):
             if any(each.name == REACHED and each.is_missed for each in judged) and stood:
                 missed = max(stood, key=lambda each: each.away_m)
             of_items = [item["expect"] for item in mission.items()]
+            if (numbered := mission.expectations().get(ITEMS)) is not None:  # of the one plan
+                at = [item.kind for item in mission.flight.items].index("plan")
+                of_items[at] = {**of_items[at], ITEMS: {**of_items[at].get(ITEMS, {}), **numbered}}
             followed = mission.expectations().get(REACHED) is not False
-            judged += judge_items(mission.flight, of_items, items, flight, told[0], begun, followed)
+            judged += judge_items(
+                mission.flight, of_items, items, flight, told[0], begun, followed, PlanHistory(said)
+            )
         passed = whole and not any(each.is_missed for each in judged)
         return Judged(judged, flight.metrics(), items, passed, flight, missed)
 
@@ -191,7 +197,8 @@ def judge(
     whole = exit_code == OK
     found: Judged | None = None
     if whole or (len(plant) and len(fcu)):
-        found = Judged.of(mission, rate_hz, plant, fcu, ended, begun, whole, script)
+        said = list(said)
+        found = Judged.of(mission, rate_hz, plant, fcu, ended, begun, whole, script, said)
     values = mission.values_in_force()
     passed = found is not None and found.passed
     why: list[str] = []

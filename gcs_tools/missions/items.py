@@ -6,11 +6,14 @@ Each ends when the vehicle has done it, and the next begins. Frame: Earth East-N
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable
 from pathlib import Path as File
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     PrivateAttr,
@@ -51,6 +54,29 @@ ItemExpect: type[Table] = create_model(
 )
 LandingExpect: type[Table] = create_model(
     "LandingExpect", __base__=ItemExpect, __doc__=_doc, **_touchdown
+)
+
+_passed: Any = (
+    AT_MOST | None, optional("least distance from its place, while it was flown"),
+)  # fmt: skip
+PlanItemExpect: type[Table] = create_model(
+    "PlanItemExpect", __base__=ItemExpect, __doc__=_doc, passed_m=_passed
+)
+
+
+def _number(key: str) -> str:
+    """The number of an item as a key."""
+    if not re.fullmatch(r"0|[1-9][0-9]{0,3}", key):
+        raise wrong((), "the number of an item of the plan, from 0", key)
+    return key
+
+
+Numbered = Annotated[
+    dict[Annotated[str, AfterValidator(_number)], PlanItemExpect],
+    Field(description="what items of the plan are held against, by number, from 0"),
+]
+PlanExpect: type[Table] = create_model(
+    "PlanExpect", __base__=ItemExpect, __doc__=_doc, items=(Numbered | None, None)
 )
 
 _expect: Any = Field(ItemExpect(), description="of this item")
@@ -166,9 +192,14 @@ class Plan(Table):
 
     kind: Literal["plan"]
     file: str = Field(description="a .plan of QGroundControl or a .waypoints file (docs/plans.md)")
-    expect: ItemExpect = _expect
+    expect: PlanExpect = Field(PlanExpect(), description="of this item, and of the plan's own")
 
     _plan: plan_file.PlanFile | None = PrivateAttr(None)
+
+    @property
+    def is_known(self) -> bool:
+        """Tell whether its file was read."""
+        return self._plan is not None
 
     @property
     def plan(self) -> plan_file.PlanFile:
@@ -187,7 +218,15 @@ class Plan(Table):
             _ = self._plan.begin
         except plan_file.PlanError as error:
             raise because(("file",), str(error)) from None
+        self.check_numbers(("expect", "items"), self.expect.items or ())  # type: ignore[attr-defined]
         return self
+
+    def check_numbers(self, where: tuple[str, ...], numbers: Iterable[str]) -> None:
+        """Raise for the number of an item that the plan does not have."""
+        last = len(self.plan.mission) - 1
+        for number in numbers:
+            if int(number) > last:
+                raise wrong((*where, number), f"an item of the plan, 0 to {last}", int(number))
 
 
 KINDS = ("take_off", "go_to", "follow", "hold", "land", "return", "plan")

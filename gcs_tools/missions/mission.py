@@ -489,6 +489,7 @@ def _problems(
             lacking[array] = max(last, lacking.get(array, 0))
     for problem in problems:
         path: KeyPath = problem["loc"]
+        path = path[:-1] if path[-1:] == ("[key]",) else path
         context, got = problem.get("ctx", {}), problem["input"]
         kind = problem["type"]
         if kind in ("mission", "because"):
@@ -554,7 +555,7 @@ def _known(path: KeyPath, kind: type[Document]) -> list[str]:
     model: Any = kind
     several: list[Any] = []
     for name in path:
-        if isinstance(name, str):
+        if isinstance(name, str) and not name.isdecimal():  # the number of an item of a plan
             tagged = [each for each in several if name in _kinds(each)]
             if tagged:
                 model = tagged[0]

@@ -36,6 +36,7 @@ from gcs_tools.missions.fields import (
     wrong,
 )
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.items import Numbered, Plan
 from gcs_tools.missions.items import lands as ends_on_ground
 
 # --- [law]
@@ -249,6 +250,7 @@ Expect: type[Table] = create_model(
     ended=_ended,
     reached=_reached,
     limited=_limited,
+    items=(Numbered | None, optional("of a flight with one plan: of the plan's items, by number")),
     **LIMITS,
 )
 
@@ -278,6 +280,7 @@ class Document(Table):
     @model_validator(mode="after")
     def _can_end_so(self) -> Self:
         ended, items = self.expect.ended, self.flight.items  # type: ignore[attr-defined]
+        self._check_plan_items()
         lands = bool(items) and ends_on_ground(items[-1])
         if self.flight.script is not None:
             if ended in ("time", "arrived", "done", "refused"):
@@ -298,6 +301,17 @@ class Document(Table):
             key = ("expect", "ended")
             raise because(key, f"a flight ends {ended} only where {lack}: this end can never come")
         return self
+
+    def _check_plan_items(self) -> None:
+        numbered = self.expect.items  # type: ignore[attr-defined]
+        if numbered is None:
+            return
+        plans = [item for item in self.flight.items if isinstance(item, Plan)]
+        if len(plans) != 1:
+            why = f"the flight needs one plan for these, and has {len(plans) or 'none'}"
+            raise because(("expect", "items"), why)
+        if plans[0].is_known:
+            plans[0].check_numbers(("expect", "items"), numbered)
 
 
 @cache

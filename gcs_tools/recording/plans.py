@@ -19,6 +19,7 @@ MOST_ITEMS, MOST_CHANGES = 10_000, 100_000  # that are believed of a log
 _WIDTH = 13  # values of an item
 _POLYGON, _CIRCLE = "NAV_FENCE_POLYGON_VERTEX_", "NAV_FENCE_CIRCLE_"
 _AIMED = ("DO_SET_ROI", "DO_SET_ROI_LOCATION", "DO_SET_HOME")  # places that are not flown to
+HALF_US = 0.5e-6  # s: ticks fall on whole microseconds
 ROUND = 72  # corners of a circle that is drawn
 
 T = TypeVar("T")
@@ -101,7 +102,7 @@ class PlanHistory:
         self._fence = _Changes[tuple[FencedArea, ...]](())
         self._rally = _Changes[tuple[Vec3, ...]](())
         self._home = _Changes[Vec3 | None](None)
-        self._current = _Changes(0)
+        self._at = _Changes((0, -1))  # the next item, and the last that was done
         self._parts: dict[str, list[PlanItem]] = {}
 
     def take(self, event: Event) -> None:
@@ -112,7 +113,7 @@ class PlanHistory:
             elif event.code == Code.PLAN_ITEMS.name:
                 self._take_items(event.t, event.values)
             elif event.code == Code.PLAN_AT.name:
-                self._current.put(event.t, int(event.values[0]))
+                self._at.put(event.t, (int(event.values[0]), int(event.values[2])))
             elif event.code == Code.HOME_AT.name:
                 self._home.put(event.t, _place(event.values[:3]))
         except (ValueError, TypeError, IndexError):
@@ -152,12 +153,36 @@ class PlanHistory:
         """All that is known at a time, s."""
         return PlanAt(
             self._mission.at(t), self._fence.at(t), self._rally.at(t), self._home.at(t),
-            self._current.at(t),
+            self._at.at(t)[0],
         )  # fmt: skip
 
-    def steps(self) -> Iterator[tuple[float, int]]:
-        """When which item became the next, s and from 0, each time."""
-        yield from zip(self._current.times[1:], self._current.values[1:], strict=True)
+    def steps(self) -> Iterator[tuple[float, int, int]]:
+        """Each change: when, s, which item became the next, and the last that was done (-1: none)."""
+        for t, (current, last) in zip(self._at.times[1:], self._at.values[1:], strict=True):
+            yield t, current, last
+
+    def spans(self, since: float, until: float) -> dict[int, tuple[float, float | None]]:
+        """When each item was begun and done first, s, of those begun from one time to another.
+
+        An item that takes no time is done as it begins. None: it was not done.
+        """
+        found: dict[int, tuple[float, float | None]] = {}
+        flown, began = None, since
+        for t, current, last in self.steps():
+            if t > until:
+                break
+            if t < since - HALF_US:
+                continue
+            if flown is None:
+                flown, began = current, t
+                continue
+            for k in range(flown, last + 1):
+                found.setdefault(k, (began if k == flown else t, t))
+            found.setdefault(flown, (began, None))  # a client had another one flown
+            flown, began = current, t
+        if flown is not None:
+            found.setdefault(flown, (began, None))
+        return found
 
 
 def way(plan: PlanAt) -> list[Vec3]:

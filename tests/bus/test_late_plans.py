@@ -26,12 +26,12 @@ def latest(told):
 
 
 def test_the_plan_in_force_is_kept_with_the_last_event():
-    at = Event(3.0, "debug", "at", "fcu", "PLAN_AT", (2.0, 3.0))
+    at = Event(3.0, "debug", "at", "fcu", "PLAN_AT", (2.0, 3.0, 1.0))
     last = Event(9.0, "info", "Armed", "fcu", "ARMED", ())
     old = [
         items(0, 15, 32),
         items(16, 31, 32),
-        Event(2.0, "debug", "", "fcu", "PLAN_AT", (0.0, 32.0)),
+        Event(2.0, "debug", "", "fcu", "PLAN_AT", (0.0, 32.0, -1.0)),
     ]
     found = latest(
         [

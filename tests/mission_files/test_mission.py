@@ -274,7 +274,7 @@ def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():
         "module",
         "unstable_gains",
     }
-    assert set(Expect.model_fields) == {*METRICS, "ended", "reached", "limited"}
+    assert set(Expect.model_fields) == {*METRICS, "ended", "reached", "limited", "items"}
 
 
 def test_the_json_schema_is_current():

@@ -35,7 +35,7 @@ def test_a_plan_file_is_flown_and_recorded(tmp_path):
     seen = plans.at(30.0)
     assert (len(seen.mission), len(seen.fence), len(seen.rally)) == (7, 2, 1)
     assert seen.mission[3].at(seen.home)[:2] == pytest.approx((25.0, 25.0), abs=0.1)
-    items = [item for _, item in plans.steps()]
+    items = [item for _, item, _ in plans.steps()]
     assert items == sorted(items)
     assert items[-1] == 7
     # drawn over the same plan, the way begins at its home and passes its places
@@ -48,6 +48,36 @@ def test_a_plan_file_is_flown_and_recorded(tmp_path):
     )
     assert gcs("plan", "show", SQUARE, "--flight", tmp_path / "run").exit_code == 2
     assert figure.stat().st_size > 10_000
+
+
+def test_items_of_a_plan_are_held_against_their_own_time(tmp_path):
+    def flown(*settings):
+        result = gcs_tools.fly(
+            "plan_square", in_process=True, out=tmp_path / str(len(settings)), figure="never",
+            settings=settings,
+        )  # fmt: skip
+        return {
+            each.text: each for each in result.expectations if each.text.startswith("plan item")
+        }
+
+    met = flown("expect.items.6.took_s=60", "expect.items.1.took_s=0")
+    assert len(met) == 5
+    assert all(each.passed for each in met.values())
+    lands = met["plan item 6 (NAV_LAND): took_s ≤ 60"]
+    rounds = met["plan item 2 (NAV_WAYPOINT): passed_m ≤ 1.5"]
+    assert 15.0 < lands.value < 40.0
+    assert (
+        1.2 < rounds.value < 1.45
+    )  # the curve passes so far from the corner: a chord of 0.7 of 2 m
+    missed = flown(
+        "expect.items.4.took_s=5", "expect.items.1.passed_m=1", "expect.items.2.passed_m=1"
+    )
+    texts = {name: (each.value, each.why) for name, each in missed.items() if each.is_missed}
+    assert texts.keys() == {
+        "plan item 4 (NAV_WAYPOINT): took_s ≤ 5", "plan item 1 (DO_CHANGE_SPEED): passed_m ≤ 1",
+        "plan item 2 (NAV_WAYPOINT): passed_m ≤ 1",
+    }  # fmt: skip
+    assert texts["plan item 1 (DO_CHANGE_SPEED): passed_m ≤ 1"][0] is None
 
 
 @pytest.mark.parametrize(("changed", "said"), [("fence", "item 2"), ("command", "item 3")])

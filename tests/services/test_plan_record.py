@@ -100,7 +100,7 @@ def test_progress_is_told_when_it_changes_and_no_text_is_sent(client):
     assert history(client).current == 1
     assert history(client).progress == "item 1 of 0 to 3, NAV_WAYPOINT"
     assert [told for _, told, _ in client.logged if told.code is Code.PLAN_AT][1:] == [
-        (Code.PLAN_AT, (1, 4))
+        (Code.PLAN_AT, (1, 4, 0))
     ]
     assert not [m for m in client.heard() if m.get_type() == "STATUSTEXT"]
 
