@@ -24,6 +24,7 @@ from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
+from fcu.vehicle.returning import Ending
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -370,14 +371,16 @@ def asks_too_much(mode: Mode, p: Parameters) -> Told | None:
 
 
 def plan_of(
-    mode: Mode, here: Pose, home: Vec3, p: Parameters, led: PlanLimits, around: Around
+    mode: Mode, here: Pose, to: Ending, p: Parameters, led: PlanLimits, around: Around
 ) -> Iterable[Piece]:
-    """What a mode flies from here, keeping its yaw."""
+    """What a mode flies from here, keeping its yaw. `to`: the end of a return, else home."""
     r, v, psi = here
     if mode is Mode.LAND:
-        return descent(r, v, psi, home.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
+        return descent(r, v, psi, to.place.z + SLOW_BELOW, p["MPC_LAND_SPEED"], led)
+    if mode is Mode.RETURN and to.along:
+        return _return_along(here, to, p, led, around)
     if mode is Mode.RETURN:
-        return _return(here, home, p, led, around)
+        return _return(here, to.place, p, led, around)
     if mode in (Mode.STEP, Mode.FIGURE_EIGHT):
         stopping, stop = brake(r, v, psi, led)
         return chain(stopping, _generated(mode, stop, psi, p))
@@ -399,6 +402,31 @@ def _return(here: Pose, home: Vec3, p: Parameters, led: PlanLimits, around: Arou
         last = way[-1] if way else brake(r, v, psi, led)[1]
         way.append(Vec3(last.x, last.y, min(last.z, home.z + p["RTL_DESCEND_ALT"])))
     return through(r, v, way, psi, led, settle_s(p) + (FOREVER_S if waits < 0.0 else waits))
+
+
+def _return_along(
+    here: Pose, to: Ending, p: Parameters, led: PlanLimits, around: Around
+) -> Iterator[Piece]:
+    """By places of the plan, and over the place of its end at the height of the last of them.
+
+    One at a time: a plan may have many.
+    """
+    stopping, r = brake(here.r_E, here.v_E, here.psi, led)
+    first, last = to.along[0], to.along[-1]
+    begin = [first]
+    if to.straight:
+        top = max(r.z, first.z, to.place.z + p["RTL_RETURN_ALT"])
+        up = Vec3(r.x, r.y, top)
+        begin = [up, *around(up, Vec3(first.x, first.y, top)), first]
+    elif math.hypot(r.x - first.x, r.y - first.y) >= HOME_CLOSE:
+        *between, _ = around(r, first)
+        begin = [*between, first]
+    yield from stopping
+    for place in chain(begin, to.along[1:], around(last, Vec3(to.place.x, to.place.y, last.z))):
+        yield from line(r, place, here.psi, led)
+        r = place
+    yield rest(r, here.psi)._replace(for_s=settle_s(p))
+    yield rest(r, here.psi)
 
 
 def _way_home(here: Pose, home: Vec3, p: Parameters, led: PlanLimits, around: Around) -> list[Vec3]:

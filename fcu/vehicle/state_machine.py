@@ -58,6 +58,7 @@ from fcu.vehicle.mission import Mission, Step, first_place, is_finite, outside, 
 from fcu.vehicle.mission_flight import MissionFlight, Sees
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.plans import STILL, Circle, Leader, Piece, PlanLimits, Pose
+from fcu.vehicle.returning import Ending, ReturnType, ending
 from fcu.vehicle.setpoints import (
     POSITION,
     Owner,
@@ -770,14 +771,12 @@ class StateMachine:
         self.fence.areas = areas
         self._look_at_fence_anew()
 
-    def _return_to(self, here: Vec3) -> Vec3:
-        """The place at which a return ends: the nearest of home and rally points, as RTL_TYPE says."""
+    def _ending(self, here: Vec3, was: Mode) -> Ending:
+        """The end of a return from a place. `was`: the mode before it."""
         assert self.home is not None
-        home = self.home
-        safe = [Vec3(r.x, r.y, home.z) for r in self.rally]
-        if self._params["RTL_TYPE"] == 0.0 or not safe:
-            safe.insert(0, home)
-        return min(safe, key=lambda r: math.hypot(r.x - here.x, r.y - here.y))
+        kind = ReturnType(int(self._params["RTL_TYPE"]))
+        flown = was is Mode.MISSION and not self.mission.is_complete
+        return ending(kind, here, self.home, self.rally, self.mission, flown)
 
     def _around(self, start: Vec3, end: Vec3) -> list[Vec3]:
         """The places of the way home: straight, or around what the fence forbids if there is such a way."""
@@ -1177,6 +1176,7 @@ class StateMachine:
         if mode is Mode.TAKEOFF and self.armed:
             self._take_off(self._climb(self._take_off_to, t_us), t_us)
             return
+        was = self.mode
         self._become(mode)
         if mode is not Mode.MISSION and math.isinf(self._landed_us):
             self._landed_us = t_us  # a plan that waits on the ground is not gone on with
@@ -1194,7 +1194,7 @@ class StateMachine:
             return
         assert self.home is not None
         here = begins or self._from(t_us)
-        to = self._return_to(here.r_E) if mode is Mode.RETURN else self.home
+        to = self._ending(here.r_E, was) if mode is Mode.RETURN else Ending(self.home)
         plan: Iterable[Piece]
         below = self.setpoint is not None and self.setpoint.level > POSITION
         if below and self._is_too_fast():
@@ -1210,7 +1210,7 @@ class StateMachine:
         led, v = self._limits(), self.pose().v_E
         return math.hypot(v.x, v.y) > led.cruise or not -led.down <= v.z <= led.up
 
-    def _slowed(self, mode: Mode, home: Vec3) -> Iterator[Piece]:
+    def _slowed(self, mode: Mode, to: Ending) -> Iterator[Piece]:
         """Brake beside the vehicle until it is as slow as it is led, then fly what the mode flies.
 
         The guard may slow it faster than the plan does: one that is laid down from a great speed
@@ -1222,9 +1222,9 @@ class StateMachine:
             a = -self._limits().acceleration / max(plans.length(here.v_E), plans.SLOW)
             yield Piece(plans.at(here.r_E, psi, here.v_E, a * here.v_E), STEP_US * 1e-6)
         if mode is Mode.FOLLOW:
-            yield from self._following(home)
+            yield from self._following(to.place)
         here = self._from(self.leader.until_us)
-        yield from plans.plan_of(mode, here, home, self._params, self._limits(), self._around)
+        yield from plans.plan_of(mode, here, to, self._params, self._limits(), self._around)
 
     def _following(self, home: Vec3) -> Iterator[Piece]:
         follower = Follower(self._params)

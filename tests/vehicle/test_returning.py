@@ -1,0 +1,144 @@
+"""The end of a return and the way there, by RTL_TYPE: decided, and flown by law and plant."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from fcu.kernel.algebra import Vec3
+from fcu.vehicle.areas import Disc
+from fcu.vehicle.mission import Do, Mission, Step
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.returning import Ending, ReturnType, ending
+from tests.vehicle.test_mission import UP, Planned, go
+
+HOME = Vec3(1.0, 2.0, 0.5)
+MARK, SPEED = Step(Do.LANDING_BEGINS), Step(Do.SPEED, value=3.0)
+LAND = Step(Do.LAND, Vec3(30.0, 40.0, 0.0), above_home=True)
+OUT, ON, IN = go(10.0, 0.0, 6.0), go(30.0, 0.0, 8.0, above_home=True), go(30.0, 30.0, 4.0)
+RALLY = (Vec3(-20.0, 0.0, 99.0),)
+A, B, C = Vec3(10.0, 0.0, 6.0), Vec3(30.0, 0.0, 8.5), Vec3(30.0, 30.0, 4.0)
+LANDED = Vec3(30.0, 40.0, 0.5)
+START = Vec3(1.0, 2.0, 5.5)  # of the take-off
+
+
+def end(kind, here, *steps, rally=(), current=0, flown=False):
+    mission = Mission()
+    mission.replace(steps)
+    mission.current = current
+    return ending(ReturnType(kind), Vec3(*here), HOME, rally, mission, flown)
+
+
+@pytest.mark.parametrize(
+    ("kind", "here", "found"),
+    [
+        # the nearest of home and rally points
+        (0, (0.0, 0.0, 5.0), Ending(HOME)),
+        (0, (-15.0, 0.0, 5.0), Ending(Vec3(-20.0, 0.0, 0.5))),
+        (0, (30.0, 38.0, 5.0), Ending(HOME)),
+        # of rally points and the plan's landing, by its landing and not where that begins
+        (1, (0.0, 0.0, 5.0), Ending(Vec3(-20.0, 0.0, 0.5))),
+        (1, (29.0, 1.0, 5.0), Ending(LANDED, (C,))),
+        # of all of these
+        (3, (2.0, 2.0, 5.0), Ending(HOME)),
+        (3, (-15.0, 0.0, 5.0), Ending(Vec3(-20.0, 0.0, 0.5))),
+        (3, (30.0, 38.0, 5.0), Ending(LANDED, (C,))),
+    ],
+)
+def test_a_return_ends_at_the_nearest_place_that_its_type_allows(kind, here, found):
+    assert end(kind, here, UP, OUT, SPEED, ON, MARK, IN, LAND, rally=RALLY) == found
+
+
+def test_without_a_mark_the_landing_of_a_plan_is_its_first_landing():
+    assert end(1, (0.0, 0.0, 5.0), UP, OUT, ON, LAND) == Ending(LANDED)
+    assert end(1, (0.0, 0.0, 5.0), UP, OUT, ON) == Ending(HOME)
+    # a mark behind which nothing lands is none
+    assert end(1, (0.0, 0.0, 5.0), UP, OUT, MARK, ON) == Ending(HOME)
+
+
+def test_along_a_plan_it_goes_on_to_the_landing_from_the_current_step():
+    plan = UP, OUT, SPEED, ON, MARK, IN, LAND
+    found = end(2, (20.0, 0.0, 7.0), *plan, rally=RALLY, current=3, flown=True)
+    assert found == Ending(LANDED, (B, C), straight=False)
+    # not in mode Mission: from the nearest place
+    found = end(2, (9.0, 1.0, 7.0), *plan, current=6)
+    assert found == Ending(LANDED, (A, B, C), straight=False)
+    # behind the landing: its landing once more
+    assert end(2, (0.0, 0.0, 5.0), *plan, ON, current=7, flown=True) == Ending(
+        LANDED, (C,), straight=False
+    )
+
+
+def test_along_a_plan_without_a_landing_it_goes_back_and_home():
+    plan = UP, OUT, SPEED, ON, IN
+    found = end(2, (30.0, 15.0, 7.0), *plan, rally=RALLY, current=4, flown=True)
+    assert found == Ending(HOME, (B, A, START), straight=False)
+    found = end(2, (29.0, 29.0, 7.0), *plan, current=0)
+    assert found == Ending(HOME, (C, B, A, START), straight=False)
+    assert end(2, (9.0, 9.0, 9.0)) == Ending(HOME)
+    assert end(2, (9.0, 9.0, 9.0), SPEED) == Ending(HOME)
+
+
+# --- flown
+
+
+def returned(kind, *steps, until, fence=()):
+    """A flight of a plan that is broken off `until` its current step is this one, and returns."""
+    flight = Planned(*steps)
+    flight.params.set("RTL_TYPE", float(kind), False)
+    flight.params.set("RTL_RETURN_ALT", 9.0, False)
+    flight.vehicle.take_fence(fence)
+    flight.begin(90.0, lambda: flight.vehicle.mission.current == until)
+    flight.fly(1.0)
+    flight.track.clear()
+    assert flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0).granted
+    flight.fly(150.0, lambda: not flight.vehicle.armed)
+    assert not flight.vehicle.armed
+    return flight
+
+
+WAY = UP, go(15.0, 0.0, 5.0), go(15.0, 15.0, 6.0), go(0.0, 15.0, 5.0)
+
+
+def test_back_along_the_plan_is_flown_place_by_place():
+    flight = returned(2, *WAY, until=3)
+    assert flight.nearest(15.0, 15.0, 6.0) < 0.3
+    assert flight.nearest(15.0, 0.0, 5.0) < 0.3
+    assert math.hypot(flight.r.x, flight.r.y) < 0.5
+    assert max(r.z for r in flight.track) < 7.0  # it does not climb to RTL_RETURN_ALT
+
+
+def test_on_along_the_plan_to_its_landing_passes_over_holds():
+    steps = (*WAY[:3], WAY[3]._replace(hold_s=60.0), Step(Do.WAIT, hold_s=60.0), Step(Do.LAND, Vec3(-5.0, 15.0, 0.0)))  # fmt: skip
+    flight = returned(2, *steps, until=2)
+    assert flight.nearest(15.0, 15.0, 6.0) < 0.3
+    assert flight.nearest(0.0, 15.0, 5.0) < 0.3
+    assert math.dist(flight.r[:2], (-5.0, 15.0)) < 0.5
+    assert flight.t_us < 90e6
+
+
+def test_straight_to_the_landing_of_the_plan_at_the_height_of_a_return():
+    steps = (*WAY, Step(Do.LANDING_BEGINS), go(-10.0, 10.0, 4.0), Step(Do.LAND, Vec3(-10.0, 0.0, 0.0)))  # fmt: skip
+    flight = returned(3, *steps, until=3)
+    assert math.dist(flight.r[:2], (0.0, 0.0)) < 0.5  # home was nearer
+    flight = returned(1, *steps, until=3)
+    assert max(r.z for r in flight.track) > 8.9
+    assert flight.nearest(-10.0, 10.0, 4.0) < 0.3
+    assert math.dist(flight.r[:2], (-10.0, 0.0)) < 0.5
+
+
+def test_the_way_to_the_plan_goes_around_what_the_fence_forbids():
+    """In Hold beside the plan: the way to its nearest place leads through the pond."""
+    flight = Planned(UP, go(15.0, 0.0, 5.0), go(15.0, 20.0, 5.0))
+    flight.params.set("RTL_TYPE", 2.0, False)
+    flight.begin(90.0)
+    flight.vehicle.reposition(Vec3(27.0, 20.0, 5.0), None, flight.t_us)
+    flight.fly(15.0)
+    pond = Disc(False, 21.0, 20.0, 3.0)
+    flight.vehicle.take_fence((pond,))
+    flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
+    flight.fly(150.0, lambda: not flight.vehicle.armed)
+    assert flight.vehicle.fence.breaches == 0
+    assert flight.nearest(15.0, 20.0, 5.0) < 0.3
+    assert math.hypot(flight.r.x, flight.r.y) < 0.5
