@@ -24,6 +24,7 @@ except KeyboardInterrupt:
 @click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help=f"Instance number, 0 to {INSTANCES - 1}; default: the first that is free.")  # fmt: skip
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes vehicle and world (default: the airframe on the ground in still air).")  # fmt: skip
 @options.AIRFRAME
+@click.option("--wind", "wind_file", type=click.Path(path_type=Path), help="CSV file of the velocity of the air over time (columns t_s, x_m_s, y_m_s, z_m_s), added to that of the world.")  # fmt: skip
 @click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate in Hz; ignored with --world.")  # fmt: skip
 @click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds per wall-clock second, or max.")  # fmt: skip
 @click.option("--stay/--end", default=False, show_default=True, help="After a crash: hold time until a reset, or end.")  # fmt: skip
@@ -35,6 +36,7 @@ except KeyboardInterrupt:
 def main(
     instance: int | None,
     world_file: Path | None,
+    wind_file: Path | None,
     airframe: str | None,
     rate_hz: float,
     speed: float | None,
@@ -59,6 +61,7 @@ def main(
     from fcu.interface.link import PortBusy
     from fcu.interface.publisher_feed import PublisherFeed
     from fcu.interface.recorder_pipe import BATCH, FULL_SPEED_BATCH, RecorderPipe
+    from fcu.interface.samples_file import SamplesError, read_wind
     from fcu.interface.starter import announce, watched
     from fcu.kernel.compile import is_cached
     from sitl_plant.loop import INFRASTRUCTURE, WIDTH, Server, say
@@ -76,7 +79,8 @@ def main(
             world = load(world_file, World)
         else:
             world = still_air(rate_hz, airframe=None if airframe is None else read(find(airframe)))
-    except (AirframeError, HandoverError) as error:
+        wind = None if wind_file is None else read_wind(wind_file)
+    except (AirframeError, HandoverError, SamplesError) as error:
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance
@@ -90,7 +94,7 @@ def main(
             feed = PublisherFeed(number, "plant")
             server = Server(
                 ports(number), world, tape, feed, pacer, control_fd, lifeline_fd,
-                stays=stay, announce=announce, write=write,
+                stays=stay, announce=announce, write=write, wind=wind,
             )  # fmt: skip
             server.warm_up()
     except PortBusy as error:

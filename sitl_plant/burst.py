@@ -10,6 +10,7 @@ Everything a tick reads and writes is in the arrays of `Plant`, shared with Pyth
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +18,14 @@ import numpy as np
 from fcu.interface.diagnostics import PlantTiming, plant_row
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel import system
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.kernel.rows import column_of
+from fcu.kernel.rows import column_of, slice_of
 from fcu.mavlink.plant_link import LONGEST, Desk, desk, pack_state, parse_controls
 from sitl_plant.physics import dynamics, tick
 from sitl_plant.physics.battery import BatteryState
-from sitl_plant.physics.types import PlantRecord
+from sitl_plant.physics.types import PlantParams, PlantRecord
 from sitl_plant.physics.world import World
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -60,7 +62,8 @@ class Progress(NamedTuple):
 class Plant(NamedTuple):
     """One simulator: constants, and the arrays that its ticks work on."""
 
-    params: Buffer  # PlantParams
+    params: Buffer  # PlantParams, of which `air` is put into the steady wind
+    air: Buffer  # float64[n, 3], m/s, E, of each tick, after the last the last; n 0: as `params` has it
     start: Buffer  # VehicleState
     spin: Buffer  # float64[8], of the rotors
     system: int  # MAVLink's
@@ -108,6 +111,7 @@ SEQUENCE, PUBLISHED, NOISE_AT, GRANT = (
     for name in ("timing.sequence", "timing.published", "noise_at", "granted")
 )
 
+_STEADY = slice_of(PlantParams, "wind.steady").start
 _progress = unpacker(Progress)
 _pack_tick = packer(Progress, "timing.sequence")
 _pack_published = packer(Progress, "timing.published")
@@ -118,16 +122,34 @@ _battery_of = unpacker(PlantRow, "battery")
 _pack_battery = packer(Battery)
 
 
-def plant(world: World, system_id: int, shared: Desk | None = None) -> Plant:
+def air_by_tick(steady: Vec3, samples: Buffer | None, rate_hz: float) -> Buffer:
+    """float64[n, 3], m/s, E: a steady wind and samples of one at each tick, until the samples end.
+
+    samples : float64[m, 4], s and m/s, E, with straight lines between them. None: float64[0, 3].
+    """
+    if samples is None:
+        return np.zeros((0, 3))
+    t = np.arange(math.ceil(samples[-1, 0] * rate_hz - 1e-6) + 1) / rate_hz
+    return np.stack(
+        [s + np.interp(t, samples[:, 0], v) for s, v in zip(steady, samples.T[1:], strict=True)],
+        axis=1,
+    )
+
+
+def plant(
+    world: World, system_id: int, shared: Desk | None = None, wind: Buffer | None = None
+) -> Plant:
     """A simulator at the start of its flight, without noise: see `draw_noise`.
 
     `shared`: the desk of a codec whose sequence numbers it is to continue.
+    `wind`: float64[m, 4], samples of wind as for `air_by_tick`, added to that of the world.
     """
     start = to_buffer(world.start)
     progress = np.zeros(size(Progress))
     progress[NOISE_AT], progress[GRANT] = NOISE_BLOCK, np.inf
     return Plant(
         params=to_buffer(world.params),
+        air=air_by_tick(world.params.wind.steady, wind, world.rate_hz),
         start=start,
         spin=np.array(world.params.airframe.spin, dtype=np.float64),
         system=system_id,
@@ -196,6 +218,7 @@ def observe(plant, row):
         return 0, False, NO_NOISE
     now = np.int64(progress.timing.sequence)
     t = now * plant.period_us * 1e-6
+    blow(plant, now)
     ended = tick.observe(plant.params, plant.state, plant.drawn, t, plant.start, row)
     _pack_timing(row, progress.timing)
     with_battery = now % plant.battery_ticks == 0
@@ -211,6 +234,15 @@ def observe(plant, row):
     tick.sense(past[oldest], plant.noise[at], plant.reported)
     _pack_noise_at(plant.progress, at + 1.0)
     return now, with_battery, np.int64(dynamics.FLYING)
+
+
+@kernel
+def blow(plant, now):
+    """Put the air of the tick numbered `now` into `params`, where there is one by tick."""
+    if plant.air.shape[0] > 0:
+        at = min(now, plant.air.shape[0] - 1)
+        for i in range(3):
+            plant.params[_STEADY + i] = plant.air[at, i]
 
 
 @kernel

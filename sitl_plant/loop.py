@@ -87,17 +87,18 @@ class Server:
         stays: bool = False,
         announce: Callable[[dict[str, Any]], None] = lambda said: None,
         write: Callable[[Event], None] = event_log.write,
+        wind: burst.Buffer | None = None,
     ) -> None:
         """`control`: file descriptor of the grants, or None to let time run freely.
 
         `lifeline`: a file descriptor. Its end of file ends the flight. `burst_ticks`: ticks that
         compiled code flies at once, at most what is left of the recorder's batch. `stays`: when a
         flight ends it holds time until a reset. `announce`: told of resets, and of such an end.
-        `write`: takes an event.
+        `write`: takes an event. `wind`: as for `burst.plant`.
         Raises PortBusy.
         """
         self._lifeline = lifeline
-        self._world, self._system = world, ports.system_id
+        self._world, self._wind, self._system = world, wind, ports.system_id
         self._stays = stays
         self._announce = announce
         self._write = write
@@ -116,7 +117,7 @@ class Server:
         self._begin_flight()
 
     def _begin_flight(self) -> None:
-        self._simulator = Simulator(self._world, self._system, self._write)
+        self._simulator = Simulator(self._world, self._system, self._write, self._wind)
         self._plant = self._simulator.plant
         self._timing = column(Progress, self._plant.progress, "timing")
         self._granted = 0 if self._control is not None else sys.maxsize

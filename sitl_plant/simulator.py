@@ -29,13 +29,17 @@ class Simulator:
     """One flight of one vehicle, from its first state."""
 
     def __init__(
-        self, world: World, system_id: int, write: Callable[[Event], None] = event_log.write
+        self,
+        world: World,
+        system_id: int,
+        write: Callable[[Event], None] = event_log.write,
+        wind: burst.Buffer | None = None,
     ) -> None:
-        """`system_id`: MAVLink's. `write`: takes an event."""
+        """`system_id`: MAVLink's. `write`: takes an event. `wind`: as for `burst.plant`."""
         self._write = write
         self._world = world
         self.codec = PlantCodec(system_id, world.params.airframe.spin)
-        self.plant = burst.plant(world, system_id, self.codec.desk)
+        self.plant = burst.plant(world, system_id, self.codec.desk, wind)
         self._random = np.random.default_rng(int(world.seed))
         self.flight_ended = ""  # how, if the vehicle crashed or diverged
         self.ending = Ending.NOT_ENDED  # the same, for the flight controller

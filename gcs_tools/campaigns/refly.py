@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os.path import isfile
 from pathlib import Path
-from typing import Any
 
 from fcu.interface import whole_file
 from gcs_tools.campaigns import store
 from gcs_tools.campaigns.campaign_file import CampaignError
-from gcs_tools.missions.mission import Mission, MissionError, with_values, written
+from gcs_tools.missions.mission import Mission, MissionError, as_toml, with_values
 
 _NAMED = re.compile(r"(?P<folder>.+)#(?P<number>[0-9]{1,9})(?::(?P<law>.+))?")
 
@@ -76,7 +74,7 @@ def numbered(name: str, into: str) -> Numbered:
     (folder / into).mkdir(exist_ok=True)
     of = f"-{label}" if len(campaign.labels) > 1 else ""
     path = folder / into / f"{campaign.name}-{number}{of}.toml"
-    text = _toml(drawn.given, f"flight {number} of {folder}, law {label}")
+    text = as_toml(drawn.given, f"flight {number} of {folder}, law {label}")
     whole_file.write(path, text.encode(), follow=False)
     row = store.row(campaign, folder, number, label)
     return Numbered(
@@ -88,17 +86,3 @@ def numbered(name: str, into: str) -> Numbered:
         row.get("ended") or "",
         None if variant.folder is None else replace(drawn, folder=variant.folder),
     )
-
-
-def _toml(given: Mapping[str, Any], said: str) -> str:
-    """A mission's tables as TOML, each value in full."""
-    plain = [f"{k} = {written(v)}" for k, v in given.items() if not isinstance(v, Mapping)]
-    lines = [f"# {said}", *plain]
-    for name, table in given.items():
-        if isinstance(table, Mapping):
-            lines += [
-                "",
-                f"[{name}]",
-                *(f"{key} = {written(value)}" for key, value in table.items()),
-            ]
-    return "\n".join(lines) + "\n"

@@ -27,7 +27,9 @@ from fcu.vehicle.position_filter import Filtered
 from gcs_tools.flight.closed_loop import closed
 from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.judging.metrics import SETTLE_S
 from sitl_plant.burst import WIDTH
+from sitl_plant.physics.parameters import start_state
 from sitl_plant.physics.types import PlantRecord
 from sitl_plant.simulator import Simulator
 
@@ -59,6 +61,20 @@ def flight(scene: Scenario) -> tuple[Flight, Pointer]:
     return alone, pointer
 
 
+def hovering(scene: Scenario) -> Scenario:
+    """A scene of items as far as a law alone can fly it: from hover where they begin, sent as is foreseen.
+
+    It ends SETTLE_S after the last setpoint. Take-off and landing, which a vehicle leads itself, are left out.
+    """
+    start = start_state(scene.world.params, {"position_m": tuple(scene.begin.r_E)})
+    return replace(
+        scene,
+        legs=(),
+        ticks=int(scene.sent_at[-1]) + round(SETTLE_S * scene.rate_hz),
+        world=scene.world._replace(start=start),
+    )
+
+
 def fly(scene: Scenario) -> tuple[Rows, Rows]:
     """Plant rows (n, size(PlantRecord)) and rows of the law's Tick of a whole flight.
 
@@ -68,7 +84,7 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
         raise LawError("a mission of items is flown by a whole vehicle, not by a law alone")
     ticks = scene.flown.ticks
     alone, law = flight(scene)
-    simulator = Simulator(scene.world, SYSTEM)
+    simulator = Simulator(scene.world, SYSTEM, wind=scene.wind)
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
     begins = [*np.minimum(scene.sent_at, scene.ticks).tolist(), scene.ticks]

@@ -124,7 +124,9 @@ class MemoryFlight(ScriptedFlight):
             fly_decided=self._fly_decided,
         )  # fmt: skip
         stack.callback(self._autopilot.close)
-        self._simulator = Simulator(scene.world, at.system_id, self._log(stack, "plant"))
+        self._simulator = Simulator(
+            scene.world, at.system_id, self._log(stack, "plant"), scene.wind
+        )
         self._plant_timing = column(Progress, self._simulator.plant.progress, "timing")
         self._simulator.warm_up()
         self._autopilot.warm_up()

@@ -11,11 +11,21 @@ from typing import Any
 from fcu.guard.gains import FLY
 from fcu.interface import handover
 from fcu.interface.airframe import AirframeFile
+from fcu.interface.samples_file import write_wind
 from fcu.laws.loader import Law
 from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import Child, Unanswered, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
+
+
+def wind_arguments(folder: Path, scene: Scenario) -> list[str]:
+    """Arguments for a plant of the scene's own wind, if it has samples of one. Raises OSError."""
+    if scene.wind is None:
+        return []
+    path = folder / "wind.csv"
+    write_wind(path, scene.wind)
+    return ["--wind", str(path)]
 
 
 class Pair:
@@ -70,7 +80,7 @@ class Pair:
             handover.save(world, scene.world)
             fcu += ["--handover", str(settings)]
             fcu += ["--unstable-gains", FLY] if scene.flies_unstable else []
-            plant += ["--world", str(world)]
+            plant += ["--world", str(world), *wind_arguments(self._folder, scene)]
         else:
             plant += ["--airframe", self._airframe.source]
         for name, module, arguments, log, fds in (

@@ -42,6 +42,9 @@ class Scenario:
     airframe: AirframeFile  # as it is believed
     settings: Any  # of the law, and of its guard; None: a controller of somebody else's flies
     world: World
+    wind: (
+        np.ndarray[Any, np.dtype[np.float64]] | None
+    )  # float64[n, 4], s and m/s, E, added to the world's
     ticks: int
     period_us: int
     sent_at: np.ndarray[Any, np.dtype[np.int64]]  # ticks at which setpoints are sent
@@ -165,6 +168,7 @@ def scenario(mission: Mission) -> Scenario:
         airframe=vehicle,
         settings=None if mission.controller else _chosen(_law_of(mission)),
         world=there,
+        wind=mission.wind.samples,
         ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),
         sent_at=np.array([each.tick for each in sent], dtype=np.int64),

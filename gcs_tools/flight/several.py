@@ -182,7 +182,8 @@ def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
     for i in in_time:
         scene = scenes[i]
         kind = (
-            scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs), _choices(scene)
+            scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs), scene.wind is None,
+            _choices(scene),
         )  # fmt: skip
         alike[kind, to_buffer(scene.settings).tobytes()].append(i)
     rest: dict[Any, list[int]] = defaultdict(list)
@@ -202,7 +203,7 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     """The flights of a group, those that could be flown in lanes."""
     alike = _alike(scenes, range(len(scenes)))
     law = scenes[0].flown.package, alike
-    if scenes[0].legs or law in _never:
+    if scenes[0].legs or scenes[0].wind is not None or law in _never:
         return {}
     try:
         pointer = scenes[0].flown.ticks.compiled_for_lanes(width, alike)

@@ -38,7 +38,7 @@ from gcs_tools.missions.tables import Document, Plant, Wind, document
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [
-    "Mission", "MissionError", "Value", "folder", "from_tables", "is_foreseen", "last_change_s", "load",
+    "Mission", "MissionError", "Value", "as_toml", "folder", "from_tables", "is_foreseen", "last_change_s", "load",
     "override", "refuse_plan", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
     "written",
 ]  # fmt: skip
@@ -245,6 +245,20 @@ def called(name_or_path: str) -> str:
 def from_tables(name: str, given: Mapping[str, Any]) -> Mission:
     """A mission from tables that a program has made. Raises MissionError."""
     return _checked(name, name, Path(), dict(given), {})
+
+
+def as_toml(given: Mapping[str, Any], said: str) -> str:
+    """A mission's tables as the text of a file, each value in full.  said : a comment, its first line."""
+    plain = [f"{k} = {written(v)}" for k, v in given.items() if not isinstance(v, Mapping)]
+    lines = [f"# {said}", *plain]
+    for name, table in given.items():
+        if isinstance(table, Mapping):
+            lines += [
+                "",
+                f"[{name}]",
+                *(f"{key} = {written(value)}" for key, value in table.items()),
+            ]
+    return "\n".join(lines) + "\n"
 
 
 def override(mission: Mission, setting: str, option: str = "--set") -> Mission:

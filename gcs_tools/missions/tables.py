@@ -12,9 +12,19 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    create_model,
+    model_validator,
+)
 
 from fcu.guard.gains import UNSTABLE_GAINS, has_rule
+from fcu.interface import samples_file
 from fcu.interface.parameter import Parameter, not_one_of
 from fcu.laws.loader import Law
 from fcu.process.settings import PARAMETERS
@@ -36,8 +46,10 @@ from gcs_tools.missions.fields import (
     wrong,
 )
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.items import Numbered, Plan
+from gcs_tools.missions.items import FOLDER, Numbered, Plan
 from gcs_tools.missions.items import lands as ends_on_ground
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 # --- [law]
 
@@ -138,6 +150,27 @@ class Wind(Table):
     azimuth_deg: Number = Field(
         0.0, description="turns the velocity about the vertical, counter-clockwise"
     )
+
+    file: str | None = optional(
+        f"velocity of the air over time, added to the rest: CSV with columns {', '.join(samples_file.WIND)}"
+    )
+
+    _samples: Rows | None = PrivateAttr(None)
+
+    @property
+    def samples(self) -> Rows | None:
+        """float64[n, 4], s and m/s, E, of `file`. None without one."""
+        return self._samples
+
+    @model_validator(mode="after")
+    def _is_read(self, info: ValidationInfo) -> Self:
+        folder = (info.context or {}).get(FOLDER)
+        if self.file is not None and folder is not None:
+            try:
+                self._samples = samples_file.read_wind(folder / self.file)
+            except samples_file.SamplesError as error:
+                raise because(("file",), str(error)) from None
+        return self
 
     @model_validator(mode="after")
     def _step_has_a_time(self) -> Self:

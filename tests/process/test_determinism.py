@@ -56,6 +56,14 @@ def test_noise_and_a_moving_setpoint_are_part_of_it(sha256, flight):
     assert sha256(flight) == sha256(flight, in_process=True)
 
 
+def test_a_wind_from_a_file_is_part_of_it(sha256, tmp_path):
+    """The plant's process reads it in a file of its own, and it is not the flight in still air."""
+    lines = ["t_s,x_m_s,y_m_s,z_m_s", *(f"{0.3 * k},{k % 3},{-k / 7},{k / 9}" for k in range(9))]
+    (tmp_path / "gust.csv").write_text("\n".join(lines))
+    blown = (*NOMINAL, f'wind.file="{tmp_path / "gust.csv"}"')
+    assert sha256(blown) == sha256(blown, in_process=True) != sha256(NOMINAL, in_process=True)
+
+
 def test_another_seed_is_another_flight(sha256):
     flown = {sha256(NOISY, in_process=True, seed=seed) for seed in (1, 2)}
     assert len(flown) == 2
