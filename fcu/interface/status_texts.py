@@ -86,6 +86,9 @@ class Code(Enum):
     CURRENT_ITEM = "Mission item {} is current"
     ITEMS_TAKEN = "{}: {} items taken"
     ITEMS_PASSED_OVER = "{}: {} items taken, {} of them passed over"
+    PLAN_SHORT = (
+        "Mission taken: item {:.0f} needs {:newtons} more than available, thrust may saturate"
+    )
     ITEMS_CLEARED = "{} cleared"
     ORIGIN_SET = "Origin set"
     READY_TO_ARM = "Ready to arm"
@@ -178,6 +181,9 @@ class Code(Enum):
     PLACE_OUTSIDE = "its place is outside the fence"
     WAY_OUTSIDE = "the way to it leaves the fence"
     RETURN_STRAIGHT = "Return: straight, no way around the fence is known"
+    ITEM_SHORT = (
+        "its way needs {:newtons} more than available: slower would do (MPC_XY_CRUISE, MPC_ACC_HOR)"
+    )
     CIRCLE_OUTSIDE = "its circle leaves the fence"
     POLYGON_SHORT = "a polygon of {} corners (at least 3)"
     POLYGON_BROKEN = "polygon corner {} of {} is missing"
@@ -237,6 +243,7 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.PLACE_OUTSIDE: ("not inside the fence",),
     Code.WAY_OUTSIDE: ("way leaves the fence",),
     Code.RETURN_STRAIGHT: ("Return: straight, no way around known", "no way around"),
+    Code.ITEM_SHORT: ("way lacks {0:newtons}",),
     Code.CIRCLE_OUTSIDE: ("circle leaves the fence",),
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
@@ -249,6 +256,11 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.LAW_NOT_FINITE: ("Law is not finite: {0}", "Law computed numbers that are not finite"),
     Code.CRASHED: ("Crashed: hit the ground (gcs reset)",),
     Code.DIVERGED: ("Lost: left the arena (gcs reset)",),
+    Code.PLAN_SHORT: (
+        "Mission: item {0:.0f} needs {1:newtons} more, may saturate",
+        "Mission: item {0:.0f} lacks {1:newtons}, may saturate",
+        "Mission: item {0:.0f} lacks {1:newtons}",
+    ),
     Code.PLANT_SILENT_STOPS: ("No state for {0:.0f} s, controller stops",),
     Code.MODE_SHORT: ("Mode {0} needs {1:newtons} more", "Mode {0}: lacks {1:newtons}"),
     Code.TAKES_OFF_ONCE_ARMED: ("Takes off to {0:.1f} m once armed",),

@@ -10,7 +10,8 @@ and the older MISSION_REQUEST until the client has answered one of them.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 from zlib import crc32
@@ -33,11 +34,15 @@ Items = tuple[PlanItem, ...]
 Tell = Callable[[Told, bool], None]  # what is told, and whether it is good
 
 
+Taking = Generator[None, int, Told | None]
+"""Work on what was uploaded: sent the simulation time, us, for each part of it. Returns what is told."""
+
+
 class Takes(Protocol):
     """Takes a whole plan, fence or rally points."""
 
-    def __call__(self, kind: MissionType, items: Items, t_us: int) -> Told | None:
-        """Take them, and return what is told. Raises RefusedItem, with nothing changed."""
+    def __call__(self, kind: MissionType, items: Items) -> Taking:
+        """Take them, a part of the work at a time. Raises RefusedItem, with nothing changed."""
 
 
 @dataclass
@@ -56,6 +61,7 @@ class Upload:
     heard_at: float
     whole: bool | None = None  # the client sends MISSION_ITEM_INT; None: not known yet
     tries: int = 0
+    taking: Taking | None = None  # all items are here, and are looked at
 
 
 @dataclass
@@ -134,13 +140,27 @@ class PlanProtocol:
     def pace(self, now: float) -> None:
         """Ask again for what has not come. Break off what nobody goes on with."""
         upload = self._upload
-        if upload is None:
+        if upload is None or upload.taking is not None:
             return
         if now - upload.heard_at >= SILENT_S:
             self._finish(upload, MissionResult.CANCELLED, Told(Code.TRANSFER_LOST), now)
         elif now - upload.asked_at >= AGAIN_S:
             upload.tries += 1
             self._ask(upload, now)
+
+    def look_on(self, t_us: int, now: float) -> None:
+        """Go on with the look at what was uploaded, if there is one. `now`: wall, s."""
+        upload = self._upload
+        if upload is None or upload.taking is None:
+            return
+        items = tuple(upload.items)
+        try:
+            upload.taking.send(t_us)
+        except StopIteration as done:
+            self.stored.replace(upload.kind, items)
+            self._finish(upload, MissionResult.ACCEPTED, done.value, now)
+        except RefusedItem as refused:
+            self._finish(upload, refused.result, refused.told, now)
 
     # --- in
 
@@ -231,14 +251,10 @@ class PlanProtocol:
 
     def _whole(self, upload: Upload, t_us: int, now: float) -> None:
         """All items are here: take them, or refuse them all."""
-        items = tuple(upload.items)
-        try:
-            told = self._takes(upload.kind, items, t_us)
-        except RefusedItem as refused:
-            self._finish(upload, refused.result, refused.told, now)
-            return
-        self.stored.replace(upload.kind, items)
-        self._finish(upload, MissionResult.ACCEPTED, told, now)
+        self._upload = upload
+        upload.taking = self._takes(upload.kind, tuple(upload.items))
+        next(upload.taking)
+        self.look_on(t_us, now)
 
     def _finish(self, upload: Upload, result: MissionResult, told: Told | None, now: float) -> None:
         self._upload = None
@@ -293,12 +309,19 @@ class PlanProtocol:
         kinds = KINDS if message.mission_type == MissionType.ALL else (message.mission_type,)
         for kind in map(MissionType, kinds):
             if self.stored.items[kind]:
-                self._takes(kind, (), t_us)
+                self._clear_kind(kind, t_us)
                 self.stored.replace(kind, ())
                 self._tell(Told(Code.ITEMS_CLEARED, (NAMES[kind],)), True)
         port.send(
             link, plan_messages.ack(MissionResult.ACCEPTED, message.mission_type, message.source)
         )
+
+    def _clear_kind(self, kind: MissionType, t_us: int) -> None:
+        clearing = self._takes(kind, ())
+        next(clearing)
+        with suppress(StopIteration):
+            while True:  # nothing is looked at of nothing
+                clearing.send(t_us)
 
     def _refuse_clear(self, port: GroundPort, link: Link, message: MissionMessage) -> None:
         result, kind = MissionResult.ERROR, message.mission_type

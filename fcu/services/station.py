@@ -50,7 +50,7 @@ from fcu.services.plan_items import (
     rally_of,
     steps_of,
 )
-from fcu.services.plan_protocol import PlanProtocol
+from fcu.services.plan_protocol import PlanProtocol, Taking
 from fcu.services.plan_record import PlanRecord
 from fcu.services.sticks import StickProtocol
 from fcu.services.streams import (
@@ -66,6 +66,7 @@ from fcu.services.streams import (
 from fcu.services.tcp_socket import TcpSocket
 from fcu.services.wind import Wind
 from fcu.vehicle.conditions import ROWS
+from fcu.vehicle.feasibility_check import Shortfall
 from fcu.vehicle.follow import Report
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
@@ -223,6 +224,7 @@ class Station:
         """
         if self.is_pending:
             self._protocol.settle(t_us, decides)
+        self._plans.look_on(t_us, decides)
         self.record_plan(t_us)
         self._record.tell()
         if not self.streams.is_due(now):
@@ -336,16 +338,26 @@ class Station:
         result = Result.ACCEPTED if good else Result.DENIED
         self._protocol.explain(Verdict(result, told), self._now)
 
-    def _take_plan(self, kind: MissionType, items: tuple[PlanItem, ...], t_us: int) -> Told:
-        """Take a whole plan, fence or the rally points. Raises RefusedItem."""
+    def _take_plan(self, kind: MissionType, items: tuple[PlanItem, ...]) -> Taking:
+        """Take a whole plan, fence or the rally points, a part of the work at a time. Raises RefusedItem."""
         vehicle, origin = self._vehicle, self._identity.origin
+        t_us = yield
         if kind is MissionType.MISSION:
             steps = steps_of(items, origin)
             crossed = vehicle.plan_outside(steps)
             if crossed is not None:
                 number, why = crossed
                 raise RefusedItem(MissionResult.DENIED, why, number)
+            lack: Shortfall | None = None
+            for lack in vehicle.look_along(steps):
+                if lack is None:
+                    t_us = yield
+                elif vehicle.feasibility.refuses:
+                    raise RefusedItem(MissionResult.DENIED, lack.reason, lack.item)
             vehicle.take_plan(steps, t_us)
+            if lack is not None:
+                self._record.take(kind, items, origin, t_us)
+                return Told(Code.PLAN_SHORT, (lack.item, lack.short))
         elif kind is MissionType.FENCE:
             vehicle.take_fence(areas_of(items, origin))
         else:

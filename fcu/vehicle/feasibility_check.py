@@ -33,6 +33,7 @@ class Shortfall(NamedTuple):
 
     short: float  # N, that are missing
     reason: Told
+    item: int = -1  # of a plan, from 0
 
 
 class FeasibilityCheck:
@@ -67,6 +68,16 @@ class FeasibilityCheck:
     def refuses(self) -> bool:
         """Whether what misses the condition is not flown."""
         return self._policy == REFUSE
+
+    @property
+    def look(self) -> Look | None:
+        """The look at what is asked for. None: nobody looks, as where the guard governs."""
+        return None if self._policy == GOVERN else self.look_anyhow
+
+    @property
+    def look_anyhow(self) -> Look | None:
+        """The same whatever the guard does. None: the law has no condition."""
+        return self._looks() if self._looks_ahead else None
 
     @property
     def refused(self) -> bool:

@@ -133,9 +133,12 @@ def straight(leg: Leg, far: float, begins: float, ends: float) -> list[Piece]:
 class MissionFlight:
     """Lays down the pieces of a plan, one at a time, as the vehicle comes to them."""
 
-    def __init__(self, mission: Mission, sees: Sees, begin: Pose) -> None:
-        """`begin`: the setpoint that is flown now."""
+    def __init__(
+        self, mission: Mission, sees: Sees, begin: Pose, cut_s: float = CUT_S
+    ) -> None:  # fmt: skip
+        """`begin`: the setpoint that is flown now.  cut_s : s, of the longest piece while it moves."""
         self._mission, self._sees, self._begin = mission, sees, begin
+        self._cut_s = cut_s
         self._r, self._psi = begin.r_E, begin.psi
         self._speed = 0.0  # m/s, along the leg that begins
         self._part = 1.0  # of the speed, at which pieces are flown
@@ -228,7 +231,7 @@ class MissionFlight:
                 if part <= 0.0:
                     yield self._still(now.r_c, CUT_S)
                     continue
-                step = min(left, part * CUT_S)
+                step = min(left, part * self._cut_s)
                 if left - step < part * SHORT_S:
                     step = left
                 psi, rate = self._turning(now.r_c, step / part)

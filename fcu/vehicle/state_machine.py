@@ -54,9 +54,10 @@ from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
 from fcu.vehicle.fence import Fence, Limits
 from fcu.vehicle.follow import FOLLOW_US, Follower, Report, Target
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
-from fcu.vehicle.mission import Mission, Step, first_place, is_finite, outside, placed
+from fcu.vehicle.mission import Do, Mission, Step, first_place, is_finite, outside, placed
 from fcu.vehicle.mission_flight import MissionFlight, Sees
 from fcu.vehicle.modes import Event, Mode, Need
+from fcu.vehicle.plan_check import Ground, along
 from fcu.vehicle.plans import STILL, Circle, Leader, Piece, PlanLimits, Pose
 from fcu.vehicle.returning import Ending, ReturnType, ending
 from fcu.vehicle.setpoints import (
@@ -231,6 +232,9 @@ class StateMachine:
         self.feasibility.warm_up()
         self.fence.warm_up()
         warm_up(self._limits())
+        ahead = Step(Do.GO_TO, Vec3(9.0, 0.0, 9.0))
+        for _ in along((ahead, ahead._replace(place=Vec3(9.0, 9.0, 9.0))), self._ground(Pose(STILL, STILL, 0.0)), self.feasibility.look_anyhow):  # fmt: skip
+            pass
 
     # --- what looks decide by
 
@@ -743,6 +747,33 @@ class StateMachine:
         if self._outside is None or self._outside[0] != asked:  # a client may ask again and again
             self._outside = asked, outside(steps, home, self.fence.first_outside)
         return self._outside[1]
+
+    def look_along(self, steps: tuple[Step, ...]) -> Iterator[Shortfall | None]:
+        """Look at a plan before it is taken. Yields None to pause, and at last the item that lacks most, if one does.
+
+        Where the guard refuses, the first item that lacks anything ends the look. Nobody looks where the guard governs, and before the plant was heard.
+        """
+        look = self.feasibility.look
+        if look is None or self.state is None or not steps:
+            return
+        worst: Shortfall | None = None
+        for found in along(steps, self._ground(self.pose()), look):
+            if found is not None and (short := -found.tightest.margin) > 0.0:
+                if worst is None or short > worst.short:
+                    worst = Shortfall(short, Told(Code.ITEM_SHORT, (short,)), found.item)
+                if self.feasibility.refuses:
+                    break
+            yield None
+        if worst is not None:
+            yield worst
+
+    def _ground(self, here: Pose) -> Ground:
+        """All that a look along a plan from here asks."""
+        return Ground(
+            pose=here._replace(v_E=STILL), landed=self._landed.landed, home=self.home or here.r_E,
+            is_clear=self.fence.is_clear, parameter=self._params.__getitem__,
+            limits=lambda cruise: plans.limits(self._params, cruise, self.feasibility.pace),
+        )  # fmt: skip
 
     def _plan_outside(self, steps: tuple[Step, ...], current: int) -> Told | None:
         """The reason why a plan must not be flown from a step on. None if it may."""

@@ -31,6 +31,7 @@ NAMED = {
 
 
 GOVERN = "govern"
+MOST_ITEMS = 30  # of a plan, that are shown
 NOT_NECESSARY = (
     "It is sufficient, not necessary: a flight for which it fails may still saturate nothing."
 )
@@ -81,11 +82,11 @@ def envelope(
         MissionError,
         load,
         override,
-        refuse_plan,
         refuse_script,
         with_airframe,
     )
     from gcs_tools.missions.other_file import meant
+    from gcs_tools.missions.plan_file import PlanError
 
     try:
         chosen = load(mission)
@@ -94,16 +95,17 @@ def envelope(
         for setting in settings:
             chosen = override(chosen, setting)
         refuse_script(chosen, "gcs envelope")
-        refuse_plan(chosen, "gcs envelope")
         if not is_cached("foreseen.along"):
             click.echo("compiling, once for this version (for 10 s or so) ...", err=True)
         try:
-            found = envelope_of(chosen)
+            from gcs_tools.flight.plan_look import margins
+
+            found = envelope_of(chosen, margins(chosen))
             if figure is not None:
                 from gcs_tools.pictures.plot.envelope import save
 
                 save(chosen, found, figure)
-        except (ParameterError, AirframeError, UnstableError) as error:
+        except (ParameterError, AirframeError, UnstableError, PlanError) as error:
             raise MissionError(f"{chosen.source}: {error}") from error
         if as_json:
             print_json(found.as_json())
@@ -158,6 +160,8 @@ def _show(found: Envelope, console: Console) -> None:
     console.print(spent)
     console.print()
 
+    if found.plan:
+        _show_plan(found, console)
     believed = Table("Believed", "", "", "", box=None, pad_edge=False, header_style="dim")
     believed.columns[1].justify = "right"
     for belief in found.beliefs:
@@ -174,7 +178,10 @@ def _show(found: Envelope, console: Console) -> None:
         reach.add_row(row.what, row.unit, *_columns(row))
     console.print(reach)
 
-    if not found.holds:
+    if found.plan and not found.holds:
+        console.print()
+        console.print("Slower fits: MPC_XY_CRUISE and MPC_ACC_HOR of the vehicle, or DO_CHANGE_SPEED in the plan.")  # fmt: skip
+    elif not found.holds:
         console.print()
         _show_changes(found, console)
     after = "thrust and tilt are certain from"
@@ -213,6 +220,26 @@ def _show_headline(found: Envelope, console: Console) -> None:
         console.print(Text(NOT_NECESSARY, style="dim"))
     if (found.holds or found.governed) and found.noise is not None and found.noise.lack:
         console.print(Text("But noise may saturate the torque: see below.", style="yellow"))
+
+
+def _show_plan(found: Envelope, console: Console) -> None:
+    """Print the margin along a plan, item by item."""
+    from rich.table import Table
+    from rich.text import Text
+
+    given = ", as given" if found.governed else ""
+    table = Table(f"On the way to item{given}", "", "N left", "after, s", box=None, pad_edge=False, header_style="dim")  # fmt: skip
+    table.columns[2].justify = table.columns[3].justify = "right"
+    least = min(each.margin_n for each in found.plan)
+    rows = found.plan if len(found.plan) <= MOST_ITEMS else sorted(found.plan, key=lambda each: each.margin_n)[:MOST_ITEMS]  # fmt: skip
+    for each in rows:
+        mark = "  <- least" if each.margin_n == least else ""
+        left = Text(f"{math.floor(10.0 * each.margin_n) / 10.0:.1f}", style="yellow" if each.margin_n < 0.0 else "")  # fmt: skip
+        table.add_row(str(each.item), f"{each.command}{mark}", left, f"{each.at_s:.1f}")
+    console.print(table)
+    if len(found.plan) > MOST_ITEMS:
+        console.print(Text(f"The {MOST_ITEMS} of {len(found.plan)} items with least.", style="dim"))
+    console.print()
 
 
 def _show_noise(noise: Noise, console: Console) -> None:

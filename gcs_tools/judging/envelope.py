@@ -27,7 +27,7 @@ from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.belief_check import inertias
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
-from gcs_tools.missions.asked import asked
+from gcs_tools.missions.asked import PLANS, asked
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, setpoint_at, written
 
@@ -100,6 +100,18 @@ class Arrival:
 
 
 @dataclass(frozen=True)
+class PlanMargin:
+    """The least margin on the way to an item of a plan, as the vehicle looks at it before it takes the plan."""
+
+    item: int  # from 0
+    command: str
+    margin_n: float
+    at_s: float  # from the begin of the plan, without holds
+    acceleration: Vec3  # m/s^2, E, that is demanded there
+    velocity: Vec3  # m/s, E
+
+
+@dataclass(frozen=True)
 class Belief:
     """Something that is believed, while which the condition means what it says."""
 
@@ -151,6 +163,7 @@ class Envelope:
     unflyable: tuple[Unflyable, ...]  # setpoints that cannot be flown as written
     beliefs: tuple[Belief, ...]
     noise: Noise | None  # None: none is believed
+    plan: tuple[PlanMargin, ...] = ()  # of each item of a plan to which the vehicle flies
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -621,8 +634,8 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
     return tuple(found)
 
 
-def envelope(mission: Mission) -> Envelope:
-    """What the condition says of a mission.
+def envelope(mission: Mission, plan: tuple[PlanMargin, ...] = ()) -> Envelope:
+    """What the condition says of a mission.  plan : the margins along its plan, if it has one.
 
     Raises ParameterError and AirframeError as flying it does, and for a law without a condition.
     """
@@ -633,9 +646,18 @@ def envelope(mission: Mission) -> Envelope:
     scene = scenario(mission)
     law, guard = settings = scene.settings
     worst = tightest(scene)
+    if plan:
+        least = min(plan, key=lambda each: each.margin_n)
+        if least.margin_n < worst.margin:
+            worst = admission.Tightest(
+                least.margin_n, least.at_s, least.acceleration, least.velocity
+            )
     holds = worst.margin >= 0.0
     remarks = beyond(mission, scene)
-    if scene.legs:
+    plans_alone = bool(scene.legs) and all(leg.kind in PLANS for leg in scene.legs)
+    if plans_alone:
+        remarks += ("take-off, descent, jumps and returns of the plan are not looked at",)
+    elif scene.legs:
         remarks += (
             "each item is looked at from rest where the one before ends, at times that are foreseen; take-off,"
             " landing and the way home, which the vehicle leads itself, are not",
@@ -692,17 +714,18 @@ def envelope(mission: Mission) -> Envelope:
             *(speed(settings, along, f"steady speed {name}") for name, along in WAYS.items()),
             wind(settings),
         ),
-        changes=() if holds else changes(mission.flight, scene),
+        changes=() if holds or plan else changes(mission.flight, scene),
         transient_s=float(foreseen.transient_s(guard, law)),
         arrives_s=arrives_s(scene),
         unstated=unstated(scene),
         arrivals=arrivals(mission.flight, scene),
         can_be_governed=bool(at_rest > 0.0 and law.achieved > 0.5 and guard.policy != GOVERN),
         governed=guard.policy == GOVERN and not (holds or channel) and bool(at_rest > 0.0),
-        refused=refusal(scene),
+        refused="" if plans_alone else refusal(scene),
         unstable=channel,
         remarks=remarks,
-        unflyable=unflyable(mission, scene),
+        unflyable=() if plans_alone else unflyable(mission, scene),
         beliefs=beliefs(mission, settings),
         noise=noise_of(settings),
+        plan=plan,
     )

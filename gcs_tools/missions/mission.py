@@ -39,7 +39,7 @@ from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_t
 
 __all__ = [
     "Mission", "MissionError", "Value", "as_toml", "folder", "from_tables", "is_foreseen", "last_change_s", "load",
-    "override", "refuse_plan", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
+    "override", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
     "written",
 ]  # fmt: skip
 
@@ -366,17 +366,6 @@ def refuse_script(mission: Mission, what: str) -> None:
             f"{mission.source}: [flight] script: {what} does not run scripts, and what a script asks"
             " for is not known. Fly this mission with gcs fly --allow-commands"
         )
-
-
-def refuse_plan(mission: Mission, what: str) -> None:
-    """Raise MissionError for a mission with a plan, which `what` cannot use."""
-    for i, item in enumerate(mission.flight.items):
-        if isinstance(item, items.Plan):
-            key = f"items[{i}]" if mission.flight.plan is None else "plan"
-            raise MissionError(
-                f"{mission.source}: [flight] {key}: {what} does not look at plans, whose way the"
-                " vehicle chooses as it flies. Fly this mission with gcs fly"
-            )
 
 
 def is_foreseen(mission: Mission) -> bool:

@@ -8,6 +8,7 @@ import random
 import pymavlink.dialects.v20.common as mavlink
 import pytest
 
+from fcu.interface.status_texts import Code
 from fcu.mavlink.definitions import MissionType
 from fcu.services import plan_protocol
 from fcu.vehicle.modes import Mode
@@ -366,3 +367,55 @@ def test_a_plan_through_a_fence_is_refused_with_its_item(client):
     assert client.upload(through) == DENIED
     around = [item(0, TAKEOFF), item(1, north=20.0, east=20.0), item(2, north=40.0)]
     assert client.upload(around) == ACCEPTED
+
+
+# --- looked at before it is taken
+
+
+@pytest.mark.parametrize(("policy", "result"), [(0.0, ACCEPTED), (1.0, ACCEPTED), (2.0, DENIED)])
+def test_a_plan_that_may_saturate_is_refused_if_the_guard_refuses(client, policy, result):
+    client.station._params.set("MR_GUARD", policy, False)
+    client.station._params.set("MPC_XY_CRUISE", 12.0, False)
+    far = [item(0, TAKEOFF), item(1, north=50.0), item(2, north=50.0, east=50.0)]
+    assert client.upload(far) == result
+    assert len(client.vehicle.mission.steps) == (3 if result == ACCEPTED else 0)
+    told = [told for _, told, _ in client.logged if told.code in (Code.PLAN_SHORT, Code.DENIED)]
+    assert len(told) == (policy != 1.0)
+    assert len(client.download()) == len(client.vehicle.mission.steps)
+
+
+def test_a_long_look_is_spread_and_the_plan_before_stands_meanwhile(client):
+    assert client.upload(plan(4)) == ACCEPTED
+    client.station._params.set("MR_GUARD", 0.0, False)
+    items = [item(n, north=3.0 * (n % 40), east=n) for n in range(300)]
+    answers = client.say(mavlink.MAVLink_mission_count_message(1, 1, 300, 0), client.now)
+    for each in items[:-1]:
+        answers = client.say(each, client.now)
+    assert client.say(items[-1], client.now) == []
+    for again in range(3):  # the client thinks that its last item is lost
+        assert client.say(items[-1], client.now + again) == []
+    assert len(client.vehicle.mission.steps) == 4
+    turns = 0
+    while not (answers := [m for m in client.heard() if m.get_type() == "MISSION_ACK"]):
+        assert not [m for m in client.heard() if m.get_type().startswith("MISSION_REQUEST")]
+        client.now += 0.01
+        client.station.idle(0, client.now, client.now)
+        turns += 1
+    assert turns > 50
+    assert answers[0].type == ACCEPTED
+    assert len(client.vehicle.mission.steps) == 300
+
+
+def test_a_look_that_is_broken_off_leaves_the_plan_there_was(client):
+    assert client.upload(plan(4)) == ACCEPTED
+    client.station._params.set("MR_GUARD", 0.0, False)
+    client.say(mavlink.MAVLink_mission_count_message(1, 1, 300, 0), client.now)
+    for n in range(300):
+        client.say(item(n, north=3.0 * (n % 40), east=n), client.now)
+    client.say(
+        mavlink.MAVLink_mission_ack_message(1, 1, mavlink.MAV_MISSION_OPERATION_CANCELLED, 0)
+    )
+    for _ in range(500):
+        client.now += 0.01
+        client.station.idle(0, client.now, client.now)
+    assert len(client.vehicle.mission.steps) == 4

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import gcs_tools
 from fcu.guard import margin
 from fcu.kernel.algebra import Vec3
 from fcu.process.settings import Settings
@@ -55,10 +56,29 @@ def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_sa
     assert "12 kg, is not in guard_mass_kg" in beyond.stdout
 
 
-def test_a_plan_is_not_looked_at():
-    done = gcs("plan_square")
+def test_of_a_plan_the_margin_on_the_way_to_each_item_is_told():
+    done = gcs("plan_square", "--json")
+    assert done.exit_code == 0
+    found = json.loads(done.stdout)
+    assert found["governed"]
+    assert found["unflyable"] == []
+    assert [each["item"] for each in found["plan"]] == [2, 3, 4, 5, 6]
+    assert found["margin_n"] == min(each["margin_n"] for each in found["plan"])
+    text = " ".join(gcs("plan_square").stdout.split())
+    assert "3 NAV_WAYPOINT <- least" in text
+    refused = gcs("plan_square", "--set", "law.guard=refuse")
+    assert refused.exit_code == 1
+    assert "MPC_XY_CRUISE" in refused.stdout
+
+
+def test_a_plan_that_the_vehicle_does_not_take_has_no_margins(tmp_path):
+    tables = json.loads((Path(gcs_tools.__file__).parents[1] / "missions/square.plan").read_text())
+    tables["mission"]["items"][3]["command"] = 84
+    path = tmp_path / "a.plan"
+    path.write_text(json.dumps(tables))
+    done = gcs(path)
     assert done.exit_code == 2
-    assert "gcs envelope does not look at plans" in done.stderr
+    assert "item 3" in done.stderr
 
 
 @pytest.mark.parametrize("mission", ["paper_fast_governed", "paper_fast"])

@@ -1,0 +1,142 @@
+"""The look along a plan before it is taken: what it finds, in what parts, and what the vehicle does with it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from fcu.interface.status_texts import Code
+from fcu.kernel.algebra import Vec3
+from fcu.vehicle.mission import Do, Step
+from fcu.vehicle.plan_check import TOGETHER, along
+from fcu.vehicle.plans import STILL, Pose
+from tests.vehicle.test_mission import UP, Planned, go
+
+WARN, GOVERN, REFUSE = 0.0, 1.0, 2.0
+SLOW = {"MPC_XY_CRUISE": 2.0, "MPC_ACC_HOR": 0.5}
+SQUARE = UP, go(20.0, 0.0, 5.0), go(20.0, 20.0, 5.0), go(0.0, 20.0, 8.0), Step(Do.LAND)
+
+
+@pytest.fixture
+def flight():
+    made = Planned()
+    made.set = lambda **values: [made.params.set(n, v, False) for n, v in values.items()]
+    return made
+
+
+def margins(flight, *steps):
+    """The least margin of each item that is looked at, N."""
+    vehicle, found = flight.vehicle, {}
+    for each in along(steps, vehicle._ground(vehicle.pose()), vehicle.feasibility.look_anyhow):
+        if each is not None:
+            found[each.item] = min(found.get(each.item, math.inf), each.tightest.margin)
+    return found
+
+
+def looked(flight, *steps):
+    """What the vehicle says of a plan: the last Shortfall, or None."""
+    found = [each for each in flight.vehicle.look_along(steps) if each is not None]
+    return found[-1] if found else None
+
+
+def test_each_leg_is_what_a_flight_to_its_end_would_be(flight):
+    """From rest to rest a leg of a plan and a reposition are one way, and have one margin."""
+    flight.set(MR_GUARD=REFUSE, **SLOW)
+    (found,) = margins(flight, UP, go(20.0, 0.0, 5.0, stops=True)).values()
+    vehicle, here = flight.vehicle, Pose(Vec3(0.0, 0.0, 5.3), STILL, 0.0)
+    z = here.r_E.z
+    led = vehicle._limits()
+    import numpy as np
+
+    from fcu.vehicle.plans import through
+
+    reference = np.array([0.0, 0.0, z, *6 * [0.0]])
+    same = vehicle.feasibility.look_anyhow.tightest(
+        through(here.r_E, STILL, [Vec3(20.0, 0.0, z)], 0.0, led), reference
+    )
+    assert found == pytest.approx(same.margin, abs=0.3)
+
+
+def test_a_corner_flown_through_and_a_fast_leg_lack_more(flight):
+    flight.set(MR_GUARD=WARN)
+    fast = margins(flight, *SQUARE)
+    flight.set(**SLOW)
+    slow = margins(flight, *SQUARE)
+    assert fast.keys() == slow.keys() == {1, 2, 3}
+    assert all(fast[k] < 0.0 < slow[k] for k in slow)
+    # a speed of the plan counts from its item on
+    part = margins(flight, *SQUARE[:2], Step(Do.SPEED, value=9.0), *SQUARE[2:])
+    assert part[1] > 0.0
+    assert part[3] < slow[3]
+
+
+def test_a_plan_that_does_not_fit_is_refused_or_told_of_with_its_item(flight):
+    flight.set(MR_GUARD=REFUSE, MPC_XY_CRUISE=2.0, MPC_ACC_HOR=2.0)
+    lack = looked(
+        flight,
+        UP,
+        go(3.0, 0.0, 5.0),
+        Step(Do.SPEED, value=12.0),
+        go(90.0, 0.0, 5.0),
+        go(90.0, 90.0, 5.0),
+    )
+    assert lack.reason.code is Code.ITEM_SHORT
+    flight.set(MR_GUARD=WARN)
+    worst = looked(
+        flight, *SQUARE, UP, go(90.0, 0.0, 5.0), Step(Do.SPEED, value=12.0), go(-90.0, 0.0, 5.0)
+    )
+    assert worst.item == 8
+    flight.set(**SLOW)
+    assert looked(flight, *SQUARE) is None
+    flight.set(MR_GUARD=REFUSE)
+    assert looked(flight, *SQUARE) is None
+
+
+def test_nobody_looks_where_the_guard_governs(flight):
+    flight.set(MR_GUARD=GOVERN, MPC_XY_CRUISE=12.0)
+    assert [*flight.vehicle.look_along(SQUARE)] == []
+
+
+def test_what_has_no_end_ends_the_look(flight):
+    flight.set(**SLOW)
+    legs = UP, go(20.0, 0.0, 5.0)
+    for last in (Step(Do.LOITER, Vec3(20.0, 9.0, 5.0)), Step(Do.RETURN)):
+        found = margins(flight, *legs, last, go(0.0, 0.0, 5.0))
+        assert max(found) <= 2
+    # a jump without end is passed over, a circle of 1000 turns is looked at for some seconds
+    assert set(margins(flight, *legs, Step(Do.JUMP, times=-1, to=1))) == {1}
+    circle = Step(Do.CIRCLE, Vec3(0.0, 0.0, 5.0), radius=1000.0, value=1000.0)
+    assert (
+        len(
+            [
+                *along(
+                    (UP, circle),
+                    flight.vehicle._ground(flight.vehicle.pose()),
+                    flight.vehicle.feasibility.look_anyhow,
+                )
+            ]
+        )
+        < 100
+    )
+    assert TOGETHER <= 50
+
+
+def test_behind_a_landing_the_plan_goes_on_from_the_ground(flight):
+    flight.set(**SLOW)
+    found = margins(flight, *SQUARE, UP, go(-20.0, 20.0, 5.0))
+    assert set(found) == {1, 2, 3, 6}
+
+
+def test_the_look_leaves_the_plan_that_is_flown_as_it_is(flight):
+    flight.vehicle.take_plan(SQUARE, flight.t_us)
+    before = flight.vehicle.mission.steps, flight.vehicle.mission.current, flight.vehicle.cruise
+    margins(
+        flight, UP, Step(Do.SPEED, value=1.0), Step(Do.HOME, Vec3(5.0, 5.0, 0.0)), go(9.0, 9.0, 9.0)
+    )
+    assert (
+        flight.vehicle.mission.steps,
+        flight.vehicle.mission.current,
+        flight.vehicle.cruise,
+    ) == before
+    assert flight.vehicle.home != (5.0, 5.0, 0.0)
