@@ -9,23 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.guard.admission import Look as LookAhead
 from fcu.interface.status_texts import words
 from fcu.kernel.algebra import Vec3
 from fcu.mavlink.definitions import ItemCommand, MissionType, command_name
 from fcu.mavlink.geodesy import Origin, to_local
 from fcu.mavlink.plan_messages import PlanItem
-from fcu.parameters import Parameters
 from fcu.services.plan_items import RefusedItem, areas_of, rally_of, steps_of
 from fcu.vehicle.areas import Area, Polygon
-from fcu.vehicle.feasibility_check import FeasibilityCheck
 from fcu.vehicle.fence import Fence
 from fcu.vehicle.mission import Step, leads, outside
-from fcu.vehicle.plan_check import Ground, along
-from fcu.vehicle.plans import Pose, limits
 from gcs_tools.flight.ground_script import Vehicle
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import PlanMargin
+from gcs_tools.judging.preflight_check import margins_along
 from gcs_tools.missions.items import Plan
 from gcs_tools.missions.mission import Mission
 from gcs_tools.missions.plan_file import PlanError, PlanFile
@@ -164,10 +160,7 @@ def margins(mission: Mission) -> tuple[PlanMargin, ...]:
 
     Take-offs and descents are left out. Raises PlanError for a plan that the vehicle does not take.
     """
-    scene = scenario(mission)
-    params = Parameters(scene.settings, 1, None, scene.flown, scene.airframe)
-    check, flight = FeasibilityCheck(params), mission.flight
-    ahead = LookAhead(params.guard, params.law)
+    scene, flight = scenario(mission), mission.flight
     found: dict[int, PlanMargin] = {}
     for item in flight.items:
         if not isinstance(item, Plan):
@@ -175,21 +168,13 @@ def margins(mission: Mission) -> tuple[PlanMargin, ...]:
         seen = look(item.plan)
         if seen.refused:
             raise PlanError(f"{item.file}: {seen.refused}")
-        fence = Fence()
-        fence.areas = seen.areas
-        home = Vec3(0.0, 0.0, 0.0)
-        begin = Ground(
-            pose=Pose(home, Vec3(0.0, 0.0, 0.0), 0.0), landed=flight.start.on_ground, home=home,
-            is_clear=fence.is_clear, parameter=params.__getitem__,
-            limits=lambda cruise: limits(params, cruise, check.pace),
-        )  # fmt: skip
-        for each in along(seen.steps, begin, ahead):
-            if each is None:
-                continue
-            tightest, before = each.tightest, found.get(each.item)
+        for number, tightest in margins_along(scene, seen.steps, seen.areas):
+            before = found.get(number)
             if before is None or tightest.margin < before.margin_n:
-                command = command_name(item.plan.mission[each.item].command)
-                found[each.item] = PlanMargin(each.item, command, tightest.margin, tightest.at, tightest.a_d, tightest.v)  # fmt: skip
+                command = command_name(item.plan.mission[number].command)
+                found[number] = PlanMargin(
+                    number, command, tightest.margin, tightest.at, tightest.a_d, tightest.v
+                )
     return tuple(found[number] for number in sorted(found))
 
 

@@ -24,7 +24,12 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer, to_buffer
 from fcu.mavlink.frames import through_the_wire
 from fcu.parameters import Parameters
-from fcu.vehicle.plans import STILL, Pose
+from fcu.vehicle.areas import Area
+from fcu.vehicle.feasibility_check import FeasibilityCheck
+from fcu.vehicle.fence import Fence
+from fcu.vehicle.mission import Step
+from fcu.vehicle.plan_check import Ground, along
+from fcu.vehicle.plans import STILL, Pose, limits
 from fcu.vehicle.setpoints import of_position, script_limits
 from gcs_tools.flight.item_script import SEND_AGAIN_S
 from gcs_tools.flight.scenario import Scenario
@@ -196,3 +201,23 @@ def refusal(scene: Scenario, expected: bool = False) -> str:
     lack = admission.lack_of(look, setpoint, -tightest.margin, reference)
     why = f"setpoint at {at_s:g} s refused: {words(lacks(*lack))}"
     return f"{why}; no flight begins with a refused setpoint" if expected else why
+
+
+def margins_along(
+    scene: Scenario, steps: tuple[Step, ...], areas: tuple[Area, ...]
+) -> Iterator[tuple[int, admission.Tightest]]:
+    """The margin on parts of the way to each item of a plan from home, as the vehicle looks along it.
+
+    Whatever the guard's policy is. areas : of the fence, in which corners are not rounded where that would leave it.
+    """
+    params = Parameters(scene.settings, 1, None, scene.flown, scene.airframe)
+    check, fence, home = FeasibilityCheck(params), Fence(), STILL
+    fence.areas = areas
+    begin = Ground(
+        pose=Pose(home, STILL, 0.0), landed=scene.flight.start.on_ground, home=home,
+        is_clear=fence.is_clear, parameter=params.__getitem__,
+        limits=lambda cruise: limits(params, cruise, check.pace),
+    )  # fmt: skip
+    for each in along(steps, begin, check.look_anyhow):
+        if each is not None:
+            yield each.item, each.tightest
