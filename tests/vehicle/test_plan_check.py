@@ -1,4 +1,4 @@
-"""The look along a plan before it is taken: what it finds, in what parts, and what the vehicle does with it."""
+"""The look along a plan before it is taken: its findings, its parts, and the answers that follow."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def margins(flight, *steps):
 
 
 def looked(flight, *steps):
-    """What the vehicle says of a plan: the last Shortfall, or None."""
+    """The last Shortfall of a plan. None: it fits."""
     found = [each for each in flight.vehicle.look_along(steps) if each is not None]
     return found[-1] if found else None
 
