@@ -17,11 +17,23 @@ def test_mavsdk_flies_a_plan_inside_a_fence_and_returns_to_a_rally_point(vehicle
     assert any(line.startswith("refused") for line in said)
 
 
+def test_mavsdks_own_system_tests_of_missions_and_fences_pass(vehicle, run):
+    up = vehicle()
+    said = run(HERE / "plan_mavsdk_system.py", up.ports.script).splitlines()
+    assert said == [
+        "mission_changed", "mission_raw_upload", "mission_raw_upload_empty",
+        "mission_upload_cancellation", "mission_download_cancellation", "geofence_download",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("version", ["2", "1"])
 def test_mavwp_flies_a_plan(vehicle, run, monkeypatch, version):
     monkeypatch.setenv("MAVLINK20", "1") if version == "2" else monkeypatch.delenv(
         "MAVLINK20", raising=False
     )
     up = vehicle("--speed", "4")
-    said = run(HERE / "plan_mavwp.py", f"udpout:127.0.0.1:{up.ports.fcu_station}")
-    assert said.splitlines() == ["given back", "landed"]
+    more = ["kinds"] if version == "2" else []
+    said = run(HERE / "plan_mavwp.py", f"udpout:127.0.0.1:{up.ports.fcu_station}", *more)
+    stored = ["fenced", "rally"] if more else []
+    flown = ["started", "paused", "resumed", "jumped", "landed", "cleared"]
+    assert said.splitlines() == ["given back", *stored, *flown]
