@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.judging.metrics import EngagedTicks
+from gcs_tools.judging.metrics import EngagedTicks, blocks, is_up
 from gcs_tools.judging.setpoint_checks import Standing
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value, is_foreseen, written
@@ -114,7 +114,11 @@ def _limits_and_ending(
     mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value]
 ) -> list[str]:
     on_ground = flight.is_grounded
-    up = {name: (flight.told(f"outputs.saturation.{name}") > 0.5) & ~on_ground for name in _LIMITS}
+    up = {
+        name: is_up(flight.fcu, f"outputs.saturation.{name}") & ~on_ground
+        for name in _LIMITS
+        if f"outputs.saturation.{name}" in flight.fcu
+    }
     limited = {name: flags for name, flags in up.items() if flags.any()}
     early = ended in EARLY
     if not early and (not limited or (passed and set(limited) <= set(ALLOCATED))):
@@ -198,29 +202,39 @@ def _stretch(what: str, t: Rows, on: Any) -> str:
 
 
 def _air(flight: EngagedTicks, values: Mapping[str, Value]) -> str:
-    v_air = flight.plant["v_air_E"]
-    greatest = float(np.sqrt((v_air * v_air).sum(axis=1)).max())
+    greatest, rate = _greatest_air(flight)
     believed = values.get("law.guard_wind_m_s")
     if believed is None:
         return f"The wind reached {greatest:.1f} m/s."
     within = "within" if greatest <= believed.value else "more than"
     text = f"The wind reached {greatest:.1f} m/s, {within} the {believed.value:.3g} m/s believed"
-    dt = np.diff(flight.t)
-    rate = float(
-        np.linalg.norm(np.diff(v_air, axis=0), axis=1).max(initial=0.0) / dt.min(initial=1.0)
-    )
     rate_believed = values["law.guard_wind_rate_m_s2"].value
     if rate > rate_believed:
         text += f"; it changed by up to {rate:.3g} m/s^2 ({rate_believed:.3g} believed)"
     return f"{text} (law.guard_wind_m_s)."
 
 
+def _greatest_air(flight: EngagedTicks) -> tuple[float, float]:
+    """Return the greatest speed (m/s) of the air, and of its change (m/s^2)."""
+    greatest, step, dt = 0.0, 0.0, 1.0
+    for block in blocks(len(flight.t)):
+        ticks = slice(max(block.start - 1, 0), block.stop)  # and the one before them
+        v_air = flight.plant.take(ticks)["v_air_E"]
+        greatest = max(greatest, float(np.sqrt((v_air * v_air).sum(axis=1)).max()))
+        changes = np.linalg.norm(np.diff(v_air, axis=0), axis=1)
+        step = max(step, float(changes.max(initial=0.0)))
+        dt = float(np.diff(flight.t[ticks]).min(initial=dt))
+    return greatest, step / dt
+
+
 def _mass(flight: EngagedTicks, values: Mapping[str, Value]) -> list[str]:
     believed = values.get("law.guard_mass_kg")
     if believed is None:
         return []
-    m, (least, most) = flight.plant["m"], believed.value
-    off = [float(value) for value in (m.min(), m.max()) if not least <= value <= most]
+    least, most = believed.value
+    m = [part.plant["m"] for part in flight.parts()]
+    ends = min(float(of.min()) for of in m), max(float(of.max()) for of in m)
+    off = [value for value in ends if not least <= value <= most]
     if not off:
         return []
     return [

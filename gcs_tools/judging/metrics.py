@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.recording.table import Rows, Table
+from gcs_tools.recording.table import Indices, Rows, Table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
@@ -46,24 +46,36 @@ def settle_from(fcu: Table) -> float:
     fcu = _flying(fcu)
     if not len(fcu):
         return math.inf
-    taken_over = np.flatnonzero(fcu["engaged"] < 1.5)
-    v_c, a_c = fcu["setpoint.v_c"], fcu["setpoint.a_c"]
+    last = 0
+    for block in blocks(len(fcu)):
+        ticks = fcu.take(slice(max(block.start - 1, 0), block.stop))  # and the one before them
+        first = block.start - (len(ticks) - (block.stop - block.start))
+        taken_over = np.flatnonzero(ticks["engaged"] < 1.5)
+        last = max([last, *(first + taken_over).tolist(), *(first + _steps(ticks)).tolist()])
+    return float(fcu.take(slice(last, last + 1))["t"][0]) + SETTLE_S
+
+
+def _steps(fcu: Table) -> Indices:
+    """Return the ticks at which a position setpoint stepped, or jumped to rest."""
+    v_c, a_c, r_c = fcu["setpoint.v_c"], fcu["setpoint.a_c"], fcu["setpoint.r_c"]
     resting = (v_c == 0.0).all(axis=1) & (a_c == 0.0).all(axis=1)
-    r_c = fcu["setpoint.r_c"]
     moved = (r_c[1:] != r_c[:-1]).any(axis=1)
     to = 1 + np.flatnonzero(moved & resting[1:])
-    h = (fcu["t"][to] - fcu["t"][to - 1])[:, None]
+    t = fcu["t"]
+    h = (t[to] - t[to - 1])[:, None]
     carried = r_c[to - 1] + h * v_c[to - 1] + 0.5 * h * h * a_c[to - 1]
-    steps = to[resting[to - 1] | (_distance(r_c[to], carried) > JUMP_M)]
-    last = max([0, *taken_over.tolist(), *steps.tolist()])
-    return float(fcu["t"][last]) + SETTLE_S
+    steps: Indices = to[resting[to - 1] | (_distance(r_c[to], carried) > JUMP_M)]
+    return steps
 
 
 def on_ground(plant: Table) -> Flags:
     """Whether the vehicle stood on the ground at each row of a plant's table, or bounced there."""
-    touches = plant["on_ground"] > 0.5 if "on_ground" in plant else np.zeros(len(plant), bool)
-    at, t = np.flatnonzero(touches), plant["t"]
-    bounces = (np.diff(at) > 1) & (np.diff(t[at]) < BOUNCE_S)
+    touches = is_up(plant, "on_ground") if "on_ground" in plant else np.zeros(len(plant), bool)
+    at = np.flatnonzero(touches)
+    gaps = np.diff(at) > 1
+    if not gaps.any():
+        return touches
+    bounces = gaps & (np.diff(plant["t"][at]) < BOUNCE_S)
     for i in np.flatnonzero(bounces).tolist():
         touches[at[i] : at[i + 1]] = True
     return touches
@@ -71,7 +83,15 @@ def on_ground(plant: Table) -> Flags:
 
 def _flying(fcu: Table) -> Table:
     """The ticks at which the law was flying."""
-    return fcu.take(fcu["engaged"] > 0.5)
+    return fcu.take(is_up(fcu, "engaged"))
+
+
+def is_up(table: Table, name: str) -> Flags:
+    """Return the rows of a table at which a flag is up, bool (n,)."""
+    flags: Flags = np.empty(len(table), bool)
+    for block in blocks(len(table)):
+        flags[block] = table.take(block)[name] > 0.5
+    return flags
 
 
 @dataclass(frozen=True)
@@ -182,6 +202,11 @@ class EngagedTicks:
             self.computed,
         )
 
+    def parts(self) -> Iterator[EngagedTicks]:
+        """Yield the ticks, some at a time: what is worked out by part needs little memory."""
+        for block in blocks(len(self.t)):
+            yield self.take(block)
+
     def first_not_finite(self) -> NotFinite | None:
         """The first number that the law computed and that was not finite. None if all were."""
         bad = np.flatnonzero(~_finite(self))
@@ -238,13 +263,23 @@ def blocks(n: int) -> Iterator[slice]:
 
 def _in_common(t_plant: Rows, t_fcu: Rows) -> tuple[Any, Any]:
     """Return the rows of plant and flight controller that belong to one time (s), as slices or indices."""
-    a, b = np.rint(t_plant * 1e6), np.rint(t_fcu * 1e6)
-    if len(b):
-        first = int(np.searchsorted(a, b[0]))
-        if np.array_equal(a[first : first + len(b)], b):  # as of every flight without a gap
-            return slice(first, first + len(b)), slice(0, len(b))
+    n = len(t_fcu)
+    if n:
+        first = int(np.searchsorted(t_plant, t_fcu[0] - _HALF_US))
+        whole = t_plant[first : first + n]
+        if len(whole) == n and all(
+            np.array_equal(_microseconds(whole[block]), _microseconds(t_fcu[block]))
+            for block in blocks(n)
+        ):  # as of every flight without a gap
+            return slice(first, first + n), slice(0, n)
+    a, b = _microseconds(t_plant), _microseconds(t_fcu)
     _, of_plant, of_fcu = np.intersect1d(a, b, return_indices=True)
     return of_plant, of_fcu
+
+
+def _microseconds(t: Rows) -> Rows:
+    """Return times (s) as whole microseconds, on which ticks fall."""
+    return np.rint(t * 1e6)
 
 
 def _distance(a: Rows, b: Rows) -> Rows:
@@ -260,18 +295,23 @@ def _rms(error: Rows) -> float:
     if not len(error) or not np.isfinite(error).all():
         return math.nan
     largest = float(error.max())
-    return largest * math.sqrt(float(np.mean((error / largest) ** 2))) if largest > 0.0 else 0.0
+    if largest <= 0.0:
+        return 0.0
+    squares = error / largest
+    squares *= squares
+    return largest * math.sqrt(float(np.mean(squares)))
 
 
 def _greatest(values: Rows) -> float:
     """The greatest of the finite values; NaN without any."""
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if len(finite) else math.nan
+    greatest = float(np.max(values, initial=-math.inf, where=np.isfinite(values)))
+    return greatest if math.isfinite(greatest) else math.nan
 
 
 def _least(values: Rows) -> float:
     """The least of the finite values; NaN without any."""
-    return -_greatest(-values)
+    least = float(np.min(values, initial=math.inf, where=np.isfinite(values)))
+    return least if math.isfinite(least) else math.nan
 
 
 def _final(flight: EngagedTicks, error: Rows) -> float:
@@ -281,10 +321,23 @@ def _final(flight: EngagedTicks, error: Rows) -> float:
     return float(error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
 
 
+def _greatest_told(flight: EngagedTicks, name: str) -> float:
+    """The greatest finite value of what the controller told, or NaN without any."""
+    found = [_greatest(part.told(name)) for part in flight.parts()]
+    return float(np.fmax.reduce(found, initial=math.nan))
+
+
+def _least_told(flight: EngagedTicks, name: str) -> float:
+    """The least finite value of what the controller told, or NaN without any."""
+    found = [_least(part.told(name)) for part in flight.parts()]
+    return float(np.fmin.reduce(found, initial=math.nan))
+
+
 def _tilt_max(flight: EngagedTicks) -> float:
     """The greatest commanded roll or pitch, rad, unsigned."""
-    x, y = (_greatest(np.abs(flight.told(f"outputs.angles_c.{axis}"))) for axis in "xy")
-    return float(np.fmax(x, y))
+    names = [f"outputs.angles_c.{axis}" for axis in "xy"]
+    ends = [of(flight, name) for name in names for of in (_greatest_told, _least_told)]
+    return float(np.fmax.reduce(np.abs(ends)))
 
 
 def _asked(flight: EngagedTicks) -> EngagedTicks:
@@ -310,11 +363,12 @@ def _fraction(*names: str, in_air: bool = False) -> Callable[[EngagedTicks], flo
     def part(flight: EngagedTicks) -> float:
         if in_air:
             flight = aloft(flight)
-        flag = flight.told(names[0])
-        for name in names[1:]:
-            flag = np.fmax(flag, flight.told(name))
-        known = len(flag) > 0 and not np.isnan(flag).any()
-        return float(np.mean(flag > 0.5)) if known else math.nan
+        is_known, n = len(flight.t) > 0, 0
+        for some in flight.parts():
+            flag = np.fmax.reduce([some.told(name) for name in names])
+            is_known = is_known and not np.isnan(flag).any()
+            n += int(np.count_nonzero(flag > 0.5))
+        return n / len(flight.t) if is_known else math.nan
 
     return part
 
@@ -327,22 +381,27 @@ def _contradicted(flight: EngagedTicks) -> float:
 
 def _energy(flight: EngagedTicks) -> float:
     """What the battery gave from the first tick to the last, J."""
-    drawn = flight.plant["battery.energy_J"] if "battery.energy_J" in flight.plant else np.empty(0)
-    return float(drawn[-1] - drawn[0]) if len(drawn) else math.nan
+    if "battery.energy_J" not in flight.plant or not len(flight.t):
+        return math.nan
+    first, last = (flight.plant.take(at)["battery.energy_J"] for at in (slice(1), slice(-1, None)))
+    return float(last[0] - first[0])
 
 
 def _nonfinite(flight: EngagedTicks) -> float:
     """Ticks at which the error is not finite, or a number that the law computes."""
     error = flight.reference_error if flight.has_reference else flight.setpoint_error
-    error = np.where(flight.is_asked | flight.has_reference, error, 0.0)
-    return float(np.sum(~(np.isfinite(error) & _finite(flight))))
+    is_known = np.isfinite(error) | ~(flight.is_asked | flight.has_reference)
+    return float(np.sum(~(is_known & _finite(flight))))
 
 
 def _finite(flight: EngagedTicks) -> Flags:
     """Return at which ticks every number that the law computes is finite."""
     finite: Flags = np.full(len(flight.t), True)
-    for at in flight.computed:
-        finite &= np.isfinite(flight.fcu[flight.fcu.names[at]])
+    names = [flight.fcu.names[at] for at in flight.computed]
+    for block in blocks(len(finite)):
+        ticks = flight.fcu.take(block)
+        for name in names:
+            finite[block] &= np.isfinite(ticks[name])
     return finite
 
 
@@ -385,10 +444,10 @@ METRICS: dict[str, Callable[[EngagedTicks], float]] = {
     ),
     "governed_fraction": _fraction("guard.governed"),
     "contradicted_fraction": _contradicted,
-    "margin_min_n": lambda f: _least(aloft(f).told("guard.margin.force")),
-    "margin_tilt_min_deg": lambda f: math.degrees(_least(aloft(f).told("guard.margin.tilt"))),
-    "margin_condition_min_n": lambda f: _least(aloft(f).told("guard.margin.condition")),
-    "thrust_max_n": lambda f: _greatest(f.told("outputs.T_c")),
+    "margin_min_n": lambda f: _least_told(aloft(f), "guard.margin.force"),
+    "margin_tilt_min_deg": lambda f: math.degrees(_least_told(aloft(f), "guard.margin.tilt")),
+    "margin_condition_min_n": lambda f: _least_told(aloft(f), "guard.margin.condition"),
+    "thrust_max_n": lambda f: _greatest_told(f, "outputs.T_c"),
     "tilt_max_deg": lambda f: math.degrees(_tilt_max(f)),
     "energy_j": _energy,
     "nonfinite_samples": _nonfinite,

@@ -24,7 +24,6 @@ import numpy as np
 
 from fcu.interface import input_file
 from fcu.interface.event_log import Event
-from fcu.kernel.rows import column
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
@@ -384,7 +383,8 @@ def trajectory_sha256(plant: Rows) -> str:
     """
     digest = hashlib.sha256()
     for block in blocks(len(plant)):
-        t, state = (column(PlantRecord, plant[block], name) for name in ("t", "state"))
+        told = Table.of(PlantRecord, plant[block])
+        t, state = told["t"], told["state"]
         digest.update(np.column_stack([t, state]).astype("<f8").tobytes())
     return digest.hexdigest()
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
-from gcs_tools.judging.metrics import SETTLE_S
+from gcs_tools.judging.metrics import SETTLE_S, Flags, blocks, is_up
 from gcs_tools.missions.asked import Asked
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.recording.table import Table
@@ -101,7 +101,7 @@ def _far(asked: object, flown: object) -> bool:
 def standing(asked: Asked, plant: Table) -> list[Standing]:
     """Each place of a mission that stood for SETTLE_S, or was to be held, in a flight of which `plant` is the truth."""
     found: list[Standing] = []
-    t, r_E = plant["t"], plant["state.r_E"]
+    t = plant["t"]
     if not len(t):
         return found
     over_s = float(t[-1]) + 1.0 / asked.flight.rate_hz
@@ -110,10 +110,7 @@ def standing(asked: Asked, plant: Table) -> list[Standing]:
         if until_s - since_s < SETTLE_S - _HALF_US and not held:
             continue
         last = int(np.searchsorted(t, until_s - _HALF_US)) - 1
-        with np.errstate(invalid="ignore", over="ignore"):
-            away = float(np.linalg.norm(r_E[last] - np.array(place)))
-        away = away if math.isfinite(away) else math.inf
-        why = grounded(asked.flight, place)
+        away, why = _away(plant, last, place), grounded(asked.flight, place)
         found.append(Standing(since_s, round(until_s, 6), place, away, why))
     return found
 
@@ -123,27 +120,46 @@ def accepted(flight: Flight, plant: Table, fcu: Table) -> list[Standing]:
 
     For a flight whose mission asks for nothing itself: a script did.
     """
-    fcu = fcu.take(fcu["engaged"] > 0.5)
-    t, r_c = fcu["t"], fcu["setpoint.r_c"]
-    rests = (fcu["setpoint.v_c"] == 0.0).all(axis=1) & (fcu["setpoint.a_c"] == 0.0).all(axis=1)
-    rests &= fcu["setpoint.level"] == 0.0  # an attitude or a rate asks for no place
+    fcu = fcu.take(is_up(fcu, "engaged"))
+    t = fcu["t"]
     found: list[Standing] = []
     if not len(t) or not len(plant):
         return found
-    new = (r_c[1:] != r_c[:-1]).any(axis=1) | (rests[1:] != rests[:-1])
-    new |= np.diff(t) > SETTLE_S  # disarmed in between
-    begins = [0, *(1 + np.flatnonzero(new)).tolist(), len(t)]
+    rests: Flags = np.empty(len(t), bool)
+    new: Flags = np.zeros(len(t), bool)
+    for block in blocks(len(t)):
+        ticks = fcu.take(slice(max(block.start - 1, 0), block.stop))  # and the one before them
+        r_c, still = ticks["setpoint.r_c"], _rests(ticks)
+        rests[block] = still[len(still) - (block.stop - block.start) :]
+        differs = (r_c[1:] != r_c[:-1]).any(axis=1) | (still[1:] != still[:-1])
+        new[block.stop - len(differs) : block.stop] = differs
+    new[1:] |= np.diff(t) > SETTLE_S  # disarmed in between
+    begins = [0, *np.flatnonzero(new).tolist(), len(t)]
     for first, end in pairwise(begins):
         since_s, until_s = float(t[first]), float(t[end - 1]) + 1.0 / flight.rate_hz
         if not rests[first] or until_s - since_s < SETTLE_S - _HALF_US:
             continue
         last = int(np.searchsorted(plant["t"], until_s - _HALF_US)) - 1
-        place = Vec3(*r_c[first].tolist())
-        with np.errstate(invalid="ignore", over="ignore"):
-            away = float(np.linalg.norm(plant["state.r_E"][last] - np.array(place)))
-        away = away if math.isfinite(away) else math.inf
-        found.append(Standing(since_s, round(until_s, 6), place, away, grounded(flight, place)))
+        place = Vec3(*fcu.take(slice(first, first + 1))["setpoint.r_c"][0].tolist())
+        away, why = _away(plant, last, place), grounded(flight, place)
+        found.append(Standing(since_s, round(until_s, 6), place, away, why))
     return found
+
+
+def _rests(fcu: Table) -> Flags:
+    """Return at which ticks a place was asked for, at rest. An attitude or a rate asks for none."""
+    rests: Flags = fcu["setpoint.level"] == 0.0
+    for name in ("setpoint.v_c", "setpoint.a_c"):
+        rests &= (fcu[name] == 0.0).all(axis=1)
+    return rests
+
+
+def _away(plant: Table, row: int, place: Vec3) -> float:
+    """Return how far (m) the vehicle was from a place, or infinity where that is no number."""
+    r_E = plant.take(slice(row, row + 1 or None))["state.r_E"][0]
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = float(np.linalg.norm(r_E - np.array(place)))
+    return away if math.isfinite(away) else math.inf
 
 
 def changed(asked: Asked, fcu: Table) -> list[Changed]:
@@ -151,14 +167,20 @@ def changed(asked: Asked, fcu: Table) -> list[Changed]:
 
     fcu : what the controller told, of a law that was flying or not.
     """
-    flies, rate_hz = fcu["engaged"] > 0.5, asked.flight.rate_hz
-    ticks = np.rint(fcu["t"][flies] * rate_hz).astype(np.int64)
-    sent = list(asked.sent())
-    there = np.isin([each.tick for each in sent], ticks)  # in real time some are dropped
+    flying, rate_hz = fcu.take(is_up(fcu, "engaged")), asked.flight.rate_hz
+    ticks = np.empty(len(flying), np.int64)
+    for block in blocks(len(flying)):
+        ticks[block] = np.rint(flying.take(block)["t"] * rate_hz)
+    sent = asked.sent()
+    sent_at = np.fromiter((each.tick for each in sent), np.int64, len(sent))
+    at = np.searchsorted(ticks, sent_at)
+    there = at < len(ticks)
+    there[there] = ticks[at[there]] == sent_at[there]  # in real time some are dropped
     sent = [each for each, is_there in zip(sent, there.tolist(), strict=True) if is_there]
-    wanted = np.array([_compared(each.setpoint) for each in sent]).reshape(-1, len(_COMPARED))
-    at = np.flatnonzero(flies)[np.searchsorted(ticks, [each.tick for each in sent])]
-    made = np.stack([fcu[f"setpoint.{name}"][at] for name in _COMPARED], axis=1)
+    told = flying.take(at[there])
+    numbers = chain.from_iterable(_compared(each.setpoint) for each in sent)
+    wanted = np.fromiter(numbers, float).reshape(-1, len(_COMPARED))
+    made = np.stack([told[f"setpoint.{name}"] for name in _COMPARED], axis=1)
     off = np.abs(wanted - made) > _ROUNDED + _ROUNDED_PART * np.abs(wanted)
     found: list[Changed] = []
     for i in np.flatnonzero(off.any(axis=1)).tolist():

@@ -59,6 +59,15 @@ def test_rows_of_a_long_flight_are_in_a_file_and_the_same():
     assert np.array_equal(one, kept.rows[4000:5000, 7])
     assert file_of(one) is None
     assert np.array_equal(table["a"], kept.rows)
+    some = np.arange(len(kept)) % 3 == 1
+    apart = table.take(some).take(slice(7, 4000))
+    assert np.array_equal(apart["a.7"], kept.rows[some, 7][7:4000])
+    assert np.array_equal(
+        apart.take(np.array([True, False] * 1996 + [False]))["a.7"], apart["a.7"][:-1:2]
+    )
+    assert np.array_equal(apart["a"], kept.rows[some][7:4000])
+    with pytest.raises(EOFError, match="end of their file"):
+        file_of(kept.rows)[0].read(8 * wide * expected, np.empty(1))
     more = np.zeros((expected - len(kept) + 1, wide))
     kept.append(more)  # one more than was expected
     assert file_of(kept.rows) is None
