@@ -44,6 +44,7 @@ TOUCHING = 0.1  # m
 VALLEY = 0.5  # m below where it stood: the ground is another one here, and not known
 HINDERED = 0.2  # of the speed down that is asked for: something is in the way
 HINDERED_US, ANYWHERE_US = 60_000, 300_000  # for so long where the ground is, and elsewhere
+UNLED = 2.0
 LAZY = 0.5  # rad/s, f_m below which the reference model is slow to take up a speed
 AT_REST, FALLING = 0.25, 1.0  # m/s
 ABOVE = 0.5  # m: how high a place in the ground is gone to
@@ -98,7 +99,10 @@ def stands(was, down, c_T, measured, t_us):
             since_us = t_us
         elif t_us - since_us >= STOOD_US:
             ground = stood_at
-        if height > stood_at + AIRBORNE or (first and carried):
+        rises = height > stood_at + AIRBORNE
+        if rises and math.isnan(ground):
+            ground = stood_at  # it went up from there at once: what falls does not
+        if rises or (first and carried):
             landed, has_flown, since_us = 0.0, 1.0, math.nan
     elif carried or not still:
         since_us = math.nan
@@ -278,7 +282,8 @@ def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us):
     model_z : velocity up of the reference model, m/s, NaN without one. A vehicle that does as its
     reference model does is not hindered, however fast the setpoint sinks: the model lags behind it.
     meant : whether it is landing; else only a ground that is known can be what is in its way.
-    anywhere_us : how long something has to be in its way where the ground is not.
+    anywhere_us : how long something has to be in its way where the ground is not. Without a model, air
+    that rises as the vehicle comes down may look like it: so it takes UNLED times as long.
     """
     v, since_us = pose.v_E, was.since_us
     if was.done != 0.0:
@@ -291,7 +296,8 @@ def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us):
         since_us = t_us
     height = pose.r_E.z - ground
     here = -VALLEY < height < TOUCHING
-    for_us = select(here, HINDERED_US, anywhere_us)
+    elsewhere_us = select(math.isnan(model_z), UNLED * anywhere_us, anywhere_us)
+    for_us = select(here, HINDERED_US, elsewhere_us)
     there = here or (meant and norm(v) < AT_REST)
     done = there and t_us - since_us >= for_us
     return TouchdownState(done=select(done, 1.0, 0.0), since_us=since_us)

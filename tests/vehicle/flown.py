@@ -10,7 +10,7 @@ from fcu.interface.airframe import believed
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size, to_buffer
-from fcu.kernel.rows import column
+from fcu.kernel.rows import column, slice_of
 from fcu.parameters import Parameters
 from fcu.process import tick as control
 from fcu.process.settings import settings
@@ -38,6 +38,7 @@ class Flown:
         self.state = self.start.copy()
         self.drawn = np.zeros(size(BatteryState))
         self.remembered = np.zeros(size(Remembered))
+        self.vehicle.reference_model = self.remembered[slice_of(Remembered, "law.reference")]
         self.row = np.zeros(size(Tick))
         self.truth = np.zeros(size(PlantRecord))
         self.reported = np.zeros(size(VehicleState))

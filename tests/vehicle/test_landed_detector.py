@@ -48,6 +48,14 @@ def test_the_ground_is_where_it_has_stood_not_where_it_falls(detector):
     assert standing.ground == 0.3
 
 
+def test_a_vehicle_that_goes_up_at_once_has_left_the_ground_there(detector):
+    detector.see(state(0.3, 0.0), 0)
+    assert detector.see(state(0.4, 80.0, Vec3(0.0, 0.0, 0.6)), 20_000)
+    assert math.isnan(detector.ground)
+    assert not detector.see(state(0.5, 80.0, Vec3(0.0, 0.0, 0.9)), 40_000)
+    assert detector.ground == 0.3
+
+
 def test_a_vehicle_that_pushes_is_on_the_ground_until_it_has_risen(detector):
     looks(detector, 5, 0.3, 0.0)
     assert all(looks(detector, 200, 0.3, 70.0))  # a script that takes its time to take off

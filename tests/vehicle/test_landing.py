@@ -223,7 +223,7 @@ def test_where_the_ground_is_not_known_everything_is_flown_as_asked():
 
 def test_a_vehicle_held_up_by_a_gust_goes_on_sinking():
     sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
-    looks = [seen.see(sinking, pose(5.0), GROUND, k * 20_000) for k in range(30)]
+    looks = [seen.see(sinking, pose(5.0), GROUND, k * 20_000, model_z=-0.7) for k in range(30)]
     assert looks.index(True) * 20_000 == landing.ANYWHERE_US
     assert seen.done
     assert not seen.see(sinking, pose(5.0, Vec3(0.0, 0.0, -0.9)), GROUND, 400_000)
@@ -244,8 +244,17 @@ def test_below_where_it_stood_there_is_no_ground_to_land_on():
 
 def test_a_lazy_reference_that_lags_behind_is_not_a_ground():
     sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
-    looks = [seen.see(sinking, pose(5.0), GROUND, k * 20_000, f_m=0.4) for k in range(300)]
+    looks = [
+        seen.see(sinking, pose(5.0), GROUND, k * 20_000, f_m=0.4, model_z=-0.7) for k in range(300)
+    ]
     assert looks.index(True) * 20_000 == 5_000_000
+
+
+@pytest.mark.parametrize(("above", "for_us"), [(0.05, 60_000), (0.7, 600_000)])
+def test_without_a_model_air_that_rises_has_longer_to_pass_where_no_ground_is_known(above, for_us):
+    sinking, seen = at(0.0, 0.0, GROUND, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
+    looks = [seen.see(sinking, pose(GROUND + above), GROUND, k * 20_000) for k in range(50)]
+    assert looks.index(True) * 20_000 == for_us
 
 
 @pytest.mark.parametrize(("model_z", "touches"), [(0.14, False), (-0.1, False), (-0.7, True)])
