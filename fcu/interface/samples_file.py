@@ -89,7 +89,12 @@ def read_wind(path: Path) -> Rows:
     return rows
 
 
-def write_wind(path: Path, rows: Rows) -> None:
-    """Write float64[n, 4] as `read_wind` reads it again, to the bit. Raises OSError."""
+def wind_text(rows: Rows) -> str:
+    """The text of float64[n, 4] as `read_wind` reads it again, to the bit."""
     lines = [",".join(WIND), *(",".join(map(repr, row)) for row in rows.tolist())]
-    path.write_text("\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
+
+
+def write_wind(path: Path, rows: Rows) -> None:
+    """Write the same to a file. Raises OSError."""
+    path.write_text(wind_text(rows))

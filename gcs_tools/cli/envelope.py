@@ -54,7 +54,7 @@ ALONE = {  # by what is changed
     "(31)       the paper's condition, repaired, evaluated at the target\n\n"
     "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
     "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
-    "it fails, the gains are unstable, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"
+    "it fails (or a computed wind saturates something), the gains are unstable, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"
     "written (too far away or too fast, beyond arena_m, below the ground) and [expect] does not say\n"
     "so; 2 the mission is invalid or the figure cannot be written; 130 interrupted."
 )
@@ -62,16 +62,25 @@ ALONE = {  # by what is changed
 @arguments.AIRFRAME
 @arguments.SETTINGS
 @arguments.FIGURE
+@click.option("--worst-wind", "worst", is_flag=True, help="Compute the wind that brings each limit nearest, within what is believed, and the room that it leaves.")  # fmt: skip
+@click.option("--parts", type=click.IntRange(1, 20), default=3, show_default=True, help="With --worst-wind: into how many parts the flight is divided, each with winds of its own.")  # fmt: skip
+@click.option("--winds", type=click.Path(file_okay=False, path_type=Path), metavar="FOLDER", help="With --worst-wind: write each wind as CSV, and a mission that flies it.")  # fmt: skip
 @arguments.as_json("Print the result as JSON (keys: gcs_tools/judging/README.md).")
 def envelope(
-    mission: str, airframe: str | None, settings: tuple[str, ...], figure: Path | None, as_json: bool
+    mission: str, airframe: str | None, settings: tuple[str, ...], figure: Path | None, worst: bool,
+    parts: int, winds: Path | None, as_json: bool,
 ) -> int:  # fmt: skip
     """Check before flight whether MISSION keeps thrust and tilt inside their limits.
 
     Prints the largest step, speed and wind for which that is certain, which term uses up the
     margin, and what to change. The mission's [law] guard_* keys say what is believed about mass,
     drag, wind, noise and delay.
+
+    With --worst-wind it flies the mission a thousand times at the ends of what is believed, which takes a minute or
+    more, and prints by how much thrust, tilt and torque stay inside in the worst wind that it finds.
     """
+    if not worst and (given := _given("parts", "winds")):
+        raise click.UsageError(f"--{given}: expected with --worst-wind")
     from fcu.interface.airframe import AirframeError
     from fcu.interface.parameter import ParameterError
     from fcu.kernel.compile import is_cached
@@ -97,6 +106,10 @@ def envelope(
         refuse_script(chosen, "gcs envelope")
         if not is_cached("foreseen.along"):
             click.echo("compiling, once for this version (for 10 s or so) ...", err=True)
+        if worst:
+            from gcs_tools.cli.worst_wind import shown
+
+            return shown(chosen, parts, winds, figure, as_json)
         try:
             from gcs_tools.flight.plan_look import margins
 
@@ -121,6 +134,12 @@ def envelope(
     drowned = found.noise is not None and bool(found.noise.lack)
     flyable = all(each.expected for each in found.unflyable)
     return OK if (found.holds or found.governed) and flyable and not drowned else DOES_NOT_HOLD
+
+
+def _given(*options: str) -> str:
+    """The first of the options that stands on the command line. Empty if none does."""
+    source = click.get_current_context().get_parameter_source
+    return next((o for o in options if source(o) is click.core.ParameterSource.COMMANDLINE), "")
 
 
 def _show(found: Envelope, console: Console) -> None:

@@ -34,7 +34,7 @@ class End(NamedTuple):
             ),
             "none",
         )
-        return f"{self.mass_kg:.3g} kg, drag {along}, {1e3 * self.rotor_lag_s:.3g} ms"
+        return f"{self.mass_kg:.3g} kg, drag {along}, lag {1e3 * self.rotor_lag_s:.3g} ms"
 
     @property
     def plant(self) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def ends(scene: Scenario) -> list[End]:
             mass_kg=float(m),
             inertia_kg_m2=tuple(float(most) for _, most in inertia),
             drag=tuple(float(guard.c_D * part) for part in drag),
-            rotor_lag_s=float(part * lag),
+            rotor_lag_s=round(float(part * lag), 6),
         )
         for m, drag, part in itertools.product(
             dict.fromkeys((guard.m_min, guard.m_max)), DRAGS.values(), LAGS

@@ -26,12 +26,6 @@ from gcs_tools.flight.scenario import Scenario
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 LIMITS = ("thrust_up", "thrust_down", "tilt", "torque")
-WORDS = {
-    "thrust_up": "greatest thrust",
-    "thrust_down": "least thrust",
-    "tilt": "tilt",
-    "torque": "torque of roll and pitch",
-}
 WAYS = 16  # directions of a tilt
 
 

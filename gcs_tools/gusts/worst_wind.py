@@ -44,6 +44,7 @@ EARLIEST_S = 1.5  # a wind has so long, at least, to bring a limit near
 FACETS = {"thrust_up": 1, "thrust_down": 1, "tilt": 1, "torque": 3}
 SUMS = 12  # drawn sums of sines
 SEED = 1
+INSIDE = 1.0 - 1e-6  # part of the bounds: what is rounded stays within them
 
 
 class Begin(NamedTuple):
@@ -146,7 +147,7 @@ def begins(scene: Scenario, n: int, sums: int, seed: int) -> Callable[[End], lis
 
 def bounds_of(scene: Scenario) -> Bounds:
     """The greatest wind that the guard is told to believe in."""
-    return Bounds(float(scene.guard.w_max), float(scene.guard.w_dot_max))
+    return Bounds(INSIDE * float(scene.guard.w_max), INSIDE * float(scene.guard.w_dot_max))
 
 
 @dataclass(frozen=True)
@@ -209,7 +210,7 @@ def gone_on(scene: Scenario, search: Search, rounds: int) -> Search:
     bounds, h = bounds_of(scene), 1.0 / scene.rate_hz
     vehicle = Vehicle(scene, search.begin.end)
     for _ in range(rounds):
-        if search.over:
+        if search.over or search.found.room < 0.0:  # it has met the limit
             break
         of = knots(search.tick, h, search.wind if search.keeps else None)
         here = program.within(search.wind[of.at], of.apart, bounds)

@@ -3,6 +3,7 @@
 python -m gcs_tools.studies.attack                        2000 flights under each policy that guards
 python -m gcs_tools.studies.attack --flight 17            flight 17 of them again, and what happened
 python -m gcs_tools.studies.attack --search 5000          an optimiser looks for the worst flight
+python -m gcs_tools.studies.attack --computed             manoeuvres in the worst winds, which are computed
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from rich.table import Table
 
 from gcs_tools.campaigns.flights import each
 from gcs_tools.missions.mission import MissionError
+from gcs_tools.studies.attack import computed as spines
 from gcs_tools.studies.attack import history, report
 from gcs_tools.studies.attack.draws import (
     NOISES,
@@ -98,6 +100,8 @@ def unused(given: set[str], settings: tuple[str, ...], noise: str, flight: str |
     written = [setting.partition("=")[0].strip() for setting in settings]
     if noise == "none" and (lost := given & {"part", "unknown"}):
         return f"{told(min(lost))}: there is no noise; add --noise bounded or --noise gaussian"
+    if "compute" in given and (lost := given & {"n", "seed", "noise", "as_shipped", "out"}):
+        return f"{told(min(lost))}: the manoeuvres of --computed are not drawn; leave it out"
     if "n" in given and given & {"flight", "look"}:
         return "--flights: only a campaign has it; leave it out with --flight and with --search"
     if flight is not None and not flight.isdecimal():
@@ -156,6 +160,20 @@ def _of_search(how: How, found: Search) -> dict[str, Any]:
             for f in found.found
         ],
     }
+
+
+def computed(policies: tuple[str, ...], how: How, as_json: bool) -> bool:
+    """Compute the worst winds of each manoeuvre under each policy and print them. Returns True if one contradicts."""
+    log, content, contradicts = Console(stderr=True), {}, False
+    for policy in policies:
+        found = spines.spine(how._replace(policy=policy), list(spines.MANOEUVRES), log)
+        contradicts |= spines.contradicts(found)
+        content[policy] = spines.content(found)
+        if not as_json:
+            show(spines.table(policy, found))
+    if as_json:
+        click.echo(json.dumps(content, indent=2))
+    return contradicts
 
 
 def chosen(flight: str, policy: str, how: How, seed: int) -> Attack:
@@ -221,12 +239,13 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="a value of a mission, over what is drawn")  # fmt: skip
 @click.option("--flight", metavar="NUMBER|FILE[:RANK]", help="fly one again: of the seed, or of a search's --out")  # fmt: skip
 @click.option("--search", "look", type=click.IntRange(128), metavar="N", help="an optimiser looks for the worst within N flights")  # fmt: skip
+@click.option("--computed", "compute", is_flag=True, help="a few manoeuvres, each in the worst wind for each limit, which is computed")  # fmt: skip
 @click.option("--out", type=click.Path(dir_okay=False, writable=True, path_type=Path), help="of --flight every tick as CSV, of --search what it found as JSON")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="a JSON object on standard output")
 def main(
     policies: tuple[str, ...], n: int, seed: int, noise: str, part: float, unknown: bool, as_shipped: bool,
-    settings: tuple[str, ...], flight: str | None, look: int | None, out: Path | None,
-    as_json: bool,
+    settings: tuple[str, ...], flight: str | None, look: int | None,
+    compute: bool, out: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Attack the guard from inside its beliefs; exit 1 if a flight contradicts it."""
     if flight is not None and look is not None:
@@ -235,6 +254,8 @@ def main(
         raise click.UsageError("--out: expected with --flight or --search")
     if out is not None and not out.parent.is_dir():
         raise click.UsageError(f"--out {out}: there is no folder {out.parent}")
+    if compute and (flight is not None or look is not None):
+        raise click.UsageError("--computed: expected without --flight and without --search")
     source = click.get_current_context().get_parameter_source
     given = {name for name in click.get_current_context().params if source(name) is COMMANDLINE}
     if why := unused(given, settings, noise, flight):
@@ -252,6 +273,8 @@ def main(
             contradicts = shown(policies, how, flight, seed, out, as_json)
         elif look is not None:
             contradicts = searched(policies, how, look, seed, out, as_json)
+        elif compute:
+            contradicts = computed(policies, how, as_json)
         else:
             contradicts = attacked(policies, how, n, seed, as_json)
     except (MissionError, NoFlightError) as error:

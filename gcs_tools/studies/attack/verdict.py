@@ -7,16 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
+from fcu.guard import admission, arrival, margin, noise, wrench
 from fcu.guard.parameters import REFUSE
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
 from fcu.process.tick import Tick
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.gusts import worst_wind
+from gcs_tools.gusts.limits import outputs, torque_room
 from gcs_tools.studies.attack.draws import Attack
 from gcs_tools.studies.attack.flight import Flown, Rows
 
-TRANSIENT_S = 0.5  # at least
 LOST_M = 50.0  # from the setpoint in force when the flight ends
 LAST_S = 1.0  # so long it stays there
 
@@ -89,7 +90,7 @@ class Verdict(NamedTuple):
 
 def transient_s(scene: Scenario) -> float:
     """How long (s) after take-over a flight is not judged."""
-    return max(float(foreseen.transient_s(scene.guard, scene.law)), TRANSIENT_S)
+    return worst_wind.transient_s(scene)
 
 
 def held(scene: Scenario) -> bool:
@@ -114,17 +115,7 @@ def room(scene: Scenario, rows: Rows) -> Rows:
 
     Below zero the allocation has moved it, or has given up torque (`allocation.allocate`).
     """
-    rotors, n = scene.law.rotors, len(rows)
-    share = (
-        column(Tick, rows, "outputs.T_c") + column(Tick, rows, "state.memory.T_trim")
-    ) / rotors.W
-    tau = column(Tick, rows, "internals.demand.tau_d")
-    spread = np.outer(tau[:, 0], np.array(rotors.B_x)) + np.outer(tau[:, 1], np.array(rotors.B_y))
-    if n == 0:
-        return np.zeros(0)
-    low = share + spread.min(axis=1) - rotors.f_min
-    high = rotors.f_max - share - spread.max(axis=1)
-    return np.asarray(rotors.W * np.minimum(low, high))
+    return torque_room(scene, outputs(rows))
 
 
 def limits(scene: Scenario, rows: Rows) -> Limits:
