@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from fcu.guard.stability import LAGS, rotor_lag
 from fcu.interface.airframe import body
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Rotors, Vec3
 from gcs_tools.flight.scenario import Scenario
 
 DRAGS = {"all": (1.0, 1.0, 1.0), "vertical": (0.0, 0.0, 1.0), "level": (1.0, 1.0, 0.0)}
@@ -64,9 +64,15 @@ def ends(scene: Scenario) -> list[End]:
 
 def at(scene: Scenario, end: End) -> Scenario:
     """The scene flown by that vehicle, in still air."""
-    params = scene.world.params
+    params, start = scene.world.params, scene.world.start
+    heavier, off = end.mass_kg / params.m, (end.mass_kg - params.m) * params.g
+    sunk = 0.0 if any(start.Omega) else off / params.ground.stiffness  # where it stands on its gear
     still, lag = Vec3(0.0, 0.0, 0.0), end.rotor_lag_s
     world = scene.world._replace(
+        start=start._replace(
+            r_E=start.r_E - Vec3(0.0, 0.0, sunk),
+            Omega=Rotors(*(math.sqrt(heavier) * Omega for Omega in start.Omega)),
+        ),
         params=params._replace(
             m=end.mass_kg,
             m_after=end.mass_kg,
@@ -75,6 +81,6 @@ def at(scene: Scenario, end: End) -> Scenario:
             decay_half=math.exp(-0.5 * params.h / lag) if lag > 0.0 else 0.0,
             decay=math.exp(-params.h / lag) if lag > 0.0 else 0.0,
             wind=params.wind._replace(steady=still, amplitude=still, step=still),
-        )
+        ),
     )
     return replace(scene, world=world, wind=None)

@@ -17,6 +17,7 @@ from gcs_tools.gusts.limits import outputs
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
 KNOT_S = 0.05  # between two knots
+RECENT_S, COARSER = 1.0, 2  # before that, knots are so many times farther apart
 WINDOW_S = 3.0  # before T: of what comes earlier only the steady wind counts
 MOVED = 0.1  # m/s, to either side
 
@@ -48,9 +49,10 @@ def knots(T: int, h: float, wind: Rows | None = None) -> Knots:
     wind : float64[n, 3], which is kept before them. None: there it is that of the first.
     """
     each = max(1, round(KNOT_S / h))
-    count = min(round(WINDOW_S / KNOT_S), T // each)
-    at = T - each * np.arange(count, -1, -1)
-    kept = wind is not None and count == round(WINDOW_S / KNOT_S) and at[0] > 0
+    recent, whole = round(RECENT_S / KNOT_S), round(WINDOW_S / KNOT_S)
+    back = np.r_[np.arange(recent), np.arange(recent, whole + 1, COARSER)]
+    at = T - each * back[each * back <= T][::-1]
+    kept = wind is not None and len(at) == len(back) and at[0] > 0
     return Knots(at, h, wind[: at[0]].copy() if kept and wind is not None else None)
 
 
@@ -73,9 +75,9 @@ def response(
     vehicle.air[:] = base
     vehicle.resume(vehicle.begin)
     kept = []
-    for k, at in enumerate(of.at):  # where the wind of a knot begins to count
+    for k in range(len(of.at)):  # where the wind of a knot begins to count
         whole = k == 0 and of.head is None
-        vehicle.fly(0 if whole else max(int(at) - round(KNOT_S / of.h), 0))
+        vehicle.fly(0 if whole else int(of.at[max(k - 1, 0)]))
         kept.append(vehicle.keep())
     vehicle.fly(T + 1)
     out = outputs(vehicle.law_rows[T : T + 1])[0]

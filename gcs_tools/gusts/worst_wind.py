@@ -37,11 +37,12 @@ TRANSIENT_S = 0.5  # after take-over, at least: nothing is judged in it
 ROUNDS = 10  # of linearising and flying, at most
 GAINED_N = 0.1  # of a round: with less it is the last
 FIRST_ROUNDS = 3  # of each search: then the best of a limit alone goes on
-BEGUN = 1.0 / 3.0  # of the greatest speed: how far the first wind may be from that of the begin
+# of the greatest speed: how far the first wind may be from that of the begin
+BEGUN = {"thrust_up": 1.0, "thrust_down": 1.0, "tilt": 1.0, "torque": 1.0 / 3.0}
 NARROWED, WIDENED, NEARER = 1.0 / 3.0, 2.0, 4  # how far the next may be, and tries of a round
 EARLIEST_S = 1.5  # a wind has so long, at least, to bring a limit near
 # that are searched from a flight
-FACETS = {"thrust_up": 1, "thrust_down": 1, "tilt": 1, "torque": 3}
+FACETS = {"thrust_up": 1, "thrust_down": 1, "tilt": 1, "torque": 2}
 SUMS = 12  # drawn sums of sines
 SEED = 1
 INSIDE = 1.0 - 1e-6  # part of the bounds: what is rounded stays within them
@@ -194,10 +195,10 @@ def searches(
             )
     return [
         Search(
-            begin, limit, part, tick, i, begin.wind, value, found, begin.wind, BEGUN * bounds.speed, keeps
+            begin, limit, part, tick, i, begin.wind, value, found, begin.wind, BEGUN[limit] * bounds.speed, keeps
         )
         for _, i, value in sorted(promised)[:n]
-        for keeps in ((False,) if begin.name == "steady" else (False, True))
+        for keeps in ((False, True) if begin.name == "turning" else (False,))
     ]  # fmt: skip
 
 
