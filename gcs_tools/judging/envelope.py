@@ -586,13 +586,19 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
     swing, rate = np.array(wind.amplitude_m_s), np.array(wind.frequency_rad_s)
     steady = np.abs(wind.steady_m_s) + np.abs(swing)
     most = float(np.linalg.norm(np.maximum(steady, steady + np.abs(wind.step_m_s))))
+    fastest = float(np.linalg.norm(swing * rate))
+    if wind.samples is not None:
+        t, air = wind.samples[:, 0], wind.samples[:, 1:]
+        most += float(np.linalg.norm(air, axis=1).max())
+        changes = np.linalg.norm(np.diff(air, axis=0), axis=1) / np.diff(t)
+        fastest += float(changes.max(initial=0.0))
     masses = dict.fromkeys((plant.m, plant.m_after))
     found = []
     if most > guard.w_max:
         found.append(f"its wind, up to {most:.3g} m/s, is beyond guard_wind_m_s {guard.w_max:.3g}")
     if wind.step_at_s is not None:
         found.append("its wind steps, faster than any guard_wind_rate_m_s2")
-    elif (fastest := float(np.linalg.norm(swing * rate))) > guard.w_dot_max:
+    elif fastest > guard.w_dot_max:
         found.append(
             f"its wind, changing by up to {fastest:.3g} m/s^2, is beyond guard_wind_rate_m_s2"
             f" {guard.w_dot_max:.3g}"

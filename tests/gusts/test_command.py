@@ -11,6 +11,7 @@ from gcs_tools.cli.envelope import envelope
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.gusts import worst_wind
+from gcs_tools.gusts.ends import ends
 from gcs_tools.gusts.limits import LIMITS, outputs, rooms
 from gcs_tools.missions.mission import load
 
@@ -28,6 +29,7 @@ def _quick(monkeypatch):
     """A search of a round, from few flights: what is tested is not how far it gets."""
     for name, value in {"FIRST_ROUNDS": 1, "ROUNDS": 1, "FACETS": dict.fromkeys(LIMITS, 1)}.items():
         monkeypatch.setattr(worst_wind, name, value)
+    monkeypatch.setattr(worst_wind, "ends", lambda scene: ends(scene)[1:2])
     monkeypatch.setattr(worst_wind, "_apart", lambda flown, k, of: iter(flown[3:4]))
 
 

@@ -12,6 +12,7 @@ from fcu.interface.samples_file import read_wind, write_wind
 from fcu.kernel.rows import column
 from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.scenario import scenario
+from gcs_tools.judging.envelope import envelope
 from gcs_tools.missions.mission import MissionError, load
 from sitl_plant.burst import air_by_tick
 from sitl_plant.physics.types import PlantRecord
@@ -90,3 +91,13 @@ def test_a_file_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "gust.csv").unlink()
     with pytest.raises(MissionError, match=r"\[wind\] file: .*No such file"):
         load(path)
+
+
+def test_a_wind_beyond_what_is_believed_is_told_before_the_flight(tmp_path: Path) -> None:
+    """A gust of 21 m/s in half a second is neither as slow nor as gradual as the guard believes."""
+    within = envelope(load(written(tmp_path, GUST)))
+    assert not any("its wind" in remark for remark in within.remarks)
+    gust = GUST.replace("2,-4,1", "21,0,0")
+    remarks = envelope(load(written(tmp_path, gust))).remarks
+    assert any("up to 22 m/s, is beyond guard_wind_m_s 12" in remark for remark in remarks)
+    assert any("up to 42 m/s^2, is beyond guard_wind_rate_m_s2 20" in remark for remark in remarks)
