@@ -16,9 +16,13 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.rows import column
 from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
-from gcs_tools.studies.attack import report
+from gcs_tools.gusts import worst_wind
+from gcs_tools.gusts.ends import ends
+from gcs_tools.judging.preflight_check import refusal
+from gcs_tools.studies.attack import computed, report
 from gcs_tools.studies.attack.__main__ import campaign, flown, main, show
 from gcs_tools.studies.attack.draws import (
+    FIRST_S,
     SETPOINTS,
     WIND_M_S,
     WIND_M_S2,
@@ -306,6 +310,7 @@ def test_the_command_answers_by_its_exit_code(tmp_path):
     [
         ("--policy", "never"),
         ("--flight", "1", "--search", "500"),
+        ("--computed", "--search", "500"),
         ("--out", "x.csv"),
         ("--out", "nowhere/x.csv", "--flight", 17),
         ("--flight", "nowhere.json"),
@@ -323,6 +328,8 @@ def test_a_bad_command_line_is_one(arguments):
     [
         (("--part", "0.5"), "--part"),
         (("--unknown",), "--unknown"),
+        (("--computed", "--seed", "3"), "--seed"),
+        (("--manoeuvre", "hover"), "--manoeuvre"),
         (("--flight", "3", "--flights", "4"), "--flights"),
         (("--search", "128", "--flights", "4"), "--flights"),
         (("--flight", "found.json:1", "--seed", "3"), "--seed"),
@@ -347,3 +354,26 @@ def test_a_table_that_is_piped_is_whole(capsys):
     out = capsys.readouterr().out
     assert "…" not in out
     assert all(sum(head in line for line in out.splitlines()) == 2 for head in heads)
+
+
+def test_the_spine_flies_what_it_computes(monkeypatch):
+    """A round of a search, for one vehicle: the attack's own flight in the wind leaves the same room."""
+    monkeypatch.setattr(worst_wind, "FIRST_ROUNDS", 1)
+    monkeypatch.setattr(worst_wind, "ROUNDS", 1)
+    monkeypatch.setattr(worst_wind, "ends", lambda scene: ends(scene)[1:2])
+    monkeypatch.setattr(worst_wind, "FACETS", dict.fromkeys(worst_wind.FACETS, 1))
+    (torque,) = found = computed.spine(How(), ["descent"], limits=["torque"])
+    assert torque.verdict.room_n == pytest.approx(torque.worst.computed_n, abs=1e-3)
+    assert torque.verdict.torque == torque.worst.saturated
+    assert torque.verdict.wind == "computed"
+    assert computed.contradicts(found) == any(e.verdict.saturated for e in found)
+
+
+@pytest.mark.parametrize("name", computed.MANOEUVRES)
+def test_a_manoeuvre_that_refuses_is_made_smaller_until_nothing_is_refused(name):
+    scale, _, scene = computed.admitted(name, How(policy="refuse"))
+    assert refusal(scene) == ""
+    larger = computed.made(name, How(policy="refuse"), min(1.0, 2.0 * scale))[1]
+    assert scale == 1.0 or refusal(larger) != ""
+    times = scene.sent_at / scene.rate_hz
+    assert (times[0], times[1]) == (0.0, FIRST_S)

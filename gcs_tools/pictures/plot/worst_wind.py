@@ -69,12 +69,8 @@ def save(title: str, from_s: float, histories: Sequence[History], path: Path) ->
         high = max(float(of.still[of.t >= from_s].max(initial=1.0)) for of in histories)
         axes[0, 0].set(ylabel="room before the limit, N", ylim=(1.1 * low - 5.0, 1.1 * high))
         axes[1, 0].set(ylabel="velocity of the air, m/s")
-        for row in axes:
-            figure.legend(
-                *row[0].get_legend_handles_labels(),
-                loc="outside lower center" if row is axes[1] else "outside upper right",
-                ncols=3,
-            )
+        axes[0, 0].legend(loc="lower right")
+        axes[1, 0].legend(loc="upper right", ncols=3)
         figure.suptitle(title)
         kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
         figure.savefig(

@@ -100,6 +100,8 @@ def unused(given: set[str], settings: tuple[str, ...], noise: str, flight: str |
     written = [setting.partition("=")[0].strip() for setting in settings]
     if noise == "none" and (lost := given & {"part", "unknown"}):
         return f"{told(min(lost))}: there is no noise; add --noise bounded or --noise gaussian"
+    if "manoeuvres" in given and "compute" not in given:
+        return "--manoeuvre: expected with --computed"
     if "compute" in given and (lost := given & {"n", "seed", "noise", "as_shipped", "out"}):
         return f"{told(min(lost))}: the manoeuvres of --computed are not drawn; leave it out"
     if "n" in given and given & {"flight", "look"}:
@@ -162,11 +164,11 @@ def _of_search(how: How, found: Search) -> dict[str, Any]:
     }
 
 
-def computed(policies: tuple[str, ...], how: How, as_json: bool) -> bool:
+def computed(policies: tuple[str, ...], how: How, names: tuple[str, ...], as_json: bool) -> bool:
     """Compute the worst winds of each manoeuvre under each policy and print them. Returns True if one contradicts."""
     log, content, contradicts = Console(stderr=True), {}, False
     for policy in policies:
-        found = spines.spine(how._replace(policy=policy), list(spines.MANOEUVRES), log)
+        found = spines.spine(how._replace(policy=policy), names, log)
         contradicts |= spines.contradicts(found)
         content[policy] = spines.content(found)
         if not as_json:
@@ -240,12 +242,13 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
 @click.option("--flight", metavar="NUMBER|FILE[:RANK]", help="fly one again: of the seed, or of a search's --out")  # fmt: skip
 @click.option("--search", "look", type=click.IntRange(128), metavar="N", help="an optimiser looks for the worst within N flights")  # fmt: skip
 @click.option("--computed", "compute", is_flag=True, help="a few manoeuvres, each in the worst wind for each limit, which is computed")  # fmt: skip
+@click.option("--manoeuvre", "manoeuvres", multiple=True, type=click.Choice([*spines.MANOEUVRES]), help="with --computed: these (default: all)")  # fmt: skip
 @click.option("--out", type=click.Path(dir_okay=False, writable=True, path_type=Path), help="of --flight every tick as CSV, of --search what it found as JSON")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="a JSON object on standard output")
 def main(
     policies: tuple[str, ...], n: int, seed: int, noise: str, part: float, unknown: bool, as_shipped: bool,
     settings: tuple[str, ...], flight: str | None, look: int | None,
-    compute: bool, out: Path | None, as_json: bool,
+    compute: bool, manoeuvres: tuple[str, ...], out: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Attack the guard from inside its beliefs; exit 1 if a flight contradicts it."""
     if flight is not None and look is not None:
@@ -274,7 +277,7 @@ def main(
         elif look is not None:
             contradicts = searched(policies, how, look, seed, out, as_json)
         elif compute:
-            contradicts = computed(policies, how, as_json)
+            contradicts = computed(policies, how, manoeuvres or tuple(spines.MANOEUVRES), as_json)
         else:
             contradicts = attacked(policies, how, n, seed, as_json)
     except (MissionError, NoFlightError) as error:

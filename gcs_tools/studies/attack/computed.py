@@ -39,7 +39,7 @@ from gcs_tools.studies.attack.verdict import Verdict, verdict
 from gcs_tools.studies.attack.wind import Gust
 
 LASTS_S = 8.0  # after FIRST_S
-HALVES = 6  # by which a manoeuvre is made smaller, at most
+HALVES = 12  # by which a manoeuvre is made smaller, at most
 OWN_WIND = Gust(kind=0.0, speed=0.0, rate=1.0, every=1.0, along=Vec3(0.0, 0.0, 1.0))
 FAST_S, SLOW_M_S, FAST_M_S, LAND_M = 4.0, 0.7, 1.5, 8.0  # of a landing: how it is led down
 
@@ -139,13 +139,18 @@ def admitted(name: str, how: How) -> tuple[float, dict[str, Any], Scenario]:
     return scale, tables, scene
 
 
-def spine(how: How, names: Sequence[str], console: Console | None = None) -> list[Spine]:
+def spine(
+    how: How,
+    names: Sequence[str],
+    console: Console | None = None,
+    limits: Sequence[str] = LIMITS,
+) -> list[Spine]:
     """Each limit of each manoeuvre in the worst wind for it. Raises LawError."""
     found = []
     for name in names:
         scale, tables, scene = admitted(name, how)
         law_alone.warm_up(scene)
-        for worst in worst_winds(scene, 1, console=console):
+        for worst in worst_winds(scene, 1, limits, console=console):
             there = replace(at(scene, worst.end), wind=worst.samples)
             numbers = Numbers(*[0.5] * len(Numbers._fields))
             noise = np.zeros((scene.ticks, len(scene.world.noise_scale)))
