@@ -19,7 +19,7 @@ from gcs_tools.gusts.ends import ends
 from gcs_tools.gusts.limits import LIMITS
 from gcs_tools.gusts.worst_wind import Vehicle, Worst, bounds_of, transient_s, worst_winds
 from gcs_tools.judging.preflight_check import refusal, unflyable
-from gcs_tools.missions.mission import Mission, MissionError, as_toml, refuse_plan, refuse_script
+from gcs_tools.missions.mission import Mission, MissionError, as_toml, is_foreseen, refuse_script
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -97,7 +97,10 @@ def survey(mission: Mission, parts: int, console: Console | None = None) -> Surv
     ProgramError.
     """
     refuse_script(mission, WHAT)
-    refuse_plan(mission, WHAT)
+    if not is_foreseen(mission):
+        raise MissionError(
+            f"{mission.source}: [flight] plan: {WHAT} does not look at plans, whose way the vehicle chooses as it flies"
+        )
     scene = scenario(mission)
     if (
         scene.settings is None
