@@ -1,7 +1,7 @@
 """Plans in numbers: the time that a look along one takes, and repeats of one flight.
 
     python -m gcs_tools.studies.plans looks       times of a look, ms, by the wall
-    python -m gcs_tools.studies.plans repeats     missions/plan_square 20 times over the wire and 20 in process
+    python -m gcs_tools.studies.plans repeats     a plan with a fence and a return, 20 times over the wire and 20 in process
 
 `repeats` ends with 1 unless all flights are one to the bit.
 """
@@ -9,12 +9,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import sys
 import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +29,8 @@ from fcu.process.settings import settings
 from fcu.vehicle.mission import Do, Step
 from fcu.vehicle.state_machine import StateMachine
 from gcs_tools import fly
+from gcs_tools.missions.mission import folder
+from gcs_tools.missions.plan_file import RETURN
 
 ITEMS = (10, 100, 2000)
 SEED = 1
@@ -67,14 +71,23 @@ def looks() -> int:
     return 0
 
 
+def _returning() -> dict[str, Any]:
+    """missions/square.plan with a return in place of its landing."""
+    tables: dict[str, Any] = json.loads((folder() / "square.plan").read_text())
+    tables["mission"]["items"][-1].update(command=RETURN, frame=2, params=[0, 0, 0, 0, 0, 0, 0])
+    return tables
+
+
 def repeats(times: int) -> int:
     """Fly one plan again and again, over the wire and in process. Print how many flights there were."""
     found: Counter[tuple[str, str]] = Counter()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as place:
+        plan = Path(place) / "return.plan"
+        plan.write_text(json.dumps(_returning()))
         for k in range(times):
             for in_process in (False, True):
-                out = Path(folder) / f"{in_process}{k}"
-                flown = fly("plan_square", in_process=in_process, out=out, figure="never", record="none")  # fmt: skip
+                out = Path(place) / f"{in_process}{k}"
+                flown = fly(str(plan), in_process=in_process, out=out, figure="never", record="none")  # fmt: skip
                 found["in process" if in_process else "over the wire", flown.trajectory_sha256] += 1
     for (how, trajectory), many in sorted(found.items()):
         print(f"{many:3d} {how:14s} {trajectory}")
