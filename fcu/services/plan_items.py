@@ -255,16 +255,18 @@ def step_of(item: PlanItem, origin: Origin) -> Step:
 
 def steps_of(items: Sequence[PlanItem], origin: Origin) -> tuple[Step, ...]:
     """The steps of a plan. Raises RefusedItem for the first item that cannot be flown."""
-    steps = []
-    for number, item in enumerate(items):
-        try:
-            step = step_of(item, origin)
-            if step.do is Do.JUMP and (step.to >= len(items) or step.to == number):
-                raise _parameter(1, step.to, f"another item, 0 to {len(items) - 1}")
-        except RefusedItem as refused:
-            raise RefusedItem(refused.result, refused.why, number) from None
-        steps.append(step)
-    return tuple(steps)
+    return tuple(numbered_step(items, number, origin) for number in range(len(items)))
+
+
+def numbered_step(items: Sequence[PlanItem], number: int, origin: Origin) -> Step:
+    """The step of one item of a plan. Raises RefusedItem with its number."""
+    try:
+        step = step_of(items[number], origin)
+        if step.do is Do.JUMP and (step.to >= len(items) or step.to == number):
+            raise _parameter(1, step.to, f"another item, 0 to {len(items) - 1}")
+    except RefusedItem as refused:
+        raise RefusedItem(refused.result, refused.why, number) from None
+    return step
 
 
 def place_of(item: PlanItem, origin: Origin) -> tuple[Vec3 | None, bool]:

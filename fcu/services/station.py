@@ -46,6 +46,7 @@ from fcu.services.plan_items import (
     NAMES,
     RefusedItem,
     areas_of,
+    numbered_step,
     passed_over,
     rally_of,
     steps_of,
@@ -68,6 +69,7 @@ from fcu.services.wind import Wind
 from fcu.vehicle.conditions import ROWS
 from fcu.vehicle.feasibility_check import Shortfall
 from fcu.vehicle.follow import Report
+from fcu.vehicle.mission import Step
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.state_machine import StateMachine
 
@@ -82,6 +84,7 @@ class Say(Protocol):
         """`time_us`: its simulation time. None: that of the last tick."""
 
 
+AT_A_TIME = 250  # items of a plan whose steps are found between two ticks
 WIND_S = 0.05  # wall: between two looks at the wind
 
 SEVERITIES = {  # of what happens by itself; else INFO
@@ -343,7 +346,12 @@ class Station:
         vehicle, origin = self._vehicle, self._identity.origin
         t_us = yield
         if kind is MissionType.MISSION:
-            steps = steps_of(items, origin)
+            found: list[Step] = []
+            for number in range(len(items)):
+                if number and number % AT_A_TIME == 0:
+                    t_us = yield
+                found.append(numbered_step(items, number, origin))
+            steps = tuple(found)
             crossed = vehicle.plan_outside(steps)
             if crossed is not None:
                 number, why = crossed

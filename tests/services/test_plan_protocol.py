@@ -10,7 +10,7 @@ import pytest
 
 from fcu.interface.status_texts import Code
 from fcu.mavlink.definitions import MissionType
-from fcu.services import plan_protocol
+from fcu.services import plan_items, plan_protocol, station
 from fcu.vehicle.modes import Mode
 from tests.services.test_station import AT, Met
 
@@ -419,3 +419,22 @@ def test_a_look_that_is_broken_off_leaves_the_plan_there_was(client):
         client.now += 0.01
         client.station.idle(0, client.now, client.now)
     assert len(client.vehicle.mission.steps) == 4
+
+
+def test_the_steps_of_a_long_plan_are_found_a_part_at_a_time(client, monkeypatch):
+    """The answer comes some turns later. A plan of few items is answered at once."""
+    monkeypatch.setattr(station, "AT_A_TIME", 10)
+    found, before = [], plan_items.step_of
+    monkeypatch.setattr(plan_items, "step_of", lambda *of: found.append(1) or before(*of))
+    client.say(mavlink.MAVLink_mission_count_message(1, 1, 35, 0), client.now)
+    for n in range(35):
+        answers = client.say(item(n, north=n), client.now)
+    assert answers == []
+    turns = []
+    while not answers:
+        turns.append(len(found))
+        client.now += 0.01
+        client.station.idle(0, client.now, client.now)
+        answers = [m for m in client.heard() if m.get_type() == "MISSION_ACK"]
+    assert turns == [10, 20, 30]
+    assert answers[0].type == ACCEPTED
