@@ -313,7 +313,8 @@ def _apart(flown: Sequence[Begin], k: int, of: int) -> Iterator[Begin]:
     def nearness(i: int) -> tuple[float, int]:
         return float(flown[i].rooms[k, of]), i
 
-    order = [flown[i] for i in sorted(range(len(flown)), key=nearness) if flown[i].name != "still"]
+    order = [flown[i] for i in sorted(range(len(flown)), key=nearness)]
+    order = order[:1] + [begin for begin in order[1:] if begin.name != "still"]
     worst = order[0]
     yield worst
     kinds = {worst.name}

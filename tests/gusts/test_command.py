@@ -60,6 +60,15 @@ def test_it_prints_a_row_for_each_limit_and_part(tmp_path):
         assert done.stdout.count(f"{limit.replace('_', ' ')} ") == 2
 
 
+@pytest.mark.parametrize("mission", ["square_and_land", "figure_eight"])
+def test_items_and_curves_are_flown_too(mission):
+    """Items from hover where they begin, and it says that take-off and landing are left out."""
+    said = json.loads(run(mission, "--worst-wind", "--parts", 1, "--json").stdout)
+    assert [row["limit"] for row in said["worst"]] == list(LIMITS)
+    assert all(row["room_n"] < row["room_still_n"] + 5.0 for row in said["worst"])
+    assert any("take-off, landing" in remark for remark in said["remarks"]) == (mission == "square_and_land")  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
