@@ -273,6 +273,7 @@ class Watch(NamedTuple):
     limits: PlanLimits
     c_T: Rotors  # thrust coefficients, N s^2, believed
     anywhere_us: float  # as in `landing.touches`
+    lag_s: float  # as in `landing.touches`
 
 
 # what a law without a reference model has in its place
@@ -383,7 +384,7 @@ def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
         flown = carried(_unpack_setpoint(setpoint), age)
         touchdown = landing.touches(
             watch.touchdown, flown, model[_MODEL_Z], pose, landed.ground, t_us, lands,
-            watch.anywhere_us,
+            watch.anywhere_us, watch.lag_s,
         )  # fmt: skip
         _pack_touchdown(buffer, touchdown)
         if touchdown.done != watch.touchdown.done:

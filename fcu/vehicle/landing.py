@@ -44,7 +44,10 @@ TOUCHING = 0.1  # m
 VALLEY = 0.5  # m below where it stood: the ground is another one here, and not known
 HINDERED = 0.2  # of the speed down that is asked for: something is in the way
 HINDERED_US, ANYWHERE_US = 60_000, 300_000  # for so long where the ground is, and elsewhere
+SINKS = 0.7  # of the speed down that is asked for: nothing is in the way
+STRUCK_US = 60_000  # from there to hindered: no air stops a vehicle as fast
 UNLED = 2.0
+LEFT_BEHIND = 0.7  # m, by a setpoint that sinks, beyond the lag of a reference model: of a second
 LAZY = 0.5  # rad/s, f_m below which the reference model is slow to take up a speed
 AT_REST, FALLING = 0.25, 1.0  # m/s
 ABOVE = 0.5  # m: how high a place in the ground is gone to
@@ -69,6 +72,8 @@ class TouchdownState(NamedTuple):
 
     done: float  # 1: it has come down
     since_us: float  # since when something is in its way; NaN: nothing is
+    sank_us: float = math.nan  # when it last sank as fast as it should; NaN: it never did
+    struck: float = 0.0  # 1: what is in its way stopped it at once
 
 
 _unpack_measured = unpacker(VehicleState)
@@ -276,38 +281,51 @@ def raised(asked: Setpoint, pose: Pose, ground: float) -> Setpoint:
 
 
 @kernel
-def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us):
+def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us, lag_s):
     """The TouchdownState after a look. `flown` : the Setpoint, carried to this moment.
 
     model_z : velocity up of the reference model, m/s, NaN without one. A vehicle that does as its
-    reference model does is not hindered, however fast the setpoint sinks: the model lags behind it.
+    reference model does is not hindered, however fast the setpoint sinks: the model lags behind it,
+    by `lag_s`. Where the setpoint is much farther below, the guard leads the model by what the ground
+    does to the vehicle, and the model tells nothing.
     meant : whether it is landing; else only a ground that is known can be what is in its way.
-    anywhere_us : how long something has to be in its way where the ground is not. Without a model, air
+    anywhere_us : how long something has to be in its way where the ground is not, unless it was
+    struck: stopped as only a ground stops it. Without a model, air
     that rises as the vehicle comes down may look like it: so it takes UNLED times as long.
     """
-    v, since_us = pose.v_E, was.since_us
+    v, since_us, struck = pose.v_E, was.since_us, was.struck
     if was.done != 0.0:
         gust = not v.z > -FALLING
-        return TouchdownState(done=select(gust, 0.0, 1.0), since_us=since_us)
-    down = select(model_z > flown.v_c.z, model_z, flown.v_c.z)
-    if down > -AT_REST or v.z < HINDERED * down:
-        return TouchdownState(done=0.0, since_us=math.nan)
-    if math.isnan(since_us):
-        since_us = t_us
+        return TouchdownState(
+            done=select(gust, 0.0, 1.0), since_us=since_us, sank_us=was.sank_us, struck=struck
+        )
+    left_behind = pose.r_E.z - flown.r_c.z > LEFT_BEHIND - lag_s * flown.v_c.z
+    lags = model_z > flown.v_c.z and not left_behind
+    down = select(lags, model_z, flown.v_c.z)
+    sank_us = select(v.z < SINKS * down, t_us, was.sank_us)
     height = pose.r_E.z - ground
     here = -VALLEY < height < TOUCHING
+    if math.isnan(since_us):
+        struck = select(t_us - sank_us <= STRUCK_US, 1.0, 0.0)
+    at_once = here or struck != 0.0
+    bounces = not at_once and norm(v) > AT_REST  # the highest point of that is no ground
+    if down > -AT_REST or v.z < HINDERED * down or bounces:
+        return TouchdownState(done=0.0, since_us=math.nan, sank_us=sank_us, struck=0.0)
+    if math.isnan(since_us):
+        since_us = t_us
     elsewhere_us = select(math.isnan(model_z), UNLED * anywhere_us, anywhere_us)
-    for_us = select(here, HINDERED_US, elsewhere_us)
-    there = here or (meant and norm(v) < AT_REST)
-    done = there and t_us - since_us >= for_us
-    return TouchdownState(done=select(done, 1.0, 0.0), since_us=since_us)
+    for_us = select(at_once, HINDERED_US, elsewhere_us)
+    done = (here or meant) and t_us - since_us >= for_us
+    return TouchdownState(
+        done=select(done, 1.0, 0.0), since_us=since_us, sank_us=sank_us, struck=struck
+    )
 
 
 @kernel
-def _see_touchdown(buffer, flown, model_z, pose, ground, t_us, meant, anywhere_us):
+def _see_touchdown(buffer, flown, model_z, pose, ground, t_us, meant, f_m, anywhere_us):
     """`touches` on a flat buffer; whether something has changed."""
     was = _unpack_touchdown(buffer)
-    now = touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us)
+    now = touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us, 2.0 / f_m)
     _pack_touchdown(buffer, now)
     return now.done != was.done
 
@@ -346,7 +364,7 @@ class TouchdownDetector:
         `meant`, `f_m`, `model_z`: as in `touches` and `anywhere_us`.
         """
         changed: bool = _see_touchdown(
-            self.buffer, flown, model_z, pose, ground, float(t_us), meant, anywhere_us(f_m)
+            self.buffer, flown, model_z, pose, ground, float(t_us), meant, f_m, anywhere_us(f_m)
         )
         return changed
 

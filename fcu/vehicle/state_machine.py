@@ -99,11 +99,11 @@ _HELD = tuple(slice_of(Watch, name) for name in HELD)
 _ASKED = slice_of(Watch, "script.asked")
 _FENCE, _FENCE_PREDICTS = slice_of(Watch, "fence"), column_of(Watch, "fence.predicts")
 _C_T, _DUE = slice_of(Watch, "c_T"), slice_of(Watch, "due")
-_APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE = (
+_APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE, _LAG = (
     column_of(Watch, name)
     for name in (
         "script.approach", "script.known", "script.since_us", "due.heard_us",
-        "due.lost_us", "anywhere_us",
+        "due.lost_us", "anywhere_us", "lag_s",
     )
 )  # fmt: skip
 _MODE = slice(column_of(Watch, "in_offboard"), column_of(Watch, "in_idle") + 1)
@@ -300,7 +300,7 @@ class StateMachine:
         watch[_VALUES] = [p[name] for name in Values._fields]
         watch[_LIMITS] = to_buffer(self._limits())
         watch[_C_T] = to_buffer(self._landed.c_T)
-        watch[_ANYWHERE] = landing.anywhere_us(p.pace.f_m)
+        watch[_ANYWHERE], watch[_LAG] = landing.anywhere_us(p.pace.f_m), 2.0 / p.pace.f_m
         across, up = p["GF_MAX_HOR_DIST"], p["GF_MAX_VER_DIST"]
         self.fence.limits = Limits(across or math.inf, up or math.inf)
         self._write_mode()

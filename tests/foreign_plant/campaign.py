@@ -79,12 +79,6 @@ def drawn(seed: int, number: int, beliefs: dict[str, tuple[float, float]]) -> Fo
     }
 
 
-def _wait(flight: Flight, seconds: int) -> None:
-    """Let time run, and read what the vehicle says each second: a socket holds no more of it."""
-    for _ in range(seconds):
-        flight.go(1.0)
-
-
 def _steps(flight: Flight, by: random.Random) -> tuple[float, float, float]:
     """Send places up to 12 m away, one after the other, and return the last."""
     place = (0.0, 0.0, -HEIGHT_M)
@@ -129,7 +123,7 @@ def _velocities(flight: Flight, by: random.Random) -> None:
 
 def _hold(flight: Flight, by: random.Random) -> tuple[float, float, float]:
     """Stay in mode Hold where the take-off ended."""
-    _wait(flight, 15)
+    flight.go(15.0)
     return (0.0, 0.0, -HEIGHT_M)
 
 
@@ -138,9 +132,9 @@ def _orbit(flight: Flight, by: random.Random) -> None:
     nan = float("nan")
     radius = by.uniform(2.0, 12.0) * by.choice((-1.0, 1.0))
     flight.command(ORBIT, radius, by.uniform(1.0, 6.0), 0.0, 0.0, nan, nan, nan)
-    _wait(flight, 20)
+    flight.go(20.0)
     flight.command_mode("hold")
-    _wait(flight, 4)
+    flight.go(4.0)
 
 
 MODES: dict[str, Callable[[Flight, random.Random], tuple[float, float, float] | None]] = {

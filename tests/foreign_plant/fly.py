@@ -178,18 +178,23 @@ class Flight:
         self._plant.stdin.flush()
 
     def go(self, seconds: float) -> dict[str, Any]:
-        """Let simulation time run, then read what the vehicle said."""
+        """Let simulation time run, and read what the vehicle says each second: no socket holds more."""
+        end = round(self.t + seconds, 6)
+        while self.t < end:
+            self._go_to(min(end, round(self.t + 1.0, 6)))
+        return self.truth
+
+    def _go_to(self, t: float) -> None:
         assert self._plant.stdout
         if self._plant.poll() is not None:
             raise RuntimeError(f"the simulator ended with {self._plant.returncode}")
-        self.t = round(self.t + seconds, 6)
+        self.t = t
         self.line(f"until {self.t}")
         answer = self._plant.stdout.readline()
         if not answer:
             raise RuntimeError(f"the simulator ended with {self._plant.wait(10.0)}")
         self.truth = json.loads(answer)
         self.barrier()
-        return self.truth
 
     def go_until(self, met: Callable[[], bool], most_s: float) -> None:
         """Let simulation time run, a second at a time, until a condition is met."""

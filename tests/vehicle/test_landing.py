@@ -250,6 +250,39 @@ def test_a_lazy_reference_that_lags_behind_is_not_a_ground():
     assert looks.index(True) * 20_000 == 5_000_000
 
 
+@pytest.mark.parametrize(("below", "touches"), [(2.0, False), (2.2, True)])
+def test_a_setpoint_far_below_leaves_a_model_behind_that_the_ground_leads(below, touches):
+    """The lag of f_m = 1 rad/s at 0.7 m/s is 1.4 m."""
+    sinking, seen = at(0.0, 0.0, 5.0 - below, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
+    looks = [seen.see(sinking, pose(5.0), math.nan, k * 20_000, model_z=0.3) for k in range(40)]
+    assert any(looks) is touches
+
+
+@pytest.mark.parametrize(("slows_us", "for_us"), [(40_000, 60_000), (80_000, 300_000)])
+def test_what_stops_a_vehicle_at_once_is_a_ground_that_is_not_known(slows_us, for_us):
+    """From sinking as it should to standing still within 60 ms, which no air does, or slower."""
+    sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
+
+    def speed(t_us):
+        return -0.7 if t_us < 0 else min(0.0, -0.48 * (1.0 - t_us / slows_us))
+
+    def see(t_us):
+        moves = pose(5.0, Vec3(0.0, 0.0, speed(t_us)))
+        return seen.see(sinking, moves, math.nan, t_us + 200_000, model_z=-0.7)
+
+    looks = range(-200_000, 600_000, 20_000)
+    done = next(t_us for t_us in looks if see(t_us))
+    assert done == pytest.approx(slows_us + for_us, abs=30_000)
+
+
+def test_the_highest_point_of_a_bounce_is_no_ground():
+    sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
+    speeds = [0.6 - 0.04 * k for k in range(20)]  # rising for 0.3 s, then falling
+    for k, v in enumerate(speeds):
+        seen.see(sinking, pose(5.0, Vec3(0.0, 0.0, v)), math.nan, k * 20_000, model_z=-0.7)
+    assert not seen.done
+
+
 @pytest.mark.parametrize(("above", "for_us"), [(0.05, 60_000), (0.7, 600_000)])
 def test_without_a_model_air_that_rises_has_longer_to_pass_where_no_ground_is_known(above, for_us):
     sinking, seen = at(0.0, 0.0, GROUND, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
