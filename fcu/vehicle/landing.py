@@ -96,7 +96,7 @@ def stands(was, down, c_T, measured, t_us):
     ground, landed, has_flown = was.ground, was.landed, was.has_flown
     if landed != 0.0:
         first = math.isnan(stood_at)
-        if first:
+        if first and still:
             stood_at = height
         if not still:
             since_us = math.nan

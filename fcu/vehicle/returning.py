@@ -24,6 +24,11 @@ class ReturnType(IntEnum):
     NEAREST = 3  # the nearest of all
 
 
+# as in PX4 1.15, rtl.cpp
+OF_HOME = 10.0  # m: a rally point that near to home is home
+NEARER = 2.0  # m: by so much another place has to be nearer than the one before
+
+
 class Ending(NamedTuple):
     """The end of a return."""
 
@@ -45,15 +50,24 @@ def ending(
     if kind is ReturnType.PLAN:
         found = _along_plan(here, home, mission, landing, flown)
         return Ending(home) if found is None else found
-    ends = [Ending(Vec3(r.x, r.y, home.z)) for r in rally]
+    ends = []
     if kind in (ReturnType.HOME_OR_RALLY, ReturnType.NEAREST):
-        ends.insert(0, Ending(home))
+        ends.append(Ending(home))
     if kind in (ReturnType.NOT_HOME, ReturnType.NEAREST) and landing is not None:
         first, last = landing
         ends.append(_landed(mission, home, here, first, last, straight=True))
+    ends += [Ending(Vec3(r.x, r.y, home.z)) for r in rally if _across(r, home) > OF_HOME]
     if not ends:
         return Ending(home)
-    return min(ends, key=lambda each: math.hypot(each.place.x - here.x, each.place.y - here.y))
+    best, *others = ends
+    for each in others:
+        if _across(each.place, here) + NEARER < _across(best.place, here):
+            best = each
+    return best
+
+
+def _across(a: Vec3, b: Vec3) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)
 
 
 def _landing(mission: Mission) -> tuple[int, int] | None:
@@ -95,12 +109,16 @@ def _along_plan(
 
 
 def _nearest(mission: Mission, here: Vec3, home: Vec3) -> int | None:
-    """The step whose place is the nearest. None: no step leads anywhere."""
+    """The step whose place is the nearest, a landing's among them. None: no step leads anywhere."""
     away = {
         i: math.dist(place, here)
         for i in range(len(mission.steps))
         for place in _places(mission, home, range(i, i + 1))
     }
+    for i, step in enumerate(mission.steps):
+        place = placed(step, home) if step.do is Do.LAND else None
+        if place is not None and all(map(math.isfinite, place)):
+            away[i] = math.dist(place, here)
     return min(away, key=away.__getitem__) if away else None
 
 

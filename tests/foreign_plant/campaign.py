@@ -1,10 +1,10 @@
 """Many flights on the simulator in C, from inside what `fcu` believes: python -m tests.foreign_plant.campaign
 
-Airframe, mode, mass, drag, rotor lag, wind and setpoints are drawn. Whatever is known of a flight has
+Airframe, mode, mass, inertia, drag, rotor lag, wind and setpoints are drawn. Whatever is known of a flight has
 crossed the link: the truth of the simulator, and what the vehicle says.
 
-*Saturated*: between take-off and landing the thrust or the tilt is at its limit, or the vehicle says so
-of a rotor. *Lost*: the simulator says it. *Not arrived*: at the end of the mode the vehicle is more than
+*Saturated*: between take-off and landing the thrust or the tilt is at its limit by the truth, or the
+vehicle says so of a rotor, ten times a second: a torque that is short for less may go unseen. *Lost*: the simulator says it. *Not arrived*: at the end of the mode the vehicle is more than
 0.5 m from the place that it was sent to, or stays armed after the landing. *In landing*: the thrust or
 the tilt is at its limit there, or it never ended.
 """
@@ -39,7 +39,8 @@ WINDS = (
 FOLDER = Path(__file__).parents[2] / "fcu" / "airframes"
 HEIGHT_M, NEAR_M = 8.0, 0.5
 TRANSIENT_S = 3.0  # after take-over: the estimates begin
-ORBIT, CHANGE_SPEED = 34, 178
+ORBIT, MOST_M_S2 = 34, 3.0  # a command, and the acceleration to the middle that it may take
+LAGS = 0.4, 1.6  # of the lag in the airframe's file
 
 Found = dict[str, Any]
 
@@ -69,6 +70,8 @@ def drawn(seed: int, number: int, beliefs: dict[str, tuple[float, float]]) -> Fo
         "mode": by.choice(tuple(MODES)),
         "mass_kg": ends(*tables["vehicle"]["mass_kg"]),
         "drag": ends(0.0, min(tables["air"]["drag"])),
+        "lag_s": ends(*(k * tables["rotors"]["lag_s"] for k in LAGS)),
+        "inertia_kg_m2": [ends(*axis) for axis in tables["vehicle"]["inertia_kg_m2"]],
         "wind": by.choice(WINDS),
         "wind_m_s": wind * (1.0 if by.random() < 0.5 else by.uniform(0.3, 1.0)),
         "wind_rate_m_s2": rate,
@@ -130,8 +133,10 @@ def _hold(flight: Flight, by: random.Random) -> tuple[float, float, float]:
 def _orbit(flight: Flight, by: random.Random) -> None:
     """Fly circles about where the vehicle is."""
     nan = float("nan")
-    radius = by.uniform(2.0, 12.0) * by.choice((-1.0, 1.0))
-    flight.command(ORBIT, radius, by.uniform(1.0, 6.0), 0.0, 0.0, nan, nan, nan)
+    radius = by.uniform(2.0, 12.0)
+    speed = by.uniform(1.0, min(6.0, math.sqrt(MOST_M_S2 * radius)))
+    turns = by.choice((-1.0, 1.0))
+    assert flight.command(ORBIT, turns * radius, speed, 0.0, 0.0, nan, nan, nan) == 0
     flight.go(20.0)
     flight.command_mode("hold")
     flight.go(4.0)
@@ -156,6 +161,7 @@ def fly(program: Path, policy: str, made: Found) -> Found:
     }  # fmt: skip
     airframe = FOLDER / f"{made['airframe']}.toml"
     vehicle = vehicle_lines(airframe, made["mass_kg"], made["drag"])
+    vehicle += f"lag {made['lag_s']}\ninertia {' '.join(map(str, made['inertia_kg_m2']))}\n"
     with tempfile.TemporaryDirectory() as name, claimed_instance() as instance:
         flight = Flight(program, made["airframe"], vehicle, Path(name), instance, options)
         found = made | {"policy": policy, "saturated": False, "arrived": True, "disarmed": False}
