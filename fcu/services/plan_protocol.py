@@ -127,7 +127,7 @@ class PlanProtocol:
         elif message.kind in ("REQUEST", "REQUEST_INT"):
             self._give(port, link, message)
         elif message.kind == "CLEAR_ALL":
-            self._clear(port, link, message, t_us)
+            self._clear(port, link, message, t_us, now)
         elif message.kind == "SET_CURRENT":
             answer = self._vehicle.set_current(message.sequence, t_us)
             if answer.told is not None:
@@ -175,7 +175,7 @@ class PlanProtocol:
             upload.heard_at = now
             self._ask(upload, now)  # the request was lost
             return
-        self._upload = None
+        self._leave(kind, now)
         if message.total > MOST_ITEMS:
             why = Told(Code.ITEMS_TOO_MANY, (message.total, MOST_ITEMS))
             self._refuse(port, link, message, MissionResult.NO_SPACE, why)
@@ -202,7 +202,7 @@ class PlanProtocol:
         if upload is not None and upload.link is not link:
             self._refuse(port, link, message, MissionResult.ERROR, Told(Code.TRANSFER_BUSY))
             return
-        self._upload = None
+        self._leave(kind, now)
         last = len(items) - 1 if last == -1 else last
         if not 0 <= first <= last < len(items):
             why = Told(Code.NO_SUCH_PART, (first, last, len(items)))
@@ -299,13 +299,24 @@ class PlanProtocol:
             self._upload = None
             self._say(upload.kind, MissionResult.CANCELLED, Told(Code.TRANSFER_LOST))
 
-    def _clear(self, port: GroundPort, link: Link, message: MissionMessage, t_us: int) -> None:
+    def _leave(self, kind: MissionType | None, now: float) -> None:
+        """Break an upload off for another of its client, and tell so if all of it was here.
+
+        kind : of the other. One that is begun anew needs no answer. None: it is cleared.
+        """
+        upload, self._upload = self._upload, None
+        if upload is not None and upload.taking is not None and upload.kind != kind:
+            self._finish(upload, MissionResult.CANCELLED, Told(Code.TRANSFER_LOST), now)
+
+    def _clear(
+        self, port: GroundPort, link: Link, message: MissionMessage, t_us: int, now: float
+    ) -> None:
         upload = self._others(link)
         if upload is not None:
             if upload.link is not link:
                 self._refuse_clear(port, link, message)
                 return
-            self._upload = None
+            self._leave(None, now)
         kinds = KINDS if message.mission_type == MissionType.ALL else (message.mission_type,)
         for kind in map(MissionType, kinds):
             if self.stored.items[kind]:

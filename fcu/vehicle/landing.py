@@ -309,7 +309,10 @@ def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us, lag_s):
         struck = select(t_us - sank_us <= STRUCK_US, 1.0, 0.0)
     at_once = here or struck != 0.0
     bounces = not at_once and norm(v) > AT_REST  # the highest point of that is no ground
-    if down > -AT_REST or v.z < HINDERED * down or bounces:
+    rises = (
+        flown.v_c.z + flown.a_c.z > 0.0
+    )  # a second on: a take-off that was asked for on the way down
+    if down > -AT_REST or v.z < HINDERED * down or bounces or rises:
         return TouchdownState(done=0.0, since_us=math.nan, sank_us=sank_us, struck=0.0)
     if math.isnan(since_us):
         since_us = t_us

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +34,12 @@ def shown(
     from gcs_tools.gusts.program import ProgramError
     from gcs_tools.gusts.survey import histories, save, survey
 
+    if winds is not None:  # minutes of computing are not for nothing
+        winds.mkdir(parents=True, exist_ok=True)
+        if any(winds.iterdir()):
+            raise FileExistsError(errno.EEXIST, "expected an empty folder", str(winds))
+    if figure is not None and not os.access(figure.parent, os.W_OK):
+        raise OSError(errno.EACCES, "no folder to write to", str(figure.parent))
     try:
         found = survey(mission, parts, Console(stderr=True))
         written = [] if winds is None else save(mission, found, winds)
@@ -80,7 +88,8 @@ def _show(found: Survey, console: Console) -> None:
     for each in found.worst:
         table.add_row(
             each.limit.replace("_", " "), f"{each.from_s:.0f}-{each.to_s:.0f}", f"{each.at_s:.2f}",
-            _room(each.still_n), _room(each.drawn_n), Text(_room(each.computed_n), style="bold"), each.end.words,
+            _room(each.still_n), _room(each.drawn_n),
+            Text(f"{_room(each.computed_n)}{'*' if each.saturated else ' '}", style="bold"), each.end.words,
             style="bold red" if each.saturated else None,
         )  # fmt: skip
     console.print(table)
@@ -93,6 +102,10 @@ def _show(found: Survey, console: Console) -> None:
                 style="bold red",
             )
         )
+        if any(each.computed_n >= 0.0 for each in met):
+            console.print(
+                "A row that is marked and has room left saturates another limit than its own."
+            )
     else:
         console.print(Text("In none of these winds anything saturates.", style="bold green"))
     for remark in found.remarks:

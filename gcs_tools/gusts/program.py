@@ -94,6 +94,6 @@ def within(velocities: Rows, apart: Rows, bounds: Bounds) -> Rows:
 
 def smoothed(gradient: Rows, apart: float, bounds: Bounds) -> float:
     """About what `least` gains: of the gradient, float64[k, 3], averaged over the time in which a wind turns round."""
-    n = max(1, math.ceil(bounds.speed / max(bounds.rate * apart, 1e-12)))
+    n = max(1, math.ceil(min(bounds.speed / max(bounds.rate * apart, 1e-12), len(gradient))))
     mean = np.stack([np.convolve(g, np.full(n, 1.0 / n), mode="same") for g in gradient.T], axis=1)
     return bounds.speed * float(np.linalg.norm(mean, axis=1).sum())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -134,15 +135,23 @@ def survey(mission: Mission, parts: int, console: Console | None = None) -> Surv
         remarks.append("a mass that changes is left out, and a rotor that is lost is in no belief")
     if scene.world.noise_scale.any():
         remarks.append("the noise of the mission is flown, the same in each flight")
+    bounds, begins_s = bounds_of(scene), transient_s(scene)
+    if bounds.speed <= 0.0:
+        raise ParameterError("[law] guard_wind_m_s: expected a wind that is believed, got 0")
     law_alone.warm_up(scene)
     found = worst_winds(scene, parts, console=console)
+    if not found:
+        raise MissionError(
+            f"{mission.source}: [flight] duration_s: too short: {WHAT} looks at what comes after the first"
+            f" {begins_s:.2f} s"
+        )
     return Survey(
         mission=mission.name,
         guard=("warn", "govern", "refuse")[int(scene.guard.policy)],
         scene=scene,
-        bounds=bounds_of(scene),
+        bounds=bounds,
         vehicles=len(ends(scene)),
-        transient_s=transient_s(scene),
+        transient_s=begins_s,
         worst=tuple(found),
         remarks=tuple(remarks),
     )
@@ -188,7 +197,7 @@ def save(mission: Mission, found: Survey, folder: Path) -> list[Path]:
             continue
         text = as_toml(
             _tables(mission, worst, found.transient_s, folder, f"{name}.csv"),
-            f"{WHAT} {mission.name}: {worst.limit} at {worst.at_s:.2f} s, {worst.computed_n:.1f} N left",
+            f"{WHAT} {mission.name}: {worst.limit} at {worst.at_s:.2f} s, {math.floor(10.0 * worst.computed_n) / 10.0:.1f} N left",
         )
         whole_file.write(folder / f"{name}.toml", text.encode())
         written.append(folder / f"{name}.toml")

@@ -278,7 +278,7 @@ def _simple(items: list[Any], where: str, level: int) -> Iterator[tuple[str, dic
         held = inside.get("Items") if isinstance(inside, dict) else None
         if not isinstance(held, list):
             kind = str(entry.get("complexItemType"))[:40]
-            raise PlanError(f": {here}: a complex item ({kind}) without the items it is flown by")
+            raise PlanError(f": {here}: a complex item ({kind!a}) without the items it is flown by")
         yield from _simple(held, f"{here}.Items", level + 1)
 
 

@@ -421,6 +421,19 @@ def test_a_look_that_is_broken_off_leaves_the_plan_there_was(client):
     assert len(client.vehicle.mission.steps) == 4
 
 
+def test_a_fence_that_comes_in_mid_look_cancels_the_plan_and_tells_so(client):
+    client.station._params.set("MR_GUARD", 0.0, False)
+    client.say(mavlink.MAVLink_mission_count_message(1, 1, 300, 0), client.now)
+    for n in range(300):
+        client.say(item(n, north=3.0 * (n % 40), east=n), client.now)
+    answers = client.say(mavlink.MAVLink_mission_count_message(1, 1, 4, FENCE), client.now)
+    (cancelled,) = [m for m in answers if m.get_type() == "MISSION_ACK"]
+    assert cancelled.type == mavlink.MAV_MISSION_OPERATION_CANCELLED
+    assert cancelled.mission_type == 0
+    assert client.upload(polygon(*SQUARE), FENCE) == ACCEPTED
+    assert client.vehicle.mission.steps == ()
+
+
 def test_the_steps_of_a_long_plan_are_found_a_part_at_a_time(client, monkeypatch):
     """The answer comes some turns later. A plan of few items is answered at once."""
     monkeypatch.setattr(station, "AT_A_TIME", 10)

@@ -56,6 +56,12 @@ def test_a_vehicle_that_goes_up_at_once_has_left_the_ground_there(detector):
     assert detector.ground == 0.3
 
 
+def test_a_vehicle_that_is_first_seen_on_its_way_up_has_left_no_ground_there(detector):
+    for k in range(10):
+        detector.see(state(20.0 + 0.06 * k, 0.0, Vec3(0.0, 0.0, 3.0)), k * LOOK_US)
+    assert math.isnan(detector.ground)
+
+
 def test_a_vehicle_that_pushes_is_on_the_ground_until_it_has_risen(detector):
     looks(detector, 5, 0.3, 0.0)
     assert all(looks(detector, 200, 0.3, 70.0))  # a script that takes its time to take off

@@ -275,6 +275,12 @@ def test_what_stops_a_vehicle_at_once_is_a_ground_that_is_not_known(slows_us, fo
     assert done == pytest.approx(slows_us + for_us, abs=30_000)
 
 
+def test_a_take_off_that_is_asked_for_on_the_way_down_is_no_touch_down():
+    """It is still led down, and slowed."""
+    slowed, seen = at(0, 0, GROUND, Vec3(0.0, 0.0, -0.6), Vec3(0.0, 0.0, 3.0)), TouchdownDetector()
+    assert not any(seen.see(slowed, pose(GROUND), GROUND, k * 20_000, False) for k in range(30))
+
+
 def test_the_highest_point_of_a_bounce_is_no_ground():
     sinking, seen = at(0.0, 0.0, 5.0, Vec3(0.0, 0.0, -0.7)), TouchdownDetector()
     speeds = [0.6 - 0.04 * k for k in range(20)]  # rising for 0.3 s, then falling

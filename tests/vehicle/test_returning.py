@@ -50,6 +50,24 @@ def test_a_return_ends_at_the_nearest_place_that_its_type_allows(kind, here, fou
     assert end(kind, here, UP, OUT, SPEED, ON, MARK, IN, LAND, rally=RALLY) == found
 
 
+@pytest.mark.parametrize(
+    ("rally", "here", "found"),
+    [
+        (Vec3(9.0, 2.0, 0.0), (9.0, 2.0, 5.0), HOME),  # within 10 m of home: it is home
+        (Vec3(21.0, 2.0, 0.0), (11.9, 2.0, 5.0), HOME),  # nearer by less than 2 m
+        (Vec3(21.0, 2.0, 0.0), (12.1, 2.0, 5.0), Vec3(21.0, 2.0, 0.5)),
+    ],
+)
+def test_a_rally_point_is_taken_if_it_is_clearly_nearer_and_not_at_home(rally, here, found):
+    assert end(0, here, rally=(rally,)) == Ending(found)
+
+
+def test_out_of_another_mode_a_landing_that_is_near_is_landed_at_without_the_plan():
+    steps = UP, OUT, ON, IN, LAND
+    assert end(2, (29.0, 40.0, 8.0), *steps) == Ending(LANDED, straight=False)
+    assert end(2, (30.0, 29.0, 5.0), *steps) == Ending(LANDED, (C,), straight=False)
+
+
 def test_without_a_mark_the_landing_of_a_plan_is_its_first_landing():
     assert end(1, (0.0, 0.0, 5.0), UP, OUT, ON, LAND) == Ending(LANDED)
     assert end(1, (0.0, 0.0, 5.0), UP, OUT, ON) == Ending(HOME)
