@@ -97,7 +97,7 @@ def text(path: Path, most: int) -> str:
 
     Raises OSError as `content` does, UnicodeDecodeError.
     """
-    return content(path, most).decode("utf-8-sig").replace("\r\n", "\n")
+    return content(path, most).decode().replace("\r\n", "\n")
 
 
 def toml(text: str) -> dict[str, Any]:

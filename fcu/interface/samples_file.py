@@ -32,7 +32,8 @@ def read(path: Path, columns: Sequence[str], samples: int, most: float, mib: int
     row is larger.  mib : the largest file.  Raises SamplesError, with the line where one is at fault.
     """
     try:
-        lines = input_file.text(path, mib * input_file.MIB).splitlines()
+        text = input_file.text(path, mib * input_file.MIB).removeprefix(input_file.MARK)
+        lines = text.splitlines()
     except OSError as error:
         raise SamplesError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -42,10 +43,12 @@ def read(path: Path, columns: Sequence[str], samples: int, most: float, mib: int
     except csv.Error as error:
         raise SamplesError(f"{path}: {error}") from error
     names = [name.strip() for name in table[0]] if table else []
+    if twice := [name for name in columns if names.count(name) > 1]:
+        raise SamplesError(f"{path}:1: expected one column {twice[0]}, got {names.count(twice[0])}")
     lacking = [name for name in columns if name not in names]
     if lacking:
         raise SamplesError(
-            f"{path}:1: expected a line that names the columns {', '.join(columns)}; "
+            f"{path}:1: expected a line that names the columns {', '.join(columns)}, with commas between; "
             f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} missing"
         )
     if len(table) > samples + 1:

@@ -216,6 +216,8 @@ class Plan(Table):
         try:
             self._plan = plan_file.read(folder / self.file)
             _ = self._plan.begin
+            if not self._plan.leads:
+                raise plan_file.PlanError(f"{self.file}: no item leads the vehicle anywhere")
         except plan_file.PlanError as error:
             raise because(("file",), str(error)) from None
         self.check_numbers(("expect", "items"), self.expect.items or ())  # type: ignore[attr-defined]

@@ -28,6 +28,7 @@ _PLACED = {16, 17, 18, 19, 21, 22, 31, 195}
 _LEVELS = 20  # of complex items inside one another
 _MOST = 1e9  # of any number, as in mission files
 _DIGITS = 20  # of a whole number that may be meant; Python reads no more than 4300
+_LEADING = 92  # MAV_CMD up to NAV_GUIDED_ENABLE; the next, NAV_DELAY, waits
 _BOUND = f"expected a number from {-_MOST:g} to {_MOST:g}"
 
 
@@ -52,6 +53,11 @@ class PlanFile:
     fence: tuple[PlanItem, ...]
     rally: tuple[PlanItem, ...]
     home: Home | None
+
+    @property
+    def leads(self) -> bool:
+        """Tell whether an item of it leads the vehicle: without one it would never leave the ground."""
+        return any(item.command <= _LEADING for item in self.mission)
 
     @property
     def lands(self) -> bool:

@@ -223,6 +223,15 @@ def test_a_mission_names_its_plan(tmp_path):
         load(str(path))
 
 
+def test_a_plan_that_leads_nowhere_is_no_mission(tmp_path):
+    plan = json.loads(SQUARE.read_text())
+    speed = {"type": "SimpleItem", "command": 178, "frame": 2, "params": [1, 4.0, -1, 0, 0, 0, 0]}
+    plan["mission"]["items"] = [speed]
+    (tmp_path / "still.plan").write_text(json.dumps(plan))
+    with pytest.raises(MissionError, match=r"still\.plan: no item leads the vehicle anywhere"):
+        load(str(tmp_path / "still.plan"))
+
+
 def test_another_version_of_waypoints_is_refused(file):
     with pytest.raises(PlanError, match=r":1: expected QGC WPL 110, got version 120"):
         read(file(WAYPOINTS.replace("110", "120", 1), "a.waypoints"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fcu.interface.samples_file import read_wind, write_wind
+from fcu.interface.samples_file import SamplesError, read_wind, write_wind
 from fcu.kernel.rows import column
 from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.scenario import scenario
@@ -32,6 +32,14 @@ def written(folder: Path, gust: str) -> Path:
     (folder / "gust.csv").write_text(gust)
     (folder / "x.toml").write_text(MISSION)
     return folder / "x.toml"
+
+
+def test_a_byte_order_mark_is_passed_over_and_a_column_is_there_once(tmp_path):
+    written(tmp_path, "\ufeff" + GUST)
+    assert read_wind(tmp_path / "gust.csv").shape == (2, 4)
+    written(tmp_path, GUST.replace("z_m_s", "z_m_s,x_m_s"))
+    with pytest.raises(SamplesError, match=r"gust\.csv:1: expected one column x_m_s, got 2"):
+        read_wind(tmp_path / "gust.csv")
 
 
 def air(rows):
