@@ -7,8 +7,9 @@ Four limits, each a room that is below zero where it is exceeded:
 - `tilt`: to the cone of the greatest tilt,
 - `torque`: of the total thrust, before roll and pitch take it from a rotor.
 
-The demanded force is the law's before anything limits it, F (N, E). A room is concave in (F, T, tau), the least
-of a few that are affine, `facets`. Those of `thrust_up` and of the least thrust touch it at one force.
+The demanded force is the law's before anything limits it, F (N, E). A room is the least
+of a few that are affine in (F, T, tau), `facets`. Those of `thrust_up` and `thrust_down` touch it at one force alone: the
+first lies above its room elsewhere, the second below.
 """
 
 from __future__ import annotations

@@ -80,8 +80,8 @@ class Table:
 
     def take(self, which: Any) -> Table:
         """Some of the rows: a slice, indices or bool (n,). None is copied before a column is read."""
-        if isinstance(which, np.ndarray):
-            which = _consecutive(which)
+        if not isinstance(which, slice):
+            which = _consecutive(np.asarray(which), len(self))
         if self._which is not None:
             return Table(self._rows, self.names, self._which[which])
         if isinstance(which, slice):
@@ -93,11 +93,13 @@ class Table:
         return [self[f"{name}.{axis}"] for axis in of]
 
 
-def _consecutive(which: np.ndarray[Any, Any]) -> slice | Indices:
-    """Return indices or flags as a slice where they are consecutive, and else as indices."""
+def _consecutive(which: np.ndarray[Any, Any], n: int) -> slice | Indices:
+    """Return indices or flags of n rows as a slice where they are consecutive, and else as indices."""
     if which.dtype == bool:
-        n = int(np.count_nonzero(which))
-        first = int(np.argmax(which)) if n else 0
-        return slice(first, first + n) if which[first : first + n].all() else np.flatnonzero(which)
+        up = int(np.count_nonzero(which))
+        first = int(np.argmax(which)) if up else 0
+        whole = which[first : first + up].all()
+        return slice(first, first + up) if whole else np.flatnonzero(which)
+    which = np.where(which < 0, which + n, which)  # from the end
     steps_by_one = len(which) > 0 and bool((np.diff(which) == 1).all())
-    return slice(int(which[0]), int(which[-1]) + 1) if steps_by_one else which
+    return slice(int(which[0]), int(which[-1]) + 1) if steps_by_one else which.astype(np.int64)

@@ -39,6 +39,9 @@ def test_consecutive_rows_of_a_table_are_not_copied():
     for which in (np.array([1, 2, 3]), np.array([False, True, True, True, False, False])):
         assert np.shares_memory(table.take(which).rows, rows)
         assert np.array_equal(table.take(which).rows, rows[which])
+    assert table.take([2])["a"].tolist() == [4.0]
+    assert table.take([-1, 0])["b"].tolist() == [11.0, 1.0]
+    assert len(table.take([])) == 0
     for which in (np.array([], int), np.array([3, 2]), np.array([0, 2]), np.array([1, 1])):
         assert np.array_equal(table.take(which).rows, rows[which])
 

@@ -74,6 +74,7 @@ def test_rotors_that_are_stopped_in_the_air_are_a_fall(fly, pace):
     assert found.causes[0].startswith("The rotors were stopped in flight, at ")
 
 
+@pytest.mark.alone  # what a ground station is sent comes by the wall's clock
 def test_a_script_by_the_port_of_ground_stations_is_not_silent(fly):
     code, found = fly('flight.script="python hop.py udpin:127.0.0.1:1455{instance}"')
     assert (code, found.ended) == (0, "landed")
