@@ -39,7 +39,7 @@ WINDS = (
 FOLDER = Path(__file__).parents[2] / "fcu" / "airframes"
 HEIGHT_M, NEAR_M = 8.0, 0.5
 TRANSIENT_S = 3.0  # after take-over: the estimates begin
-ORBIT, MOST_M_S2 = 34, 3.0  # a command, and the acceleration to the middle that it may take
+ORBIT, MOST_M_S2 = 34, 0.5  # a command, and the acceleration to the middle: more may be denied
 LAGS = 0.4, 1.6  # of the lag in the airframe's file
 
 Found = dict[str, Any]
