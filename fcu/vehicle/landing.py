@@ -46,8 +46,8 @@ HINDERED = 0.2  # of the speed down that is asked for: something is in the way
 HINDERED_US, ANYWHERE_US = 60_000, 300_000  # for so long where the ground is, and elsewhere
 SINKS = 0.7  # of the speed down that is asked for: nothing is in the way
 STRUCK_US = 60_000  # from there to hindered: no air stops a vehicle as fast
-UNLED = 2.0
-LEFT_BEHIND = 0.7  # m, by a setpoint that sinks, beyond the lag of a reference model: of a second
+UNLED = 2.0  # times as long elsewhere, without a reference model
+LEFT_BEHIND = 0.7  # m beyond the lag of a reference model, by which a setpoint that sinks leaves it
 LAZY = 0.5  # rad/s, f_m below which the reference model is slow to take up a speed
 AT_REST, FALLING = 0.25, 1.0  # m/s
 ABOVE = 0.5  # m: how high a place in the ground is gone to
@@ -289,9 +289,9 @@ def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us, lag_s):
     by `lag_s`. Where the setpoint is much farther below, the guard leads the model by what the ground
     does to the vehicle, and the model tells nothing.
     meant : whether it is landing; else only a ground that is known can be what is in its way.
-    anywhere_us : how long something has to be in its way where the ground is not, unless it was
-    struck: stopped as only a ground stops it. Without a model, air
-    that rises as the vehicle comes down may look like it: so it takes UNLED times as long.
+    anywhere_us : how long something has to be in its way where the ground is not, unless it was struck:
+    stopped as only a ground stops it. Without a model it takes UNLED times as long, since air that rises
+    may look like a ground.  lag_s : by which the model lags behind a setpoint that moves, s.
     """
     v, since_us, struck = pose.v_E, was.since_us, was.struck
     if was.done != 0.0:
@@ -309,9 +309,8 @@ def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us, lag_s):
         struck = select(t_us - sank_us <= STRUCK_US, 1.0, 0.0)
     at_once = here or struck != 0.0
     bounces = not at_once and norm(v) > AT_REST  # the highest point of that is no ground
-    rises = (
-        flown.v_c.z + flown.a_c.z > 0.0
-    )  # a second on: a take-off that was asked for on the way down
+    # a second on it leads up: a take-off that was asked for on the way down
+    rises = flown.v_c.z + flown.a_c.z > 0.0
     if down > -AT_REST or v.z < HINDERED * down or bounces or rises:
         return TouchdownState(done=0.0, since_us=math.nan, sank_us=sank_us, struck=0.0)
     if math.isnan(since_us):

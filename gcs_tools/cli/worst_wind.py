@@ -32,7 +32,7 @@ def shown(
     from fcu.laws.loader import LawError
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.gusts.program import ProgramError
-    from gcs_tools.gusts.survey import histories, save, survey
+    from gcs_tools.gusts.survey import histories, name_of, save, survey
 
     if winds is not None:  # minutes of computing are not for nothing
         winds.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,7 @@ def shown(
         _show(found, PipedConsole(highlight=False))
         if mission_file := next((path for path in written if path.suffix == ".toml"), None):
             worst = min(found.worst, key=lambda each: each.computed_n)
-            tightest = mission_file.with_stem(f"{worst.limit}-{worst.from_s:.0f}s")
+            tightest = mission_file.with_stem(name_of(worst))
             print_line(f"Fly the tightest again: gcs fly {shlex.quote(str(tightest))}")
         elif written:
             print_line(f'Fly a wind: [wind] file = "...", of {winds}')

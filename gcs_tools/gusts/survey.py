@@ -182,6 +182,11 @@ def histories(found: Survey) -> list[History]:
     return made
 
 
+def name_of(worst: Worst) -> str:
+    """The name of a wind's files without their ending: its limit, and which part of the flight."""
+    return f"{worst.limit}-{worst.part}"
+
+
 def save(mission: Mission, found: Survey, folder: Path) -> list[Path]:
     """Write each wind as a CSV file, and a mission that flies it, into a folder. Raises OSError.
 
@@ -190,7 +195,7 @@ def save(mission: Mission, found: Survey, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for worst in found.worst:
-        name = f"{worst.limit}-{worst.from_s:.0f}s"
+        name = name_of(worst)
         whole_file.write(folder / f"{name}.csv", wind_text(worst.samples).encode())
         written.append(folder / f"{name}.csv")
         if mission.flight.items:

@@ -62,6 +62,7 @@ class Worst:
     """How near a limit comes in one part of a flight."""
 
     limit: str  # of LIMITS
+    part: int  # of the flight, from 1
     from_s: float
     to_s: float
     at_s: float  # when it is nearest
@@ -297,7 +298,7 @@ def _told(scene: Scenario, flown: Sequence[Begin], k: int, search: Search) -> Wo
     )
     first, until = (float(edge / scene.rate_hz) for edge in search.part)
     return Worst(
-        limit=search.limit, from_s=first, to_s=until, at_s=float(least.tick / scene.rate_hz),
+        limit=search.limit, part=k + 1, from_s=first, to_s=until, at_s=float(least.tick / scene.rate_hz),
         still_n=float(still), drawn_n=float(drawn), begun_n=float(search.begin.rooms[k, of]),
         begun=search.begin.name, computed_n=least.room, end=search.begin.end,
         rounds=search.rounds, saturated=least.saturated,

@@ -22,6 +22,8 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
 from fcu.interface.airframe import SHIPPED, find, read
 from fcu.kernel.rows import column_of, slice_of
@@ -160,16 +162,21 @@ def _drop(_rows: object) -> None:
 @click.option("--first", default=0, show_default=True, help="number of the first")
 @click.option("--json", "as_json", is_flag=True, help="one line a flight, for machines")
 def main(flights: int, first: int, as_json: bool) -> None:
-    """Fly landings of every shipped airframe, and print their faults."""
-    found = []
-    for number in range(first, first + flights):
+    """Fly landings of every shipped airframe, and print their faults. Exit code 1: there is one."""
+    found, numbers = [], range(first, first + flights)
+    for number in track(numbers, "landings", console=Console(stderr=True), disable=as_json):
         found.append(fly(number))
         if as_json:
             print(json.dumps(found[-1]._asdict()), flush=True)
-    if as_json:
-        return
-    faults = Counter(fault for each in found for fault in each.faults)
     bad = sum(bool(each.faults) for each in found)
+    if not as_json:
+        report(found, bad)
+    sys.exit(int(bad > 0))
+
+
+def report(found: list[Landing], bad: int) -> None:
+    """Print how many landings had a fault, of which kind, and the numbers of them all."""
+    faults = Counter(fault for each in found for fault in each.faults)
     of = share(bad, len(found))
     part = f"{100.0 * of.low:.2f} to {100.0 * of.high:.2f} %"
     print(f"{len(found)} landings, {bad} with a fault ({part})")

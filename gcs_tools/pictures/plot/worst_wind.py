@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -13,12 +14,6 @@ from fcu.interface import whole_file
 from gcs_tools.pictures.plot import style
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
-WORDS = {
-    "thrust_up": "greatest thrust",
-    "thrust_down": "least thrust",
-    "tilt": "tilt",
-    "torque": "torque of roll and pitch",
-}
 
 
 class History(Protocol):
@@ -56,10 +51,10 @@ def save(title: str, from_s: float, histories: Sequence[History], path: Path) ->
             k = int(np.argmin(np.where(of.t >= from_s, of.room, np.inf)))
             above.plot(of.t[k], of.room[k], "o", color=style.LIMIT, markersize=4)
             above.annotate(
-                f"{of.room[k]:.1f} N", (of.t[k], of.room[k]), (6, -3), textcoords="offset points",
-                color=style.LIMIT, va="top",
+                f"{math.floor(10.0 * of.room[k]) / 10.0:.1f} N", (of.t[k], of.room[k]), (6, -3), textcoords="offset points",
+                color=style.LIMIT, va="top", bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.0},
             )  # fmt: skip
-            above.set(title=f"{WORDS[of.limit]}\n{of.words}")
+            above.set(title=f"{of.limit.replace('_', ' ')}\n{of.words}")
             for axis, colour, name in zip(
                 of.air.T, style.THREE, ("east", "north", "up"), strict=True
             ):
