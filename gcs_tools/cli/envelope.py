@@ -76,8 +76,8 @@ def envelope(
     margin, and what to change. The mission's [law] guard_* keys say what is believed about mass,
     drag, wind, noise and delay.
 
-    With --worst-wind it flies the mission a thousand times at the ends of what is believed, which takes
-    minutes, and prints by how much thrust, tilt and torque stay inside in the worst wind that it finds.
+    With --worst-wind it flies the mission a thousand times at the ends of what is believed, which takes a minute or
+    more, and prints by how much thrust, tilt and torque stay inside in the worst wind that it finds.
     """
     if not worst and (given := _given("parts", "winds")):
         raise click.UsageError(f"--{given}: expected with --worst-wind")

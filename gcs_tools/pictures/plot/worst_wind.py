@@ -62,7 +62,7 @@ def save(title: str, from_s: float, histories: Sequence[History], path: Path) ->
             below.set(xlabel="time, s", xlim=(0.0, float(of.t[-1])))
         low = min(float(of.room[of.t >= from_s].min(initial=0.0)) for of in histories)
         high = max(float(of.still[of.t >= from_s].max(initial=1.0)) for of in histories)
-        axes[0, 0].set(ylabel="room before the limit, N", ylim=(1.1 * low - 5.0, 1.1 * high))
+        axes[0, 0].set(ylabel="room before the limit, N", ylim=(1.2 * low - 8.0, 1.1 * high))
         axes[1, 0].set(ylabel="velocity of the air, m/s")
         axes[0, 0].legend(loc="lower right")
         axes[1, 0].legend(loc="upper right", ncols=3)
