@@ -152,6 +152,7 @@ VEHICLE: tuple[Parameter, ...] = (
     ),
     *group(
         "What ground stations ask for",
+        P("", "SYS_FAILURE_EN", 0.0, 0.0, 1.0, "", "1: failures may be injected by command (MAV_CMD_INJECT_FAILURE)", values=(0.0, 1.0), integer=True),
         P("", "SYS_AUTOSTART", None, 0.0, 9999999.0, "", "PX4's number of the airframe", read_only=True, airframe="mavlink.autostart", integer=True),
         P("", "CA_ROTOR_COUNT", None, 1.0, 32.0, "", "rotors of the airframe", read_only=True, rule=_rotors, integer=True),
         P("", "MAV_SYS_ID", 1.0, 1.0, 250.0, "", "MAVLink system, set at the start", read_only=True, integer=True),
@@ -171,7 +172,6 @@ VEHICLE: tuple[Parameter, ...] = (
         _fixed("RC_MAP_ROLL", 0.0, "no receiver whose channels are mapped"),
         _fixed("SENS_BOARD_ROT", 0.0, "no board that can be turned"),
         _fixed("SYS_AUTOCONFIG", 0.0, "the airframe is chosen at the start (--airframe)"),
-        _fixed("SYS_FAILURE_EN", 0.0, "failures cannot be injected by command"),
         _fixed("SYS_HAS_MAG", 1.0, "the heading comes from the simulator"),
     ),
 )  # fmt: skip

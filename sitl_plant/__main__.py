@@ -25,6 +25,12 @@ except KeyboardInterrupt:
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes vehicle and world (default: the airframe on the ground in still air).")  # fmt: skip
 @options.AIRFRAME
 @click.option("--wind", "wind_file", type=click.Path(path_type=Path), help="CSV file of the velocity of the air over time (columns t_s, x_m_s, y_m_s, z_m_s), added to that of the world.")  # fmt: skip
+@click.option(
+    "--faults",
+    "faults_file",
+    type=click.Path(path_type=Path),
+    help="JSON file of faults to order, as gcs fly writes it.",
+)
 @click.option("--rate", "rate_hz", callback=options.rate_hz, default=500.0, show_default=True, help="Control rate in Hz; ignored with --world.")  # fmt: skip
 @click.option("--speed", default="1", show_default=True, callback=options.speed, help="Simulated seconds per wall-clock second, or max.")  # fmt: skip
 @click.option("--stay/--end", default=False, show_default=True, help="After a crash: hold time until a reset, or end.")  # fmt: skip
@@ -37,6 +43,7 @@ def main(
     instance: int | None,
     world_file: Path | None,
     wind_file: Path | None,
+    faults_file: Path | None,
     airframe: str | None,
     rate_hz: float,
     speed: float | None,
@@ -57,6 +64,8 @@ def main(
 
     from fcu.interface import event_log
     from fcu.interface.airframe import AirframeError, find, read
+    from fcu.interface.faults import FaultsError
+    from fcu.interface.faults import load as load_faults
     from fcu.interface.handover import HandoverError, load
     from fcu.interface.link import PortBusy
     from fcu.interface.publisher_feed import PublisherFeed
@@ -80,7 +89,8 @@ def main(
         else:
             world = still_air(rate_hz, airframe=None if airframe is None else read(find(airframe)))
         wind = None if wind_file is None else read_wind(wind_file)
-    except (AirframeError, HandoverError, SamplesError) as error:
+        ordered = () if faults_file is None else load_faults(faults_file)
+    except (AirframeError, FaultsError, HandoverError, SamplesError) as error:
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance
@@ -94,7 +104,7 @@ def main(
             feed = PublisherFeed(number, "plant")
             server = Server(
                 ports(number), world, tape, feed, pacer, control_fd, lifeline_fd,
-                stays=stay, announce=announce, write=write, wind=wind,
+                stays=stay, announce=announce, write=write, wind=wind, ordered=ordered,
             )  # fmt: skip
             server.warm_up()
     except PortBusy as error:

@@ -11,11 +11,13 @@ Everything a tick reads and writes is in the arrays of `Plant`, shared with Pyth
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcu.interface.diagnostics import PlantTiming, plant_row
+from fcu.interface.faults import Fault
 from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel import system
 from fcu.kernel.algebra import Vec3
@@ -23,8 +25,9 @@ from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of, slice_of
 from fcu.mavlink.plant_link import LONGEST, Desk, desk, pack_state, parse_controls
-from sitl_plant.physics import dynamics, tick
+from sitl_plant.physics import dynamics, faults, tick
 from sitl_plant.physics.battery import BatteryState
+from sitl_plant.physics.faults import Struck, struck
 from sitl_plant.physics.types import PlantParams, PlantRecord
 from sitl_plant.physics.world import World
 
@@ -80,6 +83,7 @@ class Plant(NamedTuple):
     command: Buffer  # RotorCommand, of the last answer that could be read
     told: Integers  # int64[3], what else that answer said
     desk: Desk
+    struck: Struck  # by faults to order
 
 
 class Wire(NamedTuple):
@@ -137,18 +141,21 @@ def air_by_tick(steady: Vec3, samples: Buffer | None, rate_hz: float) -> Buffer:
 
 
 def plant(
-    world: World, system_id: int, shared: Desk | None = None, wind: Buffer | None = None
-) -> Plant:
+    world: World, system_id: int, shared: Desk | None = None, wind: Buffer | None = None,
+    ordered: Sequence[Fault] = (),
+) -> Plant:  # fmt: skip
     """A simulator at the start of its flight, without noise: see `draw_noise`.
 
     `shared`: the desk of a codec whose sequence numbers it is to continue.
     `wind`: float64[m, 4], samples of wind as for `air_by_tick`, added to that of the world.
+    `ordered`: faults, at most `MOST` of `fcu.interface.faults`.
     """
     start = to_buffer(world.start)
     progress = np.zeros(size(Progress))
     progress[NOISE_AT], progress[GRANT] = NOISE_BLOCK, np.inf
+    params = to_buffer(world.params)
     return Plant(
-        params=to_buffer(world.params),
+        params=params,
         air=air_by_tick(world.params.wind.steady, wind, world.rate_hz),
         start=start,
         spin=np.array(world.params.airframe.spin, dtype=np.float64),
@@ -166,6 +173,7 @@ def plant(
         command=np.zeros(size(RotorCommand)),
         told=np.zeros(3, dtype=np.int64),
         desk=desk(world.params.airframe.n) if shared is None else shared,
+        struck=struck(params, ordered, NOISE_BLOCK),
     )
 
 
@@ -219,11 +227,16 @@ def observe(plant, row):
     now = np.int64(progress.timing.sequence)
     t = now * plant.period_us * 1e-6
     blow(plant, now)
+    is_struck, now_us = plant.struck.used[0] > 0, float(now * plant.period_us)
+    if is_struck:
+        faults.weaken(plant.struck, plant.params, now_us)
     ended = tick.observe(plant.params, plant.state, plant.drawn, t, plant.start, row)
     _pack_timing(row, progress.timing)
     with_battery = now % plant.battery_ticks == 0
     if with_battery:
         _pack_battery(plant.battery, _battery_of(row))
+        if is_struck:
+            faults.report_battery(plant.struck, plant.battery, now_us)
     if ended != dynamics.FLYING:
         return now, with_battery, np.int64(ended)
     past = plant.past
@@ -232,6 +245,9 @@ def observe(plant, row):
         past[newest, i] = plant.state[i]
     at = np.int64(progress.noise_at)
     tick.sense(past[oldest], plant.noise[at], plant.reported)
+    if is_struck:
+        failed = faults.report_state(plant.struck, plant.reported, now, plant.period_us, at)
+        plant.desk.quality[0] = -1 if failed else 0
     _pack_noise_at(plant.progress, at + 1.0)
     return now, with_battery, np.int64(dynamics.FLYING)
 
@@ -266,7 +282,12 @@ def finish(plant, datagram, length):
 def advance(plant, now):
     """The flight under its `command`, from the tick numbered `now` to the next."""
     t = now * plant.period_us * 1e-6
+    is_struck, now_us = plant.struck.used[0] > 0, float(now * plant.period_us)
+    if is_struck:
+        faults.obey(plant.struck, plant.command, now_us)
     tick.advance(plant.params, plant.state, plant.drawn, plant.command, t, plant.steps)
+    if is_struck:
+        faults.drain(plant.struck, plant.drawn, now_us, plant.period_us * 1e-6)
     _pack_tick(plant.progress, now + 1.0)
 
 

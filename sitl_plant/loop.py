@@ -18,7 +18,7 @@ import os
 import select
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ import numpy as np
 from fcu.interface import event_log
 from fcu.interface.diagnostics import PlantTiming
 from fcu.interface.event_log import Event, Said
+from fcu.interface.faults import Fault
 from fcu.interface.handover import GRANT, granted
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
@@ -88,17 +89,19 @@ class Server:
         announce: Callable[[dict[str, Any]], None] = lambda said: None,
         write: Callable[[Event], None] = event_log.write,
         wind: burst.Buffer | None = None,
+        ordered: Sequence[Fault] = (),
     ) -> None:
         """`control`: file descriptor of the grants, or None to let time run freely.
 
         `lifeline`: a file descriptor. Its end of file ends the flight. `burst_ticks`: ticks that
         compiled code flies at once, at most what is left of the recorder's batch. `stays`: when a
         flight ends it holds time until a reset. `announce`: told of resets, and of such an end.
-        `write`: takes an event. `wind`: as for `burst.plant`.
+        `write`: takes an event. `wind`, `ordered`: as for `burst.plant`.
         Raises PortBusy.
         """
         self._lifeline = lifeline
         self._world, self._wind, self._system = world, wind, ports.system_id
+        self._ordered = ordered
         self._stays = stays
         self._announce = announce
         self._write = write
@@ -117,7 +120,9 @@ class Server:
         self._begin_flight()
 
     def _begin_flight(self) -> None:
-        self._simulator = Simulator(self._world, self._system, self._write, self._wind)
+        self._simulator = Simulator(
+            self._world, self._system, self._write, self._wind, self._ordered
+        )
         self._plant = self._simulator.plant
         self._timing = column(Progress, self._plant.progress, "timing")
         self._granted = 0 if self._control is not None else sys.maxsize
@@ -339,6 +344,8 @@ class Server:
         if self._simulator.codec.is_reset(datagram):
             self._reset_asked = True
             return
+        if self._fails(datagram):
+            return
         try:
             self._simulator.codec.parse_controls(datagram, self._plant.command)
         except WireError as error:
@@ -346,6 +353,13 @@ class Server:
             if self.figures.refused == 1:
                 self._say("warning", f"plant link: {error}")
             self._unusable = str(error)
+
+    def _fails(self, datagram: bytes) -> bool:
+        """Break or mend what a datagram orders, and say that it is done; False for another datagram."""
+        answer = self._simulator.answer_failure(datagram)
+        if answer is not None:
+            self._link.send(answer)
+        return answer is not None
 
     @property
     def _is_held(self) -> bool:
@@ -371,6 +385,8 @@ class Server:
                     elif fd == self._lifeline:
                         self.stopping = True
                     elif (datagram := self._link.receive()) is not None:
+                        if self._fails(datagram):
+                            continue
                         self._reset_asked |= self._simulator.codec.is_reset(datagram)
                         self._misled = self._misled or self._is_early(datagram)
 

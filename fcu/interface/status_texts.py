@@ -60,6 +60,7 @@ class Code(Enum):
     # --- what the log alone says
     FLIGHT_ENDED = "the flight ended: the vehicle {}"
     PLANT_RESET = "reset: at the start again"
+    FAILURE_DONE = "failure of unit {}, type {}, instance {} (0: all) is done"
     LINK_SILENT = "the plant has been silent for {:.0f} s"
     PLAN_ITEMS = "{}: items {:.0f} to {:.0f} of {:.0f}"  # and the items: `fcu.services.plan_record`
     PLAN_AT = "mission: {:.0f} of {:.0f} items are behind it"
@@ -95,6 +96,9 @@ class Code(Enum):
     NOT_READY_TO_ARM = "Not ready to arm: {}"
     PARAMETERS_SAVED = "Parameters saved"
     PARAMETERS_RESET = "Parameters reset"
+
+    FAILURE_INJECTED = "Injected: {}"
+    FAILURE_CLEARED = "Cleared: {}"
 
     # --- a request refused: what, and why
     DENIED = "{} denied: {}"
@@ -149,6 +153,11 @@ class Code(Enum):
     PERCENT_LED = "{:percent} of speed and acceleration"
 
     # --- why: the command
+    FAILURES_OFF = "SYS_FAILURE_EN is 0"
+    FAILURE_UNKNOWN = "the simulator cannot do it"
+    FAILURE_RANGE = "instance or size out of range"
+    FAILURE_FULL = "too many failures at once"
+    FAILURE_UNANSWERED = "the simulator does not answer"
     TO_NO_SYSTEM = "expected this system as target"
     COMMAND_FRAME = "frame {}"
     PARAMETER_NAN = "parameter {} is NaN"

@@ -280,6 +280,7 @@ class CommandId(IntEnum):
     REBOOT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
     SET_STANDARD_MODE = 262  # newer than some releases of the dialect
     ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    INJECT_FAILURE = 420  # newer than some releases of the dialect
     RUN_PREARM_CHECKS = mavlink.MAV_CMD_RUN_PREARM_CHECKS
     GET_HOME_POSITION = mavlink.MAV_CMD_GET_HOME_POSITION
     GET_MESSAGE_INTERVAL = mavlink.MAV_CMD_GET_MESSAGE_INTERVAL

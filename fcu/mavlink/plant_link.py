@@ -4,7 +4,8 @@ Plant to controller: ODOMETRY and ACTUATOR_OUTPUT_STATUS in one datagram, now an
 by BATTERY_STATUS, preceded by a HEARTBEAT while simulation time is held, which also tells how the
 flight has ended. Controller to plant: HIL_ACTUATOR_CONTROLS. The numbers are packed by kernels,
 straight from and to buffers. To reset the plant the controller sends PREFLIGHT_REBOOT_SHUTDOWN; the
-plant acknowledges it, and all that it sends from then on is of the new flight.
+plant acknowledges it, and all that it sends from then on is of the new flight. To break something it
+sends INJECT_FAILURE, which the plant acknowledges once it has done it.
 
 A battery arrives coarser than it was sent: charge as mA h, energy as hJ, voltage as mV, current
 as cA, what is left as whole percent, rounded down, so that a level of 7 % is passed at 7 %. Its voltage is
@@ -26,7 +27,7 @@ from fcu.interface.messages import Battery, RotorCommand, VehicleState
 from fcu.kernel.algebra import Rotors, select, total
 from fcu.kernel.buffers import from_buffer, packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.mavlink import frame_kernels
+from fcu.mavlink import failures, frame_kernels
 from fcu.mavlink.definitions import (
     AUTOPILOT,
     LOCKSTEP,
@@ -50,7 +51,7 @@ from fcu.mavlink.frames import (
 )
 from fcu.mavlink.framing import WireError, expected, framed
 
-__all__ = ["Ending", "OtherRotors", "PlantCodec", "WireError"]
+__all__ = ["Ending", "OtherRotors", "PlantCodec", "Result", "WireError"]
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
@@ -85,6 +86,7 @@ _NED, _FRD = int(Frame.LOCAL_NED), int(Frame.BODY_FRD)
 _TAIL = np.frombuffer(2 * _COVARIANCE + bytes([_NED, _FRD]), dtype=np.uint8)
 _TAIL_AT = _TIME + _ODOMETRY_BYTES
 _FRAMES_AT = _TAIL_AT + 2 * len(_COVARIANCE)
+_QUALITY_AT = _ODOMETRY.offset("quality")
 _MODE_AT = _CONTROLS.offset("mode")
 _CUSTOM, _ARMED, _LOCKSTEP = int(ModeFlag.CUSTOM), int(ModeFlag.ARMED), int(LOCKSTEP)
 _COMMAND, _ACK = definition("COMMAND_LONG"), definition("COMMAND_ACK")
@@ -161,6 +163,7 @@ class Desk(NamedTuple):
     numbers: Buffer  # the same, as float64
     sequence: np.ndarray[Any, np.dtype[np.int64]]  # of the next frame
     active: np.ndarray[Any, np.dtype[np.int64]]  # ACTUATOR_OUTPUT_STATUS.active: a bit a rotor
+    quality: np.ndarray[Any, np.dtype[np.int64]]  # ODOMETRY.quality: -1: the state has failed
 
 
 def desk(n: int = ROTORS) -> Desk:
@@ -174,6 +177,7 @@ def desk(n: int = ROTORS) -> Desk:
         odometry=odometry, rotors=rotors, controls=controls, battery=battery,
         heartbeat=heartbeat, raw=raw, fields=raw.view("<f4"), numbers=np.zeros(_FLOATS),
         sequence=np.zeros(1, dtype=np.int64), active=np.array([2**n - 1]),
+        quality=np.zeros(1, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -203,10 +207,15 @@ def pack_state(desk, system, time_us, state, spin, battery, with_battery, datagr
     put(datagram, body, time_us, _TIME)
     copy(raw, 0, datagram, body + _TIME, _ODOMETRY_BYTES)
     copy(_TAIL, 0, datagram, body + _TAIL_AT, _TAIL.size)
+    length = _TAIL_AT + _TAIL.size
+    if desk.quality[0] < 0:
+        for i in range(length, _QUALITY_AT):
+            datagram[body + i] = 0
+        put(datagram, body + _QUALITY_AT, desk.quality[0], 1)
+        length = _QUALITY_AT + 1
     end = frame_kernels.frame(
-        datagram, 0, _TAIL_AT + _TAIL.size, _next(desk), system, AUTOPILOT, _ODOMETRY_ID,
-        _ODOMETRY_CRC,
-    )  # fmt: skip
+        datagram, 0, length, _next(desk), system, AUTOPILOT, _ODOMETRY_ID, _ODOMETRY_CRC
+    )
     body = end + HEADER
     put(datagram, body, time_us, _TIME)
     put(datagram, body + _TIME, desk.active[0], 4)
@@ -285,6 +294,7 @@ def parse_state(desk, system, datagram, length, state, battery, told):
     _pack_state(state, state_from_wire(on_wire))
     if with_battery:
         _pack_battery(battery, charge)
+    desk.quality[0] = get_signed(odometry, _QUALITY_AT, 1)
     told[0], told[1], told[2] = time_us, is_hold, with_battery
     return 0
 
@@ -528,13 +538,59 @@ class PlantCodec:
         """Whether it is what `pack_reset_done` packs."""
         return self._is(_ACK, datagram, _RESET_DONE)
 
-    def _is(self, of: Definition, datagram: bytes, payload: bytes) -> bool:
-        """Whether a datagram is one message, with this payload."""
+    def pack_failure(self, order: failures.Order, number: int, again: bool) -> bytes:
+        """From the controller: break something, or mend it.
+
+        number : of the order, from 1: its acknowledgement repeats it.  again : it was sent before.
+        """
+        params = {f"param{i + 1}": float(value) for i, value in enumerate(order)}
+        payload = message(
+            "COMMAND_LONG", command=CommandId.INJECT_FAILURE, target_system=self.system,
+            target_component=AUTOPILOT, confirmation=int(again), param7=float(number), **params,
+        ).payload  # fmt: skip
+        return self._framed(_COMMAND, payload)
+
+    def failure(self, datagram: bytes) -> tuple[failures.Order | None, int] | None:
+        """What `pack_failure` packs: the order, and its number. None for another datagram.
+
+        The order is None if it is none that has a meaning.
+        """
+        payload = self._payload(_COMMAND, datagram)
+        if payload is None:
+            return None
+        fields = struct.unpack_from("<7fH", payload)
+        if fields[7] != CommandId.INJECT_FAILURE:
+            return None
+        number = fields[6]
+        return failures.order(fields), int(number) if 0.0 <= number < 2**24 else 0
+
+    def pack_failure_answer(self, result: Result, number: int) -> bytes:
+        """From the plant: what has become of an order."""
+        payload = message(
+            "COMMAND_ACK", command=CommandId.INJECT_FAILURE, result=result, result_param2=number
+        ).payload
+        return self._framed(_ACK, payload)
+
+    def failure_answer(self, datagram: bytes) -> tuple[Result, int] | None:
+        """What `pack_failure_answer` packs: result and number of the order. None for another datagram."""
+        payload = self._payload(_ACK, datagram)
+        if payload is None:
+            return None
+        command, result, _, number = struct.unpack_from("<HBBi", payload)
+        known = command == CommandId.INJECT_FAILURE and result in set(Result)
+        return (Result(result), number) if known else None
+
+    def _payload(self, of: Definition, datagram: bytes) -> bytes | None:
+        """The payload of a datagram that is one message of a kind; None for another."""
         try:
             found, end = expected(of, datagram, 0, self.system, AUTOPILOT)
         except WireError:
-            return False
-        return found == payload.ljust(of.size, b"\0") and end == len(datagram)
+            return None
+        return found if end == len(datagram) else None
+
+    def _is(self, of: Definition, datagram: bytes, payload: bytes) -> bool:
+        """Whether a datagram is one message, with this payload."""
+        return self._payload(of, datagram) == payload.ljust(of.size, b"\0")
 
     @staticmethod
     def is_hold(datagram: bytes) -> bool:

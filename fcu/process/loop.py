@@ -24,13 +24,14 @@ from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel import system
 from fcu.kernel.compile import compile_for
-from fcu.mavlink.definitions import Severity
+from fcu.mavlink.definitions import Result, Severity
 from fcu.mavlink.plant_link import LONGEST
 from fcu.parameters import Parameters
 from fcu.process.autopilot import TIMES, Autopilot, LawRaised, LinkClock, Lost, Row, say
 from fcu.process.burst import BUSY, FILTERED, RAISED, SILENT, SLOW, SLOW_S, UNREAD, Wire, serve
 from fcu.process.reporting import Reporter
 from fcu.services import tcp_socket
+from fcu.services.command_protocol import Failure
 from fcu.services.ground_port import GroundPort
 from fcu.services.streams import Identity
 from fcu.services.tcp_socket import TcpSocket
@@ -43,7 +44,10 @@ __all__ = ["INFRASTRUCTURE", "OK", "Loop", "say"]
 SILENCE, LOST = ROWS[Condition.PLANT_SILENT], ROWS[Condition.PLANT_LOST]  # by wall time
 PATIENCE_S = 0.02  # wall: how long a burst waits for a state
 TURNS = 1000  # of a port before a tick of held time: a flood does not stop the loop
-RESET_AGAIN_S, RESET_S = 0.1, 2.0  # wall: a plant is asked to reset so often, for so long
+RESET_AGAIN_S, RESET_S = (
+    0.1,
+    2.0,
+)  # wall: a plant is asked to reset, or to fail, so often, for so long
 OK, INFRASTRUCTURE = 0, 3
 
 
@@ -77,6 +81,7 @@ class Loop:
         self._hears_at_ticks = False  # ground stations: once time that is held has begun
         self._reset_since = self._reset_due = 0.0  # wall: the plant was asked to; 0: it was not
         self._reset_late = False  # it was asked to, and did not answer in time: it may yet
+        self._fail_since = self._fail_due = 0.0  # wall: likewise, to fail
         self.figures = self._autopilot.figures
         self.stopping = False
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
@@ -141,6 +146,7 @@ class Loop:
             now = time.monotonic()
             if self._autopilot.ground.reset_asked:
                 self._ask_for_reset(now)
+            self._ask_to_fail(now)
             self._autopilot.idle(now)
             if self._autopilot.heard_s:
                 silent = now - self._autopilot.heard_s
@@ -195,6 +201,36 @@ class Loop:
             self._reset_due = now + RESET_AGAIN_S
             self._plant.send(self._autopilot.codec.pack_reset())
 
+    def _ask_to_fail(self, now: float) -> None:
+        """Pass a failure on to the plant, again and again, until it has answered or time is up."""
+        failure = self._autopilot.ground.failure
+        if failure is None:
+            self._fail_since = self._fail_due = 0.0
+            return
+        again = self._fail_since > 0.0
+        if not again:
+            self._fail_since = now
+        if now - self._fail_since > RESET_S:
+            self._fail_is_over(failure, Result.FAILED)
+        elif now >= self._fail_due:
+            self._fail_due = now + RESET_AGAIN_S
+            self._plant.send(
+                self._autopilot.codec.pack_failure(failure.order, failure.number, again)
+            )
+
+    def _hear_of_failure(self, datagram: bytes) -> bool:
+        """Take what the plant says of a failure; False for another datagram."""
+        said = self._autopilot.codec.failure_answer(datagram)
+        failure = self._autopilot.ground.failure
+        if said is not None and failure is not None and failure.number == said[1]:
+            self._fail_is_over(failure, said[0])
+        return said is not None
+
+    def _fail_is_over(self, failure: Failure, result: Result) -> None:
+        failure.result = result
+        self._fail_since = self._fail_due = 0.0
+        self._autopilot.ground.failure_is_over()
+
     def _await_reset(self) -> None:
         while (datagram := self._plant.receive()) is not None:
             if self._autopilot.codec.is_reset_done(datagram):
@@ -224,8 +260,11 @@ class Loop:
             if self._held:
                 datagram = self._plant.receive()
                 if datagram is not None:
+                    if self._hear_of_failure(datagram):
+                        return
                     if not self._autopilot.codec.is_hold(datagram):
                         self._listen_at_a_tick()
+                        self._ask_to_fail(time.monotonic())
                     self._decide(datagram, False)
                 return
             if self._wire is None:
@@ -282,6 +321,8 @@ class Loop:
     def _decide(self, datagram: bytes, filtered: bool | None) -> None:
         """One datagram; `filtered`: as a burst has left it; None: no burst has seen it."""
         autopilot, now = self._autopilot, time.monotonic()
+        if self._hear_of_failure(datagram):
+            return
         if autopilot.codec.is_reset_done(datagram):
             if self._reset_late:  # else once more: it was asked more than once
                 self._begin_again()

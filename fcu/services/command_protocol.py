@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
-from fcu.mavlink import replies
+from fcu.mavlink import failures, replies
 from fcu.mavlink.definitions import (
     GLOBAL_FRAMES,
     RELATIVE_FRAMES,
@@ -45,6 +45,7 @@ FARTHEST, LOWEST = 20_000.0, 100.0  # m from here, and below home: nobody flies 
 TAKEOFF_ASIDE = 10.0  # m: a take-off that names a place farther away is not a take-off
 REMEMBERED, REPEAT_S = 8, 5.0  # acknowledgements of a link, for so long (wall), for repetitions
 PENDING_S = 0.5  # wall: how long a command waits for the second setpoint of a stream
+SOON = (CommandId.INJECT_FAILURE,)  # answered within ticks: nobody is told that they have begun
 WAIT_FOR_A_STREAM = (CommandId.SET_MODE, CommandId.SET_STANDARD_MODE, CommandId.ARM_DISARM)
 
 
@@ -104,6 +105,33 @@ class Spec(NamedTuple):
     what: str = ""
 
 
+@dataclass
+class Failure:
+    """A failure that the plant is asked for, until it has answered."""
+
+    order: failures.Order
+    number: int
+    result: Result | None = None  # the plant's; FAILED: it does not answer
+
+
+def _injected(asked: Failure) -> Verdict | None:
+    """What has become of a failure. None: the plant has not said yet."""
+    order, result = asked.order, asked.result
+    if result is None:
+        return None
+    if result is not Result.ACCEPTED:
+        return denied("Failure", _NOT_INJECTED.get(result, Code.FAILURE_UNANSWERED), result)
+    code = Code.FAILURE_CLEARED if order.type == failures.Type.OK else Code.FAILURE_INJECTED
+    return Verdict(result, Told(code, (failures.words(order),)))
+
+
+_NOT_INJECTED = {
+    Result.UNSUPPORTED: Code.FAILURE_UNKNOWN,
+    Result.DENIED: Code.FAILURE_RANGE,
+    Result.TEMPORARILY_REJECTED: Code.FAILURE_FULL,
+}
+
+
 class Commands:
     """The flight commands of one vehicle; the ground services add theirs to `table`."""
 
@@ -115,6 +143,8 @@ class Commands:
         self.reset_asked = False  # and granted
         # of a command that is being done: asked until it tells what became of it
         self.in_progress: Callable[[], Verdict | None] | None = None
+        self.failure: Failure | None = None  # that the plant is asked for
+        self._failures = 0  # how often it was
         arm = Spec(self._arm, (1, 2), (1,), to_all=False, what="Arming")
         self.table: dict[int, Spec] = {
             CommandId.ARM_DISARM: arm,
@@ -136,6 +166,9 @@ class Commands:
             CommandId.SET_HOME: Spec(self._set_home, (1, 2, 3, 4, 5, 6, 7), (1,), what="Home"),
             CommandId.FLIGHT_TERMINATION: Spec(
                 self._terminate, (1,), (1,), to_all=False, what="Termination"
+            ),
+            CommandId.INJECT_FAILURE: Spec(
+                self._inject, (1, 2, 3, 4, 5), (1, 2), to_all=False, what="Failure"
             ),
             CommandId.RUN_PREARM_CHECKS: Spec(self._checks, what="Checks"),
             CommandId.REBOOT: Spec(self._reset, (1, 6), (1,), to_all=False, what="Reset"),
@@ -377,6 +410,20 @@ class Commands:
         self.reset_asked = True
         return Verdict(Result.ACCEPTED)
 
+    def _inject(self, request: Request) -> Verdict:
+        """Ask the plant to break something, or to mend it: answered once the plant has done it."""
+        if not self._vehicle.takes_failures:
+            return denied("Failure", Code.FAILURES_OFF)
+        order = failures.order(request.command.params)
+        if order is None:
+            return denied("Failure", Code.FAILURE_RANGE)
+        if not failures.kinds(order):
+            return denied("Failure", Code.FAILURE_UNKNOWN, Result.UNSUPPORTED)
+        self._failures += 1
+        self.failure = asked = Failure(order, self._failures)
+        self.in_progress = lambda: _injected(asked)
+        return Verdict(Result.IN_PROGRESS)
+
     def _checks(self, request: Request) -> Verdict:
         why = self._vehicle.why_not_arm(request.t_us, request.wall_s)
         told = Told(Code.READY_TO_ARM) if why is None else Told(Code.NOT_READY_TO_ARM, (why,))
@@ -449,7 +496,7 @@ class CommandProtocol:
         verdict = self._commands.answer(Request(command, t_us, now))
         later = self._later(command, verdict, now)
         if later is not None:
-            begun = verdict.result is Result.IN_PROGRESS
+            begun = verdict.result is Result.IN_PROGRESS and command.command not in SOON
             self._pending[command.command] = Pending(command, port, link, later, begun)
             if begun:
                 _acknowledge(port, link, command, Result.IN_PROGRESS)

@@ -37,7 +37,14 @@ from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
 from fcu.mavlink.telemetry import gps_global_origin
 from fcu.parameters import Parameters
 from fcu.services import status
-from fcu.services.command_protocol import CommandProtocol, Commands, Request, Verdict, denied
+from fcu.services.command_protocol import (
+    CommandProtocol,
+    Commands,
+    Failure,
+    Request,
+    Verdict,
+    denied,
+)
 from fcu.services.ground_port import PEERS, GroundPort, Link
 from fcu.services.information import Information
 from fcu.services.offboard import OffboardProtocol
@@ -210,6 +217,15 @@ class Station:
     def reset_asked(self) -> bool:
         """Whether somebody has asked for a reset, and was told that it comes."""
         return self._commands.reset_asked
+
+    @property
+    def failure(self) -> Failure | None:
+        """The failure that the plant is asked for, with what it has answered; None: there is none."""
+        return self._commands.failure
+
+    def failure_is_over(self) -> None:
+        """The plant has answered, or does not: its sender is told."""
+        self._commands.failure = None
 
     def forget_reset(self) -> None:
         """It does not come."""

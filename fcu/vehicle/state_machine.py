@@ -311,6 +311,11 @@ class StateMachine:
         """True while the vehicle flies a mode that a condition has entered."""
         return self._took_over
 
+    @property
+    def takes_failures(self) -> bool:
+        """True if failures may be injected by command."""
+        return self._params["SYS_FAILURE_EN"] > 0.0
+
     # --- where it is, and what it flies
 
     @property

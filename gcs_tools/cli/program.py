@@ -21,7 +21,7 @@ from gcs_tools.flight import interrupts
 
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
 GROUPS = {
-    "Flying": ("fly", "test", "up", "setpoint", "reset"),
+    "Flying": ("fly", "test", "up", "setpoint", "fault", "reset"),
     "Before flight": ("envelope", "airframe", "plan"),
     "Laws": ("tune", "compare"),
     "Many flights": ("campaign",),

@@ -30,7 +30,7 @@ from fcu.mavlink.ground_link import GroundCodec
 from gcs_tools.flight.flown_rows import FlownRows
 from gcs_tools.flight.forking import can_fork
 from gcs_tools.flight.ground_script import ME, VehicleError
-from gcs_tools.flight.pair import wind_arguments
+from gcs_tools.flight.pair import plant_arguments
 from gcs_tools.flight.processes import (
     Child,
     Collector,
@@ -281,7 +281,7 @@ class ForeignFlight(WireFlight):
         pair.start(
             self._folder, self._words,
             ["--instance", str(self._instance), "--world", str(world),
-             *wind_arguments(self._folder, self._scene),
+             *plant_arguments(self._folder, self._scene),
              "--speed", "max" if self._speed is None else str(self._speed),
              "--wait" if self._speed is None else "--drop",
              "--record-fd", str(plant_in), "--control-fd", str(grants_out)],

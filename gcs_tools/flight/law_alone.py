@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.faults import NAMES, OF_AUTOPILOT, Kind
 from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.kernel.rows import column_of, slice_of
@@ -75,6 +76,17 @@ def hovering(scene: Scenario) -> Scenario:
     )
 
 
+def refuse_faults(scene: Scenario) -> None:
+    """Raise LawError for a fault that nothing but an autopilot answers for."""
+    for each in scene.faults:
+        if each.kind in OF_AUTOPILOT:
+            name = NAMES[Kind(int(each.kind))]
+            raise LawError(
+                f"[[plant.faults]] {name} is answered by an autopilot: expected a whole vehicle,"
+                " not a law alone"
+            )
+
+
 def fly(scene: Scenario) -> tuple[Rows, Rows]:
     """Plant rows (n, size(PlantRecord)) and rows of the law's Tick of a whole flight.
 
@@ -82,9 +94,10 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     """
     if scene.legs:
         raise LawError("a mission of items is flown by a whole vehicle, not by a law alone")
+    refuse_faults(scene)
     ticks = scene.flown.ticks
     alone, law = flight(scene)
-    simulator = Simulator(scene.world, SYSTEM, wind=scene.wind)
+    simulator = Simulator(scene.world, SYSTEM, wind=scene.wind, ordered=scene.faults)
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
     begins = [*np.minimum(scene.sent_at, scene.ticks).tolist(), scene.ticks]

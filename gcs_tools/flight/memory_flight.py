@@ -125,7 +125,7 @@ class MemoryFlight(ScriptedFlight):
         )  # fmt: skip
         stack.callback(self._autopilot.close)
         self._simulator = Simulator(
-            scene.world, at.system_id, self._log(stack, "plant"), scene.wind
+            scene.world, at.system_id, self._log(stack, "plant"), scene.wind, scene.faults
         )
         self._plant_timing = column(Progress, self._simulator.plant.progress, "timing")
         self._simulator.warm_up()
@@ -161,7 +161,15 @@ class MemoryFlight(ScriptedFlight):
         now = time.monotonic()
         for port in self._autopilot.ground.ports:
             self._autopilot.serve(port, now)
+        self._fail()
         self._autopilot.idle(now)
+
+    def _fail(self) -> None:
+        """Have the simulator break what the flight controller asks it to."""
+        ground = self._autopilot.ground
+        if ground.failure is not None:
+            ground.failure.result = self._simulator.fail(ground.failure.order)
+            ground.failure_is_over()
 
     def _fly_to(self, tick: int) -> bool:
         while self._simulator.tick < tick and not self._has_ended:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fcu.guard.gains import FLY
-from fcu.interface import handover
+from fcu.interface import faults, handover
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.samples_file import write_wind
 from fcu.laws.loader import Law
@@ -19,13 +19,16 @@ from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
 
 
-def wind_arguments(folder: Path, scene: Scenario) -> list[str]:
-    """Arguments for a plant of the scene's own wind, if it has samples of one. Raises OSError."""
-    if scene.wind is None:
-        return []
-    path = folder / "wind.csv"
-    write_wind(path, scene.wind)
-    return ["--wind", str(path)]
+def plant_arguments(folder: Path, scene: Scenario) -> list[str]:
+    """Arguments for a plant of the scene's own wind and faults, if it has any. Raises OSError."""
+    found: list[str] = []
+    if scene.wind is not None:
+        write_wind(folder / "wind.csv", scene.wind)
+        found += ["--wind", str(folder / "wind.csv")]
+    if scene.faults:
+        faults.save(folder / "faults.json", scene.faults)
+        found += ["--faults", str(folder / "faults.json")]
+    return found
 
 
 class Pair:
@@ -80,7 +83,7 @@ class Pair:
             handover.save(world, scene.world)
             fcu += ["--handover", str(settings)]
             fcu += ["--unstable-gains", FLY] if scene.flies_unstable else []
-            plant += ["--world", str(world), *wind_arguments(self._folder, scene)]
+            plant += ["--world", str(world), *plant_arguments(self._folder, scene)]
         else:
             plant += ["--airframe", self._airframe.source]
         for name, module, arguments, log, fds in (

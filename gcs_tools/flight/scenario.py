@@ -15,6 +15,7 @@ import numpy as np
 
 from fcu.guard.gains import FLY, unstable
 from fcu.interface.airframe import AirframeFile
+from fcu.interface.faults import Fault, fault
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
@@ -45,6 +46,7 @@ class Scenario:
     wind: (
         np.ndarray[Any, np.dtype[np.float64]] | None
     )  # float64[n, 4], s and m/s, E, added to the world's
+    faults: tuple[Fault, ...]  # that the simulator is ordered to have
     ticks: int
     period_us: int
     sent_at: np.ndarray[Any, np.dtype[np.int64]]  # ticks at which setpoints are sent
@@ -169,6 +171,7 @@ def scenario(mission: Mission) -> Scenario:
         settings=None if mission.controller else _chosen(_law_of(mission)),
         world=there,
         wind=mission.wind.samples,
+        faults=tuple(fault(each.model_dump()) for each in mission.plant.faults),
         ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),
         sent_at=np.array([each.tick for each in sent], dtype=np.int64),

@@ -183,6 +183,7 @@ def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
         scene = scenes[i]
         kind = (
             scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs), scene.wind is None,
+            not scene.faults,
             _choices(scene),
         )  # fmt: skip
         alike[kind, to_buffer(scene.settings).tobytes()].append(i)
@@ -203,7 +204,7 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     """The flights of a group, those that could be flown in lanes."""
     alike = _alike(scenes, range(len(scenes)))
     law = scenes[0].flown.package, alike
-    if scenes[0].legs or scenes[0].wind is not None or law in _never:
+    if scenes[0].legs or scenes[0].wind is not None or scenes[0].faults or law in _never:
         return {}
     try:
         pointer = scenes[0].flown.ticks.compiled_for_lanes(width, alike)

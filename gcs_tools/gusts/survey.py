@@ -133,6 +133,8 @@ def survey(mission: Mission, parts: int, console: Console | None = None) -> Surv
     plant = mission.plant
     if plant.mass_change is not None or plant.rotor_loss:
         remarks.append("a mass that changes is left out, and a rotor that is lost is in no belief")
+    if plant.faults:
+        remarks.append("faults to order ([[plant.faults]]) are left out")
     if scene.world.noise_scale.any():
         remarks.append("the noise of the mission is flown, the same in each flight")
     bounds, begins_s = bounds_of(scene), transient_s(scene)

@@ -637,6 +637,8 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
         )
     if mission.plant.rotor_loss:
         found.append("it loses a rotor, which no condition knows")
+    if mission.plant.faults:
+        found.append("it has faults to order ([[plant.faults]]), which no condition knows")
     return tuple(found)
 
 

@@ -415,14 +415,15 @@ def _checked(
         kind = document(flown)
         tables = kind.model_validate(given, context={items.FOLDER: folder})
         airframe = airframe or read_airframe(flown, tables.airframe, folder)
-        for i, loss in enumerate(tables.plant.rotor_loss):
-            if loss.rotor > airframe.rotors.n:
-                line = nearest(found, ("plant", "rotor_loss", i, "rotor"))
-                where = source if line is None else f"{source}:{line}"
-                raise MissionError(
-                    f"{where}: [plant] rotor_loss[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
-                    f" rotors of {airframe.name}, got {loss.rotor}"
-                )
+        for table in ("rotor_loss", "faults"):
+            for i, loss in enumerate(getattr(tables.plant, table)):
+                if (loss.rotor or 0) > airframe.rotors.n:
+                    line = nearest(found, ("plant", table, i, "rotor"))
+                    where = source if line is None else f"{source}:{line}"
+                    raise MissionError(
+                        f"{where}: [plant] {table}[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
+                        f" rotors of {airframe.name}, got {loss.rotor}"
+                    )
     except OSError as error:  # of a law whose name no file can have
         line = nearest(found, ("law", "module"))
         where = source if line is None else f"{source}:{line}"

@@ -25,6 +25,8 @@ from pydantic import (
 
 from fcu.guard.gains import UNSTABLE_GAINS, has_rule
 from fcu.interface import samples_file
+from fcu.interface.faults import DELAY_MOST_S, LATEST_S, SPECS
+from fcu.interface.faults import MOST as MOST_FAULTS
 from fcu.interface.parameter import Parameter, not_one_of
 from fcu.laws.loader import Law
 from fcu.process.settings import PARAMETERS
@@ -36,6 +38,7 @@ from gcs_tools.missions.fields import (
     NotNegatives,
     Number,
     Numbers,
+    Position,
     Positive,
     Positives,
     Table,
@@ -213,6 +216,40 @@ class Noise(Table):
     rate_rad_s: NotNegative = 0.0
 
 
+FAULT_KEYS = tuple(dict.fromkeys(key for spec in SPECS.values() for key in spec.keys))
+
+
+class PlantFault(Table):
+    """One fault to order: what breaks, when, for how long and by how much (docs/missions.md)."""
+
+    kind: Annotated[str, one_of(*SPECS)] = Field(json_schema_extra={"enum": [*SPECS]})
+    at_s: Annotated[float, Field(ge=0.0, le=LATEST_S)]
+    for_s: Annotated[float, Field(gt=0.0, le=LATEST_S)] | None = optional(
+        "how long; left out: to the end of the flight"
+    )
+    rotor: Annotated[int, Field(ge=1, le=8)] | None = optional("of motor_...; left out: all")
+    effectiveness: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional(
+        "of motor_weak: fraction of thrust and torque that is left"
+    )
+    noise: Noise | None = optional("of state_noisy")
+    delay_s: Annotated[float, Field(ge=0.0, le=DELAY_MOST_S)] | None = optional("of state_delayed")
+    jump_m: Position | None = optional("of state_jumps, ENU")
+    drain_a: Annotated[float, Field(ge=0.0, le=1e4)] | None = optional("of battery_drain")
+    remaining: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional("of battery_level")
+
+    @model_validator(mode="after")
+    def _has_its_keys(self) -> Self:
+        wanted = SPECS[self.kind].keys
+        for key in FAULT_KEYS:
+            given = getattr(self, key) is not None
+            if given and key not in wanted:
+                of = ", ".join(name for name, spec in SPECS.items() if key in spec.keys)
+                raise because((key,), f"no key of {self.kind}: it is one of {of}")
+            if not given and key in wanted and key != "rotor":
+                raise because((key,), f"expected a value: {self.kind} needs it")
+        return self
+
+
 class Plant(Table):
     """How the truth differs from that of the airframe, and what the plant reports of it."""
 
@@ -224,6 +261,9 @@ class Plant(Table):
     mass_change: MassChange | None = optional("in mid-flight")
     rotor_loss: Annotated[tuple[RotorLoss, ...], Field(strict=False)] = Field(
         (), description="at most one a rotor"
+    )
+    faults: Annotated[tuple[PlantFault, ...], Field(strict=False, max_length=MOST_FAULTS)] = Field(
+        (), description="faults to order"
     )
     battery_ah: Positive | None = optional("capacity")
     battery_remaining: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional(

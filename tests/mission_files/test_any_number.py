@@ -50,6 +50,17 @@ PLANT = {
     "delay_s": 0.002, "mass_change": {"at_s": 0.01, "mass_kg": 7.0},
     "rotor_loss": [{"rotor": 1, "at_s": 0.01, "effectiveness": 0.9}],
     "noise": {"position_m": 0.01, "velocity_m_s": 0.0, "attitude_deg": 0.1, "rate_rad_s": 0.0},
+    "faults": [
+        {"kind": "motor_weak", "at_s": 0.0, "for_s": 0.01, "rotor": 2, "effectiveness": 0.9},
+        {
+            "kind": "state_noisy", "at_s": 0.004,
+            "noise": {"position_m": 0.01, "velocity_m_s": 0.0, "attitude_deg": 0.1, "rate_rad_s": 0.0},
+        },
+        {"kind": "state_delayed", "at_s": 0.01, "delay_s": 0.004},
+        {"kind": "state_jumps", "at_s": 0.01, "jump_m": ZERO},
+        {"kind": "battery_drain", "at_s": 0.01, "drain_a": 10.0},
+        {"kind": "battery_level", "at_s": 0.01, "remaining": 0.5},
+    ],
 }  # fmt: skip
 WIND = {
     "steady_m_s": ZERO, "amplitude_m_s": ZERO, "frequency_rad_s": ZERO, "phase_rad": ZERO,

@@ -81,6 +81,7 @@ def streamed(first, last, *asked, every=100, who="script"):
 
 
 LAND, DISARM, TAKEOFF = CommandId.LAND, CommandId.ARM_DISARM, CommandId.TAKEOFF
+FAIL = CommandId.INJECT_FAILURE
 OFFBOARD, LOITER = mode(MainMode.OFFBOARD), mode(MainMode.AUTO, AutoMode.LOITER)
 NAN = math.nan
 DEEP = (40, "script", parameter("MR_SP_BELOW", 100.0))
@@ -134,6 +135,18 @@ SCRIPTS = {
             (60, "script", fly_to(3.0, 0.0, 5.0)), (61, "script", parameter("MPC_XY_VEL_MAX", 2.0)),
             (140, "script", parameter("MR_GAMMA", 400.0)), (141, "script", parameter("NO_SUCH", 1.0)),
             *streamed(200, 900, fly_to(-3.0, 0.0, 4.0)),
+        ],
+    ),
+    "has failures injected": (
+        1500,
+        [
+            (40, "script", do(FAIL, 101.0, 1.0, 2.0)), (41, "script", parameter("SYS_FAILURE_EN", 1.0)),
+            *streamed(50, 1500, fly_to(1.0, 0.0, 4.0)),
+            (301, "script", do(FAIL, 101.0, 4.0, 2.0, 0.7)), (302, "script", do(FAIL, 101.0, 1.0, 9.0)),
+            (303, "script", do(FAIL, 4.0, 1.0, 0.0)), (501, "script", do(FAIL, 101.0, 0.0, 2.0)),
+            (601, "script", do(FAIL, 6.0, 3.0, 0.0, 0.05, 0.4)),
+            (801, "script", do(FAIL, 6.0, 6.0, 0.0, 0.02, 0.4)),
+            (901, "script", do(FAIL, 100.0, 1.0, 0.0)), (1401, "script", do(FAIL, 100.0, 0.0, 0.0)),
         ],
     ),
     "has two who command": (
@@ -277,6 +290,16 @@ EXPECTED = {  # words of its log: that it has done what it is there for
     "is raised again before it lands": ("ground",),
     "changes mode": ("Hold", "Offboard", "Position", "Return"),
     "changes parameters": (),
+    "has failures injected": (
+        "SYS_FAILURE_EN is 0",
+        "Injected: motor 2 wrong",
+        "instance or size",
+        "cannot do it",
+        "Cleared: motor 2",
+        "Injected: vio garbage",
+        "Battery emergency: 0 %",
+        "Cleared: battery",
+    ),
     "has two who command": ("255/190 is sending", "Hold", "Offboard"),
     "flies by velocity": ("ground",),
     "lands, and takes off again": ("Disarmed", "Takeoff"),

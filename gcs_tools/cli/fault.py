@@ -1,0 +1,62 @@
+"""`gcs fault`."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from fcu.interface.faults import SPECS
+from fcu.interface.ports import ports
+from gcs_tools.cli import arguments
+from gcs_tools.cli.live_vehicle import MEET_S, up_by, wait_ready
+from gcs_tools.cli.output import Failure
+
+CLEAR = "clear"
+
+
+@click.command(
+    epilog="Exit codes: 0 the simulator has done it, 2 invalid command line,\n"
+    "3 no vehicle ready or no reply within --timeout, or rejected: the reason is told."
+)
+@click.argument("name", required=False, type=click.Choice([*SPECS, CLEAR]))
+@click.option("--rotor", type=click.IntRange(1, 8), help="Of motor_...; default: all rotors.")
+@click.option("--much", type=float, default=0.0, help="How much, in the unit that the list names.")
+@click.option(
+    "--for", "for_s", type=click.FloatRange(0.0), default=0.0,
+    help="Simulation time in seconds; default: until gcs fault clear.",
+)  # fmt: skip
+@click.option("--enable", is_flag=True, help="Set SYS_FAILURE_EN to 1 first.")
+@arguments.UP_TIMEOUT
+@arguments.instance("the first that runs")
+def fault(
+    name: str | None, rotor: int | None, much: float, for_s: float, enable: bool, timeout_s: float,
+    instance: int | None,
+) -> None:  # fmt: skip
+    """Break something of a vehicle that is up, or list what can be broken.
+
+    Without NAME: the list. `clear` ends every fault. A mission has the same faults as a timeline, in
+    [[plant.faults]].
+    """
+    from fcu.interface.link import UdpLink
+    from gcs_tools.flight.fault_order import choices, clear, give
+    from gcs_tools.flight.ground_script import Vehicle, VehicleError
+
+    if name is None:
+        for each in choices():
+            much_told = f" --much {each.much:g} ({each.what})" if each.what else ""
+            click.echo(f"{each.name:15}{each.says}{much_told}")
+        return
+    number, due = up_by(instance, timeout_s)
+    vehicle = Vehicle(number, UdpLink(0, ports(number).fcu_station))  # a port of its own
+    try:
+        wait_ready(vehicle, max(due, time.monotonic() + MEET_S))
+        if name == CLEAR:
+            clear(vehicle)
+        else:
+            give(vehicle, name, rotor or 0, much, for_s, enable)
+    except VehicleError as error:
+        raise Failure(error) from error
+    finally:
+        vehicle.close()
+    click.echo(f"{name}: done by the simulator of instance {number}")
