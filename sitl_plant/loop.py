@@ -355,7 +355,7 @@ class Server:
             self._unusable = str(error)
 
     def _fails(self, datagram: bytes) -> bool:
-        """Break or mend what a datagram orders, and say that it is done; False for another datagram."""
+        """Break or mend what a datagram orders, and answer it. Return false for another datagram."""
         answer = self._simulator.answer_failure(datagram)
         if answer is not None:
             self._link.send(answer)

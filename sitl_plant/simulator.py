@@ -86,7 +86,7 @@ class Simulator:
             faults.draw(self.plant.struck, int(self._world.seed), self.tick // burst.NOISE_BLOCK)
 
     def answer_failure(self, datagram: bytes) -> bytes | None:
-        """Do what a datagram of the controller orders to fail, and acknowledge it; None for another.
+        """Obey a datagram that orders a failure, and acknowledge it. None: it is another datagram.
 
         It holds from the tick whose command has not come yet. An order that comes twice is done once.
         """
@@ -100,7 +100,7 @@ class Simulator:
         return self.codec.pack_failure_answer(self._failed[1], number)
 
     def fail(self, order: failures.Order) -> Result:
-        """Break something from the next command on, or mend it; ACCEPTED once that is done."""
+        """Break something from the next command on, or mend it. ACCEPTED: it is done."""
         kinds, struck = failures.kinds(order), self.plant.struck
         if not kinds:
             return Result.UNSUPPORTED

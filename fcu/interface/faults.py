@@ -23,7 +23,7 @@ DELAY_MOST_S = 0.5  # age of a delayed state
 
 
 class Kind(IntEnum):
-    """What breaks."""
+    """The parts that break, and how."""
 
     MOTOR_OFF = 0
     MOTOR_WEAK = 1
@@ -38,7 +38,7 @@ class Kind(IntEnum):
 
 
 class Size(NamedTuple):
-    """How much, in numbers that each kind has its own meaning for: see `Spec.keys`. The rest is 0."""
+    """The size of a fault, in the numbers of `Spec.keys`. The rest is 0."""
 
     a: float
     b: float
@@ -57,7 +57,7 @@ class Fault(NamedTuple):
 
 
 class Spec(NamedTuple):
-    """What a mission writes of a kind of fault, and what happens."""
+    """The keys of a kind of fault in a mission, and its effect."""
 
     kind: Kind
     keys: tuple[str, ...]  # of the table, beside kind, at_s and for_s

@@ -37,7 +37,7 @@ class Type(IntEnum):
 
 
 class Row(NamedTuple):
-    """What a unit and a type order."""
+    """The fault of a unit and a type."""
 
     kind: Kind
     much: float  # where parameter 4 is 0 or NaN
@@ -72,7 +72,7 @@ class Order(NamedTuple):
 
 
 def order(params: Sequence[float]) -> Order | None:
-    """The Order of a command's parameters; None for numbers that are no unit, type or instance."""
+    """The Order of a command's parameters. None: they are no unit, type or instance."""
     given = [0.0 if math.isnan(value) else value for value in params[:5]]
     if any(value != round(value) or not 0 <= value <= 255 for value in given[:3]) or given[4] < 0.0:
         return None
@@ -95,7 +95,7 @@ def words(of: Order) -> str:
 
 
 def is_in_range(of: Order, rotors: int) -> bool:
-    """Whether the vehicle has the instance of an order, and how much of it is possible.
+    """Return true if the vehicle has the instance of an order, and its size is possible.
 
     rotors : of the vehicle.  An order of type OK has no size.
     """

@@ -551,7 +551,7 @@ class PlantCodec:
         return self._framed(_COMMAND, payload)
 
     def failure(self, datagram: bytes) -> tuple[failures.Order | None, int] | None:
-        """What `pack_failure` packs: the order, and its number. None for another datagram.
+        """The order of `pack_failure`, and its number. None: it is another datagram.
 
         The order is None if it is none that has a meaning.
         """
@@ -572,7 +572,7 @@ class PlantCodec:
         return self._framed(_ACK, payload)
 
     def failure_answer(self, datagram: bytes) -> tuple[Result, int] | None:
-        """What `pack_failure_answer` packs: result and number of the order. None for another datagram."""
+        """Result and number of `pack_failure_answer`. None: it is another datagram."""
         payload = self._payload(_ACK, datagram)
         if payload is None:
             return None

@@ -219,7 +219,7 @@ class Loop:
             )
 
     def _hear_of_failure(self, datagram: bytes) -> bool:
-        """Take what the plant says of a failure; False for another datagram."""
+        """Take the plant's answer to a failure. Return false for another datagram."""
         said = self._autopilot.codec.failure_answer(datagram)
         failure = self._autopilot.ground.failure
         if said is not None and failure is not None and failure.number == said[1]:

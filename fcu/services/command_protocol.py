@@ -115,7 +115,7 @@ class Failure:
 
 
 def _injected(asked: Failure) -> Verdict | None:
-    """What has become of a failure. None: the plant has not said yet."""
+    """The outcome of a failure. None: the plant has not answered yet."""
     order, result = asked.order, asked.result
     if result is None:
         return None

@@ -220,7 +220,7 @@ class Station:
 
     @property
     def failure(self) -> Failure | None:
-        """The failure that the plant is asked for, with what it has answered; None: there is none."""
+        """The failure that the plant is asked for. None: there is none."""
         return self._commands.failure
 
     def failure_is_over(self) -> None:

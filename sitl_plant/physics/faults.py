@@ -82,7 +82,7 @@ def struck(params: Buffer, faults: Sequence[Fault], block: int) -> Struck:
 
 
 def is_noisy(faults: Struck) -> bool:
-    """Whether one of the faults adds noise."""
+    """Return true if one of the faults adds noise."""
     return bool((faults.table[: faults.used[0], _KIND] == _NOISY).any())
 
 
@@ -93,7 +93,7 @@ def draw(faults: Struck, seed: int, block: int) -> None:
 
 
 def add(faults: Struck, fault: Fault) -> bool:
-    """Add a fault while the vehicle flies; False if there is no room.
+    """Add a fault while the vehicle flies. Return false if there is no room.
 
     A fault that is over gives its place to the new one.
     """
@@ -117,13 +117,13 @@ def end(faults: Struck, kinds: Sequence[Kind], rotor: int, now_us: float) -> Non
 
 @kernel
 def holds(fault, kind, now_us):
-    """Whether a fault is of a kind and holds at a tick."""
+    """Return true if a fault is of a kind and holds at a tick."""
     return fault.kind == kind and fault.since_us <= now_us and now_us < fault.until_us
 
 
 @kernel
 def hits(fault, i):
-    """Whether a fault of rotors is of the rotor i, from 0."""
+    """Return true if a fault of rotors is of the rotor i, from 0."""
     return fault.rotor == 0.0 or fault.rotor == i + 1.0
 
 
@@ -180,7 +180,7 @@ def report_battery(faults, battery, now_us):
 
 @kernel
 def report_state(faults, reported, now, period_us, noise_at):
-    """Change `reported` (VehicleState) to what is reported of it at a tick; whether it has failed.
+    """Change `reported` (VehicleState) as its faults do at a tick. Return true if it has failed.
 
     now : number of the tick.  noise_at : row of `noise` that is of this tick.
     """
