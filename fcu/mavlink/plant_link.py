@@ -581,7 +581,7 @@ class PlantCodec:
         return (Result(result), number) if known else None
 
     def _payload(self, of: Definition, datagram: bytes) -> bytes | None:
-        """The payload of a datagram that is one message of a kind; None for another."""
+        """The payload of a datagram that is one message of a kind. None: it is another."""
         try:
             found, end = expected(of, datagram, 0, self.system, AUTOPILOT)
         except WireError:
