@@ -88,7 +88,7 @@ def main(port):
     geofence.upload_geofence(GeofenceData([inside], []))
     mission.upload_mission(plan)
     print("fenced", flush=True)
-    lat, lon = at(-10.0, 0.0)
+    lat, lon = at(-8.0, 8.0)
     rally = RawItem(
         seq=0, frame=6, command=5100, current=1, autocontinue=1, param1=0.0, param2=0.0, param3=0.0,
         param4=0.0, x=round(lat * 1e7), y=round(lon * 1e7), z=0.0, mission_type=2,
@@ -112,9 +112,10 @@ def main(port):
     wait("armed", lambda armed: not armed)
     landed = wait("position", lambda p: math.isfinite(p.latitude_deg))
     north = math.radians(landed.latitude_deg - here.latitude_deg) * 6_371_000.0
-    east = math.radians(landed.longitude_deg - here.longitude_deg) * 6_371_000.0 * 0.68
-    # the nearest of home and the rally point, from the last item
-    assert min(math.hypot(north, east), math.hypot(north + 10.0, east)) < 1.0, (north, east)
+    east = math.radians(landed.longitude_deg - here.longitude_deg) * 6_371_000.0
+    east *= math.cos(math.radians(here.latitude_deg))
+    # the rally point is nearer to the last item than home
+    assert math.hypot(north + 8.0, east - 8.0) < 1.0, (north, east)
     raw.clear_mission()
     assert raw.download_mission() == []
     print("cleared", flush=True)

@@ -56,7 +56,7 @@ def main(address):
         corners = [(-5e-4, -5e-4), (-5e-4, 5e-4), (8e-4, 5e-4), (8e-4, -5e-4)]
         assert store(link, 1, [(5001, 4.0, lat + a, lon + b) for a, b in corners]) == 0
         print("fenced", flush=True)
-        assert store(link, 2, [(5100, 0.0, lat - 1e-4, lon)]) == 0
+        assert store(link, 2, [(5100, 0.0, lat + 3e-4, lon)]) == 0
         print("rally", flush=True)
 
     def command(number, *params):

@@ -136,6 +136,11 @@ class Runner:
 
     def fly(self, script: Script) -> Flown:
         """The script, flown and judged."""
+        self.run(script)
+        return self.judged(script)
+
+    def run(self, script: Script) -> Path:
+        """Fly the script. Returns the folder of its run."""
         folder = self._folder(script)
         subprocess.run(["rm", "-rf", str(folder)], check=True)
         copy, run = folder / "copy", folder / "run"
@@ -170,7 +175,7 @@ class Runner:
                 words, cwd=folder, env=environment, check=False, stdin=subprocess.DEVNULL,
                 stdout=log, stderr=subprocess.STDOUT,
             )  # fmt: skip
-        return self.judged(script)
+        return run
 
     def flown(self, script: Script) -> bool:
         """Return true if a run of the script is kept."""

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.clients.plan_table import ACTIONS, CLIENTS, PlanRunner
+from tests.process.conftest import claimed_instance
+
 HERE = Path(__file__).parent
 
 
@@ -37,3 +40,16 @@ def test_mavwp_flies_a_plan(vehicle, run, monkeypatch, version):
     stored = ["fenced", "rally"] if more else []
     flown = ["started", "paused", "resumed", "jumped", "landed", "cleared"]
     assert said.splitlines() == ["given back", *stored, *flown]
+
+
+INSTALLED = "MAVSDK 4 (package mavsdk-grpc)", "MAVProxy, typed in", "MAVROS, its plugins' messages"
+
+
+@pytest.mark.parametrize("name", INSTALLED)
+def test_a_client_of_the_table_does_what_it_has(tmp_path, name):
+    """Judged by the vehicle's recording, as in the table of docs/plans.md."""
+    client = next(client for client in CLIENTS if client.name == name)
+    with claimed_instance() as instance:
+        runner = PlanRunner(tmp_path, {}, Path(), instance, network=False)
+        did, said = runner.fly(client)
+    assert did == set(ACTIONS), said

@@ -1,7 +1,8 @@
 """Types lines into a program at a terminal: typed.py N (TEXT LINE)... PROGRAM ARGUMENTS...
 
 N is how many words TEXT and LINE are. A line is typed once the program has written its text since the line
-before. The program then ends by itself, or is ended with this one.
+before. The program then ends by itself, or is ended with this one. The line (end) ends it, for one that ignores being
+asked to.
 """
 
 from __future__ import annotations
@@ -9,7 +10,10 @@ from __future__ import annotations
 import os
 import pty
 import re
+import signal
 import sys
+
+END = "(end)"
 
 
 def main() -> int:
@@ -32,8 +36,12 @@ def main() -> int:
         sys.stdout.flush()
         written += got
         while lines and re.search(lines[0][0], written):
-            written = ""
-            os.write(terminal, lines.pop(0)[1].encode() + b"\n")
+            written, line = "", lines.pop(0)[1]
+            if line == END:
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+                return 0
+            os.write(terminal, line.encode() + b"\n")
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 

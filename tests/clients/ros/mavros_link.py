@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import message_types as ros
+from mavros_missions import GEOFENCE, RALLYPOINTS, WAYPOINTS, MissionPlugin
 from pymavlink import mavutil
 
 MAIN = {
@@ -48,6 +49,13 @@ SERVICES = [
     "mission/push",
     "mission/clear",
     "mission/pull",
+    "mission/set_current",
+    "geofence/push",
+    "geofence/clear",
+    "geofence/pull",
+    "rallypoint/push",
+    "rallypoint/clear",
+    "rallypoint/pull",
     "set_stream_rate",
 ]
 
@@ -119,8 +127,17 @@ class MavrosLink:
         self._rates = (0.0, 0.0, 0.0)
         self._thrust: Any = None
         self._begun = time.monotonic()
+        kinds = {"mission": WAYPOINTS, "geofence": GEOFENCE, "rallypoint": RALLYPOINTS}
+        self._missions = {name: self._plugin(name, kind) for name, kind in kinds.items()}
         threading.Thread(target=self._beat, daemon=True).start()
         threading.Thread(target=self._hear, daemon=True).start()
+
+    def _plugin(self, name: str, kind: int) -> MissionPlugin:
+        def send(message: str, fields: tuple[Any, ...]) -> None:
+            with self._send:
+                getattr(self._link.mav, f"{message}_send")(*self._to, *fields)
+
+        return MissionPlugin(send, kind, lambda said: self._tell(f"{name}/waypoints", said, latched=True))  # fmt: skip
 
     # ---- what nodes ask for
 
@@ -148,6 +165,10 @@ class MavrosLink:
         """The fields of a service's response. Raises LookupError."""
         if service not in SERVICES:
             raise LookupError(service)
+        plugin, _, name = service.partition("/")
+        if plugin in self._missions:
+            words = {"push": (asked,), "set_current": (getattr(asked, "wp_seq", 0),)}.get(name, ())
+            return dict(getattr(self._missions[plugin], name)(*words))
         with self._called:
             return dict(getattr(self, "_service_" + service.replace("/", "_"))(asked))
 
@@ -322,36 +343,8 @@ class MavrosLink:
         near = now is not None and abs(now - value) <= 1e-6 * max(1.0, abs(value))
         return {"success": near, "value": _parameter(now)}
 
-    def _service_mission_clear(self, _asked: Any) -> dict[str, Any]:
-        return {
-            "success": self._acked(
-                "mission", lambda: self._link.mav.mission_clear_all_send(*self._to)
-            )
-            == 0
-        }
-
-    def _service_mission_pull(self, _asked: Any) -> dict[str, Any]:
-        count = self._acked("count", lambda: self._link.mav.mission_request_list_send(*self._to))
-        return {"success": count is not None, "wp_received": count or 0}
-
-    def _service_mission_push(self, asked: Any) -> dict[str, Any]:
-        self._waypoints = list(asked.waypoints)
-        result = self._acked(
-            "mission", lambda: self._link.mav.mission_count_send(*self._to, len(self._waypoints))
-        )
-        return {"success": result == 0, "wp_transfered": len(self._waypoints) if result == 0 else 0}
-
     def _service_set_stream_rate(self, _asked: Any) -> dict[str, Any]:
         return {}
-
-    def _acked(self, key: Any, send: Callable[[], None]) -> Any:
-        with self._came:
-            self._acks.pop(key, None)
-        with self._send:
-            send()
-        with self._came:
-            self._came.wait_for(lambda: key in self._acks, ACK_S)
-            return self._acks.get(key)
 
     # ---- what the vehicle says
 
@@ -373,7 +366,7 @@ class MavrosLink:
                 with self._send:  # as its plugins do once they are connected
                     self._link.mav.command_long_send(*self._to, 520, 0, 1.0, *(0.0,) * 6)
                     self._link.mav.param_request_list_send(*self._to)
-                    self._link.mav.mission_request_list_send(*self._to)
+                threading.Thread(target=self._missions["mission"].pull, daemon=True).start()
             if self._connected and second % 10 == 0:
                 with self._send:
                     self._link.mav.command_long_send(*self._to, 410, 0, *(0.0,) * 7)
@@ -389,6 +382,9 @@ class MavrosLink:
             said = self._link.recv_match(blocking=True, timeout=1.0)
             if said is None or (said.get_srcSystem(), said.get_srcComponent()) != self._to:
                 continue
+            if said.get_type().startswith("MISSION_"):
+                for plugin in self._missions.values():
+                    plugin.hears(said)
             hears = getattr(self, "_hears_" + said.get_type().lower(), None)
             if hears is not None:
                 hears(said)
@@ -500,23 +496,8 @@ class MavrosLink:
             self._acks[key] = value
             self._came.notify_all()
 
-    def _hears_mission_ack(self, m: Any) -> None:
-        self._answer("mission", m.type)
-
-    def _hears_mission_count(self, m: Any) -> None:
-        self._answer("count", m.count)
-        if m.count == 0:
-            self._tell("mission/waypoints", ros.WaypointList(0, []), latched=True)
-
-    def _hears_mission_request(self, m: Any) -> None:
-        w = self._waypoints[m.seq]
-        with self._send:
-            self._link.mav.mission_item_int_send(
-                *self._to, m.seq, w.frame, w.command, w.is_current, w.autocontinue, w.param1, w.param2, w.param3,
-                w.param4, int(w.x_lat * 1e7), int(w.y_long * 1e7), w.z_alt,
-            )  # fmt: skip
-
-    _hears_mission_request_int = _hears_mission_request
+    def _hears_mission_item_reached(self, m: Any) -> None:
+        self._tell("mission/reached", ros.WaypointReached(self._header(), m.seq))
 
     def _hears_param_value(self, m: Any) -> None:
         import struct

@@ -109,6 +109,7 @@ Waypoint = message(
     frame=0, command=0, is_current=False, autocontinue=False, param1=0.0, param2=0.0, param3=0.0, param4=0.0,
     x_lat=0.0, y_long=0.0, z_alt=0.0)
 WaypointList = message("WaypointList", current_seq=0, waypoints=list)
+WaypointReached = message("WaypointReached", header=Header, wp_seq=0)
 ParamValue = message("ParamValue", integer=0, real=0.0)
 Thrust = message("Thrust", header=Header, thrust=0.0)
 StatusText = message("StatusText", header=Header, severity=0, text="")

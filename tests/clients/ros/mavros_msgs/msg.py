@@ -15,4 +15,5 @@ from message_types import (  # noqa: F401
     Thrust,
     Waypoint,
     WaypointList,
+    WaypointReached,
 )
