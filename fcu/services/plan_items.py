@@ -180,6 +180,11 @@ def _turn(each: _Read) -> Step:
     return Step(Do.TURN, value=float(wrap(heading(math.radians(angle)))), way=way)
 
 
+def _near(each: _Read) -> Step:
+    far = each.number(1, 0.0, FARTHEST)
+    return Step(Do.NEAR, value=far)
+
+
 def _speed(each: _Read) -> Step:
     kind = each.number(1, 0.0, 3.0)
     if kind > 1.0:
@@ -235,7 +240,7 @@ _STEPS: dict[int, Callable[[_Read], Step]] = {
     ItemCommand.ROI_NONE: lambda each: Step(Do.LOOK_AHEAD),
     ItemCommand.ROI: _look,
     ItemCommand.LAND_START: lambda each: Step(Do.LANDING_BEGINS),
-    ItemCommand.CONDITION_DISTANCE: lambda each: Step(Do.NOTHING),
+    ItemCommand.CONDITION_DISTANCE: _near,
 }
 
 
@@ -361,10 +366,7 @@ def rally_of(items: Sequence[PlanItem], origin: Origin) -> tuple[Vec3, ...]:
 
 def passed_over(items: Sequence[PlanItem]) -> int:
     """The number of items of a plan that are taken and do nothing."""
-    return sum(
-        item.command in PASSED_OVER or item.command == ItemCommand.CONDITION_DISTANCE
-        for item in items
-    )
+    return sum(item.command in PASSED_OVER for item in items)
 
 
 NAMES = {

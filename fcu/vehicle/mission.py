@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ class Do(Enum):
     TURN = auto()
     SPEED = auto()
     JUMP = auto()
+    NEAR = auto()  # on the way to the next place, until that is as near as `value`, m
     HOME = auto()
     LOOK_AT = auto()
     LOOK_AHEAD = auto()
@@ -56,7 +57,7 @@ class Step(NamedTuple):
     hold_s: float = 0.0
     stops: bool = False  # comes to rest there, however short it holds
     radius: float = 0.0  # m, in which the place counts as reached (0: NAV_ACC_RAD), or of a circle
-    value: float = 0.0  # m/s, rad or turns
+    value: float = 0.0  # m/s, rad, turns or m
     times: int = 0  # of a jump; below 0: without end
     to: int = 0  # the step that a jump leads to
     relative: bool = False  # of a turn: from the heading that the vehicle has
@@ -68,6 +69,7 @@ class Next(NamedTuple):
 
     step: Step
     cruise: float | None
+    short: float = 0.0  # m before the place: the vehicle may have to come to rest there
 
 
 class Mission:
@@ -130,19 +132,39 @@ class Mission:
 
     def ahead(self) -> Next | None:
         """The place behind the current step, if the vehicle need not stop before. Else None."""
-        jumped, index, cruise = dict(self._jumped), self.current, None
+        cruise, short = None, 0.0
+        for step in self._to_come():
+            if step.do in (Do.GO_TO, Do.LOITER):
+                return Next(step, cruise, short)
+            if step.do is Do.NEAR:
+                short = short or step.value
+            elif (
+                (short == 0.0 and step.do not in AT_ONCE)
+                or step.do in FLOWN
+                or step.do in (Do.LAND, Do.RETURN)
+            ):
+                return None
+            elif step.do is Do.SPEED and short == 0.0:
+                cruise = step.value
+        return None
+
+    def next_place(self) -> Step | None:
+        """The next step behind the current one that leads somewhere. None: a return comes before, or the end."""
+        for step in self._to_come():
+            if leads(step):
+                return step
+            if step.do is Do.RETURN:
+                return None
+        return None
+
+    def _to_come(self) -> Iterator[Step]:
+        """The steps behind the current one, as they will be flown, some of them."""
+        jumped, index = dict(self._jumped), self.current
         for _ in range(LOOKED):
             index = self._after(index, jumped)
             if index >= len(self.steps):
-                return None
-            step = self.steps[index]
-            if step.do in (Do.GO_TO, Do.LOITER):
-                return Next(step, cruise)
-            if step.do not in AT_ONCE:
-                return None
-            if step.do is Do.SPEED:
-                cruise = step.value
-        return None
+                return
+            yield self.steps[index]
 
     @property
     def landing(self) -> int | None:

@@ -161,8 +161,10 @@ class MissionFlight:
             yield from self._along(stopping)
         while mission.current < len(mission.steps):
             step = mission.steps[mission.current]
-            if step.do in FLOWN and self._sees.is_landed():
-                yield from self._climb(step)
+            if self._sees.is_landed():
+                rises = mission.next_place() if step.do is Do.NEAR else step
+                if rises is not None and rises.do in FLOWN:
+                    yield from self._climb(rises)
             yield from self._do(step)
             if self._at_once > len(mission.steps) + 1:  # a loop of steps that take no time
                 yield from self._stay(CUT_S)
@@ -174,6 +176,8 @@ class MissionFlight:
         self._at_once += 1
         if step.do in (Do.GO_TO, Do.LOITER, Do.TAKE_OFF):
             yield from self._go_to(step)
+        elif step.do is Do.NEAR:
+            yield from self._near(step)
         elif step.do is Do.LAND:
             yield from self._land(step)
         elif step.do is Do.CIRCLE:
@@ -307,8 +311,23 @@ class MissionFlight:
 
     def _go_to(self, step: Step) -> Iterator[Piece]:
         """Fly to a place: through it in a curve, or to rest there."""
-        led = self._sees.limits(None)
-        end, radius = self._target(step), self._radius(step)
+        yield from self._fly(step, self._target(step))
+
+    def _near(self, step: Step) -> Iterator[Piece]:
+        """Fly on until the next place is as near as a step says, and through there. It does nothing if it is."""
+        to = self._mission.next_place()
+        if to is None or self._sees.is_landed():
+            return
+        end = self._target(to)
+        if to.do is Do.LAND:
+            end = Vec3(end.x, end.y, self._r.z)
+        far = length(end - self._r)
+        short = max(step.value, abs(to.radius)) if to.do is Do.CIRCLE else step.value
+        if far > short:
+            yield from self._fly(step, end + (short / far) * (self._r - end))
+
+    def _fly(self, step: Step, end: Vec3) -> Iterator[Piece]:
+        led, radius = self._sees.limits(None), self._radius(step)
         leg = leg_of(self._r, end, led)
         self._faces(step, leg)
         corner = None
@@ -331,13 +350,19 @@ class MissionFlight:
     def _corner(self, step: Step, leg: Leg, radius: float, led: PlanLimits) -> Corner | None:
         """The Corner in which the vehicle flies through a place. None if it stops there."""
         ahead = self._mission.ahead()
-        if step.do is not Do.GO_TO or step.hold_s > 0.0 or step.stops or ahead is None:
+        flown_through = step.do in (Do.GO_TO, Do.NEAR) and step.hold_s == 0.0 and not step.stops
+        if not flown_through or ahead is None:
             return None
         led_on = led if ahead.cruise is None else self._sees.limits(ahead.cruise)
         end = leg.start + leg.far * leg.ahead
         place = placed(ahead.step, self._sees.home())
         if place is None or not is_finite(place):
             return None
+        if ahead.short > 0.0:  # the onward leg ends where the vehicle may have to stop
+            onward_far = length(place - end)
+            if onward_far <= ahead.short:
+                return None
+            place = place + (ahead.short / onward_far) * (end - place)
         onward = leg_of(end, place, led_on)
         if onward is None:
             return None

@@ -102,3 +102,38 @@ def test_a_long_curve_is_held_against_the_fence_all_along():
     flight = MissionFlight(None, sees, SimpleNamespace(r_E=STILL, psi=0.0))
     assert flight._is_clear(leg, corner, Vec3(300.0, 0.0, 5.0))
     assert length(corner.acceleration) * (corner.for_s / len(asked)) ** 2 / 8.0 <= 0.01
+
+
+def test_what_follows_a_distance_is_done_that_far_from_the_next_place():
+    """CONDITION_DISTANCE: the speed changes on the way, and the vehicle does not stop for it."""
+    near = Step(Do.NEAR, value=20.0), Step(Do.SPEED, value=2.0)
+    flight = Planned(UP, go(10.0, 0.0, 5.0), *near, go(60.0, 0.0, 5.0), go(60.0, 20.0, 5.0))
+    flight.params.set("MR_GUARD", 0.0, False)
+    flight.begin(90.0)
+    assert flight.vehicle.mission.is_complete
+    assert list(flight.vehicle.mission.reached) == [0, 1, 2, 3, 4, 5]
+    led = [(r.x, v.x) for r, v in zip(flight.track, flight.led, strict=True) if r.y < 1.0]
+    assert max(v for x, v in led if 15.0 < x < 35.0) > 4.0
+    on_the_way = [v for x, v in led if 41.0 < x < 55.0]
+    assert max(on_the_way) < 2.0 + 1e-9
+    assert min(on_the_way) > 1.0
+
+
+def test_a_distance_that_is_met_takes_no_time_and_one_before_the_take_off_neither():
+    near = Step(Do.NEAR, value=50.0), Step(Do.SPEED, value=2.0)
+    flight = Planned(
+        Step(Do.NEAR, value=1.0), UP, *near, go(20.0, 0.0, 8.0), Step(Do.NEAR, value=3.0)
+    )
+    flight.begin(90.0)
+    assert flight.vehicle.mission.is_complete
+    led = max(math.hypot(v.x, v.y) for v in flight.led)
+    assert 1.9 < led < 2.01  # a piece may be flown a tick too long
+
+
+def test_a_turn_behind_a_distance_is_made_where_it_is_met():
+    turn = Step(Do.NEAR, value=10.0), Step(Do.TURN, value=math.pi)
+    flight = Planned(UP, go(5.0, 0.0, 5.0), *turn, go(40.0, 0.0, 5.0))
+    flight.begin(90.0)
+    slow = [r.x for r, v in zip(flight.track, flight.led, strict=True) if v == STILL and r.x > 8.0]
+    assert min(abs(x - 30.0) for x in slow) < 0.3
+    assert not [x for x in slow if 8.0 < x < 29.0]
