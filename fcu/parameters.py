@@ -60,7 +60,7 @@ VEHICLE: tuple[Parameter, ...] = (
         "Modes that lead the vehicle",
         P("", "MIS_TAKEOFF_ALT", 2.5, 0.5, 80.0, "m", "height of a take-off that names none"),
         P("", "NAV_ACC_RAD", 2.0, 0.05, 200.0, "m", "radius in which a place of a plan counts as reached, and its corner is rounded"),
-        P("", "RTL_TYPE", 0.0, 0.0, 3.0, "", "0 home/rally, 1 rally/landing of the plan, 2 along the plan, 3 nearest of all", values=(0.0, 1.0, 2.0, 3.0), integer=True),
+        P("", "RTL_TYPE", 0.0, 0.0, 6.0, "", "where a return ends: 0 home or rally point, 1 to 6: docs/plans.md", values=(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), integer=True),
         P("", "RTL_RETURN_ALT", 10.0, 0.0, 150.0, "m", "height above home of the way back"),
         P("", "RTL_DESCEND_ALT", 10.0, 0.0, 100.0, "m", "height above home at which it waits RTL_LAND_DELAY"),
         P("", "RTL_LAND_DELAY", 0.0, -1.0, 300.0, "s", "time above home before it lands; below 0 for ever, 0 lands at once"),

@@ -38,7 +38,7 @@ class Code(Enum):
     FAILSAFE_MODE = "Failsafe: mode {}"
     FAILSAFE_STOPPED = "Failsafe: rotors stopped"
     FENCE_BREACHED = "Fence breached"
-    FENCE_INSIDE = "Inside the fence again"
+    FENCE_INSIDE = "Fence breach is over"
     OFFBOARD_LOST_MODE = "Offboard lost: no setpoint for {:g} s, mode {}"
     OFFBOARD_LOST_STOPPED = "Offboard lost: no setpoint for {:g} s, rotors stopped"
     STICKS_LOST_MODE = "Sticks lost: none for {:g} s, mode {}"
@@ -186,14 +186,15 @@ class Code(Enum):
     TRANSFER_BUSY = "another transfer is in progress"
     TRANSFER_LOST = "the transfer was broken off"
     NO_SUCH_PART = "items {} to {} of {} cannot be replaced"
-    OUTSIDE_FENCE = "outside the fence"
-    PLACE_OUTSIDE = "its place is outside the fence"
-    WAY_OUTSIDE = "the way to it leaves the fence"
+    OUTSIDE_FENCE = "the fence forbids this place"
+    PLACE_OUTSIDE = "the fence forbids its place"
+    WAY_OUTSIDE = "the fence forbids the way to it"
     RETURN_STRAIGHT = "Return: straight, no way around the fence is known"
     ITEM_SHORT = (
         "its way needs {:newtons} more than available: slower would do (MPC_XY_CRUISE, MPC_ACC_HOR)"
     )
-    CIRCLE_OUTSIDE = "its circle leaves the fence"
+    CIRCLE_OUTSIDE = "the fence forbids its circle"
+    PLAN_IN_LOOK = "its plan is being looked at, for MR_GUARD has changed"
     POLYGON_SHORT = "a polygon of {} corners (at least 3)"
     POLYGON_BROKEN = "polygon corner {} of {} is missing"
     GROUND_SPEED_ONLY = "expected speed type 1 (ground speed)"
@@ -249,11 +250,12 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.NO_SUCH_PART: ("no items {0} to {1}", "no such part"),
     Code.POLYGON_SHORT: ("{0} corners (at least 3)", "too few corners"),
     Code.POLYGON_BROKEN: ("no corner {0}",),
-    Code.PLACE_OUTSIDE: ("not inside the fence",),
-    Code.WAY_OUTSIDE: ("way leaves the fence",),
+    Code.PLACE_OUTSIDE: ("fence forbids its place",),
+    Code.WAY_OUTSIDE: ("fence forbids the way",),
+    Code.PLAN_IN_LOOK: ("plan is being looked at",),
     Code.RETURN_STRAIGHT: ("Return: straight, no way around known", "no way around"),
     Code.ITEM_SHORT: ("way lacks {0:newtons}",),
-    Code.CIRCLE_OUTSIDE: ("circle leaves the fence",),
+    Code.CIRCLE_OUTSIDE: ("fence forbids its circle",),
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
     Code.NOT_AS_BELIEVED: ("Unexpected: {0}",),

@@ -244,6 +244,9 @@ class Station:
         if self.is_pending:
             self._protocol.settle(t_us, decides)
         self._plans.look_on(t_us, decides)
+        found = self._vehicle.look_again()
+        if found is not None:
+            self._tell_of_plan(found, found.code is not Code.DENIED)
         self.record_plan(t_us)
         self._record.tell()
         if not self.streams.is_due(now):

@@ -50,6 +50,7 @@ from fcu.services.status import MODES, custom_mode, landed_state, system_status
 from fcu.services.wind import Wind
 from fcu.vehicle.fence import Breach
 from fcu.vehicle.modes import BY_STICKS, Mode
+from fcu.vehicle.returning import battery_left_s
 from fcu.vehicle.state_machine import StateMachine
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
@@ -252,15 +253,20 @@ def _battery(v: View) -> Sequence[Packed]:
     b = v.battery
     if b is None:
         return []
-    left_s = math.nan
-    if b.current > 1.0:
-        left_s = 3.6 * b.remaining * v.params["BAT1_CAPACITY"] / b.current
+    left_s = battery_left_s(b, v.params["BAT1_CAPACITY"])
     low, critical, emergency = (v.params[f"BAT_{n}_THR"] for n in ("LOW", "CRIT", "EMERGEN"))
     state = 1 + (b.remaining < low) + (b.remaining < critical) + (b.remaining < emergency)
     cells = int(v.params["BAT1_N_CELLS"])
     return [
         tm.battery_status(
-            b.voltage, b.current, b.drawn_Ah, b.remaining, left_s, cells, state, b.energy_J
+            b.voltage,
+            b.current,
+            b.drawn_Ah,
+            b.remaining,
+            math.nan if left_s is None else left_s,
+            cells,
+            state,
+            b.energy_J,
         )
     ]
 

@@ -60,19 +60,19 @@ class FeasibilityCheck:
         return self._looks().pace if self._looks_ahead else Pace()
 
     @property
-    def _policy(self) -> float:
+    def policy(self) -> float:
         """The guard's; without one nobody looks ahead, as where it governs."""
         return self._params.guard.policy if self._looks_ahead else GOVERN
 
     @property
     def refuses(self) -> bool:
         """Whether what misses the condition is not flown."""
-        return self._policy == REFUSE
+        return self.policy == REFUSE
 
     @property
     def look(self) -> Look | None:
         """The look at what is asked for. None: nobody looks, as where the guard governs."""
-        return None if self._policy == GOVERN else self.look_anyhow
+        return None if self.policy == GOVERN else self.look_anyhow
 
     @property
     def look_anyhow(self) -> Look | None:
@@ -89,7 +89,7 @@ class FeasibilityCheck:
 
         reference : float64[9], where the reference model is: r_m, v_m, a_m.
         """
-        if self._policy == GOVERN or setpoint.level > 0.0:
+        if self.policy == GOVERN or setpoint.level > 0.0:
             return 0.0
         short = self._looks().short(way_to(setpoint), reference)
         if short == 0.0 and (self.refuses or setpoint.v_c == STILL):
@@ -151,7 +151,7 @@ class FeasibilityCheck:
         reference: Row,
     ) -> Shortfall | None:  # fmt: skip
         """way_of : of a part, from 0 to 1, of what was asked for.  would_do : the same, told."""
-        if self._policy == GOVERN:
+        if self.policy == GOVERN:
             return None
         short = self._looks().short(way_of(1.0), reference)
         if short == 0.0:

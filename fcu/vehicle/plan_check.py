@@ -1,8 +1,8 @@
 """The condition along a plan, looked at before it is accepted, a little at a time.
 
 The pieces are those that `mission_flight` lays down, in still air and with a vehicle that follows them. What
-depends on the flight alone is left out: holds take no time, a jump is passed over, a circle is flown until it is at
-its speed, and the look ends where the vehicle returns or stays for ever. Take-off and descent are left out too, as in
+depends on the flight alone is left out: holds take no time, a jump back is taken once, a circle is flown until it is at
+its speed, and the look ends where the vehicle returns or stays for ever. With jumps it also ends after MOST_STEPS. Take-off and descent are left out too, as in
 all looks: the vehicle has to get up and down somehow. Pure. Frame: Earth ENU, SI.
 """
 
@@ -27,7 +27,8 @@ from fcu.vehicle.plans import STILL, Piece, PlanLimits, Pose
 TOGETHER = 40  # pieces of one look, at most
 AT_A_TIME = 16  # pieces that are laid down from one pause to the next
 STEADY_S = 2.0  # on a circle, at its speed
-_PASSED = frozenset({Do.TURN, Do.JUMP, Do.LOOK_AT, Do.LOOK_AHEAD, Do.HOME, Do.LANDING_BEGINS})
+MOST_STEPS = 4000  # that are looked at: jumps in jumps lead through more than anybody can look at
+_PASSED = frozenset({Do.TURN, Do.LOOK_AT, Do.LOOK_AHEAD, Do.HOME, Do.LANDING_BEGINS})
 
 
 class ItemMargin(NamedTuple):
@@ -49,14 +50,18 @@ class Ground(NamedTuple):
     parameter: Callable[[str], float]
 
 
-def along(steps: tuple[Step, ...], begin: Ground, look: Look | None) -> Iterator[ItemMargin | None]:
+def along(
+    steps: tuple[Step, ...], begin: Ground, look: Look | None, first: int = 0
+) -> Iterator[ItemMargin | None]:
     """Look along a plan. Yields an ItemMargin when one has been found, and None to pause meanwhile.
 
     An item may have several: of parts of its way.  look : None for a law without a condition: there is nothing to see.
+    first : the step that is flown first.
     """
     if look is None:
         return
     flight = _Laid(steps, begin)
+    flight.mission.set_current(first)
     laid: list[Piece] = []
     at_s = 0.0
     last, a = (
@@ -98,12 +103,22 @@ class _Laid:
         self._cruise: float | None = None  # m/s
         self._here = begin.pose
         self.mission = Mission()
-        self.mission.replace(tuple(map(self._looked, steps)))
+        self.mission.replace(tuple(self._looked(number, step) for number, step in enumerate(steps)))
 
-    def _looked(self, step: Step) -> Step:
-        """The step without what takes time alone."""
+    def _looked(self, number: int, step: Step) -> Step:
+        """The step without what takes time alone.
+
+        A jump back is taken once: what follows the jump, and the steps before it at the speed that they end with, are
+        then looked at. A jump ahead without end always skips the steps between.
+        """
         if step.do in _PASSED:
             return Step(Do.NOTHING)
+        if step.do is Do.JUMP:
+            return (
+                step
+                if step.to > number and step.times < 0
+                else step._replace(times=min(1, abs(step.times)))
+            )
         if step.do is Do.CIRCLE:
             led = self._begin.limits(None)
             most = math.sqrt(0.5 * led.acceleration * abs(step.radius))
@@ -137,6 +152,8 @@ class _Laid:
                 item = mission.current
                 if not math.isfinite(piece.for_s):
                     break
+                if mission.changed > MOST_STEPS:
+                    return
                 if piece.for_s > 0.0:
                     end = _end(piece)
                     self._here = Pose(end.r_c, end.v_c, end.psi_c)

@@ -1,6 +1,6 @@
 """The place over which a return ends, and the part of the plan by which it leads there, as RTL_TYPE says.
 
-The types are those of PX4 1.15. The landing of a plan begins at DO_LAND_START, or is the first landing of a
+The types are those of PX4: 0 to 3 of its release 1.15, 4 to 6 of its main branch. The landing of a plan begins at DO_LAND_START, or is the first landing of a
 plan without that mark. Pure. Frame: Earth ENU. M.
 """
 
@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
+from fcu.interface.messages import Battery
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle.mission import Do, Mission, leads, placed
 
@@ -22,9 +23,17 @@ class ReturnType(IntEnum):
     NOT_HOME = 1  # the nearest of rally points and the plan's landing; home without any
     PLAN = 2  # along the plan to its landing, or back along it and home
     NEAREST = 3  # the nearest of all
+    SHORTER = 4  # along the plan to its landing, or back along it and home: by fewer items
+    RALLY = 5  # the nearest of rally points, also at home; without any: here
+    CHARGE = 6  # home if the charge lasts, else the nearest rally point; as 0 if that is not known
 
 
-# as in PX4 1.15, rtl.cpp
+# as in PX4, rtl.cpp
+RETURN_FACTOR, RETURN_MARGIN_S = (
+    1.1,
+    100.0,
+)  # RTL_TIME_FACTOR, RTL_TIME_MARGIN: of the time of a return
+LEAST_CURRENT = 1.0  # A, from which the time that a charge lasts is told
 OF_HOME = 10.0  # m: a rally point that near to home is home
 NEARER = 2.0  # m: by so much another place has to be nearer than the one before
 
@@ -40,30 +49,51 @@ class Ending(NamedTuple):
 
 
 def ending(
-    kind: ReturnType, here: Vec3, home: Vec3, rally: tuple[Vec3, ...], mission: Mission, flown: bool
-) -> Ending:
+    kind: ReturnType, here: Vec3, home: Vec3, rally: tuple[Vec3, ...], mission: Mission, flown: bool,
+    lasts: bool | None = None,
+) -> Ending:  # fmt: skip
     """The end of a return from a place.
 
     rally : of which z says nothing.  flown : the plan was flown until now, and goes on, or back, from its current step.
+    lasts : the charge lasts for the way home. None: not known.
     """
     landing = _landing(mission)
-    if kind is ReturnType.PLAN:
+    if kind is ReturnType.SHORTER and landing is not None:
+        ahead, behind = landing[0] - mission.current, mission.current
+        landing = landing if ahead < behind else None
+    if kind in (ReturnType.PLAN, ReturnType.SHORTER):
         found = _along_plan(here, home, mission, landing, flown)
         return Ending(home) if found is None else found
     ends = []
     if kind in (ReturnType.HOME_OR_RALLY, ReturnType.NEAREST):
         ends.append(Ending(home))
+    if kind is ReturnType.CHARGE and lasts is not False:
+        ends.append(Ending(home))
+        rally = () if lasts else rally
+    if kind is ReturnType.RALLY:
+        away = [Ending(Vec3(r.x, r.y, home.z)) for r in rally]
+        return _nearest_of(away or [Ending(Vec3(here.x, here.y, home.z))], here)
     if kind in (ReturnType.NOT_HOME, ReturnType.NEAREST) and landing is not None:
         first, last = landing
         ends.append(_landed(mission, home, here, first, last, straight=True))
     ends += [Ending(Vec3(r.x, r.y, home.z)) for r in rally if _across(r, home) > OF_HOME]
-    if not ends:
-        return Ending(home)
+    return _nearest_of(ends, here) if ends else Ending(home)
+
+
+def _nearest_of(ends: list[Ending], here: Vec3) -> Ending:
+    """The nearest, where one has to be clearly nearer than those before it."""
     best, *others = ends
     for each in others:
         if _across(each.place, here) + NEARER < _across(best.place, here):
             best = each
     return best
+
+
+def battery_left_s(battery: Battery | None, capacity_mAh: float) -> float | None:
+    """The time that a charge lasts at the current that is drawn, s. None: not known."""
+    if battery is None or battery.current <= LEAST_CURRENT:
+        return None
+    return 3.6 * battery.remaining * capacity_mAh / battery.current
 
 
 def _across(a: Vec3, b: Vec3) -> float:

@@ -59,7 +59,14 @@ from fcu.vehicle.mission_flight import MissionFlight, Sees
 from fcu.vehicle.modes import Event, Mode, Need
 from fcu.vehicle.plan_check import Ground, along
 from fcu.vehicle.plans import STILL, Circle, Leader, Piece, PlanLimits, Pose
-from fcu.vehicle.returning import Ending, ReturnType, ending
+from fcu.vehicle.returning import (
+    RETURN_FACTOR,
+    RETURN_MARGIN_S,
+    Ending,
+    ReturnType,
+    battery_left_s,
+    ending,
+)
 from fcu.vehicle.setpoints import (
     POSITION,
     Owner,
@@ -201,6 +208,9 @@ class StateMachine:
         self.sticks = StickInput(sim_only)
         self._stick_flight: StickFlight | None = None  # while sticks are flown
         self.feasibility = FeasibilityCheck(params)
+        self._again: Iterator[Shortfall | None] | None = None  # another look at the plan
+        self._lack: Shortfall | None = None  # that it has found
+        self._looked_by, self._settings_seen = self.feasibility.policy, params.settings
         self._cruise: float | None = None
         self._on_ground = True  # until a state has shown otherwise
         self.flight_times = FlightTimes()
@@ -633,6 +643,8 @@ class StateMachine:
             return self.unfit
         if self.mode is Mode.TAKEOFF:
             return self._why_not_take_off(self._take_off_to, t_us, wall_s)
+        if self.mode is Mode.MISSION:
+            return self._why_not_fly_plan() if self.mission.steps else Told(Code.NO_MISSION)
         if self.mode in modes.ALOFT:
             return Told(Code.MODE_NOT_TO_ARM, (self.mode.value,))
         if self.mode in modes.BY_STICKS:
@@ -716,7 +728,7 @@ class StateMachine:
         if too_much is not None:
             return Answer(False, too_much)
         if wanted is Mode.MISSION:
-            too_much = self._plan_outside(self.mission.steps, self.mission.current)
+            too_much = self._why_not_fly_plan()
         if too_much is not None:
             return Answer(False, too_much)
         lack: Shortfall | None = None
@@ -741,6 +753,7 @@ class StateMachine:
         In mode Mission the new plan is flown from its first step, and none is left for Hold.
         """
         self.mission.replace(steps)
+        self._again, self._lack, self._looked_by = None, None, self.feasibility.policy
         self._fly_plan_anew(t_us)
 
     def plan_outside(self, steps: tuple[Step, ...]) -> tuple[int, Told] | None:
@@ -753,7 +766,49 @@ class StateMachine:
             self._outside = asked, outside(steps, home, self.fence.first_outside)
         return self._outside[1]
 
-    def look_along(self, steps: tuple[Step, ...]) -> Iterator[Shortfall | None]:
+    def look_again(self) -> Told | None:
+        """Go on with another look at the plan, if MR_GUARD has changed since the last. Returns its finding, once.
+
+        The step that is flown now is the first that is looked at.
+        """
+        if self._params.settings is not self._settings_seen:
+            self._settings_seen = self._params.settings
+            if self._is_look_due:
+                self._looked_by, self._lack = self.feasibility.policy, None
+                plan = self.mission
+                first = plan.current if plan.current < len(plan.steps) else 0
+                self._again = self.look_along(plan.steps, first)
+        if self._again is None:
+            return None
+        for found in self._again:
+            if found is None:
+                return None
+            self._lack = found
+        self._again = None
+        lack = self._lack
+        if lack is None:
+            return None
+        if self.feasibility.refuses:
+            return Told(
+                Code.DENIED, (Mode.MISSION.value, Told(Code.ITEM, (lack.item, lack.reason)))
+            )
+        return Told(Code.PLAN_SHORT, (lack.item, lack.short))
+
+    @property
+    def _is_look_due(self) -> bool:
+        """Tell whether the guard that there is now has not looked at the plan."""
+        return bool(self.mission.steps) and self.feasibility.policy != self._looked_by
+
+    def _why_not_fly_plan(self) -> Told | None:
+        """The reason why the plan must not be flown on. None if it may."""
+        found = self._plan_outside(self.mission.steps, self.mission.current)
+        if found is not None or not self.feasibility.refuses:
+            return found
+        if self._is_look_due or self._again is not None:
+            return Told(Code.PLAN_IN_LOOK)
+        return None if self._lack is None else Told(Code.ITEM, (self._lack.item, self._lack.reason))
+
+    def look_along(self, steps: tuple[Step, ...], first: int = 0) -> Iterator[Shortfall | None]:
         """Look at a plan before it is taken. Yields None to pause, and at last the item that lacks most, if one does.
 
         Where the guard refuses, the first item that lacks anything ends the look. Nobody looks where the guard governs, and before the plant was heard.
@@ -762,7 +817,7 @@ class StateMachine:
         if look is None or self.state is None or not steps:
             return
         worst: Shortfall | None = None
-        for found in along(steps, self._ground(self.pose()), look):
+        for found in along(steps, self._ground(self.pose()), look, first):
             if found is not None and (short := -found.tightest.margin) > 0.0:
                 if worst is None or short > worst.short:
                     worst = Shortfall(short, Told(Code.ITEM_SHORT, (short,)), found.item)
@@ -812,7 +867,20 @@ class StateMachine:
         assert self.home is not None
         kind = ReturnType(int(self._params["RTL_TYPE"]))
         flown = was is Mode.MISSION and not self.mission.is_complete
-        return ending(kind, here, self.home, self.rally, self.mission, flown)
+        lasts = self._charge_lasts(here) if kind is ReturnType.CHARGE else None
+        return ending(kind, here, self.home, self.rally, self.mission, flown, lasts)
+
+    def _charge_lasts(self, here: Vec3) -> bool | None:
+        """Tell whether the battery lasts for a return home from a place, with PX4's margin. None: not known."""
+        assert self.home is not None
+        left_s = battery_left_s(self.battery, self._params["BAT1_CAPACITY"])
+        if left_s is None:
+            return None
+        led, height = self._limits(), here.z - self.home.z
+        up = max(self._params["RTL_RETURN_ALT"] - height, 0.0)
+        down, across = height + up, math.hypot(here.x - self.home.x, here.y - self.home.y)
+        for_s = up / led.up + across / led.cruise + down / self._params["MPC_LAND_SPEED"]
+        return RETURN_FACTOR * for_s + RETURN_MARGIN_S < left_s
 
     def _around(self, start: Vec3, end: Vec3) -> list[Vec3]:
         """The places of the way home: straight, or around what the fence forbids if there is such a way."""
@@ -952,7 +1020,12 @@ class StateMachine:
     def reposition(
         self, to: Vec3, psi: float | None, t_us: int, speed: float | None = None
     ) -> Answer:
-        """Hold somewhere else: straight there, within the limits; `speed`: as `change_speed`."""
+        """Hold somewhere else: straight there, within the limits; `speed`: as `change_speed`.
+
+        A place that is not inside the fence is refused, as by PX4.
+        """
+        if self.fence.is_set and not self.fence.is_clear(to, to):
+            return Answer(False, Told(Code.PLACE_OUTSIDE))
         return self._go(to, psi, t_us, speed)
 
     def orbit(self, circle: Circle, t_us: int) -> Answer:

@@ -63,7 +63,7 @@ def test_a_reason_is_heard_to_its_end(text):
 
 
 @pytest.mark.parametrize("together", [False, True])
-@pytest.mark.parametrize("says", ["Mission denied: item 2: way leaves the fence", None])
+@pytest.mark.parametrize("says", ["Mission denied: item 2: fence forbids the way", None])
 def test_the_text_of_the_upload_before_is_no_reason(together, says):
     """It comes after the acknowledgement, so that the next upload has begun when it is heard."""
     refusal = common.MAVLink_mission_ack_message(255, 190, common.MAV_MISSION_DENIED, 0)
@@ -82,9 +82,9 @@ def test_the_text_of_an_upload_is_no_reason_of_a_command():
     answers = [
         common.MAVLink_statustext_message(6, b"Mission: 7 items taken"),
         common.MAVLink_command_ack_message(CommandId.MISSION_START, common.MAV_RESULT_DENIED),
-        common.MAVLink_statustext_message(4, b"Mode Mission denied: outside the fence"),
+        common.MAVLink_statustext_message(4, b"Mode Mission denied: the fence forbids it"),
     ]
-    with pytest.raises(Refused, match="refused: Mode Mission denied: outside the fence"):
+    with pytest.raises(Refused, match="refused: Mode Mission denied: the fence forbids it"):
         Vehicle(0, Slow([b"", *map(packed, answers)])).start_mission()
 
 

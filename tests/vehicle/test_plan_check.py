@@ -140,3 +140,68 @@ def test_the_look_leaves_the_plan_that_is_flown_as_it_is(flight):
         flight.vehicle.cruise,
     ) == before
     assert flight.vehicle.home != (5.0, 5.0, 0.0)
+
+
+def test_a_jump_back_is_looked_at_as_it_will_be_flown(flight):
+    """The way back, and the steps before it at the speed that the plan has come to."""
+    flight.set(MR_GUARD=REFUSE, **SLOW)
+    there = UP, go(5.0, 0.0, 5.0), go(60.0, 0.0, 5.0)
+    fast = Step(Do.SPEED, value=12.0)
+    assert looked(flight, *there, fast) is None
+    lack = looked(flight, *there, fast, Step(Do.JUMP, to=1, times=3))
+    assert lack is not None
+    assert lack.item == 1
+    assert looked(flight, *there, Step(Do.JUMP, to=1, times=3)) is None
+    assert looked(flight, *there, fast, Step(Do.JUMP, to=1, times=0)) is None
+
+
+def test_what_a_jump_ahead_always_skips_is_not_looked_at(flight):
+    flight.set(MR_GUARD=REFUSE, **SLOW)
+    skipped = Step(Do.SPEED, value=12.0), go(90.0, 0.0, 5.0), Step(Do.SPEED, value=2.0)
+    ahead = Step(Do.JUMP, to=5, times=-1)
+    plan = UP, ahead, *skipped, go(5.0, 0.0, 5.0)
+    assert looked(flight, *plan) is None
+    assert looked(flight, *plan[:1], ahead._replace(times=0), *plan[2:]).item == 3
+
+
+def test_a_look_at_jumps_in_jumps_ends(flight):
+    flight.set(**SLOW)
+    jumps = [Step(Do.JUMP, to=1, times=9) for _ in range(700)]
+    found = margins(flight, UP, go(20.0, 0.0, 5.0), go(0.0, 5.0, 5.0), *jumps)
+    assert set(found) == {1, 2}
+
+
+def again(flight):
+    """Finish another look. Returns what is told of it, and after how many parts."""
+    for part in range(1000):
+        told = flight.vehicle.look_again()
+        if told is not None or flight.vehicle._again is None:
+            return told, part
+    raise AssertionError("the look has no end")
+
+
+def test_a_guard_that_begins_to_refuse_looks_at_the_plan_there_is(flight):
+    fast = UP, go(5.0, 0.0, 5.0), Step(Do.SPEED, value=12.0), go(90.0, 0.0, 5.0), Step(Do.LAND)
+    flight.set(MR_GUARD=GOVERN)
+    flight.vehicle.take_plan(fast, flight.t_us)
+    assert again(flight) == (None, 0)
+    flight.set(MR_GUARD=REFUSE)
+    early = flight.vehicle.start_plan(-1, flight.t_us, 0.0)
+    assert (early.granted, early.told.code) == (False, Code.PLAN_IN_LOOK)
+    told, _ = again(flight)
+    assert told.code is Code.DENIED
+    late = flight.vehicle.start_plan(-1, flight.t_us, 0.0)
+    assert (late.granted, late.told.code, late.told.values[0]) == (False, Code.ITEM, 3)
+    assert again(flight) == (None, 0)
+    flight.set(MR_GUARD=WARN)
+    told, _ = again(flight)
+    assert (told.code, told.values[0]) == (Code.PLAN_SHORT, 3)
+    assert flight.vehicle.start_plan(-1, flight.t_us, 0.0).granted
+
+
+def test_a_guard_that_begins_to_refuse_lets_what_fits_be_flown(flight):
+    flight.set(MR_GUARD=GOVERN, **SLOW)
+    flight.vehicle.take_plan(SQUARE, flight.t_us)
+    flight.set(MR_GUARD=REFUSE)
+    assert again(flight)[0] is None
+    assert flight.vehicle.start_plan(-1, flight.t_us, 0.0).granted

@@ -12,7 +12,7 @@ from itertools import pairwise
 import pytest
 
 from fcu.kernel.algebra import Vec3
-from fcu.vehicle.areas import Disc, Polygon
+from fcu.vehicle.areas import Polygon
 from fcu.vehicle.mission import Do, Step
 from fcu.vehicle.modes import Mode
 from tests.vehicle.test_mission import UP, Planned, go
@@ -167,8 +167,9 @@ def test_return_direct_with_geofence_obstruction():
     ids=["no rally points", "home is closest", "home is not closest"],
 )  # fmt: skip
 def test_return_to_the_closest_of_home_and_rally_points(rally, to, ends):
-    """PX4's three cases of RTL_TYPE 6, which is not known here, by RTL_TYPE 0. A quarter of its distances."""
+    """PX4's three cases of RTL_TYPE 6, without a battery that tells how long it lasts. A quarter of its distances."""
     flight = Watched(UP, go(*to, HEIGHT))
+    flight.params.set("RTL_TYPE", 6.0, False)
     flight.vehicle.rally = tuple(Vec3(x, y, 0.0) for x, y in rally)
     flight.begin(120.0)
     flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
@@ -178,29 +179,3 @@ def test_return_to_the_closest_of_home_and_rally_points(rally, to, ends):
     if ends != (0.0, 0.0):
         assert flight.off_home() > 20.0
     print_row("RTL_TYPE=6 ...", off_m=off, disarmed_s=took)
-
-
-def test_a_mission_flown_twice_is_flown_the_same():
-    """ArduPilot's FlyMissionTwice: after a landing the plan begins anew."""
-    flight = Watched(*square(), Step(Do.LAND, Vec3(0.0, 0.0, 0.0)))
-    ends = []
-    for _ in range(2):
-        flight.begin(180.0)
-        flight.disarmed_s(30.0)
-        assert flight.vehicle.mission.last_reached == 4
-        ends.append(flight.off_home())
-        assert flight.vehicle.mission.is_complete
-    assert max(ends) < 1.0
-
-
-def test_a_pond_is_flown_around_on_the_way_to_a_rally_point():
-    """ArduPilot's RTL_TO_RALLY, with a fence between."""
-    flight = Watched(UP, go(40.0, 0.0, HEIGHT))
-    flight.vehicle.rally = (Vec3(40.0, 40.0, 0.0),)
-    flight.vehicle.take_fence((Disc(False, 40.0, 20.0, 6.0),))
-    flight.params.set("RTL_TYPE", 1.0, False)
-    flight.begin(120.0)
-    flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
-    flight.disarmed_s(180.0)
-    assert math.dist(flight.r[:2], (40.0, 40.0)) < 1.0
-    assert flight.vehicle.fence.breaches == 0

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from fcu.interface.messages import Battery
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle.areas import Disc
 from fcu.vehicle.mission import Do, Mission, Step
@@ -160,3 +161,54 @@ def test_the_way_to_the_plan_goes_around_what_the_fence_forbids():
     assert flight.vehicle.fence.breaches == 0
     assert flight.nearest(15.0, 20.0, 5.0) < 0.3
     assert math.hypot(flight.r.x, flight.r.y) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("current", "found"),
+    [(1, Ending(HOME, (START,), straight=False)), (2, Ending(HOME, (A, START), straight=False)),
+     (3, Ending(LANDED, (B, C), straight=False)), (5, Ending(LANDED, (C,), straight=False))],
+)  # fmt: skip
+def test_the_shorter_of_both_ways_along_a_plan_is_counted_in_items(current, found):
+    """RTL_TYPE 4: 4 items to the mark less those behind are fewer than those behind, or not."""
+    steps = UP, OUT, SPEED, ON, MARK, IN, LAND
+    assert end(4, (10.0, 0.0, 6.0), *steps, current=current, flown=True, rally=RALLY) == found
+
+
+def test_without_a_landing_the_shorter_way_is_back():
+    assert end(4, (30.0, 0.0, 8.0), UP, OUT, ON, current=2, flown=True) == Ending(HOME, (A, START), straight=False)  # fmt: skip
+    assert end(4, (30.0, 0.0, 8.0)) == Ending(HOME)
+
+
+def test_rally_points_alone_and_without_any_where_it_is():
+    """RTL_TYPE 5: also one at home, and no landing of the plan."""
+    at_home = Vec3(3.0, 2.0, 0.0)
+    steps = UP, OUT, ON, MARK, IN, LAND
+    assert end(5, (0.0, 0.0, 5.0), *steps, rally=(*RALLY, at_home)) == Ending(Vec3(3.0, 2.0, 0.5))
+    assert end(5, (30.0, 38.0, 5.0), *steps) == Ending(Vec3(30.0, 38.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("lasts", "here", "found"),
+    [(True, (-19.0, 0.0, 5.0), HOME), (False, (2.0, 2.0, 5.0), Vec3(-20.0, 0.0, 0.5)),
+     (None, (-19.0, 0.0, 5.0), Vec3(-20.0, 0.0, 0.5)), (None, (2.0, 2.0, 5.0), HOME)],
+)  # fmt: skip
+def test_home_is_returned_to_while_the_charge_lasts(lasts, here, found):
+    """RTL_TYPE 6. Without a rally point it is home in any case."""
+    chosen = ending(ReturnType.CHARGE, Vec3(*here), HOME, RALLY, Mission(), False, lasts)
+    assert chosen == Ending(found)
+    assert ending(ReturnType.CHARGE, Vec3(*here), HOME, (), Mission(), False, lasts) == Ending(HOME)
+
+
+@pytest.mark.parametrize(("remaining", "ends"), [(0.9, (0.0, 0.0)), (0.02, (0.0, 60.0))])
+def test_a_return_by_charge_is_flown_home_or_to_the_rally_point(remaining, ends):
+    """At 30 A a full battery lasts for half an hour. A return takes PX4's 100 s and more."""
+    flight = Planned(UP, go(0.0, 80.0, 5.0))
+    flight.params.set("RTL_TYPE", 6.0, False)
+    flight.params.set("BAT1_CAPACITY", 15_000.0, False)
+    flight.vehicle.rally = (Vec3(0.0, 60.0, 0.0),)
+    flight.begin(90.0)
+    flight.vehicle.battery = Battery(voltage=22.0, current=30.0, drawn_Ah=1.0, remaining=remaining, energy_J=1e4)  # fmt: skip
+    flight.vehicle.select(Mode.RETURN, flight.t_us, 0.0)
+    flight.vehicle.battery = None
+    flight.fly(180.0, lambda: not flight.vehicle.armed)
+    assert math.dist(flight.r[:2], ends) < 0.5
