@@ -83,7 +83,10 @@ def show(file: Path, figure: Path | None, flight: Path | None, as_json: bool) ->
         )
         try:
             if flight is not None:
-                drawn = drawn._replace(flown=flown_way(flight, read))
+                flown = flown_way(flight, read)
+                for note in flown.notes:
+                    click.echo(note, err=True)
+                drawn = drawn._replace(flown=flown.way)
             draw(drawn, figure)
         except RecordingError as error:
             raise Failure(error, USAGE) from error

@@ -178,17 +178,30 @@ def margins(mission: Mission) -> tuple[PlanMargin, ...]:
     return tuple(found[number] for number in sorted(found))
 
 
-def flown_way(recording: Path, plan: PlanFile) -> list[tuple[float, float]]:
-    """The way of a flight from above, east and north of a plan's home, m. Raises RecordingError, PlanError.
+class Flown(NamedTuple):
+    """The way of a flight from above, east and north of a plan's home, m, and what is to be known of it."""
+
+    way: list[tuple[float, float]]
+    notes: list[str]
+
+
+def flown_way(recording: Path, plan: PlanFile) -> Flown:
+    """The way of a flight over a plan. Raises RecordingError, PlanError.
 
     The flight's own plan says where on Earth it was. Without one it begins at home.
     """
+    notes = []
     found = read(recording)
     if not len(found.plant):
         raise RecordingError(f"{recording}: nothing was recorded of this flight")
     r = np.column_stack([found.plant["state.r_E.x"], found.plant["state.r_E.y"]])
     items = PlanHistory(found.events).placed()
+    if not found.complete:
+        notes.append(
+            f"{recording}: the recording was cut, its way ends at {found.plant['t'][-1]:.1f} s (gcs recover)"
+        )
     if items is None:
+        notes.append(f"{recording}: it flew no plan, its way is drawn from home")
         x, y = r[0].tolist()
     else:  # a place on Earth whose local place is known
         home = plan.begin
@@ -196,7 +209,9 @@ def flown_way(recording: Path, plan: PlanFile) -> list[tuple[float, float]]:
         same = to_local(about, items.x * 1e-7, items.y * 1e-7, 0.0)
         x, y = items.place.x - same.x, items.place.y - same.y
     every = max(1, len(r) // DRAWN)
-    return [(float(east) - x, float(north) - y) for east, north in r[::every].tolist()]
+    return Flown(
+        [(float(east) - x, float(north) - y) for east, north in r[::every].tolist()], notes
+    )
 
 
 def send(vehicle: Vehicle, plan: PlanFile) -> None:

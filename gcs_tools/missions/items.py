@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Annotated, Any, Literal, Self
 
@@ -220,15 +220,21 @@ class Plan(Table):
                 raise plan_file.PlanError(f"{self.file}: no item leads the vehicle anywhere")
         except plan_file.PlanError as error:
             raise because(("file",), str(error)) from None
-        self.check_numbers(("expect", "items"), self.expect.items or ())  # type: ignore[attr-defined]
+        self.check_items(("expect", "items"), self.expect.items or {})  # type: ignore[attr-defined]
         return self
 
-    def check_numbers(self, where: tuple[str, ...], numbers: Iterable[str]) -> None:
-        """Raise for the number of an item that the plan does not have."""
-        last = len(self.plan.mission) - 1
-        for number in numbers:
+    def check_items(self, where: tuple[str, ...], items: Mapping[str, Any]) -> None:
+        """Raise for an item that the plan does not have, and for a distance from the place of one without a place.
+
+        items : a PlanItemExpect, by the item's number.
+        """
+        last, placed = len(self.plan.mission) - 1, self.plan.flown_to()
+        for number, expected in items.items():
             if int(number) > last:
                 raise wrong((*where, number), f"an item of the plan, 0 to {last}", int(number))
+            if expected.passed_m is not None and int(number) not in placed:
+                why = f"item {number} leads to no place that it could pass"
+                raise because((*where, number, "passed_m"), why)
 
 
 KINDS = ("take_off", "go_to", "follow", "hold", "land", "return", "plan")

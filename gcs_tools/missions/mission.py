@@ -213,6 +213,11 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
         if plan_file.looks_like_one(text):
             ends = " or ".join(plan_file.SUFFIXES)
             raise MissionError(f"{source}: a plan: its name has to end in {ends}") from error
+        if path.suffix != ".toml":
+            ends = ", ".join((".toml", *plan_file.SUFFIXES))
+            raise MissionError(
+                f"{source}: expected a mission or a plan, a file whose name ends in one of {ends}"
+            ) from error
         where = source if error.line is None else f"{source}:{error.line}"
         raise MissionError(f"{where}: {error}") from error
     mission = _checked(path.stem, source, path.parent, given, {}, text)

@@ -24,7 +24,9 @@ WAYPOINT, LAND, RETURN, TAKEOFF, JUMP, SPEED = 16, 21, 20, 22, 177, 178
 _WAITS = {16, 19, 93, 112}  # items whose parameter 1 is a time, s
 _GLOBAL, _GLOBAL_INT = 0, 5
 _IN, _OUT, _DISC_IN, _DISC_OUT, _RALLY = 5001, 5002, 5003, 5004, 5100
-_PLACED = {16, 17, 18, 19, 21, 22, 31, 195}
+_AIMED = 195  # DO_SET_ROI_LOCATION: a place that is faced
+_PLACED = {16, 17, 18, 19, 21, 22, 31, _AIMED}
+PLAN_VERSION, MISSION_VERSION = 1, 2  # of QGroundControl, which reads no other
 _LEVELS = 20  # of complex items inside one another
 _MOST = 1e9  # of any number, as in mission files
 _DIGITS = 20  # of a whole number that may be meant; Python reads no more than 4300
@@ -70,6 +72,10 @@ class PlanFile:
         for number, item in enumerate(self.mission):
             if item.command in _PLACED and (item.x, item.y) != (0, 0) and item.x < 2**31 - 1:
                 yield number, item.x * 1e-7, item.y * 1e-7, item.z, item.frame
+
+    def flown_to(self) -> frozenset[int]:
+        """The numbers of items to whose place the vehicle flies."""
+        return frozenset(n for n, *_ in self.places() if self.mission[n].command != _AIMED)
 
     @property
     def begin(self) -> Home:
@@ -208,7 +214,9 @@ def _plan(text: str) -> PlanFile:
         ) from None
     if not isinstance(tables, dict) or tables.get("fileType") != "Plan":
         raise PlanError(': expected a plan of QGroundControl ("fileType": "Plan")')
+    _check_version(tables, PLAN_VERSION, "")
     mission = _table(tables, "mission", "")
+    _check_version(mission, MISSION_VERSION, ".mission")
     entries = list(_simple(_list(mission, "items", ".mission"), ".mission.items", 0))
     numbers: dict[float, int] = {}  # of items, by the number that a jump names
     for i, (where, entry) in enumerate(entries):
@@ -229,6 +237,12 @@ def _plan(text: str) -> PlanFile:
         tuple(_rally(tables["rallyPoints"])) if "rallyPoints" in tables else (),
         _home(mission),
     )
+
+
+def _check_version(table: dict[str, Any], expected: int, where: str) -> None:
+    version = table.get("version", expected)
+    if version != expected:
+        raise PlanError(f": {where}.version: expected {expected}, got {json.dumps(version)[:40]}")
 
 
 def _whole(digits: str) -> int | float:

@@ -384,7 +384,7 @@ class Document(Table):
             why = f"the flight needs one plan for these, and has {len(plans) or 'none'}"
             raise because(("expect", "items"), why)
         if plans[0].is_known:
-            plans[0].check_numbers(("expect", "items"), numbered)
+            plans[0].check_items(("expect", "items"), numbered)
 
 
 @cache

@@ -2,15 +2,19 @@
 
     python -m gcs_tools.studies.plans looks       times of a look, ms, by the wall
     python -m gcs_tools.studies.plans repeats     a plan with a fence and a return, 20 times over the wire and 20 in process
+    python -m gcs_tools.studies.plans ticks       the time of a tick with a plan and without one, in process
+    python -m gcs_tools.studies.plans ticks --beside FOLDER     and a flight without one by another checkout, in turns
 
-`repeats` ends with 1 unless all flights are one to the bit.
+`repeats` ends with 1 unless all flights are one to the bit. `ticks` prints medians: the machine may be shared.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
+import subprocess
 import sys
 import tempfile
 import time
@@ -35,6 +39,15 @@ from gcs_tools.missions.plan_file import RETURN
 ITEMS = (10, 100, 2000)
 SEED = 1
 OVER = object()
+# an item script and a plan of the same kind, and a flight that every checkout has
+WITHOUT, WITH, ALIKE = "square_and_land", "plan_square", "paper_nominal"
+ONE_FLIGHT = """
+import sys, tempfile
+from gcs_tools import fly
+with tempfile.TemporaryDirectory() as out:
+    flown = fly(sys.argv[1], in_process=True, out=out + "/run", figure="never", record="none")
+print(1e6 / (500.0 * flown.real_time_factor))
+"""
 
 
 def drawn(items: int) -> tuple[Step, ...]:
@@ -94,12 +107,37 @@ def repeats(times: int) -> int:
     return 0 if len({trajectory for _, trajectory in found}) == 1 else 1
 
 
+def ticks(times: int, beside: Path | None) -> int:
+    """Print how long a tick takes, and how much longer than without a plan, or than in another checkout."""
+    here = Path(__file__).resolve().parents[2]
+    flights = [(WITHOUT, here), (WITH, here), *([(ALIKE, here), (ALIKE, beside)] if beside else [])]
+    took: dict[tuple[str, Path], list[float]] = {flight: [] for flight in flights}
+    for k in range(times + 1):
+        for mission, checkout in flights:
+            told = subprocess.run(
+                [sys.executable, "-c", ONE_FLIGHT, mission], env={**os.environ, "PYTHONPATH": str(checkout)},
+                cwd=checkout, check=True, capture_output=True, text=True,
+            ).stdout  # fmt: skip
+            if k:  # the first compiles
+                took[mission, checkout].append(float(told.split()[-1]))
+    medians = {flight: float(np.median(each)) for flight, each in took.items()}
+    for (mission, checkout), median in medians.items():
+        print(f"{mission:18s} {median:8.3f} us a tick{'' if checkout == here else '  beside'}")
+    print(f"with a plan: {medians[WITH, here] / medians[WITHOUT, here]:.3f} times without")
+    if beside:
+        print(f"without, here: {medians[ALIKE, here] / medians[ALIKE, beside]:.3f} times beside")
+    return 0
+
+
 def main() -> int:
     """Run one of them."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("looks", "repeats"))
+    parser.add_argument("what", choices=("looks", "repeats", "ticks"))
     parser.add_argument("--times", type=int, default=20)
+    parser.add_argument("--beside", type=Path, help="another checkout, with its kernels compiled")
     asked = parser.parse_args()
+    if asked.what == "ticks":
+        return ticks(asked.times, asked.beside and asked.beside.absolute())
     return looks() if asked.what == "looks" else repeats(asked.times)
 
 

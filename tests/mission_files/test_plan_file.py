@@ -243,3 +243,23 @@ def test_a_plan_by_another_name_is_told_by_its_content(tmp_path, text):
     path.write_text(WAYPOINTS if text == "WAYPOINTS" else SQUARE.read_text())
     with pytest.raises(MissionError, match=r"a plan: its name has to end in \.plan or \.waypoints"):
         load(str(path))
+
+
+@pytest.mark.parametrize("version", [7, 0, "1", None])
+def test_another_version_of_a_plan_is_named(file, tables, version):
+    tables["version"] = version
+    with pytest.raises(PlanError, match=r"\.version: expected 1, got "):
+        read(file(json.dumps(tables)))
+    tables["version"], tables["mission"]["version"] = 1, version
+    with pytest.raises(PlanError, match=r"\.mission\.version: expected 2, got "):
+        read(file(json.dumps(tables)))
+
+
+def test_a_file_of_another_kind_is_told_what_there_are(tmp_path):
+    path = tmp_path / "way.kml"
+    path.write_text('<?xml version="1.0"?><kml></kml>')
+    done = gcs("fly", path)
+    assert done.exit_code == 2
+    assert "a file whose name ends in one of .toml, .plan, .waypoints" in " ".join(
+        done.stderr.split()
+    )

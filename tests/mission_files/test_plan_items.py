@@ -18,6 +18,11 @@ def test_they_stand_in_expect_of_a_flight_with_one_plan():
         ("plan_square", "expect.items.7.took_s=3", "items.7: expected an item of the plan, 0 to 6"),
         ("plan_square", "expect.items.2.tok_s=3", "did you mean took_s?"),
         ("plan_square", "expect.items.02.took_s=3", "items.02: expected the number of an item"),
+        (
+            "plan_square",
+            "expect.items.1.passed_m=3",
+            "item 1 leads to no place",
+        ),
         ("plan_square", "expect.items.x.took_s=3", "items.x: expected the number of an item"),
         ("paper_nominal", "expect.items.2.took_s=3", "needs one plan"),
         ("square_and_land", "expect.items.2.took_s=3", "needs one plan"),

@@ -39,7 +39,8 @@ def test_a_plan_file_is_flown_and_recorded(tmp_path):
     assert items == sorted(items)
     assert items[-1] == 7
     # drawn over the same plan, the way begins at its home and passes its places
-    way = flown_way(tmp_path / "run" / "flight.mcap", plan_file.read(SQUARE))
+    way, notes = flown_way(tmp_path / "run" / "flight.mcap", plan_file.read(SQUARE))
+    assert notes == []
     assert way[0] == pytest.approx((0.0, 0.0), abs=0.05)
     assert min(math.dist(r, (0.0, 25.0)) for r in way) < 0.3
     figure = tmp_path / "plan.png"
@@ -101,3 +102,18 @@ def test_a_plan_that_does_not_land_is_done_once_it_is_complete(tmp_path):
     path.write_text(json.dumps(tables))
     flown = gcs_tools.fly(str(path), in_process=True, out=tmp_path / "run", figure="never")
     assert (flown.ended, flown.exit_code) == ("done", 0)
+
+
+def test_a_flight_that_was_cut_or_flew_no_plan_says_so_over_one(tmp_path):
+    gcs_tools.fly("gust_step", in_process=True, out=tmp_path / "run", figure="never")
+    whole = tmp_path / "run" / "flight.mcap"
+    _, notes = flown_way(whole, plan_file.read(SQUARE))
+    assert len(notes) == 1
+    assert "it flew no plan" in notes[0]
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    _, notes = flown_way(cut, plan_file.read(SQUARE))
+    assert "the recording was cut" in notes[0]
+    done = gcs("plan", "show", SQUARE, "--figure", tmp_path / "a.png", "--flight", cut)
+    assert done.exit_code == 0
+    assert "was cut" in done.stderr
