@@ -108,11 +108,13 @@ def done(run: Path) -> Iterator[str]:
     if plans:
         yield "upload"
     said = (run / "script.log").read_text(errors="replace")
-    steps = [step for step in history.steps() if step[2] >= 0]
+    steps = [step for step in history.steps() if step[1] > 0]
     r_E = np.asarray(recording.plant["state.r_E"])
-    if steps and r_E[:, 2].max() > UP_M:
+    is_up = r_E[:, 2] > UP_M
+    if is_up.any() and any(reached >= 0 for _, _, reached in steps):
         yield "fly"
-    in_turn = modes(recording.events, steps[0][0]) if steps else ""
+    since = float(recording.plant["t"][int(is_up.argmax())]) if is_up.any() else math.inf
+    in_turn = modes(recording.events, since)
     if "Hold" in in_turn:
         yield "pause"
     if re.search(r"Hold.* Mission", in_turn):
