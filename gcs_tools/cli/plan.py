@@ -65,6 +65,9 @@ def show(file: Path, figure: Path | None, flight: Path | None, as_json: bool) ->
             click.echo(
                 "The file has no home: places are shown about the first one, below which it begins."
             )
+        if read.returns is not None and read.returns < len(read.mission) - 1:
+            behind = f"{read.returns + 1} to {len(read.mission) - 1}"
+            click.echo(f"Item {read.returns} returns and lands: items {behind} are not flown.")
         click.echo(f"Refused: {found.refused}" if found.refused else "The vehicle takes this plan.")
     if figure is not None:
         from gcs_tools.flight.plan_look import flown_way, outlines, path

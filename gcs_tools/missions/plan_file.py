@@ -64,8 +64,20 @@ class PlanFile:
     @property
     def lands(self) -> bool:
         """Tell whether the plan ends on the ground."""
+        end = self.returns
+        if end is not None:
+            return True
         flown = [item.command for item in self.mission if item.command < 100]
-        return bool(flown) and flown[-1] in (LAND, RETURN)
+        return bool(flown) and flown[-1] == LAND
+
+    @property
+    def returns(self) -> int | None:
+        """The number of the return that ends the plan: items behind it are not flown. None: no return, or jumps over it."""
+        first = next((n for n, item in enumerate(self.mission) if item.command == RETURN), None)
+        if first is None:
+            return None
+        jumps = (item for item in self.mission[:first] if item.command == JUMP)
+        return None if any(item.params[0] > first for item in jumps) else first
 
     def places(self) -> Iterator[tuple[int, float, float, float, int]]:
         """Of each item of the mission with a place: its number, latitude, longitude, height, frame."""

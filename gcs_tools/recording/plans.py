@@ -176,6 +176,8 @@ class PlanHistory:
             if flown is None:
                 flown, began = current, t
                 continue
+            if current == flown and last < flown:  # told again
+                continue
             for k in range(flown, last + 1):
                 found.setdefault(k, (began if k == flown else t, t))
             found.setdefault(flown, (began, None))  # a client had another one flown

@@ -263,3 +263,13 @@ def test_a_file_of_another_kind_is_told_what_there_are(tmp_path):
     assert "a file whose name ends in one of .toml, .plan, .waypoints" in " ".join(
         done.stderr.split()
     )
+
+
+@pytest.mark.parametrize(("jump", "returns"), [(None, 4), (3, 4), (6, None)])
+def test_a_return_ends_a_plan_unless_a_jump_leads_over_it(file, tables, jump, returns):
+    items = tables["mission"]["items"]
+    items[4].update(command=20, frame=2, params=[0, 0, 0, 0, 0, 0, 0])
+    if jump is not None:
+        to = items[jump]["doJumpId"]
+        items[2].update(command=177, frame=2, params=[to, 1, 0, 0, 0, 0, 0])
+    assert read(file(json.dumps(tables))).returns == returns
