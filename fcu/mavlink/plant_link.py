@@ -472,6 +472,11 @@ class PlantCodec:
         self._compile()
 
     @property
+    def has_failed(self) -> bool:
+        """True if the last state that was received says of itself that it has failed."""
+        return bool(self.desk.quality[0] < 0)
+
+    @property
     def battery(self) -> Battery | None:
         """As last received, with a state; None before."""
         return from_buffer(Battery, self.battery_buffer) if self.has_battery[0] else None

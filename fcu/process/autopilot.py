@@ -17,7 +17,7 @@ import numpy as np
 
 from fcu.guard.parameters import GOVERN, REFUSE
 from fcu.guard.present import Beginning
-from fcu.guard.types import GuardState
+from fcu.guard.types import GuardInternals, GuardState
 from fcu.interface import event_log
 from fcu.interface.event_log import Event, Said
 from fcu.interface.link import exclusive_socket
@@ -47,6 +47,7 @@ from fcu.process.tick import State
 from fcu.services.ground_port import GroundPort
 from fcu.services.station import Bind, Listen, Station
 from fcu.services.streams import Identity
+from fcu.vehicle.conditions import ROWS, Condition
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
 
@@ -57,6 +58,7 @@ LATEST_US = (
 )  # first time of a plant: exact, and far from 2**53, as all that follow
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 
+_CONTRADICTED_AT = column_of(Course, "contradicted_at")
 _TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
     column_of(Course, name)
     for name in ("time_us", "h", "armed", "airborne", "engaged", "since_us", "load", "answer_bytes")
@@ -67,6 +69,9 @@ _R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_
 _COMMAND, _THRUSTS = slice_of(SharedTick, "command"), slice_of(SharedTick, "outputs.thrusts")
 NAMED = 3  # numbers that are not finite are told by name, so many of them
 TIMES, LOAD = 3, 2  # columns of the times of a tick: answered, cycle, load
+
+# conditions that the filter of states finds, by what it tells
+FILTERED = {ROWS[each].code: each for each in (Condition.STATE_STUCK, Condition.STATE_LOST)}
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 FlyDecided = Callable[[int, Row], bool]
@@ -166,6 +171,9 @@ class Autopilot:
             self.vehicle.reference_acceleration = self.flight.remembered[at]
         if tells_beginning(self._law):
             self.vehicle.beginning = self._beginning
+        if self._law.tells("guard", GuardInternals):
+            at = slice_of(self._law.ticks.Tick, "guard.contradicted").start
+            self.flight.course[_CONTRADICTED_AT] = at
         self.period_us = round(h * 1e6)
         self._course = self.flight.course
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
@@ -374,10 +382,7 @@ class Autopilot:
         self._jumps = 0
         course[_TIME] = time_us
         if not filtered:
-            if course[_AIRBORNE]:
-                self._tell(self._filter.pass_on(received, self._settings.law.h, time_us))
-            else:
-                self._filter.take(received)
+            self._tell(self._filtered(received, time_us))
         self.vehicle.battery = self.codec.battery
         self._tell(self.vehicle.observe(self._measured, time_us, self.clock(wall_s)))
         self.prepare()
@@ -385,6 +390,28 @@ class Autopilot:
         if not self._fly_decided(time_us, row):
             self.raise_for_law(row)
         return self._answered(row, started)
+
+    def _filtered(self, received: Row, time_us: int) -> list[Told]:
+        """Pass a state on to the law, unless it has failed or cannot be. Returns what is told of it."""
+        h, passes = self._settings.law.h, self._filter
+        self.flight.failed[0] = self.codec.has_failed
+        if self.codec.has_failed and self.vehicle.state is not None:
+            found = passes.fail(h, time_us)
+        elif passes.has_failed:
+            found = passes.mend(received)
+            self.vehicle.is_gone(Condition.STATE_LOST)
+        elif self._course[_AIRBORNE]:
+            found = passes.pass_on(received, h, time_us)
+        else:
+            passes.take(received)
+            return []
+        told: list[Told] = []
+        for each in found:
+            condition = FILTERED.get(each.code)
+            told += (
+                [each] if condition is None else self.vehicle.find(condition, each.values, time_us)
+            )
+        return told
 
     def _end(self, ending: Ending, received: Row) -> None:
         """The plant's flight has ended: the vehicle lies where it says."""

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.guard.types import Contradicted
 from fcu.interface.messages import Battery, Setpoint, VehicleState
 from fcu.kernel import system
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
@@ -22,7 +23,7 @@ from fcu.kernel.pointers import Pointer, address_of, call_law
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
-from fcu.vehicle.conditions import NO_MODEL, look
+from fcu.vehicle.conditions import NO_MODEL, Watch, look
 from fcu.vehicle.position_filter import Filtered, quiet, take
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -37,6 +38,7 @@ SAID = 300  # characters at most of what a law has raised
 
 _command = slice_of(SharedTick, "command")
 _REMAINING = column_of(Battery, "remaining")
+_CONTRADICTED, _SIGNS = column_of(Watch, "contradicted"), size(Contradicted)
 _FIRST_COMMAND, _END_COMMAND = _command.start, _command.stop
 
 
@@ -53,6 +55,7 @@ class Course(NamedTuple):
     since_us: float  # when the setpoint took effect
     load: float  # smoothed: cycle over the control period
     answer_bytes: float  # length of the last answer
+    contradicted_at: float  # column of guard.contradicted in a row; negative: the law has no guard
 
 
 class Flight(NamedTuple):
@@ -72,6 +75,7 @@ class Flight(NamedTuple):
     has_battery: Integers  # [1]
     told: Integers  # [3], of a datagram
     answer: Bytes  # the last one
+    failed: Integers  # [1]: 1 while the last state has failed: Python passes on the next
 
 
 def flight(
@@ -89,7 +93,7 @@ def flight(
         system=codec.system, period_us=round(h * 1e6), h=h,
         time_us=-1.5,  # no whole number follows it: a first time is never quiet
         armed=0.0, airborne=0.0,
-        engaged=IDLE, since_us=0.0, load=0.0, answer_bytes=0.0,
+        engaged=IDLE, since_us=0.0, load=0.0, answer_bytes=0.0, contradicted_at=-1.0,
     )  # fmt: skip
     return Flight(
         course=to_buffer(course),
@@ -106,6 +110,7 @@ def flight(
         has_battery=codec.has_battery,
         told=np.zeros(3, dtype=np.int64),
         answer=np.zeros(LONGEST, dtype=np.uint8),
+        failed=np.zeros(1, dtype=np.int64),
     )
 
 
@@ -139,6 +144,8 @@ def tick(flight, law, datagram, length, row, decided_us):
         time_us = told[0]
         if time_us != course.time_us + course.period_us:
             return NOT_QUIET
+        if flight.desk.quality[0] < 0 or flight.failed[0] != 0:
+            return NOT_QUIET
         if course.airborne == 0.0:
             take(flight.filtered, flight.received)
         elif not quiet(flight.filtered, flight.received, course.h, np.float64(time_us)):
@@ -154,6 +161,12 @@ def tick(flight, law, datagram, length, row, decided_us):
             return NOT_QUIET_FILTERED
     if decide(flight, law, course, time_us, row):
         return LAW_RAISED
+    contradicted_at = np.int64(course.contradicted_at)
+    if contradicted_at >= 0:
+        contradicted = 0.0
+        for i in range(contradicted_at, contradicted_at + _SIGNS):
+            contradicted = max(contradicted, row[i])
+        flight.watch[_CONTRADICTED] = 1.0 if contradicted > 0.5 else 0.0
     length = pack_controls(
         flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
         course.armed != 0.0, True, True, flight.answer,

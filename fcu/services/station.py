@@ -19,7 +19,7 @@ from fcu.interface.link import Datagrams
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
-from fcu.mavlink.definitions import CommandId, MissionResult, MissionType, Result, Severity
+from fcu.mavlink.definitions import GCS, CommandId, MissionResult, MissionType, Result, Severity
 from fcu.mavlink.geodesy import Geodetic, Origin, to_local
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.plan_messages import MissionMessage, PlanItem
@@ -34,7 +34,7 @@ from fcu.mavlink.requests import (
     SetMode,
 )
 from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
-from fcu.mavlink.telemetry import gps_global_origin
+from fcu.mavlink.telemetry import Heartbeat, gps_global_origin
 from fcu.parameters import Parameters
 from fcu.services import status
 from fcu.services.command_protocol import (
@@ -100,6 +100,8 @@ SEVERITIES = {  # of what happens by itself; else INFO
     Code.RETURN_STRAIGHT: Severity.WARNING,
     Code.FAILSAFE_MODE: Severity.CRITICAL,
     Code.FAILSAFE_STOPPED: Severity.CRITICAL,
+    Code.FAILSAFE_LATER: Severity.CRITICAL,
+    Code.STATE_FAILED: Severity.CRITICAL,
     Code.OFFBOARD_LOST_STOPPED: Severity.CRITICAL,
     Code.STICKS_LOST_STOPPED: Severity.CRITICAL,
     Code.RESET: Severity.NOTICE,
@@ -287,6 +289,8 @@ class Station:
     def serve(self, port: GroundPort, t_us: int, now: float) -> None:
         """What is waiting on a port. `t_us`: when what is asked for takes effect."""
         for message, link in port.receive(now):
+            if isinstance(message, Heartbeat) and message.type == GCS:
+                self._vehicle.hear_station(t_us, now)
             if isinstance(message, Command):
                 self._information.about(port, link, self.view())
                 self._protocol.take(port, link, message, t_us, now)

@@ -16,11 +16,13 @@ from typing import NamedTuple, get_type_hints
 
 import numpy as np
 
+from fcu.guard.contradictions import LASTS_S
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import Code
-from fcu.kernel.algebra import Rotors, Vec3, minimum, norm, select3
+from fcu.kernel.algebra import Rotors, Vec3, clip, minimum, norm, select3
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import euler, matrix
 from fcu.kernel.rows import column_of
 from fcu.laws.face import Reference
 from fcu.laws.setpoint import carried
@@ -33,6 +35,8 @@ from fcu.vehicle.plans import STILL, PlanLimits, at, pose_at, pose_of, stop
 LOOK_US = 20_000  # between looks
 NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone on from
 RISES = 0.1  # m: a place so far above the vehicle is a take-off
+ATTITUDE = 1.0  # Setpoint.level: above it body rates are flown, and any attitude is right
+SETTLED_US = 2e6 * LASTS_S  # in the air, until what was smoothed on the ground is forgotten
 BATTERY_HELD_US = 1_000_000  # ten reports: one that is wrong does not land a vehicle
 
 
@@ -51,12 +55,18 @@ class Condition(IntEnum):
     BATTERY_CRITICAL = auto()
     BATTERY_EMERGENCY = auto()
     FENCE_NEAR = auto()  # so far from where the fence was looked at that it may be crossed
+    ATTITUDE_LOST = auto()
+    BELIEFS_CONTRADICTED = auto()
+    STATION_LOST = auto()
+    STICKS_GONE = auto()  # in a mode that sticks do not fly
+    ACTION_DUE = auto()  # the time in Hold before a return or landing is over
     OFFBOARD_LOST = auto()
     PLAN_DUE = auto()  # the next piece of a plan
     STICKS_LOST = auto()
     FENCE_BREACHED = auto()
     POSITION_JUMPED = auto()
     STATE_STUCK = auto()
+    STATE_LOST = auto()
     PLANT_SILENT = auto()
     PLANT_LOST = auto()
     CRASHED = auto()
@@ -140,6 +150,12 @@ _BREACHED = {
     0: Action.NONE, 1: Action.WARN, 2: Action.HOLD, 3: Action.RETURN, 4: Action.TERMINATE,
     5: Action.LAND,
 }  # fmt: skip
+_STATION_LOST = {
+    0: Action.NONE, 1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE,
+    6: Action.DISARM,
+}  # fmt: skip
+_TERMINATES = {0: Action.TERMINATE, 121212: Action.WARN}
+_CONTRADICTED = {0: Action.NONE, 1: Action.HOLD, 2: Action.LAND}
 _CRITICAL = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
 _EMERGENCY = {0: Action.WARN, 2: Action.LAND, 3: Action.LAND}
 
@@ -161,6 +177,18 @@ ROWS: dict[Condition, Row] = {
         code=Code.OFFBOARD_LOST_MODE, severity="CRITICAL",
         action=By("COM_OBL_RC_ACT", _OFFBOARD_LOST), clears=Clears.CHOSEN,
     ),
+    Condition.ATTITUDE_LOST: Row(  # its hold times are FD_FAIL_R_TTRI and FD_FAIL_P_TTRI
+        code=Code.ATTITUDE_LOST, severity="EMERGENCY", action=By("CBRK_FLIGHTTERM", _TERMINATES),
+        clears=Clears.DISARMED,
+    ),
+    Condition.BELIEFS_CONTRADICTED: Row(  # NOT_AS_BELIEVED tells which
+        code=Code.BELIEFS_CONTRADICTED, severity="CRITICAL",
+        action=By("MR_GUARD_ACT", _CONTRADICTED), clears=Clears.CHOSEN,
+    ),
+    Condition.STATION_LOST: Row(  # its hold time is COM_DL_LOSS_T
+        code=Code.STATION_LOST, severity="CRITICAL", action=By("NAV_DLL_ACT", _STATION_LOST),
+        clears=Clears.CHOSEN,
+    ),
     Condition.STICKS_LOST: Row(  # the state machine, at steps of modes that sticks fly
         code=Code.STICKS_LOST_MODE, severity="CRITICAL",
         action=By("NAV_RCL_ACT", _STICKS_LOST), clears=Clears.CHOSEN,
@@ -173,8 +201,12 @@ ROWS: dict[Condition, Row] = {
         code=Code.POSITION_JUMPED, severity="CRITICAL", action=_WARN, clears=Clears.GONE
     ),
     Condition.STATE_STUCK: Row(  # position_filter
-        code=Code.STATE_STUCK, severity="WARNING", action=_WARN, clears=Clears.GONE,
-        hold_us=1_000_000,
+        code=Code.STATE_STUCK, severity="WARNING", action=By("CBRK_FLIGHTTERM", _TERMINATES),
+        clears=Clears.GONE, hold_us=1_000_000,
+    ),
+    Condition.STATE_LOST: Row(  # position_filter
+        code=Code.STATE_LOST, severity="EMERGENCY", action=By("CBRK_FLIGHTTERM", _TERMINATES),
+        clears=Clears.GONE, hold_us=500_000,
     ),
     Condition.PLANT_SILENT: Row(  # the loop: wall time
         code=Code.PLANT_SILENT, severity="CRITICAL", action=_WARN, clears=Clears.GONE,
@@ -226,6 +258,11 @@ class Values(NamedTuple):
     BAT_EMERGEN_THR: float
     COM_DISARM_LAND: float
     COM_DISARM_PRFLT: float
+    FD_FAIL_R: float
+    FD_FAIL_P: float
+    FD_FAIL_R_TTRI: float
+    FD_FAIL_P_TTRI: float
+    MR_GUARD_ACT: float
 
 
 class Held(NamedTuple):
@@ -248,6 +285,13 @@ class FenceLook(NamedTuple):
     predicts: float  # 1: of the place where the vehicle would stop
 
 
+class Silence(NamedTuple):
+    """A sender that is listened for."""
+
+    heard_us: float  # inf: it was not heard yet, or its loss was told
+    lost_us: float  # age of that at which it may be lost; inf: never
+
+
 class Watch(NamedTuple):
     """All that a look decides by. StateMachine writes what it changes where it changes it.
 
@@ -260,6 +304,14 @@ class Watch(NamedTuple):
     landed: LandedState
     touchdown: TouchdownState
     battery: Held  # 1: low, 2: critical, 3: an emergency
+    roll: Held  # 1: it is lost
+    pitch: Held
+    beliefs: Held  # 1: the guard's are contradicted
+    contradicted: float  # 1: so they are, at the last tick
+    aloft_us: float  # since when it flies; -inf: since it was armed, inf: it does not
+    station: Silence
+    sticks: Silence  # inf in modes that do without
+    acts_us: float  # when a failsafe goes on from Hold; inf: none waits
     script: Script
     fence: FenceLook
     home: Vec3  # m, E; NaN: not known
@@ -289,6 +341,8 @@ _unpack_armed, _unpack_in_offboard = unpacker(Watch, "armed"), unpacker(Watch, "
 _pack_found, _pack_look = packer(Watch, "found"), packer(Watch, "due.look_us")
 _pack_landed, _pack_touchdown = packer(Watch, "landed"), packer(Watch, "touchdown")
 _pack_battery = packer(Watch, "battery")
+_pack_roll, _pack_pitch = packer(Watch, "roll"), packer(Watch, "pitch")
+_pack_beliefs = packer(Watch, "beliefs")
 _pack_value = packer(Watch, "value")
 _unpack_limits = unpacker(PlanLimits)
 
@@ -333,6 +387,24 @@ def held(was, level, hold_us, t_us):
     if t_us - since_us >= hold_us:
         return Held(level=lowest, pending=0.0, since_us=math.nan)
     return Held(level=was.level, pending=lowest, since_us=since_us)
+
+
+@kernel
+def lost_angles(values, measured):
+    """1 if the roll is beyond FD_FAIL_R, 1 if the pitch is beyond FD_FAIL_P, and the tilt (degrees)."""
+    R_EB = matrix(measured.q_EB)
+    angles = euler(R_EB)
+    roll, pitch = math.degrees(abs(angles.x)), math.degrees(abs(angles.y))
+    tilt = math.degrees(math.acos(clip(R_EB.e3.z, -1.0, 1.0)))
+    rolled = values.FD_FAIL_R > 0.0 and roll > values.FD_FAIL_R
+    pitched = values.FD_FAIL_P > 0.0 and pitch > values.FD_FAIL_P
+    return 1.0 if rolled else 0.0, 1.0 if pitched else 0.0, tilt
+
+
+@kernel
+def is_silent(sender, t_us):
+    """Return true if a sender may be lost."""
+    return t_us - sender.heard_us > sender.lost_us
 
 
 @kernel
@@ -415,6 +487,29 @@ def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
         place = fence_place(pose, flown, watch.fence.predicts, watch.limits)
         if not norm(place - watch.fence.center) < watch.fence.radius:
             return Condition.FENCE_NEAR.value
+    if behind < Condition.ATTITUDE_LOST:
+        roll, pitch, tilt = 0.0, 0.0, 0.0
+        if armed and not _unpack_setpoint(setpoint).level > ATTITUDE:
+            roll, pitch, tilt = lost_angles(values, measured)
+        rolled = held(watch.roll, roll, 1e6 * values.FD_FAIL_R_TTRI, t_us)
+        pitched = held(watch.pitch, pitch, 1e6 * values.FD_FAIL_P_TTRI, t_us)
+        _pack_roll(buffer, rolled)
+        _pack_pitch(buffer, pitched)
+        if rolled.level != watch.roll.level or pitched.level != watch.pitch.level:
+            _pack_value(buffer, tilt)
+            return Condition.ATTITUDE_LOST.value
+    if behind < Condition.BELIEFS_CONTRADICTED and values.MR_GUARD_ACT > 0.0:
+        counts = armed and t_us - watch.aloft_us > SETTLED_US
+        beliefs = held(watch.beliefs, watch.contradicted if counts else 0.0, 0.0, t_us)
+        _pack_beliefs(buffer, beliefs)
+        if beliefs.level != watch.beliefs.level:
+            return Condition.BELIEFS_CONTRADICTED.value
+    if behind < Condition.STATION_LOST and armed and is_silent(watch.station, t_us):
+        return Condition.STATION_LOST.value
+    if behind < Condition.STICKS_GONE and armed and is_silent(watch.sticks, t_us):
+        return Condition.STICKS_GONE.value
+    if behind < Condition.ACTION_DUE and t_us >= watch.acts_us:
+        return Condition.ACTION_DUE.value
     return Condition.NOTHING.value
 
 

@@ -3,7 +3,8 @@
 Between two ticks a vehicle goes where its velocity takes it. A position farther than JUMP from
 there is somebody's error (a spoofed receiver, a plant moved by hand): the law flies on the
 velocity alone, from the last position that could be, until the two agree again. A drift as slow
-as a wind is not told from one.
+as a wind is not told from one. A state that its sender calls failed is not read: the law flies on
+the last one, carried on by its own velocity and body rate, until one is valid again.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import norm, select
 from fcu.kernel.buffers import packer, size, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import normalised, small_rotation
 from fcu.kernel.rows import column_of, slice_of
 from fcu.vehicle.conditions import LOOK_US, ROWS, Condition
 
 Row = np.ndarray[Any, np.dtype[np.float64]]
 
+LOST_US = ROWS[Condition.STATE_LOST].hold_us  # simulation time
 JUMP = 1.0  # m in one tick, beside v h; no impact moves a vehicle so far
 STUCK_US = ROWS[Condition.STATE_STUCK].hold_us  # simulation time
 
@@ -52,7 +55,7 @@ _pack_faults = packer(Filtered, "faults")
 _FLOWN, _SEEN = slice_of(Filtered, "flown"), slice_of(Filtered, "seen")
 _FLOWN_AT, _SEEN_AT = _FLOWN.start, _SEEN.start
 _OFF, _STUCK = column_of(Filtered, "faults.off"), column_of(Filtered, "faults.stuck")
-_unpack_flown = unpacker(Filtered, "flown")
+_unpack_flown, _put_flown = unpacker(Filtered, "flown"), packer(Filtered, "flown")
 
 
 @kernel
@@ -125,6 +128,22 @@ def quiet(buffer, received, h, t_us):
 
 
 @kernel
+def carry_on(buffer, h):
+    """Bring `buffer` to the next tick without a state: h seconds on, at its velocity and body rate."""
+    was = _unpack_flown(buffer)
+    _put_flown(
+        buffer,
+        VehicleState(
+            r_E=was.r_E + h * was.v_E,
+            v_E=was.v_E,
+            q_EB=normalised(was.q_EB * small_rotation(h * was.w_B)),
+            w_B=was.w_B,
+            Omega=was.Omega,
+        ),
+    )
+
+
+@kernel
 def take(buffer, received):
     """Bring `buffer` to a state that nothing is checked against, and believe it."""
     for i in range(received.size):
@@ -142,10 +161,13 @@ class PositionFilter:
         self.buffer = np.zeros(size(Filtered))
         self.buffer[_SEEN] = np.nan
         self.flown = self.buffer[_FLOWN]
+        self._failed_us = -1  # since when the state has failed; negative: it has not
+        self._is_lost = False  # that was told
 
     def warm_up(self) -> None:
         """Load what checks a state."""
         admit(self.buffer.copy(), self.flown.copy(), 1.0, 0.0)
+        carry_on(self.buffer.copy(), 1.0)
 
     @property
     def off(self) -> float:
@@ -156,6 +178,28 @@ class PositionFilter:
         """A state that nothing is checked against: the first, or one of a vehicle that rests."""
         self.flown[:] = received
         self.buffer[_OFF] = 0.0
+
+    @property
+    def has_failed(self) -> bool:
+        """True while the state has failed: the next one is to be passed on by Python."""
+        return self._failed_us >= 0
+
+    def fail(self, h: float, t_us: int) -> Sequence[Told]:
+        """Go on without the state of a tick, which has failed. Returns what is told of it."""
+        carry_on(self.buffer, h)
+        if self._failed_us < 0:
+            self._failed_us = t_us
+            return (Told(Code.STATE_FAILED),)
+        if self._is_lost or t_us - self._failed_us < LOST_US:
+            return ()
+        self._is_lost = True
+        return (Told(Code.STATE_LOST, (LOST_US * 1e-6,)),)
+
+    def mend(self, received: Row) -> Sequence[Told]:
+        """Believe the first state after some that have failed. Returns what is told of it."""
+        self.take(received)
+        self._failed_us, self._is_lost = -1, False
+        return (Told(Code.STATE_BACK),)
 
     def pass_on(self, received: Row, h: float, t_us: int) -> Sequence[Told]:
         """The state of the next tick of a vehicle in flight: what is wrong with it."""

@@ -69,11 +69,13 @@ from fcu.vehicle.returning import (
 )
 from fcu.vehicle.setpoints import (
     POSITION,
+    Clocks,
     Owner,
     Script,
     Throttle,
     anchored,
     anchored_by_axis,
+    is_lost,
     of_attitude,
     of_position,
     script_limits,
@@ -113,14 +115,21 @@ _APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE, _LAG = (
         "due.lost_us", "anywhere_us", "lag_s",
     )
 )  # fmt: skip
+_STATION, _STICKS = slice_of(Watch, "station"), slice_of(Watch, "sticks")
+_STATION_US, _STICKS_US, _STICKS_LOST = (
+    column_of(Watch, name) for name in ("station.heard_us", "sticks.heard_us", "sticks.lost_us")
+)
 _MODE = slice(column_of(Watch, "in_offboard"), column_of(Watch, "in_idle") + 1)
+
+# Bits of COM_RCL_EXCEPT
+_WITHOUT_STICKS = {Mode.MISSION: 1, Mode.HOLD: 2, Mode.OFFBOARD: 4}
 
 # Modes that lead the vehicle along ways that were held against the fence, or straight up or down.
 _LED = frozenset(
     {Mode.MISSION, Mode.RETURN, Mode.LAND, Mode.TAKEOFF, Mode.ORBIT, Mode.STEP, Mode.FIGURE_EIGHT}
 )
 _NOTHING = plans.at(plans.STILL, 0.0)
-_IDLE = Mode.HOLD, *modes.BY_STICKS  # on the ground a vehicle waits in these
+_IDLE = Mode.HOLD, Mode.LAND, *modes.BY_STICKS  # on the ground a vehicle waits in these
 
 
 def _flag(name: str) -> property:
@@ -179,6 +188,7 @@ class StateMachine:
     armed = _flag("armed")
     _untold = _flag("script.untold")  # a script's setpoint leads into the ground: to be told
     _armed_us, _landed_us = _number("armed_us"), _number("landed_us")
+    _acts_us, _aloft_us = _number("acts_us"), _number("aloft_us")
 
     def __init__(self, params: Parameters, sim_only: bool = False) -> None:
         """`sim_only`: a script's stream is lost by simulation time alone."""
@@ -206,6 +216,10 @@ class StateMachine:
         self.leader = Leader(self.watch[_UNTIL])
         self.script = Script(sim_only, self._write_script)
         self.sticks = StickInput(sim_only)
+        self._station: Clocks | None = None  # when a ground station was heard last
+        self._station_is_lost = False
+        self._acts_us = self._aloft_us = math.inf
+        self.watch[_STATION] = self.watch[_STICKS] = math.inf
         self._stick_flight: StickFlight | None = None  # while sticks are flown
         self.feasibility = FeasibilityCheck(params)
         self._again: Iterator[Shortfall | None] | None = None  # another look at the plan
@@ -231,6 +245,10 @@ class StateMachine:
             Condition.IDLE_ARMED: self._disarm_idle,
             Condition.OFFBOARD_LOST: self._script_lost,
             Condition.FENCE_NEAR: self._look_at_fence,
+            Condition.ATTITUDE_LOST: self._attitude_lost,
+            Condition.STATION_LOST: self._station_lost,
+            Condition.STICKS_GONE: self._sticks_gone,
+            Condition.ACTION_DUE: self._action_due,
             Condition.PLAN_DUE: self._plan_due,
         }
         self._write_script()
@@ -264,6 +282,9 @@ class StateMachine:
         down = self._mode is Mode.LAND or self.mission.lands
         self.watch[_FENCE_PREDICTS] = self._mode not in _LED and self._params["GF_PREDICT"] > 0.0
         self.watch[_MODE] = self._mode is Mode.OFFBOARD, down, self._mode in _IDLE
+        bit = _WITHOUT_STICKS.get(self._mode, 0)
+        ends = bit and not int(self._params["COM_RCL_EXCEPT"]) & bit
+        self.watch[_STICKS_LOST] = self.sticks_lost_us if ends else math.inf
 
     @property
     def home(self) -> Vec3 | None:
@@ -308,6 +329,7 @@ class StateMachine:
         p, watch = self._params, self.watch
         watch[_LOST] = self.lost_us
         watch[_VALUES] = [p[name] for name in Values._fields]
+        watch[_STATION_US + 1] = self.station_lost_us if p["NAV_DLL_ACT"] > 0.0 else math.inf
         watch[_LIMITS] = to_buffer(self._limits())
         watch[_C_T] = to_buffer(self._landed.c_T)
         watch[_ANYWHERE], watch[_LAG] = landing.anywhere_us(p.pace.f_m), 2.0 / p.pace.f_m
@@ -445,26 +467,89 @@ class StateMachine:
 
     # --- conditions
 
+    def find(self, condition: Condition, values: tuple[Any, ...], t_us: int) -> list[Told]:
+        """Act on a condition that is found beside the look. Returns what is told of it."""
+        told: list[Told] = []
+        if self.armed:
+            self._meet(condition, values, t_us, told)
+        return told
+
+    def is_gone(self, condition: Condition) -> None:
+        """Forget a condition that its detector, beside the look, no longer finds."""
+        self._active.pop(condition, None)
+
     def _meet(
-        self, condition: Condition, values: tuple[Any, ...], t_us: int, told: list[Told]
-    ) -> None:
-        """Tell of a condition. Unless it only warns take the most severe action of all active ones."""
+        self, condition: Condition, values: tuple[Any, ...], t_us: int, told: list[Told],
+        action: Action | None = None,
+    ) -> None:  # fmt: skip
+        """Tell of a condition. Unless it only warns take the most severe action of all active ones.
+
+        `action`: in place of that of its row.
+        """
         row = ROWS[condition]
-        action = self._active[condition] = row.action(self._params)
+        action = row.action(self._params) if action is None else action
+        self._active[condition] = action
         if action > Action.NONE:
             told.append(Told(row.code, values))
-        if action <= Action.WARN:
-            return
-        mode = self._take_worst(t_us)
-        if mode is not None:
+        if action > Action.WARN:
+            self._tell_action(self._take_worst(t_us), told)
+
+    def _tell_action(self, mode: Mode | None, told: list[Told]) -> None:
+        """Tell the mode that a failsafe has entered, what it waits for there, or that rotors stand."""
+        if self._acts_us < math.inf:
+            worst = MODES[max(self._active.values())]
+            told.append(Told(Code.FAILSAFE_LATER, (self._params["COM_FAIL_ACT_T"], worst.value)))
+        elif mode is not None:
             told.append(Told(Code.FAILSAFE_MODE, (mode.value,)))
         elif not self.armed:
             told.append(Told(Code.FAILSAFE_STOPPED))
 
-    def _take_worst(self, t_us: int) -> Mode | None:
+    def _attitude_lost(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Terminate, or only warn. Just after arming, when it may stand on its side: disarm."""
+        soon = t_us - self._armed_us < self._params["COM_LKDOWN_TKO"] * 1e6
+        tilt = (float(self.watch[_VALUE]),)
+        self._meet(Condition.ATTITUDE_LOST, tilt, t_us, told, Action.DISARM if soon else None)
+
+    @property
+    def station_lost_us(self) -> int:
+        """Age of a ground station's last heartbeat at which it is lost, us."""
+        return round(self._params["COM_DL_LOSS_T"] * 1e6)
+
+    def hear_station(self, t_us: int, wall_s: float) -> None:
+        """Note that a ground station was heard."""
+        self._station = Clocks(t_us, wall_s)
+        self.watch[_STATION_US] = t_us
+        if self._station_is_lost:
+            self._station_is_lost = False
+            self._to_tell.append(Told(Code.STATION_BACK))
+
+    def _station_lost(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """The ground station is lost by simulation time, and is lost indeed if it is by the wall's too."""
+        if not is_lost(
+            self._station, t_us, wall_s, self.station_lost_us, self.script.sim_only
+        ):  # fmt: skip
+            return
+        self.watch[_STATION_US], self._station_is_lost = math.inf, True
+        self._meet(Condition.STATION_LOST, (self._params["COM_DL_LOSS_T"],), t_us, told)
+
+    def _sticks_gone(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Sticks are lost in a mode that they do not fly."""
+        if self.sticks.lost(t_us, wall_s, self.sticks_lost_us):
+            self.watch[_STICKS_US] = math.inf
+            self._sticks_lost(t_us, told)
+
+    def _action_due(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Go on from the Hold before an action, unless what called for it is over."""
+        self._acts_us = math.inf
+        mode = self._take_worst(t_us, at_once=True)
+        if mode is not None:
+            self._tell_action(mode, told)
+
+    def _take_worst(self, t_us: int, at_once: bool = False) -> Mode | None:
         """Take the most severe action of the active conditions: the mode that it enters, if one.
 
-        On the ground a vehicle holds in place of a return. A landing goes on in place of one.
+        On the ground a vehicle holds in place of a return. A landing goes on in place of one. In the
+        air it holds for COM_FAIL_ACT_T before it returns or lands, unless `at_once`.
         """
         worst = max(self._active.values(), default=Action.NONE)
         if worst >= Action.DISARM:
@@ -479,6 +564,12 @@ class StateMachine:
         goes_on = flown > worst or (flown is worst and worst is not Action.HOLD)
         if worst not in MODES or goes_on:  # in Hold it may be on its way to another place
             return None
+        waits = self._params["COM_FAIL_ACT_T"] > 0.0 and not at_once and worst > Action.HOLD
+        if waits and not self._landed.landed and not self._touchdown.done:
+            if self._acts_us < math.inf:
+                return None  # it waits already
+            self._acts_us = t_us + self._params["COM_FAIL_ACT_T"] * 1e6
+            worst = Action.HOLD
         if self._touchdown.done:
             self._rest_in(MODES[worst], t_us)
         else:
@@ -503,6 +594,7 @@ class StateMachine:
             del self._active[condition]
         if Clears.CHOSEN in ends:
             self._took_over = False
+            self._acts_us = math.inf
         if Clears.DISARMED in ends:
             for held in _HELD:
                 self.watch[held] = Held(level=0.0, pending=0.0, since_us=math.nan)
@@ -539,11 +631,13 @@ class StateMachine:
         self._on_ground = self._landed.landed
         if self._on_ground:
             self._landed_us = t_us
+            self._aloft_us = math.inf
             self.flight_times = self.flight_times._replace(landed_us=t_us)
             told.append(Told(Code.LANDED))
             if self.mode is Mode.MISSION and self.mission.lands:
                 self._mission_landed(t_us)
         else:
+            self._aloft_us = t_us
             self.flight_times = self.flight_times._replace(took_off_us=t_us, landed_us=0)
 
     def _approaches(self, t_us: int, wall_s: float, told: list[Told]) -> None:
@@ -573,11 +667,18 @@ class StateMachine:
         self.script.forget()
         row, silent = ROWS[Condition.OFFBOARD_LOST], self._params["COM_OF_LOSS_T"]
         self._active[Condition.OFFBOARD_LOST] = row.action(self._params)
-        mode = self._take_worst(t_us)
-        if mode is None:
-            told.append(Told(Code.OFFBOARD_LOST_STOPPED, (silent,)))
-        else:
-            told.append(Told(row.code, (silent, mode.value)))
+        self._tell_lost(self._take_worst(t_us), row.code, Code.OFFBOARD_LOST_STOPPED, silent, told)
+
+    def _tell_lost(
+        self, mode: Mode | None, code: Code, stopped: Code, silent: float, told: list[Told]
+    ) -> None:
+        """Tell that a sender was silent for so long (s), and the mode that is flown without it."""
+        if not self.armed:
+            told.append(Told(stopped, (silent,)))
+            return
+        told.append(Told(code, (silent, self.mode.value)))
+        if mode is Mode.HOLD and self._acts_us < math.inf:
+            self._tell_action(mode, told)
 
     def _plan_due(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         """On to the next piece of a plan, or of what sticks ask for, unless they are lost."""
@@ -595,11 +696,7 @@ class StateMachine:
         """Fly on without sticks, as NAV_RCL_ACT says."""
         row, silent = ROWS[Condition.STICKS_LOST], self._params["COM_RC_LOSS_T"]
         self._active[Condition.STICKS_LOST] = row.action(self._params)
-        mode = self._take_worst(t_us)
-        if mode is None:
-            told.append(Told(Code.STICKS_LOST_STOPPED, (silent,)))
-        else:
-            told.append(Told(row.code, (silent, mode.value)))
+        self._tell_lost(self._take_worst(t_us), row.code, Code.STICKS_LOST_STOPPED, silent, told)
 
     def _advance(self, t_us: int, told: list[Told]) -> None:
         """On to the setpoint of this moment, and to the mode that follows at the end of a plan."""
@@ -632,6 +729,7 @@ class StateMachine:
         self.flight_times = FlightTimes(self.flight_times.number + 1, armed_us=t_us)
         self._clear(Clears.CHOSEN, Clears.DISARMED)
         self._landed.has_flown = not self._landed.landed
+        self._aloft_us = math.inf if self._landed.landed else -math.inf
         if self._landed.landed:
             self._set_home(self.pose().r_E)
         self._enter(self.mode, t_us)
@@ -641,6 +739,10 @@ class StateMachine:
         """The first reason against arming; None if there is none."""
         if self.unfit is not None:
             return self.unfit
+        if self._params["NAV_DLL_ACT"] > 0.0 and is_lost(
+            self._station, t_us, wall_s, self.station_lost_us, self.script.sim_only
+        ):
+            return Told(Code.NO_STATION)
         if self.mode is Mode.TAKEOFF:
             return self._why_not_take_off(self._take_off_to, t_us, wall_s)
         if self.mode is Mode.MISSION:
@@ -1133,6 +1235,7 @@ class StateMachine:
         if not self.sticks.counts(source, owner, accepts, t_us, wall_s, lost_us):
             return None
         self.sticks.take(sticks, source, owner, t_us, wall_s)
+        self.watch[_STICKS_US] = t_us
         if self.armed and self.mode in modes.BY_STICKS and self._stick_flight is None:
             self._fly_sticks(t_us)
         gesture = self.sticks.gesture(round(p["COM_RC_ARM_HYST"] * 1e3))

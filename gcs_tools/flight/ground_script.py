@@ -207,6 +207,10 @@ class Vehicle:
             why = self._reason(_is_no_acceptance) or Result(result).name
             raise Refused(f"{command.name} refused: {why}")
 
+    def offer(self, setpoint: Setpoint) -> None:
+        """Send a setpoint, and await nothing: the vehicle may be in another mode."""
+        self._link.send(self._codec.framed(setpoints.setpoint(self._target, 0.0, setpoint, 0)))
+
     def set_setpoint(self, setpoint: Setpoint, time_s: float = 0.0, type_mask: int = 0) -> None:
         """Send a setpoint and await its echo: from then on it is what the vehicle flies.
 

@@ -160,8 +160,8 @@ def test_refusals_name_value_and_reason(params):
     assert refused(params, "COM_OBL_RC_ACT", 2.0) == (
         out, "COM_OBL_RC_ACT 2 refused: one of 0, 3, 4, 5, 6, 7",
     )  # fmt: skip
-    kind, why = refused(params, "NAV_DLL_ACT", 2.0)
-    assert kind == "READ_ONLY" and "no action on the loss of a ground station" in why
+    kind, why = refused(params, "COM_FLTMODE1", 2.0)
+    assert kind == "READ_ONLY" and "no receiver whose switch selects a mode" in why
     assert refused(params, "MR_PRED", 0.0, armed=True) == (
         "PERMISSION_DENIED", "MR_PRED can be set while disarmed only",
     )  # fmt: skip

@@ -149,6 +149,22 @@ SCRIPTS = {
             (901, "script", do(FAIL, 100.0, 1.0, 0.0)), (1401, "script", do(FAIL, 100.0, 0.0, 0.0)),
         ],
     ),
+    "loses its state, and is terminated": (
+        1000,
+        [
+            (40, "script", parameter("SYS_FAILURE_EN", 1.0)),
+            (41, "script", parameter("CBRK_FLIGHTTERM", 0.0)),
+            (101, "script", do(FAIL, 6.0, 1.0, 0.0, 0.0, 0.3)), (403, "script", do(FAIL, 6.0, 1.0, 0.0)),
+        ],
+    ),
+    "loses its station": (
+        2500,
+        [
+            (2, "station", lambda v: v.greet()), (3, "station", parameter("NAV_DLL_ACT", 1.0)),
+            (4, "station", parameter("COM_DL_LOSS_T", 5.0)),
+            *streamed(10, 2500, fly_to(1.0, 0.0, 4.0)), (2001, "station", lambda v: v.greet()),
+        ],
+    ),
     "has two who command": (
         1200,
         [
@@ -300,6 +316,13 @@ EXPECTED = {  # words of its log: that it has done what it is there for
         "Battery emergency: 0 %",
         "Cleared: battery",
     ),
+    "loses its state, and is terminated": (
+        "State failed",
+        "State valid again",
+        "State lost",
+        "rotors stopped",
+    ),
+    "loses its station": ("Ground station lost", "Failsafe: mode Hold", "heard again"),
     "has two who command": ("255/190 is sending", "Hold", "Offboard"),
     "flies by velocity": ("ground",),
     "lands, and takes off again": ("Disarmed", "Takeoff"),

@@ -34,6 +34,17 @@ ACTIONS = {
         "NAV_RCL_ACT",
         {1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.DISARM},
     ),
+    Condition.STATION_LOST: (
+        "NAV_DLL_ACT",
+        {0: Action.NONE, 1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE,
+         6: Action.DISARM},
+    ),
+    Condition.ATTITUDE_LOST: ("CBRK_FLIGHTTERM", {0: Action.TERMINATE, 121212: Action.WARN}),
+    Condition.STATE_LOST: ("CBRK_FLIGHTTERM", {0: Action.TERMINATE, 121212: Action.WARN}),
+    Condition.STATE_STUCK: ("CBRK_FLIGHTTERM", {0: Action.TERMINATE, 121212: Action.WARN}),
+    Condition.BELIEFS_CONTRADICTED: (
+        "MR_GUARD_ACT", {0: Action.NONE, 1: Action.HOLD, 2: Action.LAND},
+    ),
     Condition.FENCE_BREACHED: (
         "GF_ACTION",
         {0: Action.NONE, 1: Action.WARN, 2: Action.HOLD, 3: Action.RETURN, 4: Action.TERMINATE,

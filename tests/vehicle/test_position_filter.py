@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from fcu.interface.messages import VehicleState
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Quat, Rotors, Vec3
-from fcu.kernel.buffers import size, to_buffer
+from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.vehicle.position_filter import JUMP, PositionFilter
 
 H = 0.002
@@ -61,3 +63,21 @@ def test_a_state_that_does_not_change_for_a_second_is_told_once(position_filter)
     told = [(k, *each) for k, each in said if each]
     assert [each for _, each in told] == [Told(Code.STATE_STUCK)]
     assert 500 <= told[0][0] <= 511
+
+
+def test_a_state_that_has_failed_is_gone_on_from_and_the_next_valid_one_believed():
+    """At its velocity and body rate. After LOST_US that is told, once."""
+    passes, start = PositionFilter(), VehicleState(
+        r_E=Vec3(1.0, 2.0, 3.0), v_E=Vec3(0.5, 0.0, -0.25), q_EB=Quat(1.0, 0.0, 0.0, 0.0),
+        w_B=Vec3(0.0, 0.0, 0.2), Omega=Rotors(*[300.0] * 8),
+    )  # fmt: skip
+    passes.take(to_buffer(start))
+    told = [each for k in range(1, 501) for each in passes.fail(0.002, 2000 * k)]
+    assert [each.code for each in told] == [Code.STATE_FAILED, Code.STATE_LOST]
+    flown = from_buffer(VehicleState, passes.flown)
+    assert flown.r_E == pytest.approx((1.5, 2.0, 2.75))
+    assert 2.0 * math.atan2(flown.q_EB.z, flown.q_EB.w) == pytest.approx(0.2, rel=1e-4)
+    assert passes.has_failed
+    assert [each.code for each in passes.mend(to_buffer(start))] == [Code.STATE_BACK]
+    assert from_buffer(VehicleState, passes.flown) == start
+    assert not passes.has_failed and passes.off == 0.0

@@ -1,0 +1,349 @@
+"""Failsafes of the state machine: each condition, and every pair of them, in both orders and at once."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from fcu.interface.airframe import believed
+from fcu.interface.messages import Battery, VehicleState
+from fcu.interface.status_texts import Code, Told
+from fcu.kernel.algebra import Rotors, Vec3
+from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rotations import from_euler
+from fcu.kernel.rows import column_of
+from fcu.parameters import Parameters
+from fcu.process.settings import settings
+from fcu.vehicle.conditions import LOOK_US, MODES, ROWS, SETTLED_US, Action, By, Condition, Watch
+from fcu.vehicle.modes import Mode
+from fcu.vehicle.setpoints import RATES
+from fcu.vehicle.state_machine import Answer, StateMachine
+from fcu.vehicle.sticks import Sticks, StickSource
+
+TICK = 2000  # us
+HIGH, ZERO = Vec3(0.0, 0.0, 20.0), Vec3(0.0, 0.0, 0.0)
+HOVER = math.sqrt(8.0 * 9.81 / 8.0 / 8.2e-5)
+OWNER = (1, 1), "here"
+CONTRADICTED = column_of(Watch, "contradicted")
+
+
+def state(roll=0.0, pitch=0.0, r_E=HIGH, Omega=HOVER):
+    q = from_euler(math.radians(roll), math.radians(pitch), 0.3)
+    return to_buffer(VehicleState(r_E, ZERO, q, ZERO, Rotors(*[Omega] * 8)))
+
+
+@pytest.fixture
+def params():
+    return Parameters(settings(*believed(), 500.0), 1)
+
+
+@pytest.fixture
+def vehicle(params):
+    """Armed in Hold, in the air."""
+    made = StateMachine(params, sim_only=True)
+    made.observe(state(), 0, 0.0)
+    assert made.arm(0, 0.0).granted
+    return made
+
+
+def fly(vehicle, from_us, to_us, what=None):
+    """(time, code) of what is told in the ticks from `from_us` to `to_us`."""
+    return [
+        (t_us, told.code)
+        for t_us in range(from_us, to_us + 1, TICK)
+        for told in vehicle.observe(state() if what is None else what, t_us, t_us * 1e-6)
+    ]
+
+
+# --- a ground station
+
+
+@pytest.mark.parametrize(("act", "mode"), [(1, Mode.HOLD), (2, Mode.RETURN), (3, Mode.LAND)])
+def test_a_ground_station_is_lost_at_the_look_after_its_time(vehicle, params, act, mode):
+    params.set("NAV_DLL_ACT", float(act), True)
+    params.set("COM_DL_LOSS_T", 5.0, True)
+    vehicle.hear_station(100_000, 0.1)
+    told = fly(vehicle, TICK, 5_200_000)
+    first = told[0][0]
+    assert 0 < first - 5_100_000 <= LOOK_US + TICK
+    assert told == [(first, Code.STATION_LOST), (first, Code.FAILSAFE_MODE)]
+    assert (vehicle.mode, vehicle.failsafe) == (mode, True)
+    vehicle.hear_station(5_300_000, 5.3)
+    assert fly(vehicle, 5_300_000, 5_400_000) == [(5_300_000, Code.STATION_BACK)]
+    assert vehicle.mode is mode  # latched until somebody chooses another
+    again = [code for _, code in fly(vehicle, 5_402_000, 10_400_000)]
+    assert Code.STATION_LOST in again
+
+
+@pytest.mark.parametrize(("act", "terminated"), [(5, True), (6, False)])
+def test_a_lost_station_may_stop_the_rotors(vehicle, params, act, terminated):
+    params.set("NAV_DLL_ACT", float(act), True)
+    vehicle.hear_station(0, 0.0)
+    assert [code for _, code in fly(vehicle, TICK, 11_000_000)] == [
+        Code.STATION_LOST, Code.FAILSAFE_STOPPED,
+    ]  # fmt: skip
+    assert (vehicle.armed, vehicle.terminated) == (False, terminated)
+
+
+def test_by_default_nobody_misses_a_ground_station(vehicle):
+    vehicle.hear_station(0, 0.0)
+    assert fly(vehicle, TICK, 12_000_000) == []
+
+
+def test_a_vehicle_that_needs_a_station_is_not_armed_without(params):
+    vehicle = StateMachine(params, sim_only=True)
+    vehicle.observe(state(), 0, 0.0)
+    params.set("NAV_DLL_ACT", 2.0, False)
+    assert vehicle.arm(0, 0.0) == Answer(False, Told(Code.NO_STATION))
+    vehicle.hear_station(0, 0.0)
+    assert vehicle.arm(10_000_000, 10.0).granted
+
+
+def test_a_station_heard_by_the_wall_s_clock_is_not_lost_in_a_fast_simulation(params):
+    vehicle = StateMachine(params)
+    vehicle.observe(state(), 0, 0.0)
+    vehicle.arm(0, 0.0)
+    params.set("NAV_DLL_ACT", 2.0, True)
+    vehicle.hear_station(0, 0.0)
+    assert vehicle.observe(state(), 40_000_000, 5.0) == []
+    assert vehicle.observe(state(), 100_000_000, 10.5)[0].code is Code.STATION_LOST
+
+
+# --- sticks, in modes that they do not fly
+
+
+@pytest.mark.parametrize(("bit", "mode"), [(2, Mode.HOLD), (4, Mode.OFFBOARD)])
+def test_lost_sticks_end_a_mode_that_is_not_excepted(vehicle, params, bit, mode):
+    def lose(excepted):
+        params.set("COM_RCL_EXCEPT", float(excepted), True)
+        at = lose.at
+        for us in (at, at + 100_000):
+            vehicle.script.take(vehicle.setpoint, us, us * 1e-6)
+        vehicle.select(mode, at + 100_000, 0.0)
+        vehicle.fly_by(Sticks(0.0, 0.0, 0.0, 0.0), StickSource.JOYSTICK, OWNER, at + 100_000, 0.0)
+        lose.at += 700_000
+        return fly(vehicle, at + 102_000, at + 690_000)
+
+    lose.at = 0
+    params.set("NAV_RCL_ACT", 3.0, True)
+    params.set("COM_OF_LOSS_T", 5.0, True)
+    assert lose(7) == lose(bit) == []
+    told = lose(7 - bit)
+    assert [code for _, code in told] == [Code.STICKS_LOST_MODE]
+    assert 0 < told[0][0] - (1_500_000 + 500_000) <= LOOK_US + TICK
+    assert vehicle.mode is Mode.LAND
+
+
+def test_sticks_that_were_never_heard_are_not_missed(vehicle, params):
+    params.set("COM_RCL_EXCEPT", 0.0, True)
+    assert fly(vehicle, TICK, 3_000_000) == []
+
+
+# --- attitude
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("breaker", [0.0, 121212.0])
+def test_an_attitude_is_lost_after_its_time(vehicle, params, axis, sign, breaker):
+    params.set("CBRK_FLIGHTTERM", breaker, True)
+    fly(vehicle, TICK, 4_000_000)
+    tilted = state(**{axis: sign * 61.0})
+    told = fly(vehicle, 4_002_000, 5_000_000, tilted)
+    assert told[0][1] is Code.ATTITUDE_LOST
+    assert 300_000 <= told[0][0] - 4_002_000 <= 300_000 + 2 * LOOK_US
+    assert (len(told), vehicle.armed, vehicle.terminated) == (
+        (2, False, True) if breaker == 0.0 else (1, True, False)
+    )
+
+
+def test_just_after_arming_a_lost_attitude_disarms(vehicle):
+    told = fly(vehicle, TICK, 1_000_000, state(roll=70.0))
+    assert [code for _, code in told] == [Code.ATTITUDE_LOST, Code.FAILSAFE_STOPPED]
+    assert (vehicle.armed, vehicle.terminated) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "roll"),
+    [("FD_FAIL_R", 0.0, 90.0), ("FD_FAIL_R", 80.0, 70.0), ("", 0.0, 59.0)],
+)
+def test_an_attitude_within_its_limit_is_not_lost(vehicle, params, name, value, roll):
+    if name:
+        params.set(name, value, True)
+    assert fly(vehicle, TICK, 5_000_000, state(roll=roll)) == []
+
+
+def test_a_tilt_that_is_over_in_time_is_not_lost(vehicle):
+    assert fly(vehicle, TICK, 280_000, state(roll=80.0)) == []
+    assert fly(vehicle, 282_000, 400_000) == []
+    assert fly(vehicle, 402_000, 680_000, state(roll=80.0)) == []
+
+
+def test_flight_by_body_rates_may_have_any_attitude(vehicle):
+    by_rates = vehicle.setpoint._replace(level=RATES, T_c=80.0)
+    for us in (0, 100_000):
+        vehicle.script.take(by_rates, us, us * 1e-6)
+    vehicle.select(Mode.OFFBOARD, 100_000, 0.0)
+    assert fly(vehicle, 102_000, 1_000_000, state(roll=120.0)) == []
+
+
+# --- the guard's beliefs
+
+
+@pytest.mark.parametrize(("act", "mode"), [(1, Mode.HOLD), (2, Mode.LAND)])
+def test_contradicted_beliefs_hold_or_land(vehicle, params, act, mode):
+    params.set("MR_GUARD_ACT", float(act), True)
+    vehicle.watch[CONTRADICTED] = 1.0
+    told = fly(vehicle, TICK, 100_000)
+    codes = [code for _, code in told]
+    assert codes == [Code.BELIEFS_CONTRADICTED, Code.FAILSAFE_MODE]
+    assert vehicle.mode is mode
+    assert fly(vehicle, 102_000, 3_000_000) == []  # once a flight
+
+
+def test_what_the_ground_has_contradicted_does_not_count_in_the_air(vehicle, params):
+    params.set("MR_GUARD_ACT", 2.0, True)
+    vehicle.watch[column_of(Watch, "aloft_us")] = 0.0
+    vehicle.watch[CONTRADICTED] = 1.0
+    told = fly(vehicle, TICK, round(SETTLED_US) + 100_000)
+    assert 0 < told[0][0] - SETTLED_US <= LOOK_US + TICK
+
+
+# --- the time in Hold before an action
+
+
+def charge(vehicle, remaining):
+    vehicle.battery = Battery(20.0, 10.0, 1.0, remaining, 1e5)
+
+
+def test_a_return_waits_in_hold_and_then_goes_on(vehicle, params):
+    params.set("COM_FAIL_ACT_T", 5.0, True)
+    params.set("COM_LOW_BAT_ACT", 3.0, True)
+    charge(vehicle, 0.06)
+    told = fly(vehicle, TICK, 6_100_000)
+    begins = told[0][0]
+    assert [code for _, code in told] == [
+        Code.BATTERY_CRITICAL, Code.FAILSAFE_LATER, Code.FAILSAFE_MODE,
+    ]  # fmt: skip
+    assert 0 <= told[-1][0] - begins - 5_000_000 <= LOOK_US
+    assert vehicle.mode is Mode.RETURN
+
+
+def test_a_mode_that_is_chosen_in_the_hold_is_flown_on(vehicle, params):
+    params.set("COM_FAIL_ACT_T", 5.0, True)
+    params.set("COM_LOW_BAT_ACT", 3.0, True)
+    charge(vehicle, 0.06)
+    fly(vehicle, TICK, 2_000_000)
+    vehicle.select(Mode.POSITION, 2_000_000, 2.0)
+    assert fly(vehicle, 2_002_000, 12_000_000) == []
+    assert vehicle.mode is Mode.POSITION
+
+
+def test_a_worse_condition_in_the_hold_is_what_follows_it(vehicle, params):
+    params.set("COM_FAIL_ACT_T", 5.0, True)
+    params.set("COM_LOW_BAT_ACT", 3.0, True)
+    charge(vehicle, 0.06)
+    fly(vehicle, TICK, 2_000_000)
+    charge(vehicle, 0.03)  # an emergency: it lands
+    fly(vehicle, 2_002_000, 10_000_000)
+    assert vehicle.mode is Mode.LAND
+
+
+def test_what_stops_rotors_does_not_wait(vehicle, params):
+    params.set("COM_FAIL_ACT_T", 5.0, True)
+    params.set("NAV_DLL_ACT", 5.0, True)
+    vehicle.hear_station(0, 0.0)
+    fly(vehicle, TICK, 10_100_000)
+    assert vehicle.terminated
+
+
+def test_a_lost_script_holds_first(vehicle, params):
+    params.set("COM_FAIL_ACT_T", 2.0, True)
+    params.set("COM_OBL_RC_ACT", 4.0, True)
+    for us in (0, 100_000):
+        vehicle.script.take(vehicle.setpoint, us, us * 1e-6)
+    vehicle.select(Mode.OFFBOARD, 100_000, 0.0)
+    told = fly(vehicle, 102_000, 5_000_000)
+    assert [code for _, code in told] == [
+        Code.OFFBOARD_LOST_MODE, Code.FAILSAFE_LATER, Code.FAILSAFE_MODE,
+    ]  # fmt: skip
+    assert vehicle.mode is Mode.LAND
+
+
+# --- two at a time
+
+ACTING = [
+    (condition, value)
+    for condition, row in ROWS.items()
+    if isinstance(row.action, By)
+    for value, action in row.action.actions.items()
+    if action >= Action.HOLD
+]
+PAIRS = [
+    (one, other)
+    for one, other in itertools.product(ACTING, ACTING)
+    if ROWS[one[0]].action.parameter != ROWS[other[0]].action.parameter or one == other
+]
+
+
+def test_there_are_hundreds_of_pairs():
+    assert len(PAIRS) > 300
+
+
+@pytest.mark.parametrize("apart_us", [0, 200_000], ids=["at once", "apart"])
+def test_of_any_two_conditions_the_more_severe_wins(params, apart_us):
+    """Rotors stop in the air by termination or disarming alone, and a mode never gives way to a milder one."""
+    defaults = {name: params[name] for name in {ROWS[c].action.parameter for c, _ in ACTING}}
+    for (one, act), (other, also) in PAIRS:
+        for name, value in defaults.items():
+            params.set(name, value, False)
+        for condition, value in ((one, act), (other, also)):
+            params.set(ROWS[condition].action.parameter, float(value), False)
+        vehicle = StateMachine(params, sim_only=True)
+        vehicle.observe(state(), 0, 0.0)
+        vehicle.hear_station(0, 0.0)
+        assert vehicle.arm(0, 0.0).granted
+        fly(vehicle, TICK, 20_000)
+        vehicle.find(one, (1.0, 2.0), 22_000)
+        fly(vehicle, 22_000, 22_000 + apart_us)
+        vehicle.find(other, (1.0, 2.0), 24_000 + apart_us)
+        fly(vehicle, 24_000 + apart_us, 100_000 + apart_us)
+        worst = max(ROWS[one].action(params), ROWS[other].action(params))
+        case = one.name, act, other.name, also
+        stops = worst >= Action.DISARM
+        assert vehicle.armed == (not stops), case
+        assert (
+            vehicle.terminated
+            == (
+                Action.TERMINATE in (ROWS[one].action(params), ROWS[other].action(params))
+                and (worst is Action.TERMINATE)
+            )
+            or ROWS[one].action(params) is Action.DISARM
+        ), case
+        if not stops:
+            assert vehicle.mode is MODES[worst], case
+
+
+@pytest.mark.parametrize("condition", [c for c, _ in dict(ACTING).items()], ids=lambda c: c.name)
+def test_on_the_ground_no_condition_leaves_anything_armed_for_long(params, condition):
+    row = ROWS[condition]
+    for value, action in row.action.actions.items():
+        params.set(row.action.parameter, float(value), False)
+        vehicle = StateMachine(params, sim_only=True)
+        on_ground = state(r_E=Vec3(0.0, 0.0, 0.3), Omega=0.0)
+        vehicle.observe(on_ground, 0, 0.0)
+        vehicle.hear_station(0, 0.0)
+        assert vehicle.arm(0, 0.0).granted
+        fly(vehicle, TICK, 100_000, on_ground)
+        vehicle.find(condition, (1.0, 2.0), 102_000)
+        fly(vehicle, 102_000, 15_000_000, on_ground)
+        assert not vehicle.armed, (value, action)
+
+
+def test_a_condition_of_a_vehicle_that_is_disarmed_is_not_acted_on(params):
+    vehicle = StateMachine(params, sim_only=True)
+    vehicle.observe(state(), 0, 0.0)
+    assert vehicle.find(Condition.STATE_LOST, (0.5,), 0) == []
+    assert vehicle.mode is Mode.HOLD
