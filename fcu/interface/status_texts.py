@@ -265,6 +265,8 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.RETURN_STRAIGHT: ("Return: straight, no way around known", "no way around"),
     Code.ITEM_SHORT: ("way lacks {0:newtons}",),
     Code.CIRCLE_OUTSIDE: ("fence forbids its circle",),
+    Code.FAILSAFE_LATER: ("Failsafe: Hold, then mode {1}", "Failsafe: Hold, then {1}"),
+    Code.NO_STATION: ("no ground station",),
     Code.OFFBOARD_LOST_MODE: ("Offboard lost: mode {1}",),
     Code.OFFBOARD_LOST_STOPPED: ("Offboard lost for {0:g} s, rotors stopped",),
     Code.NOT_AS_BELIEVED: ("Unexpected: {0}",),

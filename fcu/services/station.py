@@ -290,7 +290,9 @@ class Station:
         """What is waiting on a port. `t_us`: when what is asked for takes effect."""
         for message, link in port.receive(now):
             if isinstance(message, Heartbeat) and message.type == GCS:
-                self._vehicle.hear_station(t_us, now)
+                back = self._vehicle.hear_station(t_us, now)
+                if back is not None:
+                    self.tell(back)
             if isinstance(message, Command):
                 self._information.about(port, link, self.view())
                 self._protocol.take(port, link, message, t_us, now)

@@ -515,13 +515,12 @@ class StateMachine:
         """Age of a ground station's last heartbeat at which it is lost, us."""
         return round(self._params["COM_DL_LOSS_T"] * 1e6)
 
-    def hear_station(self, t_us: int, wall_s: float) -> None:
-        """Note that a ground station was heard."""
+    def hear_station(self, t_us: int, wall_s: float) -> Told | None:
+        """Note that a ground station was heard. Returns what is to be said of it."""
         self._station = Clocks(t_us, wall_s)
         self.watch[_STATION_US] = t_us
-        if self._station_is_lost:
-            self._station_is_lost = False
-            self._to_tell.append(Told(Code.STATION_BACK))
+        was_lost, self._station_is_lost = self._station_is_lost, False
+        return Told(Code.STATION_BACK) if was_lost else None
 
     def _station_lost(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         """The ground station is lost by simulation time, and is lost indeed if it is by the wall's too."""

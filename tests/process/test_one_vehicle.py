@@ -63,6 +63,12 @@ def offer(x, y, z):
     return send
 
 
+def beat(v):
+    """A ground station's heartbeat, and a question that is answered after it."""
+    v.greet()
+    v.command(CommandId.REQUEST_CAPABILITIES)
+
+
 def do(command, *params):
     return lambda v: v.command(command, *params, tries=2)
 
@@ -160,9 +166,9 @@ SCRIPTS = {
     "loses its station": (
         2500,
         [
-            (2, "station", lambda v: v.greet()), (3, "station", parameter("NAV_DLL_ACT", 1.0)),
+            (2, "station", beat), (3, "station", parameter("NAV_DLL_ACT", 1.0)),
             (4, "station", parameter("COM_DL_LOSS_T", 5.0)),
-            *streamed(10, 2500, fly_to(1.0, 0.0, 4.0)), (2001, "station", lambda v: v.greet()),
+            *streamed(10, 2500, fly_to(1.0, 0.0, 4.0)), (2001, "station", beat),
         ],
     ),
     "has two who command": (

@@ -70,10 +70,10 @@ def test_a_ground_station_is_lost_at_the_look_after_its_time(vehicle, params, ac
     assert 0 < first - 5_100_000 <= LOOK_US + TICK
     assert told == [(first, Code.STATION_LOST), (first, Code.FAILSAFE_MODE)]
     assert (vehicle.mode, vehicle.failsafe) == (mode, True)
-    vehicle.hear_station(5_300_000, 5.3)
-    assert fly(vehicle, 5_300_000, 5_400_000) == [(5_300_000, Code.STATION_BACK)]
+    assert vehicle.hear_station(5_300_000, 5.3) == Told(Code.STATION_BACK)
+    assert vehicle.hear_station(5_400_000, 5.4) is None
     assert vehicle.mode is mode  # latched until somebody chooses another
-    again = [code for _, code in fly(vehicle, 5_402_000, 10_400_000)]
+    again = [code for _, code in fly(vehicle, 5_402_000, 10_440_000)]
     assert Code.STATION_LOST in again
 
 
