@@ -27,7 +27,7 @@ import numpy as np
 from fcu.interface import event_log
 from fcu.interface.diagnostics import PlantTiming
 from fcu.interface.event_log import Event, Said
-from fcu.interface.faults import Fault
+from fcu.interface.faults import LINK, Fault, Kind
 from fcu.interface.handover import GRANT, granted
 from fcu.interface.link import UdpLink
 from fcu.interface.ports import Ports, owner
@@ -126,7 +126,12 @@ class Server:
         self._plant = self._simulator.plant
         self._timing = column(Progress, self._plant.progress, "timing")
         self._granted = 0 if self._control is not None else sys.maxsize
-        self._quick = self._bursts  # whether compiled code is to fly the next tick
+        # of the link: a tick is then flown here
+        self._torn = [each for each in self._ordered if each.kind in LINK]
+        self._quick = (
+            self._bursts and not self._torn
+        )  # whether compiled code is to fly the next tick
+        self._sent = b""  # the state of the tick before
         self._unusable = ""  # why the last answer to this tick's state was rejected
         self._elsewhere = 0  # answers to other states that have come instead of this tick's
         self._reset_asked = False
@@ -238,11 +243,33 @@ class Server:
         if ended:
             self._tape.done()
         else:
-            self._link.send(self._wire.outbox[:length].tobytes())
+            self._send_state(self._wire.outbox[:length].tobytes())
         return burst.Burst(
             why=burst.ENDED if ended else burst.BEGUN, rows=1, status=status, length=length,
             received=0, asked=asked, unpublished=0, unsent=False,
         )  # fmt: skip
+
+    def _send_state(self, state: bytes) -> None:
+        """Send the state of a tick for the first time, as faults of the link leave it."""
+        struck = {each.kind: each.size for each in self._torn if self._strikes(each)}
+        if Kind.LINK_LATE in struck:
+            time.sleep(struck[Kind.LINK_LATE].b)
+        if Kind.LINK_LOST not in struck:  # else it is sent again, without an answer
+            self._link.send(state)
+            if Kind.LINK_DOUBLED in struck:
+                self._link.send(state)
+            if Kind.LINK_REORDERED in struck and self._sent:
+                self._link.send(self._sent)
+        self._sent = state
+
+    def _strikes(self, fault: Fault) -> bool:
+        """Return true if a fault of the link holds at this tick, and is drawn for it."""
+        if not fault.since_us <= self._simulator.time_us < fault.until_us:
+            return False
+        drawn = np.random.default_rng(
+            [int(self._world.seed), int(fault.kind), self._simulator.tick]
+        )
+        return bool(drawn.uniform() < fault.size.a)
 
     def _end(self, status: int) -> None:
         self._say("warning", self._simulator.end(status))
@@ -293,7 +320,8 @@ class Server:
                         break
                     if self._is_answer(answer):
                         took = time.monotonic() - waiting
-                        self._quick = self._bursts and took < burst.QUICK_S
+                        quick = took < burst.QUICK_S and not self._torn
+                        self._quick = self._bursts and quick
                         return True
             now = time.monotonic()
             if now - asked >= RESEND_S:

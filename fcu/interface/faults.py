@@ -35,6 +35,10 @@ class Kind(IntEnum):
     STATE_JUMPS = 7
     BATTERY_DRAIN = 8
     BATTERY_LEVEL = 9
+    LINK_LOST = 10
+    LINK_DOUBLED = 11
+    LINK_REORDERED = 12
+    LINK_LATE = 13
 
 
 class Size(NamedTuple):
@@ -91,7 +95,16 @@ SPECS: dict[str, Spec] = {
     "battery_level": Spec(
         Kind.BATTERY_LEVEL, ("remaining",), "the battery reports at most this charge"
     ),
+    "link_lost": Spec(Kind.LINK_LOST, ("share",), "this share of the states is lost on the plant link"),
+    "link_doubled": Spec(Kind.LINK_DOUBLED, ("share",), "this share of the states comes twice"),
+    "link_reordered": Spec(
+        Kind.LINK_REORDERED, ("share",), "the state of the tick before comes again behind this share"
+    ),
+    "link_late": Spec(
+        Kind.LINK_LATE, ("share", "late_s"), "this share of the states comes later, in wall time"
+    ),
 }  # fmt: skip
+LINK = frozenset({Kind.LINK_LOST, Kind.LINK_DOUBLED, Kind.LINK_REORDERED, Kind.LINK_LATE})
 NAMES = {spec.kind: name for name, spec in SPECS.items()}
 
 # Faults that an autopilot answers for: what a law alone, without one, cannot fly.
@@ -149,7 +162,7 @@ def load(path: Path) -> tuple[Fault, ...]:
             if not all(isinstance(v, int | float) and math.isfinite(v) for v in row.values()):
                 raise ValueError(f"fault {i}: expected finite numbers")
             if row["kind"] not in set(Kind) or row["rotor"] not in range(9):
-                raise ValueError(f"fault {i}: expected a kind from 0 to 9 and a rotor from 0 to 8")
+                raise ValueError(f"fault {i}: expected a kind from 0 to 13 and a rotor from 0 to 8")
         return tuple(from_buffer(Fault, list(row.values())) for row in rows)
     except OSError as error:
         raise FaultsError(f"{path}: {error.strerror}") from error

@@ -23,6 +23,13 @@ class Unit(IntEnum):
     MOTOR = 101
 
 
+class Signal(IntEnum):
+    """FAILURE_UNIT of what the flight controller itself stops hearing."""
+
+    RC_SIGNAL = 104
+    MAVLINK_SIGNAL = 105
+
+
 class Type(IntEnum):
     """FAILURE_TYPE."""
 
@@ -91,7 +98,8 @@ def words(of: Order) -> str:
     """A possible order, in the words of PX4's `failure` command."""
     what = "" if of.type == Type.OK else f" {Type(of.type).name.lower()}"
     which = f" {of.instance}" if of.instance else ""
-    return f"{Unit(of.unit).name.lower()}{which}{what}"
+    unit = Signal(of.unit) if of.unit in set(Signal) else Unit(of.unit)
+    return f"{unit.name.lower()}{which}{what}"
 
 
 def is_in_range(of: Order, rotors: int) -> bool:

@@ -56,6 +56,7 @@ DROPPED = 1000  # states that a network may lose in a row; beyond, the plant's t
 LATEST_US = (
     10_000_000 * 1_000_000
 )  # first time of a plant: exact, and far from 2**53, as all that follow
+OVERTAKEN = 10  # ticks by which a state may come late, and is ignored
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 
 _CONTRADICTED_AT = column_of(Course, "contradicted_at")
@@ -367,8 +368,12 @@ class Autopilot:
         if time_us == last_us:  # our answer was lost
             self.figures.resent += 1
             return self.answer
-        if time_us < last_us:
-            raise Lost(f"time ran back from {last_us * 1e-6:.6f} s")
+        if time_us < last_us:  # one that was overtaken on its way comes no more than once
+            self.figures.refused += 1
+            self._jumps += 1
+            if last_us - time_us > OVERTAKEN * self.period_us or self._jumps == JUMPS:
+                raise Lost(f"time ran back from {last_us * 1e-6:.6f} s")
+            return None
         if last_us < 0 and time_us > LATEST_US:
             raise Lost(
                 f"time begins at {time_us * 1e-6:.0f} s; expected 0 to {LATEST_US / 1e6:g} s"

@@ -145,6 +145,7 @@ class Commands:
         self.in_progress: Callable[[], Verdict | None] | None = None
         self.failure: Failure | None = None  # that the plant is asked for
         self._failures = 0  # how often it was
+        self._deaf: dict[int, float] = {}  # signal that is not heard: until when, us
         arm = Spec(self._arm, (1, 2), (1,), to_all=False, what="Arming")
         self.table: dict[int, Spec] = {
             CommandId.ARM_DISARM: arm,
@@ -417,12 +418,31 @@ class Commands:
         order = failures.order(request.command.params)
         if order is None:
             return denied("Failure", Code.FAILURE_RANGE)
+        if order.unit in set(failures.Signal):
+            return self._deafen(order, request.t_us)
         if not failures.kinds(order):
             return denied("Failure", Code.FAILURE_UNKNOWN, Result.UNSUPPORTED)
         self._failures += 1
         self.failure = asked = Failure(order, self._failures)
         self.in_progress = lambda: _injected(asked)
         return Verdict(Result.IN_PROGRESS)
+
+    def _deafen(self, order: failures.Order, t_us: int) -> Verdict:
+        """Stop hearing sticks or ground stations, or hear them again. Who hears no station needs an end."""
+        if order.type not in (failures.Type.OK, failures.Type.OFF):
+            return denied("Failure", Code.FAILURE_UNKNOWN, Result.UNSUPPORTED)
+        off = order.type == failures.Type.OFF
+        for_ever = off and order.for_s == 0.0
+        if for_ever and order.unit == failures.Signal.MAVLINK_SIGNAL:
+            return denied("Failure", Code.FAILURE_ENDLESS)
+        until = math.inf if for_ever else t_us + 1e6 * order.for_s
+        self._deaf[order.unit] = until if off else -math.inf
+        code = Code.FAILURE_INJECTED if off else Code.FAILURE_CLEARED
+        return Verdict(Result.ACCEPTED, Told(code, (failures.words(order),)))
+
+    def is_deaf(self, signal: failures.Signal, t_us: int) -> bool:
+        """Return true if a failure was injected by which a signal is not heard."""
+        return t_us < self._deaf.get(signal, -math.inf)
 
     def _checks(self, request: Request) -> Verdict:
         why = self._vehicle.why_not_arm(request.t_us, request.wall_s)

@@ -20,6 +20,7 @@ from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
 from fcu.mavlink.definitions import GCS, CommandId, MissionResult, MissionType, Result, Severity
+from fcu.mavlink.failures import Signal
 from fcu.mavlink.geodesy import Geodetic, Origin, to_local
 from fcu.mavlink.ground_link import GroundMessage
 from fcu.mavlink.plan_messages import MissionMessage, PlanItem
@@ -289,6 +290,8 @@ class Station:
     def serve(self, port: GroundPort, t_us: int, now: float) -> None:
         """What is waiting on a port. `t_us`: when what is asked for takes effect."""
         for message, link in port.receive(now):
+            if self._commands.is_deaf(Signal.MAVLINK_SIGNAL, t_us):
+                continue
             if isinstance(message, Heartbeat) and message.type == GCS:
                 back = self._vehicle.hear_station(t_us, now)
                 if back is not None:
@@ -308,6 +311,8 @@ class Station:
                 )
                 self._protocol.explain(verdict, now)
             elif isinstance(message, ManualControl | ChannelsOverride):
+                if self._commands.is_deaf(Signal.RC_SIGNAL, t_us):
+                    continue
                 self._sticks.take(link, message, t_us, now)
             elif isinstance(message, FollowTarget):
                 self._follow(message, t_us)

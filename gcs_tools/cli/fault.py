@@ -6,20 +6,21 @@ import time
 
 import click
 
-from fcu.interface.faults import SPECS
+from fcu.interface.faults import LINK, SPECS
 from fcu.interface.ports import ports
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import MEET_S, up_by, wait_ready
 from gcs_tools.cli.output import Failure
 
 CLEAR = "clear"
+GIVEN = [name for name, spec in SPECS.items() if spec.kind not in LINK]
 
 
 @click.command(
     epilog="Exit codes: 0 the simulator has done it, 2 invalid command line,\n"
     "3 no vehicle ready or no reply within --timeout, or rejected: the reason is told."
 )
-@click.argument("name", required=False, type=click.Choice([*SPECS, CLEAR]))
+@click.argument("name", required=False, type=click.Choice([*GIVEN, CLEAR]))
 @click.option("--rotor", type=click.IntRange(1, 8), help="Of motor_...; default: all rotors.")
 @click.option("--much", type=float, default=0.0, help="How much, in the unit that the list names.")
 @click.option(

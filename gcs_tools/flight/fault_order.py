@@ -31,7 +31,7 @@ def choices() -> list[Choice]:
         )
         for (unit, type_), row in ROWS.items()
     }
-    return [found[name] for name in SPECS]
+    return [found[name] for name in SPECS if name in found]
 
 
 def give(

@@ -236,6 +236,8 @@ class PlantFault(Table):
     jump_m: Position | None = optional("of state_jumps, ENU")
     drain_a: Annotated[float, Field(ge=0.0, le=1e4)] | None = optional("of battery_drain")
     remaining: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional("of battery_level")
+    share: Annotated[float, Field(ge=0.0, le=1.0)] | None = optional("of link_...: of the states")
+    late_s: Annotated[float, Field(ge=0.0, le=0.5)] | None = optional("of link_late: wall time")
 
     @model_validator(mode="after")
     def _has_its_keys(self) -> Self:

@@ -284,7 +284,7 @@ def test_a_rotor_that_the_airframe_does_not_have_is_refused():
 def test_every_kind_is_flown_or_needs_an_autopilot_and_says_so():
     values = {
         "effectiveness": 0.9, "noise": {"position_m": 0.01}, "delay_s": 0.01, "jump_m": [1.0, 0.0, 0.0],
-        "drain_a": 10.0, "remaining": 0.5,
+        "drain_a": 10.0, "remaining": 0.5, "share": 0.5, "late_s": 0.0,
     }  # fmt: skip
     assert {spec.kind for spec in SPECS.values()} == set(Kind)
     for name, spec in SPECS.items():
@@ -318,3 +318,24 @@ def test_a_flight_with_faults_is_the_same_over_the_wire_and_in_process(tmp_path)
         rows.append(recording.read(tmp_path / name / "flight.mcap"))
     assert rows[0].plant.rows.tobytes() == rows[1].plant.rows.tobytes()
     assert rows[0].plant.rows.shape[0] == 1500
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        '{kind="link_lost",at_s=0.5,for_s=0.1,share=0.2}', '{kind="link_doubled",at_s=0.2,share=0.5}',
+        '{kind="link_reordered",at_s=0.2,share=0.5}',
+        '{kind="link_late",at_s=0.5,for_s=0.1,share=0.3,late_s=0.01}',
+    ],
+    ids=["lost", "doubled", "reordered", "late"],
+)  # fmt: skip
+def test_a_link_that_loses_doubles_or_delays_states_changes_no_bit_of_a_flight(tmp_path, fault):
+    rows = []
+    for name, faults in (("whole", ""), ("torn", fault)):
+        flown = gcs_tools.fly(
+            "paper_nominal", settings=["flight.duration_s=1", f"plant.faults=[{faults}]"],
+            out=tmp_path / name, figure="never",
+        )  # fmt: skip
+        assert flown.error is None
+        rows.append(recording.read(tmp_path / name / "flight.mcap").plant.rows)
+    assert rows[0].tobytes() == rows[1].tobytes()

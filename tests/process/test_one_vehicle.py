@@ -163,6 +163,14 @@ SCRIPTS = {
             (101, "script", do(FAIL, 6.0, 1.0, 0.0, 0.0, 0.3)), (403, "script", do(FAIL, 6.0, 1.0, 0.0)),
         ],
     ),
+    "hears nobody for a while": (
+        1200,
+        [
+            (40, "script", parameter("SYS_FAILURE_EN", 1.0)), (41, "script", do(FAIL, 105.0, 1.0)),
+            *streamed(50, 350, fly_to(1.0, 0.0, 4.0)), (350, "script", do(FAIL, 105.0, 1.0, 0.0, 0.0, 2.0)),
+            (600, "station", do(CommandId.RETURN)), (860, "script", LOITER),
+        ],
+    ),
     "loses its station": (
         2500,
         [
@@ -327,6 +335,13 @@ EXPECTED = {  # words of its log: that it has done what it is there for
         "State valid again",
         "State lost",
         "rotors stopped",
+    ),
+    "hears nobody for a while": (
+        "needs seconds",
+        "Injected: mavlink_signal off",
+        "Offboard lost",
+        "RETURN",
+        "Mode Hold",
     ),
     "loses its station": ("Ground station lost", "Failsafe: mode Hold", "heard again"),
     "has two who command": ("255/190 is sending", "Hold", "Offboard"),
