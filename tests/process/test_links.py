@@ -17,6 +17,7 @@ from fcu.interface.messages import RotorCommand, VehicleState
 from fcu.interface.ports import ports
 from fcu.kernel.buffers import columns, size
 from fcu.mavlink.plant_link import PlantCodec, WireError
+from fcu.process.autopilot import JUMPS, OVERTAKEN
 from tests.patience import PATIENCE_S, until
 
 MS = 2000  # us: one tick at 500 Hz
@@ -170,13 +171,28 @@ def test_a_plant_that_sends_a_state_twice_is_answered_twice_and_flown_once(
 
 
 def test_time_that_runs_back_ends_it(fcu, bound, states, standing):
-    link = bound("plant", "fcu_plant")
-    for time_us in (0, MS):
+    link, last = bound("plant", "fcu_plant"), OVERTAKEN * MS + MS
+    for time_us in range(0, last + 1, MS):
         link.send(states.pack_state(time_us, standing))
         assert answer(link, states) == time_us
     link.send(states.pack_state(0, standing))
     assert fcu.wait() == 3
-    assert fcu.logged("error", "0.002000 s")
+    assert fcu.logged("error", f"{last * 1e-6:.6f} s")
+
+
+def test_a_state_that_was_overtaken_is_not_flown_and_time_goes_on(fcu, bound, states, standing):
+    """Until there are so many that the plant must have begun again."""
+    link = bound("plant", "fcu_plant")
+    for time_us, overtaken in ((0, 0), (MS, 3), (2 * MS, 9), (3 * MS, 0)):
+        link.send(states.pack_state(time_us, standing))
+        assert answer(link, states) == time_us
+        for _ in range(overtaken):
+            link.send(states.pack_state(0, standing))
+    for _ in range(JUMPS):
+        link.send(states.pack_state(0, standing))
+    assert fcu.wait() == 3
+    assert fcu.logged("error", "0.006000 s")
+    assert ended(fcu)["refused"] == 12 + JUMPS
 
 
 def test_a_state_of_a_time_that_is_not_the_next_is_not_flown(fcu, bound, states, standing):
