@@ -11,6 +11,7 @@ import pytest
 from fcu.interface.status_texts import Code
 from fcu.mavlink.definitions import MissionType
 from fcu.services import plan_items, plan_protocol, station
+from fcu.vehicle.mission import Do
 from fcu.vehicle.modes import Mode
 from tests.services.test_station import AT, Met
 
@@ -382,6 +383,30 @@ def test_a_plan_that_may_saturate_is_refused_if_the_guard_refuses(client, policy
     told = [told for _, told, _ in client.logged if told.code in (Code.PLAN_SHORT, Code.DENIED)]
     assert len(told) == (policy != 1.0)
     assert len(client.download()) == len(client.vehicle.mission.steps)
+
+
+def test_a_guard_that_begins_to_refuse_denies_the_plan_there_is(client):
+    client.station._params.set("MPC_XY_CRUISE", 12.0, False)
+    far = [item(0, TAKEOFF), item(1, north=50.0), item(2, north=50.0, east=50.0)]
+    assert client.upload(far) == ACCEPTED
+    client.station._params.set("MR_GUARD", 2.0, False)
+    for _ in range(50):
+        client.now += 0.02
+        client.station.idle(0, client.now, client.now)
+    told = [told for _, told, _ in client.logged if told.code is Code.DENIED]
+    assert len(told) == 1
+    assert told[0].values[1].code is Code.ITEM
+    assert not client.vehicle.start_plan(-1, 0, client.now).granted
+    assert client.upload(far[:1]) == ACCEPTED
+    assert client.vehicle.start_plan(-1, 0, client.now).granted
+
+
+def test_a_distance_to_the_next_place_is_a_step(client):
+    near = item(1, 114, 20.0)
+    assert client.upload([item(0, TAKEOFF), near, item(2, north=50.0)]) == ACCEPTED
+    step = client.vehicle.mission.steps[1]
+    assert (step.do, step.value) == (Do.NEAR, 20.0)
+    assert client.upload([item(0, TAKEOFF), item(1, 114, -1.0), item(2, north=50.0)]) == mavlink.MAV_MISSION_INVALID_PARAM1  # fmt: skip
 
 
 def test_a_long_look_is_spread_and_the_plan_before_stands_meanwhile(client):
