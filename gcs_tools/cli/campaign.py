@@ -9,7 +9,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -244,11 +244,12 @@ def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
             load(scene.flown)
         if scene.legs or scene.script:
             continue
-        try:
-            law_alone.warm_up(scene)
+        whole = asked_for.document.fly == VEHICLE
+        try:  # faults that a law alone cannot fly are flown by a whole vehicle
+            law_alone.warm_up(replace(scene, faults=()) if whole else scene)
         except LawError as error:
             raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
-        lanes = in_lanes and asked_for.document.fly != VEHICLE
+        lanes = in_lanes and not whole
         if lanes and several.repays(scene, asked_for.n):
             if not several.is_compiled(scene.flown.package, told=True):
                 log.print(

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from gcs_tools.campaigns.campaign_file import shipped
 from gcs_tools.campaigns.statistics import at_least
 from gcs_tools.campaigns.verdict import Shown
 from tests.command_line import gcs
+
+ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.slow
 
@@ -337,6 +340,16 @@ def test_a_law_that_raises_is_exit_code_2_before_anything_is_flown(tmp_path):
     assert found.exit_code == 2
     assert "broken.py" in found.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_whole_vehicle_flies_faults_that_a_law_alone_does_not(tmp_path):
+    words = "campaign", "state_outage", "--flights", "2"
+    assert gcs(*words, "--out", tmp_path / "vehicle").exit_code == 0
+    text = (ROOT / "missions" / "campaigns" / "state_outage.toml").read_text()
+    (tmp_path / "alone.toml").write_text(text.replace("flights = 300", 'flights = 2\nfly = "law"'))
+    found = gcs("campaign", tmp_path / "alone.toml", "--out", tmp_path / "alone")
+    assert found.exit_code == 2
+    assert "state_off is answered by an autopilot" in found.stderr
 
 
 def test_the_shipped_campaigns_can_be_flown():
