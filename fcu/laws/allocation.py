@@ -1,7 +1,8 @@
 """From total thrust and torque to rotor speeds, and back from speeds to what they achieve.
 
 When not everything fits, torque about roll and pitch comes first (it keeps the vehicle
-upright), then total thrust, then torque about yaw.
+upright), then total thrust, then torque about yaw. Before thrust is moved for the sake of roll and
+pitch, their torque is had in the way that takes the least from any rotor (`least_thrust`).
 
 Rotors need not be alike, and a vehicle need not have eight. Each has a weight w, its share of a
 hover without torque over the greatest such share: 1 of every rotor of a symmetric vehicle, 0 of one
@@ -26,12 +27,15 @@ from fcu.kernel.algebra import (
     greatest,
     inverse8,
     least,
+    maximum,
     minimum,
     select,
     sqrt8,
     total,
 )  # fmt: skip
 from fcu.kernel.compile import kernel
+from fcu.laws import least_thrust
+from fcu.laws.least_thrust import Pairs, outermost_pairs
 
 
 class RotorParams(NamedTuple):
@@ -53,6 +57,7 @@ class RotorParams(NamedTuple):
     B_x: Rotors  # thrusts over weights for one N m about body x, N
     B_y: Rotors  # about body y
     B_z: Rotors  # about body z
+    pairs: Pairs  # of rotors, by which the least total thrust gives a torque about roll and pitch
 
     @property
     def n(self) -> int:
@@ -101,6 +106,7 @@ def believed_rotors(
         B_x=B_x,
         B_y=B_y,
         B_z=B_z,
+        pairs=outermost_pairs(believed),
     )
 
 
@@ -144,7 +150,7 @@ def safe_allocation(rotors, T, tau):
     low, high = rotors.f_min, rotors.f_max
 
     # roll and pitch: scaled together, only if their spread alone does not fit
-    tilting = tau.x * rotors.B_x + tau.y * rotors.B_y
+    tilting = tilted(rotors, T, tau)
     top, bottom = greatest(tilting), least(tilting)
     k_tilt = minimum(1.0, (high - low) / (top - bottom + 1e-12))
     tilting = k_tilt * tilting
@@ -164,6 +170,28 @@ def safe_allocation(rotors, T, tau):
         torque=select((k_tilt < 1.0) | moved, 1.0, 0.0),
         yaw=select((k_yaw < 1.0) & (tau.z != 0.0), 1.0, 0.0),
     )  # departure 8
+
+
+@kernel
+def tilted(rotors, T, tau):
+    """Thrusts over weights (N) that give the torque about roll and pitch, and lift nothing.
+
+    Those of the pseudo-inverse, if they fit beside a total thrust T (N). Else as little of the way as it
+    takes to those that take the least from any rotor: or, where a rotor's greatest thrust is in the way,
+    to those that add the least. It ends where a rotor meets its other limit.
+    """
+    even = tau.x * rotors.B_x + tau.y * rotors.B_y
+    low, high = rotors.f_min - T / rotors.W, rotors.f_max - T / rotors.W
+    # what adds the least for a torque takes the least for the opposite one
+    adds = (greatest(even) > high) & (least(even) >= low)
+    sign = select(adds, -1.0, 1.0)
+    low, high = select(adds, -high, low), select(adds, -low, high)
+    f = least_thrust.thrusts(rotors.pairs, sign * tau.x, sign * tau.y)
+    L = total(f)
+    way = inverse8(rotors.w) * f - alike(L / rotors.W) - sign * even
+    part = minimum(1.0, lifting(sign * even, way, low))
+    part = select(L > 0.0, minimum(part, room_above(sign * even, way, high)), 0.0)
+    return even + (sign * part) * way
 
 
 @kernel
@@ -213,6 +241,44 @@ def room1(f, change, low, high):
     """The same for one rotor."""
     left = select(change < 0.0, f - low, high - f)
     return left / (abs(change) + 1e-12)
+
+
+@kernel
+def lifting(f, change, low):
+    """The least multiple of `change` that brings the rotors of f to no less than low; nought if they are."""
+    return greatest(
+        Rotors(
+            lifting1(f.r1, change.r1, low), lifting1(f.r2, change.r2, low),
+            lifting1(f.r3, change.r3, low), lifting1(f.r4, change.r4, low),
+            lifting1(f.r5, change.r5, low), lifting1(f.r6, change.r6, low),
+            lifting1(f.r7, change.r7, low), lifting1(f.r8, change.r8, low),
+        )
+    )  # fmt: skip
+
+
+@kernel
+def lifting1(f, change, low):
+    """The same for one rotor, as if the change were upwards."""
+    return maximum(low - f, 0.0) / maximum(change, 1e-12)
+
+
+@kernel
+def room_above(f, change, high):
+    """The largest multiple of `change`, nought or more, that takes no rotor of f above high."""
+    return least(
+        Rotors(
+            room_above1(f.r1, change.r1, high), room_above1(f.r2, change.r2, high),
+            room_above1(f.r3, change.r3, high), room_above1(f.r4, change.r4, high),
+            room_above1(f.r5, change.r5, high), room_above1(f.r6, change.r6, high),
+            room_above1(f.r7, change.r7, high), room_above1(f.r8, change.r8, high),
+        )
+    )  # fmt: skip
+
+
+@kernel
+def room_above1(f, change, high):
+    """The same for one rotor."""
+    return maximum(high - f, 0.0) / maximum(change, 1e-12)
 
 
 @kernel

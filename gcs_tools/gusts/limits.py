@@ -21,6 +21,7 @@ import numpy as np
 
 from fcu.guard import margin
 from fcu.kernel.rows import column
+from fcu.laws.allocation import RotorParams
 from fcu.process.tick import Tick
 from gcs_tools.flight.scenario import Scenario
 
@@ -49,19 +50,35 @@ def outputs(rows: Rows) -> Rows:
     return np.column_stack([force, thrust, torque])
 
 
+def least_thrusts(rotors: RotorParams) -> Rows:
+    """float64[n, 2], N/(N m): the least thrust for a torque about roll and pitch is the greatest of these times it.
+
+    One row for each side of the polygon of `least_thrust`. Where that has none, for each rotor what the
+    pseudo-inverse takes from it.
+    """
+    pairs = rotors.pairs
+    before, behind = (
+        np.array([pairs.before_x, pairs.before_y]),
+        np.array([pairs.behind_x, pairs.behind_y]),
+    )
+    n = int(np.count_nonzero(behind.any(axis=0)))
+    if n == 0:
+        return -rotors.W * np.array([rotors.B_x, rotors.B_y]).T[: rotors.n]
+    return np.asarray((behind[:, :n] + np.roll(before[:, :n], -1, axis=1)).T)
+
+
 def torque_room(scene: Scenario, out: Rows) -> Rows:
     """float64[n]: by how much (N) total thrust may move before roll and pitch take it from a rotor.
 
     Below zero the allocation has moved it, or has given up torque (`allocation.allocate`).
     """
-    rotors = scene.law.rotors
-    share = out[:, 3] / rotors.W
-    spread = np.outer(out[:, 4], np.array(rotors.B_x)) + np.outer(out[:, 5], np.array(rotors.B_y))
     if len(out) == 0:
         return np.zeros(0)
-    low = share + spread.min(axis=1) - rotors.f_min
-    high = rotors.f_max - share - spread.max(axis=1)
-    return np.asarray(rotors.W * np.minimum(low, high))
+    rotors = scene.law.rotors
+    needed = least_thrusts(rotors) @ out[:, 4:6].T
+    low = out[:, 3] - rotors.W * rotors.f_min - needed.max(axis=0)
+    high = rotors.W * rotors.f_max - out[:, 3] + needed.min(axis=0)
+    return np.asarray(np.minimum(low, high))
 
 
 def rooms(scene: Scenario, out: Rows) -> Rows:
@@ -99,8 +116,7 @@ def facets(scene: Scenario, limit: str, out: Rows) -> list[Facet]:
             for a in angles
         ]
     found = []
-    for i in range(rotors.n):
-        spread = np.array([0, 0, 0, 1.0, rotors.W * rotors.B_x[i], rotors.W * rotors.B_y[i]])
-        found.append(Facet(-rotors.W * rotors.f_min, spread))
-        found.append(Facet(rotors.W * rotors.f_max, -spread))
+    for needed in least_thrusts(rotors):
+        found.append(Facet(-rotors.W * rotors.f_min, np.array([0, 0, 0, 1.0, *-needed])))
+        found.append(Facet(rotors.W * rotors.f_max, np.array([0, 0, 0, -1.0, *needed])))
     return found
