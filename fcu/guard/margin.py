@@ -46,7 +46,7 @@ class Known(NamedTuple):
     z_0: float  # N, control difference that lasts, at rest
     z_1: float  # N/(m/s), and what a speed adds to it
     noise: float  # N, what noise of the measurement takes, in hover
-    lift: float  # N, greatest drag from below under which a tilt steers
+    lift: float  # N, greatest drag from below under which a tilt steers, with torque for a gust
     lean: float  # N, greatest drag from anywhere under which it does
 
 
@@ -80,7 +80,7 @@ def known(params, law):
         z_0=per_rate * per_speed * params.w_max,
         z_1=per_rate * per_speed,
         noise=noise,
-        lift=params.lift,
+        lift=minimum(params.lift, params.lift_turns),
         lean=weight / math.sqrt(1.0 / (k * k) + 0.5),
     )  # (30)
 
@@ -156,7 +156,7 @@ def steering(known, v):
 def sinking(known):
     """The greatest speed (m/s) downwards at which a tilt steers in the strongest wind from below.
 
-    Below zero where it does not in hover.
+    It has torque there for a gust. Below zero where it does not steer in hover.
     """
     return math.sqrt(known.lift / known.c_D) - known.w_max
 
