@@ -103,16 +103,9 @@ def per_gust(params: Params, loop: Loop) -> float:
 
 
 def least_per_torque(rotors: RotorParams) -> float:
-    """The least total thrust (N) by which a torque of 1 N m about any level axis is had. Of the worst axis.
-
-    By pairs (`least_thrust`), or where these do not reach around the vehicle by the pseudo-inverse.
-    """
-    by_pairs, evenly = [], []
-    for angle in 2.0 * math.pi / WAYS * np.arange(WAYS):
-        x, y = math.cos(angle), math.sin(angle)
-        by_pairs.append(sum(thrusts(rotors.pairs, x, y)))
-        evenly.append(rotors.W * max(x * rotors.B_x + y * rotors.B_y))
-    return max(by_pairs) if min(by_pairs) > 0.0 else max(evenly)
+    """The least total thrust (N) by which a torque of 1 N m about any level axis is had: of the worst axis."""
+    angles = 2.0 * math.pi / WAYS * np.arange(WAYS)
+    return max(sum(thrusts(rotors.pairs, math.cos(a), math.sin(a))) for a in angles)
 
 
 def lift_turns(params: GuardParams, law: Params) -> float:

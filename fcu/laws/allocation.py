@@ -187,10 +187,9 @@ def tilted(rotors, T, tau):
     sign = select(adds, -1.0, 1.0)
     low, high = select(adds, -high, low), select(adds, -low, high)
     f = least_thrust.thrusts(rotors.pairs, sign * tau.x, sign * tau.y)
-    L = total(f)
-    way = inverse8(rotors.w) * f - alike(L / rotors.W) - sign * even
-    part = minimum(1.0, lifting(sign * even, way, low))
-    part = select(L > 0.0, minimum(part, room_above(sign * even, way, high)), 0.0)
+    way = inverse8(rotors.w) * f - alike(total(f) / rotors.W) - sign * even
+    part = minimum(lifting(sign * even, way, low), room_above(sign * even, way, high))
+    part = minimum(part, 1.0)
     return even + (sign * part) * way
 
 

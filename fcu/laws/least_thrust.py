@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.interface.airframe import Airframe
-from fcu.kernel.algebra import Rotors, maximum, minimum, total
+from fcu.kernel.algebra import Rotors, maximum, minimum, select, total
 from fcu.kernel.compile import kernel
 
 SAME = 1e-9  # of torques in N m: corners that differ by less are one
@@ -39,13 +39,15 @@ class PairsOf(NamedTuple):
 class Pairs(NamedTuple):
     """The outermost pairs of an airframe, eight at most, counter-clockwise; nought where there are fewer.
 
-    A pair's thrust is what is left of it towards either neighbour, and no less than nought.
+    A pair's thrust is that of a mixture with the pair before it, or with the one behind it: the lesser of
+    the two, where less than half a turn lies between those neighbours, else the greater; and none below nought.
     """
 
     before_x: Rotors  # thrust of a pair and the pair before it, one N m about body x, N
     before_y: Rotors  # about body y
     behind_x: Rotors  # of a pair and the pair behind it
     behind_y: Rotors
+    wide: Rotors  # 1: more than half a turn lies between the neighbours
     of: PairsOf
 
 
@@ -77,34 +79,27 @@ def outermost(points: np.ndarray[Any, Any]) -> list[int]:
 
 
 def outermost_pairs(of: Airframe) -> Pairs:
-    """The Pairs of an airframe.
-
-    All noughts where the pairs do not reach around the centre of mass: some torque has no least thrust.
-    """
+    """The Pairs of an airframe, which hovers without torque by all of its rotors: they reach around it."""
     x, y, spin = (np.array(values)[: of.n] for values in (of.x, of.y, of.spin))
     both = [(i, j) for i in range(of.n) for j in range(of.n) if spin[i] > 0.0 > spin[j]]
     torque = np.array([[y[i] + y[j], -x[i] - x[j]] for i, j in both]) / 2.0  # N m of 1 N
     corners = outermost(torque)
-    before, behind, members = np.zeros((2, 8)), np.zeros((2, 8)), np.zeros((8, 8))
+    before, behind, wide = np.zeros((2, 8)), np.zeros((2, 8)), np.zeros(8)
+    members = np.zeros((8, 8))
     for k, number in enumerate(corners):
-        here = torque[number]
-        for sides, other in ((before, corners[k - 1]), (behind, corners[(k + 1) % len(corners)])):
-            ends = np.column_stack([here, torque[other]])
-            turn = np.linalg.det(ends) * (1.0 if sides is behind else -1.0)
-            if turn <= SAME * SAME:  # the centre of mass is not inside
-                return Pairs(
-                    *(Rotors(*[0.0] * 8) for _ in range(4)), PairsOf(*[Rotors(*[0.0] * 8)] * 8)
-                )
-            sides[:, k] = np.linalg.inv(ends)[0]
+        last, following = corners[k - 1], corners[(k + 1) % len(corners)]
+        before[:, k] = np.linalg.inv(torque[[number, last]].T)[0]
+        behind[:, k] = np.linalg.inv(torque[[number, following]].T)[0]
+        wide[k] = 1.0 if np.linalg.det(torque[[last, following]]) < 0.0 else 0.0
         members[list(both[number]), k] = 0.5
-    rows = (Rotors(*row.tolist()) for row in (*before, *behind))
+    rows = (Rotors(*row.tolist()) for row in (*before, *behind, wide))
     return Pairs(*rows, PairsOf(*(Rotors(*row.tolist()) for row in members)))
 
 
 @kernel
-def positive1(a, b):
-    """The lesser of two floats, and no less than nought."""
-    return maximum(minimum(a, b), 0.0)
+def mixed1(a, b, wide):
+    """The thrust of one pair (N) in a mixture, of the two that its neighbours leave it."""
+    return maximum(select(wide > 0.5, maximum(a, b), minimum(a, b)), 0.0)
 
 
 @kernel
@@ -112,11 +107,12 @@ def thrusts(pairs, tau_x, tau_y):
     """Thrusts (N) of the rotors, at least nought, that give a torque (N m, B) from the least total thrust."""
     a = tau_x * pairs.before_x + tau_y * pairs.before_y
     b = tau_x * pairs.behind_x + tau_y * pairs.behind_y
+    w, of = pairs.wide, pairs.of
     each = Rotors(
-        positive1(a.r1, b.r1), positive1(a.r2, b.r2), positive1(a.r3, b.r3), positive1(a.r4, b.r4),
-        positive1(a.r5, b.r5), positive1(a.r6, b.r6), positive1(a.r7, b.r7), positive1(a.r8, b.r8),
+        mixed1(a.r1, b.r1, w.r1), mixed1(a.r2, b.r2, w.r2), mixed1(a.r3, b.r3, w.r3),
+        mixed1(a.r4, b.r4, w.r4), mixed1(a.r5, b.r5, w.r5), mixed1(a.r6, b.r6, w.r6),
+        mixed1(a.r7, b.r7, w.r7), mixed1(a.r8, b.r8, w.r8),
     )  # fmt: skip
-    of = pairs.of
     return Rotors(
         total(of.r1 * each), total(of.r2 * each), total(of.r3 * each), total(of.r4 * each),
         total(of.r5 * each), total(of.r6 * each), total(of.r7 * each), total(of.r8 * each),

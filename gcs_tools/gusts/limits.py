@@ -53,8 +53,7 @@ def outputs(rows: Rows) -> Rows:
 def least_thrusts(rotors: RotorParams) -> Rows:
     """float64[n, 2], N/(N m): the least thrust for a torque about roll and pitch is the greatest of these times it.
 
-    One row for each side of the polygon of `least_thrust`. Where that has none, for each rotor what the
-    pseudo-inverse takes from it.
+    One row for each side of the polygon of `least_thrust`.
     """
     pairs = rotors.pairs
     before, behind = (
@@ -62,8 +61,6 @@ def least_thrusts(rotors: RotorParams) -> Rows:
         np.array([pairs.behind_x, pairs.behind_y]),
     )
     n = int(np.count_nonzero(behind.any(axis=0)))
-    if n == 0:
-        return -rotors.W * np.array([rotors.B_x, rotors.B_y]).T[: rotors.n]
     return np.asarray((behind[:, :n] + np.roll(before[:, :n], -1, axis=1)).T)
 
 

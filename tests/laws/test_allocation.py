@@ -58,12 +58,12 @@ def test_the_priority_is_roll_and_pitch_then_thrust_then_yaw(rotors, T, roll, pi
     T_achieved, tau = achieved(rotors, f)
 
     # roll and pitch: kept whenever their spread fits, else both by one factor
-    spread = np.ptp(roll * np.array(rotors.B_x) + pitch * np.array(rotors.B_y))
-    k_tilt = min(1.0, (high - low) / max(spread, 1e-9))
+    tilting = np.array(allocation.tilted(rotors, T, Vec3(roll, pitch, yaw)))
+    k_tilt = min(1.0, (high - low) / max(np.ptp(tilting), 1e-9))
     np.testing.assert_allclose(tau[:2], k_tilt * demanded[:2], atol=1e-8)
 
     # thrust: as near as roll and pitch leave room for
-    tilting = k_tilt * (roll * np.array(rotors.B_x) + pitch * np.array(rotors.B_y))
+    tilting = k_tilt * tilting
     nearest = np.clip(T, 8.0 * (low - tilting.min()), 8.0 * (high - tilting.max()))
     assert T_achieved == pytest.approx(nearest, abs=1e-8)
 
