@@ -24,8 +24,6 @@ import numpy as np
 from scipy.linalg import expm
 
 from fcu.laws.mmrac.types import Params
-from fcu.theory.linear_loop import LoopBounds, Start, bounds
-from fcu.theory.loop_bounds import position_loop
 from fcu.theory.region import Budget, largest
 from fcu.theory.responses import Matrix, gain, peak
 
@@ -64,17 +62,6 @@ def K(params: Params, mass: float) -> float:
     """|K| of the matching condition: |mass (f_m^2 I, 2 zeta_m f_m I)|, N per unit of state."""
     f = params.f_m
     return mass * f * math.hypot(f, 2.0 * params.zeta_m)
-
-
-def loop_bounds(params: Params, mass: float, air: Air, m_hat_0: float | None = None) -> LoopBounds:
-    """Bounds for hover at rest, with an initial mass estimate m_hat_0 (kg) that may be wrong.
-
-    Norms of the prediction error (m/s), control difference (N) and tracking error (m and m/s).
-    Assumes a constant force; `fcu.theory.loop_bounds` includes the motion of the regressor.
-    Paper (30).
-    """
-    z_0 = 0.0 if m_hat_0 is None else abs(m_hat_0 / mass - 1.0) * params.g
-    return bounds(position_loop(params, mass), air.force_rate() / mass, Start(z=z_0))
 
 
 def position_error(params: Params, z: float) -> float:

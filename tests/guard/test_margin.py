@@ -124,6 +124,31 @@ def test_the_control_differences_bound_is_the_l1_norm_of_its_response(rho):
     assert slow == worst(margin.SETTLES, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "at_ticks", "between"),
+    [(1000.0, 1.0, 1.02), (500.0, 1.0, 1.041), (250.0, 1.0, 1.086), (100.0, 1.008, 1.239)],
+)
+def test_a_sampled_loop_keeps_the_bound_at_its_ticks_and_what_it_adds_between_them(
+    rate_hz, at_ticks, between
+):
+    """Backward Euler of a disturbance whose rate is at most one, gamma = 2000, m_hat = 0.7 m.
+
+    Between ticks the estimate stands still, and the disturbance goes on by a tick at most.
+    """
+    h, gamma, rho = 1.0 / rate_hz, 2000.0, 0.7
+    wide = 1.0 + h * math.sqrt(gamma) + h * h * rho * gamma
+    # prediction error and control difference after a tick; the disturbance's mean over it is half a tick on
+    A = np.array([[1.0 / wide, h / wide], [0.0, 0.0]])
+    A[1] = np.array([0.0, 1.0]) - h * rho * gamma * A[0]
+    x = np.array([0.5 * h * h / wide, h - h * rho * gamma * 0.5 * h * h / wide])
+    l1 = 0.0
+    for _ in range(round(2.0 * rate_hz)):
+        l1, x = l1 + abs(x[1]), A @ x
+    bound = margin.LASTS / math.sqrt(gamma)
+    assert 0.99 * at_ticks < l1 / bound <= at_ticks
+    assert 0.99 * between < (l1 + h) / bound <= between
+
+
 class AtMost:
     """Equal to what is no larger."""
 
@@ -224,7 +249,9 @@ def test_the_condition_orders_as_it_should(settings_of):
     """More wind, less gain, more speed, more mass unknown: less margin, of force."""
 
     def force_alone(settings):
-        return margin.known(settings.guard._replace(lift=math.inf), settings.law)
+        return margin.known(
+            settings.guard._replace(lift=math.inf, lift_turns=math.inf), settings.law
+        )
 
     a, v = Vec3(1.0, 0.0, 0.5), Vec3(2.0, 0.0, 0.0)
     plain = margin.condition(force_alone(settings_of()), a, v, 0.0)

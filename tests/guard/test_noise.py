@@ -202,7 +202,9 @@ def test_the_guard_leaves_room_for_it(settings_of):
     )
 
     def of(told):
-        known = margin.known(told.guard._replace(lift=math.inf), told.law)  # of force
+        known = margin.known(
+            told.guard._replace(lift=math.inf, lift_turns=math.inf), told.law
+        )  # of force
         return np.array([
             margin.condition(known, STILL, STILL, 0.0),
             wrench.jerk(told.guard, told.law, math.inf),

@@ -25,7 +25,7 @@ def vec(row):
 
 def of_force(settings):
     """Settings whose condition is of force alone: tilts steer whatever the wind."""
-    return settings._replace(guard=settings.guard._replace(lift=math.inf))
+    return settings._replace(guard=settings.guard._replace(lift=math.inf, lift_turns=math.inf))
 
 
 def drag(R, c, u):

@@ -53,7 +53,8 @@ def rising(speed: float, to: list[float], duration_s: float, *more: str) -> Scen
 
 def loose(scene: Scenario) -> Settings:
     """Its settings, with tilts that are taken to steer almost whatever the drag."""
-    guard = scene.guard._replace(lift=stability.CARRIED * 7.0 * scene.law.g)
+    most = stability.CARRIED * 7.0 * scene.law.g
+    guard = scene.guard._replace(lift=most, lift_turns=most)
     return scene.settings._replace(guard=guard)
 
 
@@ -126,7 +127,7 @@ def test_a_long_way_down_in_the_strongest_wind_from_below_arrives(gains):
     if gains == STIFF:  # and without the condition on it
         ticks, rows_loose = law_alone.fly(replace(scene, settings=loose(scene)))
         assert len(rows_loose) < scene.ticks or (
-            np.abs(column(Tick, rows_loose, "measured.r_E")[-1] - np.array(DOWN)).max() > 50.0
+            np.abs(column(Tick, rows_loose, "measured.r_E")[-1] - np.array(DOWN)).max() > 5.0
         )
     known = margin.known(scene.guard, scene.law)
     fastest = -column(Tick, rows, "outputs.reference.v_m")[:, 2].min()
@@ -152,9 +153,10 @@ def tilted_pull(u, c, T):
 
 def test_no_air_and_no_drag_raises_the_gain_of_a_tilt_by_more_than_is_counted(settings_of):
     """Trimmed in air from anywhere, whatever the coefficients: from below, and where it leans into it."""
-    rng, known = np.random.default_rng(6), known_of(settings_of(c_angle=7.0, c_rate=14.0, f_m=2.0))
+    rng, settings = np.random.default_rng(6), settings_of(c_angle=7.0, c_rate=14.0, f_m=2.0)
+    known, lift = known_of(settings), settings.guard.lift
     weight = known.m_min * known.g
-    gain = weight / (weight - known.lift)
+    gain = weight / (weight - lift)
     nearest = 0.0
     for _ in range(20_000):
         u = rng.normal(size=3)

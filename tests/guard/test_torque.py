@@ -14,6 +14,7 @@ from fcu.kernel.rows import column
 from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
+from gcs_tools.gusts.limits import outputs, torque_room
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.studies.attack.draws import How, Numbers, attack
 from gcs_tools.studies.attack.flight import fly
@@ -266,3 +267,93 @@ def test_reversals_where_no_gust_is_believed_saturate_nothing():
         },
         "plant": {"mass_kg": 12.66, "inertia_kg_m2": [0.313, 0.361, 0.519], "drag": [0.12, 0.15, 0.14]},
     }) == NOTHING  # fmt: skip
+
+
+# --- on the way down
+
+
+def sinking(told, speed):
+    """Torque (N m) that a gust asks for at most, and that thrust holds, sinking into the greatest updraft."""
+    law, guard = told.law, told.guard
+    u = guard.w_max + speed
+    here = stability.hover_of(guard)._replace(
+        m=guard.m_min,
+        J=(guard.J_tilt,) * 3,
+        T_0=guard.m_min * law.g - guard.c_D * u * u,
+        turns=True,
+    )
+    loop = stability.tilt(law, stability.fade(law, max(LAGS)), 1.0, 1, here)
+    gust = guard.c_D * u * guard.w_dot_max / guard.m_min
+    left = here.T_0 - law.rotors.W * law.rotors.f_min
+    return gust * torque.per_gust(law, loop), left / torque.least_per_torque(law.rotors)
+
+
+def test_the_greatest_speed_downwards_is_where_a_gust_takes_what_is_counted_on(settings_of):
+    told = settings_of(**SOFT)
+    assert told.guard.lift_turns < told.guard.lift
+    down = margin.sinking(margin.known(told.guard, told.law))
+    assert down == pytest.approx(1.75, abs=0.01)
+    asked, holds = sinking(told, down)
+    assert 0.97 < asked / (torque.NOT_REACHED * holds) <= 1.0
+    beyond, left = sinking(told, down + 0.05)
+    assert beyond > torque.NOT_REACHED * left
+
+
+def test_a_gust_that_is_timed_for_it_asks_for_no_more_than_is_counted(settings_of):
+    """Through the matrix, tick by tick: drag whose acceleration changes with 1 m/s^3."""
+    told = settings_of(**SOFT)
+    law, (loop, _) = told.law, pitch(told, max(LAGS))
+    pushed = np.zeros(len(loop.A))
+    pushed[:2] = 0.5 * law.h**2, law.h
+
+    def torques(a):
+        x, found = np.zeros(len(loop.A)), []
+        for each in a:
+            found.append(float(loop.C[1] @ x))
+            x = loop.A @ x + pushed * each
+        return np.array(found)
+
+    n, bound = 2000, torque.per_gust(law, loop)
+    step = torques(np.ones(n))
+    step -= step[-1]
+    worst = np.cumsum(-np.sign(step[::-1])) * law.h
+    assert 0.99 * bound < np.abs(torques(worst)).max() <= bound * (1.0 + 1e-6)
+    random = np.cumsum(np.random.default_rng(1).choice([-1.0, 1.0], n)) * law.h
+    assert np.abs(torques(random)).max() < 0.6 * bound
+
+
+def test_where_a_gust_takes_nothing_a_vehicle_sinks_as_a_tilt_steers(settings_of):
+    for told in (settings_of(**SOFT, guard_wind_rate_m_s2=1.0), settings_of(prediction="demanded")):
+        assert told.guard.lift_turns == told.guard.lift
+
+
+def test_a_vehicle_always_sinks_at_one_metre_a_second(settings_of):
+    """However fast the wind is believed to change."""
+    told = settings_of(**SOFT, guard_wind_rate_m_s2=60.0)
+    assert margin.sinking(margin.known(told.guard, told.law)) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_long_descent_in_air_that_turns_in_a_vertical_plane_keeps_its_torque():
+    """Forty metres down at 7 kg with a drag of 0.15, in 12 m/s that turn by a radian in 0.61 s."""
+    least = np.inf
+    for phase in np.linspace(0.0, 2.0 * math.pi, 4, endpoint=False):
+        scene = scenario(from_tables("turning.toml", {
+            "title": "Down.",
+            "flight": {
+                "duration_s": 40.0, "ground_z_m": -1e3, "arena_m": 1e3,
+                "setpoints": [[0.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, -40.0]],
+            },
+            "law": {},
+            "plant": {"mass_kg": 7.0, "drag": [0.15, 0.15, 0.15]},
+            "wind": {
+                "amplitude_m_s": [12.0, 0.0, 12.0], "frequency_rad_s": [1.64, 0.0, 1.64],
+                "phase_rad": [float(phase), 0.0, float(phase) + 0.5 * math.pi],
+            },
+            "expect": {},
+        }))  # fmt: skip
+        ticks, rows = law_alone.fly(scene)
+        assert len(rows) == scene.ticks
+        least = min(least, float(torque_room(scene, outputs(rows))[500:].min()))
+        assert not column(Tick, rows, "outputs.saturation.torque")[500:].any()
+        assert np.abs(column(Tick, rows, "measured.r_E")[-500:] - [0.0, 0.0, -40.0]).max() < 0.3
+    assert least > 3.0

@@ -14,18 +14,36 @@ from fcu.laws import allocation
 
 
 @pytest.mark.parametrize("T", [20.0, 40.0, 78.0, 120.0, 180.0])
-def test_such_a_torque_moves_no_thrust_whatever_its_axis_and_more_does(settings_of, T):
+def test_such_a_torque_fits_the_pseudo_inverse_whatever_its_axis_and_more_does_not(settings_of, T):
     law, guard = settings_of()
     rotors = law.rotors
     most = wrench.tilting(guard, rotors, T)
-    worst = 0.0
-    for axis in np.linspace(0.0, 2.0 * math.pi, 145):
-        tau = Vec3(math.cos(axis), math.sin(axis), 0.0)
-        _, given_up = allocation.allocate(rotors, T, 0.999 * most * tau)
-        assert given_up.torque == 0.0
-        _, given_up = allocation.allocate(rotors, T, 1.001 * most * tau)
-        worst = max(worst, given_up.torque)
-    assert worst == 1.0
+
+    def evenly(tau):
+        even = tau.x * rotors.B_x + tau.y * rotors.B_y
+        return allocation.tilted(rotors, T, tau) == even
+
+    axes = [
+        Vec3(math.cos(a), math.sin(a), 0.0) for a in np.linspace(0.0, 2.0 * math.pi, 145).tolist()
+    ]
+    assert all(evenly(0.999 * most * tau) for tau in axes)
+    assert not all(evenly(1.001 * most * tau) for tau in axes)
+
+
+@pytest.mark.parametrize(("T", "more"), [(20.0, 1.7), (40.0, 1.7), (78.0, 1.7), (180.0, 1.7)])
+def test_rotors_hold_more_than_is_counted_before_thrust_is_moved(settings_of, T, more):
+    """By 1 + 1/sqrt(2) on an octocopter, about any axis."""
+    law, guard = settings_of()
+    most = wrench.tilting(guard, law.rotors, T)
+    for a in np.linspace(0.0, 2.0 * math.pi, 145).tolist():
+        tau = more * most * Vec3(math.cos(a), math.sin(a), 0.0)
+        assert allocation.allocate(law.rotors, T, tau)[1].torque == 0.0
+    assert (
+        allocation.allocate(law.rotors, T, Vec3(1.72 * most / math.cos(math.pi / 8.0), 0.0, 0.0))[
+            1
+        ].torque
+        == 1.0
+    )
 
 
 def acceleration_over_rate(c_angle, c_rate, bandwidth, response=0.01):

@@ -19,12 +19,12 @@ from fcu.theory.hover import (
     ball,
     ball_budget,
     largest_step,
-    loop_bounds,
     position_error,
     theorem_budget,
     unit_step,
 )
-from fcu.theory.loop_bounds import stiffness
+from fcu.theory.linear_loop import bounds
+from fcu.theory.loop_bounds import position_loop, stiffness
 from tests.theory.conftest import OCTO
 from tests.theory.exact_set import exact_set_distance
 
@@ -174,11 +174,9 @@ def test_what_is_left_of_learning_at_hover(law):
     across, _, along = stiffness(paper, MASS, MASS * paper.g)
     assert paper.lambda_v / (2.0 * math.sqrt(across)) == pytest.approx(0.5)
     assert paper.lambda_v / (2.0 * math.sqrt(along)) == pytest.approx(0.139, abs=5e-4)
-    found = loop_bounds(paper, MASS, AIR, m_hat_0=5.0)
+    found = bounds(position_loop(paper, MASS), AIR.force_rate() / MASS)
     assert 3.5 < found.control.lasting < 4.2
-    assert 29.4 < found.control.beta_1 < 31.0  # 29.4 N is the weight that is not known of
-    known = loop_bounds(law(), MASS, AIR)
-    assert known.control.beta_1 == 0.0
+    assert found.control.beta_1 == 0.0
     assert position_error(paper, found.control.lasting / MASS) == pytest.approx(
         1.031 * found.control.lasting / MASS, rel=1e-3
     )

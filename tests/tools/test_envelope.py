@@ -328,7 +328,7 @@ def test_the_terms_add_up_to_the_condition():
         assert spent.left == pytest.approx(left)
         return spent
 
-    spent = spent_of(with_guard(settings, lift=math.inf))
+    spent = spent_of(with_guard(settings, lift=math.inf, lift_turns=math.inf))
     assert min(spent[:6]) > 0.0
     assert spent.doubt == pytest.approx(-spent.tracking)  # nothing jumps, nothing is closed here
     # and where tilts that steer end first
