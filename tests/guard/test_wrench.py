@@ -30,7 +30,7 @@ def test_such_a_torque_fits_the_pseudo_inverse_whatever_its_axis_and_more_does_n
     assert not all(evenly(1.001 * most * tau) for tau in axes)
 
 
-@pytest.mark.parametrize(("T", "more"), [(20.0, 1.7), (40.0, 1.7), (78.0, 1.7), (180.0, 1.7)])
+@pytest.mark.parametrize(("T", "more"), [(20.0, 1.7), (40.0, 1.7), (60.0, 1.5), (180.0, 1.7)])
 def test_rotors_hold_more_than_is_counted_before_thrust_is_moved(settings_of, T, more):
     """By 1 + 1/sqrt(2) on an octocopter, about any axis."""
     law, guard = settings_of()
