@@ -54,12 +54,15 @@ def pace_at(params_buffer, law_buffer):
     known = margin.known(params, law)
     top, brake = speeds(known)
     down = maximum(margin.sinking(known), SLOWEST)
+    steers = maximum(margin.steered(params), SLOWEST)
+    governed = params.policy == 1.0
     jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING))
     taken_up = TAKEN_UP_S * wrench.jerk(params, law, math.inf)
     return (
         jerk,
         select(params.policy == 0.0, math.inf, minimum(brake / BRAKING, taken_up)),
-        select(params.policy == 1.0, minimum(top, down), math.inf),
+        select(governed, minimum(top, steers), math.inf),
+        select(governed, minimum(top, down), math.inf),
     )
 
 
@@ -181,6 +184,7 @@ class Pace(NamedTuple):
     jerk: float = math.inf  # m/s^3
     acceleration: float = math.inf  # m/s^2
     top: float = math.inf  # m/s
+    down: float = math.inf  # m/s, downwards
 
 
 class Tightest(NamedTuple):

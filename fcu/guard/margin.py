@@ -153,6 +153,12 @@ def steering(known, v):
 
 
 @kernel
+def steered(params):
+    """The greatest speed (m/s) downwards at which a tilt steers, whatever torque that leaves for a gust."""
+    return math.sqrt(params.lift / params.c_D) - params.w_max
+
+
+@kernel
 def sinking(known):
     """The greatest speed (m/s) downwards at which a tilt steers in the strongest wind from below.
 

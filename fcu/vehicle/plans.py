@@ -338,7 +338,7 @@ def limits(params: Parameters, cruise: float | None, pace: Pace = ENDLESS) -> Pl
     return PlanLimits(
         cruise=min(p["MPC_XY_CRUISE"] if cruise is None else cruise, p["MPC_XY_VEL_MAX"], top),
         up=min(p["MPC_Z_VEL_MAX_UP"], top),
-        down=min(p["MPC_Z_VEL_MAX_DN"], top),
+        down=min(p["MPC_Z_VEL_MAX_DN"], pace.down),
         acceleration=min(p["MPC_ACC_HOR"], tilted(p), pace.acceleration),
         acceleration_up=acceleration_up,
         late_s=max(LATE_S, TAKES_UP * acceleration_up / pace.jerk),

@@ -249,7 +249,9 @@ def test_a_way_down_takes_longer_and_plans_keep_to_it(settings_of):
     away = arrival.at_most_s(guard, law, 20.0, 0.0, 0.0, 2.0, 0.0, 0.0)
     assert math.isfinite(away)  # faster than it sinks, but level
     assert arrival.at_most_s(guard, law, 20.0, 0.0, 0.0, 3.0, 20.0, 3.0) == math.inf
-    assert admission.Look(guard, law).pace.top == pytest.approx(margin.sinking(known))
+    pace = admission.Look(guard, law).pace
+    assert pace.down == pytest.approx(margin.sinking(known))
+    assert pace.down < pace.top == pytest.approx(margin.steered(guard))
 
 
 def test_a_plan_of_who_refuses_turns_no_faster_than_its_own_braking_leaves(settings_of):
