@@ -93,7 +93,7 @@ def swinging(params: GuardParams, law: Params) -> float:
 
 
 def per_gust(params: Params, loop: Loop) -> float:
-    """Torque (N m) for drag whose acceleration changes with 1 m/s^3, at most; inf if it swings on."""
+    """Torque (N m) for drag whose acceleration changes with 1 m/s^3, at most. inf if it swings on."""
     h, pushed = params.h, np.zeros((len(loop.A), 1))
     pushed[0], pushed[1] = 0.5 * h * h, h  # way and its rate, by 1 m/s^2
     found = stepped(loop._replace(B=pushed, D=np.zeros((2, 1))), 0)
@@ -105,7 +105,7 @@ def per_gust(params: Params, loop: Loop) -> float:
 def least_per_torque(rotors: RotorParams) -> float:
     """The least total thrust (N) by which a torque of 1 N m about any level axis is had: of the worst axis."""
     angles = 2.0 * math.pi / WAYS * np.arange(WAYS)
-    return max(sum(thrusts(rotors.pairs, math.cos(a), math.sin(a))) for a in angles)
+    return max(float(sum(thrusts(rotors.pairs, math.cos(a), math.sin(a)))) for a in angles)
 
 
 def lift_turns(params: GuardParams, law: Params) -> float:
@@ -124,7 +124,7 @@ def lift_turns(params: GuardParams, law: Params) -> float:
     axes = (1,) if stability.alike(law) else (0, 1)
 
     def turns(u: float) -> bool:
-        """Whether it does where the air past it rises with u, m/s."""
+        """True where the air past it rises with u, m/s, and it still has that torque."""
         T = params.m_min * law.g - params.c_D * u * u
         holds = (T - law.rotors.W * law.rotors.f_min) / per_torque
         if holds <= 0.0:

@@ -244,7 +244,7 @@ def room1(f, change, low, high):
 
 @kernel
 def lifting(f, change, low):
-    """The least multiple of `change` that brings the rotors of f to no less than low; nought if they are."""
+    """The least multiple of `change` that brings the rotors of f to no less than low. Nought if they are."""
     return greatest(
         Rotors(
             lifting1(f.r1, change.r1, low), lifting1(f.r2, change.r2, low),

@@ -24,7 +24,7 @@ SAME = 1e-9  # of torques in N m: corners that differ by less are one
 
 
 class PairsOf(NamedTuple):
-    """What each pair gives of its thrust to each rotor: one half, or nought."""
+    """Shares of each pair's thrust that a rotor gives: one half, or nought."""
 
     r1: Rotors
     r2: Rotors
@@ -37,10 +37,10 @@ class PairsOf(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """The outermost pairs of an airframe, eight at most, counter-clockwise; nought where there are fewer.
+    """The outermost pairs of an airframe, eight at most, counter-clockwise. Nought where there are fewer.
 
     A pair's thrust is that of a mixture with the pair before it, or with the one behind it: the lesser of
-    the two, where less than half a turn lies between those neighbours, else the greater; and none below nought.
+    the two, where less than half a turn lies between those neighbours, else the greater. It is not below nought.
     """
 
     before_x: Rotors  # thrust of a pair and the pair before it, one N m about body x, N
@@ -78,10 +78,10 @@ def outermost(points: np.ndarray[Any, Any]) -> list[int]:
     return chain(order) + chain(order[::-1])
 
 
-def outermost_pairs(of: Airframe) -> Pairs:
+def outermost_pairs(vehicle: Airframe) -> Pairs:
     """The Pairs of an airframe, which hovers without torque by all of its rotors: they reach around it."""
-    x, y, spin = (np.array(values)[: of.n] for values in (of.x, of.y, of.spin))
-    both = [(i, j) for i in range(of.n) for j in range(of.n) if spin[i] > 0.0 > spin[j]]
+    x, y, spin = (np.array(values)[: vehicle.n] for values in (vehicle.x, vehicle.y, vehicle.spin))
+    both = [(i, j) for i in range(vehicle.n) for j in range(vehicle.n) if spin[i] > 0.0 > spin[j]]
     torque = np.array([[y[i] + y[j], -x[i] - x[j]] for i, j in both]) / 2.0  # N m of 1 N
     corners = outermost(torque)
     before, behind, wide = np.zeros((2, 8)), np.zeros((2, 8)), np.zeros(8)
@@ -92,8 +92,9 @@ def outermost_pairs(of: Airframe) -> Pairs:
         behind[:, k] = np.linalg.inv(torque[[number, following]].T)[0]
         wide[k] = 1.0 if np.linalg.det(torque[[last, following]]) < 0.0 else 0.0
         members[list(both[number]), k] = 0.5
-    rows = (Rotors(*row.tolist()) for row in (*before, *behind, wide))
-    return Pairs(*rows, PairsOf(*(Rotors(*row.tolist()) for row in members)))
+    b_x, b_y, a_x, a_y, w = (Rotors(*row.tolist()) for row in (*before, *behind, wide))
+    of = PairsOf(*(Rotors(*row.tolist()) for row in members))
+    return Pairs(before_x=b_x, before_y=b_y, behind_x=a_x, behind_y=a_y, wide=w, of=of)
 
 
 @kernel

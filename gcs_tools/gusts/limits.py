@@ -21,7 +21,6 @@ import numpy as np
 
 from fcu.guard import margin
 from fcu.kernel.rows import column
-from fcu.laws.allocation import RotorParams
 from fcu.process.tick import Tick
 from gcs_tools.flight.scenario import Scenario
 
@@ -50,12 +49,12 @@ def outputs(rows: Rows) -> Rows:
     return np.column_stack([force, thrust, torque])
 
 
-def least_thrusts(rotors: RotorParams) -> Rows:
+def least_thrusts(scene: Scenario) -> Rows:
     """float64[n, 2], N/(N m): the least thrust for a torque about roll and pitch is the greatest of these times it.
 
     One row for each side of the polygon of `least_thrust`.
     """
-    pairs = rotors.pairs
+    pairs = scene.law.rotors.pairs
     before, behind = (
         np.array([pairs.before_x, pairs.before_y]),
         np.array([pairs.behind_x, pairs.behind_y]),
@@ -72,7 +71,7 @@ def torque_room(scene: Scenario, out: Rows) -> Rows:
     if len(out) == 0:
         return np.zeros(0)
     rotors = scene.law.rotors
-    needed = least_thrusts(rotors) @ out[:, 4:6].T
+    needed = least_thrusts(scene) @ out[:, 4:6].T
     low = out[:, 3] - rotors.W * rotors.f_min - needed.max(axis=0)
     high = rotors.W * rotors.f_max - out[:, 3] + needed.min(axis=0)
     return np.asarray(np.minimum(low, high))
@@ -113,7 +112,7 @@ def facets(scene: Scenario, limit: str, out: Rows) -> list[Facet]:
             for a in angles
         ]
     found = []
-    for needed in least_thrusts(rotors):
+    for needed in least_thrusts(scene):
         found.append(Facet(-rotors.W * rotors.f_min, np.array([0, 0, 0, 1.0, *-needed])))
         found.append(Facet(rotors.W * rotors.f_max, np.array([0, 0, 0, -1.0, *needed])))
     return found

@@ -29,7 +29,7 @@ def blocks(page: str, kind: str) -> list[str]:
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """The mission of the page, flown in its folder."""
     folder = tmp_path_factory.mktemp("page")
-    mission, _ = blocks("missions.md", "toml")
+    mission, *_ = blocks("missions.md", "toml")
     (folder / "two_points.toml").write_text(mission)
     result = gcs_tools.fly(
         str(folder / "two_points.toml"), in_process=True, out=folder / "run", figure="never"

@@ -157,6 +157,8 @@ def test_a_disarmed_vehicle_may_be_put_into_any_mode(vehicle, mode):
         assert answer == refused(Code.NO_STICKS)
     elif mode is Mode.TAKEOFF:
         assert answer == refused(Code.NOT_GROUNDED)
+    elif mode is Mode.MISSION:
+        assert answer == refused(Code.NO_MISSION)
     else:
         assert answer.granted
 
