@@ -33,7 +33,7 @@ NOT_YET = {
 }  # before `derived`
 # The L1 norm of a gust over what a wind makes of it: a wind has no more than its greatest speed to swing
 # by. How much was set by computed winds (gcs_tools/gusts).
-NOT_REACHED = 2.0
+NOT_REACHED = 1.6
 HALVINGS = 8
 WAYS = 64  # directions of a torque
 

@@ -145,9 +145,9 @@ def spare(params, law):
 
 @kernel
 def lifted(params):
-    """Thrust (N) that three fifths of the greatest wind take off, blowing upwards. How much was set by flights."""
-    rising = 0.6 * params.w_max
-    return params.c_D * rising * rising
+    """Thrust (N) that half of the greatest wind takes off, blowing upwards. How much was set by flights."""
+    half = 0.5 * params.w_max
+    return params.c_D * half * half
 
 
 @kernel

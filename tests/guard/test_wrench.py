@@ -105,13 +105,13 @@ def test_less_thrust_turns_slower(settings_of):
     assert 0.0 < accelerations[1] < accelerations[2] <= told.law.yaw_acceleration
 
 
-def test_ahead_three_fifths_of_the_wind_lift(settings_of):
+def test_ahead_half_of_the_wind_lifts(settings_of):
     settings = settings_of()
     calm = settings.guard._replace(w_max=0.0)
     j = wrench.jerk_ahead(settings.guard, settings.law, 0.0)
-    lifted = 7.0 * 9.81 - 0.15 * 7.2**2
+    lifted = 7.0 * 9.81 - 0.15 * 6.0**2
     assert j == wrench.jerk(settings.guard, settings.law, lifted)
-    assert wrench.LEAST <= j < 0.75 * wrench.jerk(settings.guard, settings.law, math.inf)
+    assert wrench.LEAST < j < 0.75 * wrench.jerk(settings.guard, settings.law, math.inf)
     softer = settings_of(c_angle=7.0, c_rate=14.0)
     down = [wrench.jerk_ahead(*softer[::-1], a_z) for a_z in (1.0, 0.0, -0.5, -1.0)]
     assert down[0] == down[1] > down[2] > down[3] >= wrench.LEAST
