@@ -127,6 +127,7 @@ class Code(Enum):
 
     # --- why: the vehicle
     NO_STATE = "no state from the plant yet"
+    HAS_NO_VALID_STATE = "the state has failed"
     NOT_ARMED = "not armed"
     NOT_AIRBORNE = "not in the air"
     NOT_GROUNDED = "already in the air"

@@ -399,9 +399,9 @@ class Autopilot:
     def _filtered(self, received: Row, time_us: int) -> list[Told]:
         """Pass a state on to the law, unless it has failed or cannot be. Returns what is told of it."""
         h, passes = self._settings.law.h, self._filter
-        self.flight.failed[0] = self.codec.has_failed
+        self.flight.failed[0] = self.vehicle.state_failed = self.codec.has_failed
         if self.codec.has_failed and self.vehicle.state is not None:
-            found = passes.fail(h, time_us)
+            found = passes.fail(h, time_us, self.vehicle.armed)
         elif passes.has_failed:
             found = passes.mend(received)
             self.vehicle.is_gone(Condition.STATE_LOST)

@@ -184,13 +184,16 @@ class PositionFilter:
         """True while the state has failed: the next one is to be passed on by Python."""
         return self._failed_us >= 0
 
-    def fail(self, h: float, t_us: int) -> Sequence[Told]:
-        """Go on without the state of a tick, which has failed. Returns what is told of it."""
+    def fail(self, h: float, t_us: int, armed: bool) -> Sequence[Told]:
+        """Go on without the state of a tick, which has failed. Returns what is told of it.
+
+        Of a vehicle that is not armed it is not told that its state is lost: it is once it is armed.
+        """
         carry_on(self.buffer, h)
         if self._failed_us < 0:
             self._failed_us = t_us
             return (Told(Code.STATE_FAILED),)
-        if self._is_lost or t_us - self._failed_us < LOST_US:
+        if self._is_lost or not armed or t_us - self._failed_us < LOST_US:
             return ()
         self._is_lost = True
         return (Told(Code.STATE_LOST, (LOST_US * 1e-6,)),)

@@ -208,6 +208,7 @@ class StateMachine:
         self.ended: Told | None = None  # how the plant's flight has ended, if it has
         self.battery: Battery | None = None
         self.state: Row | None = None  # the last measured VehicleState, as its buffer
+        self.state_failed = False  # says its sender of the state of the last tick
         self.reference_model: Row | None = None  # float64[6]: its r_m and v_m, after the last tick
         self.reference_acceleration: Row | None = None  # float64[3]: its a_m, of a law with a guard
         self.beginning: Callable[[], Row] | None = (
@@ -773,6 +774,8 @@ class StateMachine:
             return Told(Code.HAS_ENDED)
         if self.terminated:
             return Told(Code.WAS_TERMINATED)
+        if self.state_failed:
+            return Told(Code.HAS_NO_VALID_STATE)
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
             return Told(Code.TILTED, (math.degrees(TILT_TO_ARM),))
         outside = self.fence.margin(m.r_E).value < 0.0

@@ -13,6 +13,7 @@ from fcu.interface.messages import VehicleState
 from fcu.interface.ports import ports
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import Tape
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size
 from fcu.laws import loader
@@ -44,11 +45,13 @@ def pilot():
     )  # fmt: skip
 
 
-def hear(pilot, time_us):
+def hear(pilot, time_us, quality=0):
     """Hand a state of this time to the autopilot, and tell if it was flown."""
     state = np.zeros(size(VehicleState))
     state[columns(VehicleState).index("q_EB.w")] = 1.0
-    answer = pilot.decide(PlantCodec(1, SPIN).pack_state(time_us, state), False, 1.0)
+    codec = PlantCodec(1, SPIN)
+    codec.desk.quality[0] = quality
+    answer = pilot.decide(codec.pack_state(time_us, state), False, 1.0)
     assert (answer is None) == (pilot.time_us != time_us)
     return answer is not None
 
@@ -97,3 +100,12 @@ def test_the_program_ends_with_the_codes_that_its_help_tells():
     """A usage error is click's own 2. An end for another reason is told apart from it."""
     assert (loop.OK, loop.INFRASTRUCTURE) == (0, 3)
     assert "0 stopped" in program.main.epilog and "3 plant link" in program.main.epilog
+
+
+def test_a_vehicle_whose_state_has_failed_does_not_arm_until_one_is_valid(pilot):
+    hear(pilot, 0)
+    arms = []
+    for k, quality in ((1, -1), (2, -1), (3, 0)):
+        assert hear(pilot, k * PERIOD_US, quality)
+        arms.append(pilot.vehicle.why_not_arm(k * PERIOD_US, 1.0))
+    assert arms == [Told(Code.HAS_NO_VALID_STATE), Told(Code.HAS_NO_VALID_STATE), None]

@@ -72,7 +72,7 @@ def test_a_state_that_has_failed_is_gone_on_from_and_the_next_valid_one_believed
         w_B=Vec3(0.0, 0.0, 0.2), Omega=Rotors(*[300.0] * 8),
     )  # fmt: skip
     passes.take(to_buffer(start))
-    told = [each for k in range(1, 501) for each in passes.fail(0.002, 2000 * k)]
+    told = [each for k in range(1, 501) for each in passes.fail(0.002, 2000 * k, True)]
     assert [each.code for each in told] == [Code.STATE_FAILED, Code.STATE_LOST]
     flown = from_buffer(VehicleState, passes.flown)
     assert flown.r_E == pytest.approx((1.5, 2.0, 2.75))
@@ -81,3 +81,12 @@ def test_a_state_that_has_failed_is_gone_on_from_and_the_next_valid_one_believed
     assert [each.code for each in passes.mend(to_buffer(start))] == [Code.STATE_BACK]
     assert from_buffer(VehicleState, passes.flown) == start
     assert not passes.has_failed and passes.off == 0.0
+
+
+def test_that_a_state_is_lost_is_told_of_a_vehicle_once_it_is_armed():
+    passes = PositionFilter()
+    passes.take(state(0.0))
+    told = [[each.code for each in passes.fail(H, 2000 * k, k > 500)] for k in range(1, 600)]
+    assert [(k, codes) for k, codes in enumerate(told, 1) if codes] == [
+        (1, [Code.STATE_FAILED]), (501, [Code.STATE_LOST]),
+    ]  # fmt: skip
