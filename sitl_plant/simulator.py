@@ -107,7 +107,9 @@ class Simulator:
         if not failures.is_in_range(order, int(self._world.params.airframe.n)):
             return Result.DENIED
         if order.type == failures.Type.OK:
-            faults.end(struck, kinds, order.instance, float(self.time_us))
+            rotors = int(self._world.params.airframe.n)
+            if not faults.end(struck, kinds, order.instance, rotors, float(self.time_us)):
+                return Result.TEMPORARILY_REJECTED
         else:
             if not struck.used[0]:  # nobody has looked until now
                 struck.applied[:], struck.kept[:] = self.plant.command, self.plant.reported

@@ -95,24 +95,46 @@ def draw(faults: Struck, seed: int, block: int) -> None:
 def add(faults: Struck, fault: Fault) -> bool:
     """Add a fault while the vehicle flies. Return false if there is no room.
 
-    A fault that is over gives its place to the new one.
+    Those that are over make room. The new one is the last, so that it wins where two do not combine.
     """
-    n = int(faults.used[0])
-    over = np.flatnonzero(faults.table[:n, _UNTIL] <= fault.since_us)
-    if not len(over) and n == MOST:
-        return False
-    faults.table[over[0] if len(over) else n] = to_buffer(fault)
-    faults.used[0] += not len(over)
+    table = faults.table[: int(faults.used[0])]
+    return _take(faults, [*table[table[:, _UNTIL] > fault.since_us], to_buffer(fault)])
+
+
+def end(
+    faults: Struck, kinds: Sequence[Kind], rotor: int, rotors: int, now_us: float
+) -> bool:  # fmt: skip
+    """End the faults of some kinds that hold, or are still to come. Return false if there is no room.
+
+    rotor : 0: of all rotors. A fault of all rotors that ends for one goes on as one of each other rotor.
+    rotors : of the vehicle.
+    """
+    table = faults.table[: int(faults.used[0])]
+    rows: list[Buffer] = []
+    for row in table[table[:, _UNTIL] > now_us]:
+        if row[_KIND] not in kinds or (rotor not in (0, row[_ROTOR]) and row[_ROTOR] != 0.0):
+            rows.append(row)
+        elif rotor and row[_ROTOR] == 0.0:
+            rows += [_of_rotor(row, i) for i in range(1, rotors + 1) if i != rotor]
+    if rows:
+        return _take(faults, rows)
+    table[:, _UNTIL] = np.minimum(table[:, _UNTIL], now_us)  # the next tick undoes what they did
     return True
 
 
-def end(faults: Struck, kinds: Sequence[Kind], rotor: int, now_us: float) -> None:
-    """End the faults of some kinds that hold, or are still to come.  rotor : 0: of all rotors."""
-    table = faults.table[: int(faults.used[0])]
-    of = np.isin(table[:, _KIND], kinds) & (table[:, _UNTIL] > now_us)
-    if rotor:
-        of &= table[:, _ROTOR] == rotor
-    table[of, _UNTIL] = now_us
+def _of_rotor(row: Buffer, rotor: int) -> Buffer:
+    """A Fault as a buffer, of one rotor."""
+    row = row.copy()
+    row[_ROTOR] = rotor
+    return row
+
+
+def _take(faults: Struck, rows: Sequence[Buffer]) -> bool:
+    """Let `rows`, Faults as buffers, be the faults. Return false if there is no room."""
+    if len(rows) > MOST:
+        return False
+    faults.table[: len(rows)], faults.used[0] = rows, len(rows)
+    return True
 
 
 @kernel
@@ -189,6 +211,8 @@ def report_state(faults, reported, now, period_us, noise_at):
         faults.first[0] = now
     for i in range(reported.size):
         faults.sent[now % ring, i] = reported[i]
+        if now == 0:  # there is none before it: a state that fails at once is the first
+            faults.kept[i] = reported[i]
     stuck, failed = False, False
     for k in range(faults.used[0]):
         fault = _unpack_fault(faults.table[k])

@@ -111,6 +111,13 @@ def test_a_state_that_is_stuck_or_off_is_that_of_the_tick_before():
         assert told.failed == [failed if 5 <= k < 15 else 0 for k in range(20)]
 
 
+def test_a_state_that_is_stuck_or_off_from_the_first_tick_on_is_that_of_the_first():
+    for kind in ("state_stuck", "state_off"):
+        told = Ticks({"kind": kind, "at_s": 0.0, "for_s": 0.01}).fly(6, 0.9)
+        state = told.truth("state")
+        assert [np.array_equal(r, state[0]) for r in told.reported] == [True] * 5 + [False]
+
+
 def test_a_delayed_state_is_as_old_as_it_says_and_never_older_than_the_flight():
     told = Ticks({"kind": "state_delayed", "at_s": 0.004, "for_s": 0.02, "delay_s": 0.01}).fly(20)
     state = told.truth("state")
@@ -176,6 +183,37 @@ def test_ok_ends_what_was_ordered_of_one_rotor_or_of_all():
     told.fly(1)
     off = (np.array(told.commands)[2:, :4] == 0.0).tolist()
     assert off == [[True] * 3 + [False], [True, False, True, False], [False] * 4]
+
+
+def test_ok_of_one_rotor_ends_for_it_a_fault_of_all_which_goes_on_for_the_others():
+    told = Ticks().fly(2)
+    told.simulator.fail(Order(Unit.MOTOR, Type.OFF, 0, 0.0, 0.006))
+    told.simulator.fail(Order(Unit.MOTOR, Type.OK, 2, 0.0, 0.0))
+    told.fly(4)
+    off = (np.array(told.commands)[2:] == 0.0).tolist()
+    assert off == [[True, False, *[True] * 6]] * 3 + [[False] * 8]
+
+
+def test_ok_of_one_rotor_is_not_done_where_there_is_no_room_for_the_others():
+    told = Ticks().fly(2)
+    for _ in range(MOST // 7 + 1):
+        told.simulator.fail(Order(Unit.MOTOR, Type.OFF, 0, 0.0, 0.0))
+    ok = Order(Unit.MOTOR, Type.OK, 2, 0.0, 0.0)
+    assert told.simulator.fail(ok) is Result.TEMPORARILY_REJECTED
+    assert not told.fly(1).commands[-1].any()
+
+
+def test_of_two_faults_of_a_rotor_the_one_that_was_given_later_wins():
+    told = Ticks().fly(2)
+    for type_, for_s in ((Type.STUCK, 0.002), (Type.OFF, 0.0)):
+        told.simulator.fail(Order(Unit.MOTOR, type_, 1, 0.0, for_s))
+    told.fly(2)  # the first is over, and gives its place away
+    told.simulator.fail(Order(Unit.MOTOR, Type.STUCK, 1, 0.0, 0.0))
+    told.simulator.fail(Order(Unit.MOTOR, Type.OFF, 1, 0.0, 0.002))
+    told.simulator.fail(Order(Unit.MOTOR, Type.WRONG, 1, 0.0, 0.0))
+    assert [row[0] for row in told.plant.struck.table[:4]] == [
+        Kind.MOTOR_OFF, Kind.MOTOR_STUCK, Kind.MOTOR_OFF, Kind.MOTOR_WEAK,
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
