@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import click
@@ -21,8 +22,10 @@ GIVEN = [name for name, spec in SPECS.items() if spec.kind not in LINK]
     "3 no vehicle ready or no reply within --timeout, or rejected: the reason is told."
 )
 @click.argument("name", required=False, type=click.Choice([*GIVEN, CLEAR]))
-@click.option("--rotor", type=click.IntRange(1, 8), help="Of motor_...; default: all rotors.")
-@click.option("--much", type=float, default=0.0, help="How much, in the unit that the list names.")
+@click.option(
+    "--rotor", type=click.IntRange(1, 8), help="Of motor_... and clear; default: all rotors."
+)
+@click.option("--much", type=float, help="How much, in the unit that the list names.")
 @click.option(
     "--for", "for_s", type=click.FloatRange(0.0), default=0.0,
     help="Simulation time in seconds; default: until gcs fault clear.",
@@ -31,18 +34,19 @@ GIVEN = [name for name, spec in SPECS.items() if spec.kind not in LINK]
 @arguments.UP_TIMEOUT
 @arguments.instance("the first that runs")
 def fault(
-    name: str | None, rotor: int | None, much: float, for_s: float, enable: bool, timeout_s: float,
+    name: str | None, rotor: int | None, much: float | None, for_s: float, enable: bool, timeout_s: float,
     instance: int | None,
 ) -> None:  # fmt: skip
     """Break something of a vehicle that is up, or list what can be broken.
 
-    Without NAME: the list. `clear` ends every fault. A mission has the same faults as a timeline, in
-    [[plant.faults]].
+    Without NAME: the list. `clear` ends every fault, or with --rotor those of
+    one rotor. A mission has the same faults as a timeline, in [[plant.faults]].
     """
     from fcu.interface.link import UdpLink
     from gcs_tools.flight.fault_order import choices, clear, give
     from gcs_tools.flight.ground_script import Vehicle, VehicleError
 
+    _check(name, rotor, much, for_s)
     if name is None:
         for each in choices():
             much_told = f" --much {each.much:g} ({each.what})" if each.what else ""
@@ -53,11 +57,28 @@ def fault(
     try:
         wait_ready(vehicle, max(due, time.monotonic() + MEET_S))
         if name == CLEAR:
-            clear(vehicle)
+            clear(vehicle, rotor or 0)
         else:
-            give(vehicle, name, rotor or 0, much, for_s, enable)
+            give(vehicle, name, rotor or 0, much or 0.0, for_s, enable)
     except VehicleError as error:
         raise Failure(error) from error
     finally:
         vehicle.close()
     click.echo(f"{name}: done by the simulator of instance {number}")
+
+
+def _check(name: str | None, rotor: int | None, much: float | None, for_s: float) -> None:
+    """Refuse options that would be done as something else. Raises UsageError."""
+    if much is not None and (much == 0.0 or not math.isfinite(much)):
+        raise click.UsageError(
+            f"--much {much:g}: expected a number that is finite and not 0 (a command's 0 stands for the "
+            "default). motor_off stops a rotor, and a size near 0 may be given"
+        )
+    if not math.isfinite(for_s):
+        raise click.UsageError(
+            f"--for {for_s:g}: expected seconds; left out: until gcs fault clear"
+        )
+    if name == CLEAR and (much is not None or for_s):
+        raise click.UsageError("clear takes neither --much nor --for: it ends faults at once")
+    if rotor is not None and name is not None and not name.startswith((CLEAR, "motor_")):
+        raise click.UsageError(f"--rotor {rotor}: {name} is of no rotor")

@@ -48,10 +48,10 @@ def give(
     _command(vehicle, chosen.unit, chosen.type, rotor, much, for_s)
 
 
-def clear(vehicle: Vehicle) -> None:
-    """End every fault that a vehicle has. Raises VehicleError, Refused."""
-    for unit in Unit:
-        _command(vehicle, unit, Type.OK, 0, 0.0, 0.0)
+def clear(vehicle: Vehicle, rotor: int) -> None:
+    """End the faults of a rotor, 0: every fault that a vehicle has. Raises VehicleError, Refused."""
+    for unit in (Unit.MOTOR,) if rotor else Unit:
+        _command(vehicle, unit, Type.OK, rotor, 0.0, 0.0)
 
 
 def _command(

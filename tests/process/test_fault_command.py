@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
+from click.testing import CliRunner
 
 from gcs_tools.cli.fault import GIVEN
-from gcs_tools.flight.fault_order import choices
+from gcs_tools.cli.fault import fault as fault_command
+from gcs_tools.flight.fault_order import choices, clear
 
 
 def test_every_fault_but_those_of_the_link_can_be_given_by_hand():
     assert [each.name for each in choices()] == GIVEN
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("motor_weak", "--rotor", "3", "--much", "0"), "--much 0"),
+        (("motor_weak", "--much", "nan"), "--much nan"),
+        (("motor_weak", "--for", "inf"), "--for inf"),
+        (("motor_weak", "--for", "nan"), "--for nan"),
+        (("clear", "--for", "2"), "clear takes neither"),
+        (("state_off", "--rotor", "1"), "state_off is of no rotor"),
+    ],
+)
+def test_what_would_be_done_as_something_else_is_refused(words, why):
+    done = CliRunner().invoke(fault_command, words)
+    assert (done.exit_code, why in done.output) == (2, True), done.output
+
+
+@pytest.mark.parametrize(("rotor", "asked"), [(2, [(101, 2)]), (0, [(6, 0), (100, 0), (101, 0)])])
+def test_clear_is_of_one_rotor_or_of_everything(rotor, asked):
+    told = []
+    vehicle = SimpleNamespace(command=lambda _number, unit, _ok, of, *_: told.append((unit, of)))
+    clear(vehicle, rotor)
+    assert told == asked
 
 
 @pytest.mark.slow
