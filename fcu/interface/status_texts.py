@@ -164,14 +164,15 @@ class Code(Enum):
 
     # --- why: the command
     FAILURES_OFF = "SYS_FAILURE_EN is 0"
-    FAILURE_UNKNOWN = "the simulator cannot do it"
+    FAILURE_UNKNOWN = "no such unit or type"
+    FAILURE_NOT_DONE = "the simulator cannot do it"
     FAILURE_RANGE = "instance or size out of range"
     FAILURE_ENDLESS = "needs seconds (parameter 5)"
     FAILURE_FULL = "too many failures at once"
     FAILURE_UNANSWERED = "the simulator does not answer"
     TO_NO_SYSTEM = "expected this system as target"
     COMMAND_FRAME = "frame {}"
-    PARAMETER_NAN = "parameter {} is NaN"
+    PARAMETER_NAN = "parameter {} is not finite"
     PARAMETER_UNUSED = "{}: parameter {} has no effect"
     PLACE_LOW = "{:.1f} m up (least: 0.5)"
     MODE_NOT_TO_ARM = "not in mode {}"

@@ -30,6 +30,9 @@ class Signal(IntEnum):
     MAVLINK_SIGNAL = 105
 
 
+DEAF_MOST_S = 600.0  # simulation time for which stations and scripts are not heard
+
+
 class Type(IntEnum):
     """FAILURE_TYPE."""
 
@@ -81,6 +84,8 @@ class Order(NamedTuple):
 def order(params: Sequence[float]) -> Order | None:
     """The Order of a command's parameters. None: they are no unit, type or instance."""
     given = [0.0 if math.isnan(value) else value for value in params[:5]]
+    if not all(map(math.isfinite, given)):
+        return None
     if any(value != round(value) or not 0 <= value <= 255 for value in given[:3]) or given[4] < 0.0:
         return None
     return Order(int(given[0]), int(given[1]), int(given[2]), given[3], given[4])

@@ -126,7 +126,7 @@ def _injected(asked: Failure) -> Verdict | None:
 
 
 _NOT_INJECTED = {
-    Result.UNSUPPORTED: Code.FAILURE_UNKNOWN,
+    Result.UNSUPPORTED: Code.FAILURE_NOT_DONE,
     Result.DENIED: Code.FAILURE_RANGE,
     Result.TEMPORARILY_REJECTED: Code.FAILURE_FULL,
 }
@@ -435,14 +435,22 @@ class Commands:
         for_ever = off and order.for_s == 0.0
         if for_ever and order.unit == failures.Signal.MAVLINK_SIGNAL:
             return denied("Failure", Code.FAILURE_ENDLESS)
+        too_long = (
+            order.unit == failures.Signal.MAVLINK_SIGNAL and order.for_s > failures.DEAF_MOST_S
+        )
+        if too_long or not failures.is_in_range(order, 0):
+            return denied("Failure", Code.FAILURE_RANGE)
         until = math.inf if for_ever else t_us + 1e6 * order.for_s
         self._deaf[order.unit] = until if off else -math.inf
         code = Code.FAILURE_INJECTED if off else Code.FAILURE_CLEARED
         return Verdict(Result.ACCEPTED, Told(code, (failures.words(order),)))
 
     def is_deaf(self, signal: failures.Signal, t_us: int) -> bool:
-        """Return true if a failure was injected by which a signal is not heard."""
-        return t_us < self._deaf.get(signal, -math.inf)
+        """Return true if a failure was injected by which a signal is not heard.
+
+        Once the flight has ended everything is heard: simulation time stands, and would end no failure.
+        """
+        return self._vehicle.ended is None and t_us < self._deaf.get(signal, -math.inf)
 
     def _checks(self, request: Request) -> Verdict:
         why = self._vehicle.why_not_arm(request.t_us, request.wall_s)

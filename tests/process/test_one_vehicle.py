@@ -324,7 +324,7 @@ EXPECTED = {  # words of its log: that it has done what it is there for
         "SYS_FAILURE_EN is 0",
         "Injected: motor 2 wrong",
         "instance or size",
-        "cannot do it",
+        "no such unit or type",
         "Cleared: motor 2",
         "Injected: vio garbage",
         "Battery emergency: 0 %",

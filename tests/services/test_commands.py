@@ -14,6 +14,7 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns
 from fcu.mavlink.definitions import CommandId, Result
+from fcu.mavlink.failures import Signal, order
 from fcu.mavlink.framing import Source
 from fcu.mavlink.geodesy import Origin, to_geodetic
 from fcu.mavlink.requests import Command
@@ -258,3 +259,36 @@ def test_a_take_off_names_the_place_by_its_latitude_and_longitude_alone(vehicle,
     for height in (10.0, 510.0):
         answered = asked(commands, CommandId.TAKEOFF, 0, 0, 0, NAN, *here, height, frame=GLOBAL)
         assert answered == (Result.ACCEPTED, None)
+
+
+@pytest.mark.parametrize(
+    ("params", "why"),
+    [
+        ((104, 1, 77), Code.FAILURE_RANGE), ((105, 1, 2, 0, 5), Code.FAILURE_RANGE),
+        ((105, 1, 0, 0, 601), Code.FAILURE_RANGE), ((105, 1), Code.FAILURE_ENDLESS),
+        ((105, 1, 0, 0, math.inf), Code.PARAMETER_NAN),
+    ],
+)  # fmt: skip
+def test_a_failure_that_makes_no_sense_of_what_is_heard_is_denied(vehicle, commands, params, why):
+    vehicle._params.set("SYS_FAILURE_EN", 1.0, True)
+    assert asked(commands, CommandId.INJECT_FAILURE, *params) == (Result.DENIED, why)
+    assert not any(commands.is_deaf(signal, 0) for signal in Signal)
+
+
+def test_after_the_end_of_a_flight_everything_is_heard(vehicle, commands):
+    """Simulation time stands then, and would end no failure."""
+    vehicle._params.set("SYS_FAILURE_EN", 1.0, True)
+    verdict = verdict_of(commands, CommandId.INJECT_FAILURE, 105, 1, 0, 0, 600)
+    assert verdict.result is Result.ACCEPTED
+    assert commands.is_deaf(Signal.MAVLINK_SIGNAL, 599_999_999)
+    vehicle.end(Told(Code.CRASHED), vehicle.state, 0)
+    assert not commands.is_deaf(Signal.MAVLINK_SIGNAL, 0)
+
+
+@pytest.mark.parametrize("signal", Signal)
+def test_infinity_makes_no_order_of_a_failure(signal):
+    """Also where it comes from a foreign controller, past the checks of commands."""
+    for n in range(5):
+        params = [float(signal), 1.0, 0.0, 0.0, 0.0]
+        params[n] = math.inf
+        assert order(params) is None
