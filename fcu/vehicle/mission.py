@@ -7,8 +7,8 @@ ENU, SI.
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections import ChainMap, deque
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -119,7 +119,7 @@ class Mission:
         self.is_complete = True
         self.changed += 1
 
-    def _after(self, index: int, jumped: dict[int, int]) -> int:
+    def _after(self, index: int, jumped: MutableMapping[int, int]) -> int:
         """The step behind `index`, whose jumps are counted in `jumped`."""
         step = self.steps[index]
         if step.do is not Do.JUMP:
@@ -159,7 +159,8 @@ class Mission:
 
     def _to_come(self) -> Iterator[Step]:
         """The steps behind the current one, as they will be flown, some of them."""
-        jumped, index = dict(self._jumped), self.current
+        jumped: ChainMap[int, int] = ChainMap({}, self._jumped)  # `_jumped` is left as it is
+        index = self.current
         for _ in range(LOOKED):
             index = self._after(index, jumped)
             if index >= len(self.steps):

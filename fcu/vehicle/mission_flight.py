@@ -20,7 +20,7 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import wrap
 from fcu.laws.setpoint import carried
 from fcu.vehicle import landing, plans
-from fcu.vehicle.mission import FLOWN, Do, Mission, Step, is_finite, placed
+from fcu.vehicle.mission import FLOWN, Do, Mission, Step, is_finite, leads, placed
 from fcu.vehicle.plans import STILL, Piece, PlanLimits, Pose, at, length
 
 CUT_S = 0.1  # the longest piece while the vehicle moves or turns
@@ -31,6 +31,7 @@ WITHIN = 0.7  # of the acceptance radius, in which a corner is rounded
 SHARE = 0.45  # of a leg, that a corner takes at most
 REMAINDER = 0.8  # the same, of a leg whose begin a corner has taken
 CHORDS, MOST_CHORDS = 8, 1000  # of a curve, which are held against the fence
+AT_A_TIME = 16  # steps that take no time, done from one tick to another where the vehicle rests
 BULGE = 0.01  # m, that a curve may lie outside its chords
 STRAIGHT = 1e-3  # |u2 - u1| of legs that are one line
 TURNS = 0.5  # rad/s, at most
@@ -146,7 +147,8 @@ class MissionFlight:
         self._look_at: Vec3 | None = None
         self._has_turned = False  # `_heading` is that of a turn
         self._ahead = begin.psi  # rad, heading of the way
-        self._at_once = 0
+        self._at_once = 0  # steps done since the last piece
+        self._to: Step | None = None  # the next place, if a distance to it was asked for
 
     def pieces(self) -> Iterator[Piece]:
         """All of them. The last one has no end."""
@@ -162,18 +164,23 @@ class MissionFlight:
         while mission.current < len(mission.steps):
             step = mission.steps[mission.current]
             if self._sees.is_landed():
-                rises = mission.next_place() if step.do is Do.NEAR else step
+                rises = self._next_place() if step.do is Do.NEAR else step
                 if rises is not None and rises.do in FLOWN:
                     yield from self._climb(rises)
             yield from self._do(step)
             if self._at_once > len(mission.steps) + 1:  # a loop of steps that take no time
                 yield from self._stay(CUT_S)
+            elif self._at_once >= AT_A_TIME and self._speed == 0.0:
+                # a tick has no time for 2000 of them
+                yield self._still(self._r, CUT_S)
         mission.complete()
         mission.events.append(Told(Code.MISSION_COMPLETE))
         yield from self._stay(math.inf)
 
     def _do(self, step: Step) -> Iterator[Piece]:
         self._at_once += 1
+        if leads(step):
+            self._to = None
         if step.do in (Do.GO_TO, Do.LOITER, Do.TAKE_OFF):
             yield from self._go_to(step)
         elif step.do is Do.NEAR:
@@ -313,9 +320,15 @@ class MissionFlight:
         """Fly to a place: through it in a curve, or to rest there."""
         yield from self._fly(step, self._target(step))
 
+    def _next_place(self) -> Step | None:
+        """The next place behind the current step, looked for once."""
+        if self._to is None:
+            self._to = self._mission.next_place()
+        return self._to
+
     def _near(self, step: Step) -> Iterator[Piece]:
         """Fly on until the next place is as near as a step says, and through there. It does nothing if it is."""
-        to = self._mission.next_place()
+        to = self._next_place()
         if to is None or self._sees.is_landed():
             return
         end = self._target(to)

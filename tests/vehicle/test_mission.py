@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle.mission import Do, Step
-from fcu.vehicle.mission_flight import MissionFlight, corner_of, leg_of
+from fcu.vehicle.mission_flight import AT_A_TIME, MissionFlight, corner_of, leg_of
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.plans import STILL, PlanLimits, length
 from tests.vehicle.flown import Flown
@@ -137,3 +137,24 @@ def test_a_turn_behind_a_distance_is_made_where_it_is_met():
     slow = [r.x for r, v in zip(flight.track, flight.led, strict=True) if v == STILL and r.x > 8.0]
     assert min(abs(x - 30.0) for x in slow) < 0.3
     assert not [x for x in slow if 8.0 < x < 29.0]
+
+
+def test_items_that_take_no_time_are_done_a_few_at_a_tick():
+    """A tick has no time for a long row of them. The vehicle waits at rest meanwhile."""
+    row = [Step(Do.NEAR, value=1e4), Step(Do.NOTHING), Step(Do.TURN, value=0.0)] * 20
+    flight = Planned(*row, UP, *row, go(3.0, 0.0, 5.0))
+    mission, done, most = flight.vehicle.mission, [0], 0
+    whole = mission.done
+
+    def count():
+        done[0] += 1
+        whole()
+
+    mission.done = count
+    assert flight.vehicle.start_plan(-1, flight.t_us, 0.0).granted
+    while not mission.is_complete and flight.t_us < 60e6:
+        most, done[0] = max(most, done[0]), 0
+        flight.fly(0.004)
+    assert mission.is_complete
+    assert most <= AT_A_TIME
+    assert flight.nearest(3.0, 0.0, 5.0) < 0.5
