@@ -25,7 +25,8 @@ from fcu.vehicle.mission_flight import MissionFlight, Sees
 from fcu.vehicle.plans import STILL, Piece, PlanLimits, Pose
 
 TOGETHER = 40  # pieces of one look, at most
-AT_A_TIME = 16  # pieces that are laid down from one pause to the next
+AT_A_TIME = 16  # items and pieces that are laid down from one pause to the next
+STEPS_AT_A_TIME = 64  # that are made ready for it
 STEADY_S = 2.0  # on a circle, at its speed
 MOST_STEPS = 4000  # that are looked at: jumps in jumps lead through more than anybody can look at
 _PASSED = frozenset({Do.TURN, Do.LOOK_AT, Do.LOOK_AHEAD, Do.HOME, Do.LANDING_BEGINS})
@@ -60,7 +61,8 @@ def along(
     """
     if look is None:
         return
-    flight = _Laid(steps, begin)
+    flight = _Laid(begin)
+    yield from flight.take(steps)
     flight.mission.set_current(first)
     laid: list[Piece] = []
     at_s = 0.0
@@ -68,24 +70,26 @@ def along(
         plans.at(begin.pose.r_E, 0.0),
         STILL,
     )  # the end of what was looked at, and how it came there
-    for count, (item, piece) in enumerate(flight.pieces(), start=1):
-        laid.append(piece)
-        if count % AT_A_TIME == 0:
+    for each in flight.pieces():
+        if each is None:
             yield None
+            continue
+        item, piece = each
+        laid.append(piece)
         if not flight.is_over(item) and len(laid) < TOGETHER:
             continue
         begins, end = laid[0].setpoint, _end(piece)
         goes_on = plans.length(last.v_c) > plans.SLOW and last.r_c == begins.r_c
         # the acceleration of a piece ends with it: from there the reference model has to come
         reference = np.concatenate([
-            to_buffer(each)
-            for each in ((last.r_c, last.v_c, a) if goes_on else (begins.r_c, STILL, STILL))
+            to_buffer(part)
+            for part in ((last.r_c, last.v_c, a) if goes_on else (begins.r_c, STILL, STILL))
         ])  # fmt: skip
-        way = [(each.setpoint, each.for_s) for each in laid]
+        way = [(part.setpoint, part.for_s) for part in laid]
         found = look.tightest([*way, (end._replace(a_c=STILL), math.inf)], reference)
         far = plans.length(end.r_c - begins.r_c)
         yield ItemMargin(item, found._replace(at=at_s + found.at), far)
-        at_s += sum(each.for_s for each in laid)
+        at_s += sum(part.for_s for part in laid)
         last, a, laid = end, piece.setpoint.a_c, []
 
 
@@ -97,13 +101,21 @@ def _end(piece: Piece) -> Setpoint:
 class _Laid:
     """The pieces of a plan, each with its item, laid down without a vehicle."""
 
-    def __init__(self, steps: tuple[Step, ...], begin: Ground) -> None:
+    def __init__(self, begin: Ground) -> None:
         self._begin = begin
         self._landed = begin.landed
         self._cruise: float | None = None  # m/s
         self._here = begin.pose
         self.mission = Mission()
-        self.mission.replace(tuple(self._looked(number, step) for number, step in enumerate(steps)))
+
+    def take(self, steps: tuple[Step, ...]) -> Iterator[None]:
+        """Take the steps as they are looked at, some from one pause to the next."""
+        looked: list[Step] = []
+        for number, step in enumerate(steps):
+            if number and number % STEPS_AT_A_TIME == 0:
+                yield
+            looked.append(self._looked(number, step))
+        self.mission.replace(tuple(looked))
 
     def _looked(self, number: int, step: Step) -> Step:
         """The step without what takes time alone.
@@ -131,10 +143,13 @@ class _Laid:
         """Tell whether the next piece is of another item."""
         return self._next != item
 
-    def pieces(self) -> Iterator[tuple[int, Piece]]:
-        """All of them, none without end, each one before the next is asked for."""
+    def pieces(self) -> Iterator[tuple[int, Piece] | None]:
+        """All of them, none without end, each one before the next is asked for. None to pause."""
         pending: tuple[int, Piece] | None = None
         for each in self._all():
+            if each is None:
+                yield None
+                continue
             self._next = each[0]
             if pending is not None:
                 yield pending
@@ -143,8 +158,9 @@ class _Laid:
         if pending is not None:
             yield pending
 
-    def _all(self) -> Iterator[tuple[int, Piece]]:
+    def _all(self) -> Iterator[tuple[int, Piece] | None]:
         mission = self.mission
+        laid = paused = 0
         while mission.current < len(mission.steps):
             self._take_off()
             flight = MissionFlight(mission, self._sees(), self._here, cut_s=math.inf)
@@ -154,6 +170,10 @@ class _Laid:
                     break
                 if mission.changed > MOST_STEPS:
                     return
+                laid += 1
+                if laid + mission.changed >= paused + AT_A_TIME:
+                    paused = laid + mission.changed
+                    yield None
                 if piece.for_s > 0.0:
                     end = _end(piece)
                     self._here = Pose(end.r_c, end.v_c, end.psi_c)

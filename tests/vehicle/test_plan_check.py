@@ -8,8 +8,9 @@ import pytest
 
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
-from fcu.vehicle.mission import Do, Step
-from fcu.vehicle.plan_check import TOGETHER, along
+from fcu.vehicle import plan_check
+from fcu.vehicle.mission import Do, Mission, Step
+from fcu.vehicle.plan_check import AT_A_TIME, TOGETHER, along
 from fcu.vehicle.plans import STILL, Pose
 from tests.vehicle.test_mission import UP, Planned, go
 
@@ -169,6 +170,54 @@ def test_a_look_at_jumps_in_jumps_ends(flight):
     jumps = [Step(Do.JUMP, to=1, times=9) for _ in range(700)]
     found = margins(flight, UP, go(20.0, 0.0, 5.0), go(0.0, 5.0, 5.0), *jumps)
     assert set(found) == {1, 2}
+
+
+@pytest.fixture
+def walked(monkeypatch):
+    """Counts the items that are walked: done, or made ready."""
+    counted, done, ready = [0], Mission.done, plan_check._Laid._looked
+
+    def counts(whole, cost):
+        def counting(*arguments):
+            counted[0] += cost
+            return whole(*arguments)
+
+        return counting
+
+    monkeypatch.setattr(Mission, "done", counts(done, 1.0))
+    monkeypatch.setattr(plan_check._Laid, "_looked", counts(ready, 0.25))
+    return counted
+
+
+NOWHERE = {
+    "distances": [Step(Do.NEAR, value=1e4)] * 1998,
+    "turns": [Step(Do.TURN, value=1.0)] * 1998,
+    "jumps": [Step(Do.JUMP, to=1, times=1)] * 1998,
+    "landings where it is": [Step(Do.TAKE_OFF), Step(Do.LAND)] * 999,
+}
+
+
+@pytest.mark.parametrize("steps", NOWHERE.values(), ids=NOWHERE)
+def test_a_look_pauses_at_items_that_take_no_time(flight, walked, steps):
+    flight.set(**SLOW)
+    vehicle = flight.vehicle
+    look = along((UP, *steps), vehicle._ground(vehicle.pose()), vehicle.feasibility.look_anyhow)
+    most, before = 0.0, walked[0]
+    for _ in look:
+        most, before = max(most, walked[0] - before), walked[0]
+    most = max(most, walked[0] - before)
+    assert walked[0] > 1998
+    assert most <= 2.0 * AT_A_TIME
+
+
+def test_a_guard_that_changes_again_and_again_costs_little_each_time(flight, walked):
+    flight.set(MR_GUARD=GOVERN, **SLOW)
+    flight.vehicle.take_plan((UP, *NOWHERE["distances"]), flight.t_us)
+    for policy in (REFUSE, WARN) * 5:
+        flight.set(MR_GUARD=policy)
+        before = walked[0]
+        assert flight.vehicle.look_again() is None
+        assert walked[0] - before <= 2.0 * AT_A_TIME
 
 
 def again(flight):
