@@ -37,6 +37,10 @@ from fcu.kernel.compile import kernel
 from fcu.laws import least_thrust
 from fcu.laws.least_thrust import Pairs, outermost_pairs
 
+# of the span of a rotor's thrust: so near its other limit the rotors are shared as the pseudo-inverse has it
+FADES = 0.05
+COUNTS = 0.02  # of the span of what torque asks of the rotors: what a rotor changes by, at least
+
 
 class RotorParams(NamedTuple):
     """The rotors as they are believed to be, and how thrust and torque are shared among them."""
@@ -178,18 +182,27 @@ def tilted(rotors, T, tau):
 
     Those of the pseudo-inverse, if they fit beside a total thrust T (N). Else as little of the way as it
     takes to those that take the least from any rotor: or, where a rotor's greatest thrust is in the way,
-    to those that add the least. It ends where a rotor meets its other limit.
+    to those that add the least. It ends where a rotor meets its other limit, and before the least and the
+    greatest of them are too far apart for any thrust. Near either end it is given up by and by, so that no
+    rotor jumps where the demand does not.
     """
     even = tau.x * rotors.B_x + tau.y * rotors.B_y
     low, high = rotors.f_min - T / rotors.W, rotors.f_max - T / rotors.W
     # what adds the least for a torque takes the least for the opposite one
-    adds = (greatest(even) > high) & (least(even) >= low)
+    adds = greatest(even) > high
     sign = select(adds, -1.0, 1.0)
     low, high = select(adds, -high, low), select(adds, -low, high)
     f = least_thrust.thrusts(rotors.pairs, sign * tau.x, sign * tau.y)
-    way = inverse8(rotors.w) * f - alike(total(f) / rotors.W) - sign * even
-    part = minimum(lifting(sign * even, way, low), room_above(sign * even, way, high))
-    part = minimum(part, 1.0)
+    begin = sign * even
+    way = inverse8(rotors.w) * f - alike(total(f) / rotors.W) - begin
+    whole, end = high - low, begin + way
+    apart, wider = greatest(begin) - least(begin), greatest(end) - least(end)
+    part = minimum(
+        lifting(begin, way, low, maximum(COUNTS * apart, 1e-12)), room_above(begin, way, high)
+    )
+    part = minimum(part, maximum(whole - apart, 0.0) / maximum(wider - apart, 1e-12))
+    left = minimum(high - greatest(begin), whole - apart) / (FADES * whole)
+    part = minimum(part, 1.0) * clip(left, 0.0, 1.0)
     return even + (sign * part) * way
 
 
@@ -243,22 +256,25 @@ def room1(f, change, low, high):
 
 
 @kernel
-def lifting(f, change, low):
-    """The least multiple of `change` that brings the rotors of f to no less than low. Nought if they are."""
+def lifting(f, change, low, counts):
+    """The least multiple of `change` that brings the rotors of f to no less than low. Nought if they are.
+
+    counts : N, above 0: a rotor that changes by less, or downwards, is taken to change by that.
+    """
     return greatest(
         Rotors(
-            lifting1(f.r1, change.r1, low), lifting1(f.r2, change.r2, low),
-            lifting1(f.r3, change.r3, low), lifting1(f.r4, change.r4, low),
-            lifting1(f.r5, change.r5, low), lifting1(f.r6, change.r6, low),
-            lifting1(f.r7, change.r7, low), lifting1(f.r8, change.r8, low),
+            lifting1(f.r1, change.r1, low, counts), lifting1(f.r2, change.r2, low, counts),
+            lifting1(f.r3, change.r3, low, counts), lifting1(f.r4, change.r4, low, counts),
+            lifting1(f.r5, change.r5, low, counts), lifting1(f.r6, change.r6, low, counts),
+            lifting1(f.r7, change.r7, low, counts), lifting1(f.r8, change.r8, low, counts),
         )
     )  # fmt: skip
 
 
 @kernel
-def lifting1(f, change, low):
-    """The same for one rotor, as if the change were upwards."""
-    return maximum(low - f, 0.0) / maximum(change, 1e-12)
+def lifting1(f, change, low, counts):
+    """The same for one rotor."""
+    return maximum(low - f, 0.0) / maximum(change, counts)
 
 
 @kernel

@@ -66,7 +66,8 @@ def least_thrusts(scene: Scenario) -> Rows:
 def torque_room(scene: Scenario, out: Rows) -> Rows:
     """float64[n]: by how much (N) total thrust may move before roll and pitch take it from a rotor.
 
-    Below zero the allocation has moved it, or has given up torque (`allocation.allocate`).
+    Below zero the allocation has moved it, or has given up torque (`allocation.allocate`). Where both limits
+    of a rotor are near, from a quarter to three quarters of full thrust, it may have with room left.
     """
     if len(out) == 0:
         return np.zeros(0)

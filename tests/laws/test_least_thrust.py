@@ -19,12 +19,16 @@ AHEAD = {
     "full_speed_rad_s": [1000.0, 1000.0, 1000.0, 900.0, 1000.0, 1000.0], "lag_s": 0.03,
     "inertia_kg_m2": 1e-5,
 }  # fmt: skip
+FIVE = {
+    **AHEAD, "position_m": [[0.4 * math.cos(a), 0.4 * math.sin(a)] for a in np.arange(5) * 0.4 * math.pi],
+    "spin": [1, -1, 1, -1, 1], "full_speed_rad_s": 1000.0,
+}  # fmt: skip
 
 
-@pytest.fixture(params=[*SHIPPED, "ahead"], scope="module")
+@pytest.fixture(params=[*SHIPPED, "ahead", "five"], scope="module")
 def vehicle(request):
-    if request.param == "ahead":
-        return airframe.airframe(AHEAD)
+    if request.param in ("ahead", "five"):
+        return airframe.airframe(AHEAD if request.param == "ahead" else FIVE)
     return airframe.believed(SHIPPED[request.param])[0]
 
 
@@ -33,7 +37,7 @@ def rotors(vehicle):
     return allocation.believed_rotors(vehicle, 0.002, 0.03, f_min=0.02, kappa=3.0)
 
 
-def demands(rotors, seed, n=150):
+def demands(rotors, seed, n=100):
     """Thrusts of 2 to 98 % of the greatest, torques to 2.2 times what the pseudo-inverse fits beside them."""
     rng, per = np.random.default_rng(seed), max(np.hypot(rotors.B_x, rotors.B_y))
     for _ in range(n):
@@ -84,7 +88,7 @@ def test_what_fits_beside_the_least_of_a_rotor_is_given_whole(vehicle, rotors):
             assert not whole or least + 1e-9 > T
         met += gave_up.torque == 0.0
         beyond += not whole
-    assert met > 50
+    assert met > 30
     assert beyond > 10
 
 
@@ -97,19 +101,49 @@ def test_what_the_pseudo_inverse_fits_is_its_own_to_the_bit(vehicle, rotors):
         if there.min() >= rotors.f_min and there.max() <= rotors.f_max:
             assert allocation.allocate(rotors, T, tau) == (rotors.w * own, (0.0, 0.0))
             fitted += 1
-    assert fitted > 30
+    assert fitted > 20
 
 
-def test_thrusts_change_no_faster_than_the_demand(rotors):
-    """Along a line of torques through what fits and what does not there is no jump."""
-    T, per = 0.25 * rotors.W * rotors.f_max, max(np.hypot(rotors.B_x, rotors.B_y))
-    for angle in np.linspace(0.0, 2.0 * math.pi, 9).tolist():
-        sizes = np.linspace(0.0, 2.5 * T / rotors.W / per, 4001).tolist()
-        found = [
-            allocation.allocate(rotors, T, Vec3(s * math.cos(angle), s * math.sin(angle), 0.0))[0]
-            for s in sizes
-        ]
-        assert np.abs(np.diff(found, axis=0)).max() < 20.0 * per * sizes[1]
+def test_roll_and_pitch_never_get_less_than_by_the_pseudo_inverse_nor_is_more_thrust_moved(
+    vehicle, rotors
+):
+    """Whatever does not fit: the rule is the same, with the pseudo-inverse in place of `tilted`."""
+    of, (low, high) = effect(vehicle), (rotors.f_min, rotors.f_max)
+    for T, tau in demands(rotors, 4):
+        even = tau.x * rotors.B_x + tau.y * rotors.B_y
+        top, bottom = max(even), min(even)
+        k = min(1.0, (high - low) / max(top - bottom, 1e-12))
+        share = min(max(T / rotors.W, low - k * bottom), high - k * top)
+        f, _ = allocation.allocate(rotors, T, tau)
+        thrust, x, y, _ = of @ np.array(f)[: vehicle.n]
+        assert math.hypot(x, y) > k * math.hypot(tau.x, tau.y) - 1e-9
+        assert abs(thrust - T) < abs(share * rotors.W - T) + 1e-9
+
+
+def test_no_rotor_jumps_where_the_demand_does_not(rotors):
+    """Along lines of thrust and torque, through what fits and what does not, by bisection."""
+    random, per = np.random.default_rng(5), max(np.hypot(rotors.B_x, rotors.B_y))
+    for _ in range(30):
+        T, way = random.uniform(0.02, 0.98) * rotors.W * rotors.f_max, random.normal(size=3)
+        begin = random.normal(size=2) * rotors.f_max / per
+
+        def given(s, T=T, begin=begin, way=way):
+            tau = begin + 0.3 * s * rotors.f_max / per * way[:2]
+            thrust = T + 0.1 * s * rotors.W * rotors.f_max * way[2]
+            f, _ = allocation.allocate(
+                rotors, float(thrust), Vec3(float(tau[0]), float(tau[1]), 0.0)
+            )
+            return np.array(f)
+
+        s = np.linspace(0.0, 1.0, 101)
+        steps = np.abs(np.diff([given(each) for each in s], axis=0)).max(axis=1)
+        low, high = s[steps.argmax()], s[steps.argmax() + 1]
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            first, then, last = given(low), given(middle), given(high)
+            nearer = np.abs(then - first).max() > np.abs(last - then).max()
+            low, high = (low, middle) if nearer else (middle, high)
+        assert np.abs(last - first).max() < 1e-6 * rotors.f_max
 
 
 def test_points_that_are_one_and_points_on_a_side_are_no_corners():
