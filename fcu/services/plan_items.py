@@ -98,6 +98,8 @@ class _Read(NamedTuple):
             raise RefusedItem(MissionResult.INVALID_PARAM7, why)
         left_out = UNSET in (item.x, item.y) or (zero_is_here and item.x == item.y == 0)
         if left_out:
+            if needed and item.x != UNSET and item.y == UNSET:
+                raise _parameter(6, math.nan, "a longitude")
             if needed:
                 raise _parameter(5, math.nan, "a latitude")
             return Vec3(math.nan, math.nan, z)

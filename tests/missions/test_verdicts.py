@@ -182,7 +182,7 @@ def test_the_vehicles_warnings_are_kept_over_the_wire_as_in_process(
     ("mission", "settings", "told"),
     [
         ("paper_printed_fast", [],
-         ["diverged at 7.81 s: 100 m", "the tilt command from 1.59 s to the end (80 %",
+         ["diverged at 7.91 s: 100 m", "the tilt command from 1.59 s to the end (80 %",
           "11.6 m/s, within the 12 m/s believed", "gcs envelope missions/paper_printed_fast.toml"]),
         ("gust_step", ["plant.mass_kg=25.0"],
          ["hit the ground", "the thrust command", "The mass was 25 kg; 7 to 9 kg",

@@ -33,6 +33,13 @@ def item(sequence, command=WAYPOINT, *params, north=0.0, east=0.0, z=10.0, frame
     )
 
 
+def without(sequence, axis):
+    """A place without its latitude (x) or longitude (y)."""
+    left_out = item(sequence)
+    setattr(left_out, axis, 0x7FFFFFFF)
+    return left_out
+
+
 def plan(count=4):
     return [
         item(0, TAKEOFF),
@@ -226,6 +233,8 @@ def test_clearing_all_leaves_nothing(client):
         (item(1, WAYPOINT, -1.0), mavlink.MAV_MISSION_INVALID_PARAM1),
         (item(1, WAYPOINT, 0.0, math.inf), mavlink.MAV_MISSION_INVALID_PARAM2),
         (item(1, north=30_000.0), mavlink.MAV_MISSION_INVALID_PARAM5_X),
+        (without(1, "x"), mavlink.MAV_MISSION_INVALID_PARAM5_X),
+        (without(1, "y"), mavlink.MAV_MISSION_INVALID_PARAM6_Y),
         (item(1, z=1e6), mavlink.MAV_MISSION_INVALID_PARAM7),
         (item(1, z=math.nan), mavlink.MAV_MISSION_INVALID_PARAM7),
         (item(1, JUMP, 9.0, 1.0), mavlink.MAV_MISSION_INVALID_PARAM1),
