@@ -43,7 +43,7 @@ def test_a_mission_by_name_is_the_flight_of_the_checkout(bare: Bare, tmp_path: P
     )
     assert done.returncode == 0, done.stderr
     (result,) = json.loads(done.stdout)
-    assert result["trajectory_sha256"].startswith("c0323392e6ce")
+    assert result["trajectory_sha256"].startswith("4066f19aaf12")
     assert (tmp_path / "run" / "flight.mcap").stat().st_size > 0
     assert files(bare) == before  # so the packages may be read-only
 
