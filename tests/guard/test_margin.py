@@ -197,6 +197,8 @@ def test_what_is_left_of_the_start_fades_no_faster_than_it_should(settings_of):
 def test_the_way_to_a_setpoint_is_looked_at_in_full(settings_of):
     """A step asks most at its start; a setpoint that moves off, where it has got up to speed."""
     settings = settings_of(guard_wind_m_s=6.0)
+    of_force = settings.guard._replace(lift=math.inf, lift_turns=math.inf)
+    settings = settings._replace(guard=of_force)
     guard, law = settings.guard, settings.law._replace(h=0.005)
     step = Setpoint(Vec3(3.0, 0.0, 0.0), STILL, STILL, 0.0, 0.0)
     least, at, a, _ = foreseen.least(guard, law, step, STILL, STILL)
