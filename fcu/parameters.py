@@ -11,6 +11,7 @@ of the start leaves Settings as they were handed over, to the bit.
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
 import re
@@ -38,7 +39,17 @@ from fcu.laws.scales import hover_thrust
 from fcu.process.configuration import read_airframe
 from fcu.process.settings import Settings
 
-__all__ = ["VEHICLE", "Entry", "Parameters", "ParamsFileError", "Refused", "entries"]
+__all__ = [
+    "VEHICLE",
+    "Entry",
+    "GivenError",
+    "Parameters",
+    "ParamsFileError",
+    "Refused",
+    "chosen",
+    "entries",
+    "file_text",
+]
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
@@ -265,6 +276,61 @@ def _pairs(table: Mapping[str, Entry]) -> Iterator[tuple[str, str, bool]]:
             yield name, p.row.parts[1].name, False
 
 
+# --- chosen for a flight
+
+
+class GivenError(ParameterError):
+    """A parameter that cannot be chosen for a flight: `name`, and the reason."""
+
+    def __init__(self, name: str, why: str) -> None:
+        super().__init__(f"{name}: {why}")
+        self.name = name
+
+
+def chosen(
+    given: Mapping[str, float], flown: Law, airframe: Mapping[str, Any]
+) -> dict[str, float]:  # fmt: skip
+    """Values of the vehicle's own parameters, by their MAVLink names, as a vehicle keeps them.
+
+    flown : the law, whose parameters a mission sets in [law].  airframe : the tables of its file.
+    Raises GivenError for a name, a value or a pair of values that no vehicle takes.
+    """
+    table, found = entries(VEHICLE, airframe), {}
+    for name, value in given.items():
+        p = table.get(name)
+        if p is None:
+            raise GivenError(name, _unknown(name, table, flown))
+        if p.row.read_only:
+            raise GivenError(name, f"read only: {p.sentence}")
+        found[name] = shortest(value)
+        allowed = found[name] in p.values if p.values is not None else p.low <= value <= p.high
+        if not allowed:
+            raise GivenError(name, f"expected {p.expected()}, got {_number(value)} ({p.sentence})")
+    for low, high, strict in _pairs(table):
+        a, b = (found.get(name, table[name].default) for name in (low, high))
+        if not (a < b or (a == b and not strict)):
+            must = "below" if strict else "at most"
+            name, other, limit = (low, high, b) if low in found else (high, low, a)
+            said = f"{must} {other}" if name == low else f"no less than {other}"
+            raise GivenError(name, f"expected {said}, {_number(limit)}, got {_number(found[name])}")
+    return found
+
+
+def _unknown(name: str, table: Mapping[str, Entry], flown: Law) -> str:
+    """Why there is no such parameter of the vehicle, and which was meant."""
+    for row in flown.settings.PARAMETERS:
+        if name in (part.name for part in row.parts):
+            key = f"[law] {row.key}" if row.key else "the airframe's file"
+            return f"a parameter of the law: set {key}"
+    close = difflib.get_close_matches(name.upper(), table, n=1)
+    return f"no such parameter{f' (did you mean {close[0]}?)' if close else ''}"
+
+
+def file_text(values: Mapping[str, float]) -> str:
+    """The text of a file of these parameters, which `fcu --params` reads."""
+    return "".join(f"{name} = {value!r}\n" for name, value in values.items())
+
+
 # --- the store
 
 
@@ -323,8 +389,9 @@ class Parameters:
         file: Path | None = None,
         flown: Law | None = None,
         airframe: AirframeFile | None = None,
+        given: Mapping[str, float] | None = None,
     ) -> None:
-        """`file`: read now, if it is there; its folder must be. Raises ParamsFileError.
+        """`given`: of `chosen`, in force from the start.  `file`: read now, if it is there; its folder must be. Raises ParamsFileError.
 
         `flown`: the law that they are of; None: that of the paper.  `airframe`: with what it pins for
         that law; None: an S1000. Raises ParameterError if one of the law's names is the vehicle's.
@@ -355,6 +422,8 @@ class Parameters:
         self.changed: tuple[str, ...] = ()  # by the last value that was set
         if file is not None:
             self._read(file)
+        if given:
+            self._adopt({**self._changed, **given})
         self._at_start = dict(self._changed)
 
     @property

@@ -72,6 +72,7 @@ class Code(Enum):
     LINK_SILENT = "the plant has been silent for {:.0f} s"
     PLAN_ITEMS = "{}: items {:.0f} to {:.0f} of {:.0f}"  # and the items: `fcu.services.plan_record`
     PLAN_AT = "mission: {:.0f} of {:.0f} items are behind it"
+    IN_MODE = "in mode {}"
     HOME_AT = "home at ({:.2f}, {:.2f}, {:.2f}) m"
 
     # --- what contradicts a belief

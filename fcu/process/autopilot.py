@@ -48,6 +48,7 @@ from fcu.services.ground_port import GroundPort
 from fcu.services.station import Bind, Listen, Station
 from fcu.services.streams import Identity
 from fcu.vehicle.conditions import ROWS, Condition
+from fcu.vehicle.modes import Mode
 from fcu.vehicle.position_filter import PositionFilter
 from fcu.vehicle.state_machine import StateMachine
 
@@ -180,6 +181,7 @@ class Autopilot:
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
         self._times = np.zeros((1, TIMES))
         self._was_finite = True  # the law, since it took over
+        self._mode: Mode | None = None  # that was told last
         self._beliefs = BeliefWatch(self._law)
         self._unreported: Row | None = None  # the row of a tick whose answer is to be sent first
 
@@ -306,6 +308,9 @@ class Autopilot:
         not_finite = self.reporter.report(
             rows, times, self.vehicle, self._filter.off, self.figures.resent, self.figures.refused
         )
+        if self.vehicle.mode is not self._mode:
+            self._mode = self.vehicle.mode
+            self.say("info", Told(Code.IN_MODE, (self._mode.value,)), round(rows[0, 0] * 1e6))
         if not_finite is not None and self._was_finite:
             self._was_finite = False
             self._tell_not_finite(not_finite)

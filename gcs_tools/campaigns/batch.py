@@ -117,7 +117,8 @@ def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Ro
     plant, fcu, ended = flown.plant, flown.fcu, flown.ended
     script = flown.script
     judged = Judged.of(
-        mission, float(scene.rate_hz), plant, fcu, ended, flown.begun, script=script
+        mission, float(scene.rate_hz), plant, fcu, ended, flown.begun, script=script,
+        said=flown.told,
     )  # fmt: skip
     missed = [each.name for each in judged.expectations if each.is_missed]
     if script is not None and script.failure:

@@ -42,7 +42,7 @@ from gcs_tools.campaigns.draws import (
 )
 from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.rare import Mixture
-from gcs_tools.flight.scenario import scenario
+from gcs_tools.flight.scenario import refuse_link_faults, scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
@@ -487,6 +487,9 @@ def _variants(
                 'fly = "law": a mission of items, or one that ends on arrival, needs a vehicle:'
                 ' fly = "vehicle"'
             )
+        refuse_link_faults(made)
+        if document.fly == LAW and made.parameters:
+            raise MissionError('fly = "law": [vehicle.params] need a vehicle: fly = "vehicle"')
         if document.fly == LAW and runs_in is not None:
             raise MissionError('fly = "law": a script needs a vehicle: fly = "vehicle"')
         label = label or made.flown.name

@@ -21,6 +21,7 @@ RECORDED = "flight.mcap"  # in the folder of a run
 SEEDS_MOST = 1000  # flights of a mission in one call
 
 SETTINGS = click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="Override a value of the mission; may be repeated.")  # fmt: skip
+PARAMS = click.option("--param", "params", multiple=True, metavar="NAME=VALUE", help="Set a parameter of the vehicle by its MAVLink name (docs/parameters.md); may be repeated.")  # fmt: skip
 LAW = click.option("--law", metavar="NAME|FILE.py", help="Control law: a name, or your own Python file (it is executed).")  # fmt: skip
 AIRFRAME = options.AIRFRAME
 ALLOW_COMMANDS = click.option("--allow-commands", is_flag=True, help="Run the command that a mission names as its [flight] script.")  # fmt: skip

@@ -34,6 +34,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.option("--controller", metavar="COMMAND", help="Run COMMAND in place of the flight controller (docs/flight-controller-of-your-own.md).")  # fmt: skip
 @click.option("--controller-timeout", "controller_timeout_s", type=click.FloatRange(min=0.0, min_open=True), default=30.0, show_default=True, metavar="S", help="Seconds within which COMMAND opens its port.")  # fmt: skip
 @arguments.SETTINGS
+@arguments.PARAMS
 @click.option(
     "--in-process",
     is_flag=True,
@@ -52,7 +53,7 @@ def fly(
     out: Path | None, junit: Path | None, law: str | None, airframe: str | None,
     controller: str | None, controller_timeout_s: float, settings: tuple[str, ...], in_process: bool,
     as_json: bool, publish: bool | None, zenoh: Path | None, instance: int | None,
-    jobs: int | None, figure: str | None, record: str, overwrite: bool, allow_commands: bool,
+    jobs: int | None, figure: str | None, record: str, overwrite: bool, allow_commands: bool, params: tuple[str, ...],
 ) -> int:  # fmt: skip
     """Fly each MISSION and compare it with its expectations.
 
@@ -74,7 +75,7 @@ def fly(
             again = Again([each for name in missions for each in members(name)])
             results = fly_missions(
                 again.missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
-                settings=settings, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
+                settings=settings, params=params, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),
                 zenoh=arguments.publication(published if publish is None else publish, zenoh),
                 jobs=jobs, figure=figure, record=record, controller=controller,
                 controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
@@ -84,7 +85,10 @@ def fly(
             report_rejected(names, error, junit)
             raise Failure(error, USAGE) from error
         code = max((r.exit_code for r in results), default=INTERRUPTED)
-        if not (settings or law or airframe or controller) and (seed, rate_hz) == (None, None):
+        if not (settings or params or law or airframe or controller) and (seed, rate_hz) == (
+            None,
+            None,
+        ):
             code = max(code, again.compared(results))
         if junit is not None:
             try:

@@ -77,7 +77,12 @@ def hovering(scene: Scenario) -> Scenario:
 
 
 def refuse_faults(scene: Scenario) -> None:
-    """Raise LawError for a fault that nothing but an autopilot answers for."""
+    """Raise LawError for a fault, or a parameter, that nothing but an autopilot answers for."""
+    if scene.parameters:
+        raise LawError(
+            f"[vehicle.params] {next(iter(scene.parameters))} is of an autopilot: expected a whole vehicle,"
+            " not a law alone"
+        )
     for each in scene.faults:
         if each.kind in OF_AUTOPILOT:
             name = NAMES[Kind(int(each.kind))]

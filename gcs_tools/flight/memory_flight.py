@@ -58,7 +58,7 @@ class MemoryFlight(ScriptedFlight):
         self, scene: Scenario, folder: Path | None, on_rows: tuple[Take, Take],
         progress: Callable[[float], None] = lambda time_s: None,
     ) -> None:  # fmt: skip
-        """`folder`: where logs and events are written. None: what is said is dropped.
+        """`folder`: where logs and events are written. None: events are in what `fly` returns.
 
         `on_rows`: takes plant rows, takes fcu rows. `progress` is told the time flown, s.
         """
@@ -72,6 +72,7 @@ class MemoryFlight(ScriptedFlight):
         self._failed = False  # whoever takes rows
         self._look: Callable[[], None] = lambda: None  # raises what has interrupted us
         self._has_ended = False
+        self._told: list[Event] = []  # where no log is written
 
     def fly(self) -> Flown:
         """The whole flight. Raises LawError; InfrastructureError: what was flown is in `flown`."""
@@ -85,7 +86,13 @@ class MemoryFlight(ScriptedFlight):
             arrived = self._send_setpoints(vehicle)
             wall = time.monotonic() - first
         flown = self.flown()
-        return replace(flown, arrived=arrived, startup_s=first - began, wall_time_s=wall)
+        return replace(
+            flown,
+            arrived=arrived,
+            startup_s=first - began,
+            wall_time_s=wall,
+            told=tuple(self._told),
+        )
 
     def begin(self, stack: ExitStack) -> Vehicle:
         """Make both, and have the vehicle armed and flying the first setpoint: its ground script.
@@ -119,7 +126,7 @@ class MemoryFlight(ScriptedFlight):
             law, self._fcu_tape, PublisherFeed(None, "fcu", law.identity), identity.drag
         )
         self._autopilot = Autopilot(
-            at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe), reporter,
+            at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe, scene.parameters), reporter,
             clock="sim", bind=self._network.socket, write=self._log(stack, "fcu"),
             fly_decided=self._fly_decided,
         )  # fmt: skip
@@ -133,9 +140,9 @@ class MemoryFlight(ScriptedFlight):
         self._hold()
 
     def _log(self, stack: ExitStack, who: str) -> Callable[[Event], None]:
-        """Writes the events of a process. A file that cannot be written does not end a flight."""
+        """Writes the events of a process, or keeps them. A file that cannot be written does not end a flight."""
         if self._folder is None:
-            return lambda event: None
+            return self._told.append
         log = self._folder / f"{who}.log"
         try:
             files = [

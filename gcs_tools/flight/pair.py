@@ -13,6 +13,7 @@ from fcu.interface import faults, handover
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.samples_file import write_wind
 from fcu.laws.loader import Law
+from fcu.parameters import file_text
 from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import Child, Unanswered, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
@@ -83,6 +84,10 @@ class Pair:
             handover.save(world, scene.world)
             fcu += ["--handover", str(settings)]
             fcu += ["--unstable-gains", FLY] if scene.flies_unstable else []
+            if scene.parameters:
+                parameters = self._folder / "parameters.toml"
+                parameters.write_text(file_text(scene.parameters))
+                fcu += ["--params", str(parameters)]
             plant += ["--world", str(world), *plant_arguments(self._folder, scene)]
         else:
             plant += ["--airframe", self._airframe.source]

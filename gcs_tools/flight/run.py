@@ -57,7 +57,7 @@ from gcs_tools.flight.run_folder import (
     left_by_script,
     new_folder,
 )
-from gcs_tools.flight.scenario import Scenario, scenario
+from gcs_tools.flight.scenario import Scenario, refuse_link_faults, scenario
 from gcs_tools.flight.script_flight import ScriptFlight, only_first
 from gcs_tools.flight.scripted_flight import Flown
 from gcs_tools.flight.side_by_side import cores, fly_side_by_side
@@ -110,6 +110,7 @@ def prepared(
     law: str | None = None,
     airframe: str | None = None,
     controller: tuple[str, ...] = (),
+    params: Sequence[str] = (),
 ) -> tuple[Mission, Scenario]:
     """A mission with its changes, and what it flies. Raises UsageError.
 
@@ -117,6 +118,7 @@ def prepared(
     `law`: a name or FILE.py, flown in place of the mission's own; `settings` are of that.
     `airframe`: a name or FILE.toml, in place of the mission's own.
     `controller`: the command of a process in place of fcu.
+    `params`: NAME=VALUE each, of the vehicle's parameters.
     """
     name = _name(asked)
     try:
@@ -127,6 +129,8 @@ def prepared(
             mission = with_airframe(mission, airframe)
         for setting in settings:
             mission = override(mission, setting)
+        for given in params:
+            mission = override(mission, f"vehicle.params.{given}", "--param")
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")
         if rate_hz is not None:
@@ -168,6 +172,7 @@ def fly_missions(
     law: str | None = None,
     airframe: str | None = None,
     settings: Sequence[str] = (),
+    params: Sequence[str] = (),
     in_process: bool = False,
     instance: int | None = None,
     display: Display | None = None,
@@ -187,7 +192,8 @@ def fly_missions(
     if none can be.
 
     `seed`: of the noise; of several, each mission is flown with each.  `law`: a name or FILE.py, in place of each mission's own.
-    `airframe`: a name or FILE.toml, in place of each mission's own.  `zenoh`: how it is published; None:
+    `airframe`: a name or FILE.toml, in place of each mission's own.  `params`: NAME=VALUE each, of the
+    vehicle's parameters by their MAVLink names.  `zenoh`: how it is published; None:
     not.  `controller`: the command of a process that flies in place of fcu; `controller_timeout_s`:
     wall time within which it opens its port.  `jobs`: flights at a time; None: as many as there are cores, but one at a time at a speed
     or published.  `figure`: one of FIGURES: of which flights flight.png is drawn; None: of a single
@@ -212,7 +218,7 @@ def fly_missions(
     seeds = [seed] if seed is None or isinstance(seed, int) else list(seed)
     asked = [(name, each) for name in missions for each in seeds]
     ready, rejected = _admitted(
-        asked, settings, rate_hz, law, airframe, words, in_process, allow_commands, instance
+        asked, settings, rate_hz, law, airframe, words, in_process, allow_commands, instance, params
     )
     many = len(asked) > 1
     for why in dict.fromkeys(each.error for each in rejected.values()):
@@ -270,7 +276,7 @@ def fly_missions(
 def _admitted(
     asked: Sequence[tuple[str | Mission, int | None]], settings: Sequence[str], rate_hz: float | None,
     law: str | None, airframe: str | None, controller: tuple[str, ...], in_process: bool,
-    allow_commands: bool, instance: int | None,
+    allow_commands: bool, instance: int | None, params: Sequence[str] = (),
 ) -> tuple[list[tuple[Mission, Scenario]], dict[int, Result]]:  # fmt: skip
     """Missions, each with a seed, that a vehicle would fly; the others' results, by their places.
 
@@ -282,8 +288,9 @@ def _admitted(
         for place, (name, seed) in enumerate(asked):
             interrupts.look()
             try:
-                made = prepared(name, settings, seed, rate_hz, law, airframe, controller)
+                made = prepared(name, settings, seed, rate_hz, law, airframe, controller, params)
                 _runs_commands(made[0], in_process, allow_commands)
+                _has_a_link(made[0], in_process)
                 _flies_as(made, instance)
                 with interrupts.at_once():
                     _compiles(made[0])
@@ -337,6 +344,15 @@ def _runs_commands(mission: Mission, in_process: bool, allowed: bool) -> None:
         )
 
 
+def _has_a_link(mission: Mission, in_process: bool) -> None:
+    """Raises UsageError for a fault of the link in a flight that has none."""
+    if in_process:
+        try:
+            refuse_link_faults(mission)
+        except MissionError as error:
+            raise UsageError(str(error)) from error
+
+
 def _flies_as(made: tuple[Mission, Scenario], instance: int | None) -> None:
     """Raises UsageError for a script that is told no instance, and is to fly another than the first."""
     mission, scene = made
@@ -384,6 +400,7 @@ def fly(
     mission: str,
     *,
     settings: Sequence[str] = (),
+    params: Sequence[str] = (),
     seed: int | None = None,
     rate_hz: float | None = None,
     law: str | None = None,
@@ -405,6 +422,7 @@ def fly(
 
     mission : the name of a shipped mission, or a file.
     settings : TABLE.KEY=VALUE each, as `--set` takes them: "law.f_m=1.4".
+    params : NAME=VALUE each, of the vehicle's parameters by their MAVLink names: "NAV_DLL_ACT=3".
     seed, rate_hz : of the noise; control ticks a second. None: the mission's.
     law : a name or FILE.py, flown in place of the mission's own (it is executed).
     airframe : a name or FILE.toml, flown in place of the mission's own.
@@ -430,7 +448,7 @@ def fly(
         [settings] if isinstance(settings, str) else settings
     )  # a text is a sequence of texts, too
     (result,) = fly_missions(
-        [mission], settings=given, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
+        [mission], settings=given, params=[params] if isinstance(params, str) else params, seed=seed, rate_hz=rate_hz, law=law, airframe=airframe,
         in_process=in_process, speed=speed, instance=instance, out=None if out is None else Path(out), record=record,
         figure=figure, display=display, zenoh=zenoh, controller=controller,
         controller_timeout_s=controller_timeout_s, overwrite=overwrite, allow_commands=allow_commands,
@@ -452,7 +470,7 @@ def fly_script(mission: Mission, scene: Scenario) -> Flown:
                     scene, Path(folder), instance, scene.pace, (_drop, _drop), lambda time_s: None,
                     None, flies(mission, scene, scene.airframe), lambda text: None, lambda: None,
                 )  # fmt: skip
-                return flight.fly()
+                return replace(flight.fly(), told=tuple(logged(Path(folder))))
         except (PortBusy, NoFreeInstance) as error:
             if time.monotonic() > until:
                 raise InfrastructureError(str(error.strerror or error)) from error

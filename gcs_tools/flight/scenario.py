@@ -6,7 +6,7 @@ Both ways of flying start from here, so they cannot differ in what they fly.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ import numpy as np
 
 from fcu.guard.gains import FLY, unstable
 from fcu.interface.airframe import AirframeFile
-from fcu.interface.faults import Fault, fault
+from fcu.interface.faults import LINK, SPECS, Fault, fault
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
@@ -67,6 +67,9 @@ class Scenario:
     folder: Path = Path()  # where it runs
     pace: float | None = 1.0  # simulated seconds per second, of a script. None: its time is held
     after_script_s: float = 0.0  # simulation time that the flight goes on after its script
+    parameters: Mapping[str, float] = field(
+        default_factory=dict
+    )  # the vehicle's, by MAVLink's names
     flies_unstable: bool = False  # gains that the rule of stability refuses are flown, for a study
 
     @property
@@ -184,11 +187,22 @@ def scenario(mission: Mission) -> Scenario:
         flight=flight,
         legs=legs(flight),
         controller=mission.controller,
+        parameters=mission.parameters,
         **_of_a_script(mission),
         flies_unstable=getattr(mission.law, "unstable_gains", None) == FLY,
     )
     vars(made)["setpoints"] = setpoints
     return made
+
+
+def refuse_link_faults(mission: Mission) -> None:
+    """Raise MissionError for a fault of the plant link, which a flight in process does not have."""
+    for i, each in enumerate(mission.plant.faults):
+        if SPECS[each.kind].kind in LINK:
+            raise MissionError(
+                f"{mission.source}: [plant] faults[{i}]: {each.kind} is a fault of the plant link, which a"
+                " flight in process does not have: fly it over the wire (gcs fly without --in-process)"
+            )
 
 
 def _of_a_script(mission: Mission) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.event_log import Event
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import size
@@ -53,6 +54,7 @@ class Flown:
     startup_s: float = 0.0
     wall_time_s: float = 0.0
     said: dict[str, dict[str, Any]] = field(default_factory=dict)  # each process's last words
+    told: tuple[Event, ...] = ()  # events of a flight that keeps no log
 
     @property
     def ended(self) -> str:

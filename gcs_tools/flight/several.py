@@ -118,7 +118,9 @@ def repays(scene: Scenario, n: int) -> bool:
     """Whether lanes are sooner for `n` flights such as this: they are compiled, or it is worth it."""
     package = scene.flown.package
     ready = is_compiled(package) or is_compiled(package, alike=False)
-    return not scene.legs and n > 1 and (ready or n * scene.ticks >= REPAID)
+    return (
+        not scene.legs and not scene.parameters and n > 1 and (ready or n * scene.ticks >= REPAID)
+    )
 
 
 def is_compiled(package: str, alike: bool = True, told: bool = False) -> bool:

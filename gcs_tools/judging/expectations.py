@@ -10,6 +10,7 @@
     ended = "diverged"                                       # how the flight must end
     reached = 0.1                                            # m, of setpoints that stand; false: no
     limited = true                                           # the vehicle limits a setpoint
+    mode = "Return"                                          # at the end (judging.failsafes)
 
 Nobody has to write that a flight ends well, that its setpoints are reached within REACHED_M, and that
 the vehicle limits and refuses none.
@@ -48,12 +49,10 @@ BAD_ENDINGS = (
 NOT_FINITE = "nonfinite_samples"
 LAWS_WITH = "laws_with"
 NOT_APPLICABLE = "not applicable"
-ENDED, REACHED, LIMITED, ITEMS = OTHERS = (
-    "ended",
-    "reached",
-    "limited",
-    "items",
-)  # entries that are no metric
+ENDED, REACHED, LIMITED, ITEMS = "ended", "reached", "limited", "items"
+MODE, FAILSAFE, FENCE_BREACHED = OF_VEHICLE = "mode", "failsafe", "fence_breached"
+FAULTS = "faults"  # of the mission's [plant]: nobody writes it
+OTHERS = ENDED, REACHED, LIMITED, ITEMS, *OF_VEHICLE  # entries that are no metric
 _KEYS = ("limit", "at_least", "from", "to", LAWS_WITH)
 
 
@@ -109,7 +108,7 @@ class _Bound(NamedTuple):
 
 def untold(expect: Mapping[str, Any]) -> list[str]:
     """Its entries that need what a controller tells of itself."""
-    inside = METRICS.keys() - OF_THE_TRUTH | {LIMITED}
+    inside = METRICS.keys() - OF_THE_TRUTH | {LIMITED, *OF_VEHICLE}
     return [
         name for name, entry in expect.items()
         if name in inside and not (isinstance(entry, Mapping) and LAWS_WITH in entry)

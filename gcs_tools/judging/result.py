@@ -28,6 +28,8 @@ from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
 from gcs_tools.judging.expectations import ITEMS, REACHED, Expectation, judge_each
+from gcs_tools.judging.failsafes import Failsafe, VehicleTold, judge_vehicle, vehicle_told
+from gcs_tools.judging.fault_check import judge_faults
 from gcs_tools.judging.item_checks import (
     ItemFlown,
     good_endings,
@@ -89,6 +91,8 @@ class Result:
     causes: list[str] = field(default_factory=list)  # why it saturated or ended early: sentences
     not_finite: NotFinite | None = None  # what the law computed first that was no number
     warnings: list[Warned] = field(default_factory=list)  # what the vehicle warned of
+    mode: str = ""  # of the vehicle, at the end
+    failsafes: list[Failsafe] = field(default_factory=list)  # that acted
     controller: str = ""  # command of a controller in place of fcu, judged by the truth alone
     script: ScriptFlown | None = None  # of a mission with a script: what became of that
     error: str | None = None  # what ended the flight when the exit code is 2, 3 or 130
@@ -136,6 +140,7 @@ class Judged(NamedTuple):
     passed: bool
     flight: EngagedTicks
     missed: Standing | None  # the setpoint that was missed by most
+    vehicle: VehicleTold  # its mode and failsafes
 
     @staticmethod
     def of(
@@ -143,6 +148,7 @@ class Judged(NamedTuple):
         whole: bool = True, script: ScriptFlown | None = None, said: Iterable[Event] = (),
     ) -> Judged:  # fmt: skip
         """Measure a flight, and judge one that is `whole`. The others: as for `judge`."""
+        said = list(said)
         judged: list[Expectation] = []
         missed: Standing | None = None
         tick = UNTOLD.tick if mission.controller else mission.flown.ticks.Tick
@@ -160,12 +166,15 @@ class Judged(NamedTuple):
         items = items_flown(
             mission.flight, begun, (round(sim_time * rate_hz) + 1) / rate_hz, ended in DONE
         )
+        told_of = vehicle_told(said, sim_time)
         if whole:
             stood = accepted(mission.flight, *told) if scripted else standing(wanted, told[0])
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
                 () if scripted else changed(wanted, told[1]), good_endings(mission.flight), flight.law_has,
             )  # fmt: skip
+            judged += judge_vehicle(mission.expectations(), told_of)
+            judged += judge_faults(mission.plant.faults, sim_time)
             judged += [] if script is None else script.judged()
             if any(each.name == REACHED and each.is_missed for each in judged) and stood:
                 missed = max(stood, key=lambda each: each.away_m)
@@ -178,7 +187,7 @@ class Judged(NamedTuple):
                 mission.flight, of_items, items, flight, told[0], begun, followed, PlanHistory(said)
             )
         passed = whole and not any(each.is_missed for each in judged)
-        return Judged(judged, flight.metrics(), items, passed, flight, missed)
+        return Judged(judged, flight.metrics(), items, passed, flight, missed, told_of)
 
 
 def judge(
@@ -225,6 +234,8 @@ def judge(
         changes=mission.changes(),
         items=[] if found is None else found.items,
         causes=why,
+        mode="" if found is None else found.vehicle.mode,
+        failsafes=[] if found is None else list(found.vehicle.failsafes),
         not_finite=None if found is None else found.flight.first_not_finite(),
         warnings=warnings(said, sim_time),
         controller=shlex.join(mission.controller),
@@ -338,12 +349,14 @@ def read(path: Path) -> Result:
         values = {name: Value(**entry) for name, entry in content.pop("values").items()}
         expectations = [Expectation(**entry) for entry in content.pop("expectations")]
         warned = [Warned(**entry) for entry in content.pop("warnings")]
+        failsafes = [Failsafe(**entry) for entry in content.pop("failsafes", [])]
         items = [ItemFlown(**entry) for entry in content.pop("items", [])]
         broken = content.pop("not_finite", None)
         script = content.pop("script", None)
         given = {name: value for name, value in content.items() if name in known}
         found = Result(
             values=values, expectations=expectations, warnings=warned, items=items,
+            failsafes=failsafes,
             not_finite=None if broken is None else NotFinite(**broken),
             script=None if script is None else ScriptFlown(**script), **given,
         )  # fmt: skip

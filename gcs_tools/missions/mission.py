@@ -28,13 +28,14 @@ from fcu.interface.input_file import TomlError
 from fcu.interface.toml_lines import KeyPath, lines, nearest
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
+from fcu.parameters import GivenError, chosen
 from fcu.process.configuration import ConfigurationError, read_airframe
 from gcs_tools.judging.metrics import RENAMED
 from gcs_tools.missions import items, plan_file
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.plan_file import PlanError
-from gcs_tools.missions.tables import Document, Plant, Wind, document
+from gcs_tools.missions.tables import Document, Plant, Vehicle, Wind, document
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [
@@ -74,6 +75,7 @@ class Mission:
     law: Any  # the table of the law's parameters
     wind: Wind
     plant: Plant
+    vehicle: Vehicle
     expect: Table
     given: Mapping[str, Any]  # the tables as written, with what was changed since
     changed: Mapping[KeyPath, str]  # key -> the option that changed it
@@ -81,6 +83,7 @@ class Mission:
         str, ...
     ] = ()  # command of a process in place of fcu; empty: fcu flies `flown`
     lines: Mapping[KeyPath, int] = field(default_factory=dict)  # of the keys of the file
+    parameters: Mapping[str, float] = field(default_factory=dict)  # the vehicle's, as it keeps them
 
     def placed(self, key: str, origin: str) -> str:
         """The origin of the value of a dotted key, with the line where a file sets it."""
@@ -396,6 +399,11 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
             f"{mission.source}: [flight] script: a controller of your own is sent setpoints, and no"
             " commands (leave out --controller)"
         )
+    if mission.parameters:
+        raise MissionError(
+            f"{mission.source}: [vehicle.params] {next(iter(mission.parameters))}: a controller of your"
+            " own has no such parameters (leave them out)"
+        )
     for i, item in enumerate(mission.flight.items):
         if item.kind in items.OF_AN_AUTOPILOT:
             raise MissionError(
@@ -429,6 +437,11 @@ def _checked(
                         f"{where}: [plant] {table}[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
                         f" rotors of {airframe.name}, got {loss.rotor}"
                     )
+        parameters = chosen(tables.vehicle.params, flown, airframe.tables)
+    except GivenError as error:
+        line = nearest(found, ("vehicle", "params", error.name))
+        where = source if line is None else f"{source}:{line}"
+        raise MissionError(f"{where}: [vehicle.params] {error}") from error
     except OSError as error:  # of a law whose name no file can have
         line = nearest(found, ("law", "module"))
         where = source if line is None else f"{source}:{line}"
@@ -457,10 +470,12 @@ def _checked(
         law=tables.law,
         wind=tables.wind,
         plant=tables.plant,
+        vehicle=tables.vehicle,
         expect=tables.expect,
         given=given,
         changed=changed,
         lines=found,
+        parameters=parameters,
     )
 
 

@@ -30,6 +30,8 @@ from fcu.interface.faults import MOST as MOST_FAULTS
 from fcu.interface.parameter import Parameter, not_one_of
 from fcu.laws.loader import Law
 from fcu.process.settings import PARAMETERS
+from fcu.vehicle.modes import Mode
+from gcs_tools.judging.failsafes import FAILSAFES, NO_FAILSAFE
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S
 from gcs_tools.missions.bounds import LIMITS
 from gcs_tools.missions.fields import (
@@ -286,6 +288,18 @@ class Plant(Table):
         return self
 
 
+# --- [vehicle]
+
+
+class Vehicle(Table):
+    """The autopilot, as a ground station would set it."""
+
+    params: dict[str, Number] = Field(
+        default_factory=dict,
+        description="the vehicle's own parameters by their MAVLink names (docs/parameters.md)",
+    )
+
+
 # --- [expect]
 
 
@@ -318,6 +332,36 @@ _limited: Any = (
     bool | None,
     optional("true: the vehicle limits or refuses a setpoint; left out or false: it does neither"),
 )
+_MODES = tuple(mode.value for mode in Mode)
+
+
+class Failsafe(Table):
+    """The first failsafe that acts, and when."""
+
+    name: Annotated[str, one_of(*FAILSAFES)] = Field(json_schema_extra={"enum": [*FAILSAFES]})
+    t_from: NotNegative | None = Field(None, alias="from", description="s")
+    t_to: NotNegative | None = Field(None, alias="to", description="s")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if (self.t_to is not None or self.t_from is not None) and self.name == NO_FAILSAFE:
+            raise wrong(("name",), "a failsafe, which alone has a time", self.name)
+        if (math.inf if self.t_to is None else self.t_to) < (self.t_from or 0.0):
+            raise wrong(("to",), f"a time from {self.t_from or 0.0:g} s on", self.t_to)
+        return self
+
+
+_mode: Any = (
+    Annotated[Literal[_MODES], one_of(*_MODES)] | None,
+    optional("the mode in which the flight ends"),
+)
+
+
+def _failsafe(value: Any) -> Any:
+    """A name as the table that it is short for."""
+    return {"name": value} if isinstance(value, str) else value
+
+
 Expect: type[Table] = create_model(
     "Expect",
     __base__=Table,
@@ -325,6 +369,13 @@ Expect: type[Table] = create_model(
     ended=_ended,
     reached=_reached,
     limited=_limited,
+    mode=_mode,
+    failsafe=(
+        Annotated[Failsafe, BeforeValidator(_failsafe, json_schema_input_type=str | Failsafe)]
+        | None,
+        optional("the first failsafe that acts: its name, or a table with from and to; none"),
+    ),
+    fence_breached=(bool | None, optional("the fence is breached at some time, or at none")),
     items=(Numbered | None, optional("of a flight with one plan: of the plan's items, by number")),
     **LIMITS,
 )
@@ -350,6 +401,7 @@ class Document(Table):
     law: LawTable = LawTable()  # type: ignore[valid-type]
     wind: Wind = Wind()
     plant: Plant = Plant()
+    vehicle: Vehicle = Vehicle()
     expect: Expect = Expect()
 
     @model_validator(mode="after")

@@ -15,7 +15,10 @@ from sitl_plant.physics.truth import truth
 
 
 def values_in_force(mission: Mission) -> dict[str, Value]:
-    """Dotted key -> Value, of `airframe`, [flight], [law], [wind], [plant]; without keys that have no value."""
+    """Dotted key -> Value, of `airframe`, [flight], [law], [wind], [plant]; without keys that have no value.
+
+    Of [vehicle.params] those that were chosen.
+    """
     law = () if mission.controller else ("law",)  # it knows nothing of ours
     underneath = {**_of_law(mission), **_true(mission)}
     found = {"airframe": Value(mission.airframe.source, _origin(mission, ("airframe",)))}
@@ -25,6 +28,10 @@ def values_in_force(mission: Mission) -> dict[str, Value]:
             used = underneath.get(path) if value is None else own
             if used is not None and used.value not in (None, ()):
                 found[".".join(map(str, path))] = Value(_plain(used.value), used.origin)
+    for name, value in mission.parameters.items():
+        found[f"vehicle.params.{name}"] = Value(
+            value, _origin(mission, ("vehicle", "params", name))
+        )
     return found
 
 

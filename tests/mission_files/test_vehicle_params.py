@@ -1,0 +1,158 @@
+"""[vehicle.params]: the vehicle's own parameters by name, checked with line, range and nearest name."""
+
+from __future__ import annotations
+
+import pytest
+
+from fcu.laws import loader
+from fcu.parameters import GivenError, Parameters, chosen, file_text
+from fcu.process.configuration import read_airframe, read_settings
+from gcs_tools.campaigns.campaign_file import CampaignError, parsed
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.scenario import refuse_link_faults, scenario
+from gcs_tools.missions.mission import MissionError, load, override, with_controller
+
+TEXT = """title = "The vehicle hovers."
+[flight]
+duration_s = 8.0
+setpoints = [[0.0, 0.0, 0.0, 5.0]]
+[vehicle.params]
+NAV_DLL_ACT = 3
+COM_OF_LOSS_T = 0.3
+"""
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def write(text):
+        (tmp_path / "x.toml").write_text(text)
+        return "x.toml"
+
+    return write
+
+
+def test_values_are_in_force_with_the_origin_of_each(write):
+    mission = override(load(write(TEXT)), "vehicle.params.GF_ACTION=5", "--param")
+    found = {
+        name: (each.value, each.origin)
+        for name, each in mission.values_in_force().items()
+        if name.startswith("vehicle.")
+    }
+    assert found == {
+        "vehicle.params.NAV_DLL_ACT": (3.0, "mission"),
+        "vehicle.params.COM_OF_LOSS_T": (0.3, "mission"),
+        "vehicle.params.GF_ACTION": (5.0, "--param"),
+    }
+    assert mission.placed("vehicle.params.COM_OF_LOSS_T", "mission") == "mission:7"
+    assert scenario(mission).parameters == {
+        "NAV_DLL_ACT": 3.0, "COM_OF_LOSS_T": 0.3, "GF_ACTION": 5.0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("NAV_DLL_ACTT = 3", ("x.toml:6:", "NAV_DLL_ACTT: no such parameter", "did you mean NAV_DLL_ACT?")),
+        ("NAV_DLL_ACT = 4", ("x.toml:6:", "expected one of 0, 1, 2, 3, 5, 6, got 4")),
+        ("COM_OF_LOSS_T = 99", ("x.toml:6:", "expected 0.1 to 60 s, got 99")),
+        ("MAV_SYS_ID = 2", ("x.toml:6:", "read only")),
+        ("MR_F_M = 2", ("x.toml:6:", "a parameter of the law: set [law] f_m")),
+        ("BAT_CRIT_THR = 0.2", ("x.toml:6:", "BAT_CRIT_THR", "below BAT_LOW_THR, 0.15")),
+        ("BAT_LOW_THR = 0.01", ("x.toml:6:", "BAT_LOW_THR", "no less than BAT_CRIT_THR, 0.07")),
+        ('NAV_DLL_ACT = "land"', ("x.toml:6:", "[vehicle] params.NAV_DLL_ACT: expected a number")),
+    ],
+)  # fmt: skip
+def test_what_no_vehicle_takes_is_refused_with_its_line(write, line, words):
+    text = TEXT.replace("NAV_DLL_ACT = 3\nCOM_OF_LOSS_T = 0.3", line)
+    with pytest.raises(MissionError) as error:
+        load(write(text))
+    assert not [word for word in words if word not in str(error.value)], str(error.value)
+
+
+def test_a_vehicle_starts_with_them_and_keeps_them_through_a_reset(tmp_path):
+    law = loader.load()
+    airframe = read_airframe(law)
+    given = chosen({"COM_OF_LOSS_T": 0.3, "NAV_DLL_ACT": 3.0}, law, airframe.tables)
+    file = tmp_path / "parameters.toml"
+    file.write_text(file_text(given))
+    settings = read_settings(law, None, 500.0, airframe)
+    in_process = Parameters(settings, 1, None, law, airframe, given)
+    over_the_wire = Parameters(settings, 1, file, law, airframe)
+    for params in (in_process, over_the_wire):
+        params.set("NAV_DLL_ACT", 0.0, False)
+        params.reset()
+        assert (params["COM_OF_LOSS_T"], params["NAV_DLL_ACT"]) == (0.3, 3.0)
+        assert params.settings is settings
+
+
+def test_who_has_no_autopilot_refuses_them(write):
+    mission = load(write(TEXT))
+    with pytest.raises(
+        MissionError, match=r"\[vehicle.params\] NAV_DLL_ACT: a controller of your own"
+    ):
+        with_controller(mission, ("true",))
+    with pytest.raises(loader.LawError, match=r"\[vehicle.params\] NAV_DLL_ACT"):
+        law_alone.fly(scenario(mission))
+    with pytest.raises(GivenError) as error:
+        chosen({"X": 1.0}, mission.flown, mission.airframe.tables)
+    assert error.value.name == "X"
+
+
+CAMPAIGN = """title = "Lost scripts."
+mission = "x.toml"
+flights = 2
+fly = "{fly}"
+set = {{ {set} }}
+[draw]
+"vehicle.params.COM_OF_LOSS_T" = {{ uniform = [{low}, 2.0] }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("fly", "low", "more", "why"),
+    [
+        ("vehicle", 0.5, "", ""),
+        ("vehicle", 0.01, "", "COM_OF_LOSS_T: expected 0.1 to 60 s, got 0.01"),
+        ("law", 0.5, "", 'fly = "law": [vehicle.params] need a vehicle'),
+        (
+            "vehicle", 0.5, '"plant.faults" = [{ kind = "link_lost", at_s = 1.0, share = 0.5 }]',
+            "link_lost is a fault of the plant link",
+        ),
+    ],
+)  # fmt: skip
+def test_a_campaign_draws_them_as_any_other_value(write, tmp_path, fly, low, more, why):
+    write(TEXT)
+    text = CAMPAIGN.format(fly=fly, low=low, set=more)
+    if why:
+        with pytest.raises(CampaignError) as error:
+            parsed(text, "c.toml", tmp_path, "c")
+        assert why in str(error.value)
+        return
+    campaign = parsed(text, "c.toml", tmp_path, "c")
+    values = campaign.draws.values(0, campaign.draws.quantities(0), campaign.variants[0].base)
+    assert 0.5 <= values["vehicle.params.COM_OF_LOSS_T"] <= 2.0
+
+
+def test_a_fault_of_the_link_is_refused_by_name_in_process(write):
+    fault = '[[plant.faults]]\nkind = "link_late"\nat_s = 1.0\nshare = 0.5\nlate_s = 0.1\n'
+    with pytest.raises(MissionError, match=r"faults\[0\]: link_late"):
+        refuse_link_faults(load(write(TEXT + fault)))
+    refuse_link_faults(load(write(TEXT)))
+
+
+@pytest.mark.parametrize(
+    ("expect", "why"),
+    [
+        ('failsafe = "batery_low"', "failsafe.name: expected none, battery_critical"),
+        ('failsafe = { name = "none", from = 1.0 }', "a failsafe, which alone has a time"),
+        ('failsafe = { name = "station_lost", from = 2.0, to = 1.0 }', "a time from 2 s on"),
+        ('mode = "Landing"', "[expect] mode: expected Hold, Takeoff"),
+        ("fence_breached = 1", "[expect] fence_breached: expected true or false"),
+    ],
+)
+def test_an_expectation_of_the_vehicle_that_can_never_be_met_is_refused(write, expect, why):
+    with pytest.raises(MissionError) as error:
+        load(write(f"{TEXT}[expect]\n{expect}\n"))
+    assert why in str(error.value)
