@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
+import numpy as np
+
 from fcu.interface.faults import NEVER_US, Fault, Kind, Size
 
 
@@ -83,12 +85,21 @@ class Order(NamedTuple):
 
 def order(params: Sequence[float]) -> Order | None:
     """The Order of a command's parameters. None: they are no unit, type or instance."""
-    given = [0.0 if math.isnan(value) else value for value in params[:5]]
+    given = [0.0 if math.isnan(value) else _shortest(value) for value in params[:5]]
     if not all(map(math.isfinite, given)):
         return None
     if any(value != round(value) or not 0 <= value <= 255 for value in given[:3]) or given[4] < 0.0:
         return None
     return Order(int(given[0]), int(given[1]), int(given[2]), given[3], given[4])
+
+
+def _shortest(value: float) -> float:
+    """The shortest decimal that rounds to the same float32: 0.06, where 0.0599999987 was received.
+
+    A battery at 6 % is reported as 6 %, and a fault by command is that of a mission to the bit.
+    """
+    with np.errstate(over="ignore"):
+        return float(str(np.float32(value)))
 
 
 def kinds(of: Order) -> tuple[Kind, ...]:

@@ -342,6 +342,7 @@ class Loop:
 
     def _tell_silence(self, level: str, row: ConditionRow) -> None:
         for_s = row.hold_us * 1e-6
+        self._autopilot.ground.hear_again()
         self._autopilot.say(level, Told(Code.LINK_SILENT, (for_s,)))
         self._autopilot.ground.streams.text(Severity[row.severity], Told(row.code, (for_s,)))
 

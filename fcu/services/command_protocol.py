@@ -445,6 +445,10 @@ class Commands:
         code = Code.FAILURE_INJECTED if off else Code.FAILURE_CLEARED
         return Verdict(Result.ACCEPTED, Told(code, (failures.words(order),)))
 
+    def hear_again(self) -> None:
+        """Hear every signal: simulation time stands for good, and would end no failure."""
+        self._deaf.clear()
+
     def is_deaf(self, signal: failures.Signal, t_us: int) -> bool:
         """Return true if a failure was injected by which a signal is not heard.
 

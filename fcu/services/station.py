@@ -287,6 +287,10 @@ class Station:
 
     # --- what ground stations and scripts say
 
+    def hear_again(self) -> None:
+        """Hear stations and sticks again, whatever failure was injected: the simulator is silent."""
+        self._commands.hear_again()
+
     def serve(self, port: GroundPort, t_us: int, now: float) -> None:
         """What is waiting on a port. `t_us`: when what is asked for takes effect."""
         for message, link in port.receive(now):

@@ -49,7 +49,7 @@ def fault(
     _check(name, rotor, much, for_s)
     if name is None:
         for each in choices():
-            much_told = f" --much {each.much:g} ({each.what})" if each.what else ""
+            much_told = f" --much {each.much:g} ({each.range})" if each.what else ""
             click.echo(f"{each.name:15}{each.says}{much_told}")
         return
     number, due = up_by(instance, timeout_s)
@@ -74,6 +74,14 @@ def _check(name: str | None, rotor: int | None, much: float | None, for_s: float
             f"--much {much:g}: expected a number that is finite and not 0 (a command's 0 stands for the "
             "default). motor_off stops a rotor, and a size near 0 may be given"
         )
+    if much is not None and name is not None and name != CLEAR:
+        from gcs_tools.flight.fault_order import choices
+
+        chosen = next(each for each in choices() if each.name == name)
+        if not chosen.what:
+            raise click.UsageError(f"--much {much:g}: {name} has no size")
+        if not chosen.least <= much <= chosen.most:
+            raise click.UsageError(f"--much {much:g}: expected {chosen.range}")
     if not math.isfinite(for_s):
         raise click.UsageError(
             f"--for {for_s:g}: expected seconds; left out: until gcs fault clear"

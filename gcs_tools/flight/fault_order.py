@@ -19,15 +19,29 @@ class Choice(NamedTuple):
     unit: int  # FAILURE_UNIT
     type: int  # FAILURE_TYPE
     much: float  # by default
+    least: float  # of it
+    most: float
     what: str  # the number is; empty: there is none
     says: str
+
+    @property
+    def range(self) -> str:
+        """Least and most of it, with the unit."""
+        return f"{self.least:g} to {self.most:g} {self.what}"
 
 
 def choices() -> list[Choice]:
     """Every fault, under the name that missions have for it."""
     found = {
         NAMES[row.kind]: Choice(
-            NAMES[row.kind], unit, type_, row.much, row.unit, SPECS[NAMES[row.kind]].says
+            NAMES[row.kind],
+            unit,
+            type_,
+            row.much,
+            row.least,
+            row.most,
+            row.unit,
+            SPECS[NAMES[row.kind]].says,
         )
         for (unit, type_), row in ROWS.items()
     }

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import struct
 from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
+from fcu.mavlink.failures import fault as fault_of
+from fcu.mavlink.failures import order
 from gcs_tools.cli.fault import GIVEN
 from gcs_tools.cli.fault import fault as fault_command
 from gcs_tools.flight.fault_order import choices, clear
@@ -21,6 +24,9 @@ def test_every_fault_but_those_of_the_link_can_be_given_by_hand():
     [
         (("motor_weak", "--rotor", "3", "--much", "0"), "--much 0"),
         (("motor_weak", "--much", "nan"), "--much nan"),
+        (("motor_weak", "--much", "7"), "--much 7: expected 0 to 1 of thrust and torque left"),
+        (("state_jumps", "--much", "-2e4"), "expected -10000 to 10000 m to the east"),
+        (("motor_off", "--much", "0.5"), "motor_off has no size"),
         (("motor_weak", "--for", "inf"), "--for inf"),
         (("motor_weak", "--for", "nan"), "--for nan"),
         (("clear", "--for", "2"), "clear takes neither"),
@@ -40,6 +46,22 @@ def test_clear_is_of_one_rotor_or_of_everything(rotor, asked):
     assert told == asked
 
 
+def test_what_a_command_carries_is_the_decimal_that_was_given():
+    """A float32 of 0.06 is a little less, and would be told as 5 %."""
+    received = struct.unpack("<7f", struct.pack("<7f", 100, 4, 0, 0.06, 0.3, 0, 0))
+    asked = order(received)
+    assert (asked.much, asked.for_s) == (0.06, 0.3)
+    assert fault_of(asked, 0).size.a == 0.06
+
+
+def test_the_list_names_the_range_of_each_size():
+    done = CliRunner().invoke(fault_command, [])
+    assert done.exit_code == 0
+    for each in choices():
+        [line] = [line for line in done.output.splitlines() if line.startswith(f"{each.name} ")]
+        assert (f"({each.least:g} to {each.most:g} " in line) is bool(each.what), line
+
+
 @pytest.mark.slow
 def test_a_fault_is_listed_refused_done_and_cleared(start, instance):
     def fault(*words):
@@ -56,6 +78,6 @@ def test_a_fault_is_listed_refused_done_and_cleared(start, instance):
     code, text = fault("motor_weak", "--rotor", 2, "--much", 0.7, "--enable")
     assert (code, "done by the simulator" in text) == (0, True), text
     code, text = fault("motor_weak", "--much", 7)
-    assert (code, "out of range" in text) == (3, True), text
+    assert (code, "expected 0 to 1" in text) == (2, True), text
     assert fault("clear")[0] == 0
     assert up.interrupted() == 0

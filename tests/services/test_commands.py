@@ -285,6 +285,16 @@ def test_after_the_end_of_a_flight_everything_is_heard(vehicle, commands):
     assert not commands.is_deaf(Signal.MAVLINK_SIGNAL, 0)
 
 
+def test_a_simulator_that_is_silent_leaves_nobody_unheard(vehicle, commands):
+    """Simulation time stands for as long as it is: the loop says so (`Loop`)."""
+    vehicle._params.set("SYS_FAILURE_EN", 1.0, True)
+    for signal in Signal:
+        verdict_of(commands, CommandId.INJECT_FAILURE, signal, 1, 0, 0, 600)
+        assert commands.is_deaf(signal, 0)
+    commands.hear_again()
+    assert not any(commands.is_deaf(signal, 0) for signal in Signal)
+
+
 @pytest.mark.parametrize("signal", Signal)
 def test_infinity_makes_no_order_of_a_failure(signal):
     """Also where it comes from a foreign controller, past the checks of commands."""
