@@ -63,6 +63,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 @click.option("--origin", callback=_origin, default=",".join(map(str, options.ORIGIN)), show_default=True, metavar="LAT,LON,ALT", help="Latitude, longitude (deg) and altitude (m) of local (0, 0, 0).")  # fmt: skip
 @click.option("--link-clock", type=click.Choice(["both", "sim", "held"]), default="both", show_default=True, help="A script's stream is lost when it is too old by simulation time and by the wall, or by simulation time alone. With held, telemetry is due by simulation time too, and messages are read at ticks alone.")  # fmt: skip
 @click.option("--params", "params_file", type=click.Path(dir_okay=False, path_type=Path), help="Parameter file: read if it exists, written when a ground station saves.")  # fmt: skip
+@click.option("--param", "chosen", multiple=True, metavar="NAME=VALUE", help="Set a parameter of the vehicle by its MAVLink name, from the start on; may be repeated.")  # fmt: skip
 @click.option("--law-sha256", help="Refuse a law of other sources.", hidden=True)
 @click.option("--airframe-sha256", help="Refuse an airframe file of another text.", hidden=True)
 @click.option("--record-fd", type=int, hidden=True)
@@ -80,6 +81,7 @@ def main(
     origin: tuple[float, float, float],
     link_clock: LinkClock,
     params_file: Path | None,
+    chosen: tuple[str, ...],
     law_sha256: str | None,
     airframe_sha256: str | None,
     record_fd: int | None,
@@ -95,6 +97,7 @@ def main(
     occupy_standard_streams()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it flies a signal ends it at once
 
+    from fcu import parameters
     from fcu.guard.gains import FLY
     from fcu.interface import event_log
     from fcu.interface.link import PortBusy
@@ -122,7 +125,8 @@ def main(
         if airframe_sha256 not in (None, vehicle.sha256):
             raise ConfigurationError(f"{airframe}: has changed since it was read for this flight")
         settings = read_settings(law, handover, rate_hz, vehicle, unstable_gains == FLY)
-        params = Parameters(settings, ports(number).system_id, params_file, law, vehicle)
+        given = parameters.chosen(parameters.parsed(chosen), law, vehicle.tables)
+        params = Parameters(settings, ports(number).system_id, params_file, law, vehicle, given)
         shown_as = Autopilot[autopilot.upper()]
         identity = Identity(ports(number).system_id, shown_as, Origin(*origin), vehicle.drag)
         batch = BATCH if drop else FULL_SPEED_BATCH

@@ -48,7 +48,7 @@ __all__ = [
     "Refused",
     "chosen",
     "entries",
-    "file_text",
+    "parsed",
 ]
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
@@ -157,6 +157,7 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "FD_FAIL_P_TTRI", 0.3, 0.02, 5.0, "s", "for so long the pitch is beyond FD_FAIL_P"),
         P("", "COM_LKDOWN_TKO", 3.0, -1.0, 5.0, "s", "time since arming in which a lost attitude disarms"),
         P("", "CBRK_FLIGHTTERM", 121212.0, 0.0, 121212.0, "", "0: a lost attitude or state terminates the flight; 121212: warns", values=(0.0, 121212.0), integer=True),
+        P("", "MR_LAW_ACT", 1.0, 0.0, 1.0, "", "the law fails: 0 the flight ends, 1 px4 flies on (chosen at the start)", values=(0.0, 1.0), integer=True, at_start=True),
         P("", "MR_GUARD_ACT", 0.0, 0.0, 2.0, "", "beliefs of the guard contradicted in flight: 0 warn, 1 hold, 2 land", values=(0.0, 1.0, 2.0), integer=True),
     ),
     *group(
@@ -326,9 +327,16 @@ def _unknown(name: str, table: Mapping[str, Entry], flown: Law) -> str:
     return f"no such parameter{f' (did you mean {close[0]}?)' if close else ''}"
 
 
-def file_text(values: Mapping[str, float]) -> str:
-    """The text of a file of these parameters, which `fcu --params` reads."""
-    return "".join(f"{name} = {value!r}\n" for name, value in values.items())
+def parsed(written: Iterable[str]) -> dict[str, float]:
+    """Values by name, of NAME=VALUE each. Raises GivenError."""
+    found = {}
+    for text in written:
+        name, _, value = (part.strip() for part in text.partition("="))
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise GivenError(name, f"expected NAME=VALUE with a number, got {text}") from None
+    return found
 
 
 # --- the store
@@ -400,7 +408,8 @@ class Parameters:
         self._module = flown.settings
         # which values go together is known of the law of the paper alone
         self._rule = stability if has_rule(flown) else None
-        tables = self._tables = (airframe or read_airframe(flown)).tables
+        airframe = airframe or read_airframe(flown)
+        tables = self._tables = airframe.tables
         self._of_law = entries(self._module.PARAMETERS, tables)  # in the order of `put`
         of_vehicle = entries(VEHICLE, tables)
         if both := of_vehicle.keys() & self._of_law.keys():
@@ -411,6 +420,7 @@ class Parameters:
         self._pairs = tuple(_pairs(self._table))
         self.names: tuple[str, ...] = tuple(sorted(self._table))
         self._indices = {name: i for i, name in enumerate(self.names)}
+        self.airframe = airframe
         self._start = settings
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
@@ -480,6 +490,9 @@ class Parameters:
         if p.row.read_only:
             raise Refused(READ_ONLY, f"{name} is read only: {p.sentence}", f"{name} is read only")
         self._in_range(p, value)
+        if p.row.at_start:
+            said = f"{name} is chosen at the start"
+            raise Refused(READ_ONLY, f"{said} (fcu --param {name}={_number(value)})", said)
         if p.row.disarmed_only and armed:
             raise Refused(PERMISSION_DENIED, f"{name} can be set while disarmed only")
         before = self._values

@@ -51,6 +51,7 @@ def _rows(row: Parameter, airframe: Mapping[str, Any]) -> Iterator[str]:
         yield _row(row.key, "", shown, f"{allowed} {row.unit}", row.sentence)
     for p in known:
         when = " (while disarmed)" if row.disarmed_only else ""
+        when = " (at the start)" if row.at_start else when
         allowed = "read only" if row.read_only else f"{p.expected()}{when}"
         allowed += ", INT32" if row.integer else ""
         key = row.key if one else ""

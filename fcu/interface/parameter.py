@@ -84,6 +84,7 @@ class Parameter(NamedTuple):
     group: str = ""  # in the docs
     read_only: bool = False
     disarmed_only: bool = False
+    at_start: bool = False  # chosen when the vehicle starts, and not set afterwards
     leads: bool = False  # the defaults of others depend on it
     integer: bool = False  # over MAVLink an INT32, as PX4 has it; else a REAL32
     gain: bool = False  # what a procedure that tunes a law is free to choose

@@ -57,6 +57,7 @@ class Code(Enum):
     POSITION_BACK = "Position valid again"
     NOT_AS_BELIEVED = "Contradicts assumptions: {}"
     LAW_NOT_FINITE = "The law computed numbers that are not finite: {}"
+    LAW_FAILED = "The law failed ({}): {} flies on"
     CRASHED = "Crashed: hit the ground (gcs reset puts it back)"
     DIVERGED = "Lost: left the arena (gcs reset puts it back)"
     RESET = "Reset: at the start, time begins again"
@@ -280,6 +281,7 @@ SHORT: dict[Code, tuple[str, ...]] = {
     Code.THRUST_OFF: ("rotors do not give their thrust",),
     Code.TRIM_PINNED: ("thrust trim at {0:g} N",),
     Code.LAW_NOT_FINITE: ("Law is not finite: {0}", "Law computed numbers that are not finite"),
+    Code.LAW_FAILED: ("Law failed: {1} flies on",),
     Code.CRASHED: ("Crashed: hit the ground (gcs reset)",),
     Code.DIVERGED: ("Lost: left the arena (gcs reset)",),
     Code.PLAN_SHORT: (

@@ -32,10 +32,13 @@ from fcu.laws.loader import Law
 from fcu.mavlink.definitions import Severity
 from fcu.mavlink.plant_link import LONGEST, Ending, OtherRotors, PlantCodec, WireError
 from fcu.parameters import Parameters
+from fcu.process import baseline, finite
+from fcu.process.baseline import Baseline
 from fcu.process.belief_watch import BeliefWatch
 from fcu.process.burst import (
     LAW_RAISED,
     LOAD_SMOOTHED,
+    NOT_FINITE,
     NOT_QUIET_FILTERED,
     Course,
     flight,
@@ -61,10 +64,15 @@ OVERTAKEN = 10  # ticks by which a state may come late, and is ignored
 JUMPS = 10  # states in a row of a wrong time, after which there is no going on
 
 _CONTRADICTED_AT = column_of(Course, "contradicted_at")
-_TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES = (
+_TIME, _H, _ARMED, _AIRBORNE, _ENGAGED, _SINCE, _LOAD, _ANSWER_BYTES, _FAILURE, _CHECKED = (
     column_of(Course, name)
-    for name in ("time_us", "h", "armed", "airborne", "engaged", "since_us", "load", "answer_bytes")
-)
+    for name in (
+        "time_us", "h", "armed", "airborne", "engaged", "since_us", "load", "answer_bytes", "failure",
+        "checked",
+    )
+)  # fmt: skip
+_ENGAGED_AT = column_of(SharedTick, "engaged")
+LAW_ACT = "MR_LAW_ACT"
 _MOVES = [column_of(Setpoint, f"{of}.{axis}") for of in ("v_c", "a_c") for axis in "xyz"]
 _MOVES += [column_of(Setpoint, "psi_dot_c")]
 _R_AND_V = slice(slice_of(VehicleState, "r_E").start, slice_of(VehicleState, "v_E").stop)
@@ -164,6 +172,7 @@ class Autopilot:
         self.flight = flight(
             self.codec, to_buffer(self._settings), h, size(remembers), self._filter.buffer,
             self.vehicle.watch, slice_of(remembers, "law.reference") if has_model else None,
+            size(self._law.ticks.Tick),
         )  # fmt: skip
         self._measured = self.flight.measured
         if has_model:
@@ -176,6 +185,11 @@ class Autopilot:
         if self._law.tells("guard", GuardInternals):
             at = slice_of(self._law.ticks.Tick, "guard.contradicted").start
             self.flight.course[_CONTRADICTED_AT] = at
+        self._baseline: Baseline | None = None  # that takes over from a law that fails
+        if params[LAW_ACT] > 0.0:
+            self._baseline = Baseline(params.airframe, h)
+            self.flight.course[_CHECKED] = 1.0
+        self._is_replaced = False
         self.period_us = round(h * 1e6)
         self._course = self.flight.course
         self._datagram = np.zeros(LONGEST, dtype=np.uint8)
@@ -212,11 +226,14 @@ class Autopilot:
                 self.vehicle.beginning()
             self._compiled = self._law.ticks.compiled()
             self.law_at = self._compiled.address
+            if self._baseline is not None:
+                self._baseline.compile(flown)
             for engaged in (IDLE, TAKE_OVER, FLYING):
                 self._course[_ENGAGED] = engaged
                 self._fly_decided(0, row)
         for array, was in zip((self._course, flown.remembered, measured), before, strict=True):
             array[:] = was
+        flown.thrusts[:] = np.nan
         self.codec.desk.sequence[0] = 0
         self.reporter.warm_up(row)
         self._filter.warm_up()
@@ -262,7 +279,9 @@ class Autopilot:
     def prepare(self) -> None:
         """Lay down for the next tick, or burst of them, what Python has decided since the last."""
         vehicle, course = self.vehicle, self._course
-        if self._params.settings is not self._settings:  # somebody has set a parameter
+        if (
+            self._params.settings is not self._settings and not self._is_replaced
+        ):  # somebody has set one
             self._settings = self._params.settings
             self.flight.settings[:] = to_buffer(self._settings)
             course[_H] = self._settings.law.h
@@ -314,6 +333,8 @@ class Autopilot:
         if not_finite is not None and self._was_finite:
             self._was_finite = False
             self._tell_not_finite(not_finite)
+        if self._is_replaced:
+            return
         for at_us, told in self._beliefs.see(rows, self._settings, bool(self._course[_AIRBORNE])):
             self._tell_of_tick(Severity.WARNING, "warning", told, at_us)
 
@@ -337,7 +358,7 @@ class Autopilot:
         if answered > 0:
             return self._answered(row, started)
         if answered == LAW_RAISED:
-            self.raise_for_law(row)
+            return self.law_failed(started)
         return self.decide(datagram, answered == NOT_QUIET_FILTERED, wall_s)
 
     def decide(self, datagram: bytes, filtered: bool, wall_s: float) -> bytes | None:
@@ -398,7 +419,36 @@ class Autopilot:
         self.prepare()
         row = self.reporter.tape.row()
         if not self._fly_decided(time_us, row):
+            return self.law_failed(started)
+        return self._answered(row, started)
+
+    def law_failed(self, started: float) -> bytes:
+        """Have the baseline fly the tick at which the law has failed, and every tick after it.
+
+        started : wall, monotonic, s.  Returns what is sent back, after which it is to `report`. Raises
+        LawRaised where no baseline waits.
+        """
+        row, course = self.reporter.tape.row(), self._course
+        if self._baseline is None or self._baseline.compiled is None or self._is_replaced:
             self.raise_for_law(row)
+        assert self._compiled is not None
+        if course[_FAILURE] == NOT_FINITE:
+            names = finite.not_finite(self._law.ticks.Tick, row, self.flight.computed)
+            why = _not_finite(row, names)
+        else:
+            why = what_was_raised(self._compiled, self.flight, row).removeprefix("the law ")
+        age = (self.time_us - course[_SINCE]) * 1e-6
+        self.flight, goes_on = self._baseline.take(self.flight, age)
+        self._compiled = self._baseline.compiled
+        self.law_at = self._compiled.address
+        course[_ENGAGED] = FLYING if goes_on else TAKE_OVER
+        course[_CHECKED], course[_CONTRADICTED_AT] = 0.0, -1.0
+        self._is_replaced = self._is_looked_at = True
+        self.vehicle.law_has_failed()
+        self._tell(self.vehicle.find(Condition.LAW_FAILED, (why, baseline.NAME), self.time_us))
+        if not self._fly_decided(self.time_us, row):
+            self.raise_for_law(row)
+        row[_ENGAGED_AT] = TAKE_OVER  # what reads rows learns anew which columns are numbers
         return self._answered(row, started)
 
     def _filtered(self, received: Row, time_us: int) -> list[Told]:

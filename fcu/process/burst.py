@@ -21,8 +21,9 @@ from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.pointers import Pointer, address_of, call_law
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.face import FLYING, IDLE, SharedTick
+from fcu.laws.face import FLYING, IDLE, TAKE_OVER, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
+from fcu.process.finite import is_finite, note_computed
 from fcu.vehicle.conditions import NO_MODEL, Watch, look
 from fcu.vehicle.position_filter import Filtered, quiet, take
 
@@ -40,6 +41,10 @@ _command = slice_of(SharedTick, "command")
 _REMAINING = column_of(Battery, "remaining")
 _CONTRADICTED, _SIGNS = column_of(Watch, "contradicted"), size(Contradicted)
 _FIRST_COMMAND, _END_COMMAND = _command.start, _command.stop
+_thrusts = slice_of(SharedTick, "outputs.thrusts")
+_FIRST_THRUST = _thrusts.start
+_SHARED = size(SharedTick)
+RAISED_AN_ERROR, NOT_FINITE = 1.0, 2.0  # how a law fails
 
 
 class Course(NamedTuple):
@@ -55,6 +60,8 @@ class Course(NamedTuple):
     since_us: float  # when the setpoint took effect
     load: float  # smoothed: cycle over the control period
     answer_bytes: float  # length of the last answer
+    failure: float  # of the law, at the last tick: RAISED or NOT_FINITE; 0: none
+    checked: float  # 1 while a baseline waits: a tick that is not finite fails as one that raises
     contradicted_at: float  # column of guard.contradicted in a row; negative: the law has no guard
 
 
@@ -75,25 +82,31 @@ class Flight(NamedTuple):
     has_battery: Integers  # [1]
     told: Integers  # [3], of a datagram
     answer: Bytes  # the last one
+    computed: (
+        Integers  # [n], of the law's Tick: 1 for what has to be finite (`finite`), if it is checked
+    )
+    thrusts: Buffer  # [8], of the last tick that was checked, N; NaN before
+    baseline: Buffer  # [n], Tick of the law that has taken over from one that failed; [0]: none has
     failed: Integers  # [1]: 1 while the last state has failed: Python passes on the next
 
 
 def flight(
     codec: PlantCodec, settings: Buffer, h: float, remembered: int, filtered: Buffer, watch: Buffer,
-    model: slice | None = None,
+    model: slice | None = None, columns: int = 0,
 ) -> Flight:  # fmt: skip
     """What flies by `settings`, on the ground and disarmed, before its first tick.
 
     h : control period, s.  remembered : size of the law's Remembered.  filtered : float64[n] of a
     PositionFilter.  watch : float64[size(Watch)], see `look`.  model : where the law remembers
-    its Reference, if it has one.
+    its Reference, if it has one.  columns : of the law's Tick.
     """
     memory = np.zeros(remembered)
     course = Course(
         system=codec.system, period_us=round(h * 1e6), h=h,
         time_us=-1.5,  # no whole number follows it: a first time is never quiet
         armed=0.0, airborne=0.0,
-        engaged=IDLE, since_us=0.0, load=0.0, answer_bytes=0.0, contradicted_at=-1.0,
+        engaged=IDLE, since_us=0.0, load=0.0, answer_bytes=0.0, failure=0.0, checked=0.0,
+        contradicted_at=-1.0,
     )  # fmt: skip
     return Flight(
         course=to_buffer(course),
@@ -110,6 +123,9 @@ def flight(
         has_battery=codec.has_battery,
         told=np.zeros(3, dtype=np.int64),
         answer=np.zeros(LONGEST, dtype=np.uint8),
+        computed=np.zeros(columns, dtype=np.int64),
+        thrusts=np.full(8, np.nan),
+        baseline=np.zeros(0),
         failed=np.zeros(1, dtype=np.int64),
     )
 
@@ -118,6 +134,7 @@ unpack_course = unpacker(Course)
 _put_time = packer(Course, "time_us")
 _put_engaged = packer(Course, "engaged")
 _put_load = packer(Course, "load")
+_put_failure = packer(Course, "failure")
 _put_answer_bytes = packer(Course, "answer_bytes")
 
 
@@ -177,22 +194,46 @@ def tick(flight, law, datagram, length, row, decided_us):
 
 @kernel
 def decide(flight, law, course, time_us, row):
-    """The law's part of a tick, on what is `measured`; whether it has raised.
+    """The law's part of a tick, on what is `measured`; True if it has failed, and Course.failure says how.
 
     course : Course, of `flight`.  Other arguments as of `tick`.
     """
+    replaced = len(flight.baseline) > 0
+    told = flight.baseline if replaced else row
     raised = call_law(
         law,
         (
             time_us * 1e-6, course.engaged, (time_us - course.since_us) * 1e-6,
             address_of(flight.remembered), address_of(flight.settings),
-            address_of(flight.setpoint), address_of(flight.measured), address_of(row),
+            address_of(flight.setpoint), address_of(flight.measured), address_of(told),
         ),
     )  # fmt: skip
     _put_time(flight.course, np.float64(time_us))
-    if not raised:
-        _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
-    return raised
+    if raised:
+        _put_failure(flight.course, RAISED_AN_ERROR)
+        return True
+    if replaced:
+        as_own(row, told, len(flight.computed))
+    elif course.checked != 0.0 and course.engaged != IDLE:
+        if course.engaged == TAKE_OVER:
+            note_computed(row, flight.computed)
+        if not is_finite(row, flight.computed):
+            _put_failure(flight.course, NOT_FINITE)
+            return True
+        for i in range(len(flight.thrusts)):
+            flight.thrusts[i] = row[_FIRST_THRUST + i]
+    _put_engaged(flight.course, IDLE if course.engaged == IDLE else FLYING)
+    return False
+
+
+@kernel
+def as_own(row, told, columns):
+    """Write what every law tells of a tick to a row of another law, with NaN for what that alone tells.
+
+    told : float64[n], a Tick of the law that is flown.  columns : of the other law's Tick.
+    """
+    for i in range(columns):
+        row[i] = told[i] if i < _SHARED else np.nan
 
 
 def what_was_raised(law: Pointer, flight: Flight, row: Buffer) -> str:

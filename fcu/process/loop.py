@@ -297,7 +297,8 @@ class Loop:
             self._quick = self._is_quick(times[:flown], why)
             autopilot.completed(rows[:flown], times[:flown])
         if why == RAISED:
-            autopilot.raise_for_law(autopilot.reporter.tape.row())
+            self._plant.send(autopilot.law_failed(time.monotonic()))
+            autopilot.report()
         return why, length
 
     def _is_quick(self, times: Row, why: int) -> bool:

@@ -14,12 +14,13 @@ from fcu.interface.diagnostics import Report, Status, fcu_row
 from fcu.interface.publisher_feed import PublisherFeed
 from fcu.interface.recorder_pipe import Tape
 from fcu.kernel.algebra import Vec3, maximum
-from fcu.kernel.buffers import columns, size, to_buffer
+from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.compile import kernel
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import IDLE, TAKE_OVER, SharedTick
 from fcu.laws.loader import Law
-from fcu.process import wind
+from fcu.process import finite, wind
+from fcu.process.finite import is_finite, note_computed
 from fcu.process.tick import State
 from fcu.services.status import MODES, landed_state, system_status
 from fcu.vehicle.state_machine import StateMachine
@@ -36,38 +37,11 @@ _COUNTED = slice(_LOAD + 1, size(Report))  # resent, refused, unrecorded, unpubl
 _UNPUBLISHED = _COUNTED.stop - 1
 _WIND_FIRST = _WIND.start
 _ENGAGED = column_of(SharedTick, "engaged")
-_COMMAND = slice_of(SharedTick, "command")
-_FIRST_COMMAND, _END_COMMAND = _COMMAND.start, _COMMAND.stop
-# what every law has to compute: all but its reference model, which it may not have
-_FIRST_TOLD, _END_TOLD = column_of(SharedTick, "outputs.T_c"), size(SharedTick)
-_EXPONENT = 0x7FF0000000000000  # the bits that an infinity, or what is not a number, has all set
 
 
 def row_width(law: Law) -> int:
     """Number of float64 in a row of a law: its Tick, and a Report."""
     return size(fcu_row(law.ticks.Tick))
-
-
-@kernel
-def note_computed(row, computed):
-    """Note in `computed` what a law computes as it takes over: the columns that are numbers then.
-
-    row : float64[n], a Tick.  computed : int64[n], 1 for a column that has to stay finite.
-    Command and outputs have to be numbers from the first tick on, but for the reference model.
-    """
-    bits = row.view(np.int64)
-    for i in range(_FIRST_COMMAND, len(computed)):
-        must = i < _END_COMMAND or _FIRST_TOLD <= i < _END_TOLD
-        computed[i] = 1 if must or (bits[i] & _EXPONENT) != _EXPONENT else 0
-
-
-@kernel
-def is_finite(row, computed):
-    """True if all is finite that a law computes in a Tick. Arguments as for `note_computed`."""
-    bits, strange = row.view(np.int64), 0
-    for i in range(_FIRST_COMMAND, len(computed)):
-        strange |= computed[i] & ((bits[i] & _EXPONENT) == _EXPONENT)
-    return strange == 0
 
 
 @kernel
@@ -141,8 +115,8 @@ class Reporter:
 
     def not_finite(self, row: Row) -> tuple[str, ...]:
         """Names of what the law computes that is not finite in a row, as recordings name it."""
-        names, bad = columns(self._law.ticks.Tick), ~np.isfinite(row[: self._at])
-        return tuple(names[i] for i in np.flatnonzero(bad & (self._computed != 0)))
+        names: tuple[str, ...] = finite.not_finite(self._law.ticks.Tick, row, self._computed)
+        return names
 
     def report(
         self, rows: Row, times: Row, vehicle: StateMachine, off: float, resent: int, refused: int

@@ -130,7 +130,8 @@ class View:
         """Whether the law is that of the paper: what it estimates is told."""
         flown = self.params.flown
         kinds = {"state": State, "internals": Internals, "guard": GuardInternals}
-        return all(flown.tells(name, kind) for name, kind in kinds.items())
+        tells = all(flown.tells(name, kind) for name, kind in kinds.items())
+        return tells and not self.vehicle.is_by_baseline
 
     def _told(self, name: str) -> Any:
         """A field of the Tick."""

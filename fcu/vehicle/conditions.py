@@ -72,6 +72,7 @@ class Condition(IntEnum):
     CRASHED = auto()
     DIVERGED = auto()
     LAW_NOT_FINITE = auto()
+    LAW_FAILED = auto()
     NOT_AS_BELIEVED = auto()
 
 
@@ -156,6 +157,7 @@ _STATION_LOST = {
 }  # fmt: skip
 _TERMINATES = {0: Action.TERMINATE, 121212: Action.WARN}
 _CONTRADICTED = {0: Action.NONE, 1: Action.HOLD, 2: Action.LAND}
+_LAW_FAILED = {0: Action.STOP, 1: Action.WARN}
 _CRITICAL = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
 _EMERGENCY = {0: Action.WARN, 2: Action.LAND, 3: Action.LAND}
 
@@ -224,6 +226,10 @@ ROWS: dict[Condition, Row] = {
     ),
     Condition.LAW_NOT_FINITE: Row(  # the rows of a burst
         code=Code.LAW_NOT_FINITE, severity="CRITICAL", action=_WARN, clears=Clears.DISARMED
+    ),
+    Condition.LAW_FAILED: Row(  # the tick: the baseline flies it, and tells; else the flight ends
+        code=Code.LAW_FAILED, severity="EMERGENCY", action=By("MR_LAW_ACT", _LAW_FAILED),
+        clears=Clears.NEVER,
     ),
     Condition.NOT_AS_BELIEVED: Row(  # belief_watch
         code=Code.NOT_AS_BELIEVED, severity="WARNING", action=_WARN, clears=Clears.AT_ONCE

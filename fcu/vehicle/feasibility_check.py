@@ -47,6 +47,10 @@ class FeasibilityCheck:
         self._told: Setpoint | None = None
         self._told_short = 0.0
 
+    def end(self) -> None:
+        """Look at nothing any more: another law flies, of which the condition says nothing."""
+        self._looks_ahead, self._told = False, None
+
     def warm_up(self) -> None:
         """Compile what a look needs."""
         if not self._looks_ahead:

@@ -223,6 +223,7 @@ class StateMachine:
         self.watch[_STATION] = self.watch[_STICKS] = math.inf
         self._stick_flight: StickFlight | None = None  # while sticks are flown
         self.feasibility = FeasibilityCheck(params)
+        self.is_by_baseline = False  # the law has failed
         self._again: Iterator[Shortfall | None] | None = None  # another look at the plan
         self._lack: Shortfall | None = None  # that it has found
         self._looked_by, self._settings_seen = self.feasibility.policy, params.settings
@@ -343,6 +344,12 @@ class StateMachine:
     def failsafe(self) -> bool:
         """True while the vehicle flies a mode that a condition has entered."""
         return self._took_over
+
+    def law_has_failed(self) -> None:
+        """Forget the law: another flies, of which no guard and no reference model tells."""
+        self.is_by_baseline = True
+        self.reference_model = self.reference_acceleration = self.beginning = None
+        self.feasibility.end()
 
     @property
     def takes_failures(self) -> bool:

@@ -75,8 +75,6 @@ def up(
             read_settings(flown, None, 500.0, carried)
         elif why := refused_gains(chosen, scene):
             raise UsageError(why)
-        if params and scene is not None and scene.parameters:
-            raise UsageError("--params: the mission has [vehicle.params]: leave out one of the two")
         flown.check_compiles()
     except (UsageError, loader.LawError, ConfigurationError) as error:
         raise Failure(error, USAGE) from error

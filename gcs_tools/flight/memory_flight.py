@@ -38,7 +38,7 @@ from gcs_tools.flight.ground_script import ME, Vehicle
 from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, RAISED, together
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
-from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.scenario import OF_MISSIONS, Scenario
 from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
 from sitl_plant import burst
 from sitl_plant.burst import WIDTH, Progress
@@ -126,7 +126,7 @@ class MemoryFlight(ScriptedFlight):
             law, self._fcu_tape, PublisherFeed(None, "fcu", law.identity), identity.drag
         )
         self._autopilot = Autopilot(
-            at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe, scene.parameters), reporter,
+            at, identity, Parameters(scene.settings, at.system_id, None, law, scene.airframe, {**OF_MISSIONS, **scene.parameters}), reporter,
             clock="sim", bind=self._network.socket, write=self._log(stack, "fcu"),
             fly_decided=self._fly_decided,
         )  # fmt: skip
@@ -219,7 +219,7 @@ class MemoryFlight(ScriptedFlight):
         elif why in (LEFT, FILTERED):
             self._decide(left_over, why == FILTERED, now)
         elif why == RAISED:
-            autopilot.raise_for_law(autopilot.reporter.tape.row())
+            self._answer(autopilot.law_failed(now))
         elif why in BEGUN:
             raise refused(left_over)
         if autopilot.ground.is_pending:
@@ -239,6 +239,10 @@ class MemoryFlight(ScriptedFlight):
         """A tick at which something happens: Python decides."""
         answer = self._autopilot.decide(self._datagram[:length].tobytes(), filtered, now)
         assert answer is not None, "no state is lost, repeated or torn in memory"
+        self._answer(answer)
+
+    def _answer(self, answer: bytes) -> None:
+        """Give the simulator the answer to a tick that Python has decided."""
         received = np.frombuffer(answer, dtype=np.uint8)
         self._datagram[: len(received)] = received
         fault = burst.finish(self._simulator.plant, self._datagram, len(received))

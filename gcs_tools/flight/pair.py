@@ -13,7 +13,6 @@ from fcu.interface import faults, handover
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.samples_file import write_wind
 from fcu.laws.loader import Law
-from fcu.parameters import file_text
 from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import Child, Unanswered, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
@@ -84,10 +83,8 @@ class Pair:
             handover.save(world, scene.world)
             fcu += ["--handover", str(settings)]
             fcu += ["--unstable-gains", FLY] if scene.flies_unstable else []
-            if scene.parameters:
-                parameters = self._folder / "parameters.toml"
-                parameters.write_text(file_text(scene.parameters))
-                fcu += ["--params", str(parameters)]
+            for name, value in scene.parameters.items():
+                fcu += ["--param", f"{name}={value!r}"]
             plant += ["--world", str(world), *plant_arguments(self._folder, scene)]
         else:
             plant += ["--airframe", self._airframe.source]

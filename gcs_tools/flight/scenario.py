@@ -34,6 +34,10 @@ from gcs_tools.recording.schema import UNTOLD, Kinds
 from sitl_plant.physics import tick
 from sitl_plant.physics.world import World, world
 
+# Parameters with which a mission's vehicle starts, unless the mission says otherwise: a flight ends with the
+# error of its law. A vehicle that is up for somebody (gcs up, fcu) flies on by px4.
+OF_MISSIONS = {"MR_LAW_ACT": 0.0}
+
 
 @dataclass(frozen=True)
 class Scenario:

@@ -19,10 +19,13 @@ from gcs_tools.flight.item_script import Flyer
 from gcs_tools.flight.pair import Pair
 from gcs_tools.flight.processes import Collector, InfrastructureError, Started, Take, one_core
 from gcs_tools.flight.publisher_process import Zenoh
-from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.scenario import OF_MISSIONS, Scenario
 from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
 
 STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
+OF_A_MISSION = [
+    word for name, value in OF_MISSIONS.items() for word in ("--param", f"{name}={value:g}")
+]
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
 
 
@@ -106,7 +109,7 @@ class WireFlight(ScriptedFlight):
         )  # fmt: skip
         why = pair.start(
             self._scene,
-            ["--link-clock", self.LINK_CLOCK, keep, "--record-fd", str(fcu_in)],
+            ["--link-clock", self.LINK_CLOCK, keep, "--record-fd", str(fcu_in), *OF_A_MISSION],
             ["--speed", speed, keep, "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
             (fcu_in,), (plant_in, grants_out),
         )  # fmt: skip

@@ -51,6 +51,7 @@ LAWS_WITH = "laws_with"
 NOT_APPLICABLE = "not applicable"
 ENDED, REACHED, LIMITED, ITEMS = "ended", "reached", "limited", "items"
 MODE, FAILSAFE, FENCE_BREACHED = OF_VEHICLE = "mode", "failsafe", "fence_breached"
+LAW_FAILED = "law_failed"  # a failsafe
 FAULTS = "faults"  # of the mission's [plant]: nobody writes it
 OTHERS = ENDED, REACHED, LIMITED, ITEMS, *OF_VEHICLE  # entries that are no metric
 _KEYS = ("limit", "at_least", "from", "to", LAWS_WITH)
@@ -266,7 +267,10 @@ def judge_each(
         for n, entry in expect.items()
         if n not in OTHERS
     ]
-    if NOT_FINITE not in expect and ended in good:  # nothing follows from such a flight
+    fails = (expect.get(FAILSAFE) or {}).get("name") == LAW_FAILED  # the law, as is expected
+    if (
+        NOT_FINITE not in expect and ended in good and not fails
+    ):  # nothing follows from such a flight
         finite = judge_metric(NOT_FINITE, 0.0, metric)
         rest += [] if finite.passed or finite.value is None else [finite]
     return [first, *rest]

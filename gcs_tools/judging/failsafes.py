@@ -28,7 +28,7 @@ _CONDITIONS[Code.STICKS_LOST_STOPPED.name] = _name(Condition.STICKS_LOST)
 _TOLD_WHOLE = {
     Code.OFFBOARD_LOST_MODE.name: 1, Code.STICKS_LOST_MODE.name: 1,
     Code.OFFBOARD_LOST_STOPPED.name: None, Code.STICKS_LOST_STOPPED.name: None,
-    Code.CRASHED.name: None, Code.DIVERGED.name: None,
+    Code.LAW_FAILED.name: 1, Code.CRASHED.name: None, Code.DIVERGED.name: None,
 }  # fmt: skip
 _ACTS = {Code.FAILSAFE_MODE.name: 0, Code.FAILSAFE_LATER.name: 1, Code.FAILSAFE_STOPPED.name: None}
 
@@ -48,7 +48,7 @@ class Failsafe:
 
     name: str  # one of FAILSAFES: the condition of docs/failsafes.md
     time_s: float  # simulation time at which it was told
-    action: str  # the mode that it entered, or STOPPED
+    action: str  # the mode that it entered, the law that flies on, or STOPPED
 
     def __str__(self) -> str:
         """One line."""

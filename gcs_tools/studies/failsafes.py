@@ -81,6 +81,9 @@ WORDS: dict[Condition, tuple[str, str]] = {
     Condition.CRASHED: ("the simulator tells of a crash", "at once"),
     Condition.DIVERGED: ("the simulator tells that the vehicle left its arena", "at once"),
     Condition.LAW_NOT_FINITE: ("a number of the law is not finite", "after the tick"),
+    Condition.LAW_FAILED: (
+        "the law raises an error, or with MR_LAW_ACT 1 computes a number that is not finite", "at the tick, which the baseline flies",
+    ),
     Condition.NOT_AS_BELIEVED: ("the flight contradicts a belief, named", "after the tick"),
 }  # fmt: skip
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from fcu.laws import loader
-from fcu.parameters import GivenError, Parameters, chosen, file_text
+from fcu.parameters import GivenError, Parameters, chosen, parsed
 from fcu.process.configuration import read_airframe, read_settings
-from gcs_tools.campaigns.campaign_file import CampaignError, parsed
+from gcs_tools.campaigns import campaign_file
+from gcs_tools.campaigns.campaign_file import CampaignError
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import refuse_link_faults, scenario
 from gcs_tools.missions.mission import MissionError, load, override, with_controller
@@ -75,12 +76,15 @@ def test_a_vehicle_starts_with_them_and_keeps_them_through_a_reset(tmp_path):
     law = loader.load()
     airframe = read_airframe(law)
     given = chosen({"COM_OF_LOSS_T": 0.3, "NAV_DLL_ACT": 3.0}, law, airframe.tables)
-    file = tmp_path / "parameters.toml"
-    file.write_text(file_text(given))
     settings = read_settings(law, None, 500.0, airframe)
-    in_process = Parameters(settings, 1, None, law, airframe, given)
-    over_the_wire = Parameters(settings, 1, file, law, airframe)
-    for params in (in_process, over_the_wire):
+    file = tmp_path / "parameters.toml"
+    file.write_text("COM_OF_LOSS_T = 5.0\n")
+    for params in (
+        Parameters(settings, 1, None, law, airframe, given),
+        Parameters(
+            settings, 1, file, law, airframe, parsed(f"{n}={v!r}" for n, v in given.items())
+        ),
+    ):
         params.set("NAV_DLL_ACT", 0.0, False)
         params.reset()
         assert (params["COM_OF_LOSS_T"], params["NAV_DLL_ACT"]) == (0.3, 3.0)
@@ -98,6 +102,8 @@ def test_who_has_no_autopilot_refuses_them(write):
     with pytest.raises(GivenError) as error:
         chosen({"X": 1.0}, mission.flown, mission.airframe.tables)
     assert error.value.name == "X"
+    with pytest.raises(GivenError, match="expected NAME=VALUE"):
+        parsed(["X=y"])
 
 
 CAMPAIGN = """title = "Lost scripts."
@@ -127,10 +133,10 @@ def test_a_campaign_draws_them_as_any_other_value(write, tmp_path, fly, low, mor
     text = CAMPAIGN.format(fly=fly, low=low, set=more)
     if why:
         with pytest.raises(CampaignError) as error:
-            parsed(text, "c.toml", tmp_path, "c")
+            campaign_file.parsed(text, "c.toml", tmp_path, "c")
         assert why in str(error.value)
         return
-    campaign = parsed(text, "c.toml", tmp_path, "c")
+    campaign = campaign_file.parsed(text, "c.toml", tmp_path, "c")
     values = campaign.draws.values(0, campaign.draws.quantities(0), campaign.variants[0].base)
     assert 0.5 <= values["vehicle.params.COM_OF_LOSS_T"] <= 2.0
 

@@ -45,6 +45,7 @@ ACTIONS = {
     Condition.BELIEFS_CONTRADICTED: (
         "MR_GUARD_ACT", {0: Action.NONE, 1: Action.HOLD, 2: Action.LAND},
     ),
+    Condition.LAW_FAILED: ("MR_LAW_ACT", {0: Action.STOP, 1: Action.WARN}),
     Condition.FENCE_BREACHED: (
         "GF_ACTION",
         {0: Action.NONE, 1: Action.WARN, 2: Action.HOLD, 3: Action.RETURN, 4: Action.TERMINATE,
@@ -62,7 +63,11 @@ def test_every_value_of_a_parameter_has_the_action_that_px4_gives_it(params, con
     name, expected = ACTIONS[condition]
     assert set(params.info(name).values) == set(expected)
     for value, action in expected.items():
-        params.set(name, float(value), armed=True)
+        if params.info(name).row.at_start:
+            given = {name: float(value)}
+            params = Parameters(params.settings, 1, None, params.flown, params.airframe, given)
+        else:
+            params.set(name, float(value), armed=True)
         assert ROWS[condition].action(params) is action
 
 
