@@ -184,7 +184,9 @@ def load(law: Law) -> None:
 
     vehicle = read_airframe(law)
     identity = Identity(1, Autopilot.PX4, Origin(0.0, 0.0, 0.0), vehicle.drag)
-    params = Parameters(read_settings(law, None, 500.0, vehicle), 1, None, law, vehicle)
+    settings = read_settings(law, None, 500.0, vehicle)
+    alone = {"MR_LAW_ACT": 0.0}  # whoever asks for the baseline loads it
+    params = Parameters(settings, 1, None, law, vehicle, alone)
     tape, feed = RecorderPipe(row_width(law)), PublisherFeed(0, "fcu", law.identity)
     loop = Loop(ANY_PORTS, identity, params, Reporter(law, tape, feed, identity.drag), None)
     loop.warm_up()
