@@ -279,7 +279,7 @@ ACTING = [
     for condition, row in ROWS.items()
     if isinstance(row.action, By)
     for value, action in row.action.actions.items()
-    if action >= Action.HOLD
+    if Action.HOLD <= action < Action.STOP  # a controller that ends decides nothing more
 ]
 PAIRS = [
     (one, other)
