@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 
 from dronekit import Command, VehicleMode, connect
 from plan_places import FENCE, ITEMS, JUMP_TO, RALLY, RELATIVE
 
+HEARD = (
+    threading.Condition()
+)  # told at each message: DroneKit has no other way to wait for most of what it knows
+
 
 def wait(condition, what, seconds=200.0):
-    """Ask again and again: DroneKit has no other way to wait for most of what it knows."""
+    """Wait until a condition is met, and look at each message."""
     until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until, f"{what}: not within {seconds} s"
-        time.sleep(0.05)
+    with HEARD:
+        while not condition():
+            left = until - time.monotonic()
+            assert left > 0.0, f"{what}: not within {seconds} s"
+            HEARD.wait(left)
 
 
 def store(vehicle, kind, items):
@@ -46,6 +53,12 @@ def store(vehicle, kind, items):
 def main(address):
     vehicle = connect(address, heartbeat_timeout=60, source_system=245)
     reached = set()
+
+    @vehicle.on_message("*")
+    def heard(_vehicle, _name, _message):
+        with HEARD:
+            HEARD.notify_all()
+
     vehicle.on_message("MISSION_ITEM_REACHED")(lambda _vehicle, _name, m: reached.add(m.seq))
     commands = vehicle.commands
     commands.clear()
@@ -82,8 +95,11 @@ def main(address):
     wait(lambda: JUMP_TO in reached and not vehicle.armed, "the end")
     commands.clear()
     # clear() leaves item 0, as ArduPilot's home, so the message is sent by itself
+    cleared = []
+    vehicle.on_message("MISSION_ACK")(lambda _vehicle, _name, m: cleared.append(m.type))
     vehicle.send_mavlink(vehicle.message_factory.mission_clear_all_encode(0, 0))
-    time.sleep(1.0)  # it tells no answer
+    wait(lambda: cleared, "clear", 20.0)
+    assert cleared == [0]
     print("clear", flush=True)
     vehicle.close()
 
