@@ -20,13 +20,14 @@ import sys
 import tempfile
 import tomllib
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from gcs_tools.campaigns.statistics import interval
+from tests.foreign_plant.computed_winds import Computed, read
 from tests.foreign_plant.fly import POSITION, VELOCITY, Flight, compile_plant, vehicle_lines
 from tests.process.conftest import claimed_instance
 
@@ -53,8 +54,16 @@ def believed(airframe: str) -> tuple[float, float]:
     return values["guard_wind_m_s"], values["guard_wind_rate_m_s2"]
 
 
-def drawn(seed: int, number: int, beliefs: dict[str, tuple[float, float]]) -> Found:
-    """Return what makes flight `number` of a seed."""
+def drawn(
+    seed: int,
+    number: int,
+    beliefs: dict[str, tuple[float, float]],
+    computed: Sequence[Computed] = (),
+) -> Found:
+    """Return what makes flight `number` of a seed.
+
+    computed : of which every second flight takes the wind, and the vehicle that it is worst for.
+    """
     by = random.Random(f"{seed} {number}")
 
     def ends(low: float, high: float) -> float:
@@ -64,10 +73,11 @@ def drawn(seed: int, number: int, beliefs: dict[str, tuple[float, float]]) -> Fo
     airframe = by.choice(AIRFRAMES)
     tables = tomllib.loads((FOLDER / f"{airframe}.toml").read_text())
     wind, rate = beliefs[airframe]
-    return {
+    mode = by.choice(tuple(MODES))
+    made = {
         "number": number,
         "airframe": airframe,
-        "mode": by.choice(tuple(MODES)),
+        "mode": mode,
         "mass_kg": ends(*tables["vehicle"]["mass_kg"]),
         "drag": ends(0.0, min(tables["air"]["drag"])),
         "lag_s": ends(*(k * tables["rotors"]["lag_s"] for k in LAGS)),
@@ -80,6 +90,12 @@ def drawn(seed: int, number: int, beliefs: dict[str, tuple[float, float]]) -> Fo
         "vertical": by.random() < 0.3,
         "seed": by.getrandbits(30),
     }
+    for_it = [c for c in computed if c.airframe == airframe and c.manoeuvre in MANOEUVRES[mode]]
+    if number % 2 and for_it:
+        one = by.choice(for_it)
+        made |= {"wind": "series", "wind_m_s": wind, "of": [one.manoeuvre, one.limit]}
+        made |= {"samples": one.samples} | one.vehicle
+    return made
 
 
 def _steps(flight: Flight, by: random.Random) -> tuple[float, float, float]:
@@ -151,6 +167,16 @@ MODES: dict[str, Callable[[Flight, random.Random], tuple[float, float, float] | 
 }
 
 
+# whose computed winds a mode is flown in; all of them take off and land
+MANOEUVRES = {
+    "steps": ("level", "climb", "descent"),
+    "reversals": ("reversal",),
+    "velocities": ("level", "climb", "descent"),
+    "hold": ("hover", "landing"),
+    "orbit": ("turn",),
+}
+
+
 def fly(program: Path, policy: str, made: Found) -> Found:
     """Fly one, take-off to landing, and return what came of it."""
     by = random.Random(made["seed"])
@@ -160,9 +186,15 @@ def fly(program: Path, policy: str, made: Found) -> Found:
         "wind-vertical": int(made["vertical"]), "seed": made["seed"], "arena": 400,
     }  # fmt: skip
     airframe = FOLDER / f"{made['airframe']}.toml"
-    vehicle = vehicle_lines(airframe, made["mass_kg"], made["drag"])
+    vehicle = vehicle_lines(airframe, made["mass_kg"])
+    drag = made["drag"] if isinstance(made["drag"], list) else [made["drag"]] * 3
     vehicle += f"lag {made['lag_s']}\ninertia {' '.join(map(str, made['inertia_kg_m2']))}\n"
+    vehicle += f"drag {' '.join(map(str, drag))}\n"
     with tempfile.TemporaryDirectory() as name, claimed_instance() as instance:
+        if samples := made.pop("samples", None):
+            options["wind-series"] = Path(name) / "wind.txt"
+            lines = "\n".join(" ".join(map(str, sample)) for sample in samples)
+            options["wind-series"].write_text(lines + "\n")
         flight = Flight(program, made["airframe"], vehicle, Path(name), instance, options)
         found = made | {"policy": policy, "saturated": False, "arrived": True, "disarmed": False}
         try:
@@ -220,12 +252,14 @@ def main() -> int:
     words.add_argument("--first", type=int, default=0, help="number of the first flight")
     words.add_argument("--seed", type=int, default=1)
     words.add_argument("--policy", choices=POLICIES, default="govern")
+    words.add_argument("--computed", type=Path, help="of `computed_winds`: half fly in these winds")
     words.add_argument("--out", type=Path, default=Path("foreign.jsonl"), help="added to")
     words.add_argument("-j", "--jobs", type=int, default=1)
     given = words.parse_args()
     beliefs = {airframe: believed(airframe) for airframe in AIRFRAMES}
     numbers = range(given.first, given.first + given.flights)
-    made = [drawn(given.seed, number, beliefs) for number in numbers]
+    computed = read(given.computed) if given.computed else []
+    made = [drawn(given.seed, number, beliefs, computed) for number in numbers]
     found: list[Found] = []
     with tempfile.TemporaryDirectory() as name, given.out.open("a", buffering=1) as out:
         program = compile_plant(Path(name))

@@ -99,7 +99,7 @@ static struct {
     int instance;
     double rate, timeout, wind_max, wind_rate, period, axis, arena, drop_at, drop_ratio;
     int up;
-    const char *vehicle, *wind, *switches;
+    const char *vehicle, *wind, *switches, *series;
     uint64_t seed;
     vec steady;
     double start_z;
@@ -186,6 +186,33 @@ static void read_switches(const char *path) {
     if (!switches) fail(WRONG_USE, "%s: no switching time in it", path);
 }
 
+static struct { double t; vec w; } series[4096];
+static int samples;
+
+static void read_series(const char *path) {
+    FILE *file = fopen(path, "r");
+    if (!file) fail(WRONG_USE, "cannot read the samples of wind %s: %s", path, strerror(errno));
+    double t, n, e, d;
+    while (samples < 4096 && fscanf(file, "%lf %lf %lf %lf", &t, &n, &e, &d) == 4) {
+        if (samples && t <= series[samples - 1].t) fail(WRONG_USE, "%s: line %d: time does not go on", path, samples + 1);
+        series[samples].t = t, series[samples++].w = v3(n, e, d);
+    }
+    bool whole = feof(file);
+    fclose(file);
+    if (!whole || samples < 2) fail(WRONG_USE, "%s: line %d is no sample, T N E D; two are needed, and 4096 are taken", path, samples + 1);
+}
+
+/* the samples from the first to the last, again and again, turned by the axis; between them it runs straight */
+static vec of_series(double t) {
+    double first = series[0].t, a = given.axis * PI / 180.0;
+    t = first + fmod(t, series[samples - 1].t - first);
+    int k = 1;
+    while (k < samples - 1 && series[k].t <= t) k++;
+    double part = (t - series[k - 1].t) / (series[k].t - series[k - 1].t);
+    vec w = add(scale(1.0 - part, series[k - 1].w), scale(part, series[k].w));
+    return v3(cos(a) * w.x - sin(a) * w.y, sin(a) * w.x + cos(a) * w.y, w.z);
+}
+
 static vec gust, held;
 
 static vec wanted_wind(double t, double dt) {
@@ -200,6 +227,7 @@ static vec wanted_wind(double t, double dt) {
         gust = add(scale(keep, gust), scale(kick, v3(normal(), normal(), given.up ? normal() : 0.0)));
         return add(given.steady, gust);
     }
+    if (!strcmp(kind, "series")) return of_series(t);
     if (!strcmp(kind, "bang")) {
         int passed = 0;
         if (switches) while (passed < switches && switch_at[passed] <= t) passed++;
@@ -553,6 +581,7 @@ int main(int count, char **words) {
         else if (!strcmp(key, "--wind")) given.wind = value;
         else if (!strcmp(key, "--wind-steady")) given.steady = three(value, key);
         else if (!strcmp(key, "--wind-switches")) given.switches = value;
+        else if (!strcmp(key, "--wind-series")) given.series = value;
         else if (!strcmp(key, "--wind-vertical")) given.up = number(value, key) != 0.0;
         else if (!strcmp(key, "--seed")) given.seed = strtoull(value, NULL, 10);
         else if (!strcmp(key, "--instance")) given.instance = (int)number(value, key);
@@ -565,7 +594,7 @@ int main(int count, char **words) {
     }
     if (!given.vehicle) fail(WRONG_USE, "--vehicle FILE is needed");
     if (given.instance < 0 || given.instance > 9) fail(WRONG_USE, "--instance is 0 to 9, not %d", given.instance);
-    static const char *kinds[] = {"steady", "sine", "turn", "gust", "bang", "against-velocity",
+    static const char *kinds[] = {"steady", "sine", "turn", "gust", "bang", "series", "against-velocity",
                                   "with-velocity", "against-thrust", "with-thrust"};
     bool known = false;
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) known |= !strcmp(given.wind, kinds[k]);
@@ -574,6 +603,8 @@ int main(int count, char **words) {
     seed_state = given.seed;
     read_vehicle(given.vehicle);
     if (given.switches) read_switches(given.switches);
+    if (given.series) read_series(given.series);
+    if (!strcmp(given.wind, "series") && !samples) fail(WRONG_USE, "--wind series needs --wind-series FILE");
     held = scale(given.wind_max, v3(cos(given.axis * PI / 180.0), sin(given.axis * PI / 180.0), 0.0));
     now.at.z = -body.gear + 0.01;
 
