@@ -56,8 +56,8 @@ def pace_at(params_buffer, law_buffer):
     down = maximum(margin.sinking(known), SLOWEST)
     steers = maximum(margin.steered(params), SLOWEST)
     governed = params.policy == 1.0
-    jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING))
-    taken_up = TAKEN_UP_S * wrench.jerk(params, law, math.inf)
+    jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING), top)
+    taken_up = TAKEN_UP_S * wrench.jerk(params, law, math.inf, top)
     return (
         jerk,
         select(params.policy == 0.0, math.inf, minimum(brake / BRAKING, taken_up)),
@@ -108,12 +108,12 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
         law = _unpack_law(law_buffer)
         for k in range(n):
             now = carried(setpoint, k * law.h)
-            most, aside = foreseen.fastest(params, law, pursuit.a_m)
-            point, pursuit = foreseen.onward(law, pursuit, now, most, aside)
-            holds = foreseen.holds(known, more * point.a_d, more * point.off, point.v, adds)
+            most, aside = foreseen.fastest(params, law, pursuit.a_m, norm(pursuit.v_m))
+            point, pursuit = foreseen.onward(params, law, pursuit, now, most, aside)
+            holds = foreseen.holds(known, point, more, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
-                since = present.gone_on(law, since, point.a_d)
+                since = present.gone_on(params, law, since, point.a_d)
                 turns = present.turns(params, law, seen, since, point.change)
                 if (most == math.inf or turns) and holds < worst:
                     holds = max(
@@ -137,7 +137,8 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
             pursuit = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
             told = False  # of what there was then, nothing is left
             began += for_s - looked
-            holds = foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds)
+            radius = adds * margin.difference(known, norm(end.v_c))
+            holds = margin.condition(known, more * setpoint.a_c, end.v_c, radius)
             if holds < worst:
                 worst, at, a, v = holds, began, more * setpoint.a_c, end.v_c
     arrives = arrives + FADED / arrival.slowest(law)
@@ -159,7 +160,7 @@ def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
     for k in range(ticks):
         now = carried(setpoint, k * law.h)
         plain = a_ref(law, now, r_m, v_m)
-        most, aside = foreseen.fastest(params, law, a_m)
+        most, aside = foreseen.fastest(params, law, a_m, norm(v_m))
         up = Vec3(a_m.x, a_m.y, a_m.z + law.g)
         if params.policy == foreseen.GOVERN:
             change = wanted(law, known, now, r_m, v_m, most) - a_m

@@ -157,12 +157,12 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         return setpoint, plain, 0.0
     up = Vec3(state.a_m.x, state.a_m.y, state.a_m.z + law.g)
     if params.policy == 2.0:  # as `admission` looked ahead
-        j = wrench.jerk_ahead(params, law, state.a_m.z)
+        j = wrench.jerk_ahead(params, law, state.a_m.z, norm(v_m))
         across = wrench.across_ahead(params, law, state.a_m, j)
         change = plain - state.a_m
         a_g = state.a_m + wrench.turned_to(change, up, j * law.h, across * law.h)
     else:
-        j = wrench.jerk(params, law, T)
+        j = wrench.jerk(params, law, T, norm(v_m))
         most = j * law.h
         change = shortened(wanted(law, known, setpoint, r_m, v_m, j) - state.a_m, most)
         rising = dot(change, up) / (norm(up) * law.h + 1e-30)
@@ -170,7 +170,8 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         a = state.a_m + wrench.turned_to(change, up, most, aside)
         closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
         # beta grows with each change of a_m: room for it is made within the jerk, or it feeds itself
-        a = inside(known, v_m, state.beta, a, closing)
+        beta = margin.doubt(params, state.a_m, state.followed, state.beta)
+        a = inside(known, v_m, beta, a, closing)
         a = state.a_m + wrench.turned_to(a - state.a_m, up, most, aside)
         a_g = inside(known, v_m, 0.0, a, closing)
     limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)

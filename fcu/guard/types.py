@@ -7,6 +7,16 @@ from typing import NamedTuple
 from fcu.kernel.algebra import Vec3
 
 
+class Turned(NamedTuple):
+    """The torque that turns the thrust for a gust, over the rate of the drag, times the thrust.
+
+    The same whatever the thrust, and over it: what turns with the body weighs more beside little thrust.
+    """
+
+    level: float  # N m s
+    lifted: float  # N^2 m s
+
+
 class GuardParams(NamedTuple):
     """What is believed of the flight to come, and what is done when it does not fit the actuators."""
 
@@ -40,6 +50,8 @@ class GuardParams(NamedTuple):
     lift_turns: (
         float  # N, greatest drag from below beside which a tilt has torque for a gust (`torque`)
     )
+    per_torque: float  # N/(N m), least total thrust by which a torque about a level axis is had
+    gust_torque: Turned  # torque for a gust
     T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
 
 
@@ -52,11 +64,26 @@ class Signs(NamedTuple):
     trim: float  # part of the time that the trim of thrust is at its limit
 
 
+class Followed(NamedTuple):
+    """An acceleration that is demanded, as the vehicle follows it."""
+
+    tilted: Vec3  # behind the lag of attitude, 1/c_theta, m/s^2, E
+    achieved: Vec3  # behind that of the rates too, 1/c_q, m/s^2, E
+
+
+class Misjudged(NamedTuple):
+    """The same while the law takes the mass for another: by FORGOTTEN lighter, or heavier (`margin`)."""
+
+    lighter: Followed
+    heavier: Followed
+
+
 class GuardState(NamedTuple):
     """What the guard remembers from tick to tick."""
 
     a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
-    beta: float  # control difference left of take-over, and of the reference's changes, N (30)
+    followed: Misjudged  # a_m
+    beta: float  # control difference left of take-over, and of what is followed, N (30)
     psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
     psi_g_dot: float  # its rate, rad/s
     signs: Signs
