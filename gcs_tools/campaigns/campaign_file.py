@@ -42,7 +42,7 @@ from gcs_tools.campaigns.draws import (
 )
 from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.rare import Mixture
-from gcs_tools.flight.scenario import refuse_link_faults, scenario
+from gcs_tools.flight.scenario import refuse_faults_of_autopilot, refuse_link_faults, scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
@@ -490,6 +490,8 @@ def _variants(
         refuse_link_faults(made)
         if document.fly == LAW and made.parameters:
             raise MissionError('fly = "law": [vehicle.params] need a vehicle: fly = "vehicle"')
+        if document.fly == LAW:
+            refuse_faults_of_autopilot(made)
         if document.fly == LAW and runs_in is not None:
             raise MissionError('fly = "law": a script needs a vehicle: fly = "vehicle"')
         label = label or made.flown.name

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcu.guard.gains import FLY, unstable
 from fcu.interface.airframe import AirframeFile
-from fcu.interface.faults import LINK, SPECS, Fault, fault
+from fcu.interface.faults import LINK, OF_AUTOPILOT, SPECS, Fault, fault
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
@@ -206,6 +206,16 @@ def refuse_link_faults(mission: Mission) -> None:
             raise MissionError(
                 f"{mission.source}: [plant] faults[{i}]: {each.kind} is a fault of the plant link, which a"
                 " flight in process does not have: fly it over the wire (gcs fly without --in-process)"
+            )
+
+
+def refuse_faults_of_autopilot(mission: Mission) -> None:
+    """Raise MissionError for a fault that an autopilot answers for, which a law alone does not have."""
+    for i, each in enumerate(mission.plant.faults):
+        if SPECS[each.kind].kind in OF_AUTOPILOT:
+            raise MissionError(
+                f"{mission.source}: [plant] faults[{i}]: {each.kind} is answered by an autopilot, which a"
+                ' law alone does not have: fly = "vehicle"'
             )
 
 

@@ -185,7 +185,7 @@ def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
         scene = scenes[i]
         kind = (
             scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs), scene.wind is None,
-            not scene.faults,
+            not scene.faults, bool(scene.parameters),
             _choices(scene),
         )  # fmt: skip
         alike[kind, to_buffer(scene.settings).tobytes()].append(i)
@@ -206,7 +206,9 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     """The flights of a group, those that could be flown in lanes."""
     alike = _alike(scenes, range(len(scenes)))
     law = scenes[0].flown.package, alike
-    if scenes[0].legs or scenes[0].wind is not None or scenes[0].faults or law in _never:
+    first = scenes[0]
+    # what lanes do not fly, or what no law alone does: by itself each is flown, or refused by name
+    if first.legs or first.parameters or first.wind is not None or first.faults or law in _never:
         return {}
     try:
         pointer = scenes[0].flown.ticks.compiled_for_lanes(width, alike)

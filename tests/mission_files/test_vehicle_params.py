@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from fcu.kernel.lanes import WIDTH
 from fcu.laws import loader
 from fcu.parameters import GivenError, Parameters, chosen, parsed
 from fcu.process.configuration import read_airframe, read_settings
 from gcs_tools.campaigns import campaign_file
 from gcs_tools.campaigns.campaign_file import CampaignError
-from gcs_tools.flight import law_alone
+from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.scenario import refuse_link_faults, scenario
 from gcs_tools.missions.mission import MissionError, load, override, with_controller
 
@@ -139,6 +140,32 @@ def test_a_campaign_draws_them_as_any_other_value(write, tmp_path, fly, low, mor
     campaign = campaign_file.parsed(text, "c.toml", tmp_path, "c")
     values = campaign.draws.values(0, campaign.draws.quantities(0), campaign.variants[0].base)
     assert 0.5 <= values["vehicle.params.COM_OF_LOSS_T"] <= 2.0
+
+
+@pytest.mark.parametrize("kind", ["state_off", "battery_drain", "battery_level"])
+def test_a_campaign_of_a_law_alone_refuses_faults_of_an_autopilot(write, tmp_path, kind):
+    write(TEXT.partition("[vehicle.params]")[0])
+    more = {"battery_drain": "drain_a = 2.0", "battery_level": "remaining = 0.1"}.get(
+        kind, "for_s = 0.1"
+    )
+    fault = f'"plant.faults" = [{{ kind = "{kind}", at_s = 1.0, {more} }}]'
+    head = CAMPAIGN.partition("[draw]")[0]
+    draw = '[draw]\n"plant.mass_kg" = { uniform = [0.9, 1.1], relative = true }\n'
+    texts = {fly: head.format(fly=fly, set=fault) + draw for fly in ("law", "vehicle")}
+    with pytest.raises(CampaignError, match=rf"faults\[0\]: {kind} is answered by an autopilot"):
+        campaign_file.parsed(texts["law"], "c.toml", tmp_path, "c")
+    campaign_file.parsed(texts["vehicle"], "c.toml", tmp_path, "c")
+
+
+@pytest.mark.parametrize("more", ["NAV_DLL_ACT = 3", ""])
+def test_flights_in_lanes_refuse_what_is_of_an_autopilot(write, more):
+    fault = '[[plant.faults]]\nkind = "state_off"\nat_s = 1.0\nfor_s = 0.1\n'
+    text = TEXT.partition("[vehicle.params]")[0]
+    mission = load(write(f"{text}[vehicle.params]\n{more}\n" if more else text + fault))
+    scenes = [scenario(mission)] * WIDTH
+    results = [found for _, found in several.each(scenes, in_all=several.ALWAYS)]
+    assert len(results) == WIDTH
+    assert all(isinstance(found, loader.LawError) for found in results)
 
 
 def test_a_fault_of_the_link_is_refused_by_name_in_process(write):
