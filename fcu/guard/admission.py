@@ -154,15 +154,17 @@ def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     setpoint, known = _unpack_setpoint(setpoint_buffer), margin.known(params, law)
     zero = Vec3(0.0, 0.0, 0.0)
+    top, _ = speeds(known)
+    governs = params.policy == foreseen.GOVERN
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
     a_m = Vec3(reference[6], reference[7], reference[8])
     for k in range(ticks):
         now = carried(setpoint, k * law.h)
         plain = a_ref(law, now, r_m, v_m)
-        most, aside = foreseen.fastest(params, law, a_m, norm(v_m))
+        most, aside = foreseen.fastest(params, law, a_m, select(governs, top, norm(v_m)))
         up = Vec3(a_m.x, a_m.y, a_m.z + law.g)
-        if params.policy == foreseen.GOVERN:
+        if governs:
             change = wanted(law, known, now, r_m, v_m, most) - a_m
             a = a_m + wrench.turned_to(change, up, most * law.h, aside * law.h)
             a_m = inside(known, v_m, 0.0, a, zero)

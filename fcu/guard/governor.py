@@ -162,7 +162,8 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         change = plain - state.a_m
         a_g = state.a_m + wrench.turned_to(change, up, j * law.h, across * law.h)
     else:
-        j = wrench.jerk(params, law, T, norm(v_m))
+        top, _ = speeds(known)
+        j = wrench.jerk(params, law, T, top)
         most = j * law.h
         change = shortened(wanted(law, known, setpoint, r_m, v_m, j) - state.a_m, most)
         rising = dot(change, up) / (norm(up) * law.h + 1e-30)
