@@ -25,6 +25,7 @@ except KeyboardInterrupt:
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes vehicle and world (default: the airframe on the ground in still air).")  # fmt: skip
 @options.AIRFRAME
 @click.option("--wind", "wind_file", type=click.Path(path_type=Path), help="CSV file of the velocity of the air over time (columns t_s, x_m_s, y_m_s, z_m_s), added to that of the world.")  # fmt: skip
+@click.option("--layers", "layers_file", type=click.Path(path_type=Path), help="JSON file of layers of the wind, as gcs fly writes it.")  # fmt: skip
 @click.option(
     "--faults",
     "faults_file",
@@ -43,6 +44,7 @@ def main(
     instance: int | None,
     world_file: Path | None,
     wind_file: Path | None,
+    layers_file: Path | None,
     faults_file: Path | None,
     airframe: str | None,
     rate_hz: float,
@@ -75,6 +77,9 @@ def main(
     from fcu.kernel.compile import is_cached
     from sitl_plant.loop import INFRASTRUCTURE, WIDTH, Server, say
     from sitl_plant.pacing import Pacer
+    from sitl_plant.physics.wind.layers import LayersError
+    from sitl_plant.physics.wind.layers import load as load_layers
+    from sitl_plant.physics.wind.packed_field import FieldError, opened
     from sitl_plant.physics.world import World
     from sitl_plant.physics.world import world as still_air
 
@@ -89,8 +94,13 @@ def main(
         else:
             world = still_air(rate_hz, airframe=None if airframe is None else read(find(airframe)))
         wind = None if wind_file is None else read_wind(wind_file)
+        layers = None if layers_file is None else load_layers(layers_file)
+        if layers is not None and layers.field is not None:
+            opened(Path(layers.field.path))
         ordered = () if faults_file is None else load_faults(faults_file)
-    except (AirframeError, FaultsError, HandoverError, SamplesError) as error:
+    except (
+        AirframeError, FaultsError, FieldError, HandoverError, LayersError, SamplesError,
+    ) as error:  # fmt: skip
         raise click.UsageError(str(error)) from error
     try:
         number = first_free_instance("plant") if instance is None else instance
@@ -105,6 +115,7 @@ def main(
             server = Server(
                 ports(number), world, tape, feed, pacer, control_fd, lifeline_fd,
                 stays=stay, announce=announce, write=write, wind=wind, ordered=ordered,
+                layers=layers,
             )  # fmt: skip
             server.warm_up()
     except PortBusy as error:

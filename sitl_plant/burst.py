@@ -23,12 +23,15 @@ from fcu.kernel import system
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
-from fcu.kernel.rows import column_of, slice_of
+from fcu.kernel.rows import column_of
 from fcu.mavlink.plant_link import LONGEST, Desk, desk, pack_state, parse_controls
 from sitl_plant.physics import dynamics, faults, tick
 from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.faults import Struck, struck
-from sitl_plant.physics.types import PlantParams, PlantRecord
+from sitl_plant.physics.types import PlantRecord
+from sitl_plant.physics.wind import air
+from sitl_plant.physics.wind.air import Air
+from sitl_plant.physics.wind.layers import Layers, layered
 from sitl_plant.physics.world import World
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
@@ -65,8 +68,8 @@ class Progress(NamedTuple):
 class Plant(NamedTuple):
     """One simulator: constants, and the arrays that its ticks work on."""
 
-    params: Buffer  # PlantParams, of which `air` is put into the steady wind
-    air: Buffer  # float64[n, 3], m/s, E, of each tick, after the last the last; n 0: as `params` has it
+    params: Buffer  # PlantParams, into which `air` is put
+    air: Air  # of which each tick's is put into `params`
     start: Buffer  # VehicleState
     spin: Buffer  # float64[8], of the rotors
     system: int  # MAVLink's
@@ -115,7 +118,6 @@ SEQUENCE, PUBLISHED, NOISE_AT, GRANT = (
     for name in ("timing.sequence", "timing.published", "noise_at", "granted")
 )
 
-_STEADY = slice_of(PlantParams, "wind.steady").start
 _progress = unpacker(Progress)
 _pack_tick = packer(Progress, "timing.sequence")
 _pack_published = packer(Progress, "timing.published")
@@ -140,15 +142,29 @@ def air_by_tick(steady: Vec3, samples: Buffer | None, rate_hz: float) -> Buffer:
     )
 
 
+def air_of(world: World, wind: Buffer | None, layers: Layers | None) -> Air:
+    """The air of a vehicle at the start of its flight.  wind, layers : as for `plant`.
+
+    Raises FieldError.
+    """
+    if layers is None:
+        samples = air_by_tick(world.params.wind.steady, wind, world.rate_hz)
+        return air.still_air()._replace(samples=samples)
+    samples = air_by_tick(Vec3(0.0, 0.0, 0.0), wind, world.rate_hz)
+    return layered(layers, world.params)._replace(samples=samples)
+
+
 def plant(
     world: World, system_id: int, shared: Desk | None = None, wind: Buffer | None = None,
-    ordered: Sequence[Fault] = (),
+    ordered: Sequence[Fault] = (), layers: Layers | None = None,
 ) -> Plant:  # fmt: skip
     """A simulator at the start of its flight, without noise: see `draw_noise`.
 
     `shared`: the desk of a codec whose sequence numbers it is to continue.
     `wind`: float64[m, 4], samples of wind as for `air_by_tick`, added to that of the world.
     `ordered`: faults, at most `MOST` of `fcu.interface.faults`.
+    `layers`: of the wind, beside the sines of the world and the samples.
+    Raises FieldError if the field of the layers cannot be opened.
     """
     start = to_buffer(world.start)
     progress = np.zeros(size(Progress))
@@ -156,7 +172,7 @@ def plant(
     params = to_buffer(world.params)
     return Plant(
         params=params,
-        air=air_by_tick(world.params.wind.steady, wind, world.rate_hz),
+        air=air_of(world, wind, layers),
         start=start,
         spin=np.array(world.params.airframe.spin, dtype=np.float64),
         system=system_id,
@@ -226,7 +242,7 @@ def observe(plant, row):
         return 0, False, NO_NOISE
     now = np.int64(progress.timing.sequence)
     t = now * plant.period_us * 1e-6
-    blow(plant, now)
+    air.blow(plant.air, plant.params, plant.state, now, plant.period_us * 1e-6)
     is_struck, now_us = plant.struck.used[0] > 0, float(now * plant.period_us)
     if is_struck:
         faults.weaken(plant.struck, plant.params, now_us)
@@ -250,15 +266,6 @@ def observe(plant, row):
         plant.desk.quality[0] = -1 if failed else 0
     _pack_noise_at(plant.progress, at + 1.0)
     return now, with_battery, np.int64(dynamics.FLYING)
-
-
-@kernel
-def blow(plant, now):
-    """Put the air of the tick numbered `now` into `params`, where there is one by tick."""
-    if plant.air.shape[0] > 0:
-        at = min(now, plant.air.shape[0] - 1)
-        for i in range(3):
-            plant.params[_STEADY + i] = plant.air[at, i]
 
 
 @kernel

@@ -41,6 +41,7 @@ from sitl_plant import burst
 from sitl_plant.burst import WIDTH, Progress
 from sitl_plant.pacing import Pacer
 from sitl_plant.physics import dynamics
+from sitl_plant.physics.wind.layers import Layers
 from sitl_plant.physics.world import World
 from sitl_plant.simulator import Simulator, say
 
@@ -90,18 +91,19 @@ class Server:
         write: Callable[[Event], None] = event_log.write,
         wind: burst.Buffer | None = None,
         ordered: Sequence[Fault] = (),
+        layers: Layers | None = None,
     ) -> None:
         """`control`: file descriptor of the grants, or None to let time run freely.
 
         `lifeline`: a file descriptor. Its end of file ends the flight. `burst_ticks`: ticks that
         compiled code flies at once, at most what is left of the recorder's batch. `stays`: when a
         flight ends it holds time until a reset. `announce`: told of resets, and of such an end.
-        `write`: takes an event. `wind`, `ordered`: as for `burst.plant`.
-        Raises PortBusy.
+        `write`: takes an event. `wind`, `ordered`, `layers`: as for `burst.plant`.
+        Raises PortBusy, FieldError.
         """
         self._lifeline = lifeline
         self._world, self._wind, self._system = world, wind, ports.system_id
-        self._ordered = ordered
+        self._ordered, self._layers = ordered, layers
         self._stays = stays
         self._announce = announce
         self._write = write
@@ -121,7 +123,7 @@ class Server:
 
     def _begin_flight(self) -> None:
         self._simulator = Simulator(
-            self._world, self._system, self._write, self._wind, self._ordered
+            self._world, self._system, self._write, self._wind, self._ordered, self._layers
         )
         self._plant = self._simulator.plant
         self._timing = column(Progress, self._plant.progress, "timing")

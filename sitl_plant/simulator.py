@@ -21,11 +21,16 @@ from fcu.mavlink.plant_link import LONGEST, Ending, PlantCodec, Result
 from sitl_plant import burst
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics import dynamics, faults
+from sitl_plant.physics.wind.layers import Layers
 from sitl_plant.physics.world import World
 
 # a fault that no flight meets: for what is to be compiled
 NEVER = Fault(0.0, 0.0, NEVER_US, NEVER_US, Size(0.0, 0.0, 0.0, 0.0))
-ENDINGS = {dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground"}
+ENDINGS = {
+    dynamics.DIVERGED: "diverged (left the arena)", dynamics.CRASHED: "hit the ground",
+    dynamics.HIT_BUILDING: "hit a building", dynamics.LEFT_FIELD: "left the field of wind",
+}  # fmt: skip
+OF_A_CRASH = dynamics.CRASHED, dynamics.HIT_BUILDING
 _MOVING = np.r_[tuple(slice_of(VehicleState, name) for name in ("v_E", "w_B", "Omega"))]
 
 
@@ -39,12 +44,16 @@ class Simulator:
         write: Callable[[Event], None] = event_log.write,
         wind: burst.Buffer | None = None,
         ordered: Sequence[Fault] = (),
+        layers: Layers | None = None,
     ) -> None:
-        """`system_id`: MAVLink's. `write`: takes an event. `wind`, `ordered`: as for `burst.plant`."""
+        """`system_id`: MAVLink's. `write`: takes an event. `wind`, `ordered`, `layers`: as for `burst.plant`.
+
+        Raises FieldError.
+        """
         self._write = write
         self._world = world
         self.codec = PlantCodec(system_id, world.params.airframe.spin)
-        self.plant = burst.plant(world, system_id, self.codec.desk, wind, ordered)
+        self.plant = burst.plant(world, system_id, self.codec.desk, wind, ordered, layers)
         self._failed = 0, Result.FAILED  # the last order that was taken, and what has become of it
         self._random = np.random.default_rng(int(world.seed))
         self.flight_ended = ""  # how, if the vehicle crashed or diverged
@@ -131,7 +140,7 @@ class Simulator:
     def end(self, status: int) -> Told:
         """The flight has ended, and the vehicle lies where it was; what is to be said of it."""
         self.flight_ended = ENDINGS[status]
-        self.ending = Ending.CRASHED if status == dynamics.CRASHED else Ending.DIVERGED
+        self.ending = Ending.CRASHED if status in OF_A_CRASH else Ending.DIVERGED
         plant = self.plant
         if np.isfinite(plant.state).all():
             plant.reported[:] = plant.state

@@ -173,15 +173,16 @@ def _known_cache(made: Any) -> bool:
     return known
 
 
-def kernel(function: F, makes_arrays: bool = False) -> F:
+def kernel(function: F, makes_arrays: bool = False, inlined: bool = True) -> F:
     """Compile `function` on first call, with the project's flags.
 
     Cached on disk are the functions of modules of ours and of packages that are kept apart.
     `makes_arrays`: it allocates, or returns an array; one of a package that is kept apart may.
+    `inlined`: into the kernels that call it; not, where that would be long to compile and save nothing.
     """
     package = function.__module__.partition(".")[0]
     # inlined, a kernel costs no copies of its NamedTuples: a flight runs 1.6 times as fast
-    flags = {"nogil": True, "error_model": "numpy", **_known(forceinline=True)}
+    flags = {"nogil": True, "error_model": "numpy", **_known(forceinline=inlined)}
     # counting references to arrays costs a third of a tick
     flags |= _known(_nrt=makes_arrays or package not in _PACKAGES)
     from_file = not function.__code__.co_filename.startswith("<")

@@ -25,7 +25,7 @@ from gcs_tools.missions.mission import Mission
 from sitl_plant.physics import dynamics
 
 ERROR = "setpoint_error_rms_m"
-ENDINGS = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}
+ENDINGS = dynamics.ENDED
 KEPT = Keep(  # what is looked at
     plant=("t", "state.r_E", "on_ground", "battery.energy_J"),
     law=("t", "engaged", "command", "outputs"),

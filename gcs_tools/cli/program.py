@@ -22,7 +22,7 @@ from gcs_tools.flight import interrupts
 # a command is the module gcs_tools.cli.<name>, and the function of that name in it
 GROUPS = {
     "Flying": ("fly", "test", "up", "setpoint", "fault", "reset"),
-    "Before flight": ("envelope", "airframe", "plan"),
+    "Before flight": ("envelope", "airframe", "plan", "wind"),
     "Laws": ("tune", "compare"),
     "Many flights": ("campaign",),
     "Recordings": ("plot", "view", "recover", "replay"),

@@ -24,9 +24,12 @@ from fcu.kernel.rows import slice_of
 from fcu.laws.face import FLYING, TAKE_OVER
 from gcs_tools.flight.closed_loop import answer, receive
 from gcs_tools.flight.scenario import Scenario
+from sitl_plant.burst import air_of
 from sitl_plant.physics import dynamics, tick
 from sitl_plant.physics.battery import BatteryState
 from sitl_plant.physics.types import PlantRecord
+from sitl_plant.physics.wind import air
+from sitl_plant.physics.wind.air import Air
 
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Integers = np.ndarray[Any, np.dtype[np.int64]]
@@ -86,6 +89,7 @@ class Lanes(NamedTuple):
     record: Buffer  # PlantRecord
     ends: Buffer  # float64[1, width]: dynamics.FLYING, or how the flight ends
     ages: Buffer  # float64[1, width], s since the setpoint took effect
+    air: Air  # with the lane as first axis, but of the field, which all share
 
 
 class Own(NamedTuple):
@@ -179,11 +183,24 @@ def seen_late(lanes, own, k):
 
 
 @kernel
-def burst(lanes, own, like, law, k, until, every, period_us, steps, noisy):
+def blow(lanes, k, dt):
+    """Put the air of tick k into the parameters of each lane."""
+    of = lanes.air
+    for lane in range(lanes.params.shape[1]):
+        each = Air(
+            of.samples[lane], of.gusts[lane], of.constants[lane], of.memory[lane],
+            of.normals[lane], of.at_hubs[lane], of.field,
+        )  # fmt: skip
+        air.blow(each, lanes.params[:, lane], lanes.state[:, lane], k, dt)
+
+
+@kernel
+def burst(lanes, own, like, law, k, until, every, period_us, steps, noisy, windy):
     """Fly from tick k to tick `until`, or until all lanes have ended.
 
     like : Lanes of the width.  law : address of `fcu.process.tick.compiled_for_lanes`.  every : of so many ticks
     the rows of one are kept.  noisy : whether `own.blocks` holds the noise of these ticks.
+    windy : whether the air changes from tick to tick.
     Returns whether no branch was found that not all lanes take.
     """
     params, start = at(lanes.params, like), at(lanes.start, like)
@@ -200,6 +217,8 @@ def burst(lanes, own, like, law, k, until, every, period_us, steps, noisy):
         if flying == 0:
             return True
         kept, t = k % every == 0, k * period_us * 1e-6
+        if windy:
+            blow(lanes, k, period_us * 1e-6)
         if kept and len(own.plant_columns) > 0:
             ended = tick.observe(params, state, drawn, t, start, record)
             put(lanes.record, like, own.plant_columns, own.how, own.plant_rows, k // every)
@@ -253,6 +272,23 @@ def _aligned(*shape: int) -> Buffer:
     return room[skip : skip + n].reshape(shape)
 
 
+def beside(airs: Sequence[Air]) -> Air:
+    """The air of several vehicles in one field, with the vehicle as first axis. Samples that end go on."""
+    n = max(len(each.samples) for each in airs)
+    samples = [np.pad(each.samples, ((0, n - len(each.samples)), (0, 0)), mode="edge") for each in airs]  # fmt: skip
+    gusts = max(len(each.gusts) for each in airs)
+    blown = [np.pad(each.gusts, ((0, gusts - len(each.gusts)), (0, 0))) for each in airs]
+    return Air(
+        samples=np.array(samples),
+        gusts=np.array(blown),
+        constants=np.array([each.constants for each in airs]),
+        memory=np.array([each.memory for each in airs]),
+        normals=np.array([each.normals for each in airs]),
+        at_hubs=np.array([each.at_hubs for each in airs]),
+        field=airs[0].field,
+    )
+
+
 class Group:
     """Flights that lanes can share: of one law, rate and number of plant steps.
 
@@ -275,6 +311,9 @@ class Group:
         worlds = [scene.world for scene in padded]
         delay = np.array([int(world.delay_ticks) for world in worlds])
         start = [to_buffer(world.start) for world in worlds]
+
+        airs = [air_of(scene.world, scene.wind, scene.layers) for scene in padded]
+        self._windy = any(scene.wind is not None or scene.layers is not None for scene in padded)
 
         def lanes_of(rows: Sequence[Any]) -> Buffer:
             made = _aligned(len(rows[0]), width)
@@ -303,6 +342,7 @@ class Group:
             record=room(size(PlantRecord)),
             ends=room(1),
             ages=room(1),
+            air=beside(airs),
         )
         begins = max(len(scene.sent_at) for scene in padded) + 1
         sent_at = np.full((width, begins), NEVER)
@@ -339,7 +379,7 @@ class Group:
                 self._draw()
             if not burst(
                 self._lanes, own, self._like, self._law.address, k, k + NOISE_BLOCK,
-                self._keep.every, self._period_us, self._steps, noisy,
+                self._keep.every, self._period_us, self._steps, noisy, self._windy,
             ):  # fmt: skip
                 return False
             k += NOISE_BLOCK

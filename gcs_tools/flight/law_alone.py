@@ -102,7 +102,9 @@ def fly(scene: Scenario) -> tuple[Rows, Rows]:
     refuse_faults(scene)
     ticks = scene.flown.ticks
     alone, law = flight(scene)
-    simulator = Simulator(scene.world, SYSTEM, wind=scene.wind, ordered=scene.faults)
+    simulator = Simulator(
+        scene.world, SYSTEM, wind=scene.wind, ordered=scene.faults, layers=scene.layers
+    )
     plant_rows = np.zeros((scene.ticks, WIDTH))
     fcu_rows = np.zeros((scene.ticks, size(ticks.Tick)))
     begins = [*np.minimum(scene.sent_at, scene.ticks).tolist(), scene.ticks]

@@ -132,7 +132,12 @@ class MemoryFlight(ScriptedFlight):
         )  # fmt: skip
         stack.callback(self._autopilot.close)
         self._simulator = Simulator(
-            scene.world, at.system_id, self._log(stack, "plant"), scene.wind, scene.faults
+            scene.world,
+            at.system_id,
+            self._log(stack, "plant"),
+            scene.wind,
+            scene.faults,
+            scene.layers,
         )
         self._plant_timing = column(Progress, self._simulator.plant.progress, "timing")
         self._simulator.warm_up()

@@ -17,6 +17,7 @@ from gcs_tools.flight.forking import can_fork, load
 from gcs_tools.flight.processes import Child, Unanswered, stop_all
 from gcs_tools.flight.publisher_process import PublisherProcess, Zenoh
 from gcs_tools.flight.scenario import Scenario
+from sitl_plant.physics.wind import layers
 
 
 def plant_arguments(folder: Path, scene: Scenario) -> list[str]:
@@ -25,6 +26,9 @@ def plant_arguments(folder: Path, scene: Scenario) -> list[str]:
     if scene.wind is not None:
         write_wind(folder / "wind.csv", scene.wind)
         found += ["--wind", str(folder / "wind.csv")]
+    if scene.layers is not None:
+        layers.save(folder / "layers.json", scene.layers)
+        found += ["--layers", str(folder / "layers.json")]
     if scene.faults:
         faults.save(folder / "faults.json", scene.faults)
         found += ["--faults", str(folder / "faults.json")]

@@ -43,6 +43,10 @@ class Resumption:
         """`scene`: without items. Its wind is what `air` begins with."""
         if scene.legs:
             raise LawError("a mission of items is flown by a whole vehicle, not by a law alone")
+        if scene.layers is not None:
+            raise LawError(
+                "[wind] layers depend on where the vehicle is: expected steady, sines, step or file"
+            )
         self._scene = scene
         self._alone, self._law = law_alone.flight(scene)
         plant = Simulator(scene.world, law_alone.SYSTEM).plant
@@ -50,7 +54,7 @@ class Resumption:
         if not len(noise):
             noise = np.zeros((scene.ticks, plant.noise.shape[1]))
         self.air = _air_of(scene)
-        self._plant = plant._replace(noise=noise, air=self.air)
+        self._plant = plant._replace(noise=noise, air=plant.air._replace(samples=self.air))
         self._plant.progress[NOISE_AT] = 0.0
         self._changing = [
             array

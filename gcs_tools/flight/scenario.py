@@ -32,6 +32,7 @@ from gcs_tools.missions.mission import Mission, MissionError
 from gcs_tools.missions.same import Same
 from gcs_tools.recording.schema import UNTOLD, Kinds
 from sitl_plant.physics import tick
+from sitl_plant.physics.wind.layers import Layers
 from sitl_plant.physics.world import World, world
 
 # Parameters with which a mission's vehicle starts, unless the mission says otherwise: a flight ends with the
@@ -50,6 +51,7 @@ class Scenario:
     wind: (
         np.ndarray[Any, np.dtype[np.float64]] | None
     )  # float64[n, 4], s and m/s, E, added to the world's
+    layers: Layers | None  # of the wind, beside these
     faults: tuple[Fault, ...]  # that the simulator is ordered to have
     ticks: int
     period_us: int
@@ -178,6 +180,7 @@ def scenario(mission: Mission) -> Scenario:
         settings=None if mission.controller else _chosen(_law_of(mission)),
         world=there,
         wind=mission.wind.samples,
+        layers=mission.wind.layers(flight.seed),
         faults=tuple(fault(each.model_dump()) for each in mission.plant.faults),
         ticks=ticks,
         period_us=round(1e6 / flight.rate_hz),

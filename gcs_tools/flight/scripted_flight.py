@@ -62,7 +62,7 @@ class Flown:
         if self.done:
             return self.done
         how = self.plant[-1, _ENDED] if len(self.plant) else dynamics.FLYING
-        words = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}
+        words = dynamics.ENDED
         return "arrived" if self.arrived else words.get(how, "time")
 
 

@@ -178,14 +178,20 @@ def _choices(scene: Scenario) -> tuple[Any, ...]:
     return tuple(row.get(scene.settings) for row in rows if row.words)
 
 
+def field_of(scene: Scenario) -> str:
+    """The field of wind that lanes share, as a path. Empty without one."""
+    layers = scene.layers
+    return "" if layers is None or layers.field is None else layers.field.path
+
+
 def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
     alike: dict[Any, list[int]] = defaultdict(list)
     in_time = sorted(range(len(scenes)), key=lambda i: scenes[i].ticks)  # lanes end together
     for i in in_time:
         scene = scenes[i]
         kind = (
-            scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs), scene.wind is None,
-            not scene.faults, bool(scene.parameters),
+            scene.flown.package, scene.period_us, scene.world.steps, bool(scene.legs),
+            scene.wind is None, scene.layers is None, field_of(scene), not scene.faults, bool(scene.parameters),
             _choices(scene),
         )  # fmt: skip
         alike[kind, to_buffer(scene.settings).tobytes()].append(i)
@@ -208,7 +214,7 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
     law = scenes[0].flown.package, alike
     first = scenes[0]
     # what lanes do not fly, or what no law alone does: by itself each is flown, or refused by name
-    if first.legs or first.parameters or first.wind is not None or first.faults or law in _never:
+    if first.legs or first.parameters or first.faults or law in _never:
         return {}
     try:
         pointer = scenes[0].flown.ticks.compiled_for_lanes(width, alike)

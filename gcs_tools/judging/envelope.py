@@ -596,6 +596,10 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
     found = []
     if most > guard.w_max:
         found.append(f"its wind, up to {most:.3g} m/s, is beyond guard_wind_m_s {guard.w_max:.3g}")
+    if scene.layers is not None:
+        found.append(
+            "its shear, turbulence, gusts or field are not looked at, only the rest of [wind]"
+        )
     if wind.step_at_s is not None:
         found.append("its wind steps, faster than any guard_wind_rate_m_s2")
     elif fastest > guard.w_dot_max:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -53,6 +54,8 @@ from gcs_tools.missions.fields import (
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import FOLDER, Numbered, Plan
 from gcs_tools.missions.items import lands as ends_on_ground
+from sitl_plant.physics.wind.layers import FieldLayer, Layers
+from sitl_plant.physics.wind.packed_field import FieldError, opened
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -140,8 +143,45 @@ LawTable = law_table(PARAMETERS)
 # --- [wind]
 
 
+# the paper's wind, Section VIII
+PAPER = {
+    "amplitude_m_s": (7.2, 7.2, 5.7), "frequency_rad_s": (1.5, 1.6, 1.7),
+    "rotation_amplitude_rad_s": (0.7, 0.6, 0.5), "rotation_frequency_rad_s": (2.5, 2.4, 2.3),
+}  # fmt: skip
+MOST_GUSTS = 64
+
+
+class Gust(Table):
+    """A discrete gust: it rises as 1 - cos, holds, and falls as it rose."""
+
+    at_s: NotNegative
+    velocity_m_s: Numbers = Field(description="added while it holds, ENU")
+    rise_s: Positive
+    hold_s: NotNegative = 0.0
+    fall_s: Positive | None = optional("left out: as rise_s")
+
+
+class FieldOfWind(Table):
+    """A 3-D field of wind, with its buildings."""
+
+    file: str = Field(description="packed by gcs wind pack (a folder, relative to the mission)")
+    origin_m: Numbers = Field(ZERO, description="of the mission, in the field")
+    scale: Positive = Field(1.0, description="of the velocities")
+    start_s: NotNegative = Field(
+        0.0, description="time since the first of the field when the flight begins"
+    )
+    after: Annotated[Literal["hold", "repeat"], one_of("hold", "repeat")] | None = optional(
+        "after the last time of the field; left out: a flight that is longer is refused"
+    )
+    inflow: bool = Field(True, description="the air at each rotor changes its thrust")
+
+
 class Wind(Table):
-    """The air: steady, plus amplitude sin(frequency t), plus a step; and its rotation."""
+    """The air: steady, plus amplitude sin(frequency t), plus a step; and its rotation; and layers."""
+
+    base: Annotated[Literal["paper"], one_of("paper")] | None = optional(
+        "paper: the sines of the paper, where these are left out"
+    )
 
     steady_m_s: Numbers = Field(ZERO, description="velocity of the air, ENU")
     amplitude_m_s: Numbers = Field(ZERO, description="ENU")
@@ -160,7 +200,75 @@ class Wind(Table):
         f"velocity of the air over time, added to the rest: CSV with columns {', '.join(samples_file.WIND)}"
     )
 
+    shear: Annotated[Literal["log", "power"], one_of("log", "power")] | None = optional(
+        "how steady_m_s grows with height above ground; left out: not"
+    )
+    shear_height_m: Positive = Field(10.0, description="at which the wind is steady_m_s")
+    roughness_m: Positive = Field(0.1, description="of the ground, for log")
+    shear_exponent: NotNegative = Field(1.0 / 7.0, description="for power")
+    turbulence: (
+        Annotated[Literal["dryden", "von_karman"], one_of("dryden", "von_karman")] | None
+    ) = optional("MIL-F-8785C at low altitude, drawn from [flight] seed")
+    turbulence_w20_m_s: NotNegative | None = optional(
+        "mean wind at 20 ft that turbulence is for: light 7.7, moderate 15.4, severe 23.1"
+    )
+    gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=MOST_GUSTS)] = ()
+    field: FieldOfWind | None = optional("3-D, with buildings")
+
     _samples: Rows | None = PrivateAttr(None)
+    _field: Path | None = PrivateAttr(None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_a_base(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("base") == "paper":
+            return {**PAPER, **given}
+        return given
+
+    @model_validator(mode="after")
+    def _layers_are_whole(self) -> Self:
+        if (self.turbulence is None) != (self.turbulence_w20_m_s is None):
+            key = "turbulence" if self.turbulence is None else "turbulence_w20_m_s"
+            raise because((key,), "turbulence needs both turbulence and turbulence_w20_m_s")
+        if self.shear == "log" and self.roughness_m >= self.shear_height_m:
+            raise wrong(("roughness_m",), "less than shear_height_m", self.roughness_m)
+        if self.field is not None and self.azimuth_deg != 0.0:
+            raise because(
+                ("azimuth_deg",), "a field has buildings and cannot be turned: leave it out"
+            )
+        return self
+
+    @property
+    def field_ends_s(self) -> float | None:
+        """Time of the flight (s) at which its field ends. None without a field, and where something follows."""
+        if self._field is None or self.field is None or self.field.after is not None:
+            return None
+        times = opened(self._field).field.t
+        return None if len(times) == 1 else float(times[-1]) - self.field.start_s
+
+    def layers(self, seed: int) -> Layers | None:
+        """Layers for the simulator, or None if no key asks for one.  seed : of turbulence."""
+        asked = self.shear, self.turbulence, self.field
+        if not any(asked) and not self.gusts:
+            return None
+        field = self.field
+        return Layers(
+            shear=self.shear,
+            shear_height_m=self.shear_height_m,
+            roughness_m=self.roughness_m,
+            shear_exponent=self.shear_exponent,
+            turbulence=self.turbulence,
+            turbulence_w20_m_s=self.turbulence_w20_m_s or 0.0,
+            seed=seed,
+            gusts=tuple(
+                (g.at_s, g.rise_s, g.hold_s, g.rise_s if g.fall_s is None else g.fall_s, *g.velocity_m_s)
+                for g in self.gusts
+            ),
+            field=None if field is None else FieldLayer(
+                path=str(self._field or field.file), origin_m=(field.origin_m[0], field.origin_m[1], field.origin_m[2]), scale=field.scale,
+                start_s=field.start_s, repeats=field.after == "repeat", inflow=field.inflow,
+            ),
+        )  # fmt: skip
 
     @property
     def samples(self) -> Rows | None:
@@ -175,6 +283,12 @@ class Wind(Table):
                 self._samples = samples_file.read_wind(folder / self.file)
             except samples_file.SamplesError as error:
                 raise because(("file",), str(error)) from None
+        if self.field is not None and folder is not None:
+            self._field = (folder / self.field.file).absolute()
+            try:
+                opened(self._field)
+            except FieldError as error:
+                raise because(("field", "file"), str(error)) from None
         return self
 
     @model_validator(mode="after")
@@ -403,6 +517,14 @@ class Document(Table):
     plant: Plant = Plant()
     vehicle: Vehicle = Vehicle()
     expect: Expect = Expect()
+
+    @model_validator(mode="after")
+    def _field_lasts(self) -> Self:
+        ends = self.wind.field_ends_s
+        if ends is not None and self.flight.duration_s > ends:
+            why = f'the field ends {ends:g} s after the flight begins, which takes {self.flight.duration_s:g} s: after = "hold" or "repeat" says what follows'
+            raise because(("wind", "field", "after"), why)
+        return self
 
     @model_validator(mode="after")
     def _can_end_so(self) -> Self:

@@ -14,9 +14,10 @@ from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix, normalised, quaternion_rate, rotate, rotate_back
 from sitl_plant.physics import battery, drag, ground, rotors
 from sitl_plant.physics.types import PlantRecord
-from sitl_plant.physics.wind import field
+from sitl_plant.physics.wind import sines
 
-FLYING, DIVERGED, CRASHED = 0.0, 1.0, 2.0
+FLYING, DIVERGED, CRASHED, HIT_BUILDING, LEFT_FIELD = 0.0, 1.0, 2.0, 3.0, 4.0
+ENDED = {DIVERGED: "diverged", CRASHED: "crashed", HIT_BUILDING: "crashed", LEFT_FIELD: "diverged"}
 TIPPED = 0.5  # body z along Earth z; a vehicle on the ground below this value lies on its side
 
 
@@ -89,7 +90,7 @@ def push_at(params, Omega, left, m, at, t):
     wind = params.wind
     return Push(
         m, T, tau_B, rotors.omega_m(params, Omega),
-        field.v_air_E(wind, at, t), field.w_air_B(wind, at),
+        sines.v_air_E(wind, at, t), sines.w_air_B(wind, at),
     )  # fmt: skip
 
 
@@ -104,9 +105,9 @@ def integrate(params, state, command, t):
 
     # mass and effectiveness change between steps, not within a step
     m, left = mass(params, t), rotors.effectiveness(params, t)
-    at_0 = field.phases(params.wind, t)
-    at_half = field.half_step_later(params.wind, at_0)
-    at_1 = field.half_step_later(params.wind, at_half)
+    at_0 = sines.phases(params.wind, t)
+    at_half = sines.half_step_later(params.wind, at_0)
+    at_1 = sines.half_step_later(params.wind, at_half)
     push_0 = push_at(params, Omega_0, left, m, at_0, t)
     push_half = push_at(params, Omega_half, left, m, at_half, t + 0.5 * h)
     push_1 = push_at(params, Omega_1, left, m, at_1, t + h)
@@ -132,7 +133,7 @@ def select_lagless(params, Omega, Omega_c):
 
 @kernel
 def ended(params, state, r_start):
-    """FLYING, DIVERGED (outside the arena, or not a number) or CRASHED.
+    """FLYING, DIVERGED (outside the arena, or not a number), CRASHED, HIT_BUILDING or LEFT_FIELD.
 
     A vehicle has crashed if it hits the ground too fast, is below the ground, or lies on its side
     or back.
@@ -143,7 +144,10 @@ def ended(params, state, r_start):
     hit = low & (state.v_E.z < -params.ground.impact_max)
     tipped = low & (matrix(state.q_EB).e3.z < TIPPED)
     buried = state.r_E.z < params.ground.z - params.ground.gear
-    return select(inside, select(hit | tipped | buried, CRASHED, FLYING), DIVERGED)
+    down = select(hit | tipped | buried, CRASHED, FLYING)
+    wall = params.ground.wall
+    down = select(wall == 1.0, HIT_BUILDING, select(wall == 2.0, LEFT_FIELD, down))
+    return select(inside, down, DIVERGED)
 
 
 @kernel
@@ -151,7 +155,7 @@ def record(params, state, drawn, t, r_start):
     """The true state at time t (s), as a PlantRecord. `drawn`: BatteryState."""
     R_EB = matrix(state.q_EB)
     m, left = mass(params, t), rotors.effectiveness(params, t)
-    push = push_at(params, state.Omega, left, m, field.phases(params.wind, t), t)
+    push = push_at(params, state.Omega, left, m, sines.phases(params.wind, t), t)
     v_a_B = rotate_back(R_EB, state.v_E - push.v_air_E)
     return PlantRecord(
         t,

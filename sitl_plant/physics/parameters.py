@@ -13,7 +13,7 @@ from fcu.kernel.rotations import from_euler
 from sitl_plant.physics.battery import BatteryParams
 from sitl_plant.physics.truth import Truth
 from sitl_plant.physics.types import GroundParams, PlantParams, WindParams
-from sitl_plant.physics.wind.field import Phases, phases
+from sitl_plant.physics.wind.sines import Phases, phases
 
 G = 9.81  # m/s^2
 NEVER = 1e18  # s: time of an event that does not happen (finite, so that JSON can hold it)
@@ -58,6 +58,8 @@ def wind_params(h: float, wind: Mapping[str, Any] | None = None) -> WindParams:
         azimuth_cos=math.cos(azimuth),
         azimuth_sin=math.sin(azimuth),
         half_step=no_turn,
+        rotation=still,
+        inflow=Rotors(*[1.0] * ROTORS),
     )
     return params._replace(
         half_step=phases(params, 0.5 * h),
@@ -128,6 +130,7 @@ def plant_params(
             friction=float(ground["friction"]),
             footprint=float(ground["footprint_m"]),
             impact_max=float(ground["impact_max_m_s"]),
+            wall=0.0,
         ),
         battery=BatteryParams(
             capacity=3600.0 * float(battery["capacity_ah"]),

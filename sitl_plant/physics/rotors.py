@@ -35,7 +35,7 @@ def thrust_and_torque(params, Omega, left):
     opposite to its spin.
     """
     airframe = params.airframe
-    f = (airframe.c_T * left) * (Omega * Omega)
+    f = (airframe.c_T * (left * params.wind.inflow)) * (Omega * Omega)
     tau = Vec3(
         total(airframe.y * f),
         -total(airframe.x * f),

@@ -11,7 +11,7 @@ from fcu.interface.airframe import Airframe
 from fcu.interface.messages import Battery, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from sitl_plant.physics.battery import BatteryParams
-from sitl_plant.physics.wind.field import Phases
+from sitl_plant.physics.wind.sines import Phases
 
 
 class WindParams(NamedTuple):
@@ -29,18 +29,21 @@ class WindParams(NamedTuple):
     azimuth_cos: float  # of the angle by which the velocity is turned about the vertical
     azimuth_sin: float
     half_step: Phases  # phase advance per half integration step
+    rotation: Vec3  # rad/s, B: air-mass rotation of a field
+    inflow: Rotors  # factor of thrust and torque of each rotor in a field, 1 without
 
 
 class GroundParams(NamedTuple):
     """Landing gear on flat ground: a spring and damper, friction, a righting torque."""
 
-    z: float  # height of the ground, m
+    z: float  # height of the ground, or of the roof below the vehicle, m
     gear: float  # height of the centre of mass above the feet of the gear, m
     stiffness: float  # N/m
     damping: float  # N s/m
     friction: float  # coefficient
     footprint: float  # m, half the width of the gear, its lever arm against tilt
     impact_max: float  # m/s: a faster touchdown is a crash
+    wall: float  # 0; 1 in a building, 2 outside the field of wind
 
 
 class PlantParams(NamedTuple):
@@ -79,4 +82,4 @@ class PlantRecord(NamedTuple):
     J: Vec3  # current inertia, kg m^2
     on_ground: float  # 1 while the gear touches
     battery: Battery
-    ended: float  # 0 flying, 1 diverged, 2 crashed
+    ended: float  # 0 flying, 1 diverged, 2 crashed, 3 hit a building, 4 left the field of wind

@@ -62,8 +62,8 @@ def test_samples_that_are_written_are_read_again_to_the_bit(tmp_path: Path) -> N
     assert read_wind(tmp_path / "gust.csv").tobytes() == rows.tobytes()
 
 
-def test_flights_with_samples_of_wind_fly_by_themselves_to_the_same_bits(tmp_path: Path) -> None:
-    """Lanes know no samples: beside flights without any they are left out of them."""
+def test_flights_with_samples_of_wind_fly_beside_others_to_the_same_bits(tmp_path: Path) -> None:
+    """Beside flights without samples too."""
     scene = scenario(load(written(tmp_path, GUST)))
     calm = replace(scene, wind=None)
     found = several.fly([calm, scene, calm, scene])

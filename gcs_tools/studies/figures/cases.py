@@ -71,9 +71,7 @@ def fly(case: Case) -> Flown:
     mission = load(case.mission, case.settings)
     scene = scenario(mission)
     plant, fcu = law_alone.fly(scene)
-    ended = {dynamics.DIVERGED: "diverged", dynamics.CRASHED: "crashed"}.get(
-        Table.of(PlantRecord, plant)["ended"][-1], ""
-    )
+    ended = dynamics.ENDED.get(Table.of(PlantRecord, plant)["ended"][-1], "")
     flight = EngagedTicks.of(Table.of(PlantRecord, plant), Table.of(Tick, fcu))
     return Flown(
         case, scene.law, flight, flight.plant, flight.fcu, ended, mission.flight.duration_s

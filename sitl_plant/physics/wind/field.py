@@ -1,66 +1,152 @@
-"""Velocity and rotation of the air as functions of time. Paper, Sections VI.B and VIII."""
+"""Wind from a 3-D field on a grid: each component at its own places, between them linear in space and time.
+
+The components of a staggered grid stand on the faces of its cells, so that no flow crosses a wall. Every component
+has axes of its own, of any spacing. Values are float32 and may be mapped from a file: a tick reads those
+about the vehicle alone.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fcu.kernel.algebra import Vec3, select
+import numpy as np
+
+from fcu.kernel.algebra import Vec3
 from fcu.kernel.compile import kernel
 
+Axis = np.ndarray[Any, np.dtype[np.float64]]
+Values = np.ndarray[Any, np.dtype[np.float32]]
 
-class Phases(NamedTuple):
-    """Sines and cosines of the phases of the wind at one time, by axis."""
 
-    sin: Vec3  # of the velocity
-    cos: Vec3
-    rotation_sin: Vec3  # of the rotation
-    rotation_cos: Vec3
+class Component(NamedTuple):
+    """One component of the velocity."""
+
+    x: Axis  # m, rising; E
+    y: Axis
+    z: Axis  # m
+    v: Values  # float32[t, z, y, x], m/s
+
+
+class Field(NamedTuple):
+    """A field, and the heights of what is solid in it. Read only."""
+
+    t: Axis  # s, rising; one of a steady field
+    u: Component  # to East
+    v: Component  # to North
+    w: Component  # up
+    bounds: Axis  # float64[6]: least and greatest x, y and z, m
+    top_x: Axis  # edges of the cells of `top`, m
+    top_y: Axis
+    top: Values  # float32[y, x]: height of ground and buildings, m
+
+
+NO_TOP = -1e30  # m: of a field without buildings
+
+
+def frozen(array: Any) -> Any:
+    """A plain read-only array of the same memory: all fields have one type for the compiler."""
+    plain = np.asarray(array)
+    plain.flags.writeable = False
+    return plain
+
+
+def no_field() -> Field:
+    """A still field, for a vehicle that flies in none."""
+    axis, values = frozen(np.zeros(1)), frozen(np.zeros((1, 1, 1, 1), dtype=np.float32))
+    still = Component(axis, axis, axis, values)
+    edges, flat = frozen(np.zeros(2)), frozen(np.full((1, 1), NO_TOP, dtype=np.float32))
+    return Field(axis, still, still, still, frozen(np.zeros(6)), edges, edges, flat)
 
 
 @kernel
-def sin3(a):
-    """Sines of three angles (rad)."""
-    return Vec3(math.sin(a.x), math.sin(a.y), math.sin(a.z))
+def place(axis, at):
+    """Index i of an axis, and the share of the way from there to i + 1, held at both ends."""
+    last = axis.shape[0] - 1
+    if last == 0 or at <= axis[0]:
+        return 0, 0.0
+    if at >= axis[last]:
+        return last - 1, 1.0
+    # exact for even spacing; a few steps from there else
+    i = int((at - axis[0]) / (axis[last] - axis[0]) * last)
+    i = min(max(i, 0), last - 1)
+    while axis[i] > at:
+        i -= 1
+    while axis[i + 1] < at:
+        i += 1
+    return i, (at - axis[i]) / (axis[i + 1] - axis[i])
 
 
 @kernel
-def cos3(a):
-    """Cosines of three angles (rad)."""
-    return Vec3(math.cos(a.x), math.cos(a.y), math.cos(a.z))
+def _along(row, i, j, f):
+    """Between two neighbours of a row."""
+    a = np.float64(row[i])
+    return a + f * (np.float64(row[j]) - a)
 
 
 @kernel
-def phases(wind, t):
-    """Phases at time t (s)."""
-    a = wind.phase + t * wind.frequency
-    b = wind.rotation_phase + t * wind.rotation_frequency
-    return Phases(sin3(a), cos3(a), sin3(b), cos3(b))
+def _in_plane(plane, y, y1, fy, x, x1, fx):
+    """Between four neighbours of a plane."""
+    a = _along(plane[y], x, x1, fx)
+    return a + fy * (_along(plane[y1], x, x1, fx) - a)
 
 
 @kernel
-def half_step_later(wind, at):
-    """Phases half an integration step after `at`, by the angle addition formulas."""
-    s, c = wind.half_step.sin, wind.half_step.cos
-    rs, rc = wind.half_step.rotation_sin, wind.half_step.rotation_cos
-    return Phases(
-        at.sin * c + at.cos * s,
-        at.cos * c - at.sin * s,
-        at.rotation_sin * rc + at.rotation_cos * rs,
-        at.rotation_cos * rc - at.rotation_sin * rs,
+def _in_space(values, z, z1, fz, y, y1, fy, x, x1, fx):
+    """Between eight neighbours of one time."""
+    a = _in_plane(values[z], y, y1, fy, x, x1, fx)
+    return a + fz * (_in_plane(values[z1], y, y1, fy, x, x1, fx) - a)
+
+
+@kernel
+def component(of, r, k, f):
+    """One component (m/s) at a position r (m) between the times k and k + 1, `f` of the way."""
+    x, fx = place(of.x, r.x)
+    y, fy = place(of.y, r.y)
+    z, fz = place(of.z, r.z)
+    x1, y1, z1 = (
+        min(x + 1, of.x.shape[0] - 1), min(y + 1, of.y.shape[0] - 1), min(z + 1, of.z.shape[0] - 1),
+    )  # fmt: skip
+    a = _in_space(of.v[k], z, z1, fz, y, y1, fy, x, x1, fx)
+    if f == 0.0:
+        return a
+    return a + f * (_in_space(of.v[k + 1], z, z1, fz, y, y1, fy, x, x1, fx) - a)
+
+
+@kernel
+def time_in(axis, t, repeats):
+    """Index k of an axis of times and the share of the way to k + 1.
+
+    After its end the last time holds. If it repeats, time goes back to the first instead.
+    """
+    last = axis.shape[0] - 1
+    if last == 0:
+        return 0, 0.0
+    if repeats and t > axis[last]:
+        span = axis[last] - axis[0]
+        t -= span * math.floor((t - axis[0]) / span)
+    return place(axis, t)
+
+
+@kernel
+def velocity(field, r, k, f):
+    """Velocity of the air (m/s) at a position (m, of the field) and a time as of `time_in`."""
+    return Vec3(
+        component(field.u, r, k, f), component(field.v, r, k, f), component(field.w, r, k, f)
     )
 
 
 @kernel
-def v_air_E(wind, at, t):
-    """Velocity of the air (m/s, E) at time t (s): a constant, sinusoids and a step, then turned."""
-    risen = select(t >= wind.step_time, 1.0, 0.0)
-    v = wind.steady + wind.amplitude * at.sin + risen * wind.step
-    c, s = wind.azimuth_cos, wind.azimuth_sin
-    return Vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
+def height(field, x, y):
+    """Height (m) of the ground or the roof at a place of the field."""
+    i, _ = place(field.top_x, x)
+    j, _ = place(field.top_y, y)
+    i, j = min(i, field.top.shape[1] - 1), min(j, field.top.shape[0] - 1)
+    return np.float64(field.top[j, i])
 
 
 @kernel
-def w_air_B(wind, at):
-    """Rotation of the air mass (rad/s, body axes)."""
-    return wind.rotation_amplitude * at.rotation_sin
+def is_inside(field, r):
+    """Return true if a position lies in the field."""
+    b = field.bounds
+    return b[0] <= r.x <= b[1] and b[2] <= r.y <= b[3] and b[4] <= r.z <= b[5]

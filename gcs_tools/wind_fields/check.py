@@ -1,0 +1,72 @@
+"""A field of wind in numbers: extent, speeds, gradients and divergence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sitl_plant.physics.wind.field import NO_TOP, Field
+
+GROUND_SPEED_M_S = 10.0  # of a flight, for the rate at which it meets gradients
+
+
+def _step(axis: Any) -> str:
+    steps = np.diff(axis)
+    if not len(steps):
+        return "one place"
+    low, high = steps.min(), steps.max()
+    return f"{low:.3g} m" if high - low < 1e-6 * high else f"{low:.3g} to {high:.3g} m"
+
+
+def divergence(field: Field) -> float:
+    """RMS of the divergence (1/s) of the cells of a staggered field at its first time. NaN of another."""
+    u, v, w = field.u.v[0], field.v.v[0], field.w.v[0]
+    nz, ny, nx = v.shape[0], u.shape[1], w.shape[2]
+    if (u.shape[2], v.shape[1], w.shape[0]) != (nx + 1, ny + 1, nz + 1) or u.shape[0] != nz:
+        return float("nan")
+    d = (
+        np.diff(u[:, :ny], axis=2) / np.diff(field.u.x)
+        + np.diff(v[:, :, :nx], axis=1) / np.diff(field.v.y)[:, None]
+        + np.diff(w[:, :ny], axis=0) / np.diff(field.w.z)[:, None, None]
+    )
+    return float(np.sqrt(np.mean(np.square(d))))
+
+
+def summary(field: Field, about: dict[str, Any]) -> dict[str, Any]:
+    """The rows that `gcs wind check` prints of a field."""
+    parts = {name: getattr(field, name) for name in "uvw"}
+    most = {name: float(np.abs(part.v).max()) for name, part in parts.items()}
+    gradient = max(
+        float((np.abs(np.diff(part.v, axis=axis)) / _spacing(part, axis)).max())
+        for part in parts.values()
+        for axis in (1, 2, 3)
+        if part.v.shape[axis] > 1
+    )
+    in_time = max(
+        (float((np.abs(np.diff(part.v, axis=0)) / np.diff(field.t)[:, None, None, None]).max()) for part in parts.values() if len(field.t) > 1),
+        default=0.0,
+    )  # fmt: skip
+    b = field.bounds
+    solid = field.top > NO_TOP
+    return {
+        "kind": about.get("kind", "packed"),
+        "extent": [f"{axis} {b[2 * i]:.6g} to {b[2 * i + 1]:.6g} m, step {_step(getattr(field.u, axis))}" for i, axis in enumerate("xyz")],
+        "times": "one: steady" if len(field.t) == 1 else f"{len(field.t)} over {field.t[-1]:.6g} s",
+        "greatest": ", ".join(f"{name} {value:.3g} m/s" for name, value in most.items()),
+        "buildings": f"up to {float(field.top[solid].max()):.4g} m" if solid.any() else "none known",
+        "divergence": f"{divergence(field):.2g} 1/s rms",
+        "beliefs": [
+            f"guard_wind_m_s {np.sqrt(sum(v * v for v in most.values())):.3g} covers every place",
+            f"guard_wind_rate_m_s2 {gradient * GROUND_SPEED_M_S + in_time:.3g} covers the steepest gradient at {GROUND_SPEED_M_S:g} m/s",
+            "gusts smaller than two cells, or shorter than two times, are not in the field",
+        ],
+        "notes": list(about.get("notes", [])) or ["nothing was repaired"],
+    }  # fmt: skip
+
+
+def _spacing(part: Any, axis: int) -> Any:
+    places = {1: part.z, 2: part.y, 3: part.x}[axis]
+    shape = [1, 1, 1, 1]
+    shape[axis] = -1
+    return np.diff(places).reshape(shape)

@@ -1,0 +1,35 @@
+"""Reads a field of wind from a file of any format that is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fcu.interface import input_file
+from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table
+from gcs_tools.wind_fields.grid import Grid, wrong
+
+KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), RotorS text, CSV"
+MOST_MIB = 2048  # of a text
+
+
+def read(path: Path) -> Grid:
+    """A field as a file has it. Raises FieldError."""
+    source = str(path)
+    try:
+        if netcdf.is_netcdf(path):
+            contents = netcdf.read(path)
+            if palm.fits(contents):
+                return palm.read(contents, source)
+            if qes.fits(contents):
+                return qes.read(contents, source)
+            raise wrong(source, f"a NetCDF file of none of the kinds that are known: {KNOWN}")
+        text = input_file.text(path, MOST_MIB * input_file.MIB)
+    except OSError as error:
+        raise wrong(source, error.strerror or str(error)) from error
+    except UnicodeDecodeError as error:
+        raise wrong(source, f"expected one of {KNOWN}") from error
+    if rotors_text.fits(text):
+        return rotors_text.read(text, source)
+    if table.fits(text):
+        return table.read(text, source)
+    raise wrong(source, f"expected one of {KNOWN}")

@@ -1,0 +1,87 @@
+"""NetCDF files, classic (SciPy) or NetCDF-4 (h5py, the extra `city`), with one face."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sitl_plant.physics.wind.packed_field import FieldError
+
+_HDF5 = b"\x89HDF"
+_CLASSIC = b"CDF"
+
+
+class Variable(NamedTuple):
+    """A variable, read."""
+
+    dimensions: tuple[str, ...]
+    values: np.ndarray[Any, Any]
+    attributes: dict[str, Any]
+
+
+class Contents(NamedTuple):
+    """A file, read."""
+
+    variables: dict[str, Variable]
+    attributes: dict[str, Any]
+
+
+def is_netcdf(path: Path) -> bool:
+    """Return true if a file begins as NetCDF does. Raises OSError."""
+    with path.open("rb") as file:
+        return file.read(4).startswith((_HDF5, _CLASSIC))
+
+
+def read(path: Path) -> Contents:
+    """A whole file. Raises FieldError, OSError."""
+    with path.open("rb") as file:
+        begins = file.read(4)
+    try:
+        return _netcdf4(path) if begins == _HDF5 else _classic(path)
+    except FieldError:
+        raise
+    except Exception as error:  # of a damaged file SciPy and h5py raise whatever they meet
+        raise FieldError(
+            f"{path}: damaged, or no NetCDF file: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _classic(path: Path) -> Contents:
+    from scipy.io import netcdf_file
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of values that are still looked at
+        with netcdf_file(path, "r", mmap=False) as file:
+            found = {
+                name: Variable(of.dimensions, np.array(of[:]), dict(of._attributes))
+                for name, of in file.variables.items()
+            }
+            return Contents(found, dict(file._attributes))
+
+
+def _netcdf4(path: Path) -> Contents:
+    try:
+        import h5py
+    except ImportError as error:
+        raise FieldError(
+            f"{path}: NetCDF-4 needs h5py: pip install 'm-mrac[city]', or nccopy -k classic IN OUT"
+        ) from error
+    with h5py.File(path, "r") as file:
+        found = {
+            name: Variable(
+                tuple(_dimension(of, i) for i in range(of.ndim)), np.array(of[...]), dict(of.attrs)
+            )
+            for name, of in file.items()
+            if isinstance(of, h5py.Dataset)
+        }
+        return Contents(found, dict(file.attrs))
+
+
+def _dimension(of: Any, i: int) -> str:
+    """The name of a dimension of a variable: that of the scale that is attached to it, or its own."""
+    scales = of.dims[i]
+    name = scales[0].name if len(scales) else of.name
+    return str(name).rpartition("/")[2]

@@ -1,0 +1,116 @@
+"""A vehicle as a body in a field: the air at each rotor gives its velocity, its rotation and each thrust.
+
+Velocity is the mean over the hubs. Rotation is that of the rigid rotation nearest to the air at the hubs (least
+squares), the paper's rotation of the air mass. The thrust of a rotor changes with the velocity of the air
+along its axis: blade element and momentum theory, linearised about hover, give
+
+    dT / T = -(V / v_h) s a / (s a + 16 l),
+
+with V the speed of the rotor through the air along its thrust, v_h the induced velocity of a hover at that
+rotor speed, s a the solidity times the lift slope and l the inflow ratio (Leishman, Principles of Helicopter
+Aerodynamics, 2.14 and 3.2). For model propellers s a is about 0.45 and l about 0.065, which
+is 0.3. The plant does not know its blades: their radius is taken from the distance of the hubs.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fcu.kernel.algebra import Vec3, cross
+from fcu.kernel.compile import kernel
+from fcu.kernel.rotations import rotate, rotate_back
+from sitl_plant.physics.wind import field
+
+SENSITIVITY = 0.3  # of thrust to V / v_h
+AIR_DENSITY = 1.225  # kg/m^3
+FILLED = 0.95  # of the distance between two hubs that their two rotors take
+
+
+def rotor_radius(airframe):
+    """Radius of the rotors (m), for which neighbours do not touch."""
+    hubs = {(round(x, 6), round(y, 6)) for x, y, c in zip(airframe.x, airframe.y, airframe.c_T, strict=True) if c > 0.0}  # fmt: skip
+    apart = [math.dist(a, b) for a in hubs for b in hubs if a != b]
+    return 0.5 * FILLED * min(apart)
+
+
+@kernel
+def axial(speed, Omega, c_T, radius):
+    """Factor of thrust of a rotor that moves through the air along its thrust with `speed` (m/s).
+
+    The linearisation holds below the induced velocity, where `speed` is clipped. 1 for a rotor at rest.
+    """
+    if Omega <= 0.0:
+        return 1.0
+    v_h = Omega * math.sqrt(c_T / (2.0 * AIR_DENSITY * math.pi * radius * radius))
+    return 1.0 - SENSITIVITY * max(min(speed / v_h, 1.0), -1.0)
+
+
+@kernel
+def hub(airframe, i):
+    """Position (m, B) of rotor i, and its thrust coefficient."""
+    x, y, c = airframe.x, airframe.y, airframe.c_T
+    if i == 0:
+        return Vec3(x.r1, y.r1, 0.0), c.r1
+    if i == 1:
+        return Vec3(x.r2, y.r2, 0.0), c.r2
+    if i == 2:
+        return Vec3(x.r3, y.r3, 0.0), c.r3
+    if i == 3:
+        return Vec3(x.r4, y.r4, 0.0), c.r4
+    if i == 4:
+        return Vec3(x.r5, y.r5, 0.0), c.r5
+    if i == 5:
+        return Vec3(x.r6, y.r6, 0.0), c.r6
+    if i == 6:
+        return Vec3(x.r7, y.r7, 0.0), c.r7
+    return Vec3(x.r8, y.r8, 0.0), c.r8
+
+
+@kernel
+def meet(of, airframe, origin, scale, r_E, R_EB, k, f, at_hubs):
+    """Velocity (m/s, E) and rotation (rad/s, B) of the air about a vehicle.
+
+    of : Field.  origin : of the mission, in the field (m).  scale : of its velocities.
+    k, f : as of `field.time_in`.  at_hubs : float64[8, 3], to be filled: velocity at each hub, m/s, E.
+    """
+    mean, n = Vec3(0.0, 0.0, 0.0), 0
+    for i in range(8):
+        arm, c_T = hub(airframe, i)
+        if c_T > 0.0:
+            v = scale * field.velocity(of, origin + r_E + rotate(R_EB, arm), k, f)
+            at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2] = v.x, v.y, v.z
+            mean, n = mean + v, n + 1
+    mean = mean / float(n)
+    xx, yy, x_w, y_w, z_w = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(8):
+        arm, c_T = hub(airframe, i)
+        if c_T > 0.0:
+            v = Vec3(at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2])
+            d = rotate_back(R_EB, v - mean)
+            xx, yy = xx + arm.x * arm.x, yy + arm.y * arm.y
+            x_w += arm.y * d.z
+            y_w -= arm.x * d.z
+            z_w += arm.x * d.y - arm.y * d.x
+    return mean, Vec3(x_w / yy, y_w / xx, z_w / (xx + yy))
+
+
+@kernel
+def thrust_factor(airframe, i, Omega, at_hubs, v_E, w_B, R_EB, radius):
+    """Factor of the thrust of rotor i, of the air at its hub and of its own motion."""
+    arm, c_T = hub(airframe, i)
+    v_air = Vec3(at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2])
+    through = rotate_back(R_EB, v_E - v_air) + cross(w_B, arm)
+    return axial(through.z, Omega, c_T, radius)
+
+
+@kernel
+def touches(of, airframe, origin, r_E, R_EB, radius):
+    """Return true if the tip of a rotor is inside a building, or below the ground of the field."""
+    for i in range(8):
+        arm, c_T = hub(airframe, i)
+        if c_T > 0.0:
+            length = math.sqrt(arm.x * arm.x + arm.y * arm.y)
+            tip = origin + r_E + rotate(R_EB, ((length + radius) / length) * arm)
+            if tip.z < field.height(of, tip.x, tip.y):
+                return True
+    return False

@@ -1,0 +1,104 @@
+"""A field as the simulator maps it from disk: a folder of NumPy arrays.
+
+u.npy, v.npy and w.npy hold float32[t, z, y, x] in m/s, axes.npz their places (u_x, u_y, u_z, v_x, ...), the times t,
+the bounds and the heights of ground and buildings (top, top_x, top_y), all float64 but the heights. about.json tells
+people where the field comes from and what was repaired. `gcs wind pack` writes it. The arrays are mapped, so that all processes and vehicles
+of a machine share one copy, of which they read what they pass.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sitl_plant.physics.wind.field import Component, Field, frozen
+
+AXES = ("x", "y", "z")
+FORMAT = 1
+
+
+class FieldError(ValueError):
+    """A field that cannot be opened or packed: which file, what is wrong, what to do."""
+
+
+class Packed(NamedTuple):
+    """A field, mapped, and what is known of it."""
+
+    field: Field
+    about: dict[str, Any]
+
+
+def is_packed(path: Path) -> bool:
+    """Return true if a path is a packed field."""
+    return (path / "about.json").is_file()
+
+
+def opened(path: Path) -> Packed:
+    """A packed field, mapped into memory. Raises FieldError."""
+    try:
+        written = (path / "about.json").stat().st_mtime_ns
+    except OSError as error:
+        raise FieldError(
+            f"{path}: expected a packed field (gcs wind pack): {error.strerror}"
+        ) from error
+    return _mapped(path.resolve(), written)
+
+
+@lru_cache(maxsize=8)
+def _mapped(path: Path, _written: int) -> Packed:
+    try:
+        about = json.loads((path / "about.json").read_text())
+        if about.get("format") != FORMAT:
+            raise FieldError(f"{path}: expected a packed field of format {FORMAT}: pack it again")
+        with (path / "axes.npz").open("rb") as file, np.load(file, allow_pickle=False) as axes:
+            found = {name: axes[name] for name in axes.files}
+        parts = {name: _component(path, name, found) for name in "uvw"}
+        field = Field(
+            t=frozen(found["t"]),
+            **parts,
+            bounds=frozen(found["bounds"]),
+            top_x=frozen(found["top_x"]),
+            top_y=frozen(found["top_y"]),
+            top=frozen(found["top"]),
+        )
+    except OSError as error:
+        raise FieldError(f"{path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        raise FieldError(f"{path}: damaged ({error}): pack it again") from error
+    return Packed(field, about)
+
+
+def _component(path: Path, name: str, axes: dict[str, Any]) -> Component:
+    places = [axes[f"{name}_{axis}"] for axis in AXES]
+    values = np.load(path / f"{name}.npy", mmap_mode="r", allow_pickle=False)
+    shape = (len(axes["t"]), *(len(of) for of in reversed(places)))
+    if values.shape != shape or values.dtype != np.float32 or not values.flags.c_contiguous:
+        raise FieldError(f"{path}: damaged ({name}.npy is no float32 {shape}): pack it again")
+    x, y, z = map(frozen, places)
+    return Component(x, y, z, frozen(values))
+
+
+def save(path: Path, field: Field, about: dict[str, Any]) -> None:
+    """Write a field to a folder, which is made. Raises OSError."""
+    path.mkdir(parents=True, exist_ok=True)
+    axes = {
+        "t": field.t,
+        "bounds": field.bounds,
+        "top_x": field.top_x,
+        "top_y": field.top_y,
+        "top": field.top,
+    }
+    for name in "uvw":
+        part = getattr(field, name)
+        np.save(path / f"{name}.npy", np.ascontiguousarray(part.v, dtype=np.float32))
+        axes |= {f"{name}_{axis}": getattr(part, axis) for axis in AXES}
+    np.savez(path / "axes.npz", **axes)  # type: ignore[arg-type]  # arrays by name
+    about = {"format": FORMAT, **about}
+    (path / "about.json").write_text(
+        json.dumps(about, indent=1) + "\n"
+    )  # last: it says that all is there
