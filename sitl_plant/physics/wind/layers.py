@@ -106,7 +106,7 @@ def load(path: Path) -> Layers:
         tables = json.loads(path.read_text())
         if tables.get("field") is not None:
             of = FieldLayer(**tables["field"])
-            tables["field"] = of._replace(origin_m=tuple(of.origin_m))
+            tables["field"] = of._replace(origin_m=(of.origin_m[0], of.origin_m[1], of.origin_m[2]))
         tables["gusts"] = tuple(map(tuple, tables.get("gusts", ())))
         return Layers(**tables)
     except OSError as error:
