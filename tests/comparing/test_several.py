@@ -231,7 +231,7 @@ def test_flights_of_one_length_share_lanes(scene):
     """A lane whose flight is over waits for the longest."""
     scenes = varied(scene, 16)
     scenes = [replace(one, ticks=one.ticks // (1 + i % 2)) for i, one in enumerate(scenes)]
-    groups = several.groups(scenes, in_all=several.ALWAYS)
+    groups = several.groups(scenes, width=8, in_all=several.ALWAYS)
     assert list(groups) == [[*range(1, 16, 2)], [*range(0, 16, 2)]]
 
 
@@ -261,7 +261,7 @@ def test_ticks_are_counted_for_each_law_and_kind_of_settings(scene, compiled):
     ]
     scenes = [*varied(scene, 8), *others]
     repaid = several.REPAID / scene.ticks
-    groups = several.groups(scenes, in_all=2.0 * repaid)
+    groups = several.groups(scenes, width=8, in_all=2.0 * repaid)
     assert sorted(map(sorted, groups)) == [[0, 1, 2, 3, 4, 5, 6, 7], [8], [9]]
 
 
