@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel import cache, compile
+from fcu.kernel.lanes import WIDTH
 from fcu.kernel.rows import column_of
 from fcu.laws.loader import LawError
 from fcu.process.tick import Tick
@@ -70,7 +71,7 @@ def test_in_four_lanes_too():
 
 
 def test_fewer_flights_than_lanes(scene):
-    scenes = varied(scene, 5)
+    scenes = varied(scene, WIDTH - 1)
     for one, each in zip(fly(scenes), scenes, strict=True):
         assert one.in_lanes
         same(one, each)
