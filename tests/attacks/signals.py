@@ -2,22 +2,24 @@
 
     python -m tests.attacks.signals
 
-A row is a program (`gcs fly` or `gcs up`), who is sent the signal, and which; a column a phase. A
-cell has the exit code and the seconds from the signal to the end. Findings are told as they come; the
-exit code is 1 if there is any. `README.md` says what is looked for.
+A row is a program (`gcs fly` or `gcs up`), the process that is sent the signal, and which; a column a phase.
+PAUSE is a STOP that is continued after 3 s. The script is a user's, of a mission that names one, and the
+station a program that sends heartbeats. A cell has the exit code and the seconds from the signal to the end.
+Findings are told as they come; the exit code is 1 if there is any. `README.md` says what is looked for.
 """
 
 from __future__ import annotations
 
 import os
 import select
+import shutil
 import signal
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -33,18 +35,44 @@ from tests.patience import until
 from tests.process.conftest import Program, alive, claimed_instance
 from tests.process.script import Script
 
-NUMBERS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-PROGRAMS, VICTIMS = ("fly", "up"), ("runner", "fcu", "sitl_plant", "publisher")
-PHASES = ("start-up", "arming", "flight", "landing", "closing")
+SIGNALS = ("KILL", "STOP", "PAUSE", "TERM", "INT", "HUP")
+OURS = ("runner", "fcu", "sitl_plant", "publisher")
+PROGRAMS, VICTIMS = ("fly", "up"), (*OURS, "script", "station")
+PHASES = ("start-up", "arming", "flight", "plan", "landing", "closing")
+PAUSED_S = 3.0  # wall: shorter than anybody's patience with a process that is silent
 SUSPENDED_S = 6.5  # wall: longer than anybody's patience with a process that is silent
 WITHIN_S = 30.0  # wall, from the signal to the end
+SCRIPT_WITHIN_S = 120.0  # of a script, which flies to its end, or to that of the mission
 LANDING = """title = "It flies, and lands on a setpoint below the ground."
 [flight]
 duration_s = 3000.0
 ground_z_m = -0.5
 setpoints = [[0.0, 0.0, 0.0, 0.0], [{at_s}, 0.0, 0.0, -0.9]]
 """
+PLAN = """title = "It flies a plan, and holds at its end for longer than anybody waits."
+[flight]
+duration_s = 3000.0
+items = [
+    { kind = "go_to", position_m = [6.0, 0.0, 1.0] },
+    { kind = "hold", for_s = 2900.0 },
+]
+"""
+SCRIPTED = """title = "A script takes off, stays for a while, and lands."
+[flight]
+duration_s = 60.0
+ground_z_m = 0.0
+start = {{ on_ground = true }}
+script = "{python} {script} {{url}}"
+pace = "speed:1"
+[expect]
+ended = "landed"
+"""
+HOP = Path(__file__).parents[1] / "scripts" / "hop.py"
+HOVERED_S = {"landing": "0", "closing": "0"}  # wall, by the script; long enough for any other phase
+ENOUGH_S = "12"
+SAID = {"arming": "armed", "flight": "up", "landing": "up", "closing": "landed"}  # by the script
 LANDING_TOLD = words(Told(Code.SETPOINT_INTO_GROUND))
+ROOT = Path(__file__).parents[2]
 HALF_A_MEGABYTE = 1 << 19
 
 
@@ -53,11 +81,15 @@ class Trial(NamedTuple):
 
     program: str
     victim: str
-    number: signal.Signals
+    name: str  # of SIGNALS
     phase: str
 
     def __str__(self) -> str:
-        return f"{self.program}, {self.number.name} to the {self.victim}, {self.phase}"
+        return f"{self.program}, {self.name} to the {self.victim}, {self.phase}"
+
+    @property
+    def number(self) -> signal.Signals:
+        return signal.Signals[f"SIG{'STOP' if self.name == 'PAUSE' else self.name}"]
 
 
 class Ended(NamedTuple):
@@ -103,12 +135,27 @@ def _pids(program: Program) -> dict[str, int]:
     found = {name: children[name] for name in ("fcu", "sitl_plant") if name in children}
     if "gcs_tools" in children:
         found["publisher"] = children["gcs_tools"]
+    if (script := _script(program)) is not None:
+        found["script"] = script
     return found
+
+
+def _script(program: Program) -> int | None:
+    """Pid of the script of a flight, which is the Python that runs the copy in the flight's folder."""
+    wanted = str(program.folder / HOP.name).encode()
+    for entry in Path("/proc").iterdir():
+        try:
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if wanted in words[1:2]:
+            return int(entry.name)
+    return None
 
 
 def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
     """Wait until the flight is in the phase; Raises AssertionError if it does not get there."""
-    names = {"fcu", "sitl_plant", "publisher"}
+    names = {"fcu", "sitl_plant", "publisher", "script"}
 
     def begun() -> bool:
         wanted = {trial.victim} & names or {"fcu"}
@@ -126,6 +173,10 @@ def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
             script.close()
         return
     log, file = folder / "run" / "fcu.log", folder / "run" / "flight.mcap"
+    if trial.victim == "script":
+        heard, word = folder / "run" / "script.log", SAID[trial.phase]
+        until(lambda: heard.exists() and word in heard.read_text(), f"a script that says {word}")
+        return
 
     def said(what: str) -> bool:
         return log.exists() and what in log.read_text()
@@ -144,25 +195,48 @@ def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
 def attempt(trial: Trial, folder: Path) -> Ended:
     """Fly, send the signal, and see what is left."""
     folder.mkdir(parents=True)
-    mission = folder / "landing.toml"
-    mission.write_text(LANDING.format(at_s=5.0 if trial.phase == "landing" else 2000.0))
     with claimed_instance() as instance, ExitStack() as stack:
         words = ["--instance", str(instance)]
         if trial.program == "fly":
-            words = ["fly", str(mission), "--publish", "--out", str(folder / "run"),
-                     "--figure", "never", *words]  # fmt: skip
+            words = ["fly", str(_mission(trial, folder)), "--publish", "--out", str(folder / "run"),
+                     "--allow-commands", "--figure", "never", *words]  # fmt: skip
         else:
             words = ["up", *words]
-        program = Program(folder, "gcs_tools", *words)
+        others = {}
+        if trial.victim == "station":
+            finds = {**os.environ, "PYTHONPATH": str(ROOT)}
+            station = Program(folder, "tests.attacks.station", str(instance), env=finds)
+            stack.callback(station.kill)
+            others["station"] = station.pid
+        hovers = {**os.environ, "HOP_S": HOVERED_S.get(trial.phase, ENOUGH_S)}
+        program = Program(folder, "gcs_tools", *words, env=hovers)
         stack.callback(program.kill)
         _reach(trial, program, folder, instance)
         if trial.phase != "start-up":
-            until(lambda: len(_pids(program)) == 3 or program.process.poll() is not None, "three")
+            ready = {"fcu", "sitl_plant", "publisher"}
+            until(
+                lambda: _pids(program).keys() >= ready or program.process.poll() is not None,
+                "three",
+            )
         pids = _pids(program)
         stack.callback(_end, pids)
         if program.process.poll() is not None:
             return Ended(-1, 0.0, "", "", [f"has ended before: {program.text()[-300:]}"])
-        return _struck(trial, program, pids, folder)
+        return _struck(trial, program, pids, others, folder)
+
+
+def _mission(trial: Trial, folder: Path) -> Path:
+    """The mission of a trial, written to its folder."""
+    if trial.victim == "script":
+        script = shutil.copy(HOP, folder)
+        text = SCRIPTED.format(python=sys.executable, script=script)
+    elif trial.phase == "plan":
+        text = PLAN
+    else:
+        text = LANDING.format(at_s=5.0 if trial.phase == "landing" else 2000.0)
+    mission = folder / "signals.toml"
+    mission.write_text(text)
+    return mission
 
 
 def _end(pids: dict[str, int]) -> None:
@@ -171,21 +245,28 @@ def _end(pids: dict[str, int]) -> None:
             os.kill(pid, signal.SIGKILL)
 
 
-def _struck(trial: Trial, program: Program, pids: dict[str, int], folder: Path) -> Ended:
-    victim = program.pid if trial.victim == "runner" else pids[trial.victim]
-    if trial.phase == "closing":
+def _struck(
+    trial: Trial, program: Program, pids: dict[str, int], others: dict[str, int], folder: Path
+) -> Ended:
+    victim = {"runner": program.pid, **pids, **others}.get(trial.victim)
+    if trial.phase == "closing" and trial.victim != "script":
         program.signal(signal.SIGINT)
-    began = time.monotonic()
+    began, findings = time.monotonic(), []
     try:
-        os.kill(victim, trial.number)
+        if victim is not None:
+            os.kill(victim, trial.number)
+        elif trial.phase != "closing":
+            findings.append("there was nobody to send the signal to")
     except ProcessLookupError:  # it has closed already
-        pass
-    goes_on = trial.victim == "publisher" and trial.phase != "closing"
-    if trial.victim == "runner" and trial.number == signal.SIGSTOP:
-        _wait(program, SUSPENDED_S)
-        program.signal(signal.SIGCONT)
-        goes_on = trial.phase != "closing"
-    if goes_on:
+        victim = None
+    goes_on = trial.victim in ("publisher", "station")
+    suspended = {"PAUSE": PAUSED_S, "STOP": SUSPENDED_S if trial.victim == "runner" else 0.0}
+    if victim is not None and (for_s := suspended.get(trial.name, 0.0)):
+        _wait(program, for_s)
+        with suppress(ProcessLookupError):
+            os.kill(victim, signal.SIGCONT)
+        goes_on = trial.victim != "script"
+    if goes_on and trial.phase != "closing":
         _goes_on(trial, program, folder)
         if program.process.poll() is None:
             program.signal(signal.SIGINT)
@@ -193,8 +274,7 @@ def _struck(trial: Trial, program: Program, pids: dict[str, int], folder: Path) 
     code = program.wait()
     took_s = time.monotonic() - began
     pids |= _pids(program)
-    findings = []
-    if took_s > WITHIN_S:
+    if took_s > (SCRIPT_WITHIN_S if trial.victim == "script" else WITHIN_S):
         findings.append(f"took {took_s:.0f} s")
     try:
         until(lambda: not any(map(alive, pids.values())), "no orphan")
@@ -239,16 +319,25 @@ def _wait(program: Program, seconds: float) -> None:
 def expected(trial: Trial) -> set[int]:
     """The exit codes that README.md and the help of each command promise."""
     stopped = 130 if trial.program == "fly" else 0
+    if trial.victim == "script":
+        if trial.name == "PAUSE":
+            return {0}  # it lands
+        failed = 1 if trial.name == "STOP" else 3  # script_timeout, script_killed
+        return {failed, *({0} if trial.phase == "closing" else ())}  # it may have ended before
+    if trial.name == "PAUSE" and trial.victim != "runner":
+        return {stopped}
     if trial.victim == "runner":
-        if trial.number == signal.SIGKILL:
+        if trial.name == "KILL":
             return {-signal.SIGKILL}
+        if trial.name == "PAUSE" and trial.phase != "start-up":
+            return {stopped}
         if trial.number == signal.SIGSTOP:  # they may take it for dead, and say so
             return {stopped, 3, *({0} if trial.program == "up" else ())}
         # of a start that is over at once it is told after it
         return {stopped, 130} if trial.phase == "start-up" else {stopped}
     if trial.phase == "closing":
         return {stopped}
-    if trial.victim == "publisher":
+    if trial.victim in ("publisher", "station"):
         return {130} if trial.program == "fly" else {0}
     return {3}
 
@@ -256,7 +345,7 @@ def expected(trial: Trial) -> set[int]:
 def _kept(trial: Trial, run: Path, code: int) -> tuple[str, str, list[str]]:
     """What is on file: ticks, the exit code in the result, and what is wrong with them."""
     findings = []
-    flown = trial.phase in ("flight", "landing", "closing")
+    flown = trial.phase in ("flight", "plan", "landing", "closing")
     file, told = run / "flight.mcap", run / "result.json"
     recording = "none"
     if file.exists():
@@ -288,9 +377,16 @@ def _kept(trial: Trial, run: Path, code: int) -> tuple[str, str, list[str]]:
 def trials(
     programs: Sequence[str], victims: Sequence[str], numbers: Sequence[str], phases: Sequence[str]
 ) -> list[Trial]:
-    """All of them, in the order of the table."""
-    asked = product(programs, victims, numbers, phases)
-    return [Trial(p, v, signal.Signals[f"SIG{n}"], phase) for p, v, n, phase in asked]
+    """All of them that there are, in the order of the table."""
+    asked = (Trial(*each) for each in product(programs, victims, numbers, phases))
+    return [trial for trial in asked if _is_one(trial)]
+
+
+def _is_one(trial: Trial) -> bool:
+    """True if there is such a trial: plans and scripts are of missions, and a script flies no plan."""
+    if trial.phase == "plan" and (trial.program == "up" or trial.victim == "script"):
+        return False
+    return trial.victim != "script" or trial.program == "fly"
 
 
 def _choice(names: Sequence[str], what: str) -> click.Option:
@@ -303,7 +399,7 @@ def _choice(names: Sequence[str], what: str) -> click.Option:
 @click.command(help=__doc__)
 @_choice(PROGRAMS, "program")
 @_choice(VICTIMS, "victim")
-@_choice([number.name.removeprefix("SIG") for number in NUMBERS], "signal")
+@_choice(SIGNALS, "signal")
 @_choice(PHASES, "phase")
 @click.option("-j", "jobs", default=1, show_default=True, help="Flights at a time.")
 def main(
@@ -329,10 +425,10 @@ def main(
                 click.echo(f"{trial}: {each}")
     click.echo(f"| program | signal to | signal | {' | '.join(phases)} |")
     click.echo("|---" * (3 + len(phases)) + "|")
-    for program, victim, number in dict.fromkeys((t.program, t.victim, t.number) for t in asked):
-        cells = [str(found[Trial(program, victim, number, phase)]) for phase in phases]
-        name = number.name.removeprefix("SIG")
-        click.echo(f"| `gcs {program}` | {victim} | {name} | {' | '.join(cells)} |")
+    for program, victim, name in dict.fromkeys((t.program, t.victim, t.name) for t in asked):
+        row = (found.get(Trial(program, victim, name, phase)) for phase in phases)
+        cells = " | ".join("-" if ended is None else str(ended) for ended in row)
+        click.echo(f"| `gcs {program}` | {victim} | {name} | {cells} |")
     sys.exit(any(ended.findings for ended in found.values()))
 
 

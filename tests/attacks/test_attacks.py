@@ -91,6 +91,8 @@ def test_the_same_seed_gives_the_same():
     [
         ("fly", "publisher", "STOP", "flight"), ("fly", "fcu", "STOP", "arming"),
         ("fly", "sitl_plant", "INT", "closing"), ("up", "runner", "KILL", "landing"),
+        ("fly", "fcu", "PAUSE", "plan"), ("fly", "script", "KILL", "flight"),
+        ("fly", "station", "KILL", "plan"),
     ],
 )  # fmt: skip
 def test_a_signal_ends_what_it_should_and_nothing_else(tmp_path, program, victim, name, phase):
