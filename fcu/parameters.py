@@ -304,6 +304,8 @@ def chosen(
         if p.row.read_only:
             raise GivenError(name, f"read only: {p.sentence}")
         found[name] = shortest(value)
+        if p.row.integer and not float(value).is_integer():
+            raise GivenError(name, f"expected a whole number, got {_number(value)} ({p.sentence})")
         allowed = found[name] in p.values if p.values is not None else p.low <= value <= p.high
         if not allowed:
             raise GivenError(name, f"expected {p.expected()}, got {_number(value)} ({p.sentence})")
@@ -321,7 +323,7 @@ def _unknown(name: str, table: Mapping[str, Entry], flown: Law) -> str:
     """Why there is no such parameter of the vehicle, and which was meant."""
     for row in flown.settings.PARAMETERS:
         if name in (part.name for part in row.parts):
-            key = f"[law] {row.key}" if row.key else "the airframe's file"
+            key = f"[law] {row.key} (--set law.{row.key}=)" if row.key else "the airframe's file"
             return f"a parameter of the law: set {key}"
     close = difflib.get_close_matches(name.upper(), table, n=1)
     return f"no such parameter{f' (did you mean {close[0]}?)' if close else ''}"

@@ -78,6 +78,7 @@ from gcs_tools.missions.mission import (
     with_airframe,
     with_controller,
     with_law,
+    with_parameter,
     written,
 )
 from gcs_tools.missions.other_file import meant
@@ -130,7 +131,7 @@ def prepared(
         for setting in settings:
             mission = override(mission, setting)
         for given in params:
-            mission = override(mission, f"vehicle.params.{given}", "--param")
+            mission = with_parameter(mission, given)
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")
         if rate_hz is not None:

@@ -279,6 +279,19 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
     return with_values(mission, {key: value}, option, _short(said))
 
 
+def with_parameter(mission: Mission, written: str) -> Mission:
+    """`mission` with NAME=VALUE of a parameter of the vehicle (--param). Raises MissionError."""
+    name, _, value = (part.strip() for part in written.partition("="))
+    try:
+        if not re.fullmatch(r"\w+", name):
+            raise ValueError
+        number = float(value)
+    except ValueError:
+        said = f"--param {_short(written)}: expected NAME=VALUE with a number"
+        raise MissionError(said) from None
+    return with_values(mission, {f"vehicle.params.{name}": number}, "--param", _short(written))
+
+
 def parsed_setting(setting: str, option: str = "--set") -> tuple[str, Any, str]:
     """Key, value and written value of TABLE.KEY=VALUE. Raises MissionError."""
     key, equals, written = (part.strip() for part in setting.partition("="))
@@ -415,6 +428,23 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
     return replace(made, controller=command, lines=mission.lines)
 
 
+def _check_fence(
+    parameters: Mapping[str, float], flight: Flight, source: str, found: dict[KeyPath, int]
+) -> None:
+    """Raise MissionError where no breach of a fence would be told, whatever is flown."""
+    has_own = flight.script is not None or any(item.kind == "plan" for item in flight.items)
+    limits = ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST")
+    if parameters.get("GF_ACTION") == 0.0:
+        why = "with GF_ACTION 0 a vehicle watches no fence"
+    elif has_own or any(parameters.get(name, 0.0) > 0.0 for name in limits):
+        return
+    else:
+        why = f"the flight has no fence (a plan's, or [vehicle.params] {' or '.join(limits)})"
+    line = nearest(found, ("expect", "fence_breached"))
+    where = source if line is None else f"{source}:{line}"
+    raise MissionError(f"{where}: [expect] fence_breached: {why}")
+
+
 def _checked(
     name: str, source: str, folder: Path, given: dict[str, Any], changed: Mapping[KeyPath, str],
     text: str = "", flown: Law | None = None, airframe: AirframeFile | None = None,
@@ -438,6 +468,8 @@ def _checked(
                         f" rotors of {airframe.name}, got {loss.rotor}"
                     )
         parameters = chosen(tables.vehicle.params, flown, airframe.tables)
+        if tables.expect.fence_breached is not None:  # type: ignore[attr-defined]
+            _check_fence(parameters, tables.flight, source, found)
     except GivenError as error:
         line = nearest(found, ("vehicle", "params", error.name))
         where = source if line is None else f"{source}:{line}"

@@ -365,6 +365,8 @@ class PlantFault(Table):
                 raise because((key,), f"no key of {self.kind}: it is one of {of}")
             if not given and key in wanted and key != "rotor":
                 raise because((key,), f"expected a value: {self.kind} needs it")
+        if self.noise is not None and not any(self.noise.model_dump().values()):
+            raise because(("noise",), "of no noise nothing is seen: give an amount")
         return self
 
 

@@ -12,7 +12,13 @@ from gcs_tools.campaigns import campaign_file
 from gcs_tools.campaigns.campaign_file import CampaignError
 from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.scenario import refuse_link_faults, scenario
-from gcs_tools.missions.mission import MissionError, load, override, with_controller
+from gcs_tools.missions.mission import (
+    MissionError,
+    load,
+    override,
+    with_controller,
+    with_parameter,
+)
 
 TEXT = """title = "The vehicle hovers."
 [flight]
@@ -60,7 +66,8 @@ def test_values_are_in_force_with_the_origin_of_each(write):
         ("NAV_DLL_ACT = 4", ("x.toml:6:", "expected one of 0, 1, 2, 3, 5, 6, got 4")),
         ("COM_OF_LOSS_T = 99", ("x.toml:6:", "expected 0.1 to 60 s, got 99")),
         ("MAV_SYS_ID = 2", ("x.toml:6:", "read only")),
-        ("MR_F_M = 2", ("x.toml:6:", "a parameter of the law: set [law] f_m")),
+        ("MR_F_M = 2", ("x.toml:6:", "a parameter of the law: set [law] f_m (--set law.f_m=)")),
+        ("COM_DL_LOSS_T = 5.7", ("x.toml:6:", "COM_DL_LOSS_T: expected a whole number, got 5.7")),
         ("BAT_CRIT_THR = 0.2", ("x.toml:6:", "BAT_CRIT_THR", "below BAT_LOW_THR, 0.15")),
         ("BAT_LOW_THR = 0.01", ("x.toml:6:", "BAT_LOW_THR", "no less than BAT_CRIT_THR, 0.07")),
         ('NAV_DLL_ACT = "land"', ("x.toml:6:", "[vehicle] params.NAV_DLL_ACT: expected a number")),
@@ -71,6 +78,40 @@ def test_what_no_vehicle_takes_is_refused_with_its_line(write, line, words):
     with pytest.raises(MissionError) as error:
         load(write(text))
     assert not [word for word in words if word not in str(error.value)], str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("params", "why"),
+    [
+        ("GF_ACTION = 0\nGF_MAX_HOR_DIST = 2", "with GF_ACTION 0 a vehicle watches no fence"),
+        ("GF_ACTION = 1", "the flight has no fence"),
+        ("GF_ACTION = 1\nGF_MAX_HOR_DIST = 2", None),
+    ],
+)
+def test_a_fence_that_nobody_watches_is_not_expected(write, params, why):
+    text = TEXT.replace("NAV_DLL_ACT = 3\nCOM_OF_LOSS_T = 0.3", params)
+    text += "\n[expect]\nfence_breached = false\n"
+    if why is None:
+        load(write(text))
+        return
+    with pytest.raises(MissionError, match=rf"x.toml:\d+: \[expect\] fence_breached: {why}"):
+        load(write(text))
+
+
+@pytest.mark.parametrize(
+    ("written", "why"),
+    [
+        ("COM_LOW_BAT_ACT", "--param COM_LOW_BAT_ACT: expected NAME=VALUE with a number"),
+        ("=3", "--param =3: expected NAME=VALUE with a number"),
+        ("COM_LOW_BAT_ACT=", "--param COM_LOW_BAT_ACT=: expected NAME=VALUE with a number"),
+        ("COM_LOW_BAT_ACT=9", "--param COM_LOW_BAT_ACT=9: [vehicle.params] COM_LOW_BAT_ACT: expected one of"),
+        ("COM_LOW_BAT_ACT=nan", "--param COM_LOW_BAT_ACT=nan: [vehicle] params.COM_LOW_BAT_ACT"),
+    ],
+)  # fmt: skip
+def test_a_parameter_of_the_command_line_is_refused_by_its_option(write, written, why):
+    with pytest.raises(MissionError) as error:
+        with_parameter(load(write(TEXT)), written)
+    assert str(error.value).startswith(why)
 
 
 def test_a_vehicle_starts_with_them_and_keeps_them_through_a_reset(tmp_path):

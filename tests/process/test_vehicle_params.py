@@ -18,7 +18,7 @@ SETTINGS = (
 @pytest.mark.parametrize("in_process", [False, True], ids=["wire", "in process"])
 def test_a_mission_orders_a_fault_and_expects_the_failsafe(tmp_path, in_process):
     flown = gcs_tools.fly(
-        "gust_step", settings=SETTINGS, params=["COM_LOW_BAT_ACT=3"], in_process=in_process,
+        "gust_step", settings=SETTINGS, params=["COM_LOW_BAT_ACT=3", "GF_MAX_VER_DIST=100"], in_process=in_process,
         out=tmp_path / "run", figure="never",
     )  # fmt: skip
     assert flown.error is None
