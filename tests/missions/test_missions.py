@@ -32,7 +32,7 @@ KEYS = {
     "mission", "title", "passed", "exit_code", "ended", "seed", "rate_hz", "sim_time_s",
     "wall_time_s", "real_time_factor", "startup_s", "ticks", "slips", "trajectory_sha256",
     "versions", "values", "expectations", "items", "metrics", "settle_s", "folder", "changes", "causes", "not_finite",
-    "warnings",
+    "warnings", "mode", "failsafes",
     "schema_version", "error", "controller", "script",
 }  # fmt: skip
 
