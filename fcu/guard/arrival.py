@@ -58,7 +58,7 @@ def at_most_s(params, law, far, speed, acceleration, moves, down, moves_down):
     lifted = (
         params.m_min * law.g - params.c_D * params.w_max * params.w_max
     )  # N, hover in an updraft
-    j = wrench.jerk(params, law, maximum(lifted, law.limits.T_min), maximum(fastest, speed))
+    j = wrench.jerk(params, law, maximum(lifted, law.limits.T_min))
     # until nothing accelerates any more
     t_0 = acceleration / j
     v_0 = speed + 0.5 * acceleration * t_0

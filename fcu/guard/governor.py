@@ -157,13 +157,12 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         return setpoint, plain, 0.0
     up = Vec3(state.a_m.x, state.a_m.y, state.a_m.z + law.g)
     if params.policy == 2.0:  # as `admission` looked ahead
-        j = wrench.jerk_ahead(params, law, state.a_m.z, norm(v_m))
+        j = wrench.jerk_ahead(params, law, state.a_m.z)
         across = wrench.across_ahead(params, law, state.a_m, j)
         change = plain - state.a_m
         a_g = state.a_m + wrench.turned_to(change, up, j * law.h, across * law.h)
     else:
-        top, _ = speeds(known)
-        j = wrench.jerk(params, law, T, top)
+        j = wrench.jerk(params, law, T)
         most = j * law.h
         change = shortened(wanted(law, known, setpoint, r_m, v_m, j) - state.a_m, most)
         rising = dot(change, up) / (norm(up) * law.h + 1e-30)

@@ -96,7 +96,7 @@ def test_what_is_found_stands_at_its_item_and_is_that_of_each_flight_alone(monke
         scenes = (scene_of(f_m, 0.1 * n) for n in range(2, 2 + round(10.0 * f_m) % 3))
         return [Asked(scene, seen) for scene in scenes]
 
-    items = [0.6 + 0.1 * i for i in range(9)]
+    items = [0.8 + 0.1 * i for i in range(7)]  # eight flights: whole groups of lanes, 4 or 8 wide
     found = list(flown(asked, items, Keep(plant=(), law=NAMES)))
     assert sum(flew) == (len(flew) if in_lanes else 0)
     assert [len(each) for each in found] == [round(10.0 * f_m) % 3 for f_m in items]

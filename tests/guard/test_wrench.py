@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import signal
 
-import fcu
-from fcu.guard import torque, wrench
-from fcu.interface.airframe import airframe, load
+from fcu.guard import wrench
 from fcu.kernel.algebra import Vec3
 from fcu.laws import allocation
-from fcu.process.settings import settings
 
 
 @pytest.mark.parametrize("T", [20.0, 40.0, 78.0, 120.0, 180.0])
@@ -107,35 +103,6 @@ def test_less_thrust_turns_slower(settings_of):
     accelerations = [wrench.yaw_acceleration(told.guard, told.law, T) for T in (5.0, 40.0, 78.0)]
     assert accelerations[0] == 0.0
     assert 0.0 < accelerations[1] < accelerations[2] <= told.law.yaw_acceleration
-
-
-def test_a_jerk_and_a_gust_at_once_take_all_the_torque_there_is(settings_of):
-    """Of vehicles whose allocation has little in reserve, the more the faster they fly."""
-    for name in ("hexa", "quad", "racer"):
-        tables = load(Path(fcu.__file__).with_name("airframes") / f"{name}.toml")
-        law, guard = settings(airframe(tables["rotors"], name), tables, 500.0, {})
-        speed, left = 5.0, []
-        j = wrench.jerk(guard, law, math.inf, speed)
-        assert wrench.LEAST < j < wrench.jerk(guard, law, math.inf)
-        for m in (guard.m_min, guard.m_max):
-            T = m * law.g
-            turns = guard.J_tilt * guard.swinging * m * j / T
-            asked = turns + wrench.for_gust(guard, law, T, speed)
-            left.append(wrench.holding(guard, law.rotors, T) - asked)
-        assert min(left) == pytest.approx(0.0, abs=1e-9)
-    law, guard = settings_of(c_angle=7.0, c_rate=14.0)
-    assert wrench.jerk(guard, law, math.inf, 9.0) == wrench.jerk(guard, law, math.inf)
-    assert wrench.jerk(guard, law, math.inf, 30.0) < wrench.jerk(guard, law, math.inf)
-
-
-def test_the_torque_for_a_gust_is_that_of_the_loop_where_it_was_worked_out(settings_of):
-    law, guard = settings_of(c_angle=7.0, c_rate=14.0)
-    weight, rate = guard.m_min * law.g, guard.c_D * guard.w_max * guard.w_dot_max
-    for T in (weight, weight - guard.c_D * guard.w_max**2):
-        asked = rate * torque.gusty(guard, law, T)
-        assert wrench.for_gust(guard, law, T, 0.0) == pytest.approx(asked)
-    calm = settings_of(c_angle=7.0, c_rate=14.0, guard_wind_m_s=0.0)
-    assert wrench.for_gust(calm.guard, calm.law, weight, 3.0) == 0.0
 
 
 def test_ahead_half_of_the_wind_lifts(settings_of):
