@@ -109,11 +109,11 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
         for k in range(n):
             now = carried(setpoint, k * law.h)
             most, aside = foreseen.fastest(params, law, pursuit.a_m)
-            point, pursuit = foreseen.onward(params, law, pursuit, now, most, aside)
-            holds = foreseen.holds(known, point, more, adds)
+            point, pursuit = foreseen.onward(law, pursuit, now, most, aside)
+            holds = foreseen.holds(known, more * point.a_d, more * point.off, point.v, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
-                since = present.gone_on(params, law, since, point.a_d)
+                since = present.gone_on(law, since, point.a_d)
                 turns = present.turns(params, law, seen, since, point.change)
                 if (most == math.inf or turns) and holds < worst:
                     holds = max(
@@ -137,8 +137,7 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
             pursuit = foreseen.begun(end.r_c, end.v_c, setpoint.a_c)
             told = False  # of what there was then, nothing is left
             began += for_s - looked
-            radius = adds * margin.difference(known, norm(end.v_c))
-            holds = margin.condition(known, more * setpoint.a_c, end.v_c, radius)
+            holds = foreseen.holds(known, more * setpoint.a_c, zero, end.v_c, adds)
             if holds < worst:
                 worst, at, a, v = holds, began, more * setpoint.a_c, end.v_c
     arrives = arrives + FADED / arrival.slowest(law)

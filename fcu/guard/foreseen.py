@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import margin, wrench
-from fcu.guard.types import Followed, Misjudged
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import unpacker
@@ -71,15 +70,28 @@ def hurry(law):
 
 
 @kernel
-def advanced(law, a_d, r, v, followed):
-    """Where the vehicle is a step later: r, v (m, m/s, E), and the Followed of a_d.
+def advanced(law, a_d, r, v, w, a):
+    """Where the vehicle is a step later: r, v, w, a (m, m/s, m/s^2, m/s^2, E).
 
-    Its acceleration follows the one demanded, a_d (m/s^2, E), behind the lags of attitude and rates. A
-    reference model too fast for them demands more than it would without.
+    Its acceleration a follows the one demanded, a_d, behind two lags: that of attitude, 1/c_theta
+    (to w), and that of the rates, 1/c_q. A reference model too fast for them demands more than it
+    would without.
     """
-    followed = margin.following(law, a_d, followed, 0.0)
-    v = v + law.h * followed.achieved
-    return r + law.h * v, v, followed
+    h = law.h
+    of_attitude, of_rates = h * law.c_angle.y, h * law.c_rate.y
+    w = (w + of_attitude * a_d) / (1.0 + of_attitude)
+    a = (a + of_rates * w) / (1.0 + of_rates)
+    v = v + h * a
+    return r + h * v, v, w, a
+
+
+@kernel
+def misjudged(law, off, change):
+    """By how much (m/s^2, E) what is demanded may be off after a change of it (m/s^2, E).
+
+    m_hat may be off by FORGOTTEN when the demand changes; that is learnt with nu_1 = lambda/2.
+    """
+    return off / (1.0 + 0.5 * law.h * law.lambda_v) + margin.FORGOTTEN * change
 
 
 @kernel
@@ -98,15 +110,14 @@ def closed(law):
 
 
 @kernel
-def holds(known, point, more, adds):
-    """The condition (N) at a Point, for an m_hat that is off either way.
+def holds(known, a_d, off, v, adds):
+    """The condition (N) for a demand a_d (m/s^2, E) that is off by `off`, either way.
 
-    more : `hurry`.  adds : `closed`.
+    adds : `closed`.
     """
-    radius = point.beta + adds * margin.difference(known, norm(point.v))
+    more = adds * margin.difference(known, norm(v))
     return minimum(
-        margin.condition(known, more * (point.a_d - point.lighter), point.v, radius),
-        margin.condition(known, more * (point.a_d + point.heavier), point.v, radius),
+        margin.condition(known, a_d + off, v, more), margin.condition(known, a_d - off, v, more)
     )
 
 
@@ -124,18 +135,17 @@ class Pursuit(NamedTuple):
     a_m: Vec3  # m/s^2, E
     r: Vec3  # of the vehicle
     v: Vec3
-    followed: Followed  # the acceleration demanded
-    misjudged: Misjudged  # the same
-    beta: float  # N, control difference left of changes of what is followed
+    w: Vec3  # m/s^2, E, its acceleration behind the lag of attitude
+    a: Vec3  # and behind that of the rates
+    before: Vec3  # m/s^2, E, acceleration demanded at the last step
+    off: Vec3  # m/s^2, E, by how much the demand may be off (`misjudged`)
 
 
 class Point(NamedTuple):
     """What is asked for at one point of a way."""
 
     a_d: Vec3  # m/s^2, E, acceleration demanded
-    lighter: Vec3  # m/s^2, E, by how much less it may be, for an m_hat that is too small
-    heavier: Vec3  # and more, for one that is too large
-    beta: float  # N, what else is not learnt yet
+    off: Vec3  # m/s^2, E, by how much it may be off
     v: Vec3  # m/s, E, of the vehicle
     change: Vec3  # m/s^2, E, of the reference's acceleration in this step
     unsettled: float  # m/s^2, by how much that lags behind (34)
@@ -144,14 +154,14 @@ class Point(NamedTuple):
 @kernel
 def begun(r_m, v_m, a_m):
     """The Pursuit of a reference model at r_m, v_m, a_m (m, m/s, m/s^2, E), the vehicle on it."""
+    zero = Vec3(0.0, 0.0, 0.0)
     return Pursuit(
-        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, followed=Followed(tilted=a_m, achieved=a_m),
-        misjudged=margin.resting(a_m), beta=0.0,
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m, before=a_m, off=zero,
     )  # fmt: skip
 
 
 @kernel
-def onward(params, law, pursuit, setpoint, most, aside):
+def onward(law, pursuit, setpoint, most, aside):
     """The Point a Pursuit is at, and the Pursuit a step of law.h later.
 
     setpoint : in force.  most, aside : m/s^3, the reference's acceleration changes no faster, and across
@@ -163,27 +173,13 @@ def onward(params, law, pursuit, setpoint, most, aside):
     change = wrench.turned_to(asked - a_m, up, most * law.h, aside * law.h)
     a_m = a_m + change
     a_d = a_m + closing(law, pursuit.r - r_m, pursuit.v - v_m)
-    r, v, followed = advanced(law, a_d, pursuit.r, pursuit.v, pursuit.followed)
-    was = pursuit.misjudged
-    misjudged = margin.misjudging(law, a_d, was)
-    # a look's step is coarse: what is followed in it fades while it comes
-    fades = 0.5 * law.h * law.lambda_v
-    kept = math.exp(-fades)
-    beta = kept * pursuit.beta + (1.0 - kept) / fades * margin.unlearnt(params, was, misjudged)
-    point = Point(
-        a_d=a_d,
-        lighter=margin.FORGOTTEN * (a_d - was.lighter.achieved),
-        heavier=margin.FORGOTTEN * (a_d - was.heavier.achieved),
-        beta=beta,
-        v=pursuit.v,
-        change=change,
-        unsettled=norm(asked - a_m),
-    )
+    off = misjudged(law, pursuit.off, a_d - pursuit.before)
+    r, v, w, a = advanced(law, a_d, pursuit.r, pursuit.v, pursuit.w, pursuit.a)
     v_m = v_m + law.h * a_m
     r_m = r_m + law.h * v_m
+    point = Point(a_d=a_d, off=off, v=pursuit.v, change=change, unsettled=norm(asked - a_m))
     return point, Pursuit(
-        r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, followed=followed, misjudged=misjudged,
-        beta=beta,
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, w=w, a=a, before=a_d, off=off,
     )  # fmt: skip
 
 
@@ -218,8 +214,8 @@ def least(params, law, setpoint, r, v):
     for k in range(steps(law)):
         t = k * law.h
         most, aside = as_asked(params, law, pursuit.a_m)
-        point, pursuit = onward(params, law, pursuit, carried(setpoint, t), most, aside)
-        now = holds(known, point, more, adds)
+        point, pursuit = onward(law, pursuit, carried(setpoint, t), most, aside)
+        now = holds(known, more * point.a_d, more * point.off, point.v, adds)
         if now < worst:
             worst, at, a_worst, v_worst = now, t, more * point.a_d, point.v
     return worst, at, a_worst, v_worst
@@ -242,9 +238,9 @@ def along(params, law, sent_at, setpoints, r, v, rows):
             setpoint = _unpack_setpoint(setpoints[sent])
         most, aside = as_asked(params, law, pursuit.a_m)
         now = carried(setpoint, t - sent_at[sent])
-        point, pursuit = onward(params, law, pursuit, now, most, aside)
+        point, pursuit = onward(law, pursuit, now, most, aside)
         asked, v = more * point.a_d, point.v
-        rows[k, 0], rows[k, 1] = t, holds(known, point, more, adds)
+        rows[k, 0], rows[k, 1] = t, holds(known, asked, more * point.off, v, adds)
         rows[k, 2], rows[k, 3], rows[k, 4] = asked.x, asked.y, asked.z
         rows[k, 5], rows[k, 6], rows[k, 7] = v.x, v.y, v.z
 

@@ -48,10 +48,8 @@ def take_over(params, law, setpoint, measured):
 
     params : GuardParams, law : Params of the law, setpoint : Setpoint, measured : VehicleState.
     """
-    zero = Vec3(0.0, 0.0, 0.0)
     state = GuardState(
-        a_m=zero,
-        followed=margin.resting(zero),
+        a_m=Vec3(0.0, 0.0, 0.0),
         beta=margin.beta_1(params, law, measured.v_E),
         psi_g=euler(matrix(measured.q_EB)).z,
         psi_g_dot=measured.w_B.z,
@@ -66,7 +64,6 @@ def before(state, params, law, law_state, setpoint, measured):
     """The Governed of a tick in flight, from the last states of guard and law."""
     now = GuardState(
         a_m=state.a_m,
-        followed=state.followed,
         beta=margin.faded(law, state.beta),
         psi_g=state.psi_g,
         psi_g_dot=state.psi_g_dot,
@@ -94,17 +91,13 @@ def after(governed, params, law, law_state, outputs, internals, measured):
     below_position = setpoint.level > 0.5
     a_d = position.a_d(law, internals.demand.f_c, law_state.estimates.s_v_hat)
     v_m, T_0 = outputs.reference.v_m, internals.demand.T_0
-    zero = Vec3(0.0, 0.0, 0.0)
-    a_m = select3(below_position, zero, governed.a_m)
-    followed = margin.misjudging(law, a_m, state.followed)
-    changed = margin.unlearnt(params, state.followed, followed)
+    changed = margin.doubt(params, governed.a_m - state.a_m)
     yaw = setpoint.psi_c + law.h * setpoint.psi_dot_c
     signs = contradictions.smoothed(
         params, law, state.signs, law_state, outputs, internals, measured
     )
     next_state = GuardState(
-        a_m=a_m,
-        followed=followed,
+        a_m=select3(below_position, Vec3(0.0, 0.0, 0.0), governed.a_m),
         beta=state.beta + select(below_position, 0.0, changed),
         psi_g=select(below_position, outputs.angles.z, yaw),
         psi_g_dot=select(below_position, measured.w_B.z, setpoint.psi_dot_c),
@@ -113,9 +106,7 @@ def after(governed, params, law, law_state, outputs, internals, measured):
     margins = Margin(
         force=margin.distance(known, T_0),
         tilt=margin.tilt_left(law.limits.phi_star, T_0),
-        condition=margin.condition(
-            known, a_d, v_m, margin.doubt(params, governed.a_m, state.followed, state.beta)
-        ),
+        condition=margin.condition(known, a_d, v_m, state.beta),
     )
     return next_state, GuardInternals(
         r_g=setpoint.r_c,
@@ -128,10 +119,8 @@ def after(governed, params, law, law_state, outputs, internals, measured):
 @kernel
 def idle(measured):
     """(GuardState, GuardInternals) while the law does not fly."""
-    zero = Vec3(0.0, 0.0, 0.0)
     state = GuardState(
-        a_m=zero,
-        followed=margin.resting(zero),
+        a_m=Vec3(0.0, 0.0, 0.0),
         beta=0.0,
         psi_g=euler(matrix(measured.q_EB)).z,
         psi_g_dot=measured.w_B.z,

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from fcu.guard.types import Followed, Misjudged
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 
@@ -195,53 +194,9 @@ def beta_1(params, law, v):
 
 
 @kernel
-def following(law, a, followed, off):
-    """The Followed a step later, of an acceleration a (m/s^2, E) that is demanded.
-
-    off : m_hat/m - 1. What is demanded for a is off by it until it is achieved, and so is what follows:
-    with the lags P = (1 + s/c_theta) (1 + s/c_q) it is a (1 + off)/(P + off) (README).
-    """
-    of_attitude, of_rates = law.h * law.c_angle.y, law.h * law.c_rate.y
-    kept = 1.0 / (1.0 + of_rates)
-    asked = (1.0 + off) * a - (off * kept) * followed.achieved
-    tilted = (followed.tilted + of_attitude * asked) / (
-        1.0 + of_attitude * (1.0 + off * of_rates * kept)
-    )
-    return Followed(tilted=tilted, achieved=kept * (followed.achieved + of_rates * tilted))
-
-
-@kernel
-def misjudging(law, a, followed):
-    """The Misjudged a step later, of an acceleration a (m/s^2, E) that is demanded."""
-    return Misjudged(
-        lighter=following(law, a, followed.lighter, -FORGOTTEN),
-        heavier=following(law, a, followed.heavier, FORGOTTEN),
-    )
-
-
-@kernel
-def resting(a):
-    """The Misjudged of an acceleration a (m/s^2, E) that has been demanded for long."""
-    return Misjudged(lighter=Followed(tilted=a, achieved=a), heavier=Followed(tilted=a, achieved=a))
-
-
-@kernel
-def unlearnt(params, was, followed):
-    """Control difference (N) of a change from one Misjudged to the next: what is achieved has to be learnt."""
-    lighter = norm(followed.lighter.achieved - was.lighter.achieved)
-    heavier = norm(followed.heavier.achieved - was.heavier.achieved)
-    return PEAK * FORGOTTEN * params.m_max * maximum(lighter, heavier)
-
-
-@kernel
-def doubt(params, a, followed, beta):
-    """Control difference (N) left of take-over and of the reference's changes, at most.
-
-    a : of the reference, m/s^2, E.  followed : Misjudged, of a.  beta : N, of take-over and of what is
-    achieved. A wrong m_hat shows in all of a that is not achieved yet, however fast it is learnt.
-    """
-    lighter, heavier = norm(a - followed.lighter.achieved), norm(a - followed.heavier.achieved)
-    return beta + FORGOTTEN * params.m_max * maximum(lighter, heavier)
+def doubt(params, a):
+    """Control difference (N) of a change a (m/s^2, E) of what is demanded: m_hat may be off."""
+    return PEAK * FORGOTTEN * params.m_max * norm(a)
 
 
 @kernel

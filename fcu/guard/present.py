@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 from fcu.guard import margin, wrench
 from fcu.guard.foreseen import closing
-from fcu.guard.types import Followed, Misjudged
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
@@ -34,8 +33,7 @@ class Present(NamedTuple):
     v: Vec3  # its velocity, m/s, E
     up: Vec3  # its thrust axis, E
     psi: float  # its yaw, rad
-    beta: float  # control difference left of take-over and of what is followed, N
-    lags: Misjudged  # acceleration of the reference less what of it is followed
+    beta: float  # control difference left of take-over and of the reference's changes, N
     told: float  # 1 if all this is known
 
 
@@ -55,21 +53,13 @@ class Since(NamedTuple):
     e: Vec3  # tracking error that there was, as it dies out, m, E
     e_dot: Vec3  # m/s, E
     a_d: Vec3  # acceleration demanded at the last step, m/s^2, E
-    followed: Misjudged  # a_d
+    light: Vec3  # changes of it, each times the least m_hat, that are not learnt yet, N, E
+    heavy: Vec3  # times the greatest
+    plain: Vec3  # times 1, m/s^2, E
     gain: float  # L1 norm of `foreseen.closed`, up to now
     x: float  # its response to an impulse of z: position (s), and velocity
     x_dot: float
     beta: float  # N
-
-
-@kernel
-def left_of(a, followed):
-    """The Misjudged of what is not followed yet of an acceleration a (m/s^2, E); twice gives it back."""
-    lighter, heavier = followed.lighter, followed.heavier
-    return Misjudged(
-        lighter=Followed(tilted=a - lighter.tilted, achieved=a - lighter.achieved),
-        heavier=Followed(tilted=a - heavier.tilted, achieved=a - heavier.achieved),
-    )
 
 
 @kernel
@@ -80,7 +70,6 @@ def seen(law, law_state, guard_state, measured):
     `told` is 0 before the law has flown a tick, and while it flies no position.
     """
     estimates, f_c = law_state.estimates, law_state.memory.f_c
-    a_m, followed = guard_state.a_m, guard_state.followed
     return Present(
         T_0=estimates.m_hat * f_c,
         a_d=position.a_d(law, f_c, estimates.s_v_hat),
@@ -89,7 +78,6 @@ def seen(law, law_state, guard_state, measured):
         up=law_state.memory.e3,
         psi=euler(matrix(measured.q_EB)).z,
         beta=guard_state.beta,
-        lags=left_of(a_m, followed),
         told=select(f_c.z > 0.0, law.achieved, 0.0),
     )
 
@@ -112,21 +100,22 @@ def begun(law, present, r_m, a_m):
 
     a_d = a_m - 2 zeta f e' - f^2 e: with e and a_d known, so is e'.
     """
+    zero = Vec3(0.0, 0.0, 0.0)
     e, damping = present.r - r_m, 2.0 * law.f_m * law.zeta_m
     e_dot = (a_m - present.a_d - (law.f_m * law.f_m) * e) / damping
     return Since(
-        t=0.0, e=e, e_dot=e_dot, a_d=present.a_d, followed=left_of(present.a_d, present.lags),
+        t=0.0, e=e, e_dot=e_dot, a_d=present.a_d, light=zero, heavy=zero, plain=zero,
         gain=0.0, x=0.0, x_dot=1.0, beta=present.beta,
     )  # fmt: skip
 
 
 @kernel
-def gone_on(params, law, since, a_m):
+def gone_on(law, since, a_m):
     """The Since a step later, where the reference accelerates with a_m (m/s^2, E)."""
     h = law.h
     a_d = a_m + closing(law, since.e, since.e_dot)
-    followed = margin.misjudging(law, a_d, since.followed)
-    learnt = margin.unlearnt(params, since.followed, followed)
+    change = a_d - since.a_d
+    left = 1.0 / (1.0 + 0.5 * h * law.lambda_v)
     e_dot = since.e_dot + h * closing(law, since.e, since.e_dot)
     x_dot = since.x_dot + h * closing(law, since.x, since.x_dot)
     return Since(
@@ -134,28 +123,29 @@ def gone_on(params, law, since, a_m):
         e=since.e + h * e_dot,
         e_dot=e_dot,
         a_d=a_d,
-        followed=followed,
+        light=left * since.light + law.bounds.m_min * change,
+        heavy=left * since.heavy + law.bounds.m_max * change,
+        plain=left * since.plain + change,
         gain=since.gain + h * abs(closing(law, since.x, since.x_dot)),
         x=since.x + h * x_dot,
         x_dot=x_dot,
-        beta=margin.faded(law, since.beta) + learnt,
+        beta=left * since.beta,
     )
 
 
 @kernel
-def least(law, known, since, more, per_kg, fixed, radius):
+def least(known, since, more, per_kg, fixed, radius):
     """Least distance (N) of m per_kg + fixed to the limits, less a radius (N), of all masses.
 
-    And of all m_hat that the law may have: what of the demand is not achieved yet is made with it.
+    And of all m_hat that the law may have: what is not learnt yet of the changes of the demand is
+    made with it.
     """
-    worst, followed = math.inf, since.followed
-    lighter = more * (since.a_d - followed.lighter.achieved)
-    heavier = more * (since.a_d - followed.heavier.achieved)
+    worst = math.inf
     for heavy in (0.0, 1.0):
         m = known.m_min + heavy * (known.m_max - known.m_min)
         T = m * per_kg + fixed
-        below = T + (law.bounds.m_min - m) * lighter
-        above = T + (law.bounds.m_max - m) * heavier
+        below = T + more * (since.light - m * since.plain)
+        above = T + more * (since.heavy - m * since.plain)
         top = known.T_top - maximum(norm(below), norm(above))
         inside = minimum(margin.distance(known, below), margin.distance(known, above))
         worst = minimum(worst, minimum(inside, top))
@@ -233,9 +223,7 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
     R = margin.allowance(known, v_t, since.beta) + forced
 
     # from now: the drag there is, of the mass for which it is greatest, and what becomes of it
-    lags = present.lags  # of an acceleration of zero
-    left = margin.doubt(params, Vec3(0.0, 0.0, 0.0), lags, present.beta)
-    before = margin.difference(known, norm(present.v)) + left
+    before = margin.difference(known, norm(present.v)) + present.beta
     hover = present.a_d + g
     light = norm(present.T_0 - known.m_min * hover)
     heavy = norm(present.T_0 - known.m_max * hover)
@@ -254,9 +242,7 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
 
     c_kg, c, both = common(p_kg, p, R, q_kg, q, S, known.m_min, known.m_max)
     inside = maximum(
-        maximum(
-            least(law, known, since, more, p_kg, p, R), least(law, known, since, more, q_kg, q, S)
-        ),
-        least(law, known, since, more, c_kg, c, both),
+        maximum(least(known, since, more, p_kg, p, R), least(known, since, more, q_kg, q, S)),
+        least(known, since, more, c_kg, c, both),
     )
     return minimum(inside, margin.steering(known, v_t))

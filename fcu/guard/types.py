@@ -52,26 +52,11 @@ class Signs(NamedTuple):
     trim: float  # part of the time that the trim of thrust is at its limit
 
 
-class Followed(NamedTuple):
-    """An acceleration that is demanded, as the vehicle follows it."""
-
-    tilted: Vec3  # behind the lag of attitude, 1/c_theta, m/s^2, E
-    achieved: Vec3  # behind that of the rates too, 1/c_q, m/s^2, E
-
-
-class Misjudged(NamedTuple):
-    """The same while the law takes the mass for another: by FORGOTTEN lighter, or heavier (`margin`)."""
-
-    lighter: Followed
-    heavier: Followed
-
-
 class GuardState(NamedTuple):
     """What the guard remembers from tick to tick."""
 
     a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
-    followed: Misjudged  # a_m
-    beta: float  # control difference left of take-over, and of what is followed, N (30)
+    beta: float  # control difference left of take-over, and of the reference's changes, N (30)
     psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
     psi_g_dot: float  # its rate, rad/s
     signs: Signs

@@ -11,7 +11,6 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from fcu.guard import foreseen, margin
-from fcu.guard.types import Followed
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.buffers import to_buffer
@@ -171,42 +170,6 @@ def test_what_closing_the_error_adds_is_an_l1_norm(settings_of, zeta_m):
     assert gain == pytest.approx(np.abs(h).sum() * steps, rel=1e-3)
 
 
-def most_misjudged(law, guard, off, jerk, seed):
-    """The control difference over `margin.doubt` of it, at most, of one axis: attitude follows the demand behind its
-    lags, the estimate learns what m_hat makes of the force achieved, and the acceleration jumps at random.
-    """
-    random, h, m, lambda_v = np.random.default_rng(seed), law.h, guard.m_max, law.lambda_v
-    a = wanted = s_hat = e = beta = most = 0.0
-    until, thrust, followed = 0, Followed(tilted=STILL, achieved=STILL), margin.resting(STILL)
-    for k in range(4000):
-        if k >= until:
-            wanted, until = random.uniform(-1.0, 1.0), k + int(random.choice([20, 50, 100, 400]))
-        a += min(max(wanted - a, -jerk * h), jerk * h)
-        T_0 = (1.0 + off) * m * (a - s_hat)
-        asked = Vec3(a, 0.0, 0.0)
-        bound = margin.doubt(guard, asked, followed, beta)
-        most = max(most, abs(T_0 - m * a) / (bound + 0.01 * margin.FORGOTTEN * m))
-        thrust = margin.following(law, Vec3(T_0, 0.0, 0.0), thrust, 0.0)
-        learns = (1.0 - 1.0 / (1.0 + off)) * thrust.achieved.x / m
-        e = (e + h * (learns - s_hat)) / (1.0 + h * lambda_v + h * h * law.gamma)
-        s_hat += h * law.gamma * e
-        was, followed = followed, margin.misjudging(law, asked, followed)
-        beta = margin.faded(law, beta) + margin.unlearnt(guard, was, followed)
-    return most
-
-
-@pytest.mark.parametrize("jerk", [math.inf, 8.0])
-@pytest.mark.parametrize(("c_angle", "c_rate"), [(7.0, 14.0), (10.0, 20.0), (4.0, 8.0)])
-@pytest.mark.parametrize("off", [-0.3, -0.15, 0.15, 0.3])
-def test_a_mass_that_is_judged_wrong_shows_until_attitude_has_followed(
-    settings_of, off, c_angle, c_rate, jerk
-):
-    settings = settings_of(c_angle=c_angle, c_rate=c_rate)
-    law, guard = settings.law._replace(h=0.001), settings.guard
-    most = max(most_misjudged(law, guard, off, jerk, seed) for seed in (1, 2))
-    assert 0.9 * abs(off) < margin.FORGOTTEN * most <= abs(off)
-
-
 def test_the_worse_mass_counts(settings_of):
     settings = settings_of(guard_mass_kg=[7.0, 9.0])
     up, aside = Vec3(0.0, 0.0, 11.0), Vec3(5.0, 0.0, 0.0)
@@ -241,10 +204,8 @@ def test_the_way_to_a_setpoint_is_looked_at_in_full(settings_of):
     least, at, a, _ = foreseen.least(guard, law, step, STILL, STILL)
     jump, known = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0), known_of(settings)
     more = foreseen.closed(law) * margin.difference(known, 0.0)
-    first = margin.condition(known, jump, STILL, more)
-    assert first - 1.0 < least <= first  # what is followed has to be learnt, besides
-    assert 0.0 <= at < 0.1
-    assert a.x == pytest.approx(3.0, abs=0.1)
+    assert least == pytest.approx(margin.condition(known, jump, STILL, more))
+    assert (at, a) == (0.0, (3.0, 0.0, 0.0))
     moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
     _, at, _, v = foreseen.least(guard, law, moving, STILL, STILL)
     assert at > 0.5
@@ -279,10 +240,10 @@ def test_a_script_of_setpoints_is_looked_at_as_one_way(settings_of):
     rows = np.zeros((1500, 8))
     script = np.array([to_buffer(there), to_buffer(back)])
     foreseen.along(guard, law, np.array([0.0, 7.0]), script, STILL, STILL, rows)
-    assert rows[:700, 1].min() == foreseen.least(guard, law, there, STILL, STILL)[0]
+    assert rows[0, 1] == foreseen.least(guard, law, there, STILL, STILL)[0]
     first, second = rows[:700, 1], rows[700:, 1]
     assert second.min() < first.min()  # twice the way
-    assert 7.0 <= rows[second.argmin() + 700, 0] < 7.1
+    assert rows[second.argmin() + 700, 0] == 7.0
     assert np.abs(rows[-1, 5:]).max() < 0.01
 
 

@@ -38,7 +38,7 @@ def hover(guard, law, m=8.0, **fields):
     """Of a mass that hovers in still air, told in full."""
     told = {
         "T_0": Vec3(0.0, 0.0, m * law.g), "a_d": STILL, "r": STILL, "v": STILL,
-        "up": Vec3(0.0, 0.0, 1.0), "psi": 0.0, "beta": 0.0, "lags": margin.resting(STILL), "told": 1.0,
+        "up": Vec3(0.0, 0.0, 1.0), "psi": 0.0, "beta": 0.0, "told": 1.0,
     }  # fmt: skip
     return present.Present(**{**told, **fields})
 
@@ -134,7 +134,7 @@ def test_the_present_only_ever_admits_more(settings_of, way):
 def soon(settings, now):
     """The condition (N) a tick later, in a hover that goes on."""
     guard, law = settings.guard, settings.law
-    since = present.gone_on(guard, law, present.begun(law, now, STILL, STILL), STILL)
+    since = present.gone_on(law, present.begun(law, now, STILL, STILL), STILL)
     adds = foreseen.closed(law)
     return present.condition(
         guard, law, margin.known(guard, law), now, since, STILL, 0.0, 1.0, adds
@@ -180,7 +180,7 @@ def test_a_descent_and_an_updraft_leave_less_to_turn_with(settings_of):
 
     def turns(now, a_z, change):
         since = present.begun(law, now, STILL, STILL)
-        since = present.gone_on(guard, law, since, Vec3(0.0, 0.0, a_z))
+        since = present.gone_on(law, since, Vec3(0.0, 0.0, a_z))
         return present.turns(guard, law, now, since, change)
 
     calm, aside = hover(guard, law), Vec3(most, 0.0, 0.0)
@@ -218,13 +218,11 @@ def test_what_is_seen_after_a_tick_is_the_vehicle_a_tick_on_and_the_way_its_thru
     measured = hover(r=(1.0, 2.0, 3.0), v=v, angles=(0.1, 0.2, 0.7))
     state = mmrac.beginning(law, measured)
     memory = state.memory._replace(f_c=Vec3(0.5, 0.0, law.g), e3=Vec3(0.6, 0.0, 0.8))
-    went, lags = Vec3(1.0, 0.0, 0.0), margin.resting(Vec3(0.25, 0.0, 0.0))
     guard_state = GuardState(*[0.0] * len(GuardState._fields))._replace(
-        a_m=went, followed=lags, beta=3.0
+        beta=3.0
     )  # all else is not looked at
     found = present.seen(law, state._replace(memory=memory), guard_state, measured)
     assert (found.v, found.up, found.beta) == (v, (0.6, 0.0, 0.8), 3.0)
-    assert found.lags == margin.resting(Vec3(0.75, 0.0, 0.0))
     assert found.r == pytest.approx(np.array([1.0, 2.0, 3.0]) + law.h * np.array(v))
     assert np.array(found.T_0) == pytest.approx(8.0 * np.array([0.5, 0.0, law.g]))
     assert found.psi == pytest.approx(0.7)
