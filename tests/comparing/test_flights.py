@@ -92,14 +92,17 @@ def test_what_is_found_stands_at_its_item_and_is_that_of_each_flight_alone(monke
     monkeypatch.setattr(several, "each", told)
     monkeypatch.setattr(several, "is_compiled", lambda *kind: in_lanes)
 
+    def flights_of(f_m):
+        return 8 * (round(10.0 * f_m) % 3)  # whole groups of lanes, 4 or 8 wide
+
     def asked(f_m):
-        scenes = (scene_of(f_m, 0.1 * n) for n in range(2, 2 + round(10.0 * f_m) % 3))
+        scenes = (scene_of(f_m, 0.1 + 0.02 * n) for n in range(flights_of(f_m)))
         return [Asked(scene, seen) for scene in scenes]
 
-    items = [0.8 + 0.1 * i for i in range(7)]  # eight flights: whole groups of lanes, 4 or 8 wide
+    items = [0.8 + 0.1 * i for i in range(4)]
     found = list(flown(asked, items, Keep(plant=(), law=NAMES)))
     assert sum(flew) == (len(flew) if in_lanes else 0)
-    assert [len(each) for each in found] == [round(10.0 * f_m) % 3 for f_m in items]
+    assert [len(each) for each in found] == [flights_of(f_m) for f_m in items]
     for f_m, of_item in zip(items, found, strict=True):
         for asked_for, one in zip(asked(f_m), of_item, strict=True):
             rows = Table.of(asked_for.scene.flown.ticks.Tick, law_alone.fly(asked_for.scene)[1])
