@@ -48,22 +48,7 @@ def axial(speed, Omega, c_T, radius):
 @kernel
 def hub(airframe, i):
     """Position (m, B) of rotor i, and its thrust coefficient."""
-    x, y, c = airframe.x, airframe.y, airframe.c_T
-    if i == 0:
-        return Vec3(x.r1, y.r1, 0.0), c.r1
-    if i == 1:
-        return Vec3(x.r2, y.r2, 0.0), c.r2
-    if i == 2:
-        return Vec3(x.r3, y.r3, 0.0), c.r3
-    if i == 3:
-        return Vec3(x.r4, y.r4, 0.0), c.r4
-    if i == 4:
-        return Vec3(x.r5, y.r5, 0.0), c.r5
-    if i == 5:
-        return Vec3(x.r6, y.r6, 0.0), c.r6
-    if i == 6:
-        return Vec3(x.r7, y.r7, 0.0), c.r7
-    return Vec3(x.r8, y.r8, 0.0), c.r8
+    return Vec3(airframe.x[i], airframe.y[i], 0.0), airframe.c_T[i]
 
 
 @kernel
