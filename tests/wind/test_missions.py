@@ -84,6 +84,12 @@ def test_layers_are_composed_and_a_seed_repeats_them(tmp_path):
     assert law_alone.fly(other)[0].tobytes() != plant.tobytes()
 
 
+def test_of_no_mean_wind_there_is_no_turbulence(tmp_path):
+    """Not even in still air, where nothing would carry it past."""
+    scene = scenario(mission(tmp_path, 'turbulence = "dryden"\nturbulence_w20_m_s = 0.0\n'))
+    assert (air(law_alone.fly(scene)[0]) == 0.0).all()
+
+
 def test_vehicles_in_lanes_meet_the_air_that_they_meet_alone(tmp_path):
     """Samples, layers and a field, each of its own seed: the same bits."""
     a_field(tmp_path)

@@ -57,6 +57,8 @@ def layered(layers: Layers, params: PlantParams) -> Air:
     steady = params.wind.steady
     along = math.hypot(steady.x, steady.y)
     field = layers.field
+    # of no mean wind there is no turbulence, and in still air nothing would carry it past
+    turbulence = layers.turbulence if layers.turbulence_w20_m_s > 0.0 else None
     made = air.still_air()
     constants = Constants(
         is_on=1.0,
@@ -69,7 +71,7 @@ def layered(layers: Layers, params: PlantParams) -> Air:
             exponent=layers.shear_exponent,
         ),
         turbulence=Turbulence(
-            kind=TURBULENCES.get(layers.turbulence or "", air.CALM),
+            kind=TURBULENCES.get(turbulence or "", air.CALM),
             w20=layers.turbulence_w20_m_s,
             seed=float(layers.seed),
             along_cos=steady.x / along if along else 1.0,
