@@ -128,10 +128,10 @@ def prepared(
             mission = with_law(mission, law)
         if airframe is not None:
             mission = with_airframe(mission, airframe)
+        for given in params:  # first: a setting may expect what they bring about
+            mission = with_parameter(mission, given)
         for setting in settings:
             mission = override(mission, setting)
-        for given in params:
-            mission = with_parameter(mission, given)
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")
         if rate_hz is not None:

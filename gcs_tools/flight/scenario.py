@@ -5,7 +5,7 @@ Both ways of flying start from here, so they cannot differ in what they fly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 
 from fcu.guard.gains import FLY, unstable
 from fcu.interface.airframe import AirframeFile
-from fcu.interface.faults import LINK, OF_AUTOPILOT, SPECS, Fault, fault
+from fcu.interface.faults import LINK, OF_AUTOPILOT, SPECS, Fault, Kind, fault
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
@@ -204,22 +204,22 @@ def scenario(mission: Mission) -> Scenario:
 
 def refuse_link_faults(mission: Mission) -> None:
     """Raise MissionError for a fault of the plant link, which a flight in process does not have."""
-    for i, each in enumerate(mission.plant.faults):
-        if SPECS[each.kind].kind in LINK:
-            raise MissionError(
-                f"{mission.source}: [plant] faults[{i}]: {each.kind} is a fault of the plant link, which a"
-                " flight in process does not have: fly it over the wire (gcs fly without --in-process)"
-            )
+    _refuse_faults(
+        mission, LINK, "is a fault of the plant link, which a flight in process does not have: fly it over"
+        " the wire (gcs fly without --in-process)",
+    )  # fmt: skip
 
 
 def refuse_faults_of_autopilot(mission: Mission) -> None:
     """Raise MissionError for a fault that an autopilot answers for, which a law alone does not have."""
+    why = 'is answered by an autopilot, which a law alone does not have: fly = "vehicle"'
+    _refuse_faults(mission, OF_AUTOPILOT, why)
+
+
+def _refuse_faults(mission: Mission, kinds: Container[Kind], why: str) -> None:
     for i, each in enumerate(mission.plant.faults):
-        if SPECS[each.kind].kind in OF_AUTOPILOT:
-            raise MissionError(
-                f"{mission.source}: [plant] faults[{i}]: {each.kind} is answered by an autopilot, which a"
-                ' law alone does not have: fly = "vehicle"'
-            )
+        if SPECS[each.kind].kind in kinds:
+            raise MissionError(f"{mission.source}: [plant] faults[{i}]: {each.kind} {why}")
 
 
 def _of_a_script(mission: Mission) -> dict[str, Any]:
