@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -77,5 +78,6 @@ def pack(file: Path, out: Path, as_json: bool) -> None:
     except FieldError as error:
         raise Failure(error, USAGE) from error
     except OSError as error:
+        shutil.rmtree(out, ignore_errors=True)  # a part of a field is none
         raise Failure(f"{out}: {error.strerror}", USAGE) from error
     _told(summary(field, {"kind": grid.kind, "notes": grid.notes, **grid.about}), as_json)

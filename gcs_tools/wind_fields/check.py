@@ -16,7 +16,7 @@ def _step(axis: Any) -> str:
     if not len(steps):
         return "one place"
     low, high = steps.min(), steps.max()
-    return f"{low:.3g} m" if high - low < 1e-6 * high else f"{low:.3g} to {high:.3g} m"
+    return f"{low:.4g} m" if high - low < 1e-6 * high else f"{low:.4g} to {high:.4g} m"
 
 
 def divergence(field: Field) -> float:
