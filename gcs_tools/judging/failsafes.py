@@ -11,7 +11,7 @@ from fcu.interface.status_texts import Code
 from fcu.vehicle.conditions import ROWS, Action, Always, Condition
 from gcs_tools.judging.expectations import FAILSAFE, FENCE_BREACHED, MODE, Expectation
 
-_HALF_US = 0.5e-6  # s: ticks fall on whole microseconds
+HALF_US = 0.5e-6  # s: ticks fall on whole microseconds
 NO_FAILSAFE = "none"
 STOPPED = "rotors stopped"
 _VEHICLE = "fcu"  # the process that tells it
@@ -111,8 +111,8 @@ def _judge_failsafe(wanted: Mapping[str, Any], acted: tuple[Failsafe, ...]) -> E
     if not acted:
         return Expectation(FAILSAFE, name, NO_FAILSAFE, name == NO_FAILSAFE, text)
     first, rest = acted[0], acted[1:]
-    in_time = (t_from is None or first.time_s >= t_from - _HALF_US) and (
-        t_to is None or first.time_s <= t_to + _HALF_US
+    in_time = (t_from is None or first.time_s >= t_from - HALF_US) and (
+        t_to is None or first.time_s <= t_to + HALF_US
     )
     met = first.name == name and in_time
     why = None if met or not rest else f"after it acted {', '.join(map(str, rest))}"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gcs_tools.judging.expectations import FAULTS, Expectation
+from gcs_tools.judging.failsafes import HALF_US
 from gcs_tools.missions.tables import PlantFault
 
 _SHOWN = 3  # faults that the verdict names
-_HALF_US = 0.5e-6  # s: ticks fall on whole microseconds
 
 
 def in_words(fault: PlantFault) -> str:
@@ -22,7 +22,7 @@ def judge_faults(faults: Sequence[PlantFault], last_s: float) -> list[Expectatio
     """Judge the faults of a flight whose last tick was at a simulation time (s). None: nothing is judged."""
     if not faults:
         return []
-    late = [each for each in faults if each.at_s > last_s + _HALF_US]
+    late = [each for each in faults if each.at_s > last_s + HALF_US]
     shown = ", ".join(map(in_words, faults[:_SHOWN]))
     shown += f" and {len(faults) - _SHOWN} more" if len(faults) > _SHOWN else ""
     why = None

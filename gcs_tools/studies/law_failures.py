@@ -19,7 +19,7 @@ import click
 import numpy as np
 
 from fcu.interface.status_texts import Code
-from fcu.kernel.rows import column_of, slice_of
+from fcu.kernel.rows import slice_of
 from fcu.laws.face import SharedTick
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import Scenario, scenario
@@ -31,7 +31,7 @@ from sitl_plant.physics.types import PlantRecord
 MISSIONS = ("urban_step", "gust_step", "paper_nominal")
 MOMENTS, LATEST = 300, 0.75  # of the flight's ticks: until there the law fails
 _R = slice_of(PlantRecord, "state.r_E")
-_COMMAND, _ENGAGED = slice_of(SharedTick, "command"), column_of(SharedTick, "engaged")
+_COMMAND = slice_of(SharedTick, "command")
 
 
 class Poisoned(MemoryFlight):
