@@ -12,7 +12,7 @@ from fcu.kernel.compile import kept
 # kernels done, of about how many, and for how long so far (wall, s)
 Compiled = Callable[[int, int, float], None]
 
-ABOUT = 350  # kernels of a flight of M-MRAC with its guard; other laws have fewer
+ABOUT = 400  # kernels of a flight of M-MRAC with its guard; other laws have fewer
 LOOK_S = 0.25  # wall: between two looks
 
 

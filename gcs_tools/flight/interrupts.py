@@ -56,9 +56,13 @@ class Interrupts:
     def at_once(self) -> Iterator[None]:
         """Within a block in which signals wait: raise them at once, for what takes long (compiling).
 
-        One that was lost on its way, as in code that clears all errors, is raised at the end.
+        One that was lost on its way, as in code that clears all errors, is raised when the next kernel
+        is compiled, or at the end.
         """
+        from fcu.kernel import cache
+
         depth, self._depth = self._depth, 0
+        cache.watchers.append(self.look)
         try:
             self.look()
             yield
@@ -66,6 +70,7 @@ class Interrupts:
             self._is_told = True
             raise
         finally:
+            cache.watchers.remove(self.look)
             self._depth = depth
         self.look()
 

@@ -1,9 +1,11 @@
 """Signals are heard where a flight can be left, and nowhere else."""
 
 import signal
+from contextlib import suppress
 
 import pytest
 
+from fcu.kernel import cache
 from gcs_tools.cli.plot import plot
 from gcs_tools.cli.program import main
 from gcs_tools.flight import interrupts as hearing
@@ -144,3 +146,18 @@ def test_an_interruption_of_which_other_code_made_an_error_is_one(monkeypatch, c
     else:
         with pytest.raises(ValueError, match="bounding box"):
             main._code(args=["plot", "x.mcap"])
+
+
+def test_one_that_the_compiler_has_lost_is_raised_at_the_next_kernel():
+    def compiling():
+        with interrupts_wait() as interrupts, interrupts.at_once():
+            with suppress(KeyboardInterrupt):  # as in a callback of the compiler
+                signal.raise_signal(signal.SIGTERM)
+            for watcher in cache.watchers:
+                watcher()
+            pytest.fail("the next kernel was compiled")
+
+    before = list(cache.watchers)
+    with pytest.raises(KeyboardInterrupt):
+        compiling()
+    assert cache.watchers == before
