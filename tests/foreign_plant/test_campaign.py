@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tests.foreign_plant import campaign
+from gcs_tools.gusts.ends import End
+from gcs_tools.gusts.worst_wind import Worst
+from tests.foreign_plant import campaign, computed_winds
 from tests.foreign_plant.fly import compile_plant
 
 BELIEFS = dict.fromkeys(campaign.AIRFRAMES, (8.0, 12.0))
@@ -19,6 +22,36 @@ def test_a_number_of_a_seed_is_one_flight() -> None:
     assert {each["mode"] for each in made} == set(campaign.MODES)
     assert {each["airframe"] for each in made} == set(campaign.AIRFRAMES)
     assert max(each["wind_m_s"] for each in made) == 8.0
+
+
+def test_every_second_flight_takes_a_computed_wind_and_the_vehicle_that_it_is_worst_for() -> None:
+    vehicle = {"mass_kg": 1.4, "inertia_kg_m2": [0.1] * 3, "drag": [0.05, 0.05, 0.0], "lag_s": 0.04}
+    winds = [
+        computed_winds.Computed("hexa", "govern", manoeuvre, "torque", 1.0, vehicle, [[0.0] * 4, [1.0] * 4])
+        for manoeuvre in ("hover", "turn")
+    ]  # fmt: skip
+    made = [campaign.drawn(3, number, BELIEFS, winds) for number in range(400)]
+    plain = [campaign.drawn(3, number, BELIEFS) for number in range(400)]
+    taken = [each for each in made if each["wind"] == "series"]
+    assert {(each["airframe"], each["mode"]) for each in taken} == {
+        ("hexa", "hold"),
+        ("hexa", "orbit"),
+    }
+    assert {tuple(each["of"]) for each in taken} == {("hover", "torque"), ("turn", "torque")}
+    assert all(each["number"] % 2 and each["drag"] == vehicle["drag"] for each in taken)
+    assert [a for a, b in zip(made, plain, strict=True) if a["wind"] != "series"] == [
+        b for a, b in zip(made, plain, strict=True) if a["wind"] != "series"
+    ]
+
+
+def test_a_computed_wind_is_told_in_the_axes_of_the_link() -> None:
+    rows = [[1.0, 9.0, 9.0, 9.0], [3.0, 1.0, 2.0, 3.0], [7.0, 4.0, 5.0, 6.0], [8.0, 9.0, 9.0, 9.0]]
+    end = End(mass_kg=1.0, inertia_kg_m2=(1.0,), drag=(0.1,), rotor_lag_s=0.05)
+    worst = Worst(
+        limit="torque", part=1, from_s=0.0, to_s=9.0, at_s=6.8, still_n=1.0, drawn_n=1.0, begun_n=1.0, begun="still",
+        computed_n=1.0, end=end, rounds=1, saturated=False, samples=np.array(rows),
+    )  # fmt: skip
+    assert computed_winds.of_worst(worst) == [[3.0, 2.0, 1.0, -3.0], [7.0, 5.0, 4.0, -6.0]]
 
 
 def test_what_is_believed_is_asked_of_the_command_line() -> None:

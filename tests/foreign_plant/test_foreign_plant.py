@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -106,6 +107,33 @@ def test_a_simulator_of_another_number_of_rotors_ends_the_controller(
     vehicle = vehicle_lines(AIRFRAME) + "rotor 0.1 0 1 1e-5 900\nrotor -0.1 0 -1 1e-5 900\n"
     with claimed_instance() as instance, pytest.raises(RuntimeError, match="fcu ended with 3"):
         Flight(program, str(AIRFRAME), vehicle, tmp_path, instance)
+
+
+def test_samples_of_wind_blow_again_and_again(begin: Callable[..., Flight], tmp_path: Path) -> None:
+    """Turned by the axis: North becomes East."""
+    (tmp_path / "wind.txt").write_text("0 0 0 0\n1 2 0 -1\n2 0 0 0\n")
+    options = {"wind": "series", "wind-series": tmp_path / "wind.txt", "wind-axis": 90}
+    flight = begin(**options, **{"wind-max": 9.0})
+    for t, blows in ((0.5, 0.5), (1.0, 1.0), (2.5, 0.5), (3.0, 1.0)):
+        flight.go(round(t - flight.t, 6))
+        assert flight.truth["wind"] == pytest.approx([0.0, 2.0 * blows, -blows], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [("0 0 0 0\n", "two are needed"), ("0 0 0 0\n0 1 1 1\n", "line 2"), ("0 0 0 0\n1 0 x 0\n", "line 2")],
+)  # fmt: skip
+def test_samples_of_wind_that_are_none_are_refused_with_their_line(
+    program: Path, tmp_path: Path, text: str, why: str
+) -> None:
+    (tmp_path / "wind.txt").write_text(text)
+    (tmp_path / "quad.txt").write_text(vehicle_lines(AIRFRAME))
+    words = ["--vehicle", tmp_path / "quad.txt", "--wind", "series", "--wind-max", "1"]
+    done = subprocess.run(
+        [program, *words, "--wind-series", tmp_path / "wind.txt"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert why in done.stderr
 
 
 def test_a_compiler_that_is_missing_is_named(
