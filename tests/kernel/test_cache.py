@@ -297,7 +297,7 @@ def test_a_warm_start_imports_little_of_numba(tmp_path: Path) -> None:
 def test_a_flight_from_damaged_code_is_the_same(tmp_path: Path) -> None:
     kept = Path(compile._folders["fcu"].path)
     copied = tmp_path / "cache" / "m-mrac" / kept.name
-    kernels = ("field.phases", "rotations.from_euler", "frames.yaw_enu_ned")
+    kernels = ("sines.phases", "rotations.from_euler", "frames.yaw_enu_ned")
 
     def flown(out: str, cache_home: str | None) -> tuple[str, int]:
         """The hash of the trajectory, and of how many damaged files was told."""
