@@ -520,14 +520,15 @@ def anchored(mission: Mission) -> dict[str, Any]:
     folder = mission.folder.absolute()
 
     def anchor(table: Any, name: str, suffix: str) -> None:
-        if isinstance(table, dict) and str(table.get(name, "")).endswith(suffix):
+        if isinstance(table, dict) and name in table and str(table[name]).endswith(suffix):
             table[name] = str(folder / table[name])
 
     anchor(given, "airframe", ".toml")
     anchor(given.get("law"), "module", ".py")
-    for item in given.get("flight", {}).get("items", ()):
-        if "file" in item:
-            anchor(item, "file", "")
+    wind, flight = given.get("wind", {}), given.get("flight", {})
+    for table in (wind, wind.get("field"), *flight.get("items", ())):
+        anchor(table, "file", "")
+    anchor(flight, "plan", "")
     return dict(given)
 
 
