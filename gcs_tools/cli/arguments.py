@@ -28,7 +28,7 @@ ALLOW_COMMANDS = click.option("--allow-commands", is_flag=True, help="Run the co
 FORMATS = (".png", ".svg", ".pdf")
 
 
-def _drawable(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
+def drawable(_context: click.Context, _option: click.Parameter, path: Path | None) -> Path | None:
     """A callback: a file that a figure may be drawn in. Raises BadParameter."""
     if path is not None and path.suffix.lower() not in FORMATS:
         raise click.BadParameter(f"{path}: ends in none of {', '.join(FORMATS)}")
@@ -37,7 +37,7 @@ def _drawable(_context: click.Context, _option: click.Parameter, path: Path | No
     return path
 
 
-FIGURE = click.option("--figure", type=click.Path(path_type=Path), callback=_drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
+FIGURE = click.option("--figure", type=click.Path(path_type=Path), callback=drawable, metavar="FILE", help="Draw a figure: .png, .svg or .pdf.")  # fmt: skip
 ZENOH = click.option(
     "--zenoh", type=click.Path(path_type=Path), metavar="CONFIG.json5",
     help="Zenoh configuration (docs/zenoh); default: loopback, no router.",

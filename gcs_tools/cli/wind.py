@@ -5,12 +5,39 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure
 from gcs_tools.exit_codes import USAGE
+
+if TYPE_CHECKING:
+    from sitl_plant.physics.wind.field import Field
+
+FIELD = click.argument(
+    "file", metavar="FIELD", type=click.Path(path_type=Path, exists=True)
+)  # as a tool wrote it, or packed
+ALONG = click.option(
+    "--along", type=click.Path(path_type=Path, exists=True), callback=arguments.recording, metavar="RUN",
+    help="A flight (a run folder or flight.mcap): what it meets in the field, whatever it flew in.",
+)  # fmt: skip
+ORIGIN = click.option(
+    "--origin", type=float, nargs=3, metavar="X Y Z",
+    help="Where in the field the flight's origin lies, m; default: as the flight's mission says.",
+)  # fmt: skip
+START_S = "wind.field.start_s"
+SCALE = "wind.field.scale"
+PLACE = "wind.field.origin_m"
+
+
+class Way(NamedTuple):
+    """A flight's places in a field."""
+
+    t: Any  # s, (n,), of the field
+    r: Any  # m, (n, 3), of the field
+    scale: float  # of the field's velocities
 
 
 @click.group()
@@ -28,15 +55,8 @@ def _told(out: dict[str, Any], as_json: bool) -> None:
             click.echo(f"{key if i == 0 else '':14}{line}")
 
 
-@wind.command()
-@click.argument("file", metavar="FIELD", type=click.Path(path_type=Path, exists=True))
-@click.option("--json", "as_json", is_flag=True, help="Write JSON.")
-def check(file: Path, as_json: bool) -> None:
-    """Tell what a FIELD is: a file of PALM, QES-Winds, RotorS or CSV, or a packed field.
-
-    Exit codes: 0 it can be flown, 2 it cannot be read.
-    """
-    from gcs_tools.wind_fields.check import summary
+def _opened(file: Path) -> tuple[Field, dict[str, Any]]:
+    """A field, and what is known of it. Raises Failure."""
     from gcs_tools.wind_fields.files import read
     from gcs_tools.wind_fields.grid import packable
     from sitl_plant.physics.wind.packed_field import FieldError, is_packed, opened
@@ -44,14 +64,113 @@ def check(file: Path, as_json: bool) -> None:
     try:
         if is_packed(file):
             packed = opened(file)
-            field, about = packed.field, packed.about
-        else:
-            grid = read(file)
-            field = packable(grid)
-            about = {"kind": grid.kind, "notes": grid.notes, **grid.about}
+            return packed.field, packed.about
+        grid = read(file)
+        return packable(grid), {"kind": grid.kind, "notes": grid.notes, **grid.about}
     except FieldError as error:
         raise Failure(error, USAGE) from error
-    _told(summary(field, about), as_json)
+
+
+def _way(run: Path, origin: tuple[float, float, float] | None) -> Way:
+    """The places of a flight in the field. Raises Failure, BadParameter."""
+    import numpy as np
+
+    from gcs_tools.recording.reader import VALUES, RecordingError, read
+
+    try:
+        found = read(run)
+    except RecordingError as error:
+        raise Failure(error, USAGE) from error
+    told = {
+        key: value["value"] if isinstance(value, dict) else value
+        for key, value in json.loads(found.metadata.get(VALUES, "{}")).items()
+    }
+    place = origin or told.get(PLACE)
+    if place is None:
+        raise click.BadParameter(
+            f"{run}: its mission flew in no field: say where its origin lies in this one (--origin X Y Z)",
+            param_hint="'--along'",
+        )
+    if len(found.plant) < 2:
+        raise Failure(f"{run}: it has no flight in it", USAGE)
+    r = np.asarray(found.plant["state.r_E"]) + np.asarray(place, dtype=np.float64)
+    t = np.asarray(found.plant["t"])
+    return Way(t + float(told.get(START_S, 0.0)), r, float(told.get(SCALE, 1.0)))
+
+
+@wind.command()
+@FIELD
+@ALONG
+@ORIGIN
+@click.option("--json", "as_json", is_flag=True, help="Write JSON.")
+def check(
+    file: Path, along: Path | None, origin: tuple[float, float, float] | None, as_json: bool
+) -> None:
+    """Tell what a FIELD is: a file of PALM, QES-Winds, RotorS or CSV, or a packed field.
+
+    With --along also which beliefs (guard_wind_m_s, guard_wind_rate_m_s2) a flight through it needs, with what the
+    grid of the field leaves out.
+
+    Exit codes: 0 it can be flown, 2 it, or the flight, cannot be read.
+    """
+    from gcs_tools.wind_fields.along import along as met
+    from gcs_tools.wind_fields.check import summary
+
+    field, about = _opened(file)
+    rows = summary(field, about)
+    if along is not None:
+        way = _way(along, origin)
+        found = met(field, way.t, way.r, way.scale)
+        rows["along"] = found.numbers() if as_json else found.lines()
+    _told(rows, as_json)
+
+
+@wind.command()
+@FIELD
+@ALONG
+@ORIGIN
+@click.option(
+    "--height",
+    type=float,
+    metavar="M",
+    help="Of the plan, m of the field; default: the flight's, or the highest roof's.",
+)
+@click.option("--at", "at_s", type=float, default=0.0, metavar="S", help="Time of the field.")
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    callback=arguments.drawable,
+    metavar="FILE",
+    help="Where to draw: .png, .svg or .pdf; default: wind-FIELD.png.",
+)
+def show(
+    file: Path, along: Path | None, origin: tuple[float, float, float] | None,
+    height: float | None, at_s: float, figure: Path | None,
+) -> None:  # fmt: skip
+    """Draw a plan and a section of a FIELD: speed, direction, buildings and a flight.
+
+    Exit codes: 0 drawn, 2 it, or the flight, cannot be read, or the figure cannot be written.
+    """
+    import numpy as np
+
+    from gcs_tools.pictures.plot import wind_field
+    from gcs_tools.wind_fields.cut import cuts
+
+    field, _ = _opened(file)
+    way = None if along is None else _way(along, origin)
+    path = np.zeros((0, 3)) if way is None else way.r
+    low, high = float(field.bounds[4]), float(field.bounds[5])
+    if height is not None and not low <= height <= high:
+        raise click.BadParameter(
+            f"{height:g} m is outside the field: {low:g} to {high:g} m", param_hint="'--height'"
+        )
+    at = figure or Path(f"wind-{file.resolve().stem}.png")
+    made = cuts(field, height, at_s, path, 1.0 if way is None else way.scale)
+    try:
+        wind_field.save(f"The wind of {file.resolve().name}", made, at)
+    except OSError as error:
+        raise Failure(f"{at}: {error.strerror}", USAGE) from error
+    click.echo(f"{at}  {made[0].title.lower()}; {made[1].title.lower()}")
 
 
 @wind.command()

@@ -1,0 +1,155 @@
+"""The field of wind of the missions `street_canyon` and `rooftop_inspection`: a street, made without fluid dynamics.
+
+Wind that would blow without buildings is changed as little as makes it free of divergence and lets none of it through
+a wall (Sherman, A mass-consistent model for wind fields over complex terrain, J. Appl. Meteor. 17, 1978: the least
+sum of squares). Between the buildings it begins as the exponential profile of a canopy (Macdonald, Modelling the mean
+velocity profile in the urban canopy layer, Boundary-Layer Meteorology 97, 2000), above it as a logarithm. It bends round corners and
+speeds up over roofs. It has neither wakes nor the vortex of a street: no momentum is conserved.
+
+    python -m gcs_tools.studies.street_field missions/street.field
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import spsolve
+
+from gcs_tools.wind_fields.grid import Grid, Part, pack
+
+Array = np.ndarray[Any, Any]
+
+CELL_M = 4.0
+CELLS = 60, 30, 15  # to East, to North, up
+WIND_M_S = 4.5, 2.6  # to East and North, 10 m above open ground: from west-southwest
+ROUGHNESS_M = 0.5  # of a suburb's ground
+# west, east, south and north wall, and the roof's height, m
+BUILDINGS = (
+    (24, 72, 12, 52, 16), (80, 116, 12, 52, 24), (124, 160, 12, 52, 20), (180, 216, 12, 52, 12),
+    (24, 56, 68, 108, 20), (64, 100, 68, 108, 28), (108, 160, 68, 108, 16), (180, 216, 68, 108, 24),
+)  # fmt: skip
+CANOPY_M = sum(roof for *_, roof in BUILDINGS) / len(BUILDINGS)
+# 9.6 times the frontal area for a lot's area (Macdonald, 2000)
+ATTENUATION = 9.6 * sum((b[3] - b[2]) * b[4] for b in BUILDINGS) / ((216 - 24) * (108 - 12))
+
+
+def solid_cells() -> Array:
+    """Cells that are building: bool[z, y, x]."""
+    solid = np.zeros(CELLS[::-1], dtype=bool)
+    for west, east, south, north, roof in BUILDINGS:
+        x, y, z = (
+            slice(int(a / CELL_M), int(b / CELL_M))
+            for a, b in ((west, east), (south, north), (0, roof))
+        )
+        solid[z, y, x] = True
+    return solid
+
+
+def speed_factor(z: Array, in_canopy: bool) -> Array:
+    """Speed at heights z (m) over the one at 10 m above open ground."""
+    over: Array = np.log(np.maximum(z, 2.0 * ROUGHNESS_M) / ROUGHNESS_M) / np.log(
+        10.0 / ROUGHNESS_M
+    )
+    if not in_canopy:
+        return over
+    at_roof = np.log(CANOPY_M / ROUGHNESS_M) / np.log(10.0 / ROUGHNESS_M)
+    below = at_roof * np.exp(ATTENUATION * (z / CANOPY_M - 1.0))
+    found: Array = over + (z < CANOPY_M) * (below - over)
+    return found
+
+
+def undisturbed(solid: Array) -> list[Array]:
+    """The wind (u, v, w on the faces of cells) that begins: none through walls."""
+    nz, ny, nx = solid.shape
+    z = (np.arange(nz) + 0.5) * CELL_M
+    west, east, south, north = (
+        f(b[i] for b in BUILDINGS) for i, f in enumerate((min, max, min, max))
+    )
+    made = []
+    for speed, shape, faces_x, faces_y in (
+        (WIND_M_S[0], (nz, ny, nx + 1), True, False), (WIND_M_S[1], (nz, ny + 1, nx), False, True),
+    ):  # fmt: skip
+        x = (np.arange(shape[2]) + (0.0 if faces_x else 0.5)) * CELL_M
+        y = (np.arange(shape[1]) + (0.0 if faces_y else 0.5)) * CELL_M
+        among = ((y >= south) & (y <= north))[:, None] & ((x >= west) & (x <= east))[None, :]
+        made.append(
+            speed * np.where(among, speed_factor(z, True)[:, None, None], speed_factor(z, False)[:, None, None])
+        )  # fmt: skip
+    return [*made, np.zeros((nz + 1, ny, nx))]
+
+
+def open_faces(solid: Array) -> list[Array]:
+    """Faces that air passes, of u, v and w: none of a building, nor the ground."""
+    found = []
+    for axis in (2, 1, 0):
+        cells = np.moveaxis(~solid, axis, -1)
+        inner = cells[..., 1:] & cells[..., :-1]
+        faces = np.concatenate((cells[..., :1], inner, cells[..., -1:]), axis=-1)
+        if axis == 0:
+            faces[..., 0] = False
+        found.append(np.moveaxis(faces, -1, axis))
+    return found
+
+
+def without_divergence(velocity: list[Array], faces: list[Array], solid: Array) -> list[Array]:
+    """The nearest wind that is free of divergence: v + grad p, with p = 0 beyond the open sides."""
+    shape = solid.shape
+    number = np.where(solid, -1, np.cumsum(~solid).reshape(shape) - 1)
+    count = int((~solid).sum())
+    v = [np.where(is_open, part, 0.0) for part, is_open in zip(velocity, faces, strict=True)]
+    divergence = np.zeros(shape)
+    for part, axis in zip(v, (2, 1, 0), strict=True):
+        divergence += np.diff(part, axis=axis)
+    rows, columns, values = [], [], []
+    diagonal = np.zeros(count)
+    for is_open, axis in zip(faces, (2, 1, 0), strict=True):
+        cells, passes = np.moveaxis(number, axis, -1), np.moveaxis(is_open, axis, -1)
+        a, b = cells[..., :-1][passes[..., 1:-1]], cells[..., 1:][passes[..., 1:-1]]
+        rows += [a, b]
+        columns += [b, a]
+        values += [np.ones(len(a))] * 2
+        for here in (a, b, cells[..., 0][passes[..., 0]], cells[..., -1][passes[..., -1]]):
+            np.add.at(diagonal, here, -1.0)
+    rows, columns, values = (
+        [*rows, np.arange(count)],
+        [*columns, np.arange(count)],
+        [*values, diagonal],
+    )
+    poisson = coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))))
+    p = np.zeros(shape)
+    p[~solid] = spsolve(poisson.tocsc(), -divergence[~solid])
+    found = []
+    for part, is_open, axis in zip(v, faces, (2, 1, 0), strict=True):
+        around = np.concatenate(
+            (np.zeros_like(np.take(p, [0], axis)), p, np.zeros_like(np.take(p, [0], axis))), axis
+        )
+        found.append(np.where(is_open, part + np.diff(around, axis=axis), 0.0))
+    return found
+
+
+def street() -> Grid:
+    """The field, as a file would have it."""
+    solid = solid_cells()
+    u, v, w = without_divergence(undisturbed(solid), open_faces(solid), solid)
+    nz, ny, nx = solid.shape
+    at = {n: (np.arange(n) + 0.5) * CELL_M for n in (nx, ny, nz)}
+    faces = {n: np.arange(n + 1) * CELL_M for n in (nx, ny, nz)}
+    parts = {
+        name: Part(*places, part[None].astype(np.float32))
+        for name, places, part in (
+            ("u", (faces[nx], at[ny], at[nz]), u), ("v", (at[nx], faces[ny], at[nz]), v), ("w", (at[nx], at[ny], faces[nz]), w),
+        )
+    }  # fmt: skip
+    notes = ["made by gcs_tools.studies.street_field: mass-consistent, without wakes"]
+    return Grid(
+        "gcs_tools.studies.street_field", "a street, mass-consistent", np.zeros(1), parts, solid,
+        (at[nx], at[ny], at[nz]), staggered=True, notes=notes,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    pack(street(), Path(sys.argv[1]))

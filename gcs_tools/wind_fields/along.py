@@ -1,0 +1,87 @@
+"""The wind that a flight meets in a field, the eddies that the grid leaves out, and beliefs that cover both."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gcs_tools.wind_fields.sample import velocity
+from sitl_plant.physics.wind.field import Field
+
+Array = np.ndarray[Any, Any]
+
+SMALLEST_M = 1.0  # eddies that are smaller even out over a vehicle
+CELLS = 2  # the smallest eddy that a grid has, in cells
+
+
+class FlightInField(NamedTuple):
+    """A flight as a field has it, with what is not in the field beside it."""
+
+    lasts_s: float
+    fastest_m_s: float  # of the vehicle, over ground
+    wind_m_s: float  # greatest speed of the air
+    rate_m_s2: float  # greatest change of the air that the vehicle meets
+    eddy_m: float  # smaller eddies are not in the field
+    unresolved_m_s: float  # their speed
+    unresolved_m_s2: float  # their change as the vehicle meets it
+
+    @property
+    def guard_wind_m_s(self) -> float:
+        """The belief of the wind that covers the flight."""
+        return self.wind_m_s + self.unresolved_m_s
+
+    @property
+    def guard_wind_rate_m_s2(self) -> float:
+        """The belief of the wind's rate that covers the flight."""
+        return self.rate_m_s2 + self.unresolved_m_s2
+
+    def lines(self) -> list[str]:
+        """For people."""
+        return [
+            f"the wind reaches {self.wind_m_s:.3g} m/s and changes by up to {self.rate_m_s2:.3g} m/s^2",
+            f"in {self.lasts_s:.3g} s at up to {self.fastest_m_s:.3g} m/s over ground",
+            f"eddies below {self.eddy_m:.3g} m are not in the field: by Kolmogorov's law of 2/3 they add",
+            f"{self.unresolved_m_s:.3g} m/s, and {self.unresolved_m_s2:.3g} m/s^2 down to {SMALLEST_M:g} m",
+            f"guard_wind_m_s {self.guard_wind_m_s:.3g} and guard_wind_rate_m_s2 {self.guard_wind_rate_m_s2:.3g} cover this flight",
+        ]  # fmt: skip
+
+    def numbers(self) -> dict[str, float]:
+        """For programs."""
+        return {
+            **self._asdict(),
+            "guard_wind_m_s": self.guard_wind_m_s,
+            "guard_wind_rate_m_s2": self.guard_wind_rate_m_s2,
+        }
+
+
+def along(field: Field, t: Array, r: Array, scale: float = 1.0) -> FlightInField:
+    """The wind that a flight meets.
+
+    t : s, (n,), rising, of the field.  r : m, (n, 3), of the field.  scale : of its velocities.
+
+    The grid has no eddy below two cells. Between points r apart, eddies make a difference of speed that grows
+    with the cube root of r (Kolmogorov, Dokl. Akad. Nauk SSSR 30, 1941). It is carried on from the greatest
+    difference over two cells about the flight, which counts the shear of the mean wind, too.
+    """
+    v_air = scale * velocity(field, r, t)
+    v = np.diff(r, axis=0) / np.diff(t)[:, None]
+    rate = np.linalg.norm(np.diff(v_air, axis=0), axis=1) / np.diff(t)
+    past = np.linalg.norm(v_air[1:] - v, axis=1).max()  # air that passes the vehicle
+    cells = [float(np.diff(a).mean()) for a in (field.u.x, field.v.y, field.w.z) if len(a) > 1]
+    eddy = CELLS * max(cells, default=SMALLEST_M)
+    change = 0.0
+    for i in range(3):
+        for sign in (-1.0, 1.0):
+            aside = r + sign * eddy * np.eye(3)[i]
+            change = max(change, float(np.linalg.norm(scale * velocity(field, aside, t) - v_air, axis=1).max()))  # fmt: skip
+    smaller = max(eddy / SMALLEST_M, 1.0)
+    return FlightInField(
+        lasts_s=float(t[-1] - t[0]),
+        fastest_m_s=float(np.linalg.norm(v, axis=1).max()),
+        wind_m_s=float(np.linalg.norm(v_air, axis=1).max()),
+        rate_m_s2=float(rate.max()),
+        eddy_m=eddy,
+        unresolved_m_s=change if smaller > 1.0 else 0.0,
+        unresolved_m_s2=change / eddy * smaller ** (2.0 / 3.0) * past if smaller > 1.0 else 0.0,
+    )

@@ -1,0 +1,131 @@
+"""The wind that a flight meets in a field, and pictures of fields: `gcs wind check --along`, `gcs wind show`."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gcs_tools.cli.wind import wind
+from gcs_tools.studies import street_field
+from gcs_tools.wind_fields import cut, sample
+from gcs_tools.wind_fields.along import along
+from gcs_tools.wind_fields.check import divergence
+from gcs_tools.wind_fields.grid import packable
+from sitl_plant.physics.wind import field as kernels
+from sitl_plant.physics.wind.field import Component, Field, frozen
+from sitl_plant.physics.wind.packed_field import opened, save
+from tests.wind.test_field import Vec3
+
+
+def sheared(times: int = 1) -> Field:
+    """0.5 m/s more to East with every metre north, and 2 m/s more with every second. A house of 8 m."""
+    x, y, z, t = (
+        np.linspace(0, 40, 11),
+        np.linspace(0, 80, 21),
+        np.linspace(0, 20, 6),
+        np.arange(times) * 1.0,
+    )
+    u = 0.5 * y[None, None, :, None] + 2.0 * t[:, None, None, None] + np.zeros((times, 6, 21, 11))
+    parts = [Component(*map(frozen, (x, y, z)), frozen(np.float32(v))) for v in (u, 0 * u, 0 * u)]
+    top = np.zeros((20, 10), dtype=np.float32)
+    top[:5, :5] = 8.0
+    bounds = frozen(np.array([0.0, 40.0, 0.0, 80.0, -1.0, 20.0]))
+    return Field(frozen(t), *parts, bounds, frozen(x), frozen(y), frozen(top))  # fmt: skip
+
+
+def test_tools_meet_the_air_that_the_vehicle_meets():
+    random = np.random.default_rng(5)
+    field = sheared(3)
+    noisy = [
+        part._replace(v=frozen(np.float32(random.normal(size=part.v.shape)))) for part in field[1:4]
+    ]
+    field = field._replace(u=noisy[0], v=noisy[1], w=noisy[2])
+    r = random.uniform((-5, -5, -5), (45, 85, 25), (200, 3))
+    t = random.uniform(-0.5, 3.0, 200)
+    found = sample.velocity(field, r, t)
+    for place, at, v in zip(r, t, found, strict=True):
+        k, f = kernels.time_in(field.t, at, False)
+        np.testing.assert_allclose(v, kernels.velocity(field, Vec3(*place), k, f), atol=1e-12)
+        assert sample.heights(field, *place[:2]) == kernels.height(field, *place[:2])
+
+
+def test_a_flight_meets_the_gradients_that_it_crosses_and_the_changes_in_time():
+    t = np.linspace(0.0, 2.0, 201)
+    r = np.stack([0 * t + 20.0, 30.0 + 4.0 * t, 0 * t + 10.0], axis=1)
+    steady, changing = along(sheared(), t, r), along(sheared(3), t, r)
+    assert steady.wind_m_s == pytest.approx(19.0)
+    assert steady.rate_m_s2 == pytest.approx(2.0)  # 0.5 1/s at 4 m/s
+    assert changing.rate_m_s2 == pytest.approx(4.0)  # and 2 m/s2
+    assert (steady.eddy_m, steady.fastest_m_s) == (8.0, pytest.approx(4.0))
+    assert steady.unresolved_m_s == pytest.approx(0.5 * 8.0)
+    assert steady.guard_wind_m_s == pytest.approx(19.0 + 4.0)
+    passing = np.hypot(19.0, 4.0)
+    assert steady.unresolved_m_s2 == pytest.approx(0.5 * 8.0 ** (2 / 3) * passing, rel=1e-3)
+    assert along(sheared(), t, r, scale=2.0).wind_m_s == pytest.approx(38.0)
+
+
+def test_cuts_go_where_a_flight_goes_and_show_its_buildings():
+    path = np.stack([np.linspace(2, 38, 50), np.full(50, 10.0), np.full(50, 4.0)], axis=1)
+    plan, section = cut.cuts(sheared(), None, 0.0, path)
+    assert plan.title == "Plan, 4 m up" and section.title == "Section, 10 m north"
+    assert np.isnan(plan.speed[(plan.b[:, None] < 19.9) & (plan.a[None, :] < 19.9)]).all()
+    assert np.isnan(section.speed[0, 0]) and not np.isnan(section.speed[-1]).any()
+    assert np.nanmax(plan.speed) == pytest.approx(40.0)
+    plan, section = cut.cuts(sheared(), 12.0, 0.0, np.zeros((0, 3)))
+    assert plan.title == "Plan, 12 m up" and section.title == "Section, 20 m east"
+    assert not np.isnan(plan.speed).any()
+
+
+def test_the_street_is_free_of_divergence_and_nothing_flows_through_walls():
+    made = packable(street_field.street())
+    assert divergence(made) < 1e-6
+    for west, east, south, north, roof in street_field.BUILDINGS:
+        inside = made.u.x, (made.u.x >= west) & (made.u.x <= east)
+        assert inside[1].any()
+        of = made.u.v[0][
+            np.ix_((made.u.z < roof), (made.u.y > south) & (made.u.y < north), inside[1])
+        ]
+        assert (of == 0.0).all()
+        of = made.w.v[0][
+            np.ix_(
+                (made.w.z <= roof),
+                (made.w.y > south) & (made.w.y < north),
+                (made.w.x > west) & (made.w.x < east),
+            )
+        ]
+        assert (of == 0.0).all()  # fmt: skip
+
+
+def test_the_shipped_street_is_what_its_study_makes():
+    from gcs_tools.missions.mission import folder
+
+    shipped, made = opened(folder() / "street.field").field, packable(street_field.street())
+    for name in "uvw":
+        np.testing.assert_allclose(getattr(shipped, name).v, getattr(made, name).v, atol=1e-4)
+    assert (shipped.top == made.top).all()
+
+
+def test_what_cannot_be_drawn_or_looked_along_is_refused_and_leaves_no_file(tmp_path):
+    save(tmp_path / "f", sheared(), {})
+    (tmp_path / "no.mcap").write_bytes(b"no recording")
+    run = CliRunner().invoke
+    for arguments, why in (
+        (["show", f"{tmp_path}/f", "--height", "30"], "30 m is outside the field: -1 to 20 m"),
+        (["show", f"{tmp_path}/f", "--figure", f"{tmp_path}/f.txt"], "ends in none of .png, .svg, .pdf"),
+        (["check", f"{tmp_path}/f", "--along", f"{tmp_path}/no.mcap"], "no.mcap"),
+        (["check", f"{tmp_path}/f", "--along", f"{tmp_path}/f"], "there is no flight.mcap in this folder"),
+        (["show", f"{tmp_path}/nowhere"], "does not exist"),
+    ):  # fmt: skip
+        done = run(wind, arguments, standalone_mode=True)
+        assert done.exit_code != 0, arguments
+        assert why in done.output + str(done.exception), arguments
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["f", "no.mcap"]
+    done = run(wind, ["show", f"{tmp_path}/f", "--figure", f"{tmp_path}/f.png"])
+    assert done.exit_code == 0 and (tmp_path / "f.png").read_bytes()[:4] == b"\x89PNG"
+    assert (
+        json.loads(run(wind, ["check", f"{tmp_path}/f", "--json"]).output)["buildings"]
+        == "up to 8 m"
+    )
