@@ -88,6 +88,7 @@ from gcs_tools.recording.reader import (
     AIRFRAME,
     AIRFRAME_FILE,
     AIRFRAME_SHA256,
+    BUILDINGS,
     CONTROLLER,
     LAW,
     LAW_SOURCES,
@@ -96,7 +97,9 @@ from gcs_tools.recording.reader import (
     flies_with,
 )
 from gcs_tools.recording.table import Rows, Table
+from gcs_tools.wind_fields.buildings import Box, boxes
 from sitl_plant.physics.truth import truth
+from sitl_plant.physics.wind.packed_field import opened
 
 ALWAYS, FAILED, NEVER = FIGURES = ("always", "failed", "never")
 FREE_S, FREE_LOOK_S = 120.0, 0.2  # wall: for an instance to be free, and between two looks for one
@@ -744,6 +747,7 @@ class _Run:
             AIRFRAME: mission.airframe.name,  # not where it is
             AIRFRAME_SHA256: mission.airframe.sha256,
             "believed_drag": str(list(mission.airframe.drag)),
+            **({BUILDINGS: json.dumps(found)} if (found := _buildings(self._scene)) else {}),
         }
 
 
@@ -761,8 +765,15 @@ def flies(
         "seed": mission.flight.seed,
         "rate_hz": scene.rate_hz,
         VALUES: _values(mission),
+        **({BUILDINGS: found} if (found := _buildings(scene)) else {}),
         "versions": versions(),
     }
+
+
+def _buildings(scene: Scenario) -> list[Box]:
+    """The buildings that a flight has about it."""
+    layer = None if scene.layers is None else scene.layers.field
+    return [] if layer is None else boxes(opened(Path(layer.path)).field, layer.origin_m)
 
 
 def _values(mission: Mission) -> dict[str, Any]:

@@ -28,6 +28,7 @@ SETPOINT: Colour = (213, 94, 0)
 AIR: Colour = (0, 110, 82)
 TRUE_AIR: Colour = (98, 196, 165)
 SHADE: Colour = (150, 156, 164)
+HOUSE: Colour = (232, 228, 221)
 TARGET_M = 0.9  # half width of the setpoint's mark
 ARROW_M = 0.22  # of arrow for 1 m/s of wind
 CALM = 0.2  # m/s below which no arrow is drawn
@@ -123,6 +124,7 @@ class Scene:
         scene.add_frame("/world/here/air", show_axes=False, position=(0.0, 0.0, 0.5))
         self._true_air = _Arrow(scene, "/world/here/air/true", "wind", TRUE_AIR, 1.6)
         self._air = _Arrow(scene, "/world/here/air/estimate", "estimate", AIR, 1.0)
+        self._draw_buildings()
         if whole:
             self._reference.points = segments(drawable(_reference(flight)))
 
@@ -147,6 +149,14 @@ class Scene:
         self._here.position = r_E
         self._true_air.show(flight.vector("v_air_E", now))
         self._air.show(flight.vector("wind.v_air_E", now))
+
+    def _draw_buildings(self) -> None:
+        """Draw the houses about the flight, from their feet up."""
+        for number, (west, east, south, north, foot, roof) in enumerate(self._flight.buildings):
+            self._scene.add_box(
+                f"/world/buildings/{number}", HOUSE, dimensions=(east - west, north - south, roof - foot),
+                position=(0.5 * (west + east), 0.5 * (south + north), 0.5 * (roof + foot)), opacity=0.85,
+            )  # fmt: skip
 
     def _ways(self, now: float, r_E: Rows) -> None:
         """The way flown up to `now`, a line down to the ground, and of a live flight its reference."""
