@@ -40,12 +40,8 @@ Reason = Callable[[str, float | None, float | None], str]
 Has = Callable[[str], bool]  # whether the law has one of PARTS
 
 GOOD_ENDINGS = ("time", "arrived")
-BAD_ENDINGS = (
-    "diverged",
-    "crashed",
-    "fell",
-    "refused",
-)  # after which nothing is asked for any more
+LOST_ENDINGS = ("diverged", "crashed", "fell")
+BAD_ENDINGS = (*LOST_ENDINGS, "refused")  # after which nothing is asked for any more
 NOT_FINITE = "nonfinite_samples"
 LAWS_WITH = "laws_with"
 NOT_APPLICABLE = "not applicable"

@@ -27,7 +27,7 @@ from fcu.interface.event_log import Event
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
-from gcs_tools.judging.expectations import ITEMS, REACHED, Expectation, judge_each
+from gcs_tools.judging.expectations import ITEMS, LOST_ENDINGS, REACHED, Expectation, judge_each
 from gcs_tools.judging.failsafes import Failsafe, VehicleTold, judge_vehicle, vehicle_told
 from gcs_tools.judging.fault_check import judge_faults
 from gcs_tools.judging.item_checks import (
@@ -168,7 +168,11 @@ class Judged(NamedTuple):
         )
         told_of = vehicle_told(said, sim_time)
         if whole:
-            stood = accepted(mission.flight, *told) if scripted else standing(wanted, told[0])
+            stood = (
+                accepted(mission.flight, *told)
+                if scripted
+                else standing(wanted, told[0], ended in LOST_ENDINGS)
+            )
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
                 () if scripted else changed(wanted, told[1]), good_endings(mission.flight), flight.law_has,

@@ -37,9 +37,17 @@ class Standing:
     place: Vec3  # m, E
     away_m: float  # the true vehicle, at the last tick of that time; infinite: no number
     grounded: str = ""  # `grounded`
+    was_cut: bool = (
+        False  # the flight ended badly before it had stood for SETTLE_S: nobody has judged it
+    )
 
     def __str__(self) -> str:
         """What a pilot has to know of one that was not reached."""
+        if self.was_cut:
+            return (
+                f"the setpoint of {self.since_s:g} s at {coordinates(self.place)} was not reached: "
+                f"the flight ended at {self.until_s:g} s"
+            )
         away = f"{self.away_m:.3g} m" if self.away_m < math.inf else "not at any finite distance"
         why = f", {self.grounded}," if self.grounded else ""
         return (
@@ -98,8 +106,11 @@ def _far(asked: object, flown: object) -> bool:
     return bool((np.abs(a - b) > _ROUNDED + _ROUNDED_PART * np.abs(a)).any())
 
 
-def standing(asked: Asked, plant: Table) -> list[Standing]:
-    """Each place of a mission that stood for SETTLE_S, or was to be held, in a flight of which `plant` is the truth."""
+def standing(asked: Asked, plant: Table, was_cut: bool = False) -> list[Standing]:
+    """Each place of a mission that stood for SETTLE_S, or was to be held, in a flight of which `plant` is the truth.
+
+    was_cut : the flight ended badly. Places that would have stood, had it gone on, are infinitely far then.
+    """
     found: list[Standing] = []
     t = plant["t"]
     if not len(t):
@@ -107,6 +118,10 @@ def standing(asked: Asked, plant: Table) -> list[Standing]:
     over_s = float(t[-1]) + 1.0 / asked.flight.rate_hz
     for since_s, ends_s, place, held in asked.places():
         until_s = min(ends_s, over_s)
+        wanted_s = min(ends_s, asked.flight.duration_s) - since_s
+        if was_cut and (held or wanted_s >= SETTLE_S) and until_s - since_s < SETTLE_S - _HALF_US:
+            found.append(Standing(since_s, round(over_s, 6), place, math.inf, was_cut=True))
+            continue
         if until_s - since_s < SETTLE_S - _HALF_US and not held:
             continue
         last = int(np.searchsorted(t, until_s - _HALF_US)) - 1

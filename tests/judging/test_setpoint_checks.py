@@ -174,3 +174,24 @@ def test_of_a_law_that_never_flew_nothing_was_changed() -> None:
     put(fcu, "engaged", 0.0)
     put(fcu, "setpoint.r_c.x", 7.0)
     assert changed(flight([0.0, 0, 0, 0]), fcu) == []
+
+
+def test_setpoints_that_a_lost_vehicle_never_came_to_are_missed() -> None:
+    """The first one was reached, and the vehicle crashed before the second had stood, and before the third."""
+    told = flight([0.0, 0, 0, 0], [7.0, 1, 0, 0], [13.0, 2, 0, 0])
+    plant, _ = rows(9.0)
+    assert len(standing(told, plant)) == 1
+    first, *cut = standing(told, plant, was_cut=True)
+    assert (first.away_m, first.was_cut) == (0.0, False)
+    assert [(each.since_s, each.until_s, each.away_m) for each in cut] == [
+        (7.0, 9.0, math.inf), (13.0, 9.0, math.inf),
+    ]  # fmt: skip
+    line = reached([first, *cut], 0.5, "crashed")
+    assert line.is_missed
+    assert "the flight ended at 9 s" in line.why
+    assert reached([first], 0.5, "crashed").is_missed is False
+
+
+def test_setpoints_too_short_to_count_are_not_missed_by_a_lost_vehicle() -> None:
+    told = flight([0.0, 0, 0, 0], [17.0, 1, 0, 0])
+    assert len(standing(told, rows(16.0)[0], was_cut=True)) == 1
