@@ -126,6 +126,8 @@ def is_in_range(of: Order, rotors: int) -> bool:
     if of.instance > (rotors if of.unit == Unit.MOTOR else 1):
         return False
     row = ROWS.get((of.unit, of.type))
+    if row is not None and row.kind is Kind.MOTOR_WEAK and of.much == 1.0:
+        return False  # it would change nothing
     return row is None or not of.much or row.least <= of.much <= row.most
 
 

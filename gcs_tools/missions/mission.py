@@ -467,6 +467,14 @@ def _checked(
                         f"{where}: [plant] {table}[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
                         f" rotors of {airframe.name}, got {loss.rotor}"
                     )
+        for i, each in enumerate(tables.plant.faults):
+            if (late := each.delay_s) is not None and round(late * tables.flight.rate_hz) == 0:
+                line = nearest(found, ("plant", "faults", i, "delay_s"))
+                where = source if line is None else f"{source}:{line}"
+                raise MissionError(
+                    f"{where}: [plant] faults[{i}].delay_s: a delay of {late:g} s changes nothing: expected a"
+                    f" tick or more ({1.0 / tables.flight.rate_hz:g} s)"
+                )
         parameters = chosen(tables.vehicle.params, flown, airframe.tables)
         if tables.expect.fence_breached is not None:  # type: ignore[attr-defined]
             _check_fence(parameters, tables.flight, source, found)

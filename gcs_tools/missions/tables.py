@@ -335,6 +335,25 @@ class Noise(Table):
 FAULT_KEYS = tuple(dict.fromkeys(key for spec in SPECS.values() for key in spec.keys))
 
 
+# values with which a fault changes nothing, and what to give in their place
+_NOTHING = {
+    "effectiveness": 1.0,
+    "remaining": 1.0,
+    "delay_s": 0.0,
+    "drain_a": 0.0,
+    "share": 0.0,
+    "late_s": 0.0,
+}
+_SOMETHING = {
+    "effectiveness": "give less than 1",
+    "remaining": "give less than 1",
+    "delay_s": "give a tick or more",
+    "drain_a": "give a current above 0 A",
+    "share": "give more than 0",
+    "late_s": "give more than 0 s",
+}
+
+
 class PlantFault(Table):
     """One fault to order: what breaks, when, for how long and by how much (docs/missions.md)."""
 
@@ -365,6 +384,11 @@ class PlantFault(Table):
                 raise because((key,), f"no key of {self.kind}: it is one of {of}")
             if not given and key in wanted and key != "rotor":
                 raise because((key,), f"expected a value: {self.kind} needs it")
+        for key, nothing in _NOTHING.items():
+            if (given := getattr(self, key)) is not None and given == nothing:
+                raise because((key,), f"{self.kind} of {given} changes nothing: {_SOMETHING[key]}")
+        if self.jump_m is not None and not any(self.jump_m):
+            raise because(("jump_m",), "a jump of 0 m changes nothing: give a distance")
         if self.noise is not None and not any(self.noise.model_dump().values()):
             raise because(("noise",), "of no noise nothing is seen: give an amount")
         return self

@@ -57,7 +57,7 @@ PLANT = {
             "noise": {"position_m": 0.01, "velocity_m_s": 0.0, "attitude_deg": 0.1, "rate_rad_s": 0.0},
         },
         {"kind": "state_delayed", "at_s": 0.01, "delay_s": 0.004},
-        {"kind": "state_jumps", "at_s": 0.01, "jump_m": ZERO},
+        {"kind": "state_jumps", "at_s": 0.01, "jump_m": [1.0, 0.0, 0.0]},
         {"kind": "battery_drain", "at_s": 0.01, "drain_a": 10.0},
         {"kind": "battery_level", "at_s": 0.01, "remaining": 0.5},
     ],
