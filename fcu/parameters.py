@@ -31,17 +31,19 @@ from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
 from fcu.interface.status_texts import ROOM
-from fcu.laws import loader
+from fcu.laws import loader, rotor_loss
 from fcu.laws.face import Pace
 from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import Params
-from fcu.laws.scales import hover_thrust
+from fcu.laws.rotor_loss import Fate
+from fcu.laws.scales import G, hover_thrust
 from fcu.process.configuration import read_airframe
 from fcu.process.settings import Settings
 
 __all__ = [
     "VEHICLE",
     "Entry",
+    "Fate",
     "GivenError",
     "Parameters",
     "ParamsFileError",
@@ -157,6 +159,10 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "FD_FAIL_P_TTRI", 0.3, 0.02, 5.0, "s", "for so long the pitch is beyond FD_FAIL_P"),
         P("", "COM_LKDOWN_TKO", 3.0, -1.0, 5.0, "s", "time since arming in which a lost attitude disarms"),
         P("", "CBRK_FLIGHTTERM", 121212.0, 0.0, 121212.0, "", "0: a lost attitude or state terminates the flight; 121212: warns", values=(0.0, 121212.0), integer=True),
+        P("", "CA_FAILURE_MODE", 0.0, 0.0, 1.0, "", "a rotor that is lost: 0 gets its share of the work as before, 1 gets none", values=(0.0, 1.0), integer=True),
+        P("", "COM_ACT_FAIL_ACT", 0.0, 0.0, 4.0, "", "a rotor is lost: 0 warn, 1 hold, 2 land, 3 return, 4 terminate", values=(0.0, 1.0, 2.0, 3.0, 4.0), integer=True),
+        P("", "FD_ACT_MOT_THR", 0.2, 0.0, 1.0, "", "wanted speed over full speed above which a rotor may be found lost"),
+        P("", "FD_ACT_MOT_TOUT", 100.0, 10.0, 10000.0, "ms", "for so long it has less than half of the speed", integer=True),
         P("", "MR_LAW_ACT", 1.0, 0.0, 1.0, "", "the law fails: 0 the flight ends, 1 px4 flies on (chosen at the start)", values=(0.0, 1.0), integer=True, at_start=True),
         P("", "MR_GUARD_ACT", 0.0, 0.0, 2.0, "", "beliefs of the guard contradicted in flight: 0 warn, 1 hold, 2 land", values=(0.0, 1.0, 2.0), integer=True),
     ),
@@ -168,6 +174,7 @@ VEHICLE: tuple[Parameter, ...] = (
     *group(
         "Battery",
         P("", "COM_LOW_BAT_ACT", 0.0, 0.0, 3.0, "", "low in flight: 0 warn, 2 land if critical, 3 return, land in an emergency", values=(0.0, 2.0, 3.0), integer=True),
+        P("", "COM_FLTT_LOW_ACT", 0.0, 0.0, 3.0, "", "the charge does not last for the way home: 0 nothing, 1 warn, 3 return", values=(0.0, 1.0, 3.0), integer=True),
         P("", "BAT_EMERGEN_THR", 0.05, 0.0, 1.0, "", "charge at which it is an emergency", below="BAT_CRIT_THR"),
         P("", "BAT_CRIT_THR", 0.07, 0.0, 1.0, "", "charge at which it is critical", below="BAT_LOW_THR"),
         P("", "BAT_LOW_THR", 0.15, 0.0, 1.0, "", "charge at which the battery is low"),
@@ -426,7 +433,9 @@ class Parameters:
         self._start = settings
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
-        self.settings = settings  # in force
+        self._chosen = settings  # as they were chosen
+        self._lost: frozenset[int] = frozenset()  # rotors that the law gives no work
+        self.settings = settings  # in force: of what is left of the vehicle
         self.followers: WeakSet[Follower] = WeakSet()  # told of every change
         # what starts unstable, or unable to hover, may fly on, for a study
         self._stable, self._able = not self._unstable(settings), not self._grounded(settings)
@@ -505,6 +514,34 @@ class Parameters:
     def reset(self) -> None:
         """Every parameter as it was at the start, after the file was read."""
         self._adopt(self._at_start)
+
+    # --- rotors that are lost
+
+    def lose(self, rotors: Iterable[int]) -> Fate:
+        """Have the law share its work among the rotors that are not lost. Returns what they can do.
+
+        rotors : numbers of all that are lost, from 1. Where the others do not hold roll and pitch the
+        law goes on as it was.
+        """
+        self._lost = frozenset(rotors)
+        fate, self.settings = self.of_what_is_left(self._module, self._chosen)
+        return fate
+
+    def of_what_is_left(self, module: Any, settings: Any) -> tuple[Fate, Any]:
+        """The Fate of the vehicle without the lost rotors, and settings of a law for it.
+
+        module : the law's `fcu.process.settings`, of which `settings` are.
+        """
+        if not self._lost:
+            return Fate.FLIES, settings
+        law, heaviest = settings.law, G * float(self._tables["vehicle"]["mass_kg"][1])
+        fate, rotors, limits = rotor_loss.without(
+            law.rotors, law.limits, self._lost, self.weight, heaviest
+        )
+        if fate is Fate.FALLS:
+            return fate, settings
+        law = law._replace(rotors=rotors, limits=limits)
+        return fate, module.derived(settings._replace(law=law))
 
     # --- what is in force
 
@@ -591,7 +628,8 @@ class Parameters:
                 raise Unstable(OUT_OF_RANGE, refused + why, brief(*short))
             if settings is not self._start:  # which was worked out as it was handed over
                 settings = self._module.derived(settings)
-            self.settings, self._stable, self._able = settings, not channel, not why
+            self._chosen, self._stable, self._able = settings, not channel, not why
+            self.settings = self.of_what_is_left(self._module, settings)[1]
         self._changed, self._values = changed, values
         for follower in self.followers:
             follower.parameters_changed()

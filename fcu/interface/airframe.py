@@ -213,17 +213,28 @@ def _check_axes(of: Airframe, source: str) -> None:
     )
 
 
+def even_hover(
+    effect: np.ndarray[Any, np.dtype[np.float64]], full: np.ndarray[Any, np.dtype[np.float64]]
+) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """float64[n]: the rotors' thrusts (N) in a hover of one newton without torque, or the nearest to it.
+
+    effect : float64[4, n], as `effect` gives it.  full : float64[n], full thrusts, N. Where the choice is
+    free, the loads (thrust over full thrust) are as equal as they can be.
+    """
+    loads = effect * full  # of a load of 1 each
+    even = np.full(len(full), 1.0 / full.sum())
+    lacking = np.array([1.0, 0.0, 0.0, 0.0]) - loads @ even
+    thrusts: np.ndarray[Any, np.dtype[np.float64]] = full * (even + np.linalg.pinv(loads) @ lacking)
+    return thrusts
+
+
 def shares(of: Airframe, source: str = "airframe") -> Rotors:
     """Each rotor's share of a hover without torque, over the greatest share; 0 of an absent rotor.
 
     Exactly 1 of every rotor of a symmetric vehicle. Where the choice is free, the loads (thrust over
     full thrust) are as equal as they can be. Raises AirframeError if a rotor would have to pull down.
     """
-    full = np.array(of.c_T)[: of.n] * np.array(of.Omega_max)[: of.n] ** 2
-    loads = effect(of) * full  # of a load of 1 each
-    even = np.full(of.n, 1.0 / full.sum())
-    lacking = np.array([1.0, 0.0, 0.0, 0.0]) - loads @ even
-    each = full * (even + np.linalg.pinv(loads) @ lacking)
+    each = even_hover(effect(of), np.array(of.c_T)[: of.n] * np.array(of.Omega_max)[: of.n] ** 2)
     share = each / each.max()
     if share.min() < LEAST_SHARE:
         raise AirframeError(

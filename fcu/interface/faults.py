@@ -39,6 +39,7 @@ class Kind(IntEnum):
     LINK_DOUBLED = 11
     LINK_REORDERED = 12
     LINK_LATE = 13
+    GROUND_LOST = 14
 
 
 class Size(NamedTuple):
@@ -103,12 +104,13 @@ SPECS: dict[str, Spec] = {
     "link_late": Spec(
         Kind.LINK_LATE, ("share", "late_s"), "this share of the states comes later, in wall time"
     ),
+    "ground_lost": Spec(Kind.GROUND_LOST, (), "the vehicle hears no setpoint of the mission"),
 }  # fmt: skip
 LINK = frozenset({Kind.LINK_LOST, Kind.LINK_DOUBLED, Kind.LINK_REORDERED, Kind.LINK_LATE})
 NAMES = {spec.kind: name for name, spec in SPECS.items()}
 
 # Faults that an autopilot answers for: what a law alone, without one, cannot fly.
-OF_AUTOPILOT = frozenset({Kind.STATE_OFF, Kind.BATTERY_DRAIN, Kind.BATTERY_LEVEL})
+OF_AUTOPILOT = frozenset({Kind.STATE_OFF, Kind.BATTERY_DRAIN, Kind.BATTERY_LEVEL, Kind.GROUND_LOST})
 
 
 class FaultsError(ValueError):
@@ -162,7 +164,9 @@ def load(path: Path) -> tuple[Fault, ...]:
             if not all(isinstance(v, int | float) and math.isfinite(v) for v in row.values()):
                 raise ValueError(f"fault {i}: expected finite numbers")
             if row["kind"] not in set(Kind) or row["rotor"] not in range(9):
-                raise ValueError(f"fault {i}: expected a kind from 0 to 13 and a rotor from 0 to 8")
+                raise ValueError(
+                    f"fault {i}: expected a kind from 0 to {max(Kind)} and a rotor from 0 to 8"
+                )
         return tuple(from_buffer(Fault, list(row.values())) for row in rows)
     except OSError as error:
         raise FaultsError(f"{path}: {error.strerror}") from error

@@ -110,7 +110,7 @@ def believed_rotors(
         B_x=B_x,
         B_y=B_y,
         B_z=B_z,
-        pairs=outermost_pairs(believed),
+        pairs=outermost_pairs(believed.x, believed.y, believed.spin, range(n)),
     )
 
 

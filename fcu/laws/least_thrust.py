@@ -12,11 +12,11 @@ opposite: of an S1000 it needs 1.7 times that thrust, of a quadrotor the same.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface.airframe import Airframe
 from fcu.kernel.algebra import Rotors, maximum, minimum, select, total
 from fcu.kernel.compile import kernel
 
@@ -78,10 +78,15 @@ def outermost(points: np.ndarray[Any, Any]) -> list[int]:
     return chain(order) + chain(order[::-1])
 
 
-def outermost_pairs(vehicle: Airframe) -> Pairs:
-    """The Pairs of an airframe, which hovers without torque by all of its rotors: they reach around it."""
-    x, y, spin = (np.array(values)[: vehicle.n] for values in (vehicle.x, vehicle.y, vehicle.spin))
-    both = [(i, j) for i in range(vehicle.n) for j in range(vehicle.n) if spin[i] > 0.0 > spin[j]]
+def outermost_pairs(
+    x: Rotors, y: Rotors, spin: Rotors, used: Sequence[int], yaw: bool = True
+) -> Pairs:
+    """The Pairs of the rotors `used`, which hover without torque: they reach around the vehicle.
+
+    x, y, spin : of RotorParams.  used : indices of rotors, from 0.  yaw : false where the torque about
+    yaw is given up: each rotor is a pair by itself then.
+    """
+    both = [(i, j) for i in used for j in used if (spin[i] > 0.0 > spin[j] if yaw else i == j)]
     torque = np.array([[y[i] + y[j], -x[i] - x[j]] for i, j in both]) / 2.0  # N m of 1 N
     corners = outermost(torque)
     before, behind, wide = np.zeros((2, 8)), np.zeros((2, 8)), np.zeros(8)
@@ -91,7 +96,8 @@ def outermost_pairs(vehicle: Airframe) -> Pairs:
         before[:, k] = np.linalg.inv(torque[[number, last]].T)[0]
         behind[:, k] = np.linalg.inv(torque[[number, following]].T)[0]
         wide[k] = 1.0 if np.linalg.det(torque[[last, following]]) < 0.0 else 0.0
-        members[list(both[number]), k] = 0.5
+        for rotor in both[number]:
+            members[rotor, k] += 0.5
     b_x, b_y, a_x, a_y, w = (Rotors(*row.tolist()) for row in (*before, *behind, wide))
     of = PairsOf(*(Rotors(*row.tolist()) for row in members))
     return Pairs(before_x=b_x, before_y=b_y, behind_x=a_x, behind_y=a_y, wide=w, of=of)

@@ -279,13 +279,14 @@ class Autopilot:
     def prepare(self) -> None:
         """Lay down for the next tick, or burst of them, what Python has decided since the last."""
         vehicle, course = self.vehicle, self._course
-        if (
-            self._params.settings is not self._settings and not self._is_replaced
-        ):  # somebody has set one
+        if self._params.settings is not self._settings:  # one is set, or a rotor is lost
             self._settings = self._params.settings
-            self.flight.settings[:] = to_buffer(self._settings)
-            course[_H] = self._settings.law.h
-            self._is_looked_at = not vehicle.feasibility.refuses
+            if self._baseline is not None:
+                self._baseline.share(self._params)
+            if not self._is_replaced:
+                self.flight.settings[:] = to_buffer(self._settings)
+                course[_H] = self._settings.law.h
+                self._is_looked_at = not vehicle.feasibility.refuses
         setpoint = vehicle.setpoint
         if vehicle.leads_itself and vehicle.feasibility.refuses:
             self._is_looked_at = False
@@ -434,7 +435,7 @@ class Autopilot:
         assert self._compiled is not None
         if course[_FAILURE] == NOT_FINITE:
             names = finite.not_finite(self._law.ticks.Tick, row, self.flight.computed)
-            why = _not_finite(row, names)
+            why = _not_finite(row, names) if names else "thrust of a rotor below 0"
         else:
             why = what_was_raised(self._compiled, self.flight, row).removeprefix("the law ")
         age = (self.time_us - course[_SINCE]) * 1e-6

@@ -15,6 +15,7 @@ from fcu.kernel.buffers import size, to_buffer
 from fcu.kernel.pointers import Pointer
 from fcu.laws import loader
 from fcu.laws.px4.handover import resume
+from fcu.parameters import Parameters
 from fcu.process.burst import Flight
 from fcu.process.configuration import pinned
 from fcu.vehicle.conditions import NO_MODEL
@@ -30,10 +31,9 @@ class Baseline:
         """`h`: control period, s. Raises AirframeError, ParameterError."""
         law = loader.load(NAME)
         file = pinned(airframe, law)
-        self._ticks = law.ticks
-        self._settings: Row = to_buffer(
-            law.settings.settings(file.rotors, file.tables, round(1.0 / h, 6))
-        )
+        self._ticks, self._module = law.ticks, law.settings
+        self._whole = law.settings.settings(file.rotors, file.tables, round(1.0 / h, 6))
+        self._settings: Row = to_buffer(self._whole)
         self.compiled: Pointer | None = None
 
     def compile(self, flight: Flight) -> None:
@@ -43,6 +43,10 @@ class Baseline:
         resume(
             self._settings, flight.setpoint, 0.0, flight.measured, np.full(8, np.nan), remembered
         )
+
+    def share(self, params: Parameters) -> None:
+        """Have the law share its work as the vehicle's own does, among the rotors that are left."""
+        self._settings[:] = to_buffer(params.of_what_is_left(self._module, self._whole)[1])
 
     def take(self, flight: Flight, age: float) -> tuple[Flight, bool]:
         """The same flight by this law, and True if it goes on from the last command.

@@ -23,7 +23,7 @@ from fcu.kernel.pointers import Pointer, address_of, call_law
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import FLYING, IDLE, TAKE_OVER, SharedTick
 from fcu.mavlink.plant_link import LONGEST, Desk, PlantCodec, pack_controls, parse_state
-from fcu.process.finite import is_finite, note_computed
+from fcu.process.finite import is_finite, note_computed, pushes
 from fcu.vehicle.conditions import NO_MODEL, Watch, look
 from fcu.vehicle.position_filter import Filtered, quiet, take
 
@@ -39,12 +39,13 @@ SAID = 300  # characters at most of what a law has raised
 
 _command = slice_of(SharedTick, "command")
 _REMAINING = column_of(Battery, "remaining")
+_WANTED = slice_of(Watch, "rotors.wanted").start
 _CONTRADICTED, _SIGNS = column_of(Watch, "contradicted"), size(Contradicted)
 _FIRST_COMMAND, _END_COMMAND = _command.start, _command.stop
 _thrusts = slice_of(SharedTick, "outputs.thrusts")
 _FIRST_THRUST = _thrusts.start
 _SHARED = size(SharedTick)
-RAISED_AN_ERROR, NOT_FINITE = 1.0, 2.0  # how a law fails
+RAISED_AN_ERROR, NOT_FINITE = 1.0, 2.0  # how a law fails; NOT_FINITE: or a rotor is to pull
 
 
 class Course(NamedTuple):
@@ -184,6 +185,8 @@ def tick(flight, law, datagram, length, row, decided_us):
         for i in range(contradicted_at, contradicted_at + _SIGNS):
             contradicted = max(contradicted, row[i])
         flight.watch[_CONTRADICTED] = 1.0 if contradicted > 0.5 else 0.0
+    for i in range(len(flight.thrusts)):
+        flight.watch[_WANTED + i] = row[_FIRST_THRUST + i]
     length = pack_controls(
         flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
         course.armed != 0.0, True, True, flight.answer,
@@ -217,7 +220,7 @@ def decide(flight, law, course, time_us, row):
     elif course.checked != 0.0 and course.engaged != IDLE:
         if course.engaged == TAKE_OVER:
             note_computed(row, flight.computed)
-        if not is_finite(row, flight.computed):
+        if not (is_finite(row, flight.computed) and pushes(row)):
             _put_failure(flight.course, NOT_FINITE)
             return True
         for i in range(len(flight.thrusts)):

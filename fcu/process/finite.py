@@ -16,6 +16,9 @@ _FIRST_TOLD, _END_TOLD = (
     column_of(SharedTick, "outputs.T_c"),
     column_of(SharedTick, "outputs.saturation.yaw") + 1,
 )
+_THRUSTS = slice_of(SharedTick, "outputs.thrusts")
+_FIRST_THRUST, _END_THRUST = _THRUSTS.start, _THRUSTS.stop
+SLIGHT = 1e-6  # N, of thrusts below 0: rounding
 _EXPONENT = 0x7FF0000000000000  # the bits that an infinity, or what is not a number, has all set
 
 
@@ -39,6 +42,18 @@ def is_finite(row, computed):
     for i in range(_FIRST_COMMAND, len(computed)):
         strange |= computed[i] & ((bits[i] & _EXPONENT) == _EXPONENT)
     return strange == 0
+
+
+@kernel
+def pushes(row):
+    """True if no thrust that a law tells of a rotor in a Tick is below 0: `speed_command` would hide one.
+
+    row : float64[n], a Tick.
+    """
+    lowest = 0.0
+    for i in range(_FIRST_THRUST, _END_THRUST):
+        lowest = min(lowest, row[i])
+    return lowest >= -SLIGHT
 
 
 def not_finite(tick, row, computed):

@@ -427,6 +427,21 @@ class Commands:
         self.in_progress = lambda: _injected(asked)
         return Verdict(Result.IN_PROGRESS)
 
+    def failure_is_over(self) -> list[Told]:
+        """Tell the vehicle of rotors that the plant has stopped, or mended. Returns what it says of them."""
+        asked, self.failure = self.failure, None
+        if asked is None or asked.result is not Result.ACCEPTED:
+            return []
+        order = asked.order
+        if order.unit != failures.Unit.MOTOR or order.type not in (
+            failures.Type.OK, failures.Type.OFF,
+        ):  # fmt: skip
+            return []
+        rotors = [order.instance] if order.instance else range(1, self._vehicle.rotor_count + 1)
+        lost = order.type == failures.Type.OFF
+        said = [self._vehicle.tell_rotor(rotor, lost) for rotor in rotors]
+        return [told for told in said if told is not None]
+
     def _deafen(self, order: failures.Order, t_us: int) -> Verdict:
         """Stop hearing sticks or ground stations, or hear them again. Who hears no station needs an end."""
         if order.type not in (failures.Type.OK, failures.Type.OFF):

@@ -227,8 +227,9 @@ class Station:
         return self._commands.failure
 
     def failure_is_over(self) -> None:
-        """The plant has answered, or does not: its sender is told."""
-        self._commands.failure = None
+        """The plant has answered, or does not: its sender is told, and the vehicle of a rotor."""
+        for told in self._commands.failure_is_over():
+            self.tell(told)
 
     def forget_reset(self) -> None:
         """It does not come."""

@@ -19,11 +19,11 @@ import numpy as np
 from fcu.guard.contradictions import LASTS_S
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import Code
-from fcu.kernel.algebra import Rotors, Vec3, clip, minimum, norm, select3
+from fcu.kernel.algebra import Rotors, Vec3, clip, maximum, minimum, norm, select3
 from fcu.kernel.buffers import packer, size, to_buffer, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix
-from fcu.kernel.rows import column_of
+from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.face import Reference
 from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
@@ -37,7 +37,9 @@ NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone 
 RISES = 0.1  # m: a place so far above the vehicle is a take-off
 ATTITUDE = 1.0  # Setpoint.level: above it body rates are flown, and any attitude is right
 SETTLED_US = 2e6 * LASTS_S  # in the air, until what was smoothed on the ground is forgotten
+SLOW = 0.5  # of the speed that is wanted of a rotor: one that lags and is healthy has more within 50 ms
 BATTERY_HELD_US = 1_000_000  # ten reports: one that is wrong does not land a vehicle
+CHARGE_US = 1_000_000  # between looks at the way home, each after a report or more of the battery
 
 
 class Condition(IntEnum):
@@ -54,8 +56,10 @@ class Condition(IntEnum):
     BATTERY_LOW = auto()  # the three levels stay together, in this order
     BATTERY_CRITICAL = auto()
     BATTERY_EMERGENCY = auto()
+    FLIGHT_TIME_LOW = auto()  # the charge is held against the way home
     FENCE_NEAR = auto()  # so far from where the fence was looked at that it may be crossed
     ATTITUDE_LOST = auto()
+    ROTOR_LOST = auto()
     BELIEFS_CONTRADICTED = auto()
     STATION_LOST = auto()
     STICKS_GONE = auto()  # in a mode that sticks do not fly
@@ -157,6 +161,10 @@ _STATION_LOST = {
 }  # fmt: skip
 _TERMINATES = {0: Action.TERMINATE, 121212: Action.WARN}
 _CONTRADICTED = {0: Action.NONE, 1: Action.HOLD, 2: Action.LAND}
+_FLIGHT_TIME_LOW = {0: Action.NONE, 1: Action.WARN, 3: Action.RETURN}
+_ROTOR_LOST = {
+    0: Action.WARN, 1: Action.HOLD, 2: Action.LAND, 3: Action.RETURN, 4: Action.TERMINATE,
+}  # fmt: skip
 _LAW_FAILED = {0: Action.STOP, 1: Action.WARN}
 _CRITICAL = {0: Action.WARN, 2: Action.LAND, 3: Action.RETURN}
 _EMERGENCY = {0: Action.WARN, 2: Action.LAND, 3: Action.LAND}
@@ -175,6 +183,11 @@ ROWS: dict[Condition, Row] = {
         code=Code.BATTERY_EMERGENCY, severity="EMERGENCY",
         action=By("COM_LOW_BAT_ACT", _EMERGENCY), clears=Clears.DISARMED, hold_us=BATTERY_HELD_US,
     ),
+    Condition.FLIGHT_TIME_LOW: Row(  # found by Python, CHARGE_US apart
+        code=Code.FLIGHT_TIME_LOW, severity="CRITICAL",
+        action=By("COM_FLTT_LOW_ACT", _FLIGHT_TIME_LOW), clears=Clears.CHOSEN,
+        hold_us=CHARGE_US,
+    ),
     Condition.OFFBOARD_LOST: Row(  # its hold time is COM_OF_LOSS_T
         code=Code.OFFBOARD_LOST_MODE, severity="CRITICAL",
         action=By("COM_OBL_RC_ACT", _OFFBOARD_LOST), clears=Clears.CHOSEN,
@@ -182,6 +195,10 @@ ROWS: dict[Condition, Row] = {
     Condition.ATTITUDE_LOST: Row(  # its hold times are FD_FAIL_R_TTRI and FD_FAIL_P_TTRI
         code=Code.ATTITUDE_LOST, severity="EMERGENCY", action=By("CBRK_FLIGHTTERM", _TERMINATES),
         clears=Clears.DISARMED,
+    ),
+    Condition.ROTOR_LOST: Row(  # its hold time is FD_ACT_MOT_TOUT; with CA_FAILURE_MODE 1 it may do more
+        code=Code.ROTOR_LOST, severity="EMERGENCY", action=By("COM_ACT_FAIL_ACT", _ROTOR_LOST),
+        clears=Clears.GONE,
     ),
     Condition.BELIEFS_CONTRADICTED: Row(  # NOT_AS_BELIEVED tells which
         code=Code.BELIEFS_CONTRADICTED, severity="CRITICAL",
@@ -268,6 +285,8 @@ class Values(NamedTuple):
     FD_FAIL_P: float
     FD_FAIL_R_TTRI: float
     FD_FAIL_P_TTRI: float
+    FD_ACT_MOT_THR: float
+    FD_ACT_MOT_TOUT: float
     MR_GUARD_ACT: float
 
 
@@ -298,6 +317,16 @@ class Silence(NamedTuple):
     lost_us: float  # age of that at which it may be lost; inf: never
 
 
+class RotorWatch(NamedTuple):
+    """Inputs and memory of the detector of lost rotors."""
+
+    wanted: Rotors  # thrust that the law wanted of each at the last tick, N
+    Omega_max: Rotors  # full speed, rad/s, believed
+    slow_us: Rotors  # since when a rotor is slower than wanted; NaN: it is not
+    lost: Rotors  # 1: it is lost, and was told
+    told: Rotors  # 1: an order says that it is lost
+
+
 class Watch(NamedTuple):
     """All that a look decides by. StateMachine writes what it changes where it changes it.
 
@@ -317,6 +346,7 @@ class Watch(NamedTuple):
     aloft_us: float  # since when it flies; -inf: since it was armed, inf: it does not
     station: Silence
     sticks: Silence  # inf in modes that do without
+    charge_us: float  # when the charge is held against the way home again; inf: never
     acts_us: float  # when a failsafe goes on from Hold; inf: none waits
     script: Script
     fence: FenceLook
@@ -330,6 +360,7 @@ class Watch(NamedTuple):
     values: Values
     limits: PlanLimits
     c_T: Rotors  # thrust coefficients, N s^2, believed
+    rotors: RotorWatch
     anywhere_us: float  # as in `landing.touches`
     lag_s: float  # as in `landing.touches`
 
@@ -351,6 +382,19 @@ _pack_roll, _pack_pitch = packer(Watch, "roll"), packer(Watch, "pitch")
 _pack_beliefs = packer(Watch, "beliefs")
 _pack_value = packer(Watch, "value")
 _unpack_limits = unpacker(PlanLimits)
+ROTORS = len(Rotors._fields)
+_WANTED, _FULL_SPEED, _SLOW, _LOST, _TOLD, _C_T = (
+    slice_of(Watch, name).start
+    for name in (
+        "rotors.wanted",
+        "rotors.Omega_max",
+        "rotors.slow_us",
+        "rotors.lost",
+        "rotors.told",
+        "c_T",
+    )
+)
+_OMEGA = slice_of(VehicleState, "Omega").start
 
 
 @kernel
@@ -405,6 +449,30 @@ def lost_angles(values, measured):
     rolled = values.FD_FAIL_R > 0.0 and roll > values.FD_FAIL_R
     pitched = values.FD_FAIL_P > 0.0 and pitch > values.FD_FAIL_P
     return 1.0 if rolled else 0.0, 1.0 if pitched else 0.0, tilt
+
+
+@kernel
+def lost_rotor(watch, buffer, state, t_us):
+    """Number of a rotor that is lost and was not told yet, from 1. 0: none is. Keeps `slow_us` in the buffer.
+
+    watch : Watch, of `buffer`.  state : float64[size(VehicleState)].
+    A rotor is lost if it has less than SLOW of the speed that is wanted of it, for FD_ACT_MOT_TOUT.
+    """
+    found, values = 0, watch.values
+    for i in range(ROTORS):
+        if found == 0 and buffer[_TOLD + i] != 0.0 and watch.armed != 0.0:
+            found = i + 1
+        wanted = math.sqrt(maximum(buffer[_WANTED + i], 0.0) / maximum(buffer[_C_T + i], 1e-12))
+        counts = (
+            wanted > values.FD_ACT_MOT_THR * buffer[_FULL_SPEED + i] and buffer[_LOST + i] == 0.0
+        )
+        if not (counts and watch.armed != 0.0 and state[_OMEGA + i] < SLOW * wanted):
+            buffer[_SLOW + i] = math.nan
+        elif math.isnan(buffer[_SLOW + i]):
+            buffer[_SLOW + i] = t_us
+        elif found == 0 and t_us - buffer[_SLOW + i] >= 1e3 * values.FD_ACT_MOT_TOUT:
+            found = i + 1
+    return found
 
 
 @kernel
@@ -488,6 +556,8 @@ def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
         if battery.level != watch.battery.level:
             _pack_value(buffer, 100.0 * remaining)
             return Condition.BATTERY_LOW.value + int(battery.level) - 1
+    if behind < Condition.FLIGHT_TIME_LOW and armed and t_us >= watch.charge_us:
+        return Condition.FLIGHT_TIME_LOW.value
     if behind < Condition.FENCE_NEAR and armed and watch.fence.radius < math.inf:
         flown = carried(_unpack_setpoint(setpoint), age)
         place = fence_place(pose, flown, watch.fence.predicts, watch.limits)
@@ -504,6 +574,11 @@ def _find(buffer, state, model, setpoint, age, remaining, behind, t_us):
         if rolled.level != watch.roll.level or pitched.level != watch.pitch.level:
             _pack_value(buffer, tilt)
             return Condition.ATTITUDE_LOST.value
+    if behind < Condition.ROTOR_LOST:
+        rotor = lost_rotor(watch, buffer, state, t_us)
+        if rotor > 0:
+            _pack_value(buffer, float(rotor))
+            return Condition.ROTOR_LOST.value
     if behind < Condition.BELIEFS_CONTRADICTED and values.MR_GUARD_ACT > 0.0:
         counts = armed and t_us - watch.aloft_us > SETTLED_US
         beliefs = held(watch.beliefs, watch.contradicted if counts else 0.0, 0.0, t_us)

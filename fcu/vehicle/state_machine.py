@@ -30,10 +30,11 @@ from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rotations import matrix
 from fcu.kernel.rows import column_of, slice_of
 from fcu.laws.setpoint import carried
-from fcu.parameters import Parameters
+from fcu.parameters import Fate, Parameters
 from fcu.vehicle import landing, modes, plans
 from fcu.vehicle.areas import Area
 from fcu.vehicle.conditions import (
+    CHARGE_US,
     HELD,
     MODES,
     NEAR,
@@ -107,6 +108,11 @@ _VALUES, _HOME = slice_of(Watch, "values"), slice_of(Watch, "home")
 _HELD = tuple(slice_of(Watch, name) for name in HELD)
 _ASKED = slice_of(Watch, "script.asked")
 _FENCE, _FENCE_PREDICTS = slice_of(Watch, "fence"), column_of(Watch, "fence.predicts")
+_ROTORS_LOST, _SLOW_US, _FULL_SPEED = (
+    slice_of(Watch, f"rotors.{name}") for name in ("lost", "slow_us", "Omega_max")
+)
+_ROTORS_TOLD, _LOOK = slice_of(Watch, "rotors.told"), column_of(Watch, "due.look_us")
+_CHARGE_DUE = column_of(Watch, "charge_us")
 _C_T, _DUE = slice_of(Watch, "c_T"), slice_of(Watch, "due")
 _APPROACH, _KNOWN, _ASKED_SINCE, _HEARD, _LOST, _ANYWHERE, _LAG = (
     column_of(Watch, name)
@@ -156,6 +162,13 @@ def _number(name: str) -> property:
         self.watch[at] = value
 
     return property(get, put)
+
+
+# the action that a loss of rotors takes at least, and how it is told
+_LOSS = {Fate.FLIES: Action.WARN, Fate.LANDS: Action.LAND, Fate.FALLS: Action.TERMINATE}
+_LOSS_SAID = {
+    Fate.FLIES: Code.LOSS_SHARED, Fate.LANDS: Code.LOSS_LANDS, Fate.FALLS: Code.LOSS_FALLS,
+}  # fmt: skip
 
 
 class Answer(NamedTuple):
@@ -219,11 +232,12 @@ class StateMachine:
         self.sticks = StickInput(sim_only)
         self._station: Clocks | None = None  # when a ground station was heard last
         self._station_is_lost = False
-        self._acts_us = self._aloft_us = math.inf
+        self._acts_us = self._aloft_us = self.watch[_CHARGE_DUE] = math.inf
         self.watch[_STATION] = self.watch[_STICKS] = math.inf
         self._stick_flight: StickFlight | None = None  # while sticks are flown
         self.feasibility = FeasibilityCheck(params)
         self.is_by_baseline = False  # the law has failed
+        self._lacks_charge = False  # for the way home, when it was looked at last
         self._again: Iterator[Shortfall | None] | None = None  # another look at the plan
         self._lack: Shortfall | None = None  # that it has found
         self._looked_by, self._settings_seen = self.feasibility.policy, params.settings
@@ -248,11 +262,15 @@ class StateMachine:
             Condition.OFFBOARD_LOST: self._script_lost,
             Condition.FENCE_NEAR: self._look_at_fence,
             Condition.ATTITUDE_LOST: self._attitude_lost,
+            Condition.ROTOR_LOST: self._rotor_lost,
+            Condition.FLIGHT_TIME_LOW: self._look_at_charge,
             Condition.STATION_LOST: self._station_lost,
             Condition.STICKS_GONE: self._sticks_gone,
             Condition.ACTION_DUE: self._action_due,
             Condition.PLAN_DUE: self._plan_due,
         }
+        params.lose(())  # after a reset every rotor turns again
+        self.watch[_SLOW_US] = math.nan
         self._write_script()
         self.parameters_changed()
         params.followers.add(self)
@@ -331,9 +349,14 @@ class StateMachine:
         p, watch = self._params, self.watch
         watch[_LOST] = self.lost_us
         watch[_VALUES] = [p[name] for name in Values._fields]
+        looks = p["COM_FLTT_LOW_ACT"] > 0.0
+        watch[_CHARGE_DUE] = min(watch[_CHARGE_DUE], 0.0) if looks else math.inf
+        if self.lost_rotors:
+            self._share()
         watch[_STATION_US + 1] = self.station_lost_us if p["NAV_DLL_ACT"] > 0.0 else math.inf
         watch[_LIMITS] = to_buffer(self._limits())
         watch[_C_T] = to_buffer(self._landed.c_T)
+        watch[_FULL_SPEED] = to_buffer(p.law.rotors.Omega_max)
         watch[_ANYWHERE], watch[_LAG] = landing.anywhere_us(p.pace.f_m), 2.0 / p.pace.f_m
         across, up = p["GF_MAX_HOR_DIST"], p["GF_MAX_VER_DIST"]
         self.fence.limits = Limits(across or math.inf, up or math.inf)
@@ -517,6 +540,65 @@ class StateMachine:
         soon = t_us - self._armed_us < self._params["COM_LKDOWN_TKO"] * 1e6
         tilt = (float(self.watch[_VALUE]),)
         self._meet(Condition.ATTITUDE_LOST, tilt, t_us, told, Action.DISARM if soon else None)
+
+    @property
+    def lost_rotors(self) -> tuple[int, ...]:
+        """Numbers of the rotors that are lost, from 1."""
+        lost = self.watch[_ROTORS_LOST] + self.watch[_ROTORS_TOLD]
+        return tuple(int(i) + 1 for i in np.flatnonzero(lost))
+
+    @property
+    def rotor_count(self) -> int:
+        """How many rotors the airframe has."""
+        return int(self._params["CA_ROTOR_COUNT"])
+
+    def tell_rotor(self, rotor: int, lost: bool) -> Told | None:
+        """Note that a rotor was stopped by an order, or turns again. Returns what is to be said of it.
+
+        rotor : from 1. A rotor that is stopped is told as lost at the next tick.
+        """
+        at, told = _ROTORS_LOST.start + rotor - 1, _ROTORS_TOLD.start + rotor - 1
+        self.watch[told] = lost and not self.watch[at]
+        if self.watch[told]:
+            self.watch[_LOOK] = 0.0  # at once
+        if lost or not self.watch[at]:
+            return None
+        self.watch[at] = 0.0
+        self._share()
+        if not self.lost_rotors:
+            self.is_gone(Condition.ROTOR_LOST)
+        return Told(Code.ROTOR_BACK, (rotor,))
+
+    def _share(self) -> Fate | None:
+        """Have the law give no work to what is lost. Returns what the vehicle can do. None: as before."""
+        if self._params["CA_FAILURE_MODE"] == 0.0:
+            self._params.lose(())
+            return None
+        fate = self._params.lose(self.lost_rotors)
+        self.watch[_LIMITS] = to_buffer(self._limits())
+        return fate
+
+    def _look_at_charge(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Hold what is left of the battery against the way home: twice in a row it does not last."""
+        self.watch[_CHARGE_DUE] = t_us + CHARGE_US
+        flies = not self._landed.landed and not self.is_landing and self.mode is not Mode.RETURN
+        lasts = self._charge_lasts(self.pose().r_E) if flies and self.home is not None else None
+        was, self._lacks_charge = self._lacks_charge, lasts is False
+        if was and self._lacks_charge and Condition.FLIGHT_TIME_LOW not in self._active:
+            left_s = battery_left_s(self.battery, self._params["BAT1_CAPACITY"]) or 0.0
+            self._meet(Condition.FLIGHT_TIME_LOW, (left_s,), t_us, told)
+
+    def _rotor_lost(self, t_us: int, wall_s: float, told: list[Told]) -> None:
+        """Fly on without a rotor, if that is asked for and can be. Else land, or let the rotors stand."""
+        rotor = int(self.watch[_VALUE])
+        self.watch[_ROTORS_TOLD.start + rotor - 1] = 0.0
+        self.watch[_ROTORS_LOST.start + rotor - 1] = 1.0
+        fate = self._share()
+        wanted = ROWS[Condition.ROTOR_LOST].action(self._params)
+        needed = Action.NONE if fate is None else _LOSS[fate]
+        code = Code.LOSS_NOT_SHARED if fate is None else _LOSS_SAID[fate]
+        action = max(wanted, needed)
+        self._meet(Condition.ROTOR_LOST, (rotor, Told(code)), t_us, told, action)
 
     @property
     def station_lost_us(self) -> int:
@@ -785,6 +867,8 @@ class StateMachine:
             return Told(Code.HAS_NO_VALID_STATE)
         if matrix(m.q_EB).e3.z < math.cos(TILT_TO_ARM):
             return Told(Code.TILTED, (math.degrees(TILT_TO_ARM),))
+        if self.lost_rotors:
+            return Told(Code.ROTOR_IS_LOST, (self.lost_rotors[0],))
         outside = self.fence.margin(m.r_E).value < 0.0
         if outside and self._params["GF_ACTION"] > 1.0:
             return Told(Code.OUTSIDE_FENCE)

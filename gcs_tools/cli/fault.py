@@ -7,14 +7,14 @@ import time
 
 import click
 
-from fcu.interface.faults import LINK, SPECS
+from fcu.interface.faults import LINK, SPECS, Kind
 from fcu.interface.ports import ports
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import MEET_S, up_by, wait_ready
 from gcs_tools.cli.output import Failure
 
 CLEAR = "clear"
-GIVEN = [name for name, spec in SPECS.items() if spec.kind not in LINK]
+GIVEN = [name for name, spec in SPECS.items() if spec.kind not in {*LINK, Kind.GROUND_LOST}]
 
 
 @click.command(

@@ -76,6 +76,7 @@ class Scenario:
     parameters: Mapping[str, float] = field(
         default_factory=dict
     )  # the vehicle's, by MAVLink's names
+    unheard: tuple[tuple[float, float], ...] = ()  # us: from when until when no setpoint is heard
     flies_unstable: bool = False  # gains that the rule of stability refuses are flown, for a study
 
     @property
@@ -85,6 +86,11 @@ class Scenario:
             return ""
         key = self.flown.identity, to_buffer(self.settings).tobytes().hex()
         return _unstable(self.flown, Same(self.settings, *key))
+
+    def hears(self, tick: int) -> bool:
+        """Return true if the vehicle hears the setpoint that is sent at a tick."""
+        t_us = tick * self.period_us
+        return not any(since_us <= t_us < until_us for since_us, until_us in self.unheard)
 
     @property
     def kinds(self) -> Kinds:
@@ -195,6 +201,7 @@ def scenario(mission: Mission) -> Scenario:
         legs=legs(flight),
         controller=mission.controller,
         parameters=mission.parameters,
+        unheard=_unheard(mission),
         **_of_a_script(mission),
         flies_unstable=getattr(mission.law, "unstable_gains", None) == FLY,
     )
@@ -214,6 +221,19 @@ def refuse_faults_of_autopilot(mission: Mission) -> None:
     """Raise MissionError for a fault that an autopilot answers for, which a law alone does not have."""
     why = 'is answered by an autopilot, which a law alone does not have: fly = "vehicle"'
     _refuse_faults(mission, OF_AUTOPILOT, why)
+
+
+def _unheard(mission: Mission) -> tuple[tuple[float, float], ...]:
+    """The times in which a mission's ground link is lost. Raises MissionError if nobody could lose it."""
+    table = mission.flight
+    lost = [each for each in mission.plant.faults if SPECS[each.kind].kind is Kind.GROUND_LOST]
+    if lost and (table.items or table.script is not None or mission.controller):
+        _refuse_faults(
+            mission, {Kind.GROUND_LOST}, "needs a mission of setpoints: of items, a script or another"
+            " controller take MAV_CMD_INJECT_FAILURE, mavlink_signal off",
+        )  # fmt: skip
+    times = [fault(each.model_dump()) for each in lost]
+    return tuple((each.since_us, each.until_us) for each in times)
 
 
 def _refuse_faults(mission: Mission, kinds: Container[Kind], why: str) -> None:

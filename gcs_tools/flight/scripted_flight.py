@@ -139,7 +139,7 @@ class ScriptedFlight(ABC):
                 raise InfrastructureError(str(error)) from error
             return False
         scene, again = self._scene, round(SEND_AGAIN_S * self._scene.rate_hz)
-        flown, refused = scene.sent[0], None
+        flown, refused, is_lost = scene.sent[0], None, False
         look_at = math.inf if scene.arrive is None else stands_from(scene)
         for k, setpoint, last in schedule(scene):
             if not self._fly_to(k):
@@ -152,6 +152,12 @@ class ScriptedFlight(ABC):
                     return True
             if k >= scene.ticks:
                 break
+            if not scene.hears(k):
+                is_lost = True
+                continue
+            if is_lost:
+                is_lost = False
+                self._take_up_again(vehicle, flown, k)
             wanted = flown if refused is not None and _goes_on(setpoint, refused) else setpoint
             try:
                 try:
@@ -163,6 +169,15 @@ class ScriptedFlight(ABC):
             except VehicleError as error:
                 raise InfrastructureError(str(error)) from error
         return False
+
+    def _take_up_again(self, vehicle: Flyer, setpoint: Setpoint, tick: int) -> None:
+        """Stream again once the ground link is back, and ask for the mode that flies the stream."""
+        try:
+            for _ in range(2):  # one setpoint is not a stream yet
+                vehicle.set_setpoint(setpoint, tick / self._scene.rate_hz)
+            vehicle.offboard()
+        except VehicleError as error:
+            raise InfrastructureError(str(error)) from error
 
     def _look_at(self, tick: int) -> Seen:
         """What is so at the last tick before `tick`, or at the last one that was kept."""

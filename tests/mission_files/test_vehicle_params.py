@@ -183,7 +183,7 @@ def test_a_campaign_draws_them_as_any_other_value(write, tmp_path, fly, low, mor
     assert 0.5 <= values["vehicle.params.COM_OF_LOSS_T"] <= 2.0
 
 
-@pytest.mark.parametrize("kind", ["state_off", "battery_drain", "battery_level"])
+@pytest.mark.parametrize("kind", ["state_off", "battery_drain", "battery_level", "ground_lost"])
 def test_a_campaign_of_a_law_alone_refuses_faults_of_an_autopilot(write, tmp_path, kind):
     write(TEXT.partition("[vehicle.params]")[0])
     more = {"battery_drain": "drain_a = 2.0", "battery_level": "remaining = 0.1"}.get(
@@ -230,3 +230,43 @@ def test_an_expectation_of_the_vehicle_that_can_never_be_met_is_refused(write, e
     with pytest.raises(MissionError) as error:
         load(write(f"{TEXT}[expect]\n{expect}\n"))
     assert why in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ('kind = "motor_weak"\neffectiveness = 1.0', "effectiveness: motor_weak of 1.0 changes nothing"),
+        ('kind = "state_jumps"\njump_m = [0.0, 0.0, 0.0]', "jump_m: a jump of 0 m changes nothing"),
+        ('kind = "battery_drain"\ndrain_a = 0.0', "drain_a: battery_drain of 0.0 changes nothing"),
+        ('kind = "battery_level"\nremaining = 1.0', "remaining: battery_level of 1.0 changes nothing"),
+        ('kind = "link_lost"\nshare = 0.0', "share: link_lost of 0.0 changes nothing"),
+        ('kind = "link_late"\nshare = 0.5\nlate_s = 0.0', "late_s: link_late of 0.0 changes nothing"),
+        ('kind = "state_delayed"\ndelay_s = 0.0', "delay_s: state_delayed of 0.0 changes nothing"),
+        (
+            'kind = "state_delayed"\ndelay_s = 0.0009',
+            r"x.toml:12: [plant] faults[0].delay_s: a delay of 0.0009 s changes nothing: expected a tick or"
+            " more (0.002 s)",
+        ),
+    ],
+)  # fmt: skip
+def test_a_fault_that_changes_nothing_is_refused(write, fault, why):
+    with pytest.raises(MissionError) as error:
+        load(write(f"{TEXT}[[plant.faults]]\nat_s = 1.0\n{fault}\n"))
+    assert why in str(error.value)
+
+
+def test_a_delay_of_a_tick_is_none_of_them(write):
+    fault = 'kind = "state_delayed"\ndelay_s = 0.002'
+    load(write(f"{TEXT}[[plant.faults]]\nat_s = 1.0\n{fault}\n"))
+
+
+def test_a_ground_link_is_lost_by_a_mission_of_setpoints_alone(write):
+    lost = '[[plant.faults]]\nkind = "ground_lost"\nat_s = 1.0\nfor_s = 2.0\n'
+    scene = scenario(load(write(TEXT + lost)))
+    assert [scene.hears(tick) for tick in (499, 500, 1499, 1500)] == [True, False, False, True]
+    items = '[[flight.items]]\nkind = "hold"\nfor_s = 1.0\n'
+    text = TEXT.replace("setpoints = [[0.0, 0.0, 0.0, 5.0]]", "").replace("[vehicle.params]", f"{items}[vehicle.params]")  # fmt: skip
+    with pytest.raises(
+        MissionError, match=r"faults\[0\]: ground_lost needs a mission of setpoints"
+    ):
+        scenario(load(write(text + lost)))

@@ -45,6 +45,13 @@ ACTIONS = {
     Condition.BELIEFS_CONTRADICTED: (
         "MR_GUARD_ACT", {0: Action.NONE, 1: Action.HOLD, 2: Action.LAND},
     ),
+    Condition.FLIGHT_TIME_LOW: (
+        "COM_FLTT_LOW_ACT", {0: Action.NONE, 1: Action.WARN, 3: Action.RETURN},
+    ),
+    Condition.ROTOR_LOST: (
+        "COM_ACT_FAIL_ACT",
+        {0: Action.WARN, 1: Action.HOLD, 2: Action.LAND, 3: Action.RETURN, 4: Action.TERMINATE},
+    ),
     Condition.LAW_FAILED: ("MR_LAW_ACT", {0: Action.STOP, 1: Action.WARN}),
     Condition.FENCE_BREACHED: (
         "GF_ACTION",

@@ -13,7 +13,7 @@ from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.kernel.rows import column_of
+from fcu.kernel.rows import column_of, slice_of
 from fcu.parameters import Parameters
 from fcu.process.settings import settings
 from fcu.vehicle.conditions import LOOK_US, MODES, ROWS, SETTLED_US, Action, By, Condition, Watch
@@ -347,3 +347,129 @@ def test_a_condition_of_a_vehicle_that_is_disarmed_is_not_acted_on(params):
     vehicle.observe(state(), 0, 0.0)
     assert vehicle.find(Condition.STATE_LOST, (0.5,), 0) == []
     assert vehicle.mode is Mode.HOLD
+
+
+# --- a rotor
+
+WANTED, LOST = slice_of(Watch, "rotors.wanted"), slice_of(Watch, "rotors.lost")
+LOSS_US = 1_000_000
+
+
+def without(rotor, share=0.0):
+    """A state in which a rotor has a share of its speed."""
+    row = state()
+    row[slice_of(VehicleState, "Omega").start + rotor - 1] *= share
+    return row
+
+
+def lose(vehicle, rotor=3, share=0.0, to_us=LOSS_US + 400_000):
+    """(time, code) of what is told of a rotor that is slower than wanted from LOSS_US on."""
+    vehicle.watch[WANTED] = 8.2e-5 * HOVER * HOVER
+    assert fly(vehicle, TICK, LOSS_US) == []
+    return fly(vehicle, LOSS_US + TICK, to_us, without(rotor, share))
+
+
+@pytest.mark.parametrize(
+    ("act", "mode"), [(0, None), (1, Mode.HOLD), (2, Mode.LAND), (3, Mode.RETURN)]
+)
+def test_a_rotor_that_stands_is_found_lost_after_its_time(vehicle, params, act, mode):
+    params.set("COM_ACT_FAIL_ACT", float(act), True)
+    if mode is Mode.HOLD:
+        vehicle.select(Mode.POSITION, 0, 0.0)
+    told = lose(vehicle)
+    at_us, code = told[0]
+    assert code is Code.ROTOR_LOST
+    assert 100_000 <= at_us - LOSS_US <= 100_000 + 2 * LOOK_US
+    assert [code for _, code in told[1:]] == ([] if mode is None else [Code.FAILSAFE_MODE])
+    assert vehicle.mode is (mode or Mode.HOLD)
+    assert vehicle.lost_rotors == (3,)
+    assert params.law.rotors.w == (1.0,) * 8, "CA_FAILURE_MODE is 0"
+
+
+def test_a_rotor_that_is_slow_for_less_or_has_more_than_half_is_not_lost(vehicle):
+    vehicle.watch[WANTED] = 8.2e-5 * HOVER * HOVER
+    for t_us in range(TICK, 2_000_000, 150_000):
+        fly(vehicle, t_us, t_us + 60_000, without(3))
+        fly(vehicle, t_us + 60_000 + TICK, t_us + 150_000 - TICK)
+    assert fly(vehicle, 2_200_000, 2_600_000, without(3, 0.51)) == []
+    assert vehicle.lost_rotors == ()
+
+
+def test_told_the_law_gives_it_no_work_and_flies_on(vehicle, params):
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    whole = params.settings
+    assert [code for _, code in lose(vehicle)] == [Code.ROTOR_LOST]
+    assert (vehicle.mode, vehicle.armed) == (Mode.HOLD, True)
+    assert params.law.rotors.w[2] == 0.0
+    assert params.law.limits.T_max < whole.law.limits.T_max
+    assert params.guard != whole.guard
+    params.set("MR_F_M", 1.5, True)
+    assert (params.law.f_m, params.law.rotors.w[2]) == (1.5, 0.0), "a parameter keeps the loss"
+    assert vehicle.tell_rotor(3, lost=False) == Told(Code.ROTOR_BACK, (3,))
+    assert params.law.rotors == whole.law.rotors
+    assert vehicle.lost_rotors == ()
+
+
+def test_two_lost_rotors_of_eight_land_it_and_four_terminate_it(vehicle, params):
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    fly(vehicle, TICK, LOSS_US)
+    for rotor in (1, 5):
+        vehicle.tell_rotor(rotor, lost=True)
+    codes = [code for _, code in fly(vehicle, LOSS_US + TICK, LOSS_US + 2 * LOOK_US)]
+    assert codes == [Code.ROTOR_LOST, Code.ROTOR_LOST, Code.FAILSAFE_MODE] or codes == [
+        Code.ROTOR_LOST, Code.FAILSAFE_MODE, Code.ROTOR_LOST,
+    ]  # fmt: skip
+    assert vehicle.mode is Mode.LAND
+    for rotor in (2, 3, 4, 6):
+        vehicle.tell_rotor(rotor, lost=True)
+    codes = [code for _, code in fly(vehicle, LOSS_US + 3 * LOOK_US, LOSS_US + 9 * LOOK_US)]
+    assert Code.FAILSAFE_STOPPED in codes
+    assert vehicle.terminated
+
+
+def test_an_order_is_told_at_the_next_tick(vehicle, params):
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    fly(vehicle, TICK, LOSS_US)
+    vehicle.tell_rotor(7, lost=True)
+    assert fly(vehicle, LOSS_US + TICK, LOSS_US + LOOK_US) == [(LOSS_US + TICK, Code.ROTOR_LOST)]
+    assert params.law.rotors.w[6] == 0.0
+
+
+def test_a_vehicle_with_a_lost_rotor_is_not_armed(vehicle):
+    lose(vehicle)
+    vehicle.disarm(LOSS_US + 500_000, forced=True)
+    assert vehicle.arm(LOSS_US + 600_000, 0.0) == Answer(False, Told(Code.ROTOR_IS_LOST, (3,)))
+    vehicle.tell_rotor(3, lost=False)
+    assert vehicle.arm(LOSS_US + 700_000, 0.0).granted
+
+
+def test_a_reset_has_every_rotor_turn_again(params):
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    whole = params.settings
+    params.lose((2,))
+    assert params.settings is not whole
+    StateMachine(params, sim_only=True)
+    assert params.settings is whole
+
+
+# --- the charge for the way home
+
+
+@pytest.mark.parametrize(("act", "mode"), [(0, Mode.HOLD), (1, Mode.HOLD), (3, Mode.RETURN)])
+def test_a_charge_that_does_not_last_for_the_way_home_is_acted_on(params, act, mode):
+    """200 m at 5 m/s and 20 m down take 69 s, with PX4's factor and margin 176 s."""
+    params.set("COM_FLTT_LOW_ACT", float(act), True)
+    vehicle = StateMachine(params, sim_only=True)
+    vehicle.observe(state(), 0, 0.0)
+    vehicle.arm(0, 0.0)
+    vehicle.set_home(Vec3(200.0, 0.0, 0.0))
+    full = params["BAT1_CAPACITY"] * 3.6 / 60.0  # s, at 60 A
+    vehicle.battery = Battery(22.0, 60.0, 0.0, 300.0 / full, 0.0)
+    assert fly(vehicle, TICK, 3_000_000) == []
+    vehicle.battery = Battery(22.0, 60.0, 0.0, 150.0 / full, 0.0)
+    told = fly(vehicle, 3_002_000, 6_000_000)
+    assert [code for _, code in told] == {
+        0: [], 1: [Code.FLIGHT_TIME_LOW], 3: [Code.FLIGHT_TIME_LOW, Code.FAILSAFE_MODE],
+    }[act]  # fmt: skip
+    assert all(1_000_000 <= at_us - 3_000_000 <= 2_000_000 + 2 * LOOK_US for at_us, _ in told)
+    assert vehicle.mode is mode

@@ -1,0 +1,82 @@
+"""A rotor that stops in flight: found over the wire as in process, told by an order, and flown on without."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gcs_tools
+from fcu.interface.status_texts import Code, Told, brief
+from gcs_tools.recording.reader import read
+from gcs_tools.studies.rotor_loss import Cell, Losing, fly, mission, scenario
+
+pytestmark = pytest.mark.slow  # flies
+
+
+TEXT = """title = "A rotor is lost."
+airframe = "s1000"
+[flight]
+duration_s = 8.0
+setpoints = [[0.0, 0.0, 0.0, 10.0]]
+start = { position_m = [0.0, 0.0, 10.0] }
+[vehicle.params]
+CA_FAILURE_MODE = 1
+COM_ACT_FAIL_ACT = 1
+[[plant.faults]]
+kind = "motor_off"
+at_s = 3.0
+rotor = 4
+[expect]
+failsafe = { name = "rotor_lost", from = 3.1, to = 3.25 }
+reached = 1.0
+"""
+
+
+def test_it_is_found_and_flown_on_without_over_the_wire_as_in_process(tmp_path):
+    (tmp_path / "lost.toml").write_text(TEXT)
+    flown = {}
+    for way in ("wire", "process"):
+        flown[way] = gcs_tools.fly(
+            str(tmp_path / "lost.toml"),
+            in_process=way == "process",
+            out=tmp_path / way,
+            figure="never",
+        )
+        assert not [str(each) for each in flown[way].expectations if each.is_missed]
+        rows = read(tmp_path / way / "flight.mcap").fcu
+        after = rows["t"] > flown[way].failsafes[0].time_s
+        assert (rows["outputs.thrusts.r4"][after] == 0.0).all()
+        assert (rows["command.u.r4"][after] == 0.0).all()
+        assert (rows["outputs.thrusts.r4"][~after & (rows["t"] < 3.0)] > 1.0).all()
+    assert flown["wire"].trajectory_sha256 == flown["process"].trajectory_sha256
+
+
+def test_an_order_is_told_at_once_and_the_rotor_may_come_back():
+    found = fly(Cell("s1000", "hover", "mmrac", "order"), 3)
+    assert found.end == "flies on"
+    assert 0.0 <= found.told_s <= 0.004 + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hexacopter_that_is_told_lands(seed):
+    assert fly(Cell("hexa", "hover", "mmrac", "found"), seed).end == "lands"
+
+
+def test_until_a_rotor_is_lost_no_bit_changes():
+    """By CA_FAILURE_MODE, and with the detector at work in both."""
+    rows = [
+        Losing(scenario(mission(Cell("s1000", "step", "mmrac", tells), 5, 2, 6.0)), 2, -1)
+        .fly()
+        .plant
+        for tells in ("untold", "found")
+    ]
+    before = rows[0][:, 0] < 6.1
+    assert rows[0][before].tobytes() == rows[1][before].tobytes()
+    assert not np.array_equal(rows[0][:2000], rows[1][:2000])
+
+
+@pytest.mark.parametrize(
+    "code", [Code.LOSS_NOT_SHARED, Code.LOSS_SHARED, Code.LOSS_LANDS, Code.LOSS_FALLS]
+)
+def test_its_text_has_room(code):
+    assert len(brief(Told(Code.ROTOR_LOST, (8, Told(code))))) <= 50
