@@ -70,9 +70,9 @@ def test_until_a_rotor_is_lost_no_bit_changes():
         .plant
         for tells in ("untold", "found")
     ]
-    before = rows[0][:, 0] < 6.1
-    assert rows[0][before].tobytes() == rows[1][before].tobytes()
-    assert not np.array_equal(rows[0][:2000], rows[1][:2000])
+    before = int((rows[0][:, 0] < 6.1).sum())
+    assert rows[0][:before].tobytes() == rows[1][:before].tobytes()
+    assert rows[0][before : before + 50].tobytes() != rows[1][before : before + 50].tobytes()
 
 
 @pytest.mark.parametrize(
