@@ -244,7 +244,7 @@ def test_an_expectation_of_the_vehicle_that_can_never_be_met_is_refused(write, e
         ('kind = "state_delayed"\ndelay_s = 0.0', "delay_s: state_delayed of 0.0 changes nothing"),
         (
             'kind = "state_delayed"\ndelay_s = 0.0009',
-            r"x.toml:12: [plant] faults[0].delay_s: a delay of 0.0009 s changes nothing: expected a tick or"
+            r"x.toml:11: [plant] faults[0].delay_s: a delay of 0.0009 s changes nothing: expected a tick or"
             " more (0.002 s)",
         ),
     ],

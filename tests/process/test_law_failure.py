@@ -23,14 +23,17 @@ OWN = Path(__file__).parents[1] / "own_law"
 START = "\n@kernel\ndef step(state, params, setpoint, measured):\n"
 RAISES = f'{START}    if measured.r_E.x > 0.3:\n        raise ValueError("east of all reason")\n'
 THRUSTS = "    thrusts, gave_up = allocate(params.rotors, T_c, tau_c)\n"
+PULLS = f"{THRUSTS}    thrusts = select(measured.r_E.x > 0.3, -1.0, 1.0) * thrusts\n"
 NOT_FINITE = f"{THRUSTS}    thrusts = select(measured.r_E.x > 0.3, nan, 1.0) * thrusts\n"
 
 
 @pytest.fixture(scope="module")
 def failing(tmp_path_factory):
-    """Missions of two laws that fail 0.3 m east of the start: one raises, one is not finite."""
+    """Missions of laws that fail 0.3 m east of the start: one raises, one is not finite, one pulls down."""
     made = {}
-    for name, old, new in (("raises", START, RAISES), ("not finite", THRUSTS, NOT_FINITE)):
+    for name, old, new in (
+        ("raises", START, RAISES), ("not finite", THRUSTS, NOT_FINITE), ("pulls", THRUSTS, PULLS),
+    ):  # fmt: skip
         folder = tmp_path_factory.mktemp("law")
         text = (OWN / "plain_cascade.py").read_text().replace(old, new)
         (folder / "plain_cascade.py").write_text(text)
@@ -40,7 +43,7 @@ def failing(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize("how", ["raises", "not finite"])
+@pytest.mark.parametrize("how", ["raises", "not finite", "pulls"])
 def test_the_baseline_flies_on_over_the_wire_as_in_process(failing, tmp_path, how):
     flown = {}
     for way in ("wire", "process"):

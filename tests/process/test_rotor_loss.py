@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import gcs_tools
 from fcu.interface.status_texts import Code, Told, brief
+from fcu.kernel.buffers import from_buffer
+from fcu.laws import loader
+from fcu.parameters import Parameters
+from fcu.process.baseline import Baseline
+from fcu.process.configuration import read_airframe, read_settings
 from gcs_tools.recording.reader import read
 from gcs_tools.studies.rotor_loss import Cell, Losing, fly, mission, scenario
 
@@ -73,6 +77,21 @@ def test_until_a_rotor_is_lost_no_bit_changes():
     before = int((rows[0][:, 0] < 6.1).sum())
     assert rows[0][:before].tobytes() == rows[1][:before].tobytes()
     assert rows[0][before : before + 50].tobytes() != rows[1][before : before + 50].tobytes()
+
+
+def test_the_baseline_that_waits_follows_the_loss():
+    law = loader.load()
+    airframe = read_airframe(law)
+    params = Parameters(read_settings(law, None, 500.0, airframe), 1, None, law, airframe)
+    waits = Baseline(airframe, 0.002)
+    kind = type(waits._whole)
+    for lost in ((3,), ()):
+        params.lose(lost)
+        waits.share(params)
+        of_px4 = from_buffer(kind, waits._settings).law
+        assert of_px4.rotors.w == params.law.rotors.w
+        assert of_px4.limits.T_max == params.law.limits.T_max
+        assert (of_px4.rotors.w.r3 == 0.0) is bool(lost)
 
 
 @pytest.mark.parametrize(
