@@ -180,6 +180,12 @@ CASES = (
         0.3, 0.3 + 2.0 * LOOK_S, cause=_beyond,
     ),
     Case(
+        # it slows down to half of what is wanted first, within a rotor's lag
+        "rotor lost", Condition.ROTOR_LOST, {"CA_FAILURE_MODE": 1.0, "COM_ACT_FAIL_ACT": 2.0},
+        ({"kind": "motor_off", "rotor": 1},), Code.ROTOR_LOST, ("Land",), 0.1,
+        0.1 + 0.05 + 2.0 * LOOK_S,
+    ),
+    Case(
         "position jumps", Condition.POSITION_JUMPED, {},
         ({"kind": "state_jumps", "jump_m": [5.0, 0.0, 0.0]},), Code.POSITION_JUMPED, (), 0.0, 0.0,
     ),
