@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +29,9 @@ ORIGIN = click.option(
 START_S = "wind.field.start_s"
 SCALE = "wind.field.scale"
 PLACE = "wind.field.origin_m"
+
+
+MOST_PLACES = 20_000  # of a flight that are looked at
 
 
 class Way(NamedTuple):
@@ -75,6 +77,8 @@ def _way(run: Path, origin: tuple[float, float, float] | None) -> Way:
     """The places of a flight in the field. Raises Failure, BadParameter."""
     import numpy as np
 
+    _check_origin(origin)
+
     from gcs_tools.recording.reader import VALUES, RecordingError, read
 
     try:
@@ -93,9 +97,37 @@ def _way(run: Path, origin: tuple[float, float, float] | None) -> Way:
         )
     if len(found.plant) < 2:
         raise Failure(f"{run}: it has no flight in it", USAGE)
-    r = np.asarray(found.plant["state.r_E"]) + np.asarray(place, dtype=np.float64)
-    t = np.asarray(found.plant["t"])
+    if not found.complete:
+        click.echo(f"Warning: {run} was cut short: looked at as far as it goes", err=True)
+    some = slice(None, None, max(1, len(found.plant) // MOST_PLACES))
+    r = np.asarray(found.plant["state.r_E"])[some] + np.asarray(place, dtype=np.float64)
+    t = np.asarray(found.plant["t"])[some]
     return Way(t + float(told.get(START_S, 0.0)), r, float(told.get(SCALE, 1.0)))
+
+
+def _check_origin(origin: tuple[float, float, float] | None) -> None:
+    """Raise BadParameter for a place that is none."""
+    if origin is not None and not all(abs(x) <= 1e9 for x in origin):  # nor nan
+        raise click.BadParameter("expected three numbers of metres", param_hint="'--origin'")
+
+
+def _placed(
+    along: Path | None, origin: tuple[float, float, float] | None, field: Field
+) -> Way | None:
+    """The flight in the field, of which a part at least is in it. Raises Failure, UsageError."""
+    from gcs_tools.wind_fields.sample import is_known
+
+    if along is None:
+        if origin is not None:
+            raise click.UsageError("--origin says where a flight lies: name it (--along RUN)")
+        return None
+    way = _way(along, origin)
+    if not is_known(field, way.r).any():
+        raise Failure(
+            f"{along}: no part of the flight is in the field: where does it begin? (--origin X Y Z)",
+            USAGE,
+        )
+    return way
 
 
 @wind.command()
@@ -118,8 +150,8 @@ def check(
 
     field, about = _opened(file)
     rows = summary(field, about)
-    if along is not None:
-        way = _way(along, origin)
+    way = _placed(along, origin, field)
+    if way is not None:
         found = met(field, way.t, way.r, way.scale)
         rows["along"] = found.numbers() if as_json else found.lines()
     _told(rows, as_json)
@@ -133,9 +165,17 @@ def check(
     "--height",
     type=float,
     metavar="M",
-    help="Of the plan, m of the field; default: the flight's, or the highest roof's.",
+    help="Of the plan, m of the field; default: that at which the flight goes farthest, or half a cell above the highest roof.",
 )
-@click.option("--at", "at_s", type=float, default=0.0, metavar="S", help="Time of the field.")
+@click.option(
+    "--at",
+    "at_s",
+    type=float,
+    default=0.0,
+    metavar="S",
+    show_default=True,
+    help="Time of the field, s.",
+)
 @click.option(
     "--figure",
     type=click.Path(path_type=Path),
@@ -157,7 +197,11 @@ def show(
     from gcs_tools.wind_fields.cut import cuts
 
     field, _ = _opened(file)
-    way = None if along is None else _way(along, origin)
+    if not 0.0 <= at_s <= max(float(field.t[-1]), 0.0):
+        raise click.BadParameter(
+            f"{at_s:g} s: the field lasts from 0 to {field.t[-1]:g} s", param_hint="'--at'"
+        )
+    way = _placed(along, origin, field)
     path = np.zeros((0, 3)) if way is None else way.r
     low, high = float(field.bounds[4]), float(field.bounds[5])
     if height is not None and not low <= height <= high:
@@ -197,6 +241,7 @@ def pack(file: Path, out: Path, as_json: bool) -> None:
     except FieldError as error:
         raise Failure(error, USAGE) from error
     except OSError as error:
-        shutil.rmtree(out, ignore_errors=True)  # a part of a field is none
+        if out.exists():
+            raise click.UsageError(f"{out}: it exists already: name a new folder") from error
         raise Failure(f"{out}: {error.strerror}", USAGE) from error
     _told(summary(field, {"kind": grid.kind, "notes": grid.notes, **grid.about}), as_json)

@@ -59,6 +59,8 @@ from sitl_plant.physics.wind.packed_field import FieldError, opened
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
+ROOF_M = 0.5  # a start so far below a roof is in the building
+
 # --- [law]
 
 
@@ -166,7 +168,7 @@ class FieldOfWind(Table):
 
     file: str = Field(description="packed by gcs wind pack (a folder, relative to the mission)")
     origin_m: Numbers = Field(ZERO, description="of the mission, in the field")
-    scale: Positive = Field(1.0, description="of the velocities")
+    scale: Annotated[float, Field(gt=0.0, le=100.0)] = Field(1.0, description="of the velocities")
     start_s: NotNegative = Field(
         0.0, description="time since the first of the field when the flight begins"
     )
@@ -237,6 +239,25 @@ class Wind(Table):
                 ("azimuth_deg",), "a field has buildings and cannot be turned: leave it out"
             )
         return self
+
+    def begins(self, place: tuple[float, float, float]) -> str:
+        """Why a flight cannot begin at a place of the mission (m), for its field. Empty: it can."""
+        if self._field is None or self.field is None:
+            return ""
+        field = opened(self._field).field
+        at = [a + b for a, b in zip(place, self.field.origin_m, strict=True)]
+        for axis, value, low, high in zip(
+            "xyz", at, field.bounds[::2], field.bounds[1::2], strict=True
+        ):
+            if not low <= value <= high:
+                return f"the flight begins at {axis} = {value:g} m, outside the field: {low:g} to {high:g} m"
+        i, j = (
+            min(max(int(np.searchsorted(edges, value, side="right")) - 1, 0), len(edges) - 2)
+            for edges, value in ((field.top_x, at[0]), (field.top_y, at[1]))
+        )
+        roof = float(field.top[j, i])
+        inside = at[2] < roof - ROOF_M and roof > field.top.min()
+        return f"the flight begins {at[2]:g} m up, in a building of {roof:g} m" if inside else ""
 
     @property
     def field_ends_s(self) -> float | None:
@@ -543,6 +564,15 @@ class Document(Table):
     plant: Plant = Plant()
     vehicle: Vehicle = Vehicle()
     expect: Expect = Expect()
+
+    @model_validator(mode="after")
+    def _begins_in_its_field(self) -> Self:
+        start = self.flight.start
+        x, y, z = start.position_m
+        why = self.wind.begins((x, y, self.flight.ground_z_m if start.on_ground else z))
+        if why:
+            raise because(("wind", "field", "origin_m"), why)
+        return self
 
     @model_validator(mode="after")
     def _field_lasts(self) -> Self:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gcs_tools.wind_fields.sample import velocity
+from gcs_tools.wind_fields.sample import is_known, velocity
 from sitl_plant.physics.wind.field import Field
 
 Array = np.ndarray[Any, Any]
@@ -25,6 +25,7 @@ class FlightInField(NamedTuple):
     eddy_m: float  # smaller eddies are not in the field
     unresolved_m_s: float  # their speed
     unresolved_m_s2: float  # their change as the vehicle meets it
+    outside: float  # share of the flight that is outside the field, or in its buildings
 
     @property
     def guard_wind_m_s(self) -> float:
@@ -38,7 +39,9 @@ class FlightInField(NamedTuple):
 
     def lines(self) -> list[str]:
         """For people."""
+        part = "a part" if self.outside < 0.01 else f"{self.outside:.0%}"
         return [
+            *([f"{part} of it is outside the field or in a building, where nothing is known"] if self.outside else []),
             f"the wind reaches {self.wind_m_s:.3g} m/s and changes by up to {self.rate_m_s2:.3g} m/s^2",
             f"in {self.lasts_s:.3g} s at up to {self.fastest_m_s:.3g} m/s over ground",
             f"eddies below {self.eddy_m:.3g} m are not in the field: by Kolmogorov's law of 2/3 they add",
@@ -64,6 +67,7 @@ def along(field: Field, t: Array, r: Array, scale: float = 1.0) -> FlightInField
     with the cube root of r (Kolmogorov, Dokl. Akad. Nauk SSSR 30, 1941). It is carried on from the greatest
     difference over two cells about the flight, which counts the shear of the mean wind, too.
     """
+    known = is_known(field, r)
     v_air = scale * velocity(field, r, t)
     v = np.diff(r, axis=0) / np.diff(t)[:, None]
     rate = np.linalg.norm(np.diff(v_air, axis=0), axis=1) / np.diff(t)
@@ -83,5 +87,6 @@ def along(field: Field, t: Array, r: Array, scale: float = 1.0) -> FlightInField
         rate_m_s2=float(rate.max()),
         eddy_m=eddy,
         unresolved_m_s=change if smaller > 1.0 else 0.0,
+        outside=float(np.mean(~known)),
         unresolved_m_s2=change / eddy * smaller ** (2.0 / 3.0) * past if smaller > 1.0 else 0.0,
     )

@@ -47,15 +47,17 @@ def summary(field: Field, about: dict[str, Any]) -> dict[str, Any]:
         (float((np.abs(np.diff(part.v, axis=0)) / np.diff(field.t)[:, None, None, None]).max()) for part in parts.values() if len(field.t) > 1),
         default=0.0,
     )  # fmt: skip
-    b = field.bounds
+    places = {axis: [getattr(part, axis) for part in parts.values()] for axis in "xyz"}
+    ends = {axis: (min(p[0] for p in of), max(p[-1] for p in of)) for axis, of in places.items()}
+    spreads = divergence(field)
     solid = field.top > NO_TOP
     return {
         "kind": about.get("kind", "packed"),
-        "extent": [f"{axis} {b[2 * i]:.6g} to {b[2 * i + 1]:.6g} m, step {_step(getattr(field.u, axis))}" for i, axis in enumerate("xyz")],
+        "extent": [f"{axis} {ends[axis][0]:.6g} to {ends[axis][1]:.6g} m, step {_step(getattr(field.u, axis))}" for axis in "xyz"],
         "times": "one: steady" if len(field.t) == 1 else f"{len(field.t)} over {field.t[-1]:.6g} s",
         "greatest": ", ".join(f"{name} {value:.3g} m/s" for name, value in most.items()),
         "buildings": f"up to {float(field.top[solid].max()):.4g} m" if solid.any() else "none known",
-        "divergence": f"{divergence(field):.2g} 1/s rms",
+        "divergence": "not known: all components stand at the same places" if np.isnan(spreads) else f"{spreads:.2g} 1/s rms",
         "beliefs": [
             f"guard_wind_m_s {np.sqrt(sum(v * v for v in most.values())):.3g} covers every place",
             f"guard_wind_rate_m_s2 {gradient * GROUND_SPEED_M_S + in_time:.3g} covers the steepest gradient at {GROUND_SPEED_M_S:g} m/s",

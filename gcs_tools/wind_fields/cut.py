@@ -29,9 +29,8 @@ class Cut(NamedTuple):
 
 
 def _places(field: Field, axis: int) -> Array:
-    low, high = field.bounds[2 * axis], field.bounds[2 * axis + 1]
     wanted = (field.u.x, field.v.y, field.w.z)[axis]
-    return np.linspace(low, high, min(max(2 * len(wanted), 24), POINTS))
+    return np.linspace(wanted[0], wanted[-1], min(max(2 * len(wanted), 24), POINTS))
 
 
 def _cut(field: Field, across: int, up: int, at: float, t: float, path: Array, scale: float) -> Cut:
@@ -49,7 +48,7 @@ def _cut(field: Field, across: int, up: int, at: float, t: float, path: Array, s
     when = f", after {t:.4g} s" if len(field.t) > 1 else ""
     return Cut(
         f"{kind}, {where}{when}",
-        (f"{names[across]}, m", f"{names[up]}, m"), a, b, np.linalg.norm(v, axis=-1),
+        (f"{names[across]} in the field, m", f"{names[up]} in the field, m"), a, b, np.linalg.norm(v, axis=-1),
         v[..., across], v[..., up], path[:, [across, up]],
         top if through == 2 and top.max() > 0.5 * NO_TOP else None,
     )  # fmt: skip
@@ -66,14 +65,15 @@ def _kept(path: Array, axis: int) -> float:
 def middle(field: Field, path: Array) -> tuple[float, int, float]:
     """Height of the plan (m), the axis that the section looks along (0 east, 1 north), and its place (m).
 
-    With a flight those at which it goes farthest. Without: at the height of the highest roof, or in the middle.
+    With a flight those at which it goes farthest. Without: half a cell above the highest roof, or in the middle.
     """
     b = field.bounds
     if len(path):
         along = int(np.argmin(np.ptp(path[:, :2], axis=0)))
         return _kept(path, 2), along, _kept(path, along)
     top = float(field.top.max())
-    height = top if top > 0.5 * NO_TOP and top > b[4] + 1.0 else 0.5 * float(b[4] + b[5])
+    above = top + 0.5 * float(np.diff(field.w.z).min(initial=np.inf) if len(field.w.z) > 1 else 0.0)
+    height = above if b[4] + 1.0 < above <= b[5] else 0.5 * float(b[4] + b[5])
     along = int((b[3] - b[2]) <= (b[1] - b[0]))
     return height, along, 0.5 * float(b[2 * along] + b[2 * along + 1])
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from sitl_plant.physics.wind.field import NO_TOP, Component, Field, frozen
-from sitl_plant.physics.wind.packed_field import FieldError, save
+from sitl_plant.physics.wind.packed_field import FASTEST_M_S, FieldError, save
 
 Array = np.ndarray[Any, Any]
 
-FASTEST_M_S = 150.0  # a value beyond it is no wind in m/s
 FILLS = (-999999.0, -9999.0)  # of PALM, new and old
 METRES = {"m", "meter", "meters", "metre", "metres"}
 METRES_A_SECOND = {"m/s", "m s-1", "m s^-1", "ms-1", "m s**-1", "meter second-1"}
@@ -101,7 +101,9 @@ def repaired(grid: Grid) -> Grid:
         gaps = np.isnan(part.v)
         if gaps.all():
             raise wrong(grid.source, f"{name} has no values")
-        if np.isinf(part.v).any() or np.nanmax(np.abs(part.v)) > FASTEST_M_S:
+        if np.isinf(part.v).any():
+            raise wrong(grid.source, f"{name} has values that are not finite")
+        if np.nanmax(np.abs(part.v)) > FASTEST_M_S:
             raise wrong(
                 grid.source,
                 f"{name} has values beyond {FASTEST_M_S:g} m/s: is it in m/s, and which number means none?",
@@ -199,8 +201,14 @@ def packable(grid: Grid) -> Field:
 
 
 def pack(grid: Grid, out: Path) -> Field:
-    """Write a field for the simulator. Raises FieldError, OSError."""
+    """Write a field for the simulator. Raises FieldError, OSError.
+
+    It is written beside its place and moved there when it is whole: of two that are packed at once one is refused.
+    """
     made = packable(grid)
     about = {"source": grid.source, "kind": grid.kind, "notes": grid.notes, **grid.about}
-    save(out, made, about)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as beside:
+        save(Path(beside) / out.name, made, about)
+        (Path(beside) / out.name).rename(out)
     return made

@@ -50,6 +50,14 @@ def velocity(field: Field, r: Array, t: Array) -> Array:
     return found
 
 
+def is_known(field: Field, r: Array) -> Array:
+    """True of places r (n, 3), m, that are in the field and in no building: bool[n]."""
+    low, high = field.bounds[::2], field.bounds[1::2]
+    inside = ((r >= low) & (r <= high)).all(axis=1)
+    found: Array = inside & (r[:, 2] >= heights(field, r[:, 0], r[:, 1]))
+    return found
+
+
 def heights(field: Field, x: Array, y: Array) -> Array:
     """Height (m) of the ground or the roofs at places x and y (m), of one shape."""
     i = np.clip(np.searchsorted(field.top_x, x, side="right") - 1, 0, field.top.shape[1] - 1)

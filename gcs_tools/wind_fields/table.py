@@ -19,6 +19,21 @@ def fits(text: str) -> bool:
     return "x_m" in text.partition("\n")[0].split(",")
 
 
+def _bad_line(body: str, columns: int) -> str:
+    """The fault of the first line that has something else than numbers."""
+    for number, line in enumerate(body.splitlines(), start=2):
+        told = line.partition("#")[0].strip()
+        cells = told.split(",")
+        if told and len(cells) != columns:
+            return f"line {number} has {len(cells)} values: expected {columns}, one for each column"
+        for cell in cells if told else ():
+            try:
+                float(cell)
+            except ValueError:
+                return f"line {number} has {cell.strip()[:40]!r}: expected a number"
+    return f"expected lines of {columns} numbers with commas between"
+
+
 def read(text: str, source: str) -> Grid:
     """A field of a CSV file. Places without a line, or with nan, are solid. Raises FieldError."""
     header, _, body = text.partition("\n")
@@ -29,12 +44,14 @@ def read(text: str, source: str) -> Grid:
             source,
             f"expected one column each of {', '.join(COLUMNS)} ({TIME} for times); not so: {', '.join(lacking)}",
         )
+    if not body.strip():
+        raise wrong(source, "it has no line below its header")
     try:
         rows = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2)
     except ValueError as error:
-        raise wrong(source, f"expected numbers with commas between: {error}") from error
-    if not len(rows) or rows.shape[1] != len(names):
-        raise wrong(source, f"expected lines of {len(names)} numbers")
+        raise wrong(source, _bad_line(body, len(names))) from error
+    if rows.shape[1] != len(names):
+        raise wrong(source, _bad_line(body, len(names)))
     column = dict(zip(names, rows.T, strict=True))
     keys = [column.get(TIME, np.zeros(len(rows))), column["z_m"], column["y_m"], column["x_m"]]
     if not all(np.isfinite(key).all() for key in keys):
@@ -48,8 +65,11 @@ def read(text: str, source: str) -> Grid:
             source, f"its places are no grid: {len(rows)} lines for {shape} times, z, y and x"
         )
     place = np.ravel_multi_index(at, shape)
-    if len(np.unique(place)) != len(place):
-        raise wrong(source, "a place comes twice at one time")
+    _, first = np.unique(place, return_index=True)
+    if len(first) != len(place):
+        again = int(np.setdiff1d(np.arange(len(place)), first)[0])
+        where = ", ".join(f"{keys[i][again]:g}" for i in (3, 2, 1))
+        raise wrong(source, f"the place {where} comes twice at one time")
     t, z, y, x = axes
     parts = {}
     for name, key in zip("uvw", COLUMNS[3:], strict=True):

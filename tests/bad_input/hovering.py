@@ -105,9 +105,9 @@ class Flight:
         raise AssertionError(f"no {kind}; heard {[m.get_type() for m in self.inbox]}")
 
     def ask(self, command, *params, **options):
-        """The result of a COMMAND_LONG."""
-        self.send(self.long(command, *params, **options))
-        return self.heard("COMMAND_ACK", lambda m: m.command == command).result
+        """The result of a COMMAND_LONG, sent again where no answer comes, as clients do."""
+        asked = self.long(command, *params, **options)
+        return self.insist(asked, "COMMAND_ACK", lambda m: m.command == command, every_s=5.0).result
 
     def long(self, command, *params, confirmation=0, target=None):
         seven = [*params, *[0.0] * (7 - len(params))]

@@ -77,6 +77,18 @@ def test_cuts_go_where_a_flight_goes_and_show_its_buildings():
     plan, section = cut.cuts(sheared(), 12.0, 0.0, np.zeros((0, 3)))
     assert plan.title == "Plan, 12 m up" and section.title == "Section, 20 m east"
     assert not np.isnan(plan.speed).any()
+    plan, _ = cut.cuts(sheared(), None, 0.0, np.zeros((0, 3)))
+    assert plan.title == "Plan, 10 m up"  # half a cell above the roof
+
+
+def test_places_outside_the_field_and_in_its_houses_are_not_known():
+    t = np.linspace(0.0, 2.0, 201)
+    r = np.stack([0 * t + 10.0, 10.0 + 8.0 * t, 0 * t + 4.0], axis=1)
+    through = along(sheared(), t, r)
+    assert through.outside == pytest.approx(5 / 8, abs=0.01)
+    assert through.lines()[0].startswith("62% of it is outside the field or in a building")
+    assert along(sheared(), t, r + np.array([0.0, 0.0, 5.0])).outside == 0.0
+    assert along(sheared(), t, r + np.array([0.0, 0.0, 50.0])).outside == 1.0
 
 
 def test_the_street_is_free_of_divergence_and_nothing_flows_through_walls():
@@ -118,9 +130,12 @@ def test_what_cannot_be_drawn_or_looked_along_is_refused_and_leaves_no_file(tmp_
         (["check", f"{tmp_path}/f", "--along", f"{tmp_path}/no.mcap"], "no.mcap"),
         (["check", f"{tmp_path}/f", "--along", f"{tmp_path}/f"], "there is no flight.mcap in this folder"),
         (["show", f"{tmp_path}/nowhere"], "does not exist"),
+        (["show", f"{tmp_path}/f", "--at", "nan"], "the field lasts from 0 to 0 s"),
+        (["check", f"{tmp_path}/f", "--origin", "1", "2", "3"], "name it (--along RUN)"),
+        (["check", f"{tmp_path}/f", "--origin", "nan", "2", "3", "--along", f"{tmp_path}/no.mcap"], "three numbers of metres"),
     ):  # fmt: skip
         done = run(wind, arguments, standalone_mode=True)
-        assert done.exit_code != 0, arguments
+        assert done.exit_code == 2, arguments
         assert why in done.output + str(done.exception), arguments
     assert sorted(p.name for p in tmp_path.iterdir()) == ["f", "no.mcap"]
     done = run(wind, ["show", f"{tmp_path}/f", "--figure", f"{tmp_path}/f.png"])

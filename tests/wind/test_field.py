@@ -166,3 +166,41 @@ def test_a_packed_field_that_is_damaged_is_an_error(tmp_path, harm):
 
 def test_the_state_has_the_columns_that_the_air_reads():
     assert slice_of(VehicleState, "Omega").stop == air._OMEGA + 8
+
+
+@pytest.mark.parametrize(
+    ("broken", "why"),
+    [
+        (lambda axes: axes | {"u_x": axes["u_x"] * np.nan}, "u_x of axes.npz is no row of finite"),
+        (lambda axes: axes | {"v_y": axes["v_y"][::-1]}, "v_y of axes.npz does not rise"),
+        (lambda axes: axes | {"bounds": axes["bounds"][:3]}, "the bounds of axes.npz are none"),
+        (lambda axes: axes | {"top": axes["top"] * np.float32(np.nan)}, "the heights of axes.npz"),
+        (lambda axes: {k: v for k, v in axes.items() if k != "t"}, "axes.npz lacks 't'"),
+    ],
+)
+def test_a_packed_field_whose_places_are_none_is_damaged(tmp_path, broken, why):
+    save(tmp_path / "f", linear(), {})
+    with np.load(tmp_path / "f" / "axes.npz") as axes:
+        found = dict(axes)
+    np.savez(tmp_path / "f" / "axes.npz", **broken(found))
+    with pytest.raises(FieldError, match="damaged") as error:
+        opened(tmp_path / "f")
+    assert why in str(error.value) and str(error.value).count("pack it again") == 1
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e6])
+def test_a_packed_field_of_values_that_are_no_wind_is_damaged(tmp_path, value):
+    made = linear()
+    u = np.array(made.u.v)
+    u[0, 1, 1, 1] = value
+    save(tmp_path / "f", made._replace(u=made.u._replace(v=u)), {})
+    with pytest.raises(FieldError, match=r"u\.npy has values that are not finite, or beyond 150"):
+        opened(tmp_path / "f")
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", '{"format": 1, "notes": "abc"}', "7"])
+def test_a_packed_field_that_says_nonsense_of_itself_is_refused(tmp_path, text):
+    save(tmp_path / "f", linear(), {})
+    (tmp_path / "f" / "about.json").write_text(text)
+    with pytest.raises(FieldError, match="pack it again"):
+        opened(tmp_path / "f")

@@ -113,9 +113,9 @@ def test_a_building_in_the_way_ends_a_flight_and_so_does_the_end_of_a_field(tmp_
     a_field(tmp_path)
     field = 'field = { file = "f", origin_m = [28.0, 30.0, 3.0] }\n'
     assert several.by_itself(scenario(mission(tmp_path, field))).ended == 0
-    into = 'field = { file = "f", origin_m = [31.4, 30.0, 3.0] }\n'
+    into = 'field = { file = "f", origin_m = [31.4, 30.0, 3.0] }\n'  # its rotors reach the wall
     assert several.by_itself(scenario(mission(tmp_path, into))).ended == 3
-    out = 'field = { file = "f", origin_m = [28.0, 90.0, 3.0] }\n'
+    out = 'field = { file = "f", origin_m = [28.0, 59.99, 3.0] }\nsteady_m_s = [0.0, 12.0, 0.0]\n'
     assert several.by_itself(scenario(mission(tmp_path, out))).ended == 4
 
 
@@ -167,3 +167,19 @@ def test_a_flight_that_outlasts_its_field_is_refused_or_told_what_follows(tmp_pa
         mission(tmp_path, 'field = { file = "f" }\n')
     for after in ("hold", "repeat"):
         mission(tmp_path, f'field = {{ file = "f", after = "{after}" }}\n')
+
+
+@pytest.mark.parametrize(
+    ("origin", "why"),
+    [
+        ("[-5000.0, 30.0, 20.0]", "begins at x = -5000 m, outside the field: 0 to 60 m"),
+        ("[30.0, 30.0, 50.0]", "begins at z = 50 m, outside the field: -1 to 40 m"),
+        ("[50.0, 30.0, 2.0]", "begins 2 m up, in a building of 6 m"),
+    ],
+)
+def test_a_flight_that_begins_outside_its_field_or_in_a_building_is_refused(tmp_path, origin, why):
+    a_field(tmp_path)
+    with pytest.raises(MissionError, match="origin_m") as error:
+        mission(tmp_path, f'field = {{ file = "f", origin_m = {origin} }}\n')
+    assert why in str(error.value)
+    mission(tmp_path, 'field = { file = "f", origin_m = [50.0, 30.0, 6.0] }\n')  # on the roof

@@ -175,7 +175,7 @@ def test_rotors_text_is_met_at_its_levels(tmp_path):
         (lambda p: csv(p / "x.csv", "x_m,y_m,z_m,u_m_s,v_m_s,up"), "not so: w_m_s"),
         (
             lambda p: csv(p / "x.csv", "x_m,y_m,z_m,u_m_s,v_m_s,w_m_s,p"),
-            "expected lines of 7 numbers",
+            "line 2 has 6 values: expected 7",
         ),
     ],
 )

@@ -74,11 +74,17 @@ def save(title: str, planes: tuple[Plane, Plane], path: Path) -> None:
             if len(of.path):
                 axes.plot(*of.path.T, color=style.LIMIT, linewidth=1.8, label="flight")
                 axes.plot(*of.path[0], "o", color=style.LIMIT, markersize=4)
-                axes.legend(loc="upper left")
+                axes.legend(
+                    loc="upper left", frameon=True, facecolor="white", framealpha=0.9, borderpad=0.4
+                )
             axes.set(title=of.title, xlabel=of.axes[0], ylabel=of.axes[1], aspect="equal")
+            axes.set(xlim=(of.a[0], of.a[-1]), ylim=(of.b[0], of.b[-1]))
             axes.grid(visible=False)
         figure.colorbar(
-            shown, ax=subplots, label="speed of the air, m/s; grey: buildings", shrink=0.6
+            shown,
+            ax=subplots,
+            label="speed of the air, m/s; grey: buildings in the plane, white lines: houses below it",
+            shrink=0.6,
         )
         figure.suptitle(title)
         kind, picture = path.suffix.lower().removeprefix("."), BytesIO()

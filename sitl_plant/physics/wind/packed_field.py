@@ -20,6 +20,10 @@ from sitl_plant.physics.wind.field import Component, Field, frozen
 
 AXES = ("x", "y", "z")
 FORMAT = 1
+FASTEST_M_S = 150.0  # a value beyond it is no wind in m/s
+LOOKED_AT = (
+    8 << 20
+)  # values of a component that are looked at when it is opened; of more they are when packed
 
 
 class FieldError(ValueError):
@@ -53,10 +57,14 @@ def opened(path: Path) -> Packed:
 def _mapped(path: Path, _written: int) -> Packed:
     try:
         about = json.loads((path / "about.json").read_text())
-        if about.get("format") != FORMAT:
+        if not isinstance(about, dict) or about.get("format") != FORMAT:
             raise FieldError(f"{path}: expected a packed field of format {FORMAT}: pack it again")
+        notes = about.get("notes", [])
+        if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+            raise ValueError("the notes of about.json are no texts")
         with (path / "axes.npz").open("rb") as file, np.load(file, allow_pickle=False) as axes:
             found = {name: axes[name] for name in axes.files}
+        _check_axes(found)
         parts = {name: _component(path, name, found) for name in "uvw"}
         field = Field(
             t=frozen(found["t"]),
@@ -68,9 +76,26 @@ def _mapped(path: Path, _written: int) -> Packed:
         )
     except OSError as error:
         raise FieldError(f"{path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+    except KeyError as error:
+        raise FieldError(f"{path}: damaged (axes.npz lacks {error}): pack it again") from error
+    except (ValueError, EOFError, RecursionError, zipfile.BadZipFile) as error:
         raise FieldError(f"{path}: damaged ({error}): pack it again") from error
     return Packed(field, about)
+
+
+def _check_axes(axes: dict[str, Any]) -> None:
+    """Raise ValueError unless places and times are finite and rise."""
+    for name in ("t", "top_x", "top_y", *(f"{part}_{axis}" for part in "uvw" for axis in AXES)):
+        places = axes[name]
+        if places.ndim != 1 or not len(places) or not np.isfinite(places).all():
+            raise ValueError(f"{name} of axes.npz is no row of finite numbers")
+        if (np.diff(places) <= 0.0).any():
+            raise ValueError(f"{name} of axes.npz does not rise")
+    bounds, top = axes["bounds"], axes["top"]
+    if bounds.shape != (6,) or not np.isfinite(bounds).all() or (bounds[::2] > bounds[1::2]).any():
+        raise ValueError("the bounds of axes.npz are none")
+    if top.dtype != np.float32 or top.ndim != 2 or np.isnan(top).any():
+        raise ValueError("the heights of axes.npz are none")
 
 
 def _component(path: Path, name: str, axes: dict[str, Any]) -> Component:
@@ -78,7 +103,11 @@ def _component(path: Path, name: str, axes: dict[str, Any]) -> Component:
     values = np.load(path / f"{name}.npy", mmap_mode="r", allow_pickle=False)
     shape = (len(axes["t"]), *(len(of) for of in reversed(places)))
     if values.shape != shape or values.dtype != np.float32 or not values.flags.c_contiguous:
-        raise FieldError(f"{path}: damaged ({name}.npy is no float32 {shape}): pack it again")
+        raise ValueError(f"{name}.npy is no float32 {shape}")
+    if values.size <= LOOKED_AT and not (np.abs(values) <= FASTEST_M_S).all():
+        raise ValueError(
+            f"{name}.npy has values that are not finite, or beyond {FASTEST_M_S:g} m/s"
+        )
     x, y, z = map(frozen, places)
     return Component(x, y, z, frozen(values))
 
