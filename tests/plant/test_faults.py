@@ -322,13 +322,13 @@ def test_a_rotor_that_the_airframe_does_not_have_is_refused():
 def test_every_kind_is_flown_or_needs_an_autopilot_and_says_so():
     values = {
         "effectiveness": 0.9, "noise": {"position_m": 0.01}, "delay_s": 0.01, "jump_m": [1.0, 0.0, 0.0],
-        "drain_a": 10.0, "remaining": 0.5, "share": 0.5, "late_s": 0.0,
+        "drain_a": 10.0, "remaining": 0.5, "share": 0.5, "late_s": 0.01,
     }  # fmt: skip
     assert {spec.kind for spec in SPECS.values()} == set(Kind)
     for name, spec in SPECS.items():
         table = {"kind": name, "at_s": 0.5, **{k: values[k] for k in spec.keys if k in values}}
         scene = scenario(mission(table))
-        if name in ("state_off", "battery_drain", "battery_level"):
+        if name in ("state_off", "battery_drain", "battery_level", "ground_lost"):
             with pytest.raises(LawError, match=f"{name} is answered by an autopilot"):
                 law_alone.fly(scene)
         else:

@@ -341,7 +341,7 @@ def test_what_version_2_did_not_have_is_not_a_number() -> None:
     assert {name for name in unknown if name.startswith("internals.")} == {
         f"internals.demand.T_0.{axis}" for axis in "xyz"
     }
-    assert all(np.isnan(recording.params[f"guard.{name}"]) for name in GuardParams._fields)
+    assert all(np.isnan(recording.params[f"guard.{name}"]) for name in columns(GuardParams))
     found = metrics(recording.plant, recording.fcu)
     assert found["thrust_saturated_fraction"] == 0.0
     assert found["governed_fraction"] is found["margin_min_n"] is None
