@@ -119,6 +119,7 @@ def test_a_recorder_without_room(fly, record, quiet, instance):
     assert flight.publisher_complained == []
 
 
+@pytest.mark.alone  # a publisher says for 0.6 s of the wall's clock that its flight has ended
 def test_two_flights_that_are_recorded_at_once(fly, record, quiet):
     with claimed_instance() as first, claimed_instance() as second:
         recorders = [record(first), record(second)]
