@@ -141,18 +141,21 @@ class Flight:
         return self.heard(kind)
 
     def sync(self):
-        """All that was sent before has been read, and answered: a ping comes back."""
-        self.pings += 1
-        self.send(mavlink.MAVLink_ping_message(7, self.pings, 0, 0))
-        self.heard("PING", lambda m: m.seq == self.pings)
+        """All that was sent before has been read, and answered: a ping comes back.
 
-    def insist(self, message, kind, **options):
+        One that met a full queue, after a flood on a busy machine, is sent again.
+        """
+        self.pings += 1
+        ping = mavlink.MAVLink_ping_message(7, self.pings, 0, 0)
+        self.insist(ping, "PING", lambda m: m.seq == self.pings, every_s=5.0)
+
+    def insist(self, message, kind, condition=lambda m: True, every_s=0.05, **options):
         """Send again and again until it is answered: who sends too fast is not heard."""
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             self.send(message, **options)
             with contextlib.suppress(AssertionError):
-                return self.heard(kind, within_s=0.05)
+                return self.heard(kind, condition, within_s=every_s)
         raise AssertionError(f"no {kind}")
 
     def says(self, what):
