@@ -25,14 +25,16 @@ class Compiling:
         self._before = kept(self._package)
         self._began_s = time.monotonic()
         self._looked_s = 0.0
+        self._told = 0
 
     def look(self) -> None:
-        """Tell how far it has come, unless it was told just now or nothing was compiled."""
+        """Tell how far it has come, unless it was told just now or nothing more was compiled."""
         now = time.monotonic()
         if now - self._looked_s < LOOK_S:
             return
         self._looked_s = now
-        if (done := kept(self._package) - self._before) > 0:
+        if (done := kept(self._package) - self._before) > self._told:
+            self._told = done
             self._tell(done, max(ABOUT, done), now - self._began_s)
 
     @contextmanager

@@ -258,6 +258,7 @@ def test_a_reset_among_streaming_setpoints_forgets_them(up, script):
     climb(script, 2.8)
 
 
+@pytest.mark.alone  # a recorder keeps up with three times real time
 def test_a_flight_after_a_reset_is_the_same_to_the_bit_and_is_recorded(
     up, start, script, mission, reset, instance, tmp_path
 ):
@@ -281,6 +282,7 @@ def test_a_flight_after_a_reset_is_the_same_to_the_bit_and_is_recorded(
     assert one[in_one].tobytes() == other[in_other].tobytes()
 
 
+@pytest.mark.alone  # it is silent for seconds of the wall's clock
 def test_a_plant_that_resets_too_late_does_not_end_the_vehicle(up, script, reset):
     """It was asked, was silent for longer than that is waited for, and then did as it was asked."""
     program = up("--speed", 3, "--no-publish")
