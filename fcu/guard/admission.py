@@ -56,8 +56,8 @@ def pace_at(params_buffer, law_buffer):
     down = maximum(margin.sinking(known), SLOWEST)
     steers = maximum(margin.steered(params), SLOWEST)
     governed = params.policy == 1.0
-    jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING), top)
-    taken_up = TAKEN_UP_S * wrench.jerk(params, law, math.inf, top)
+    jerk, _ = foreseen.fastest(params, law, Vec3(0.0, 0.0, -brake / BRAKING))
+    taken_up = TAKEN_UP_S * wrench.jerk(params, law, math.inf)
     return (
         jerk,
         select(params.policy == 0.0, math.inf, minimum(brake / BRAKING, taken_up)),
@@ -107,14 +107,14 @@ def tightest(params_buffer, law_buffer, way, beginning, believed=1.0):
         law_buffer[0] = looked / n
         law = _unpack_law(law_buffer)
         for k in range(n):
-            now, speed = carried(setpoint, k * law.h), norm(pursuit.v_m)
-            most, aside = foreseen.fastest(params, law, pursuit.a_m, speed)
+            now = carried(setpoint, k * law.h)
+            most, aside = foreseen.fastest(params, law, pursuit.a_m)
             point, pursuit = foreseen.onward(law, pursuit, now, most, aside)
             holds = foreseen.holds(known, more * point.a_d, more * point.off, point.v, adds)
             holds = select(believed > 0.5, holds, -math.inf)
             if told:
                 since = present.gone_on(law, since, point.a_d)
-                turns = present.turns(params, law, seen, since, point.change, speed)
+                turns = present.turns(params, law, seen, since, point.change)
                 if (most == math.inf or turns) and holds < worst:
                     holds = max(
                         holds,
@@ -153,17 +153,15 @@ def follow(params_buffer, law_buffer, setpoint_buffer, ticks, reference):
     params, law = _unpack_params(params_buffer), _unpack_law(law_buffer)
     setpoint, known = _unpack_setpoint(setpoint_buffer), margin.known(params, law)
     zero = Vec3(0.0, 0.0, 0.0)
-    top, _ = speeds(known)
-    governs = params.policy == foreseen.GOVERN
     r_m = Vec3(reference[0], reference[1], reference[2])
     v_m = Vec3(reference[3], reference[4], reference[5])
     a_m = Vec3(reference[6], reference[7], reference[8])
     for k in range(ticks):
         now = carried(setpoint, k * law.h)
         plain = a_ref(law, now, r_m, v_m)
-        most, aside = foreseen.fastest(params, law, a_m, select(governs, top, norm(v_m)))
+        most, aside = foreseen.fastest(params, law, a_m)
         up = Vec3(a_m.x, a_m.y, a_m.z + law.g)
-        if governs:
+        if params.policy == foreseen.GOVERN:
             change = wanted(law, known, now, r_m, v_m, most) - a_m
             a = a_m + wrench.turned_to(change, up, most * law.h, aside * law.h)
             a_m = inside(known, v_m, 0.0, a, zero)

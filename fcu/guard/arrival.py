@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from fcu.guard import margin, wrench
-from fcu.guard.governor import BRAKING, SLOWEST, speeds, taken_back
+from fcu.guard.governor import BRAKING, SLOWEST, speeds
 from fcu.kernel.algebra import maximum, minimum, select
 from fcu.kernel.compile import kernel
 
@@ -38,21 +38,6 @@ def off_at_most(params, law):
 
 
 @kernel
-def jerk(params, law, a, speed):
-    """The fastest change (m/s^3) of the reference's acceleration that the rotors hold anywhere on a way.
-
-    Beside the least thrust that hover takes in the greatest wind, and beside the greatest of a way that accelerates
-    with a (m/s^2): towards either end of the thrust less torque is left.  speed : greatest of the reference, m/s.
-    """
-    blown = (
-        params.c_D * params.w_max * params.w_max
-    )  # N, that an updraft lifts, or a downdraft adds
-    lifted = maximum(params.m_min * law.g - blown, law.limits.T_min)
-    j = wrench.jerk(params, law, lifted, speed)
-    return wrench.jerk_across(params, law, params.m_max * (law.g + a) + blown, j, 0.0, speed)
-
-
-@kernel
 def at_most_s(params, law, far, speed, acceleration, moves, down, moves_down):
     """Time (s) after which the vehicle is, and stays, within ARRIVED_M of a setpoint.
 
@@ -69,8 +54,11 @@ def at_most_s(params, law, far, speed, acceleration, moves, down, moves_down):
     fastest, brake = speeds(known)
     sinks = maximum(margin.sinking(known), SLOWEST) - maximum(moves_down, 0.0)
     top, near = fastest - moves, ARRIVED_M - off_at_most(params, law)
-    j = jerk(params, law, brake / BRAKING, maximum(fastest, speed))
-    a = taken_back(brake, law.f_m / (2.0 * law.zeta_m), j) / BRAKING
+    a = brake / BRAKING
+    lifted = (
+        params.m_min * law.g - params.c_D * params.w_max * params.w_max
+    )  # N, hover in an updraft
+    j = wrench.jerk(params, law, maximum(lifted, law.limits.T_min))
     # until nothing accelerates any more
     t_0 = acceleration / j
     v_0 = speed + 0.5 * acceleration * t_0

@@ -37,17 +37,17 @@ def steps(law):
 
 
 @kernel
-def fastest(params, law, a, speed=0.0):
+def fastest(params, law, a):
     """Fastest change (m/s^3) of the reference's acceleration, as far as it can be known before.
 
-    And the fastest across the demand.  a : m/s^2, E, of the reference.  speed : m/s.
+    And the fastest across the demand.  a : m/s^2, E, of the reference.
     """
     governed = select(
         params.policy == REFUSE,
-        wrench.jerk_ahead(params, law, a.z, speed),
-        wrench.jerk(params, law, math.inf, speed),
+        wrench.jerk_ahead(params, law, a.z),
+        wrench.jerk(params, law, math.inf),
     )
-    across = wrench.across_ahead(params, law, a, governed, speed)
+    across = wrench.across_ahead(params, law, a, governed)
     warns = params.policy == WARN
     return select(warns, math.inf, governed), select(warns, math.inf, across)
 
@@ -184,9 +184,9 @@ def onward(law, pursuit, setpoint, most, aside):
 
 
 @kernel
-def as_asked(params, law, a, speed):
+def as_asked(params, law, a):
     """`fastest` of a way that is flown as it is asked for: held to a jerk only by one that refuses."""
-    most, aside = fastest(params, law, a, speed)
+    most, aside = fastest(params, law, a)
     refuses = params.policy == REFUSE
     return select(refuses, most, math.inf), select(refuses, aside, math.inf)
 
@@ -213,7 +213,7 @@ def least(params, law, setpoint, r, v):
     adds, pursuit, a_worst, v_worst = closed(law), begun(r, v, zero), zero, v
     for k in range(steps(law)):
         t = k * law.h
-        most, aside = as_asked(params, law, pursuit.a_m, norm(pursuit.v_m))
+        most, aside = as_asked(params, law, pursuit.a_m)
         point, pursuit = onward(law, pursuit, carried(setpoint, t), most, aside)
         now = holds(known, more * point.a_d, more * point.off, point.v, adds)
         if now < worst:
@@ -236,7 +236,7 @@ def along(params, law, sent_at, setpoints, r, v, rows):
         while sent + 1 < len(sent_at) and sent_at[sent + 1] <= t + 1e-9:
             sent += 1
             setpoint = _unpack_setpoint(setpoints[sent])
-        most, aside = as_asked(params, law, pursuit.a_m, norm(pursuit.v_m))
+        most, aside = as_asked(params, law, pursuit.a_m)
         now = carried(setpoint, t - sent_at[sent])
         point, pursuit = onward(law, pursuit, now, most, aside)
         asked, v = more * point.a_d, point.v

@@ -50,16 +50,6 @@ def speeds(known):
 
 
 @kernel
-def taken_back(brake, c, j):
-    """Of a deceleration (m/s^2), as much as a jerk j (m/s^3) takes back where the speed fades with c (1/s).
-
-    There the deceleration changes with c times itself. More of it overshoots the setpoint, and may swing about it
-    without end.
-    """
-    return minimum(brake, j / c)
-
-
-@kernel
 def sunk(known, v):
     """A velocity (m/s, E) that leads down no faster than a tilt steers there."""
     return Vec3(v.x, v.y, maximum(v.z, -maximum(margin.sinking(known), SLOWEST)))
@@ -91,7 +81,6 @@ def wanted(law, known, setpoint, r_m, v_m, j):
     to_go = setpoint.r_c - r_m
     far = norm(to_go)
     c = f_m / (2.0 * zeta_m)
-    brake = taken_back(brake, c, j)
     v_to = (approach(c, brake, far) / (far + 1e-30)) * to_go
     v_wanted = sunk(known, shortened(setpoint.v_c + v_to, top))
     short_by = v_wanted - v_m
@@ -168,17 +157,16 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         return setpoint, plain, 0.0
     up = Vec3(state.a_m.x, state.a_m.y, state.a_m.z + law.g)
     if params.policy == 2.0:  # as `admission` looked ahead
-        j = wrench.jerk_ahead(params, law, state.a_m.z, norm(v_m))
-        across = wrench.across_ahead(params, law, state.a_m, j, norm(v_m))
+        j = wrench.jerk_ahead(params, law, state.a_m.z)
+        across = wrench.across_ahead(params, law, state.a_m, j)
         change = plain - state.a_m
         a_g = state.a_m + wrench.turned_to(change, up, j * law.h, across * law.h)
     else:
-        top, _ = speeds(known)
-        j = wrench.jerk(params, law, T, top)
+        j = wrench.jerk(params, law, T)
         most = j * law.h
         change = shortened(wanted(law, known, setpoint, r_m, v_m, j) - state.a_m, most)
         rising = dot(change, up) / (norm(up) * law.h + 1e-30)
-        aside = wrench.jerk_across(params, law, T, j, rising, top) * law.h
+        aside = wrench.jerk_across(params, law, T, j, rising) * law.h
         a = state.a_m + wrench.turned_to(change, up, most, aside)
         closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
         # beta grows with each change of a_m: room for it is made within the jerk, or it feeds itself

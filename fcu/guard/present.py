@@ -189,12 +189,11 @@ def common(p_kg, p, R, q_kg, q, S, light, heavy):
 
 
 @kernel
-def turns(params, law, present, since, change, speed=0.0):
+def turns(params, law, present, since, change):
     """Whether the rotors turn the demand as fast as the way does, by what is demanded now.
 
-    change : of the reference's acceleration in this step, m/s^2, E.  speed : of the reference then, m/s.
-    With the thrust that a descent leaves of the least that `wrench.jerk_ahead` counts on, or of that of now, if
-    that is less.
+    change : of the reference's acceleration in this step, m/s^2, E.  With the thrust that a descent leaves of the least that
+    `wrench.jerk_ahead` counts on, or of that of now, if that is less.
     """
     a, g = since.a_d, law.g
     down = minimum(a.z + LEVEL, 0.0)
@@ -203,7 +202,7 @@ def turns(params, law, present, since, change, speed=0.0):
     n = Vec3(a.x, a.y, a.z + g)
     across = change - (dot(change, n) / maximum(dot(n, n), 1e-9)) * n
     T = maximum(minimum(light, now), 0.0)
-    return norm(across) <= 1.001 * law.h * wrench.jerk(params, law, T, speed)
+    return norm(across) <= 1.001 * law.h * wrench.jerk(params, law, T)
 
 
 @kernel

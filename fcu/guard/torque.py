@@ -17,8 +17,7 @@ from fcu.guard import stability, wrench
 from fcu.guard.governor import SLOWEST
 from fcu.guard.noise import LONGEST, Response, sums
 from fcu.guard.stability import INPUTS, LAGS, OFF, Hover, Loop
-from fcu.guard.types import GuardParams, Turned
-from fcu.guard.wrench import NOT_REACHED
+from fcu.guard.types import GuardParams
 from fcu.laws.allocation import RotorParams
 from fcu.laws.least_thrust import thrusts
 from fcu.laws.mmrac.types import Params
@@ -31,9 +30,10 @@ NOT_YET = {
     "spread": 1.0,
     "T_turns": math.inf,
     "lift_turns": 0.0,
-    "per_torque": 1.0,
-    "gust_torque": Turned(level=0.0, lifted=0.0),
 }  # before `derived`
+# The L1 norm of a gust over what a wind makes of it: a wind has no more than its greatest speed to swing
+# by. How much was set by computed winds (gcs_tools/gusts).
+NOT_REACHED = 1.6
 HALVINGS = 8
 WAYS = 64  # directions of a torque
 
@@ -108,31 +108,6 @@ def least_per_torque(rotors: RotorParams) -> float:
     return max(float(sum(thrusts(rotors.pairs, math.cos(a), math.sin(a)))) for a in angles)
 
 
-def gusty(params: GuardParams, law: Params, T: float) -> float:
-    """Torque (N m) over the rate of the drag (N/s), at most, of the least mass beside a thrust T (N).
-
-    With rotors that lag the most, and drag that turns with the body. inf if it swings on.
-    """
-    ticks, J = stability.late(law, params.delay_s), params.J_tilt
-    light = stability.hover_of(params)._replace(m=params.m_min, J=(J, J, J), turns=True)
-    lag, axes = stability.fade(law, max(LAGS)), (1,) if stability.alike(law) else (0, 1)
-    loops = (stability.tilt(law, lag, 1.0, axis, light._replace(T_0=T), ticks) for axis in axes)
-    return max(per_gust(law, loop) for loop in loops) / params.m_min
-
-
-def gust_torque(params: GuardParams, law: Params) -> Turned:
-    """The Turned through `gusty` at hover, and in the greatest updraft or half of the weight, whichever is more."""
-    weight = params.m_min * law.g
-    T = max(weight - params.c_D * params.w_max**2, 0.5 * weight)
-    if law.achieved < 0.5 or weight <= T:
-        return Turned(level=0.0, lifted=0.0)
-    level, lifted = weight * gusty(params, law, weight), T * gusty(params, law, T)
-    if not math.isfinite(level + lifted):
-        return Turned(level=ENDLESS, lifted=0.0)
-    over = max(lifted - level, 0.0) / (1.0 / T - 1.0 / weight)
-    return Turned(level=level - over / weight, lifted=over)
-
-
 def lift_turns(params: GuardParams, law: Params) -> float:
     """The greatest drag from below (N) beside which the least mass has torque for a gust at its full rate.
 
@@ -143,15 +118,20 @@ def lift_turns(params: GuardParams, law: Params) -> float:
     """
     if law.achieved < 0.5:
         return params.lift
+    ticks, J = stability.late(law, params.delay_s), params.J_tilt
+    lag, per_torque = stability.fade(law, max(LAGS)), least_per_torque(law.rotors)
+    light = stability.hover_of(params)._replace(m=params.m_min, J=(J, J, J), turns=True)
+    axes = (1,) if stability.alike(law) else (0, 1)
 
     def turns(u: float) -> bool:
         """True where the air past it rises with u, m/s, and it still has that torque."""
         T = params.m_min * law.g - params.c_D * u * u
-        holds = float(wrench.holding(params, law.rotors, T))
+        holds = (T - law.rotors.W * law.rotors.f_min) / per_torque
         if holds <= 0.0:
             return False
-        gust = params.c_D * u * params.w_dot_max  # N/s
-        return gusty(params, law, T) * gust <= NOT_REACHED * holds
+        gust = params.c_D * u * params.w_dot_max / params.m_min  # m/s^3
+        loops = (stability.tilt(law, lag, 1.0, axis, light._replace(T_0=T), ticks) for axis in axes)
+        return all(per_gust(law, loop) * gust <= NOT_REACHED * holds for loop in loops)
 
     low, high = params.w_max + SLOWEST, math.sqrt(params.lift / params.c_D)
     if high <= low or turns(high):
@@ -168,8 +148,6 @@ def derived(params: GuardParams, law: Params) -> GuardParams:
     params = params._replace(
         swinging=swinging(params, law),
         spread=math.sqrt(float((B * B).sum(axis=0).max())),
-        per_torque=least_per_torque(law.rotors),
-        gust_torque=gust_torque(params, law),
+        lift_turns=lift_turns(params, law),
     )
-    params = params._replace(lift_turns=lift_turns(params, law))
     return params._replace(T_turns=float(wrench.turns_up_to(params, law)))

@@ -7,16 +7,6 @@ from typing import NamedTuple
 from fcu.kernel.algebra import Vec3
 
 
-class Turned(NamedTuple):
-    """The torque that turns the thrust for a gust, over the rate of the drag, times the thrust.
-
-    The same whatever the thrust, and over it: what turns with the body weighs more beside little thrust.
-    """
-
-    level: float  # N m s
-    lifted: float  # N^2 m s
-
-
 class GuardParams(NamedTuple):
     """What is believed of the flight to come, and what is done when it does not fit the actuators."""
 
@@ -50,8 +40,6 @@ class GuardParams(NamedTuple):
     lift_turns: (
         float  # N, greatest drag from below beside which a tilt has torque for a gust (`torque`)
     )
-    per_torque: float  # N/(N m), least total thrust by which a torque about a level axis is had
-    gust_torque: Turned  # torque for a gust
     T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
 
 

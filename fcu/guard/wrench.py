@@ -18,9 +18,6 @@ LEAST = 1.0  # m/s^3: a reference changes so fast whatever the gusts
 PART = 0.5  # of the torque about yaw that the rotors give beside nothing else
 KEPT = 0.1  # part of it that noise does not take
 HALVINGS = 30  # of a search for a thrust
-# The L1 norm of a gust over what a wind makes of it: a wind has no more than its greatest speed to swing
-# by. How much was set by computed winds (gcs_tools/gusts).
-NOT_REACHED = 1.6
 
 
 @kernel
@@ -29,39 +26,6 @@ def tilting(params, rotors, T):
     share = T / rotors.W
     room = minimum(share - rotors.f_min, rotors.f_max - share)
     return maximum(room, 0.0) / params.spread
-
-
-@kernel
-def holding(params, rotors, T):
-    """Torque (N m) about any level axis that rotors give beside a total thrust T (N), by the pairs that need the least.
-
-    As `allocation` does where `tilting` does not do (`fcu.laws.least_thrust`).
-    """
-    room = minimum(T - rotors.W * rotors.f_min, rotors.W * rotors.f_max - T)
-    return maximum(room, 0.0) / params.per_torque
-
-
-@kernel
-def for_gust(params, law, T, speed):
-    """Torque (N m) for a gust at its full rate beside a thrust T (N), at most, at a speed (m/s).
-
-    With all that the loop makes of it (`torque.gusty`), of the least mass.
-    """
-    rate = params.c_D * (params.w_max + speed) * params.w_dot_max
-    T = maximum(T, 0.01 * params.m)
-    of = params.gust_torque
-    return rate * (of.level + of.lifted / minimum(T, params.m_min * law.g)) / T
-
-
-@kernel
-def beside_gust(params, law, T, speed):
-    """Fastest change (N/s) of the demand that a total thrust T (N) holds beside the worst gust.
-
-    Each at its worst with all that the loop makes of it, at once, by all the torque that there is.
-    """
-    left = holding(params, law.rotors, T) - disturbed(params, T)
-    left -= for_gust(params, law, T, speed)
-    return T * left / (params.J_tilt * params.swinging)
 
 
 @kernel
@@ -93,44 +57,42 @@ def gust(params):
 
 
 @kernel
-def held(params, law, T, speed=0.0):
+def held(params, law, T):
     """Fastest change (N/s) of the demand for the reference's sake that a total thrust T (N) holds.
 
     Across a thrust T it turns the demand by 1/T of it, and asks for J `turning` of that beside a gust,
     which attitude alone has to follow; or for J `swinging` with all that the loop makes of it. Neither may
-    be more than `tilting`. Both at once, with all that the loop makes of them, may not be more than `holding`.
-    speed : of the reference, m/s: as much more is the air past the vehicle.
+    be more than `tilting`.
     """
     rate = T * maximum(tilting(params, law.rotors, T) - disturbed(params, T), 0.0) / params.J_tilt
-    one = minimum(rate / turning(law) - gust(params), rate / params.swinging)
-    return minimum(one, beside_gust(params, law, T, speed))
+    return minimum(rate / turning(law) - gust(params), rate / params.swinging)
 
 
 @kernel
-def jerk(params, law, T_now, speed=0.0):
+def jerk(params, law, T_now):
     """Fastest change (m/s^3) of the reference's acceleration that the rotors hold, about hover.
 
     Of the worse mass, what is `held` by its weight.  T_now : total thrust commanded, N, if it is less;
-    inf: hover's.  speed : m/s, of the reference.
+    inf: hover's.
     """
-    light = held(params, law, minimum(params.m_min * law.g, T_now), speed) / params.m_min
-    heavy = held(params, law, minimum(params.m_max * law.g, T_now), speed) / params.m_max
+    light = held(params, law, minimum(params.m_min * law.g, T_now)) / params.m_min
+    heavy = held(params, law, minimum(params.m_max * law.g, T_now)) / params.m_max
     return maximum(minimum(params.jerk, minimum(light, heavy)), LEAST)
 
 
 @kernel
-def jerk_across(params, law, T_now, j, rising, speed=0.0):
+def jerk_across(params, law, T_now, j, rising):
     """Fastest change (m/s^3) across the demand, of a thrust T_now (N) that changes; not above j (m/s^3).
 
     Towards full thrust rotors have as little room for torque as towards none, and a torque that is asked
     for now is there once attitude and rates have turned: so the thrust counts that may be there by then,
     risen with j, or fallen as it does now.
-    rising : m/s^3, along the demand, now.  speed : m/s, of the reference.
+    rising : m/s^3, along the demand, now.
     """
     soon = params.m_max * (1.0 / law.c_angle.y + 1.0 / law.c_rate.y)
-    above = held(params, law, minimum(T_now + soon * j, params.T_turns), speed) / params.m_max
+    above = held(params, law, minimum(T_now + soon * j, params.T_turns)) / params.m_max
     sunk = maximum(minimum(params.m_min * law.g, T_now + soon * minimum(rising, 0.0)), 0.0)
-    below = held(params, law, sunk, speed) / params.m_min
+    below = held(params, law, sunk) / params.m_min
     below = select(rising < 0.0, below, j)
     return minimum(j, maximum(minimum(above, below), LEAST))
 
@@ -177,10 +139,7 @@ def spare(params, law):
         T = m * law.g
         beside = turning(law) * (m * LEAST + gust(params))
         asked = params.J_tilt * maximum(beside, params.swinging * m * LEAST) / T
-        alone = tilting(params, law.rotors, T) - disturbed(params, T) - asked
-        least = beside_gust(params, law, T, 0.0) - m * LEAST
-        both = least * params.J_tilt * params.swinging / T
-        left = minimum(left, minimum(alone, both))
+        left = minimum(left, tilting(params, law.rotors, T) - disturbed(params, T) - asked)
     return left
 
 
@@ -192,23 +151,22 @@ def lifted(params):
 
 
 @kernel
-def jerk_ahead(params, law, a_z, speed=0.0):
+def jerk_ahead(params, law, a_z):
     """`jerk` for a flight to come, where the reference accelerates upwards with a_z (m/s^2).
 
     In a wind from below, and on the way down, less thrust is there to turn with.
     """
-    T = params.m_min * (law.g + minimum(a_z, 0.0)) - lifted(params)
-    return jerk(params, law, T, speed)
+    return jerk(params, law, params.m_min * (law.g + minimum(a_z, 0.0)) - lifted(params))
 
 
 @kernel
-def across_ahead(params, law, a, j, speed=0.0):
+def across_ahead(params, law, a, j):
     """`jerk_across` for a flight to come, where the reference accelerates with a (m/s^2, E); not above j.
 
-    In a wind from above more thrust is there.  j : `jerk_ahead`, which counts with less.  speed : m/s.
+    In a wind from above more thrust is there.  j : `jerk_ahead`, which counts with less.
     """
     T = params.m_max * norm(Vec3(a.x, a.y, a.z + law.g)) + lifted(params)
-    return jerk_across(params, law, T, j, 0.0, speed)
+    return jerk_across(params, law, T, j, 0.0)
 
 
 @kernel

@@ -313,7 +313,7 @@ def speed(settings: Settings, along: tuple[float, float, float], what: str) -> R
     return Reach(what, "m/s", largest(exact) or 0.0, largest(ball) or 0.0)
 
 
-def with_guard(settings: Settings, **fields: Any) -> Settings:
+def with_guard(settings: Settings, **fields: float) -> Settings:
     """The settings with other beliefs."""
     return settings._replace(guard=settings.guard._replace(**fields))
 
@@ -552,7 +552,7 @@ def lack(settings: Settings) -> str:
     law, guard = settings
 
     def alone(field: str) -> float:
-        others: dict[str, Any] = {name: 0.0 for name in _FIELDS if name != field}
+        others = {name: 0.0 for name in _FIELDS if name != field}
         only = derived(settings._replace(guard=guard._replace(**others))).guard
         return float(wrench.disturbed(only, guard.m_min * law.g))
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.guard import admission, arrival, governor, margin, wrench
-from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3
-from fcu.kernel.buffers import to_buffer
+from fcu.guard import arrival
 from fcu.kernel.rows import column
 from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
@@ -73,43 +70,3 @@ def test_nor_has_one_that_the_wind_keeps_the_vehicle_off(settings_of):
 
 def test_without_a_guard_nothing_is_stated():
     assert arrives_s(prepared("urban_step", ['law.guard="warn"'])[1]) is None
-
-
-LITTLE_JERK = {  # those of flight 8816 of the attack, which swung about its place for 18 s
-    "f_m": 2.613, "zeta_m": 0.725, "gamma": 1795.0, "guard_wind_m_s": 1.453,
-    "c_angle": 12.836, "c_rate": 24.149,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("way", [(0.0, 0.0, -48.9), (20.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
-def test_a_reference_brakes_no_harder_than_its_jerk_takes_back(settings_of, way):
-    """Braking with 1.3 m/s^2 at a jerk of 1.06 m/s^3, it came 3.9 m too far, and was late by 28 %."""
-    law, params = settings_of(guard="govern", **LITTLE_JERK)
-    top, brake = governor.speeds(margin.known(params, law))
-    c = law.f_m / (2.0 * law.zeta_m)
-    assert c * brake > 2.0 * wrench.jerk(params, law, np.inf, top)
-    to, still, reference = np.array(way), Vec3(0.0, 0.0, 0.0), np.zeros(9)
-    setpoint = to_buffer(Setpoint(Vec3(*way), still, still, 0.0, 0.0))
-    off, each_s = [], 0.1
-    for _ in range(400):
-        off.append(reference[:3] - to)
-        admission.follow(
-            to_buffer(params), to_buffer(law), setpoint, round(each_s / law.h), reference
-        )
-    far = float(np.linalg.norm(to))
-    outside = np.flatnonzero(np.linalg.norm(off, axis=1) >= arrival.ARRIVED_M)
-    stated = arrival.at_most_s(params, law, far, 0.0, 0.0, 0.0, max(-way[2], 0.0), 0.0)
-    assert (outside[-1] + 1) * each_s < stated < 30.0
-    assert (off @ to).max() / far < 0.05 * far
-
-
-def test_the_jerk_of_a_way_is_no_more_than_the_rotors_hold_anywhere_on_it(settings_of):
-    law, params = settings_of(guard_wind_m_s=3.0)
-    weights = (params.m_min * law.g, params.m_max * law.g)
-    blown = params.c_D * params.w_max**2
-    for a in (0.0, 2.0, 8.0, 12.0):
-        j = arrival.jerk(params, law, a, 2.0)
-        assert wrench.LEAST <= j <= wrench.jerk(params, law, weights[0] - blown, 2.0)
-        high = weights[1] + params.m_max * a + blown
-        assert j <= wrench.jerk_across(params, law, high, j, 0.0, 2.0)
-    assert arrival.jerk(params, law, 12.0, 2.0) < arrival.jerk(params, law, 0.0, 2.0)

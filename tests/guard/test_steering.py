@@ -257,7 +257,7 @@ def test_a_way_down_takes_longer_and_plans_keep_to_it(settings_of):
 def test_a_plan_of_who_refuses_turns_no_faster_than_its_own_braking_leaves(settings_of):
     law, guard = settings_of(guard="refuse", c_angle=7.0, c_rate=14.0)
     pace = admission.Look(guard, law).pace
-    assert pace.jerk <= wrench.jerk_ahead(guard, law, -pace.acceleration)
+    assert pace.jerk == wrench.jerk_ahead(guard, law, -pace.acceleration)
     assert pace.jerk < wrench.jerk_ahead(guard, law, 0.0)
 
 

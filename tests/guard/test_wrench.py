@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import signal
 
-import fcu
-from fcu.guard import governor, margin, stability, torque, wrench
-from fcu.interface.airframe import airframe, load
+from fcu.guard import wrench
 from fcu.kernel.algebra import Vec3
 from fcu.laws import allocation
-from fcu.process.settings import settings
-
-
-def shipped(name):
-    """The law's parameters and the guard's of an airframe file, at 500 Hz."""
-    tables = load(Path(fcu.__file__).with_name("airframes") / f"{name}.toml")
-    return settings(airframe(tables["rotors"], name), tables, 500.0, {})
 
 
 @pytest.mark.parametrize("T", [20.0, 40.0, 78.0, 120.0, 180.0])
@@ -113,72 +103,6 @@ def test_less_thrust_turns_slower(settings_of):
     accelerations = [wrench.yaw_acceleration(told.guard, told.law, T) for T in (5.0, 40.0, 78.0)]
     assert accelerations[0] == 0.0
     assert 0.0 < accelerations[1] < accelerations[2] <= told.law.yaw_acceleration
-
-
-def test_a_jerk_and_a_gust_at_once_take_all_the_torque_there_is(settings_of):
-    """Of vehicles whose allocation has little in reserve, the more the faster they fly."""
-    for name in ("hexa", "quad", "racer"):
-        law, guard = shipped(name)
-        speed, left = 5.0, []
-        j = wrench.jerk(guard, law, math.inf, speed)
-        assert wrench.LEAST < j < wrench.jerk(guard, law, math.inf)
-        for m in (guard.m_min, guard.m_max):
-            T = m * law.g
-            turns = guard.J_tilt * guard.swinging * m * j / T
-            asked = turns + wrench.for_gust(guard, law, T, speed)
-            left.append(wrench.holding(guard, law.rotors, T) - asked)
-        assert min(left) == pytest.approx(0.0, abs=1e-9)
-    law, guard = settings_of(c_angle=7.0, c_rate=14.0)
-    assert wrench.jerk(guard, law, math.inf, 9.0) == wrench.jerk(guard, law, math.inf)
-    assert wrench.jerk(guard, law, math.inf, 30.0) < wrench.jerk(guard, law, math.inf)
-
-
-def test_the_torque_for_a_gust_is_that_of_the_loop_where_it_was_worked_out(settings_of):
-    law, guard = settings_of(c_angle=7.0, c_rate=14.0)
-    weight, rate = guard.m_min * law.g, guard.c_D * guard.w_max * guard.w_dot_max
-    for T in (weight, weight - guard.c_D * guard.w_max**2):
-        asked = rate * torque.gusty(guard, law, T)
-        assert wrench.for_gust(guard, law, T, 0.0) == pytest.approx(asked)
-    calm = settings_of(c_angle=7.0, c_rate=14.0, guard_wind_m_s=0.0)
-    assert wrench.for_gust(calm.guard, calm.law, weight, 3.0) == 0.0
-
-
-def test_what_the_bound_of_a_gust_and_a_jerk_leaves_out():
-    """Of an S1000, at its greatest speed: what each costs of its 7.9 m/s^3 is too much to be counted."""
-    law, guard = shipped("s1000")
-    rotors, weight = law.rotors, guard.m_min * law.g
-    top, _ = governor.speeds(margin.known(guard, law))
-
-    def fits(tau, angle):
-        _, gave_up = allocation.allocate(
-            rotors, weight, Vec3(tau * math.cos(angle), tau * math.sin(angle), 0.0)
-        )
-        return gave_up.torque < 0.5
-
-    def left(holds, gust):
-        beside = holds - gust * wrench.for_gust(guard, law, weight, top)
-        return law.g * beside / (guard.J_tilt * guard.swinging)
-
-    # (a) a rotor's greatest thrust
-    holds = wrench.holding(guard, rotors, weight)
-    angles = np.linspace(-math.pi, math.pi, 33)
-    keeps = next(tau for tau in np.arange(holds, 0.0, -0.05) if all(fits(tau, a) for a in angles))
-    assert holds == pytest.approx(28.4, abs=0.05) and keeps == pytest.approx(22.9, abs=0.06)
-    # (b) a wind along the way changes |v| v by 2 |v|
-    # (c) an m_hat of the greatest mass for the least, in hover and in the greatest updraft
-    off, light = guard.m_max / guard.m_min, stability.hover_of(guard)
-    light = light._replace(m=guard.m_min, J=(guard.J_tilt,) * 3, turns=True)
-    lag, more = stability.fade(law, max(stability.LAGS)), []
-    for T in (weight, weight - guard.c_D * guard.w_max**2):
-        loop = stability.tilt(law, lag, off, 1, light._replace(T_0=T), 0, 1.0)
-        more.append(torque.per_gust(law, loop) / guard.m_min / torque.gusty(guard, law, T))
-    assert more == pytest.approx([1.38, 2.79], abs=0.01)
-
-    assert wrench.jerk(guard, law, math.inf, top) == pytest.approx(7.94, abs=0.01)
-    assert left(holds, 1.0) > 7.94
-    assert left(keeps, 1.0) == pytest.approx(5.3, abs=0.05)
-    assert left(holds, 2.0) == pytest.approx(2.2, abs=0.05)
-    assert left(holds, more[0]) == pytest.approx(5.8, abs=0.05)
 
 
 def test_ahead_half_of_the_wind_lifts(settings_of):

@@ -160,7 +160,6 @@ def test_everything_is_drawn_within_the_beliefs():
             "lift": 0.0,
             "lift_turns": 0.0,
             "swinging": 0.0,
-            "gust_torque": 0.0,
             "T_turns": 0.0,
             "w_max": 0.0,
         }

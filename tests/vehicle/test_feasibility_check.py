@@ -63,9 +63,7 @@ def flown_out(guard, law, way, reference):
         for k in range(n):
             now = carried(setpoint, k * law.h)
             change = np.array(a_ref(law, now, Vec3(*r_m.tolist()), Vec3(*v_m.tolist()))) - a_m
-            most, aside = foreseen.fastest(
-                guard, law, Vec3(*a_m.tolist()), float(np.linalg.norm(v_m))
-            )
+            most, aside = foreseen.fastest(guard, law, Vec3(*a_m.tolist()))
             change = change * min(1.0, law.h * most / max(np.linalg.norm(change), 1e-30))
             up = a_m + np.array([0.0, 0.0, law.g])
             across = change - (change @ up) / (up @ up) * up
@@ -134,7 +132,7 @@ def test_what_would_swing_ever_farther_is_refused():
     assert lost > 10
 
 
-@pytest.mark.parametrize("far", [0.2, 0.35])
+@pytest.mark.parametrize("far", [0.3, 0.5])
 def test_what_settles_is_seen_to_settle(far):
     """The reference is held to the jerk, not the vehicle, whose attitude lags behind it."""
     law, guard = settings(*AIRFRAME, 500.0, {"guard": "refuse", "f_m": 2.8})
