@@ -88,7 +88,6 @@ from gcs_tools.recording.reader import (
     AIRFRAME,
     AIRFRAME_FILE,
     AIRFRAME_SHA256,
-    BUILDINGS,
     CONTROLLER,
     LAW,
     LAW_SOURCES,
@@ -97,7 +96,7 @@ from gcs_tools.recording.reader import (
     flies_with,
 )
 from gcs_tools.recording.table import Rows, Table
-from gcs_tools.wind_fields.buildings import Box, boxes
+from gcs_tools.wind_fields.buildings import BUILDINGS, Box, boxes
 from sitl_plant.physics.truth import truth
 from sitl_plant.physics.wind.packed_field import opened
 

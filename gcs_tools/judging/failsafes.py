@@ -10,8 +10,8 @@ from fcu.interface.event_log import Event
 from fcu.interface.status_texts import Code
 from fcu.vehicle.conditions import ROWS, Action, Always, Condition
 from gcs_tools.judging.expectations import FAILSAFE, FENCE_BREACHED, MODE, Expectation
+from gcs_tools.recording.table import HALF_US
 
-HALF_US = 0.5e-6  # s: ticks fall on whole microseconds
 NO_FAILSAFE = "none"
 STOPPED = "rotors stopped"
 _VEHICLE = "fcu"  # the process that tells it

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gcs_tools.judging.expectations import FAULTS, Expectation
-from gcs_tools.judging.failsafes import HALF_US
 from gcs_tools.missions.tables import PlantFault
+from gcs_tools.recording.table import HALF_US
 
 _SHOWN = 3  # faults that the verdict names
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_tools.recording.table import Indices, Rows, Table
+from gcs_tools.recording.table import HALF_US, Indices, Rows, Table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
@@ -33,7 +33,6 @@ _OF_THE_LAW = "command.", "outputs.", "state.", "internals.", "guard_state.", "g
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"
 _CONTRADICTED = "guard.contradicted."
 BLOCK = 1 << 15  # rows that are worked on at once
-_HALF_US = 0.5e-6  # ticks fall on whole microseconds: a window's ends are met by rounding
 
 
 def settle_from(fcu: Table) -> float:
@@ -183,8 +182,8 @@ class EngagedTicks:
 
     def window(self, t_from: float | None, t_to: float | None) -> EngagedTicks:
         """The ticks from t_from to t_to (s, both included); None: from the start, to the end."""
-        low = 0 if t_from is None else np.searchsorted(self.t, t_from - _HALF_US)
-        high = len(self.t) if t_to is None else np.searchsorted(self.t, t_to + _HALF_US)
+        low = 0 if t_from is None else np.searchsorted(self.t, t_from - HALF_US)
+        high = len(self.t) if t_to is None else np.searchsorted(self.t, t_to + HALF_US)
         return self.take(slice(int(low), int(high)))
 
     def take(self, which: Any) -> EngagedTicks:
@@ -265,7 +264,7 @@ def _in_common(t_plant: Rows, t_fcu: Rows) -> tuple[Any, Any]:
     """Return the rows of plant and flight controller that belong to one time (s), as slices or indices."""
     n = len(t_fcu)
     if n:
-        first = int(np.searchsorted(t_plant, t_fcu[0] - _HALF_US))
+        first = int(np.searchsorted(t_plant, t_fcu[0] - HALF_US))
         whole = t_plant[first : first + n]
         if len(whole) == n and all(
             np.array_equal(_microseconds(whole[block]), _microseconds(t_fcu[block]))
@@ -318,7 +317,7 @@ def _final(flight: EngagedTicks, error: Rows) -> float:
     """The worst error of the last second; NaN if one is not finite."""
     if not len(flight.t):
         return math.nan
-    return float(error[flight.t >= flight.t[-1] - FINAL_S - _HALF_US].max())
+    return float(error[flight.t >= flight.t[-1] - FINAL_S - HALF_US].max())
 
 
 def _greatest_told(flight: EngagedTicks, name: str) -> float:

@@ -17,13 +17,12 @@ from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S, Flags, blocks, is_up
 from gcs_tools.missions.asked import Asked
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.recording.table import Table
+from gcs_tools.recording.table import HALF_US, Table
 
 _COMPARED = (
     *(f"{vector}.{axis}" for vector in ("r_c", "v_c", "a_c") for axis in "xyz"),
     "psi_dot_c",
 )
-_HALF_US = 0.5e-6
 CLEAR = 0.05  # m above the ground: a vehicle that is told to go lower lands
 _ROUNDED, _ROUNDED_PART = 1e-3, 2e-7  # what the wire's float32 makes of a number, and of its size
 
@@ -119,12 +118,12 @@ def standing(asked: Asked, plant: Table, was_cut: bool = False) -> list[Standing
     for since_s, ends_s, place, held in asked.places():
         until_s = min(ends_s, over_s)
         wanted_s = min(ends_s, asked.flight.duration_s) - since_s
-        if was_cut and (held or wanted_s >= SETTLE_S) and until_s - since_s < SETTLE_S - _HALF_US:
+        if was_cut and (held or wanted_s >= SETTLE_S) and until_s - since_s < SETTLE_S - HALF_US:
             found.append(Standing(since_s, round(over_s, 6), place, math.inf, was_cut=True))
             continue
-        if until_s - since_s < SETTLE_S - _HALF_US and not held:
+        if until_s - since_s < SETTLE_S - HALF_US and not held:
             continue
-        last = int(np.searchsorted(t, until_s - _HALF_US)) - 1
+        last = int(np.searchsorted(t, until_s - HALF_US)) - 1
         away, why = _away(plant, last, place), grounded(asked.flight, place)
         found.append(Standing(since_s, round(until_s, 6), place, away, why))
     return found
@@ -152,9 +151,9 @@ def accepted(flight: Flight, plant: Table, fcu: Table) -> list[Standing]:
     begins = [0, *np.flatnonzero(new).tolist(), len(t)]
     for first, end in pairwise(begins):
         since_s, until_s = float(t[first]), float(t[end - 1]) + 1.0 / flight.rate_hz
-        if not rests[first] or until_s - since_s < SETTLE_S - _HALF_US:
+        if not rests[first] or until_s - since_s < SETTLE_S - HALF_US:
             continue
-        last = int(np.searchsorted(plant["t"], until_s - _HALF_US)) - 1
+        last = int(np.searchsorted(plant["t"], until_s - HALF_US)) - 1
         place = Vec3(*fcu.take(slice(first, first + 1))["setpoint.r_c"][0].tolist())
         away, why = _away(plant, last, place), grounded(flight, place)
         found.append(Standing(since_s, round(until_s, 6), place, away, why))

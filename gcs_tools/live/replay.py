@@ -14,14 +14,7 @@ from fcu.interface import topics as keys
 from gcs_tools.live import bus
 from gcs_tools.live.publisher import LOOK_S, PublishedVehicle
 from gcs_tools.recording import events
-from gcs_tools.recording.reader import (
-    BUILDINGS,
-    SCHEMA_VERSION,
-    VALUES,
-    Messages,
-    RecordingError,
-    messages,
-)
+from gcs_tools.recording.reader import SCHEMA_VERSION, VALUES, Messages, RecordingError, messages
 from gcs_tools.recording.schema import PARAMS
 
 LEAVE_S = 4.0  # wall: how long who listens may take to have it all
@@ -32,7 +25,7 @@ def about(path: Path, metadata: dict[str, str], run: str, vehicle: str) -> dict[
     """What a replayed vehicle says of itself: what the recording says of it, as text."""
     return {
         **metadata,
-        **{name: json.loads(metadata[name]) for name in (VALUES, BUILDINGS) if name in metadata},
+        **({VALUES: json.loads(metadata[VALUES])} if VALUES in metadata else {}),
         "run": run,
         "vehicle": vehicle,
         "schema_version": SCHEMA_VERSION,

@@ -8,13 +8,14 @@ from fcu.interface.event_log import Event
 from fcu.interface.options import LATEST_S
 from gcs_tools.live.samples import Sample
 from gcs_tools.live.subscriber import Subscriber, printable
-from gcs_tools.pictures.history import WINDOW_S, FlightHistory, buildings, ground_z
+from gcs_tools.pictures.history import WINDOW_S, FlightHistory, ground_z
 from gcs_tools.pictures.quantities import SHOWN, Limits
 from gcs_tools.recording import events
 from gcs_tools.recording.layout import LayoutError, decode
 from gcs_tools.recording.reader import values_told
 from gcs_tools.recording.schema import PARAMS
 from gcs_tools.recording.table import Table
+from gcs_tools.wind_fields.buildings import told_boxes
 
 KEPT_EVENTS = 100
 
@@ -31,7 +32,7 @@ class Follower:
         title = str(mission or f"vehicle {about.get('vehicle')}")
         self.flight = FlightHistory(title, told, keep_s)
         self.flight.ground_z = ground_z(values_told(about))
-        self.flight.buildings = buildings(about)
+        self.flight.buildings = told_boxes(about)
         self.events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self.params: dict[str, float] | None = None  # the law's in force
         self.unusable = 0  # samples that are not what their topic says

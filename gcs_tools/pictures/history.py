@@ -6,7 +6,6 @@ in the thread that draws. Names, frames and units are those of PlantRecord, Tick
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -19,17 +18,12 @@ from fcu.interface.input_file import TomlError
 from fcu.mavlink.px4_modes import AutoMode, MainMode
 from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
 from gcs_tools.recording.plans import PlanHistory
-from gcs_tools.recording.reader import AIRFRAME_FILE, BUILDINGS, RecordingError, read, values_told
+from gcs_tools.recording.reader import AIRFRAME_FILE, RecordingError, read, values_told
 from gcs_tools.recording.schema import FCU, PLANT_TIMING, STATUS, TIMING, TRUTH, WIND
-from gcs_tools.recording.table import Rows, Table
+from gcs_tools.recording.table import HALF_US, Rows, Table
+from gcs_tools.wind_fields.buildings import Box, told_boxes
 
 WINDOW_S = 60.0  # of a live flight that is kept and drawn
-HALF_US = 0.5e-6  # ticks fall on whole microseconds: a time is met by rounding
-MOST_BUILDINGS = 2000  # drawn, whatever is told
-FARTHEST_M = 1e6  # of a wall
-Box = tuple[
-    float, float, float, float, float, float
-]  # west, east, south and north wall, foot, roof, m
 GEAR_M = 0.3  # from the centre of mass to the ground it stands on
 
 Series = tuple[Rows, Rows]  # times, s, and values
@@ -239,23 +233,8 @@ def recorded(path: Path) -> FlightHistory:
     flight.plans = PlanHistory(recording.events)
     if (z := ground_z(values_told(recording.metadata))) is not None:
         flight.ground_z = z
-    flight.buildings = buildings(recording.metadata)
+    flight.buildings = told_boxes(recording.metadata)
     return flight
-
-
-def buildings(told: Mapping[str, Any]) -> list[Box]:
-    """The buildings about a flight, as its recording or its vehicle tells of them. Those that are none are left out."""
-    found = told.get(BUILDINGS, [])
-    try:
-        listed = json.loads(found) if isinstance(found, str) else found
-    except (ValueError, RecursionError):
-        return []
-    return [
-        (float(box[0]), float(box[1]), float(box[2]), float(box[3]), float(box[4]), float(box[5]))
-        for box in (listed if isinstance(listed, list) else [])[:MOST_BUILDINGS]
-        if isinstance(box, list) and len(box) == 6
-        and all(isinstance(x, int | float) and abs(x) < FARTHEST_M for x in box)
-    ]  # fmt: skip
 
 
 def ground_z(values: Mapping[str, Any]) -> float | None:

@@ -13,13 +13,13 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from fcu.interface.event_log import Event
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
+from gcs_tools.recording.table import HALF_US
 
 MISSION, FENCE, RALLY = "Mission", "Fence", "Rally points"
 MOST_ITEMS, MOST_CHANGES = 10_000, 100_000  # that are believed of a log
 _WIDTH = 13  # values of an item
 _POLYGON, _CIRCLE = "NAV_FENCE_POLYGON_VERTEX_", "NAV_FENCE_CIRCLE_"
 _AIMED = ("DO_SET_ROI", "DO_SET_ROI_LOCATION", "DO_SET_HOME")  # places that are not flown to
-HALF_US = 0.5e-6  # s: ticks fall on whole microseconds
 ROUND = 72  # corners of a circle that is drawn
 
 T = TypeVar("T")

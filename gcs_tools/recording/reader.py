@@ -37,7 +37,6 @@ METADATA = "flight"  # name of the metadata record
 VERSION_KEY = "schema_version"
 LAW, OUR_LAW = "law", "mmrac"  # of metadata: which law was flown; without it, ours
 AIRFRAME, AIRFRAME_SHA256 = "airframe", "airframe_sha256"  # of metadata: name, hash of the file
-BUILDINGS = "buildings"  # of metadata, as JSON: boxes (west, east, south, north, foot, roof), m, E
 AIRFRAME_FILE = "airframe_file"  # of metadata: its text, where no law's parameters tell of it
 CONTROLLER = "controller"  # of metadata: the command of a controller that tells nothing of itself
 VALUES = "values"  # of metadata, as JSON: those in force, as {key: {"value": ..., "origin": ...}}

@@ -14,6 +14,9 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 Indices = np.ndarray[Any, np.dtype[np.int64]]
 
 
+HALF_US = 0.5e-6  # s: ticks fall on whole microseconds, so a time is met by rounding
+
+
 class UnknownColumn(KeyError):
     """A name that no column has."""
 

@@ -1,14 +1,18 @@
-"""The buildings of a field as boxes, for pictures."""
+"""The buildings of a field as boxes: told in the metadata of a flight, for who draws it."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from sitl_plant.physics.wind.field import NO_TOP, Field
 
+BUILDINGS = "buildings"  # of a flight's metadata: the boxes, as JSON
 MOST = 2000  # boxes of a field; where it has more, the lowest are left out
+FARTHEST_M = 1e6  # of a wall that is drawn
 
 Box = tuple[
     float, float, float, float, float, float
@@ -46,3 +50,20 @@ def boxes(field: Field, origin: tuple[float, float, float]) -> list[Box]:
             west, east, south, north, below, roof = map(float, edges)
             found.append((west, east, south, north, below, roof))
     return sorted(found, key=lambda box: -box[5])[:MOST]
+
+
+def told_boxes(told: Mapping[str, Any]) -> list[Box]:
+    """The boxes that a recording's metadata, or a vehicle, tells of. Those that are none are left out."""
+    found = told.get(BUILDINGS, [])
+    try:
+        listed = json.loads(found) if isinstance(found, str) else found
+    except (ValueError, RecursionError):
+        return []
+    if not isinstance(listed, list):
+        return []
+    return [
+        (float(box[0]), float(box[1]), float(box[2]), float(box[3]), float(box[4]), float(box[5]))
+        for box in listed[:MOST]
+        if isinstance(box, list | tuple) and len(box) == 6
+        and all(isinstance(x, int | float) and abs(x) < FARTHEST_M for x in box)
+    ]  # fmt: skip

@@ -10,10 +10,8 @@ import pytest
 from gcs_tools.flight import run
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load
-from gcs_tools.pictures.history import buildings
-from gcs_tools.recording.reader import BUILDINGS
 from gcs_tools.studies.street_field import BUILDINGS as HOUSES
-from gcs_tools.wind_fields.buildings import boxes
+from gcs_tools.wind_fields.buildings import BUILDINGS, boxes, told_boxes
 from sitl_plant.physics.wind.packed_field import opened
 from tests.wind.test_along import sheared
 
@@ -34,15 +32,15 @@ def test_boxes_lie_about_the_origin_of_the_mission():
 def test_a_flight_tells_its_buildings_and_what_is_none_is_left_out():
     mission = load("street_canyon")
     told = json.loads(json.dumps(run.flies(mission, scenario(mission), mission.airframe)))
-    assert len(buildings(told)) == len(HOUSES)
-    assert buildings({BUILDINGS: json.dumps(told[BUILDINGS])}) == buildings(told)
+    assert len(told_boxes(told)) == len(HOUSES)
+    assert told_boxes({BUILDINGS: json.dumps(told[BUILDINGS])}) == told_boxes(told)
     flat = load("paper_nominal")
     assert BUILDINGS not in run.flies(flat, scenario(flat), flat.airframe)
-    assert buildings({}) == []
+    assert told_boxes({}) == []
 
 
 @pytest.mark.parametrize(
     "told", ["{", "[1, 2]", '[[1, 2, 3, 4, 5, "6"]]', "[[1, 2, 3, 4, 5, 1e300]]", '{"a": 1}', 7]
 )
 def test_buildings_that_are_none_are_left_out(told):
-    assert buildings({BUILDINGS: told}) == []
+    assert told_boxes({BUILDINGS: told}) == []

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcu.interface import whole_file
 from gcs_tools.judging.airframe_check import AirframeCheck, Rotor
 from gcs_tools.pictures.plot import style
 
@@ -37,11 +35,7 @@ def save(found: AirframeCheck, path: Path) -> None:
         thrust = f"greatest thrust {found.thrust_to_weight:.2f} times the weight"
         name = Path(found.airframe).name.removesuffix(".toml")
         figure.suptitle(f"{name}: {throttle}, {thrust}", fontsize=11)
-        kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
-        figure.savefig(
-            picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
-        )
-    whole_file.write(path, picture.getvalue())
+        style.save(figure, path)
 
 
 def _radius(rotors: tuple[Rotor, ...]) -> float:

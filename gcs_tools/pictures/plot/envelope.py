@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcu.interface import whole_file
 from fcu.kernel.algebra import Vec3
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Envelope, step, terms, way
 from gcs_tools.missions.asked import foreseen, legs
 from gcs_tools.missions.mission import Mission
+from gcs_tools.pictures.plot import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,11 +46,7 @@ def save(mission: Mission, found: Envelope, path: Path) -> None:
     _draw_steps(right, mission)
     says = "holds" if found.holds else "holds with the guard" if found.governed else "fails"
     figure.suptitle(f"{found.mission}: before flight, the condition {says}", fontsize=11)
-    kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
-    figure.savefig(
-        picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
-    )
-    whole_file.write(path, picture.getvalue())
+    style.save(figure, path)
 
 
 def _draw_way(axes: Axes, mission: Mission, found: Envelope) -> None:
@@ -87,14 +82,14 @@ def _draw_steps(axes: Axes, mission: Mission) -> None:
     f_m = np.geomspace(0.4, 3.0, POINTS)
     colours = {"exact": "#1f77b4", "ball": "#7f7f7f", "theorem": "#8c564b"}
     words = {"exact": "exact set", "ball": "ball about hover", "theorem": "(31)"}
-    for way_name, (along, style) in DIRECTIONS.items():
+    for way_name, (along, dashes) in DIRECTIONS.items():
         each = [settings._replace(law=law._replace(f_m=float(f))) for f in f_m]
         reached = [step(with_f_m, along, way_name) for with_f_m in each]
         for name, colour in colours.items():
             if name != "exact" and way_name != "up":
                 continue  # these two know no direction
             label = f"{words[name]}, {way_name}" if name == "exact" else words[name]
-            axes.loglog(f_m, [getattr(r, name) for r in reached], style, color=colour, label=label)
+            axes.loglog(f_m, [getattr(r, name) for r in reached], dashes, color=colour, label=label)
     jumps = [p for p in _jumps(mission) if p > 0.05]
     if jumps:
         axes.plot([law.f_m] * len(jumps), jumps, "o", color="#b22222", label="this mission's steps")

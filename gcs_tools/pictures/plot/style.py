@@ -7,14 +7,18 @@ against (wide and pale), and dashed red is a limit, in every figure.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from fcu.interface import whole_file
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 POINTS = 2000  # drawn of each line
 GAP = 1.5  # of the usual step between samples: above it a line is broken
@@ -53,6 +57,14 @@ STYLE: Any = {
     "pdf.fonttype": 42,
 }
 TIME = "simulation time, s"
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure to a .png, .svg or .pdf, the same bytes each time, whole or not at all. Raises OSError."""
+    kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
+    metadata = {"Software": None} if kind == "png" else None
+    figure.savefig(picture, format=kind, dpi=110, metadata=metadata)
+    whole_file.write(path, picture.getvalue())
 
 
 def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:

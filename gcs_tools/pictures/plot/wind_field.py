@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fcu.interface import whole_file
 from gcs_tools.pictures.plot import style
 
-Array = np.ndarray[Any, Any]
+if TYPE_CHECKING:
+    from gcs_tools.wind_fields.cut import Cut
 
 ARROWS = 30  # across a picture
 
 
-class Plane(Protocol):
-    """A cut, as `gcs_tools.wind_fields.cut` makes it."""
-
-    @property
-    def title(self) -> str: ...  # noqa: D102
-    @property
-    def axes(self) -> tuple[str, str]: ...  # noqa: D102
-    @property
-    def a(self) -> Array: ...  # noqa: D102
-    @property
-    def b(self) -> Array: ...  # noqa: D102
-    @property
-    def speed(self) -> Array: ...  # noqa: D102
-    @property
-    def v_a(self) -> Array: ...  # noqa: D102
-    @property
-    def v_b(self) -> Array: ...  # noqa: D102
-    @property
-    def path(self) -> Array: ...  # noqa: D102
-    @property
-    def roofs(self) -> Array | None: ...  # noqa: D102
-
-
-def save(title: str, planes: tuple[Plane, Plane], path: Path) -> None:
+def save(title: str, planes: tuple[Cut, Cut], path: Path) -> None:
     """Draw both cuts, one below the other, in one colour scale of speed. Raises OSError."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -87,8 +63,4 @@ def save(title: str, planes: tuple[Plane, Plane], path: Path) -> None:
             shrink=0.6,
         )
         figure.suptitle(title)
-        kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
-        figure.savefig(
-            picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
-        )
-    whole_file.write(path, picture.getvalue())
+        style.save(figure, path)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from fcu.interface import whole_file
 from gcs_tools.pictures.plot import style
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
@@ -67,8 +65,4 @@ def save(title: str, from_s: float, histories: Sequence[History], path: Path) ->
         axes[0, 0].legend(loc="lower right")
         axes[1, 0].legend(loc="upper right", ncols=3)
         figure.suptitle(title)
-        kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
-        figure.savefig(
-            picture, format=kind, dpi=110, metadata={"Software": None} if kind == "png" else None
-        )
-    whole_file.write(path, picture.getvalue())
+        style.save(figure, path)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs_tools.pictures.history import HALF_US, FlightHistory, Series, value
+from gcs_tools.pictures.history import FlightHistory, Series, value
 from gcs_tools.pictures.plot.style import INK, LIMIT
 from gcs_tools.pictures.quantities import Line, Quantity
-from gcs_tools.recording.table import Rows
+from gcs_tools.recording.table import HALF_US, Rows
 
 if TYPE_CHECKING:
     import viser
