@@ -21,9 +21,8 @@ from sitl_plant.physics.wind.field import Component, Field, frozen
 AXES = ("x", "y", "z")
 FORMAT = 1
 FASTEST_M_S = 150.0  # a value beyond it is no wind in m/s
-LOOKED_AT = (
-    8 << 20
-)  # values of a component that are looked at when it is opened; of more they are when packed
+# values of a component: of so many all are checked on opening, of more when packed
+LOOKED_AT = 8 << 20
 
 
 class FieldError(ValueError):
