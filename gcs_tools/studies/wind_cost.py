@@ -27,7 +27,7 @@ from gcs_tools.missions.mission import load
 from sitl_plant.physics.wind.packed_field import FORMAT
 
 CELLS, TIMES, CELL_M = 500, 60, 2.0
-TRIALS, LANES = 5, 32
+TRIALS, LANES = 5, 8
 MISSION = """title = "The vehicle flies to and fro in layers of wind."
 [flight]
 duration_s = 40.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sitl_plant.physics.wind.field import NO_TOP, Component, Field, frozen
+from sitl_plant.physics.wind.field import NO_TOP, Field, component_on, frozen
 from sitl_plant.physics.wind.packed_field import FASTEST_M_S, FieldError, save
 
 Array = np.ndarray[Any, Any]
@@ -182,12 +182,9 @@ def packable(grid: Grid) -> Field:
             grid = on_faces(grid)
     top_x, top_y, top = heights(grid)
     parts = {
-        name: Component(
-            frozen(np.ascontiguousarray(p.x, dtype=np.float64)), frozen(np.ascontiguousarray(p.y, dtype=np.float64)),
-            frozen(np.ascontiguousarray(p.z, dtype=np.float64)), frozen(np.nan_to_num(p.v, nan=0.0).astype(np.float32)),
-        )
+        name: component_on(p.x, p.y, p.z, np.nan_to_num(p.v, nan=0.0).astype(np.float32))
         for name, p in grid.parts.items()
-    }  # fmt: skip
+    }
     over = {axis: [getattr(p, axis) for p in parts.values()] for axis in "xyz"}
     bounds = [
         f(g(e) for e in over[axis]) for axis in "xyz" for f, g in ((min, np.min), (max, np.max))

@@ -15,7 +15,7 @@ from gcs_tools.wind_fields.along import along
 from gcs_tools.wind_fields.check import divergence
 from gcs_tools.wind_fields.grid import packable
 from sitl_plant.physics.wind import field as kernels
-from sitl_plant.physics.wind.field import Component, Field, frozen
+from sitl_plant.physics.wind.field import Field, component_on, frozen
 from sitl_plant.physics.wind.packed_field import opened, save
 from tests.wind.test_field import Vec3
 
@@ -29,7 +29,7 @@ def sheared(times: int = 1) -> Field:
         np.arange(times) * 1.0,
     )
     u = 0.5 * y[None, None, :, None] + 2.0 * t[:, None, None, None] + np.zeros((times, 6, 21, 11))
-    parts = [Component(*map(frozen, (x, y, z)), frozen(np.float32(v))) for v in (u, 0 * u, 0 * u)]
+    parts = [component_on(x, y, z, np.float32(v)) for v in (u, 0 * u, 0 * u)]
     top = np.zeros((20, 10), dtype=np.float32)
     top[:5, :5] = 8.0
     bounds = frozen(np.array([0.0, 40.0, 0.0, 80.0, -1.0, 20.0]))

@@ -17,7 +17,7 @@ from sitl_plant.physics.parameters import plant_params, start_state
 from sitl_plant.physics.truth import truth
 from sitl_plant.physics.types import PlantParams
 from sitl_plant.physics.wind import air, disk, field
-from sitl_plant.physics.wind.field import Component, Field, frozen
+from sitl_plant.physics.wind.field import Field, component_on, frozen
 from sitl_plant.physics.wind.layers import FieldLayer, Layers, layered
 from sitl_plant.physics.wind.packed_field import FieldError, opened, save
 
@@ -38,7 +38,7 @@ def linear(t=(0.0,), uneven=False, top=field.NO_TOP) -> Field:
         zz, yy, xx = np.meshgrid(z, y, x, indexing="ij")
         v = BASE[axis] + RATE[axis, 0] * xx + RATE[axis, 1] * yy + RATE[axis, 2] * zz
         of_time = np.stack([v * (1.0 + 0.1 * s) for s in t])
-        parts.append(Component(*map(frozen, (x, y, z)), frozen(of_time.astype(np.float32))))
+        parts.append(component_on(x, y, z, of_time.astype(np.float32)))
     bounds = np.array([f(e) for e in edges for f in (np.min, np.max)])
     high = np.full((16, 20), top, dtype=np.float32)
     return Field(

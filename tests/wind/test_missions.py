@@ -13,7 +13,7 @@ from gcs_tools.flight import law_alone, several
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import MissionError, load
 from sitl_plant.physics.types import PlantRecord
-from sitl_plant.physics.wind.field import Component, Field, frozen
+from sitl_plant.physics.wind.field import Field, component_on, frozen
 from sitl_plant.physics.wind.layers import Layers, LayersError
 from sitl_plant.physics.wind.layers import load as load_layers
 from sitl_plant.physics.wind.layers import save as save_layers
@@ -48,10 +48,7 @@ def a_field(folder: Path, speed: float = 5.0) -> None:
     """Uniform wind to East with a building of 6 m east of x = 30, 60 x 60 x 40 m."""
     edges = [np.linspace(0.0, n, int(n) // 4 + 1) for n in (60.0, 60.0, 40.0)]
     shape = (1, 11, 16, 16)
-    parts = [
-        Component(*map(frozen, edges), frozen(np.full(shape, v, dtype=np.float32)))
-        for v in (speed, 0, 0)
-    ]
+    parts = [component_on(*edges, np.full(shape, v, dtype=np.float32)) for v in (speed, 0, 0)]
     top = np.zeros((15, 15), dtype=np.float32)
     top[:, 8:] = 6.0
     bounds = np.array([0.0, 60.0, 0.0, 60.0, -1.0, 40.0])

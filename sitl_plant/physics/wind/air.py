@@ -68,6 +68,7 @@ class Body(NamedTuple):
     repeats: float  # 1: the times of the field begin anew after their end
     inflow: float  # 1: the air changes thrust
     radius: float  # of the rotors, m
+    clear: float  # height in the field from which no rotor meets a building, m
 
 
 class Constants(NamedTuple):
@@ -219,6 +220,8 @@ def _stand(of, constants, params, r_E, R_EB, airframe):
     wall = WALL_CLEAR
     if not field.is_inside(of, at):
         wall = WALL_LEFT
-    elif r_E.z < top or disk.touches(of, airframe, body.origin, r_E, R_EB, body.radius):
+    elif at.z < body.clear and (
+        r_E.z < top or disk.touches(of, airframe, body.origin, r_E, R_EB, body.radius)
+    ):
         wall = WALL_HIT
     params[WALL] = wall

@@ -33,6 +33,11 @@ def rotor_radius(airframe):
     return 0.5 * FILLED * min(apart)
 
 
+def reach(airframe):
+    """Distance of the tip of the outermost rotor from the centre of the vehicle (m)."""
+    return max(map(math.hypot, airframe.x, airframe.y)) + rotor_radius(airframe)
+
+
 @kernel
 def axial(speed, Omega, c_T, radius):
     """Factor of thrust of a rotor that moves through the air along its thrust with `speed` (m/s).

@@ -8,6 +8,7 @@ about the vehicle alone.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ class Component(NamedTuple):
     x: Axis  # m, rising; E
     y: Axis
     z: Axis  # m
+    per_m: Vec3  # 1 / step of each axis that is evenly spaced, else 0
     v: Values  # float32[t, z, y, x], m/s
 
 
@@ -42,6 +44,7 @@ class Field(NamedTuple):
 
 
 NO_TOP = -1e30  # m: of a field without buildings
+_EVEN = 1e-9  # of a step: places that are nearer to even ones are taken for them
 
 
 def frozen(array: Any) -> Any:
@@ -51,10 +54,25 @@ def frozen(array: Any) -> Any:
     return plain
 
 
+def _per_m(axis: Axis) -> float:
+    """Places a metre of an axis that is evenly spaced, else 0."""
+    if len(axis) < 2:
+        return 0.0
+    even = np.linspace(axis[0], axis[-1], len(axis))
+    step = (axis[-1] - axis[0]) / (len(axis) - 1)
+    return float(1.0 / step) if (np.abs(axis - even) <= _EVEN * step).all() else 0.0
+
+
+def component_on(x: Axis, y: Axis, z: Axis, v: Any) -> Component:
+    """A component of values v (float32[t, z, y, x], m/s) at places x, y, z (m, rising)."""
+    axes = [frozen(np.ascontiguousarray(axis, dtype=np.float64)) for axis in (x, y, z)]
+    return Component(*axes, Vec3(*map(_per_m, axes)), frozen(v))
+
+
 def no_field() -> Field:
     """A still field, for a vehicle that flies in none."""
-    axis, values = frozen(np.zeros(1)), frozen(np.zeros((1, 1, 1, 1), dtype=np.float32))
-    still = Component(axis, axis, axis, values)
+    axis = frozen(np.zeros(1))
+    still = component_on(axis, axis, axis, np.zeros((1, 1, 1, 1), dtype=np.float32))
     edges, flat = frozen(np.zeros(2)), frozen(np.full((1, 1), NO_TOP, dtype=np.float32))
     return Field(axis, still, still, still, frozen(np.zeros(6)), edges, edges, flat)
 
@@ -75,6 +93,23 @@ def place(axis, at):
     while axis[i + 1] < at:
         i += 1
     return i, (at - axis[i]) / (axis[i + 1] - axis[i])
+
+
+@partial(kernel, inlined=False)
+def _place_of_uneven(axis, at):
+    """The same, of an axis of any spacing: a call, since its loops would keep the others from being fast."""
+    return place(axis, at)
+
+
+@kernel
+def _place(axis, per_m, at):
+    """As `place`, without a search where the places stand evenly."""
+    if per_m == 0.0:
+        return _place_of_uneven(axis, at)
+    last = axis.shape[0] - 1
+    steps = min(max((at - axis[0]) * per_m, 0.0), float(last))
+    i = min(int(steps), last - 1)
+    return i, steps - i
 
 
 @kernel
@@ -101,9 +136,9 @@ def _in_space(values, z, z1, fz, y, y1, fy, x, x1, fx):
 @kernel
 def component(of, r, k, f):
     """One component (m/s) at a position r (m) between the times k and k + 1, `f` of the way."""
-    x, fx = place(of.x, r.x)
-    y, fy = place(of.y, r.y)
-    z, fz = place(of.z, r.z)
+    x, fx = _place(of.x, of.per_m.x, r.x)
+    y, fy = _place(of.y, of.per_m.y, r.y)
+    z, fz = _place(of.z, of.per_m.z, r.z)
     x1, y1, z1 = (
         min(x + 1, of.x.shape[0] - 1), min(y + 1, of.y.shape[0] - 1), min(z + 1, of.z.shape[0] - 1),
     )  # fmt: skip

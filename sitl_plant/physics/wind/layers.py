@@ -60,6 +60,7 @@ def layered(layers: Layers, params: PlantParams) -> Air:
     # of no mean wind there is no turbulence, and in still air nothing would carry it past
     turbulence = layers.turbulence if layers.turbulence_w20_m_s > 0.0 else None
     made = air.still_air()
+    values = None if field is None else opened(Path(field.path)).field
     constants = Constants(
         is_on=1.0,
         steady=steady,
@@ -85,13 +86,14 @@ def layered(layers: Layers, params: PlantParams) -> Air:
             repeats=1.0 if field is not None and field.repeats else 0.0,
             inflow=1.0 if field is not None and field.inflow else 0.0,
             radius=disk.rotor_radius(params.airframe) if field is not None else 1.0,
+            clear=0.0 if values is None else float(values.top.max()) + disk.reach(params.airframe),
         ),
     )
     made = made._replace(
         constants=to_buffer(constants),
         gusts=np.array(layers.gusts, dtype=np.float64).reshape(-1, gusts.WIDTH),
     )
-    return made if field is None else made._replace(field=opened(Path(field.path)).field)
+    return made if values is None else made._replace(field=values)
 
 
 def save(path: Path, layers: Layers) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sitl_plant.physics.wind.field import Component, Field, frozen
+from sitl_plant.physics.wind.field import Component, Field, component_on, frozen
 
 AXES = ("x", "y", "z")
 FORMAT = 1
@@ -107,8 +107,8 @@ def _component(path: Path, name: str, axes: dict[str, Any]) -> Component:
         raise ValueError(
             f"{name}.npy has values that are not finite, or beyond {FASTEST_M_S:g} m/s"
         )
-    x, y, z = map(frozen, places)
-    return Component(x, y, z, frozen(values))
+    x, y, z = places
+    return component_on(x, y, z, values)
 
 
 def save(path: Path, field: Field, about: dict[str, Any]) -> None:
