@@ -29,6 +29,7 @@ ORIGIN = click.option(
 START_S = "wind.field.start_s"
 SCALE = "wind.field.scale"
 PLACE = "wind.field.origin_m"
+AFTER = "wind.field.after"
 
 
 MOST_PLACES = 20_000  # of a flight that are looked at
@@ -40,6 +41,7 @@ class Way(NamedTuple):
     t: Any  # s, (n,), of the field
     r: Any  # m, (n, 3), of the field
     scale: float  # of the field's velocities
+    repeats: bool  # times begin anew after the field's end
 
 
 @click.group()
@@ -102,7 +104,8 @@ def _way(run: Path, origin: tuple[float, float, float] | None) -> Way:
     some = slice(None, None, max(1, len(found.plant) // MOST_PLACES))
     r = np.asarray(found.plant["state.r_E"])[some] + np.asarray(place, dtype=np.float64)
     t = np.asarray(found.plant["t"])[some]
-    return Way(t + float(told.get(START_S, 0.0)), r, float(told.get(SCALE, 1.0)))
+    t = t + float(told.get(START_S, 0.0))
+    return Way(t, r, float(told.get(SCALE, 1.0)), told.get(AFTER) == "repeat")
 
 
 def _check_origin(origin: tuple[float, float, float] | None) -> None:
@@ -152,7 +155,7 @@ def check(
     rows = summary(field, about)
     way = _placed(along, origin, field)
     if way is not None:
-        found = met(field, way.t, way.r, way.scale)
+        found = met(field, way.t, way.r, way.scale, way.repeats)
         rows["along"] = found.numbers() if as_json else found.lines()
     _told(rows, as_json)
 

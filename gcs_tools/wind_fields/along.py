@@ -22,7 +22,7 @@ class FlightInField(NamedTuple):
     fastest_m_s: float  # of the vehicle, over ground
     wind_m_s: float  # greatest speed of the air
     rate_m_s2: float  # greatest change of the air that the vehicle meets
-    eddy_m: float  # smaller eddies are not in the field
+    eddy_m: float  # smaller eddies are not in the field, along its coarsest axis
     unresolved_m_s: float  # their speed
     unresolved_m_s2: float  # their change as the vehicle meets it
     outside: float  # share of the flight that is outside the field, or in its buildings
@@ -58,35 +58,55 @@ class FlightInField(NamedTuple):
         }
 
 
-def along(field: Field, t: Array, r: Array, scale: float = 1.0) -> FlightInField:
+def _steps(axis: Array, at: Array) -> Array:
+    """Steps of an axis (m) about places on it (m)."""
+    steps = np.diff(axis)
+    found: Array = steps[np.clip(np.searchsorted(axis, at) - 1, 0, len(steps) - 1)]
+    return found
+
+
+def along(
+    field: Field, t: Array, r: Array, scale: float = 1.0, repeats: bool = False
+) -> FlightInField:
     """The wind that a flight meets.
 
     t : s, (n,), rising, of the field.  r : m, (n, 3), of the field.  scale : of its velocities.
+    repeats : the times of the field begin anew after their end.
 
     The grid has no eddy below two cells. Between points r apart, eddies make a difference of speed that grows
-    with the cube root of r (Kolmogorov, Dokl. Akad. Nauk SSSR 30, 1941). It is carried on from the greatest
-    difference over two cells about the flight, which counts the shear of the mean wind, too.
+    with the cube root of r (Kolmogorov, Dokl. Akad. Nauk SSSR 30, 1941). Along each axis it is carried on from the
+    difference over two cells about the flight, and the greatest counts. The shear of the mean wind
+    is in that difference, too.
     """
+
+    def met(at: Array) -> Array:
+        return scale * velocity(field, at, t, repeats)
+
     known = is_known(field, r)
-    v_air = scale * velocity(field, r, t)
+    v_air = met(r)
     v = np.diff(r, axis=0) / np.diff(t)[:, None]
     rate = np.linalg.norm(np.diff(v_air, axis=0), axis=1) / np.diff(t)
     past = np.linalg.norm(v_air[1:] - v, axis=1).max()  # air that passes the vehicle
-    cells = [float(np.diff(a).mean()) for a in (field.u.x, field.v.y, field.w.z) if len(a) > 1]
-    eddy = CELLS * max(cells, default=SMALLEST_M)
-    change = 0.0
-    for i in range(3):
+    coarsest, speed, gradient = 0.0, 0.0, 0.0
+    for i, axis in enumerate((field.u.x, field.v.y, field.w.z)):
+        if len(axis) == 1:
+            continue
+        eddy = CELLS * _steps(np.asarray(axis), r[:, i])
+        coarsest = max(coarsest, float(eddy.max()))
+        left_out = eddy > SMALLEST_M
         for sign in (-1.0, 1.0):
-            aside = r + sign * eddy * np.eye(3)[i]
-            change = max(change, float(np.linalg.norm(scale * velocity(field, aside, t) - v_air, axis=1).max()))  # fmt: skip
-    smaller = max(eddy / SMALLEST_M, 1.0)
+            aside = r + sign * eddy[:, None] * np.eye(3)[i]
+            change = left_out * np.linalg.norm(met(aside) - v_air, axis=1)
+            speed = max(speed, float(change.max()))
+            smallest = change / eddy * (eddy / SMALLEST_M) ** (2.0 / 3.0)
+            gradient = max(gradient, float(smallest.max()))
     return FlightInField(
         lasts_s=float(t[-1] - t[0]),
         fastest_m_s=float(np.linalg.norm(v, axis=1).max()),
         wind_m_s=float(np.linalg.norm(v_air, axis=1).max()),
         rate_m_s2=float(rate.max()),
-        eddy_m=eddy,
-        unresolved_m_s=change if smaller > 1.0 else 0.0,
+        eddy_m=coarsest,
+        unresolved_m_s=speed,
         outside=float(np.mean(~known)),
-        unresolved_m_s2=change / eddy * smaller ** (2.0 / 3.0) * past if smaller > 1.0 else 0.0,
+        unresolved_m_s2=gradient * past,
     )

@@ -37,16 +37,19 @@ def summary(field: Field, about: dict[str, Any]) -> dict[str, Any]:
     """The rows that `gcs wind check` prints of a field."""
     parts = {name: getattr(field, name) for name in "uvw"}
     most = {name: float(np.abs(part.v).max()) for name, part in parts.items()}
-    gradient = max(
+    # no gradient of the field has a greater norm than the one of all its greatest entries
+    entries = [
         float((np.abs(np.diff(part.v, axis=axis)) / _spacing(part, axis)).max())
         for part in parts.values()
         for axis in (1, 2, 3)
         if part.v.shape[axis] > 1
-    )
-    in_time = max(
-        (float((np.abs(np.diff(part.v, axis=0)) / np.diff(field.t)[:, None, None, None]).max()) for part in parts.values() if len(field.t) > 1),
-        default=0.0,
-    )  # fmt: skip
+    ]
+    gradient = float(np.linalg.norm(entries))
+    in_time = float(np.linalg.norm([
+        (np.abs(np.diff(part.v, axis=0)) / np.diff(field.t)[:, None, None, None]).max()
+        for part in parts.values()
+        if len(field.t) > 1
+    ]))  # fmt: skip
     places = {axis: [getattr(part, axis) for part in parts.values()] for axis in "xyz"}
     ends = {axis: (min(p[0] for p in of), max(p[-1] for p in of)) for axis, of in places.items()}
     spreads = divergence(field)
@@ -60,7 +63,7 @@ def summary(field: Field, about: dict[str, Any]) -> dict[str, Any]:
         "divergence": "not known: all components stand at the same places" if np.isnan(spreads) else f"{spreads:.2g} 1/s rms",
         "beliefs": [
             f"guard_wind_m_s {np.sqrt(sum(v * v for v in most.values())):.3g} covers every place",
-            f"guard_wind_rate_m_s2 {gradient * GROUND_SPEED_M_S + in_time:.3g} covers the steepest gradient at {GROUND_SPEED_M_S:g} m/s",
+            f"guard_wind_rate_m_s2 {gradient * GROUND_SPEED_M_S + in_time:.3g} covers every place at {GROUND_SPEED_M_S:g} m/s over ground",
             "gusts smaller than two cells, or shorter than two times, are not in the field",
         ],
         "notes": list(about.get("notes", [])) or ["nothing was repaired"],

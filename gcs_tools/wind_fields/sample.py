@@ -28,13 +28,16 @@ def _component(of: Component, k: int, r: Array) -> Array:
     return found
 
 
-def velocity(field: Field, r: Array, t: Array) -> Array:
+def velocity(field: Field, r: Array, t: Array, repeats: bool = False) -> Array:
     """Velocity of the air (n, 3), m/s, E, at places r (n, 3), m, and times t (n,), s, of the field.
 
     Linear in space and time, as in flight (`sitl_plant.physics.wind.field`). After the last time
-    it holds.
+    it holds, or the times begin anew if it repeats.
     """
     found = np.zeros((len(r), 3))
+    lasts = field.t[-1] - field.t[0]
+    if repeats and lasts > 0.0:
+        t = np.where(t > field.t[-1], t - lasts * np.floor((t - field.t[0]) / lasts), t)
     at = np.clip(t, field.t[0], field.t[-1])
     k = np.clip(np.searchsorted(field.t, at, side="right") - 1, 0, max(len(field.t) - 2, 0))
     for number in np.unique(k):

@@ -67,6 +67,54 @@ def test_a_flight_meets_the_gradients_that_it_crosses_and_the_changes_in_time():
     assert along(sheared(), t, r, scale=2.0).wind_m_s == pytest.approx(38.0)
 
 
+def test_a_coarse_axis_hides_no_eddies_of_a_fine_one():
+    random = np.random.default_rng(2)
+    x, y, z = np.arange(0.0, 401.0, 20.0), np.array([-4000.0, 4000.0]), np.arange(0.0, 101.0, 20.0)
+    u = np.repeat(random.normal(0.0, 3.0, (1, 6, 1, 21)), 2, axis=2)
+    parts = [component_on(x, y, z, np.float32(v)) for v in (u, 0 * u, 0 * u)]
+    ground, bounds = np.zeros((1, 1), np.float32), np.array([0.0, 400.0, -4e3, 4e3, -1.0, 100.0])
+    ends = np.array([0.0, 400.0])
+    flat = Field(frozen(np.zeros(1)), *parts, frozen(bounds), frozen(ends), frozen(1e5 * ends), frozen(ground))  # fmt: skip
+    t = np.linspace(0.0, 30.0, 301)
+    r = np.stack([100.0 + 5.0 * t, 0.0 * t, 0.0 * t + 50.0], axis=1)
+    found = along(flat, t, r)
+    over = sample.velocity(flat, r + np.array([40.0, 0.0, 0.0]), t) - sample.velocity(flat, r, t)
+    assert found.eddy_m == 16000.0
+    assert found.unresolved_m_s >= np.abs(over).max() > 1.0
+    assert found.unresolved_m_s2 >= np.abs(over).max() / 40.0 * 40.0 ** (2 / 3) * 5.0
+
+
+def test_a_field_that_begins_anew_is_met_so_and_its_jump_counts():
+    t = np.linspace(0.0, 5.0, 501)
+    r = np.tile([20.0, 30.0, 10.0], (501, 1))
+    held, again = along(sheared(3), t, r), along(sheared(3), t, r, repeats=True)
+    assert held.rate_m_s2 == pytest.approx(2.0)
+    assert again.rate_m_s2 == pytest.approx(
+        4.0 / 0.01, rel=0.02
+    )  # from 4 m/s more to none in a step
+    for at in (1.5, 2.0, 2.5, 4.7):
+        k, f = kernels.time_in(sheared(3).t, at, True)
+        np.testing.assert_allclose(
+            sample.velocity(sheared(3), r[:1], np.array([at]), repeats=True)[0],
+            kernels.velocity(sheared(3), Vec3(*r[0]), k, f),
+            atol=1e-12,
+        )
+
+
+def test_the_stated_rate_covers_the_gradient_of_every_place():
+    from gcs_tools.wind_fields.check import summary
+
+    made = packable(street_field.street())
+    stated = float(summary(made, {})["beliefs"][1].split()[1])
+    random, step = np.random.default_rng(3), 1e-3
+    r = random.uniform([1.0, 1.0, 1.0], [239.0, 119.0, 59.0], (4000, 3))
+    t, here = np.zeros(4000), sample.velocity(made, r, np.zeros(4000))
+    gradient = np.stack(
+        [(sample.velocity(made, r + step * e, t) - here) / step for e in np.eye(3)], axis=2
+    )
+    assert 10.0 * np.linalg.norm(gradient, ord=2, axis=(1, 2)).max() <= stated
+
+
 def test_cuts_go_where_a_flight_goes_and_show_its_buildings():
     path = np.stack([np.linspace(2, 38, 50), np.full(50, 10.0), np.full(50, 4.0)], axis=1)
     plan, section = cut.cuts(sheared(), None, 0.0, path)

@@ -9,9 +9,9 @@ import pytest
 
 from fcu.interface.airframe import read
 from fcu.interface.messages import VehicleState
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
-from fcu.kernel.rotations import matrix
+from fcu.kernel.rotations import matrix, rotate
 from fcu.kernel.rows import slice_of
 from sitl_plant.physics.parameters import plant_params, start_state
 from sitl_plant.physics.truth import truth
@@ -90,6 +90,27 @@ def test_the_disk_gives_the_mean_velocity_and_the_rotation_of_the_air():
     assert w.z == pytest.approx(0.5 * (RATE[1, 0] - RATE[0, 1]), abs=1e-5)
     assert w.x == pytest.approx(RATE[2, 1], abs=1e-5)
     assert w.y == pytest.approx(-RATE[2, 0], abs=1e-5)
+
+
+def test_the_motion_of_the_air_is_found_by_rotors_that_stand_unevenly():
+    """A field in rigid rotation, met by five rotors whose centre is not that of the vehicle."""
+    x = (0.4, 0.1, -0.3, -0.35, 0.2, 0.0, 0.0, 0.0)
+    y = (0.1, 0.5, 0.3, -0.4, -0.2, 0.0, 0.0, 0.0)
+    c_T = (1e-5, 2e-5, 1e-5, 3e-5, 1e-5, 0.0, 0.0, 0.0)
+    odd = PARAMS.airframe._replace(x=Rotors(*x), y=Rotors(*y), c_T=Rotors(*c_T))
+    places = [np.arange(0.0, 21.0, 2.0)] * 3
+    zz, yy, xx = np.meshgrid(*places, indexing="ij")
+    w, r = np.array([0.3, -0.2, 0.1]), np.array([10.0, 10.0, 10.0])
+    at = np.stack([xx, yy, zz], axis=-1) - r
+    v = np.array([1.0, 2.0, 3.0]) + np.cross(w, at)
+    parts = [component_on(*places, np.float32(v[None, ..., i])) for i in range(3)]
+    made = linear()._replace(u=parts[0], v=parts[1], w=parts[2])
+    q = Quat(0.9, 0.3, -0.2, (1.0 - 0.81 - 0.09 - 0.04) ** 0.5)
+    mean, found = disk.meet(
+        made, odd, Vec3(0.0, 0.0, 0.0), 1.0, Vec3(*r), matrix(q), 0, 0.0, np.zeros((8, 3))
+    )
+    np.testing.assert_allclose(mean, [1.0, 2.0, 3.0], atol=1e-5)
+    np.testing.assert_allclose(rotate(matrix(q), found), w, atol=1e-5)
 
 
 def met(made: Field, tmp_path: Path, r, **layer):

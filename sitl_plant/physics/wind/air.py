@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.interface.messages import VehicleState
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import size, unpacker
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import matrix
@@ -68,6 +68,7 @@ class Body(NamedTuple):
     repeats: float  # 1: the times of the field begin anew after their end
     inflow: float  # 1: the air changes thrust
     radius: float  # of the rotors, m
+    induced: Rotors  # induced velocity in hover over rotor speed, m
     clear: float  # height in the field from which no rotor meets a building, m
 
 
@@ -205,7 +206,13 @@ def blow(air, params, state, tick, dt):
             air.at_hubs[i, 1] += others.y
             air.at_hubs[i, 2] += others.z
             params[INFLOW + i] = disk.thrust_factor(
-                airframe, i, state[_OMEGA + i], air.at_hubs, now.v_E, now.w_B, R_EB, body.radius
+                airframe,
+                i,
+                state[_OMEGA + i] * body.induced[i],
+                air.at_hubs,
+                now.v_E,
+                now.w_B,
+                R_EB,
             )
     params[STEADY], params[STEADY + 1], params[STEADY + 2] = v.x, v.y, v.z
 

@@ -1,7 +1,7 @@
 """A vehicle as a body in a field: the air at each rotor gives its velocity, its rotation and each thrust.
 
-Velocity is the mean over the hubs. Rotation is that of the rigid rotation nearest to the air at the hubs (least
-squares), the paper's rotation of the air mass. The thrust of a rotor changes with the velocity of the air
+Velocity and rotation are those of the rigid motion nearest to the air at the hubs (least squares); the rotation is
+the paper's rotation of the air mass. The thrust of a rotor changes with the velocity of the air
 along its axis: blade element and momentum theory, linearised about hover, give
 
     dT / T = -(V / v_h) s a / (s a + 16 l),
@@ -38,15 +38,23 @@ def reach(airframe):
     return max(map(math.hypot, airframe.x, airframe.y)) + rotor_radius(airframe)
 
 
+def induced_velocity(airframe, radius):
+    """Induced velocity in hover over rotor speed (m), of each rotor: Rotors."""
+    return tuple(
+        math.sqrt(c / (2.0 * AIR_DENSITY * math.pi * radius * radius)) for c in airframe.c_T
+    )
+
+
 @kernel
-def axial(speed, Omega, c_T, radius):
+def axial(speed, v_h):
     """Factor of thrust of a rotor that moves through the air along its thrust with `speed` (m/s).
 
-    The linearisation holds below the induced velocity, where `speed` is clipped. 1 for a rotor at rest.
+    v_h : induced velocity in hover (m/s), beyond which `speed` counts no more. There the linearisation
+    gives 0.70 and 1.30, where the equations that it stands for give 0.62 and 1.24.
+    1 for a rotor at rest.
     """
-    if Omega <= 0.0:
+    if v_h <= 0.0:
         return 1.0
-    v_h = Omega * math.sqrt(c_T / (2.0 * AIR_DENSITY * math.pi * radius * radius))
     return 1.0 - SENSITIVITY * max(min(speed / v_h, 1.0), -1.0)
 
 
@@ -63,34 +71,36 @@ def meet(of, airframe, origin, scale, r_E, R_EB, k, f, at_hubs):
     of : Field.  origin : of the mission, in the field (m).  scale : of its velocities.
     k, f : as of `field.time_in`.  at_hubs : float64[8, 3], to be filled: velocity at each hub, m/s, E.
     """
-    mean, n = Vec3(0.0, 0.0, 0.0), 0
+    mean, middle, n = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0
     for i in range(8):
         arm, c_T = hub(airframe, i)
         if c_T > 0.0:
             v = scale * field.velocity(of, origin + r_E + rotate(R_EB, arm), k, f)
             at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2] = v.x, v.y, v.z
-            mean, n = mean + v, n + 1
-    mean = mean / float(n)
-    xx, yy, x_w, y_w, z_w = 0.0, 0.0, 0.0, 0.0, 0.0
+            mean, middle, n = mean + v, middle + arm, n + 1
+    mean, middle = mean / float(n), middle / float(n)
+    xx, yy, xy, x_w, y_w, z_w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(8):
         arm, c_T = hub(airframe, i)
         if c_T > 0.0:
             v = Vec3(at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2])
-            d = rotate_back(R_EB, v - mean)
-            xx, yy = xx + arm.x * arm.x, yy + arm.y * arm.y
-            x_w += arm.y * d.z
-            y_w -= arm.x * d.z
-            z_w += arm.x * d.y - arm.y * d.x
-    return mean, Vec3(x_w / yy, y_w / xx, z_w / (xx + yy))
+            d, p = rotate_back(R_EB, v - mean), arm - middle
+            xx, yy, xy = xx + p.x * p.x, yy + p.y * p.y, xy + p.x * p.y
+            x_w += p.y * d.z
+            y_w -= p.x * d.z
+            z_w += p.x * d.y - p.y * d.x
+    det = xx * yy - xy * xy
+    w = Vec3((xx * x_w + xy * y_w) / det, (xy * x_w + yy * y_w) / det, z_w / (xx + yy))
+    return mean - rotate(R_EB, cross(w, middle)), w
 
 
 @kernel
-def thrust_factor(airframe, i, Omega, at_hubs, v_E, w_B, R_EB, radius):
-    """Factor of the thrust of rotor i, of the air at its hub and of its own motion."""
-    arm, c_T = hub(airframe, i)
+def thrust_factor(airframe, i, v_h, at_hubs, v_E, w_B, R_EB):
+    """Factor of the thrust of rotor i, of the air at its hub and of its own motion.  v_h : as of `axial`."""
+    arm, _ = hub(airframe, i)
     v_air = Vec3(at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2])
     through = rotate_back(R_EB, v_E - v_air) + cross(w_B, arm)
-    return axial(through.z, Omega, c_T, radius)
+    return axial(through.z, v_h)
 
 
 @kernel

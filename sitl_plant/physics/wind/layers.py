@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from sitl_plant.physics.types import PlantParams
 from sitl_plant.physics.wind import air, disk, gusts, shear
@@ -61,6 +61,7 @@ def layered(layers: Layers, params: PlantParams) -> Air:
     turbulence = layers.turbulence if layers.turbulence_w20_m_s > 0.0 else None
     made = air.still_air()
     values = None if field is None else opened(Path(field.path)).field
+    radius = disk.rotor_radius(params.airframe) if field is not None else 1.0
     constants = Constants(
         is_on=1.0,
         steady=steady,
@@ -85,7 +86,8 @@ def layered(layers: Layers, params: PlantParams) -> Air:
             start=0.0 if field is None else float(field.start_s),
             repeats=1.0 if field is not None and field.repeats else 0.0,
             inflow=1.0 if field is not None and field.inflow else 0.0,
-            radius=disk.rotor_radius(params.airframe) if field is not None else 1.0,
+            radius=radius,
+            induced=Rotors(*disk.induced_velocity(params.airframe, radius)),
             clear=0.0 if values is None else float(values.top.max()) + disk.reach(params.airframe),
         ),
     )
