@@ -1,6 +1,6 @@
 """A vehicle as a body in a field: the air at each rotor gives its velocity, its rotation and each thrust.
 
-Velocity and rotation are those of the rigid motion nearest to the air at the hubs (least squares); the rotation is
+Velocity and rotation are those of the rigid motion nearest to the air at the hubs (least squares). The rotation is
 the paper's rotation of the air mass. The thrust of a rotor changes with the velocity of the air
 along its axis: blade element and momentum theory, linearised about hover, give
 

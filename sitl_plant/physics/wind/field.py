@@ -65,8 +65,8 @@ def _per_m(axis: Axis) -> float:
 
 def component_on(x: Axis, y: Axis, z: Axis, v: Any) -> Component:
     """A component of values v (float32[t, z, y, x], m/s) at places x, y, z (m, rising)."""
-    axes = [frozen(np.ascontiguousarray(axis, dtype=np.float64)) for axis in (x, y, z)]
-    return Component(*axes, Vec3(*map(_per_m, axes)), frozen(v))
+    x, y, z = (frozen(np.ascontiguousarray(axis, dtype=np.float64)) for axis in (x, y, z))
+    return Component(x, y, z, Vec3(_per_m(x), _per_m(y), _per_m(z)), frozen(v))
 
 
 def no_field() -> Field:
