@@ -37,7 +37,8 @@ NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone 
 RISES = 0.1  # m: a place so far above the vehicle is a take-off
 ATTITUDE = 1.0  # Setpoint.level: above it body rates are flown, and any attitude is right
 SETTLED_US = 2e6 * LASTS_S  # in the air, until what was smoothed on the ground is forgotten
-SLOW = 0.5  # of the speed that is wanted of a rotor: one that lags and is healthy has more within 50 ms
+SLOW = 0.5  # of the speed that is wanted of a rotor: one that is healthy has more within 0.7 of its lag
+ROTOR_LAGS = 1.5  # believed lags for which a rotor is slow before it is lost, at least
 BATTERY_HELD_US = 1_000_000  # ten reports: one that is wrong does not land a vehicle
 CHARGE_US = 1_000_000  # between looks at the way home, each after a report or more of the battery
 
@@ -286,7 +287,7 @@ class Values(NamedTuple):
     FD_FAIL_R_TTRI: float
     FD_FAIL_P_TTRI: float
     FD_ACT_MOT_THR: float
-    FD_ACT_MOT_TOUT: float
+    FD_ACT_MOT_TOUT: float  # at least ROTOR_LAGS of the believed lag
     MR_GUARD_ACT: float
 
 
