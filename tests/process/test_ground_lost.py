@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-import gcs_tools
+from tests.two_ways import fly, fly_both
 
 pytestmark = pytest.mark.slow  # flies
 
@@ -26,29 +26,32 @@ reached = 0.2
 """
 
 
-def flown(tmp_path, way, text=TEXT):
-    (tmp_path / "lost.toml").write_text(text)
-    result = gcs_tools.fly(
-        str(tmp_path / "lost.toml"), in_process=way == "process", out=tmp_path / way, figure="never"
-    )
-    assert not [str(each) for each in result.expectations if each.is_missed]
-    return result
+@pytest.fixture
+def mission(tmp_path):
+    """Writes a mission, and gives its file."""
+
+    def write(text=TEXT):
+        (tmp_path / "lost.toml").write_text(text)
+        return tmp_path / "lost.toml"
+
+    return write
 
 
-def test_the_vehicle_holds_and_flies_the_script_again_over_the_wire_as_in_process(tmp_path):
-    results = [flown(tmp_path, way) for way in ("wire", "process")]
-    assert all(each.failsafes[0].action == "Hold" for each in results)
-    assert len({each.trajectory_sha256 for each in results}) == 1
+def test_the_vehicle_holds_and_flies_the_script_again_over_the_wire_as_in_process(
+    mission, tmp_path
+):
+    results = fly_both(mission(), tmp_path)
+    assert all(each.failsafes[0].action == "Hold" for each in results.values())
 
 
-def test_lost_to_the_end_the_failsafe_is_the_last_mode(tmp_path):
+def test_lost_to_the_end_the_failsafe_is_the_last_mode(mission, tmp_path):
     text = TEXT.replace("for_s = 3.0\n", "").replace('mode = "Offboard"', 'mode = "Hold"')
-    flown(tmp_path, "process", text)
+    fly(mission(text), tmp_path, "process")
 
 
-def test_shorter_than_its_limit_nothing_acts(tmp_path):
+def test_shorter_than_its_limit_nothing_acts(mission, tmp_path):
     text = TEXT.replace("for_s = 3.0", "for_s = 0.3").replace(
         'failsafe = { name = "offboard_lost", from = 3.5, to = 4.002 }',
         'failsafe = { name = "none" }',
     )
-    assert flown(tmp_path, "process", text).failsafes == []
+    assert fly(mission(text), tmp_path, "process").failsafes == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-import gcs_tools
 from fcu.interface.status_texts import Code, Told, brief
 from fcu.kernel.buffers import from_buffer
 from fcu.laws import loader
@@ -13,6 +12,7 @@ from fcu.process.baseline import Baseline
 from fcu.process.configuration import read_airframe, read_settings
 from gcs_tools.recording.reader import read
 from gcs_tools.studies.rotor_loss import Cell, Losing, fly, mission, scenario
+from tests.two_ways import fly_both
 
 pytestmark = pytest.mark.slow  # flies
 
@@ -38,21 +38,12 @@ reached = 1.0
 
 def test_it_is_found_and_flown_on_without_over_the_wire_as_in_process(tmp_path):
     (tmp_path / "lost.toml").write_text(TEXT)
-    flown = {}
-    for way in ("wire", "process"):
-        flown[way] = gcs_tools.fly(
-            str(tmp_path / "lost.toml"),
-            in_process=way == "process",
-            out=tmp_path / way,
-            figure="never",
-        )
-        assert not [str(each) for each in flown[way].expectations if each.is_missed]
+    for way, result in fly_both(tmp_path / "lost.toml", tmp_path).items():
         rows = read(tmp_path / way / "flight.mcap").fcu
-        after = rows["t"] > flown[way].failsafes[0].time_s
+        after = rows["t"] > result.failsafes[0].time_s
         assert (rows["outputs.thrusts.r4"][after] == 0.0).all()
         assert (rows["command.u.r4"][after] == 0.0).all()
         assert (rows["outputs.thrusts.r4"][~after & (rows["t"] < 3.0)] > 1.0).all()
-    assert flown["wire"].trajectory_sha256 == flown["process"].trajectory_sha256
 
 
 def test_an_order_is_told_at_once_and_the_rotor_may_come_back():
