@@ -29,7 +29,6 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import from_buffer, size, to_buffer
 from fcu.kernel.rotations import matrix
 from fcu.kernel.rows import column_of, slice_of
-from fcu.laws.actuation import rotor_lag
 from fcu.laws.setpoint import carried
 from fcu.parameters import Fate, Parameters
 from fcu.vehicle import landing, modes, plans
@@ -352,7 +351,7 @@ class StateMachine:
         p, watch = self._params, self.watch
         watch[_LOST] = self.lost_us
         watch[_VALUES] = [p[name] for name in Values._fields]
-        watch[_ROTOR_TIME] = max(p["FD_ACT_MOT_TOUT"], 1e3 * ROTOR_LAGS * rotor_lag(p.law))
+        watch[_ROTOR_TIME] = max(p["FD_ACT_MOT_TOUT"], 1e3 * ROTOR_LAGS * p.rotor_lag)
         looks = p["COM_FLTT_LOW_ACT"] > 0.0
         watch[_CHARGE_DUE] = min(watch[_CHARGE_DUE], 0.0) if looks else math.inf
         if self.lost_rotors:
