@@ -166,7 +166,7 @@ def safe_allocation(rotors, T, tau):
 
     # yaw: what room is left
     yawing = tau.z * rotors.B_z
-    k_yaw = minimum(1.0, room(g, yawing, low, high))
+    k_yaw = select(leaves_yaw(rotors), 0.0, minimum(1.0, room(g, yawing, low, high)))
     g = clip8(g + k_yaw * yawing, low, high)
 
     moved = abs(kept - clip(share, low, high)) > 1e-9
@@ -218,8 +218,18 @@ def plain_allocation(rotors, T, tau):
     before, cut = clip8(g, low, high), clip8(g + yawing, low, high)
     return rotors.w * cut, GaveUp(
         torque=select(differs(rotors.w, before, g), 1.0, 0.0),
-        yaw=select(differs(rotors.w, cut - before, yawing), 1.0, 0.0),
+        yaw=select(
+            differs(rotors.w, cut - before, yawing) | (leaves_yaw(rotors) & (tau.z != 0.0)),
+            1.0,
+            0.0,
+        ),
     )
+
+
+@kernel
+def leaves_yaw(rotors):
+    """Return true if no thrusts give torque about yaw: without some of its rotors a vehicle may leave it free."""
+    return greatest(rotors.B_z) <= 0.0
 
 
 @kernel

@@ -108,7 +108,8 @@ class Program(click.Group):
             if error.errno == errno.ENAMETOOLONG:  # of what a person typed
                 click.echo(f"Error: {error.filename}: {error.strerror}", err=True)
                 return USAGE
-            click.echo(f"Error: {error.strerror or error}", err=True)
+            where = f"{error.filename}: " if error.filename else ""
+            click.echo(f"Error: {where}{error.strerror or error}", err=True)
             guardian.leave()
             os._exit(INFRASTRUCTURE)  # what is still buffered would fail again
         except Exception:

@@ -31,6 +31,7 @@ from fcu.kernel.rows import column_of
 from fcu.parameters import VEHICLE
 from fcu.vehicle.conditions import LOOK_US, ROWS, Always, By, Clears, Condition, Row
 from gcs_tools.flight.ground_script import Vehicle
+from gcs_tools.flight.item_script import SEND_AGAIN_S
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import from_tables
@@ -117,6 +118,7 @@ class Case(NamedTuple):
     streams: bool = True  # the script's setpoints go on
     station: bool = False  # heartbeats of a ground station come until the fault
     to: Vec3 = HIGH  # where the script leads it from BEGINS_S on
+    by_mission: bool = False  # the mission sends its setpoints, as far as its faults let it
 
 
 def _beyond(plant: Any, at_s: float) -> float:
@@ -132,6 +134,11 @@ def _outside(plant: Any, at_s: float) -> float:
     return float(plant[int((np.hypot(plant[:, _R[0]], plant[:, _R[1]]) > 5.0).argmax()), 0])
 
 
+def _last_sent(plant: Any, at_s: float) -> float:
+    """Time of the last setpoint that a mission sends before the fault, s."""
+    return SEND_AGAIN_S * (math.ceil(round(at_s / SEND_AGAIN_S, 6)) - 1)
+
+
 def _level(remaining: float) -> tuple[dict[str, Any], ...]:
     return ({"kind": "battery_level", "remaining": remaining},)
 
@@ -142,6 +149,11 @@ CASES = (
     Case(
         "offboard", Condition.OFFBOARD_LOST, {"COM_OBL_RC_ACT": 3.0}, (), Code.OFFBOARD_LOST_MODE,
         ("Return",), 1.0, 1.0 + TICK_S, streams=False,
+    ),
+    Case(
+        "ground link of a mission", Condition.OFFBOARD_LOST, {"COM_OBL_RC_ACT": 5.0},
+        ({"kind": "ground_lost"},), Code.OFFBOARD_LOST_MODE, ("Hold",), 1.0, 1.0 + TICK_S,
+        cause=_last_sent, by_mission=True,
     ),
     Case(
         "ground station", Condition.STATION_LOST, {"NAV_DLL_ACT": 3.0, "COM_DL_LOSS_T": 5.0}, (),
@@ -163,6 +175,11 @@ CASES = (
         "battery, held before", Condition.BATTERY_CRITICAL,
         {"COM_LOW_BAT_ACT": 3.0, "COM_FAIL_ACT_T": 5.0}, _level(0.06), Code.BATTERY_CRITICAL,
         ("Hold", "Return"), *BATTERY_S,
+    ),
+    Case(
+        # two looks a second apart, of which the first is within a second
+        "flight time", Condition.FLIGHT_TIME_LOW, {"COM_FLTT_LOW_ACT": 3.0}, _level(0.05),
+        Code.FLIGHT_TIME_LOW, ("Return",), 1.0, 2.0 + 0.1 + 2.0 * LOOK_S,
     ),
     Case(
         "fence", Condition.FENCE_BREACHED, {"GF_ACTION": 3.0, "GF_MAX_HOR_DIST": 5.0}, (),
@@ -251,6 +268,8 @@ class Watched(MemoryFlight):
         if self._case.station:
             vehicle.greet()
             vehicle.set_parameter("NAV_DLL_ACT", self._case.parameters["NAV_DLL_ACT"])
+        if self._case.by_mission:
+            return super()._send_setpoints(vehicle)
         asked = Setpoint(HIGH, STILL, STILL, 0.0, 0.0)
         for tick in range(0, self._scene.ticks, RATE_HZ // 10):
             self._fly_to(min(tick, self.at_tick))

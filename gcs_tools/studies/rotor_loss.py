@@ -41,6 +41,13 @@ ROTORS = {"s1000": 8, "hexa": 6, "x8": 8}
 SCENES = ("hover", "wind", "step")
 LAWS = ("mmrac", "px4", "se3", "indi", "l1")
 TELLS = ("untold", "found", "order")
+FAULTS: dict[str, dict[str, Any]] = {
+    "off": {"kind": "motor_off"},
+    "weak 0.75": {"kind": "motor_weak", "effectiveness": 0.75},
+    "weak 0.5": {"kind": "motor_weak", "effectiveness": 0.5},
+    "weak 0.25": {"kind": "motor_weak", "effectiveness": 0.25},
+    "stuck": {"kind": "motor_stuck"},
+}
 RATE_HZ, ENDS_S = 250, 40.0
 FROM_S, TO_S = 4.0, 7.0  # the rotor is lost between these
 HIGH_M, STEP_M = 10.0, 8.0
@@ -59,6 +66,7 @@ class Cell(NamedTuple):
     scene: str  # of SCENES
     law: str
     tells: str  # of TELLS
+    fault: str = "off"  # of FAULTS
 
 
 class Outcome(NamedTuple):
@@ -95,7 +103,7 @@ def mission(cell: Cell, seed: int, rotor: int, at_s: float) -> Mission:
         }},
     }  # fmt: skip
     if cell.tells != "order":
-        tables["plant"]["faults"] = [{"kind": "motor_off", "at_s": at_s, "rotor": rotor}]
+        tables["plant"]["faults"] = [{"at_s": at_s, "rotor": rotor, **FAULTS[cell.fault]}]
     if cell.scene == "wind":
         phases = random.uniform(0.0, 2.0 * math.pi, 3).round(3).tolist()
         tables["wind"] = {"base": "paper", "phase_rad": phases}
@@ -171,6 +179,10 @@ HEAD = (
     "| vehicle | scene | law | told | flies on | lands | lost | found after, s |",
     "|---|---|---|---|---|---|---|---|",
 )
+OF_FAULTS = (
+    "| vehicle | scene | law | rotor | flies on | lost | found | after, s |",
+    "|---|---|---|---|---|---|---|---|",
+)
 
 
 def line(cell: Cell, found: list[Outcome]) -> str:
@@ -183,6 +195,11 @@ def line(cell: Cell, found: list[Outcome]) -> str:
 
     told = [each.told_s for each in found if not math.isnan(each.told_s)]
     after = f"{min(told):.3f} to {max(told):.3f}" if told else ""
+    if cell.fault != "off":
+        return (
+            f"| {cell.airframe} | {cell.scene} | {cell.law} | {cell.fault} | {part('flies on')} |"
+            f" {part('lost')} | {len(told)} of {n} | {after} |"
+        )
     return (
         f"| {cell.airframe} | {cell.scene} | {cell.law} | {cell.tells} |"
         f" {part('flies on')} | {part('lands')} | {part('lost')} | {after} |"
@@ -197,18 +214,21 @@ def line(cell: Cell, found: list[Outcome]) -> str:
 @click.option(
     "--told", "tells", multiple=True, type=click.Choice(TELLS), help="default: untold, found"
 )
+@click.option("--fault", default="off", show_default=True, type=click.Choice([*FAULTS]))
 @click.option("--page", is_flag=True, help="write the table into docs/failsafes.md")
 def main(
     seeds: int, airframes: tuple[str, ...], scenes: tuple[str, ...], laws: tuple[str, ...],
-    tells: tuple[str, ...], page: bool,
+    tells: tuple[str, ...], fault: str, page: bool,
 ) -> None:  # fmt: skip
     """Fly every cell, and print the table."""
-    lines = [*HEAD]
+    if fault != "off" and (page or "order" in tells):
+        raise click.UsageError("--fault goes with neither --page nor --told order")
+    lines = [*(HEAD if fault == "off" else OF_FAULTS)]
     for law in laws or LAWS:
         for airframe in airframes or ROTORS:
             for scene in scenes or SCENES:
                 for told in tells or TELLS[:2]:
-                    cell = Cell(airframe, scene, law, told)
+                    cell = Cell(airframe, scene, law, told, fault)
                     found = [fly(cell, seed) for seed in range(seeds)]
                     lines.append(line(cell, found))
                     print(lines[-1], flush=True)

@@ -88,6 +88,16 @@ def test_without_a_rotor_yaw_is_steered_both_ways(name):
         assert gave_up.yaw == 0.0
 
 
+@pytest.mark.parametrize("safe", [0.0, 1.0])
+def test_yaw_that_is_left_free_is_told_as_given_up(safe):
+    for name, given_up in (("hexa", 1.0), ("s1000", 0.0)):
+        rotors, limits, T_hover, heaviest = vehicle(name)
+        _, after, _ = without(rotors._replace(safe=safe), limits, {1}, T_hover, heaviest)
+        for tau in (0.02, -0.02):
+            assert given(after, T_hover, Vec3(0.0, 0.0, tau))[2].yaw == given_up
+        assert given(after, T_hover, Vec3(0.0, 0.0, 0.0))[2].yaw == 0.0
+
+
 @pytest.mark.parametrize(("name", "rotor"), EACH)
 def test_it_says_that_there_is_no_hover_where_a_linear_program_finds_none(name, rotor):
     """A hover that holds roll and pitch: some thrusts, a little above nought, balance every small torque."""
