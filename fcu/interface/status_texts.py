@@ -176,7 +176,7 @@ class Code(Enum):
     FAILURES_OFF = "SYS_FAILURE_EN is 0"
     FAILURE_UNKNOWN = "no such unit or type"
     FAILURE_NOT_DONE = "the simulator cannot do it"
-    FAILURE_RANGE = "instance or size out of range"
+    FAILURE_RANGE = "rotor, size or time out of range"
     FAILURE_ENDLESS = "needs seconds (parameter 5)"
     FAILURE_FULL = "too many failures at once"
     FAILURE_UNANSWERED = "the simulator does not answer"

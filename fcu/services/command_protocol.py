@@ -169,7 +169,7 @@ class Commands:
                 self._terminate, (1,), (1,), to_all=False, what="Termination"
             ),
             CommandId.INJECT_FAILURE: Spec(
-                self._inject, (1, 2, 3, 4, 5), (1, 2), to_all=False, what="Failure"
+                self._inject, (1, 2, 3, 4, 5), (1, 2, 3), to_all=False, what="Failure"
             ),
             CommandId.RUN_PREARM_CHECKS: Spec(self._checks, what="Checks"),
             CommandId.REBOOT: Spec(self._reset, (1, 6), (1,), to_all=False, what="Reset"),

@@ -51,6 +51,7 @@ def fault(
         for each in choices():
             much_told = f" --much {each.much:g} ({each.range})" if each.what else ""
             click.echo(f"{each.name:15}{each.says}{much_told}")
+        click.echo(f"{CLEAR:15}every fault ends, or with --rotor those of one rotor")
         return
     number, due = up_by(instance, timeout_s)
     vehicle = Vehicle(number, UdpLink(0, ports(number).fcu_station))  # a port of its own
@@ -64,7 +65,8 @@ def fault(
         raise Failure(error) from error
     finally:
         vehicle.close()
-    click.echo(f"{name}: done by the simulator of instance {number}")
+    whose = f" of rotor {rotor}" if rotor else ""
+    click.echo(f"{name}{whose}: done by the simulator of instance {number}")
 
 
 def _check(name: str | None, rotor: int | None, much: float | None, for_s: float) -> None:

@@ -323,7 +323,7 @@ EXPECTED = {  # words of its log: that it has done what it is there for
     "has failures injected": (
         "SYS_FAILURE_EN is 0",
         "Injected: motor 2 wrong",
-        "instance or size",
+        "rotor, size or time",
         "no such unit or type",
         "Cleared: motor 2",
         "Injected: vio garbage",
