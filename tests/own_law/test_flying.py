@@ -261,9 +261,15 @@ ONE_RESULT_LESS = (", Internals(v_c=v_c, tau_c=tau_c)", "")
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"), [(*NO_SUCH_FIELD, "Params"), (*ONE_RESULT_LESS, "Outputs")]
+    ("command", "old", "new", "told"),
+    [
+        (("fly",), *ONE_RESULT_LESS, "Outputs"),
+        *(
+            (command, *NO_SUCH_FIELD, "Params")
+            for command in (("fly",), ("fly", "--in-process"), ("campaign",), ("up",))
+        ),
+    ],
 )
-@pytest.mark.parametrize("command", [("fly",), ("fly", "--in-process"), ("campaign",), ("up",)])
 def test_a_law_that_does_not_compile_is_found_before_anything_else_is_compiled(
     own_mission, tmp_path, monkeypatch, command, old, new, told
 ):
