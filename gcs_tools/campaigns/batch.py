@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from fcu.interface.airframe import AirframeError
 from fcu.interface.parameter import ParameterError
 from fcu.laws.loader import LawError
+from gcs_tools.campaigns import score
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.flight import several
 from gcs_tools.flight.arrival import arrival
@@ -72,44 +73,56 @@ def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
 
     plan : Campaign.plan().
     """
-    fly, n, missions = _loaded(plan)
-    made = [_ready(Asked(*one), missions[one[1]]) for one in asked]
+    fly, n, missions, far_m = _loaded(plan)
+    made = [_ready(Asked(*one), missions[one[1]], far_m is not None) for one in asked]
     ready = [one for one in made if isinstance(one, _Ready)]
     flown = _vehicles(ready) if fly == VEHICLE else _laws(ready, n * len(missions))
-    rows = {ready[i].asked[:2]: _judged(ready[i], how) for i, how in flown}
+    rows = {ready[i].asked[:2]: _judged(ready[i], how, far_m) for i, how in flown}
     return [rows[one.asked[:2]] if isinstance(one, _Ready) else one for one in made]
 
 
 @lru_cache(maxsize=2)
-def _loaded(plan: str) -> tuple[str, int, tuple[Mission, ...]]:
-    """How a plan's flights are flown, how many of each law, and its mission. Raises MissionError."""
+def _loaded(plan: str) -> tuple[str, int, tuple[Mission, ...], float | None]:
+    """How a plan's flights are flown, how many of each law, its missions, and from where they are lost.
+
+    Raises MissionError.
+    """
     tables = json.loads(plan)
     made = [(from_tables(tables["name"], each["given"]), each) for each in tables["laws"]]
     missions = tuple(
         replace(mission, folder=Path(each["folder"])) if "folder" in each else mission
         for mission, each in made
     )
-    return tables["fly"], tables["flights"], missions
+    return tables["fly"], tables["flights"], missions, tables.get("far_m")
 
 
-def _ready(asked: Asked, base: Mission) -> _Ready | Row:
-    """The flight, or the row of one that is rejected."""
+def ended_its_process(plan: str, asked: Asked, how: str) -> Row:
+    """The row of a flight that has ended the process that flew it.  how : in words."""
+    mission = _loaded(plan)[2][asked.law]
+    seed = int(asked.values.get("flight.seed", mission.flight.seed))
+    return _lost(asked, seed, ABORTED, f"the law {how}", INFRASTRUCTURE)
+
+
+def _ready(asked: Asked, base: Mission, scored: bool) -> _Ready | Row:
+    """The flight, or the row of one that is rejected: of one that is scored, for its gains alone."""
     try:
         mission = with_values(base, asked.values, "draw")
         scene = scenario(mission)
     except (MissionError, ParameterError, AirframeError) as error:
         seed = int(asked.values.get("flight.seed", base.flight.seed))
         return _lost(asked, seed, REJECTED, str(error), USAGE)
-    why = refused_gains(mission, scene) or refusal(
-        scene, mission.expectations().get(LIMITED) is True
-    )
+    why = refused_gains(mission, scene)
+    if not why and not scored:
+        why = refusal(scene, mission.expectations().get(LIMITED) is True)
     if why:  # the vehicle's own decision
         return _lost(asked, mission.flight.seed, REJECTED, why, OK)
     return _Ready(asked, mission, scene)
 
 
-def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Row:
-    """The row of a flight."""
+def _judged(
+    flight: _Ready, flown: Flown | LawError | InfrastructureError, far_m: float | None
+) -> Row:
+    """The row of a flight: judged by its mission or, with `far_m`, scored as laws are compared."""
     asked, mission, scene = flight
     if not isinstance(flown, Flown):
         code = USAGE if isinstance(flown, LawError) else INFRASTRUCTURE
@@ -123,11 +136,16 @@ def _judged(flight: _Ready, flown: Flown | LawError | InfrastructureError) -> Ro
     missed = [each.name for each in judged.expectations if each.is_missed]
     if script is not None and script.failure:
         missed = [script.failure, *(name for name in missed if name != "script")]
+    passed, metrics = judged.passed, judged.metrics
+    if far_m is not None:
+        found = score.of_rows(scene, mission, plant, fcu, far_m)
+        passed, metrics = not found.lost, {**metrics, **score.columns(found)}
+        missed = [found.lost] if found.lost not in ("", ended) else []
     return Row(
-        asked.number, asked.law, mission.flight.seed, judged.passed, ended,
+        asked.number, asked.law, mission.flight.seed, passed, ended,
         script.text if script is not None else "", OK,
         float(plant[-1, 0]) if len(plant) else 0.0, len(fcu),
-        trajectory_sha256(plant) if len(plant) else "", judged.metrics,
+        trajectory_sha256(plant) if len(plant) else "", metrics,
         ", ".join(missed),
     )  # fmt: skip
 

@@ -41,12 +41,14 @@ from gcs_tools.campaigns.draws import (
     key,
 )
 from gcs_tools.campaigns.looks import Looks
+from gcs_tools.campaigns.procedure import Draws as SeedRanges
 from gcs_tools.campaigns.rare import Mixture
+from gcs_tools.campaigns.seed_draws import SeedDraws
 from gcs_tools.flight.scenario import refuse_faults_of_autopilot, refuse_link_faults, scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
-from gcs_tools.missions.fields import Table, one_line, optional, wrong
+from gcs_tools.missions.fields import Positive, Table, one_line, optional, wrong
 from gcs_tools.missions.mission import (
     Mission,
     MissionError,
@@ -120,12 +122,18 @@ class Rare(Table):
         return self
 
 
+class Seeds(SeedRanges):
+    """Flights drawn from seeds, as `gcs tune` and `gcs compare` draw them: vehicle, wind and noise."""
+
+    far_m: Positive = Field(description="a flight that ends farther from its setpoint is lost")
+
+
 class LawEntry(Table):
     """A law with settings of its own."""
 
     law: str
-    label: Annotated[str, Field(pattern=r"^[\w.+-][\w .+-]{0,39}$")] | None = optional(
-        "its name in results: letters, digits, spaces, . + - and _; left out: the law's"
+    label: Annotated[str, Field(pattern=r"^[\w.+-][\w .+:=,\[\]-]{0,79}$")] | None = optional(
+        "its name in results: letters, digits, spaces and . + - _ : = , [ ]; left out: the law's"
     )
     set: dict[str, Any] = Field({}, description="dotted key of a mission -> value")
 
@@ -161,6 +169,7 @@ class Document(Table):
     stop: Stop | None = optional("end early")
     expect: Expected | None = optional("exit with 1 unless this is shown")
     rare: Rare | None = optional("estimate the probability of a rare failure")
+    seeds: Seeds | None = optional("draw as laws are compared: flight n has the seed `seed` + n")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -201,7 +210,27 @@ class Document(Table):
             raise wrong(("rare",), "neither stop, expect nor success beside [rare]")
         if self.rare is not None and len(self.laws or ()) > 1:
             raise wrong(("laws",), "one law with [rare]")
+        if self.seeds is not None:
+            self._check_seeds()
         return self
+
+    def _check_seeds(self) -> None:
+        if self.draw or self.method != RANDOM or self.rare is not None:
+            raise wrong(("seeds",), "neither [draw], method nor [rare] beside [seeds]")
+        if self.success is not None:
+            raise wrong(
+                ("seeds",), "no [success] beside [seeds]: a flight that is not lost succeeds"
+            )
+        if self.fly != LAW:
+            raise wrong(("seeds",), 'fly = "law" beside [seeds]')
+        for entry in self.laws or ():
+            for name in entry.set if isinstance(entry, LawEntry) else ():
+                if not name.startswith("law."):
+                    raise wrong(
+                        ("laws",),
+                        "keys of [law] alone beside [seeds], which draws alike for all",
+                        name,
+                    )
 
     @property
     def _cells(self) -> int | None:
@@ -267,6 +296,7 @@ class Campaign:
     draws: Draws
     variants: tuple[Variant, ...]
     changes: Changes = Changes()
+    in_all: int | None = None  # flights of each law that are flown with these. None: no others
 
     @property
     def n(self) -> int:
@@ -300,21 +330,27 @@ class Campaign:
 
     def plan(self) -> str:
         """What workers need, and all that rows depend on but the draws, as JSON."""
-        return json.dumps(
-            {
-                "name": self.variants[0].mission.name,
-                "fly": self.document.fly,
-                "flights": self.n,
-                "laws": [each.told() for each in self.variants],
-            },
-            sort_keys=True,
-        )  # fmt: skip
+        return self._plan(self.in_all or self.n)
+
+    def _plan(self, flights: int) -> str:
+        plan = {
+            "name": self.variants[0].mission.name,
+            "fly": self.document.fly,
+            "flights": flights,
+            "laws": [each.told() for each in self.variants],
+        }
+        if self.document.seeds is not None:
+            plan["far_m"] = self.document.seeds.far_m
+        return json.dumps(plan, sort_keys=True)
 
     @property
     def identity(self) -> str:
         """A hash of everything that rows and early end depend on."""
-        document = self.document.model_dump(mode="json", exclude={"title", "expect", "metrics"})
-        text = json.dumps([document, self.n, self.plan()], sort_keys=True)
+        left_out = {"title", "expect", "metrics"} | (
+            {"seeds"} if self.document.seeds is None else set()
+        )
+        document = self.document.model_dump(mode="json", exclude=left_out)
+        text = json.dumps([document, self.n, self._plan(self.n)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -404,6 +440,8 @@ def parsed(
     try:
         draws = _draws(document, changes)
         variants = tuple(_variants(document, folder, where, allow_commands, changes))
+        if document.seeds is not None:
+            draws = SeedDraws.of(variants[0].mission, document.seeds, document.seed, document.n)
         campaign = Campaign(name, source, text, document, draws, variants, changes)
         _check(campaign)
     except (MissionError, DrawError, ParameterError, AirframeError) as error:
@@ -552,7 +590,7 @@ def _check(campaign: Campaign) -> None:
                 refused.append(refused_gains(mission, scenario(mission)))
             except MissionError as error:
                 raise MissionError(f"{error}{_hint(draws)}") from error
-        if all(
+        if campaign.document.seeds is None and all(
             refused
         ):  # a single refused draw is a lost flight; nothing but refused draws is a mistake
             raise MissionError(refused[0])

@@ -77,6 +77,10 @@ class Cluster:
                 )
         return sum(self._threads.values())
 
+    def apart(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+        """Raise RunningError: of a worker elsewhere nobody here knows what it has died of."""
+        raise RunningError("a worker process was killed")
+
     def _look(self) -> None:
         """See who has come, who has gone, and who may fly."""
         if self._client.status != "running":

@@ -1,29 +1,30 @@
 """Laws flown through the same missions with the same draws, and what the flights say.
 
-    flights = fly(entrants, missions, seeds, procedure)
-    found = summary(flights, procedure.objective)
+    parts = campaigns(entrants, missions, seeds, procedure)   # one of each mission on each airframe
+    found = summary(rows(part, table), procedure.objective)
 
-Each flight keeps a Score; its rows are dropped as soon as it has one.
+A comparison is a campaign of each mission on each airframe, over the laws. It is flown, kept, continued
+and flown again as any campaign is.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from rich.console import Console
-
-from gcs_tools.campaigns import statistics
-from gcs_tools.campaigns.entrant import Entrant, Flight
-from gcs_tools.campaigns.entrant import fly as fly_some
-from gcs_tools.campaigns.flights import chunked
+from gcs_tools.campaigns import score, statistics
+from gcs_tools.campaigns.campaign_file import Campaign, Changes, parsed, settings
+from gcs_tools.campaigns.entrant import Entrant
 from gcs_tools.campaigns.procedure import Objective, Procedure
 from gcs_tools.campaigns.score import NAMES, Score, cost
-from gcs_tools.campaigns.seed_draws import Stream
 from gcs_tools.campaigns.statistics import Interval
-from gcs_tools.missions.mission import Mission
+from gcs_tools.missions import mission as mission_file
+from gcs_tools.missions.mission import Mission, written
 
 
 class Row(NamedTuple):
@@ -83,30 +84,97 @@ class Summary:
     differences: tuple[Difference, ...]
 
 
-def fly(
-    entrants: Sequence[Entrant], missions: Sequence[Mission], seeds: Sequence[int],
-    procedure: Procedure, console: Console | None = None,
-) -> list[Row]:  # fmt: skip
-    """Every entrant in every mission with every seed, in the order of airframes, missions, laws, seeds.
+class Part(NamedTuple):
+    """One mission on one airframe, with all laws and seeds."""
 
-    Raises EntrantError, LawError.
+    airframe: str
+    mission: str
+    campaign: Campaign
+
+    @property
+    def folder(self) -> str:
+        """The name of its folder, below that of the comparison."""
+        return self.campaign.name
+
+
+def campaigns(
+    entrants: Sequence[Entrant], missions: Sequence[Mission], seeds: Sequence[int],
+    procedure: Procedure,
+) -> list[Part]:  # fmt: skip
+    """The campaigns of a comparison, in the order of airframes and missions.
+
+    seeds : one after the other.  Raises EntrantError, CampaignError.
     """
-    flights = [
-        Flight(entrant, entrant.mission(mission), Stream.TEST, seed)
-        for airframe in dict.fromkeys(entrant.airframe for entrant in entrants)
-        for mission in missions
-        for entrant in entrants
-        if entrant.airframe == airframe
-        for seed in seeds
-    ]
-    of_law = len(flights) / len(entrants)
-    scores = chunked(  # seeds of a law in a mission, mostly
-        lambda some: fly_some(some, procedure, of_law), flights, None, "comparing", console
+    for entrant in entrants:
+        for mission in missions:
+            entrant.mission(mission)  # raises, in the words of the command line
+    found = []
+    for airframe in dict.fromkeys(entrant.airframe for entrant in entrants):
+        laws = [entrant for entrant in entrants if entrant.airframe == airframe]
+        for mission in missions:
+            name = re.sub(r"[^\w.-]+", "-", f"{airframe}-{mission.name}")
+            text = _text(laws, mission, seeds, procedure)
+            changes = Changes(set=settings(laws[0].settings))
+            campaign = parsed(text, name, Path.cwd(), name, changes)
+            of_law = len(missions) * len(seeds)
+            found.append(Part(airframe, mission.name, replace(campaign, in_all=of_law)))
+    return found
+
+
+def _text(
+    laws: Sequence[Entrant], mission: Mission, seeds: Sequence[int], procedure: Procedure
+) -> str:
+    """The file of a campaign: what is flown stands in it, but for what `--set` changes."""
+    entries = ",\n".join(f"    {_inline(_entry(each, mission))}" for each in laws)
+    lines = {
+        "title": mission.title, "mission": _named(mission), "airframe": laws[0].vehicle.source,
+        "flights": len(seeds), "seed": seeds[0], "fly": "law",
+    }  # fmt: skip
+    head = "\n".join(f"{key} = {written(value)}" for key, value in lines.items())
+    ranges = {**procedure.draws.model_dump(), "far_m": procedure.objective.far_m}
+    drawn = "\n".join(f"{key} = {written(value)}" for key, value in ranges.items())
+    return f"{head}\nlaws = [\n{entries},\n]\n\n[seeds]\n{drawn}\n"
+
+
+def _entry(of: Entrant, mission: Mission) -> dict[str, Any]:
+    """A law with the settings of its own and its gains, of which the latter win."""
+    module = str(Path(of.module).absolute()) if of.module.endswith(".py") else of.module
+    own = settings([f"law.{setting}" for setting in of.own])
+    gains = {f"law.{key}": value for key, value in of.gains.items()}
+    return {"law": module, "label": of.label, "set": {**own, **gains}}
+
+
+def _inline(table: Mapping[str, Any]) -> str:
+    """A table on one line, its keys in quotes: a dotted one is one key."""
+    values = (
+        f"{json.dumps(key)} = {_inline(value) if isinstance(value, Mapping) else written(value)}"
+        for key, value in table.items()
     )
-    return [
-        Row(f.entrant.airframe, f.mission.name, f.entrant.label, f.seed, score)
-        for f, score in zip(flights, scores, strict=True)
+    return f"{{ {', '.join(values)} }}"
+
+
+def _named(mission: Mission) -> str:
+    """The name of a shipped mission, or the file of another one."""
+    file = Path(mission.folder, f"{mission.name}.toml").absolute()
+    if file.is_relative_to(root := mission_file.folder().absolute()):
+        return str(file.relative_to(root).with_suffix(""))
+    return str(file)
+
+
+def rows(part: Part, table: Any) -> list[Row]:
+    """The flights of a table (`flights.parquet`), law by law."""
+    first = part.campaign.document.seed
+    flights = table.select(
+        ["law", "number", "success", "ended", "missed", "error", "exit_code", *score.COLUMNS]
+    )
+    found = [
+        Row(
+            part.airframe, part.mission, each["law"], first + each["number"], score.of_columns(each)
+        )
+        for each in flights.to_pylist()
     ]
+    order = {law: i for i, law in enumerate(part.campaign.labels)}
+    return sorted(found, key=lambda row: (order[row.law], row.seed))
 
 
 def summary(rows: Sequence[Row], objective: Objective) -> Summary:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,9 +11,7 @@ from fcu.interface.airframe import AirframeError, AirframeFile, find, read
 from fcu.interface.parameter import Parameter, ParameterError, flat
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
-from gcs_tools.campaigns import score
-from gcs_tools.campaigns.procedure import Draws, Procedure
-from gcs_tools.campaigns.score import Score
+from gcs_tools.campaigns.procedure import Draws
 from gcs_tools.campaigns.seed_draws import Stream, drawn
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
@@ -128,18 +126,6 @@ class Flight:
             return drawn(self.mission, draws, self.stream, self.seed)
         except (MissionError, AirframeError) as error:
             raise EntrantError(str(error)) from error
-
-
-def fly(
-    flights: Sequence[Flight], procedure: Procedure, in_all: float | None = None
-) -> list[Score]:
-    """Fly them, side by side where that can be; what a vehicle would not arm with is lost.
-
-    in_all : how many flights of a law these are some of; default: there are no others.  Raises EntrantError, LawError.
-    """
-    missions = [flight.drawn(procedure.draws) for flight in flights]
-    made = [(scene(mission), mission) for mission in missions]
-    return score.fly_several(made, procedure.objective.far_m, in_all)
 
 
 def refusal(entrant: Entrant, mission: Mission) -> str:

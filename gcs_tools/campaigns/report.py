@@ -174,12 +174,14 @@ def _about(campaign: Campaign, found: Analysis) -> str:
         "random": "drawn at random", "latin_hypercube": "drawn by Latin hypercube",
         "sobol": "drawn by a scrambled Sobol sequence", "grid": "on a grid", "list": "as listed",
     }[document.method]  # fmt: skip
+    seeds = document.seeds is not None
     n = f"{found.flights:,} flights" + (" of each law" if len(found.laws) > 1 else "")
     if found.flights < found.of:
         n += f" (of {found.of:,}: it ended early)"
     whole = "the whole vehicle" if document.fly == VEHICLE else "the law without an autopilot"
     return escape(
-        f"{n} of {mission.name} with {mission.airframe.name}, {how}, seed {document.seed}; {whole}."
+        f"{n} of {mission.name} with {mission.airframe.name}, {how},"
+        f" {'first seed' if seeds else 'seed'} {document.seed}; {whole}."
     )
 
 
@@ -315,6 +317,8 @@ def _metrics(of: OfLaw) -> str:
 
 def _drawn(campaign: Campaign) -> str:
     drawn = campaign.draws.drawn
+    if campaign.document.seeds is not None:
+        return "<p>Noise, wind, and a vehicle within what the airframe's file believes, as for all comparisons.</p>"
     if not drawn:
         return f"<p>{len(campaign.draws.points)} listed points.</p>" if campaign.draws.points else "<p>Nothing but the noise.</p>"  # fmt: skip
     rows = [(escape(each.name), escape(_said(distribution))) for each, distribution in drawn]

@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
-from importlib.util import find_spec
 from io import BytesIO
 from typing import Any
 
@@ -41,11 +40,6 @@ class Comparison:
     rows: Sequence[Row]
     summary: Summary
     margins: Sequence[Margin]
-
-
-def with_parquet() -> bool:
-    """Whether pyarrow is there, which the extra `campaign` brings."""
-    return find_spec("pyarrow") is not None
 
 
 def about(of: Comparison) -> dict[str, Any]:

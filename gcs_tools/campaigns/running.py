@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     CancelledError,
-    Executor,
     Future,
     ProcessPoolExecutor,
     wait,
@@ -27,12 +26,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gcs_tools.campaigns.batch import Asked, Row, fly_batch
+from gcs_tools.campaigns.batch import Asked, Row, ended_its_process, fly_batch
 from gcs_tools.campaigns.campaign_file import Campaign
 from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.statistics import Share, share
 from gcs_tools.campaigns.store import SUCCESS, Store
-from gcs_tools.flight.interrupts import interrupts_wait
+from gcs_tools.flight.interrupts import how_ended, interrupts_wait, is_of_code
 
 BATCH = 8  # flights of each law that a worker is sent at once, to fly side by side
 AHEAD = 3  # batches that wait or fly, for each worker
@@ -53,6 +52,12 @@ class Workers(Protocol):
 
     def count(self) -> int:
         """How many there are at the moment."""
+
+    def apart(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+        """Fly what a worker has died of, apart. One that dies of a flight makes that a lost one.
+
+        Raises RunningError where it was no flight's doing.
+        """
 
 
 @dataclass(frozen=True)
@@ -153,7 +158,7 @@ def run(
     However it ends, the flights that are there by then are on disk, if it can be written to.
     """
     plan, batches = campaign.plan(), _batches(campaign, store, ending.numbers)
-    pending: set[Future[list[Row]]] = set()
+    pending: dict[Future[list[Row]], list[Asked]] = {}
     total = len(campaign.variants) * campaign.n
     with interrupts_wait() as interrupts:
         try:
@@ -161,12 +166,23 @@ def run(
                 while len(pending) < AHEAD * max(1, workers.count()):
                     if (batch := next(batches, None)) is None:
                         break
-                    pending.add(workers.submit(plan, batch))
-                done, pending = wait(pending, LOOK_S, FIRST_COMPLETED)
+                    pending[workers.submit(plan, batch)] = batch
+                done, _ = wait(pending, LOOK_S, FIRST_COMPLETED)
+                if any(isinstance(_failure(future), BrokenProcessPool) for future in done):
+                    done, _ = wait(pending)  # it has broken for all
+                ended = [(future, pending.pop(future)) for future in done]
                 store.add(row for future in done if not _failure(future) for row in future.result())
-                for failure in map(_failure, done):
-                    if failure is not None:
+                left: list[Asked] = []
+                for future, batch in ended:
+                    failure = _failure(future)
+                    if isinstance(failure, BrokenProcessPool):
+                        left += batch
+                    elif failure is not None:
                         raise failure
+                if left:
+                    for rows in workers.apart(plan, sorted(left, key=lambda one: one[:2])):
+                        store.add(rows)
+                        interrupts.look()
                 if done:
                     told(Progress(store.flown, total, ending.so_far()))
                 interrupts.look()
@@ -177,13 +193,7 @@ def run(
 
 
 def _failure(future: Future[list[Row]]) -> BaseException | None:
-    error = CancelledError() if future.cancelled() else future.exception()
-    if isinstance(error, BrokenProcessPool):
-        return RunningError(
-            "a worker process was killed (out of memory?); what was flown is kept, and the same"
-            " command goes on from there (-j: fewer workers)"
-        )
-    return error
+    return CancelledError() if future.cancelled() else future.exception()
 
 
 def _batches(campaign: Campaign, store: Store, numbers: range) -> Iterator[list[Asked]]:
@@ -210,36 +220,94 @@ def _batches(campaign: Campaign, store: Store, numbers: range) -> Iterator[list[
 class Processes:
     """Worker processes here: around the kernels of a flight runs so much Python that threads wait."""
 
-    def __init__(self, executor: Executor, n: int) -> None:
-        self._executor = executor
+    def __init__(self, n: int) -> None:
         self._n = n
+        self._others = set(multiprocessing.active_children())
+        self._workers = set[Any]()  # all that there were
+        self._pool = _pool(n)
 
     def submit(self, plan: str, batch: Sequence[Asked]) -> Future[list[Row]]:
         """Fly a batch in one of them."""
-        return self._executor.submit(fly_batch, plan, batch)
+        try:
+            told = self._pool.submit(fly_batch, plan, batch)
+        except BrokenProcessPool as error:
+            told = Future()
+            told.set_exception(error)
+        self._workers |= set(multiprocessing.active_children()) - self._others
+        return told
 
     def count(self) -> int:
         """How many there are."""
         return self._n
 
+    def apart(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+        """Fly what was on its way when a worker died: in halves, until a flight that ends its process is found.
 
-@contextmanager
-def processes(n: int) -> Iterator[Processes]:
-    """So many workers, forked from a process that has loaded what they fly by (elsewhere started anew)."""
+        Raises RunningError where a worker was killed from outside.
+        """
+        self._check_ended_by_code()
+        self._pool = _pool(self._n)
+        yield from self._halves(plan, asked)
+
+    def _halves(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+        told = self.submit(plan, asked)
+        try:
+            yield told.result()
+            return
+        except BrokenProcessPool:
+            codes = self._check_ended_by_code()
+            self._pool = _pool(self._n)
+        if len(asked) == 1:
+            yield [ended_its_process(plan, asked[0], how_ended(codes[0]))]
+            return
+        laws = sorted({one.law for one in asked})
+        is_first = [one.law == laws[0] for one in asked]
+        if len(laws) == 1:
+            is_first = [i < len(asked) // 2 for i in range(len(asked))]
+        for which in (True, False):
+            yield from self._halves(
+                plan, [one for one, first in zip(asked, is_first, strict=True) if first is which]
+            )
+
+    def _check_ended_by_code(self) -> list[int]:
+        """The exit codes of workers that were ended by what they flew. Raises RunningError without any."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        codes = [worker.exitcode for worker in self._workers if worker.exitcode is not None]
+        self._workers.clear()
+        found = [code for code in codes if is_of_code(code)]
+        if -signal.SIGKILL in codes or not found:
+            raise RunningError(
+                "a worker process was killed (out of memory?); what was flown is kept, and the same"
+                " command goes on from there (-j: fewer workers)"
+            )
+        return sorted(found)
+
+    def end(self, at_once: bool) -> None:
+        """Wait for the workers to end.  at_once : nobody waits for the batches that fly."""
+        if at_once:
+            for worker in set(multiprocessing.active_children()) - self._others:
+                worker.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _pool(n: int) -> ProcessPoolExecutor:
+    """Workers, forked from a process that has loaded what they fly by (elsewhere started anew)."""
     how = "forkserver" if sys.platform == "linux" else "spawn"
     context = multiprocessing.get_context(how)
     if how == "forkserver":
         context.set_forkserver_preload(["gcs_tools.campaigns.batch"])
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin)
+    return ProcessPoolExecutor(n, mp_context=context, initializer=_begin)
+
+
+@contextmanager
+def processes(n: int) -> Iterator[Processes]:
+    """So many workers. They end with the block."""
+    workers, at_once = Processes(n), True
     try:
-        yield Processes(pool, n)
-    except BaseException:  # nobody waits for the batches that fly
-        for worker in set(multiprocessing.active_children()) - others:
-            worker.terminate()
-        raise
+        yield workers
+        at_once = False
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        workers.end(at_once)
 
 
 def _begin() -> None:

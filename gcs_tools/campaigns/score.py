@@ -7,9 +7,9 @@ autopilot only passes setpoints on, and it flies to the end of its time.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +17,14 @@ from fcu.laws.loader import LawError
 from gcs_tools.campaigns import flights
 from gcs_tools.campaigns.flights import Asked, Flight
 from gcs_tools.campaigns.procedure import Objective
+from gcs_tools.exit_codes import OK, USAGE
+from gcs_tools.flight import several
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.several import Keep
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
 from gcs_tools.missions.asked import asked
 from gcs_tools.missions.mission import Mission
+from gcs_tools.recording.table import Rows
 from sitl_plant.physics import dynamics
 
 ERROR = "setpoint_error_rms_m"
@@ -32,6 +35,7 @@ KEPT = Keep(  # what is looked at
 )
 REFUSED = "refused"  # a vehicle would not arm with these gains
 RAISED = "raised: "  # and then what its law raised
+ENDED = "ended: "  # and then how its law ended the process that flew it
 _SATURATED = tuple(f"outputs.saturation.{of}" for of in ("thrust", "tilt", "torque", "yaw"))
 
 
@@ -53,6 +57,25 @@ class Score(NamedTuple):
 
 
 NAMES = Score._fields[1:]  # those that are numbers
+SCORED = "score."  # before their names in a table of flights
+COLUMNS = tuple(f"{SCORED}{name}" for name in NAMES)
+
+
+def columns(score: Score) -> dict[str, float | None]:
+    """The numbers as a table of flights has them. None: not a number."""
+    values = {name: getattr(score, name) for name in NAMES}
+    return {f"{SCORED}{k}": v if math.isfinite(v) else None for k, v in values.items()}
+
+
+def of_columns(row: Mapping[str, Any]) -> Score:
+    """The score of a row of a table of flights."""
+    if row["success"]:
+        return Score("", *(row[name] for name in COLUMNS))
+    if row["error"]:
+        if row["exit_code"] == OK:
+            return lost(REFUSED)
+        return lost(f"{RAISED if row['exit_code'] == USAGE else ENDED}{row['error']}")
+    return lost(row["missed"] or row["ended"])
 
 
 def lost(why: str) -> Score:
@@ -96,6 +119,13 @@ def fly_several(
     found = iter(flights.fly(allowed, KEPT, in_all, _raised))
     known = {id(each.scene) for each in allowed}
     return [next(found) if id(scene) in known else lost(REFUSED) for scene, _ in of]
+
+
+def of_rows(scene: Scenario, mission: Mission, plant: Rows, law: Rows, far_m: float) -> Score:
+    """Score a flight by its rows (as of `law_alone.fly`)."""
+    flown = several.of_rows(scene, plant, law, KEPT)
+    tables = several.tables(scene, flown, KEPT)
+    return _score(Flight(scene, *tables, flown.ticks, flown.ended), mission, far_m)
 
 
 def _score(flown: Flight, mission: Mission, far_m: float) -> Score:

@@ -11,13 +11,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from fcu.interface.airframe import AirframeFile, Interval, body
+from gcs_tools.campaigns import draws as campaign_draws
+from gcs_tools.campaigns.draws import SEED, DrawError
 from gcs_tools.campaigns.procedure import Draws
 from gcs_tools.missions.mission import Mission, with_values
 
@@ -49,13 +52,14 @@ def drawn(mission: Mission, draws: Draws, stream: Stream, seed: int) -> Mission:
     if seed == 0:
         return mission
     values = numbers(mission.name, Beliefs.of(mission.airframe), draws, stream, seed)
+    kept = said(mission)
+    return with_values(mission, {k: v for k, v in values.items() if k not in kept}, f"seed {seed}")
+
+
+def said(mission: Mission) -> frozenset[str]:
+    """Return the keys under [plant] that the mission gives itself, which no seed draws."""
     own: Any = mission.given.get("plant", {})
-    left = {
-        key: value
-        for key, value in values.items()
-        if not (key.startswith("plant.") and key.partition(".")[2] in own)
-    }
-    return with_values(mission, left, f"seed {seed}")
+    return frozenset(f"plant.{key}" for key in own)
 
 
 def numbers(
@@ -83,3 +87,56 @@ def numbers(
 def _between(part: float, ends: Interval) -> float:
     low, high = ends
     return low + part * (high - low)
+
+
+@dataclass(frozen=True)
+class SeedDraws(campaign_draws.Draws):
+    """The draws of a campaign with [seeds]: its flight n is the one of seed `seed` + n."""
+
+    mission: str = ""  # its name, which draws too
+    beliefs: Beliefs | None = None
+    draws: Draws | None = None
+    kept: frozenset[str] = frozenset()  # keys that the mission gives itself
+
+    @classmethod
+    def of(cls, mission: Mission, draws: Draws, first: int, n: int) -> Self:
+        """Of a mission as it is flown, from its first seed on. Raises AirframeError."""
+        return cls(
+            campaign_draws.RANDOM, first, n, (), (), False, mission=mission.name,
+            beliefs=Beliefs.of(mission.airframe), draws=draws, kept=said(mission),
+        )  # fmt: skip
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The drawn quantities: each number of an array by itself."""
+        return tuple(name for name, _ in _flat(self._drawn(1)))
+
+    def quantities(self, number: int) -> dict[str, Any]:
+        """What a flight draws. Seed 0 draws nothing."""
+        return dict(_flat(self._drawn(self.seed + number)))
+
+    def values(
+        self, number: int, quantities: Mapping[str, Any], base: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Dotted keys of a mission, and their values: the noise's seed among them."""
+        return self._numbers(self.seed + number)
+
+    def _drawn(self, seed: int) -> dict[str, Any]:
+        return {key: value for key, value in self._numbers(seed).items() if key != SEED}
+
+    def _numbers(self, seed: int) -> dict[str, Any]:
+        if seed == 0:
+            return {}
+        if self.beliefs is None or self.draws is None:
+            raise DrawError("[seeds]: no airframe to draw a vehicle from")
+        drawn = numbers(self.mission, self.beliefs, self.draws, Stream.TEST, seed)
+        return {key: value for key, value in drawn.items() if key not in self.kept}
+
+
+def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Name and value of each number, KEY[0] for the first one of an array."""
+    for key, value in values.items():
+        if isinstance(value, list):
+            yield from ((f"{key}[{i}]", each) for i, each in enumerate(value))
+        else:
+            yield key, value

@@ -28,6 +28,7 @@ from fcu.interface import whole_file
 from gcs_tools.campaigns.batch import Row
 from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, Changes, parsed
 from gcs_tools.campaigns.rare import Mixture
+from gcs_tools.campaigns.score import COLUMNS
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions.mission import written
@@ -355,7 +356,8 @@ def schema(campaign: Campaign) -> Any:
     if campaign.draws.stage:
         own += [("stage", pyarrow.int64()), ("weight", pyarrow.float64())]
     drawn = [(f"{DRAWN}{name}", _kind(campaign, name)) for name in campaign.draws.names]
-    metrics = [(name, pyarrow.float64()) for name in METRICS]
+    scored = () if campaign.document.seeds is None else COLUMNS
+    metrics = [(name, pyarrow.float64()) for name in (*METRICS, *scored)]
     about = {"campaign": campaign.name, "title": campaign.document.title,
              "ranked_by": campaign.ranked_by, "identity": campaign.identity}  # fmt: skip
     return pyarrow.schema([*own, *drawn, *metrics], metadata={"m-mrac": json.dumps(about)})

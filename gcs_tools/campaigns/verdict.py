@@ -80,13 +80,11 @@ def verdict(campaign: Campaign, found: Analysis) -> list[Shown]:
     ]  # fmt: skip
 
 
-def junit(
-    campaign: Campaign, found: Analysis | None, error: str, seconds: float, path: Path
-) -> None:
-    """JUnit XML: a test case a law; `error`: why the campaign has no verdict. Raises OSError."""
+def cases(campaign: Campaign, found: Analysis | None, error: str, seconds: float) -> list[Case]:
+    """A test case a law, for JUnit.  error : why the campaign has no verdict."""
     shown = {each.law: each for each in verdict(campaign, found)} if found is not None else {}
     alone = len(campaign.labels) == 1
-    cases = [
+    return [
         Case(
             "campaigns",
             campaign.name if alone else f"{campaign.name} {law}",
@@ -97,5 +95,11 @@ def junit(
         )
         for law in campaign.labels
     ]
-    text = junit_report.document("gcs campaign", cases, seconds)
+
+
+def junit(
+    campaign: Campaign, found: Analysis | None, error: str, seconds: float, path: Path
+) -> None:
+    """Write JUnit XML of one campaign. Arguments as for `cases`. Raises OSError."""
+    text = junit_report.document("gcs campaign", cases(campaign, found, error, seconds), seconds)
     whole_file.write(path, text.encode())

@@ -5,19 +5,31 @@ from __future__ import annotations
 import difflib
 import errno
 import json
-import re
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from gcs_tools.cli import arguments
+from gcs_tools.cli.campaign_flying import (
+    JOBS,
+    NEEDED,
+    REPORT,
+    RESULT,
+    SCHEDULER,
+    WAIT,
+    bar,
+    check_address,
+    check_laws,
+    first_flight,
+    need,
+    workers,
+    write_results,
+)
 from gcs_tools.cli.output import Failure, print_json, print_line
-from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,14 +37,7 @@ if TYPE_CHECKING:
     from gcs_tools.campaigns.analysis import Analysis
     from gcs_tools.campaigns.campaign_file import Campaign
     from gcs_tools.campaigns.rare_flying import RareFound
-    from gcs_tools.campaigns.running import Progress, Workers
-    from gcs_tools.campaigns.statistics import Share
     from gcs_tools.campaigns.store import Store
-
-NEEDED = ("pyarrow", "scipy")
-LINE_S = 10.0  # wall: between two lines off a terminal about how far a campaign is
-RESULT, REPORT = "result.json", "report.html"
-ADDRESS = re.compile(r"(tcp|tls)://[^\s/]+:[0-9]{1,5}")  # of a scheduler
 
 
 @dataclass(frozen=True)
@@ -92,9 +97,9 @@ shown; 2 invalid command line, campaign or law; 3 a flight or what flies it fail
 @click.option("--seed", type=click.IntRange(0, 2**53 - 1), metavar="N", help="Seed of the draws, in place of the file's.")  # fmt: skip
 @arguments.SETTINGS
 @click.option("--metrics", callback=_metrics, metavar="NAME,...", help="Metrics to show; flights are ranked by the first. Default: the file's, or all that differ.")  # fmt: skip
-@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; default: as many as cores.")  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of a Dask scheduler: tcp://HOST:8786.")  # fmt: skip
-@click.option("--wait", "wait_s", type=click.FloatRange(min=0.0), default=300.0, show_default=True, metavar="S", help="Seconds to wait for a worker of the scheduler; then exit with 3.")  # fmt: skip
+@JOBS
+@SCHEDULER
+@WAIT
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip
 @click.option("--report/--no-report", default=True, show_default=True, help="Write report.html.")
 @arguments.ALLOW_COMMANDS
@@ -114,7 +119,7 @@ def campaign(
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.flight.run_folder import UsageError
 
-    _need(*NEEDED)
+    need(*NEEDED)
     asked = Asked(
         name, out, flights, seed, settings, metrics, jobs, scheduler, wait_s, junit, report,
         allow_commands, as_json,
@@ -130,15 +135,6 @@ def campaign(
         raise Failure(f"{error.filename or 'campaign'}: {error.strerror or error}") from error
 
 
-def _need(*modules: str) -> None:
-    from importlib.util import find_spec
-
-    if lacking := [each for each in modules if find_spec(each) is None]:
-        raise Failure(
-            f"{', '.join(lacking)} is not installed (pip install {' '.join(lacking)})", USAGE
-        )
-
-
 def _flown(asked: Asked, log: Console) -> int:
     """Fly, keep, analyse, tell; the exit code. Raises CampaignError, UsageError, OSError, Failure."""
     from fcu.kernel.compile import is_cached
@@ -149,10 +145,7 @@ def _flown(asked: Asked, log: Console) -> int:
     from gcs_tools.flight.run_folder import new_folder
 
     began = time.monotonic()
-    if asked.scheduler is not None and not ADDRESS.fullmatch(asked.scheduler):
-        raise Failure(
-            f"--scheduler {asked.scheduler}: expected tcp://HOST:PORT or tls://HOST:PORT", USAGE
-        )
+    check_address(asked.scheduler)
     folder = Path(asked.name)
     if refly.is_campaign(asked.name):
         fixed = {
@@ -171,7 +164,7 @@ def _flown(asked: Asked, log: Console) -> int:
             asked.flights, asked.seed, campaign_file.settings(asked.settings), asked.metrics
         )
         asked_for = campaign_file.read(asked.name, changes, asked.allow_commands)
-        _check_laws(asked_for)
+        check_laws(asked_for)
         out = asked.out or new_folder(None, asked_for.name)
     if out.exists() and not out.is_dir():
         raise campaign_file.CampaignError(f"--out {out}: expected a folder")
@@ -180,18 +173,22 @@ def _flown(asked: Asked, log: Console) -> int:
             log.print(COMPILING)
         ours = fingerprint()
         kept = store.Store(out, asked_for, {**ours, **of_the_draws()})
-        _first_flight(asked_for, asked.scheduler is None, log)
+        first_flight(asked_for, asked.scheduler is None, log)
         if kept.flown:
             log.print(f"{out}: {kept.flown} flights are there already")
         error, exit_code, rare = "", OK, None
         try:
-            with _workers(asked, ours, log) as workers, _bar(log, asked_for) as told:
+            total = len(asked_for.variants) * asked_for.n
+            with (
+                workers(asked.scheduler, asked.jobs, asked.wait_s, ours, log) as flying,
+                bar(log, total, asked_for.labels) as told,
+            ):
                 if asked_for.document.rare is not None:
-                    rare = rare_flying.fly(asked_for, kept, workers, told)
+                    rare = rare_flying.fly(asked_for, kept, flying, told)
                     n = asked_for.n
                 else:
                     ending = Ending.of(asked_for, kept)
-                    run(asked_for, kept, workers, ending, told)
+                    run(asked_for, kept, flying, ending, told)
                     n = ending.n or asked_for.n
             path = kept.finish(n)
         except RunningError as failed:
@@ -214,129 +211,8 @@ def _flown(asked: Asked, log: Console) -> int:
         return _tell(asked, asked_for, kept, out, path, began)
 
 
-def _check_laws(asked_for: Campaign) -> None:
-    """Compile users' own laws. Raises CampaignError for one that does not compile, before a folder is made."""
-    from fcu.laws.loader import LawError
-    from gcs_tools.campaigns.campaign_file import CampaignError
-
-    for variant in asked_for.variants:
-        try:
-            variant.mission.flown.check_compiles()
-        except LawError as error:
-            raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
-
-
-def _first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
-    """Fly a tick of each law here first: compile it once, and name what cannot be flown at all.
-
-    in_lanes : whether lanes are compiled here too.
-    """
-    from fcu.laws.loader import LawError
-    from gcs_tools.campaigns.batch import VEHICLE
-    from gcs_tools.campaigns.campaign_file import CampaignError
-    from gcs_tools.flight import law_alone, several
-    from gcs_tools.flight.forking import load
-    from gcs_tools.flight.scenario import scenario
-
-    for variant in asked_for.variants:
-        scene = scenario(variant.mission)
-        if scene.script:  # compiled by the first vehicle that starts, whose log says so
-            load(scene.flown)
-        if scene.legs or scene.script:
-            continue
-        whole = asked_for.document.fly == VEHICLE
-        try:  # faults that a law alone cannot fly are flown by a whole vehicle
-            law_alone.warm_up(replace(scene, faults=()) if whole else scene)
-        except LawError as error:
-            raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
-        lanes = in_lanes and not whole
-        if lanes and several.repays(scene, asked_for.n):
-            if not several.is_compiled(scene.flown.package, told=True):
-                log.print(
-                    f"compiling {variant.label} for lanes, once for this version (a minute or two)"
-                )
-            several.warm_up([scene, scene])
-
-
-def _workers(asked: Asked, ours: dict[str, str], log: Console) -> AbstractContextManager[Workers]:
-    from gcs_tools.campaigns.running import processes
-    from gcs_tools.flight.side_by_side import cores
-
-    if asked.scheduler is None:
-        return processes(asked.jobs or cores())
-    _need("distributed")
-    from gcs_tools.campaigns.cluster import cluster
-
-    return cluster(
-        asked.scheduler, ours, asked.wait_s, lambda text: log.print(text, soft_wrap=True)
-    )
-
-
-@contextmanager
-def _bar(log: Console, of: Campaign) -> Iterator[Callable[[Progress], None]]:
-    """Show flights, and the interval of success as it shrinks. Off a terminal print a line every LINE_S."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )  # fmt: skip
-    bar = Progress(*columns, console=log, transient=True, disable=not log.is_terminal)
-    with bar:
-        total = len(of.variants) * of.n
-        task = bar.add_task("flying", total=total)
-        said_s = time.monotonic()
-
-        def told(at: Any) -> None:
-            nonlocal said_s
-            named = zip(of.labels, at.shares or (), strict=False)
-            shares = "  ".join(f"{law} {_percent(share)}" for law, share in named)
-            bar.update(task, completed=at.flown, description=shares or "flying")
-            if not log.is_terminal and (now := time.monotonic()) - said_s >= LINE_S:
-                said_s = now
-                text = f"{at.flown} of {total} flights" + (f": {shares}" if shares else "")
-                log.print(text, soft_wrap=True)
-
-        yield told
-
-
 def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began: float) -> int:
-    from fcu.interface import whole_file
-    from gcs_tools.campaigns import analysis as analyse
-    from gcs_tools.campaigns.verdict import verdict
-
-    table = analyse.read(path)
-    found = analyse.analysis(of, table)
-    shown = verdict(of, found)
-    passed = all(each.passed for each in shown)
-    exit_code: int = max(kept.worst_exit, OK if passed else MISSED)
-    content = {
-        "campaign": of.name,
-        "title": of.document.title,
-        "folder": str(out),
-        "passed": exit_code == OK,
-        "exit_code": exit_code,
-        "error": kept.first_error if kept.worst_exit else None,
-        "expectations": [
-            {"law": each.law, "at_least": each.expected, "shown": each.bound,
-             "confidence": each.confidence, "passed": each.passed}
-            for each in shown
-        ],
-        **found.plain(),
-    }  # fmt: skip
-    text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
-    whole_file.write(out / RESULT, text.encode(), follow=False)
-    if asked.report:
-        from gcs_tools.campaigns.report import report
-
-        html = report(of, found, shown, table, out).encode()
-        whole_file.write(out / REPORT, html, follow=False)
+    found, shown, content = write_results(of, kept, path, out, asked.report)
     _junit(asked, of, found, kept.first_error if kept.worst_exit else "", began)
     if asked.as_json:
         print_json(content)
@@ -347,7 +223,7 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
         print_line("\n".join(summary(of, found, shown, out, page)))
     if kept.worst_exit:
         raise Failure(kept.first_error, kept.worst_exit)
-    return exit_code
+    return int(content["exit_code"])
 
 
 def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: Path) -> int:
@@ -384,9 +260,3 @@ def _junit(asked: Asked, of: Campaign, found: Analysis | None, error: str, began
         from gcs_tools.campaigns.verdict import junit
 
         junit(of, found, error, time.monotonic() - began, asked.junit)
-
-
-def _percent(share: Share) -> str:
-    if not share.of:
-        return "-"
-    return f"{100.0 * share.value:.2f} % ({100.0 * share.low:.2f}-{100.0 * share.high:.2f})"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gcs_tools.cli import arguments
+from gcs_tools.cli.campaign_flying import JOBS, SCHEDULER, WAIT
 from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import OK, USAGE
 
@@ -38,7 +39,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 
 
 @click.command(
-    epilog="Exit codes: 0 compared, 1 worse than BASELINE (--fail, --exact), 2 something cannot be read, flown or written, 130 interrupted.\n\n"
+    epilog="Exit codes: 0 compared, 1 worse than BASELINE (--fail, --exact), 2 something cannot be read, flown or written, 3 a law ended its process or the workers failed, 130 interrupted.\n\n"
     "LAW is a name or your own FILE.py; MISSION a name, a file, or a folder of shipped ones (benchmark)."
 )
 @click.argument("compared", nargs=-1, required=True, metavar="RUN RUN... | RUN BASELINE | LAW...")
@@ -47,19 +48,23 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--airframe", "airframes", multiple=True, metavar="NAME|FILE.toml", help="Vehicle to fly with, whatever a mission says; may be repeated; default: s1000.")  # fmt: skip
 @click.option("--gains", type=click.Path(path_type=Path), metavar="FILE|FOLDER", help="Fly each LAW with its file of gains (gcs tune), if one is there.")  # fmt: skip
 @click.option("--margins", is_flag=True, help="Also find the delay, rotor lag, mass and wind at which each LAW loses the vehicle.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Write results.json, results.parquet and results.png here.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Write the results here, and keep the flights: an interrupted comparison goes on.")  # fmt: skip
 @click.option("--procedure", "followed", type=click.Path(path_type=Path), metavar="FILE", help="Procedure to follow; default: the one that all laws are compared by.")  # fmt: skip
 @arguments.SETTINGS
 @click.option("--figure", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Draw the errors of all RUNs (needs their recordings), or LAWs.")  # fmt: skip
 @click.option("--fail", is_flag=True, help="Exit with 1 when RUN is worse than BASELINE: two runs, or two folders with runs.")  # fmt: skip
 @click.option("--exact", is_flag=True, help="Exit with 1 when a flight of RUN differs from that of BASELINE by a bit; tells where it differs first.")  # fmt: skip
 @click.option("--tolerance", type=click.FloatRange(0.0, 10.0), metavar="PART", help="With --fail, part by which a metric may be worse in flights of the same seeds; default: 0.005.")  # fmt: skip
-@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="With --fail or --exact, also write a JUnit report.")  # fmt: skip
+@click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="With --fail, --exact or --missions, also write a JUnit report.")  # fmt: skip
+@JOBS
+@SCHEDULER
+@WAIT
 @arguments.as_json("Print the results as JSON.")
 def compare(
     compared: tuple[str, ...], missions: tuple[str, ...], seeds: range, airframes: tuple[str, ...], gains: Path | None,
     margins: bool, out: Path | None, followed: Path | None, settings: tuple[str, ...],
-    figure: Path | None, fail: bool, exact: bool, tolerance: float | None, junit: Path | None, as_json: bool,
+    figure: Path | None, fail: bool, exact: bool, tolerance: float | None, junit: Path | None,
+    jobs: int | None, scheduler: str | None, wait_s: float, as_json: bool,
 ) -> int:  # fmt: skip
     """Compare flights that were flown, or laws, which are flown now.
 
@@ -74,9 +79,10 @@ def compare(
     if figure is not None and figure.suffix.lower().removeprefix(".") not in FORMATS:
         raise click.UsageError(f"--figure {figure}: ends in none of {', '.join(FORMATS)}")
     is_judged = fail or exact
-    of_a_baseline = {"--tolerance": tolerance is not None, "--junit": junit is not None}
-    if not is_judged and (given := [name for name, value in of_a_baseline.items() if value]):
-        raise click.UsageError(f"{given[0]}: goes with --fail or --exact")
+    if not is_judged and tolerance is not None:
+        raise click.UsageError("--tolerance: goes with --fail or --exact")
+    if not is_judged and junit is not None and not missions:
+        raise click.UsageError("--junit: goes with --fail, --exact or --missions")
     if is_judged and (missions or figure is not None):
         raise click.UsageError("--fail and --exact compare RUN with BASELINE, and draw nothing")
     if missions:
@@ -97,12 +103,16 @@ def compare(
                 followed,
                 settings,
                 figure,
+                jobs,
+                scheduler,
+                wait_s,
+                junit,
                 as_json,
             )
         )
     of_laws = {
         "--seeds": seeds != SEEDS, "--airframe": airframes, "--gains": gains, "--margins": margins, "--out": out,
-        "--procedure": followed, "--set": settings,
+        "--procedure": followed, "--set": settings, "--jobs": jobs, "--scheduler": scheduler,
     }  # fmt: skip
     if given := [name for name, value in of_laws.items() if value]:
         raise click.UsageError(f"{given[0]}: laws are compared with --missions")

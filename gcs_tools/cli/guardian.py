@@ -17,14 +17,8 @@ from typing import NoReturn
 
 from fcu.interface import foreign_code
 from gcs_tools.exit_codes import INFRASTRUCTURE
-from gcs_tools.flight.interrupts import SIGNALS
+from gcs_tools.flight.interrupts import SIGNALS, how_ended, is_of_code
 
-# signals that code brings upon its own process; others come from outside
-OF_CODE = tuple(
-    getattr(signal, name)
-    for name in ("SIGSEGV", "SIGBUS", "SIGILL", "SIGFPE", "SIGABRT", "SIGTRAP", "SIGSYS")
-    if hasattr(signal, name)
-)
 FROM_TERMINAL = 0x80  # SI_KERNEL: who sent it has sent it to the copy, too
 ENDED = b"\0"  # what a copy writes that ends by itself
 
@@ -89,15 +83,11 @@ def _guard(pid: int, reading: int, waited: set[signal.Signals]) -> NoReturn:
     if said.endswith(ENDED) and code >= 0:
         os._exit(code)
     files = dict.fromkeys(said.decode(errors="replace").replace("\0", "").splitlines())
-    if code >= 0:
-        how = "ended its process"
-    elif -code in OF_CODE:
-        how = f"ended its process by signal {-code} ({signal.strsignal(-code)})"
-    else:
+    if not is_of_code(code):
         if -code != signal.SIGKILL:
             signal.signal(-code, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, waited)
         os.kill(os.getpid(), -code)
         os._exit(INFRASTRUCTURE)
-    os.write(2, f"Error: {', '.join(files)}: this law {how}\n".encode())
+    os.write(2, f"Error: {', '.join(files)}: this law {how_ended(code)}\n".encode())
     os._exit(INFRASTRUCTURE)

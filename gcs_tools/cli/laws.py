@@ -3,26 +3,44 @@
 from __future__ import annotations
 
 import math
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcs_tools.cli.campaign_flying import (
+    NEEDED,
+    bar,
+    check_address,
+    check_laws,
+    first_flight,
+    need,
+    workers,
+    write_results,
+)
 from gcs_tools.cli.output import Failure, print_json, print_line
-from gcs_tools.exit_codes import OK, USAGE
+from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_tools.campaigns.comparing import Cell, Difference
+    from gcs_tools.campaigns.comparing import Cell, Difference, Part, Row
     from gcs_tools.campaigns.entrant import Entrant
     from gcs_tools.campaigns.gains_file import Gains
     from gcs_tools.campaigns.margins import Margin
     from gcs_tools.campaigns.results import Comparison
+    from gcs_tools.campaigns.running import Progress
     from gcs_tools.campaigns.statistics import Interval
+    from gcs_tools.judging.junit_report import Case
     from gcs_tools.pictures.plot.laws import Mark
 
 PICTURE = "results.png"
-NO_PARQUET = "results.parquet is not written: it needs pyarrow (pip install pyarrow)"
+FLIGHTS = (
+    "flights"  # in the folder of a comparison: its campaigns, one of each mission on each airframe
+)
 
 
 @dataclass(frozen=True)
@@ -39,27 +57,47 @@ class Asked:
     procedure: Path | None
     settings: tuple[str, ...]
     figure: Path | None
+    jobs: int | None
+    scheduler: str | None
+    wait_s: float
+    junit: Path | None
     as_json: bool
 
 
 def compare_laws(asked: Asked) -> int:
-    """Fly, write and show a comparison; the exit code."""
+    """Fly, write and show a comparison. Return the exit code."""
+    from fcu.interface import whole_file
     from fcu.laws.loader import LawError
     from gcs_tools.campaigns import results
+    from gcs_tools.campaigns.campaign_file import CampaignError
     from gcs_tools.campaigns.entrant import EntrantError
     from gcs_tools.campaigns.gains_file import GainsError
     from gcs_tools.campaigns.procedure import ProcedureError
-    from gcs_tools.campaigns.score import RAISED
+    from gcs_tools.campaigns.running import RunningError
+    from gcs_tools.campaigns.score import ENDED, RAISED
     from gcs_tools.cli.terminal import PipedConsole
+    from gcs_tools.judging import junit_report
     from gcs_tools.missions.mission import MissionError
 
+    need(*NEEDED)
+    check_address(asked.scheduler)
     log = PipedConsole(stderr=True, highlight=False)
+    began = time.monotonic()
     try:
         if asked.out is not None:
             _probe(asked.out)
-        found = _compared(asked, log)
-    except (EntrantError, GainsError, LawError, MissionError, ProcedureError) as error:
+        found, cases = _compared(asked, log)
+    except (
+        CampaignError,
+        EntrantError,
+        GainsError,
+        LawError,
+        MissionError,
+        ProcedureError,
+    ) as error:
         raise Failure(error, USAGE) from error
+    except RunningError as error:
+        raise Failure(error, INFRASTRUCTURE) from error
     except OSError as error:
         raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
     if asked.as_json:
@@ -67,35 +105,35 @@ def compare_laws(asked: Asked) -> int:
     else:
         _print(found, PipedConsole(highlight=False))
     try:  # it is shown already: a full disk does not lose it
-        _write(found, asked, log)
+        _write(found, asked)
+        if asked.junit is not None:
+            text = junit_report.document("gcs compare", cases, time.monotonic() - began)
+            whole_file.write(asked.junit, text.encode())
     except OSError as error:
         raise Failure(f"{error.filename or asked.out}: {error.strerror}", USAGE) from error
     for path in (asked.out, asked.figure):
         if path is not None and not asked.as_json:
             print_line(f"{path}")
-    raised = [row for row in found.rows if row.score.lost.startswith(RAISED)]
+    raised = [row for row in found.rows if row.score.lost.startswith((RAISED, ENDED))]
     if raised:
         law, first = raised[0].law, raised[0]
         of = sum(row.law == law for row in found.rows)
         raise Failure(
             f"{law} in {first.mission} with seed {first.seed}: {first.score.lost}; in"
             f" {sum(row.law == law for row in raised)} of its {of} flights, which count as lost",
-            USAGE,
+            USAGE if first.score.lost.startswith(RAISED) else INFRASTRUCTURE,
         )
     return OK
 
 
-def _write(found: Comparison, asked: Asked, log: Console) -> None:
+def _write(found: Comparison, asked: Asked) -> None:
     """The files that were asked for. Raises OSError."""
     from fcu.interface import whole_file
     from gcs_tools.campaigns import results
 
     if asked.out is not None:
         whole_file.write(asked.out / results.JSON, results.as_json(found).encode())
-        if results.with_parquet():
-            whole_file.write(asked.out / results.PARQUET, results.as_parquet(found))
-        else:
-            log.print(NO_PARQUET)
+        whole_file.write(asked.out / results.PARQUET, results.as_parquet(found))
         _draw(found, asked.out / PICTURE)
     if asked.figure is not None:
         _draw(found, asked.figure)
@@ -109,9 +147,9 @@ def _probe(folder: Path) -> None:
     tried.unlink()
 
 
-def _compared(asked: Asked, log: Console) -> Comparison:
+def _compared(asked: Asked, log: Console) -> tuple[Comparison, list[Case]]:
     from gcs_tools.campaigns import comparing, margins, procedure
-    from gcs_tools.campaigns.entrant import EntrantError, refusal, warm_up
+    from gcs_tools.campaigns.entrant import EntrantError, refusal
     from gcs_tools.campaigns.results import Comparison
     from gcs_tools.missions.mission import load, shipped
 
@@ -127,13 +165,76 @@ def _compared(asked: Asked, log: Console) -> Comparison:
             log.print(
                 f"{each.label} on {each.airframe}: {why}; its flights count as lost", markup=False
             )
-    warm_up(entrants, missions[0])
-    rows = comparing.fly(entrants, missions, asked.seeds, how, log)
+    parts = comparing.campaigns(entrants, missions, asked.seeds, how)
+    rows, cases = _flown(parts, asked, log)
     lost_at = margins.margins(entrants, how, log) if asked.margins else []
     found = comparing.summary(rows, how.objective)
-    return Comparison(
+    compared = Comparison(
         entrants, used, missions, list(asked.seeds), asked.settings, how, rows, found, lost_at
     )
+    return compared, cases
+
+
+def _flown(parts: list[Part], asked: Asked, log: Console) -> tuple[list[Row], list[Case]]:
+    """Fly the campaigns of a comparison, one after the other. Return the rows, and the cases for JUnit.
+
+    Raises CampaignError, RunningError, OSError.
+    """
+    from gcs_tools.campaigns import analysis, comparing, store
+    from gcs_tools.campaigns.fingerprint import fingerprint, of_the_draws
+    from gcs_tools.campaigns.running import Ending, run
+    from gcs_tools.campaigns.verdict import cases
+
+    for part in parts:
+        check_laws(part.campaign)
+    for part in {part.airframe: part for part in parts}.values():
+        first_flight(part.campaign, asked.scheduler is None, log)
+    rows: list[Row] = []
+    told_of: list[Case] = []
+    ours, before = fingerprint(), 0
+    total = sum(len(part.campaign.variants) * part.campaign.n for part in parts)
+    with (
+        _folder(asked.out) as folder,
+        workers(asked.scheduler, asked.jobs, asked.wait_s, ours, log) as flying,
+        bar(log, total) as told,
+    ):
+        for part in parts:
+            out, began = folder / part.folder, time.monotonic()
+            with store.locked(out):
+                kept = store.Store(out, part.campaign, {**ours, **of_the_draws()})
+                ending = Ending.of(part.campaign, kept)
+
+                def at(progress: Progress, before: int = before) -> None:
+                    told(replace(progress, flown=before + progress.flown, shares=()))
+
+                try:
+                    run(part.campaign, kept, flying, ending, at)
+                except KeyboardInterrupt:
+                    if asked.out is not None:
+                        log.print(
+                            f"{before + kept.flown} flights are kept; the same command goes on"
+                        )
+                    raise
+                path = kept.finish(ending.n or part.campaign.n)
+                before += kept.flown
+                rows += comparing.rows(part, analysis.read(path))
+                error = kept.first_error if kept.worst_exit else ""
+                found = None
+                if asked.out is not None:
+                    found, _, _ = write_results(part.campaign, kept, path, out)
+                seconds = time.monotonic() - began
+                told_of += cases(part.campaign, found, error, seconds)
+    return rows, told_of
+
+
+@contextmanager
+def _folder(out: Path | None) -> Iterator[Path]:
+    """Yield the folder of the campaigns. Without --out it is removed afterwards."""
+    if out is not None:
+        yield out / FLIGHTS
+        return
+    with tempfile.TemporaryDirectory(prefix="gcs-compare-") as folder:
+        yield Path(folder)
 
 
 def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str, str], Gains]]:

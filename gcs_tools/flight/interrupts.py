@@ -147,3 +147,23 @@ def ignore() -> None:
     """From now on signals change nothing: the program has its exit code, and ends."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+
+
+# signals that code brings upon its own process; others come from outside
+OF_CODE = tuple(
+    getattr(signal, name)
+    for name in ("SIGSEGV", "SIGBUS", "SIGILL", "SIGFPE", "SIGABRT", "SIGTRAP", "SIGSYS")
+    if hasattr(signal, name)
+)
+
+
+def is_of_code(code: int) -> bool:
+    """Tell whether a process has ended by what it ran.  code : its exit code, -N for signal N."""
+    return code >= 0 or -code in OF_CODE
+
+
+def how_ended(code: int) -> str:
+    """Say how code has ended its process.  code : as for `is_of_code`."""
+    if code >= 0:
+        return "ended its process"
+    return f"ended its process by signal {-code} ({signal.strsignal(-code)})"

@@ -41,6 +41,7 @@ __all__ = [
     "fly",
     "groups",
     "is_compiled",
+    "of_rows",
     "repays",
     "tables",
     "warm_up",
@@ -235,7 +236,11 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
 
 def by_itself(scene: Scenario, keep: Keep = EVERYTHING) -> Flown:
     """One flight, by `law_alone.fly`. Raises LawError."""
-    plant, law = law_alone.fly(scene)
+    return of_rows(scene, *law_alone.fly(scene), keep)
+
+
+def of_rows(scene: Scenario, plant: Rows, law: Rows, keep: Keep = EVERYTHING) -> Flown:
+    """One flight by its rows, of which `keep` is kept.  plant, law : as of `law_alone.fly`."""
     ended = int(plant[-1, _ENDED]) if len(plant) else int(dynamics.FLYING)
     of_plant = keep.columns(PlantRecord, keep.plant)
     of_law = keep.columns(scene.flown.ticks.Tick, keep.law)
