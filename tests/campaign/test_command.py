@@ -132,7 +132,7 @@ def test_laws_are_told_side_by_side_the_success_first(flown):
 def test_a_campaign_is_told_in_ten_lines_and_its_progress_in_a_pipe(
     tmp_path, monkeypatch, at_least
 ):
-    monkeypatch.setattr("gcs_tools.cli.campaign.LINE_S", 0.0)
+    monkeypatch.setattr("gcs_tools.cli.campaign_flying.LINE_S", 0.0)
     (tmp_path / "hover.toml").write_text(HOVER)
     head = f"expect = {{ success = {{ at_least = {at_least} }} }}"
     (tmp_path / "brief.toml").write_text(BRIEF.format(head=head, tail=SUCCESS))

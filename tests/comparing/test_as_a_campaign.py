@@ -238,9 +238,8 @@ mission = "hover.toml"
 laws = ["crashes.py"]
 flights = 6
 fly = "law"
-set = { "flight.duration_s" = 1.0 }
 [draw]
-"flight.setpoints[0][3]" = { choice = [0.0, 2.0] }
+"flight.setpoints[0].position_m[2]" = { choice = [0.0, 0.5] }
 """
     (tmp_path / "some.toml").write_text(text)
     command = [
@@ -256,7 +255,7 @@ set = { "flight.duration_s" = 1.0 }
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 3, done.stderr
     rows = parquet.read_table(tmp_path / "out" / "flights.parquet").to_pylist()
-    high = [row["draw.flight.setpoints[0][3]"] > 0.0 for row in rows]
+    high = [row["draw.flight.setpoints[0].position_m[2]"] > 0.0 for row in rows]
     assert len(rows) == 6 > sum(high) > 0
     assert [row["ended"] == "aborted" for row in rows] == high
     assert all(
