@@ -218,12 +218,12 @@ def even_hover(
 ) -> np.ndarray[Any, np.dtype[np.float64]]:
     """float64[n]: the rotors' thrusts (N) in a hover of one newton without torque, or the nearest to it.
 
-    effect : float64[4, n], as `effect` gives it.  full : float64[n], full thrusts, N. Where the choice is
-    free, the loads (thrust over full thrust) are as equal as they can be.
+    effect : float64[4, n], as `effect` gives it, or without yaw its first three rows.  full : float64[n],
+    full thrusts, N. Where the choice is free, the loads (thrust over full thrust) are as equal as they can be.
     """
     loads = effect * full  # of a load of 1 each
     even = np.full(len(full), 1.0 / full.sum())
-    lacking = np.array([1.0, 0.0, 0.0, 0.0]) - loads @ even
+    lacking = np.eye(len(loads))[0] - loads @ even
     thrusts: np.ndarray[Any, np.dtype[np.float64]] = full * (even + np.linalg.pinv(loads) @ lacking)
     return thrusts
 

@@ -24,7 +24,7 @@ SAME = 1e-9  # of torques in N m: corners that differ by less are one
 
 
 class PairsOf(NamedTuple):
-    """Shares of each pair's thrust that a rotor gives: one half, or nought."""
+    """Shares of each pair's thrust that a rotor gives: one half, or nought. Of a rotor that is a pair by itself, 1."""
 
     r1: Rotors
     r2: Rotors

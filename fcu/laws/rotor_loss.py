@@ -1,9 +1,12 @@
 """A vehicle without some of its rotors: is there a hover, and how is thrust and torque shared in it?
 
-A rotor that is lost gives nothing. The others carry the vehicle without torque if each of them pushes
-upwards then. Some may have to stand still too: of a coaxial pair's other rotors, or of a hexacopter the
-one that is opposite. Every choice of the rotors that go on is looked at. Of those that hold yaw, and
-else of those that do not, the one counts that leaves the most torque about roll and pitch beside hover.
+A rotor that is lost gives nothing. The others hold roll and pitch where they stand around the centre of
+mass. Some of them may have to stand still too: of coaxial pairs the other rotors, or of a hexacopter the
+one that is opposite. So every choice of the rotors that go on is looked at, and of each choice several
+hovers: with and without balance about yaw, with loads as even as they can be, and of the greatest thrust.
+
+Of these hovers one is flown. Carrying the weight comes first, yaw second. Thrust counts next, until it is
+enough for a flight, and then the room for torque about roll and pitch beside the hover.
 
 Worked out once, when a rotor is lost: no kernel knows of it but by its RotorParams and Limits.
 """
@@ -11,9 +14,9 @@ Worked out once, when a rotor is lost: no kernel knows of it but by its RotorPar
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from enum import IntEnum
-from itertools import combinations
+from itertools import chain, combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +30,10 @@ from fcu.laws.least_thrust import outermost_pairs
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 BALANCED = 1e-6  # N m of a newton of hover: less is no torque
-LEAST_TILT = math.radians(5.0)  # tilt limit of a vehicle that cannot carry its weight with any
+SAME = 1e-9  # of thrusts over full thrust
+LEAST_TILT = math.radians(
+    5.0
+)  # tilt limit, at least: also of one that carries its weight with none
 LEAST_LEFT = 3  # rotors that hold roll and pitch
 
 
@@ -39,60 +45,148 @@ class Fate(IntEnum):
     FALLS = 2  # it does not hold roll and pitch
 
 
+class Yaw(IntEnum):
+    """A hover's torque about yaw."""
+
+    LEFT = 0  # some torque is left: the vehicle turns ever faster
+    BALANCED = 1  # none is left, and none can be given
+    HELD = 2
+
+
 class Shared(NamedTuple):
     """A hover of the rotors that go on, and what it leaves."""
 
     w: Array  # float64[8], weights of the rotors, 0 of one that stands still
     B: Array  # float64[8, 3], thrusts over weights for one N m about each axis, N
     f_max: float  # N, greatest thrust of a rotor of weight 1
-    yaw: bool  # it holds yaw
-    room: float  # N m, torque about the weaker of roll and pitch beside hover
+    yaw: Yaw
+    room: float  # N m, torque about any axis across that the pseudo-inverse gives beside hover
+
+    @property
+    def T_max(self) -> float:
+        """Total thrust (N) of the hover with one of its rotors at full speed."""
+        return float(self.w.sum()) * self.f_max
 
 
-def hovers(rotors: RotorParams, lost: Collection[int], T_hover: float) -> Iterator[Shared]:
-    """Yield every hover of the rotors that are not lost.
+def hovers(
+    rotors: RotorParams,
+    lost: Collection[int],
+    T_hover: float,
+    even: bool = True,
+    level: bool = True,
+) -> Iterator[Shared]:
+    """Yield a hover of every choice of the rotors that are not lost, where the choice has one.
 
-    lost : numbers of rotors, from 1.  T_hover : total thrust of hover, N.
+    lost : numbers of rotors, from 1.  T_hover : total thrust of hover, N.  even : with loads as even as
+    they can be. Else that of the greatest thrust.  level : without torque about yaw. Else with any.
     """
     x, y, spin, c_T, Omega_max = (
         np.array(row) for row in (rotors.x, rotors.y, rotors.spin, rotors.c_T, rotors.Omega_max)
     )
     effect, full = np.stack([np.ones(ROTORS), y, -x, -rotors.k_Q * spin]), c_T * Omega_max**2
     there = [i for i in range(ROTORS) if spin[i] != 0.0 and i + 1 not in lost]
+    rows, hover = 4 if level else 3, even_hover if even else strongest_hover
     for n in range(len(there), LEAST_LEFT - 1, -1):
         for used in map(list, combinations(there, n)):
-            found = _shared(effect[:, used], full[used], T_hover, rotors.f_min * rotors.W)
-            if found is not None:
+            each = hover(effect[:rows, used], full[used])
+            found = _shared(effect[:, used], full[used], each, T_hover, rotors.f_min * rotors.W)
+            if found is not None and not (level and found.yaw is Yaw.LEFT):
                 w, B = np.zeros(ROTORS), np.zeros((ROTORS, 3))
                 w[used], B[used] = found.w, found.B
                 yield found._replace(w=w, B=B)
 
 
-def _shared(effect: Array, full: Array, T_hover: float, T_min: float) -> Shared | None:
-    """The hover of some rotors. None: they do not balance, or do not hold roll and pitch.
+def best_hover(
+    rotors: RotorParams, lost: Collection[int], T_hover: float, T_heaviest: float
+) -> Shared | None:
+    """The hover that is flown without the rotors that are lost. None: roll and pitch cannot be held.
+
+    lost : numbers of rotors, from 1.  T_hover : total thrust of hover, N.  T_heaviest : weight of the
+    greatest believed mass, N.
+
+    The first of these counts that tells two hovers apart: to carry the greatest weight, or that of the
+    middle mass. To hold yaw, or to be balanced about it. To carry HOVERS times the greatest weight. The
+    room that is left, or the thrust where no weight is carried. Hovers of even loads are kept where one of
+    them is enough for a flight. A hover that turns ever faster has to carry the weight.
+    """
+
+    def rank(each: Shared) -> tuple[float, ...]:
+        carried = sum(each.T_max >= weight for weight in (T_hover, T_heaviest))
+        last = each.room if carried else each.T_max
+        return carried, each.yaw, each.T_max >= HOVERS * T_heaviest, last
+
+    def best_of(found: Iterable[Shared]) -> Shared | None:
+        return max(found, key=rank, default=None)
+
+    best = best_of(hovers(rotors, lost, T_hover))
+    if best is not None and best.T_max >= HOVERS * T_heaviest:
+        return best
+    level = best_of(chain([best] if best else [], hovers(rotors, lost, T_hover, even=False)))
+    if level is not None and level.T_max >= T_heaviest:
+        return level
+    turning = [
+        each
+        for even in (True, False)
+        for each in hovers(rotors, lost, T_hover, even, level=False)
+        if each.T_max >= T_hover
+    ]
+    return best_of(chain([level] if level else [], turning))
+
+
+def strongest_hover(effect: Array, full: Array) -> Array:
+    """float64[n]: the rotors' thrusts (N) of the greatest total thrust without torque. NaN: there is none.
+
+    effect : float64[m, n], total thrust and the torques that are balanced.  full : float64[n], full thrusts, N.
+
+    A linear program: no rotor gives less than LEAST_SHARE of the strongest one's full thrust. At its
+    solution all rotors but m - 1 are at a limit, so every such corner is looked at.
+    """
+    n, torque = len(full), effect[1:]
+    m = len(torque)
+    low, best = np.full(n, LEAST_SHARE * full.max()), np.full(n, np.nan)
+    if n < m:
+        return best
+    limits = np.array(list(product((0.0, 1.0), repeat=n - m))).T  # 1: at full thrust
+    for inner in map(list, combinations(range(n), m)):
+        outer = [i for i in range(n) if i not in inner]
+        if np.linalg.cond(torque[:, inner]) > 1.0 / SAME:
+            continue
+        f = np.empty((n, limits.shape[1]))
+        f[outer] = low[outer, None] + (full - low)[outer, None] * limits
+        f[inner] = np.linalg.solve(torque[:, inner], -torque[:, outer] @ f[outer])
+        slack = SAME * full.max()
+        fits = ((f >= low[:, None] - slack) & (f <= full[:, None] + slack)).all(axis=0)
+        T = np.where(fits, f.sum(axis=0), -1.0)
+        if T.max() > max(np.nansum(best), 0.0):
+            best = f[:, T.argmax()]
+    return best
+
+
+def _shared(effect: Array, full: Array, each: Array, T_hover: float, T_min: float) -> Shared | None:
+    """Work out what some rotors make of a hover. None: they do not balance or hold roll and pitch.
 
     effect : float64[4, n] of `interface.airframe.effect`.  full : float64[n], full thrusts, N.
-    T_hover, T_min : total thrust of hover, and the least, N.
+    each : float64[n], thrusts of the hover, N.  T_hover, T_min : total thrust of hover, and the least, N.
     """
-    each = even_hover(effect, full)
-    if np.abs(effect @ each - np.array([1.0, 0.0, 0.0, 0.0])).max() > BALANCED:
+    if not each.max() > 0.0:
         return None
+    left = effect[1:] @ each / each.sum()  # N m of a newton of hover
     w = each / each.max()
-    if w.min() < LEAST_SHARE:
+    if np.abs(left[:2]).max() > BALANCED or w.min() < LEAST_SHARE * (1.0 - SAME):
         return None
     shared = effect * w
-    yaw = _holds(shared)
-    if not yaw and not _holds(shared[:3]):
+    balanced = bool(abs(left[2]) <= BALANCED)
+    yaw = Yaw.HELD if balanced and _holds(shared) else Yaw.BALANCED if balanced else Yaw.LEFT
+    if yaw is not Yaw.HELD and not _holds(shared[:3]):
         return None
     B = np.zeros((len(w), 3))
-    if yaw:
+    if yaw is Yaw.HELD:
         B[:] = np.linalg.pinv(shared)[:, 1:]
     else:
         B[:, :2] = np.linalg.pinv(shared[:3])[:, 1:]
     f_max, W = float((full / w).min()), float(w.sum())
     room = max(min((T_hover - T_min) / W, f_max - T_hover / W), 0.0)
-    weaker = max(float(np.abs(B[:, axis]).max()) for axis in (0, 1))
-    return Shared(w, B, f_max, yaw, room / weaker)
+    return Shared(w, B, f_max, yaw, room / float(np.hypot(B[:, 0], B[:, 1]).max()))
 
 
 def _holds(rows: Array) -> bool:
@@ -110,26 +204,27 @@ def without(
     lost : numbers of rotors, from 1.  T_hover : total thrust of hover, N.  T_heaviest : weight of the
     greatest believed mass, N. Without a hover, rotors and limits are as they were.
 
-    The greatest thrust is that of the level hover, and at the tilt limit it still carries the weight.
-    A vehicle flies on if it carries HOVERS times the greatest believed weight, as every airframe has to.
+    A vehicle flies on if it holds yaw and carries HOVERS times the greatest believed weight, as every
+    airframe has to. The greatest thrust is that of the level hover. At the tilt limit it still carries the
+    greatest believed weight if the vehicle flies on, and that of the middle mass if it lands. The tilt
+    limit is not below LEAST_TILT, at which the vehicle may sink.
     """
     if not lost:
         return Fate.FLIES, rotors, limits
-    best = max(hovers(rotors, lost, T_hover), key=lambda each: (each.yaw, each.room), default=None)
+    best = best_hover(rotors, lost, T_hover, T_heaviest)
     if best is None:
         return Fate.FALLS, rotors, limits
-    W = float(best.w.sum())
-    T_max = min(limits.T_max, W * best.f_max)
+    W, T_max, held = float(best.w.sum()), min(limits.T_max, best.T_max), best.yaw is Yaw.HELD
     B_x, B_y, B_z = (Rotors(*best.B[:, axis].tolist()) for axis in range(3))
     used = [i for i in range(ROTORS) if best.w[i] > 0.0]
     after = rotors._replace(
         w=Rotors(*best.w.tolist()), W=W, f_min=rotors.f_min * rotors.W / W, f_max=best.f_max,
         B_x=B_x, B_y=B_y, B_z=B_z,
-        pairs=outermost_pairs(rotors.x, rotors.y, rotors.spin, used, yaw=best.yaw),
+        pairs=outermost_pairs(rotors.x, rotors.y, rotors.spin, used, yaw=held),
     )  # fmt: skip
-    carries = math.acos(min(T_hover / T_max, 1.0))
+    flies = held and T_max >= HOVERS * T_heaviest
+    carries = math.acos(min((T_heaviest if flies else T_hover) / T_max, 1.0))
     phi_star = min(limits.phi_star, max(carries, LEAST_TILT))
-    flies = best.yaw and T_max >= HOVERS * T_heaviest
     return (
         Fate.FLIES if flies else Fate.LANDS,
         after,

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from fcu.interface.airframe import HOVERS, SHIPPED, believed
+from fcu.interface.airframe import (
+    HOVERS,
+    LEAST_SHARE,
+    SHIPPED,
+    AirframeError,
+    airframe,
+    believed,
+    full_thrust,
+)
 from fcu.kernel.algebra import Rotors, Vec3, inverse8
 from fcu.laws import allocation
 from fcu.laws.face import Limits
-from fcu.laws.rotor_loss import BALANCED, Fate, hovers, without
+from fcu.laws.rotor_loss import BALANCED, LEAST_TILT, Fate, best_hover, without
 from fcu.laws.scales import G, hover_thrust
 
 FLIES = ("s1000", "x8")
@@ -56,7 +66,7 @@ def test_an_octocopter_flies_on_a_hexacopter_lands_a_quadrotor_falls(name, rotor
 def test_the_lost_rotor_gets_no_work_and_the_others_do_what_is_asked(name, rotor):
     rotors, limits, T_hover, heaviest = vehicle(name)
     _, after, less = without(rotors, limits, {rotor}, T_hover, heaviest)
-    best = max(hovers(rotors, {rotor}, T_hover), key=lambda each: (each.yaw, each.room))
+    best = best_hover(rotors, {rotor}, T_hover, heaviest)
     random = np.random.default_rng(rotor)
     for _ in range(40):
         T = T_hover + random.uniform(-0.1, 0.1) * T_hover
@@ -98,33 +108,141 @@ def test_yaw_that_is_left_free_is_told_as_given_up(safe):
         assert given(after, T_hover, Vec3(0.0, 0.0, 0.0))[2].yaw == 0.0
 
 
-@pytest.mark.parametrize(("name", "rotor"), EACH)
-def test_it_says_that_there_is_no_hover_where_a_linear_program_finds_none(name, rotor):
-    """A hover that holds roll and pitch: some thrusts, a little above nought, balance every small torque."""
-    rotors, limits, T_hover, heaviest = vehicle(name)
-    fate = without(rotors, limits, {rotor}, T_hover, heaviest)[0]
+class Possible(NamedTuple):
+    """By linear programs, of the rotors that are left."""
+
+    level: float  # N, greatest total thrust without torque
+    level_all: float  # N, of a hover in which every rotor has its least share
+    turning: float  # N, greatest total thrust without torque about roll and pitch
+    turning_all: float
+    tilts: float  # hold roll and pitch in a hover: how far every rotor is from its limits, over full thrust
+    turns: float  # and yaw
+
+
+def possible(rotors, lost, T_hover):
+    """Return what the rotors that are left can do."""
     x, y = np.array(rotors.x), np.array(rotors.y)
-    there = [i for i in range(8) if rotors.spin[i] and i != rotor - 1]
+    there = [i for i in range(8) if rotors.spin[i] and i + 1 not in lost]
     full = (np.array(rotors.c_T) * np.array(rotors.Omega_max) ** 2)[there]
-    rows = np.stack([np.ones(len(there)), y[there], -x[there]])
-    yaw = -rotors.k_Q * np.array(rotors.spin)[there]
+    n = len(there)
+    effect = np.stack([np.ones(n), y[there], -x[there], -rotors.k_Q * np.array(rotors.spin)[there]])
 
-    def balances(tau, turn=None):
-        A, b = (
-            (rows, [T_hover, *tau])
-            if turn is None
-            else (np.vstack([rows, yaw]), [T_hover, *tau, turn])
+    def greatest(rows, share):
+        low = share * full.max()
+        bounds = [(low, each) for each in full]
+        found = linprog(-np.ones(n), A_eq=effect[1:rows], b_eq=np.zeros(rows - 1), bounds=bounds)
+        return -found.fun if found.status == 0 else 0.0
+
+    def inside(rows):
+        if np.linalg.matrix_rank(effect[:rows]) < rows:
+            return 0.0
+        A = np.hstack([effect[:rows], np.zeros((rows, 1))])  # thrusts, and the way to the limits
+        away = np.vstack(
+            [
+                np.hstack([-np.eye(n), full[:, None]]),
+                np.hstack([np.eye(n), full[:, None]]),
+            ]
         )
-        bounds = [(0.0, each) for each in full]
-        return linprog(np.zeros(len(there)), A_eq=A, b_eq=b, bounds=bounds).status == 0
+        found = linprog(
+            [*np.zeros(n), -1.0], A_eq=A, b_eq=[T_hover, *np.zeros(rows - 1)],
+            A_ub=away, b_ub=[*np.zeros(n), *full], bounds=[(0.0, None)] * (n + 1),
+        )  # fmt: skip
+        return -found.fun if found.status == 0 else 0.0
 
-    small = 0.01 * T_hover * float(np.hypot(x, y).max())
-    around = [(small * math.cos(a), small * math.sin(a)) for a in np.arange(8) * math.pi / 4.0]
-    tilts = all(balances(tau) for tau in around)
-    turns = tilts and all(balances((0.0, 0.0), s * 0.01 * small) for s in (1, -1)) and all(
-        balances(tau, 0.0) for tau in around
+    return Possible(
+        greatest(4, 0.0), greatest(4, LEAST_SHARE), greatest(3, 0.0), greatest(3, LEAST_SHARE),
+        inside(3), inside(4),
     )  # fmt: skip
-    assert fate is (Fate.FLIES if turns else Fate.LANDS if tilts else Fate.FALLS)
+
+
+def check(rotors, limits, lost, T_hover, heaviest):
+    """Hold the choice of rotors to linear programs."""
+    can = possible(rotors, lost, T_hover)
+    fate, after, less = without(rotors, limits, lost, T_hover, heaviest)
+    yaw = tuple(after.B_z) != (0.0,) * 8
+    enough = HOVERS * heaviest
+    # no more than can be done
+    if fate is not Fate.FALLS:
+        assert less.T_max <= (can.level if yaw else can.turning) * (1.0 + 1e-6)
+        assert yaw or can.tilts > 0.0
+    if fate is Fate.FLIES:
+        assert yaw
+        assert can.level >= enough * (1.0 - 1e-6)
+    # and no less. A rotor that all but stands to balance the others counts as one that stands
+    if can.tilts > LEAST_SHARE / 2.0:
+        assert fate is not Fate.FALLS
+    if can.turns > 1e-3 and can.level_all >= enough:
+        assert fate is Fate.FLIES
+    for weight in (T_hover, heaviest):
+        if can.tilts > 1e-3 and can.turning_all >= weight:
+            assert less.T_max >= weight * (1.0 - 1e-6)
+    if can.turns > 1e-3 and can.level_all >= heaviest:
+        assert yaw
+    if fate is not Fate.FALLS and less.phi_star > LEAST_TILT:
+        held = heaviest if fate is Fate.FLIES else T_hover
+        assert less.T_max * math.cos(less.phi_star) >= held * (1.0 - 1e-9)
+    return fate
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_no_linear_program_does_better_without_a_rotor_or_two(name):
+    rotors, limits, T_hover, heaviest = vehicle(name)
+    fates = {
+        lost: check(rotors, limits, lost, T_hover, heaviest)
+        for n in (1, 2)
+        for lost in combinations(range(1, rotors.n + 1), n)
+    }
+    if name == "hexa":  # roll and pitch are held by the other three corners of a triangle
+        assert [lost for lost in fates if fates[lost] is Fate.FALLS] == [
+            (1, 2), (1, 6), (2, 3), (3, 4), (4, 5), (5, 6),
+        ]  # fmt: skip
+
+
+def odd(random):
+    """Rotors, limits, thrust of hover and greatest weight of an airframe with nothing even about it."""
+    while True:
+        n = int(random.integers(5, 9))
+        angles, arms = np.sort(random.uniform(0.0, 2.0 * math.pi, n)), random.uniform(0.3, 0.6, n)
+        tables = {
+            "spin": random.choice([-1, 1], n).tolist(),
+            "position_m": np.stack([arms * np.cos(angles), arms * np.sin(angles)], 1).tolist(),
+            "thrust_coefficient": random.uniform(4e-5, 1.2e-4, n).tolist(),
+            "torque_to_thrust_m": 0.016, "full_speed_rad_s": 550.0, "lag_s": 0.05,
+            "inertia_kg_m2": 2e-4,
+        }  # fmt: skip
+        try:
+            made = airframe(tables)
+        except AirframeError:
+            continue
+        heaviest = full_thrust(made) / random.uniform(1.25, 2.6)
+        limits = Limits(0.054 * heaviest, full_thrust(made), math.radians(45.0))
+        rotors = allocation.believed_rotors(made, 0.002, 0.03, f_min=math.nan, kappa=3.0)
+        return rotors._replace(f_min=limits.T_min / rotors.W), limits, 0.9 * heaviest, heaviest
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_linear_program_does_better_with_an_odd_airframe(seed):
+    rotors, limits, T_hover, heaviest = odd(np.random.default_rng([32, seed]))
+    for rotor in range(1, rotors.n + 1):
+        check(rotors, limits, (rotor,), T_hover, heaviest)
+
+
+@pytest.mark.parametrize("turn", range(8))
+def test_the_same_loss_turned_leaves_the_same(turn):
+    """The rotors 1 and 3 of an octocopter: they carry the weight, and some torque about yaw is left."""
+    rotors, limits, T_hover, heaviest = vehicle("s1000")
+    lost = {1 + turn, 1 + (turn + 2) % 8}
+    fate, after, less = without(rotors, limits, lost, T_hover, heaviest)
+    assert fate is Fate.LANDS
+    full = rotors.c_T[0] * rotors.Omega_max[0] ** 2
+    assert less.T_max == pytest.approx((3.0 + math.sqrt(2.0)) * full)
+    assert less.T_max > heaviest
+    assert tuple(after.B_z) == (0.0,) * 8
+    f, (T, tau), gave_up = given(after, T_hover, Vec3(0.5, -0.5, 0.0))
+    assert (pytest.approx(T_hover), pytest.approx(0.5), pytest.approx(-0.5)) == (T, tau.x, tau.y)
+    assert f.min() >= 0.0
+    assert gave_up.torque == 0.0
+    assert 0.0 < abs(tau.z) < 0.6
 
 
 def test_nothing_is_lost_changes_nothing():
