@@ -77,6 +77,8 @@ def _not_arrived(mission: Mission, flight: EngagedTicks, ended: str) -> list[str
         return []
     there = positions_at(mission.flight, flight.t[-1:])[0]
     last = flight.plant["state.r_E"][flight.t >= last_change_s(mission.flight)]
+    if not len(last):
+        return ["The vehicle had not arrived: it flew no longer when the last setpoint was sent."]
     away = np.linalg.norm(last - there, axis=1)
     return [
         f"The vehicle had not arrived when the time was over: it was {away[-1]:.3g} m from the last"
