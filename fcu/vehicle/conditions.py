@@ -186,7 +186,7 @@ ROWS: dict[Condition, Row] = {
     ),
     Condition.FLIGHT_TIME_LOW: Row(  # found by Python, CHARGE_US apart
         code=Code.FLIGHT_TIME_LOW, severity="CRITICAL",
-        action=By("COM_FLTT_LOW_ACT", _FLIGHT_TIME_LOW), clears=Clears.CHOSEN,
+        action=By("COM_FLTT_LOW_ACT", _FLIGHT_TIME_LOW), clears=Clears.DISARMED,
         hold_us=CHARGE_US,
     ),
     Condition.OFFBOARD_LOST: Row(  # its hold time is COM_OF_LOSS_T

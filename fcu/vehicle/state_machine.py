@@ -240,6 +240,7 @@ class StateMachine:
         self.feasibility = FeasibilityCheck(params)
         self.is_by_baseline = False  # the law has failed
         self._lacks_charge = False  # for the way home, when it was looked at last
+        self._fate: Fate | None = None  # of the loss of rotors that was told last
         self._again: Iterator[Shortfall | None] | None = None  # another look at the plan
         self._lack: Shortfall | None = None  # that it has found
         self._looked_by, self._settings_seen = self.feasibility.policy, params.settings
@@ -355,7 +356,7 @@ class StateMachine:
         looks = p["COM_FLTT_LOW_ACT"] > 0.0
         watch[_CHARGE_DUE] = min(watch[_CHARGE_DUE], 0.0) if looks else math.inf
         if self.lost_rotors:
-            self._share()
+            self._share_anew()
         watch[_STATION_US + 1] = self.station_lost_us if p["NAV_DLL_ACT"] > 0.0 else math.inf
         watch[_LIMITS] = to_buffer(self._limits())
         watch[_C_T] = to_buffer(self._landed.c_T)
@@ -514,11 +515,11 @@ class StateMachine:
 
     def _meet(
         self, condition: Condition, values: tuple[Any, ...], t_us: int, told: list[Told],
-        action: Action | None = None,
+        action: Action | None = None, at_once: bool = False,
     ) -> None:  # fmt: skip
         """Tell of a condition. Unless it only warns take the most severe action of all active ones.
 
-        `action`: in place of that of its row.
+        `action`: in place of that of its row.  `at_once`: without waiting for COM_FAIL_ACT_T.
         """
         row = ROWS[condition]
         action = row.action(self._params) if action is None else action
@@ -526,7 +527,7 @@ class StateMachine:
         if action > Action.NONE:
             told.append(Told(row.code, values))
         if action > Action.WARN:
-            self._tell_action(self._take_worst(t_us), told)
+            self._tell_action(self._take_worst(t_us, at_once), told)
 
     def _tell_action(self, mode: Mode | None, told: list[Told]) -> None:
         """Tell the mode that a failsafe has entered, what it waits for there, or that rotors stand."""
@@ -567,9 +568,11 @@ class StateMachine:
         if lost or not self.watch[at]:
             return None
         self.watch[at] = 0.0
-        self._share()
+        self._fate = self._share()
         if not self.lost_rotors:
             self.is_gone(Condition.ROTOR_LOST)
+        elif Condition.ROTOR_LOST in self._active:
+            self._active[Condition.ROTOR_LOST] = self._loss_action(self._fate)
         return Told(Code.ROTOR_BACK, (rotor,))
 
     def _share(self) -> Fate | None:
@@ -580,6 +583,18 @@ class StateMachine:
         fate = self._params.lose(self.lost_rotors)
         self.watch[_LIMITS] = to_buffer(self._limits())
         return fate
+
+    def _share_anew(self) -> None:
+        """Share the work by the parameters in force. If that changes the Fate, the next look acts on it."""
+        if self._share() is not self._fate:
+            at = int(np.flatnonzero(self.watch[_ROTORS_LOST] + self.watch[_ROTORS_TOLD])[0])
+            self.watch[_ROTORS_TOLD.start + at] = 1.0
+            self.watch[_LOOK] = 0.0
+
+    def _loss_action(self, fate: Fate | None) -> Action:
+        """The action on a loss of rotors: the one that is asked for, or what the vehicle does at least."""
+        wanted = ROWS[Condition.ROTOR_LOST].action(self._params)
+        return wanted if fate is None else max(wanted, _LOSS[fate])
 
     def _look_at_charge(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         """Hold what is left of the battery against the way home: twice in a row it does not last."""
@@ -596,12 +611,12 @@ class StateMachine:
         rotor = int(self.watch[_VALUE])
         self.watch[_ROTORS_TOLD.start + rotor - 1] = 0.0
         self.watch[_ROTORS_LOST.start + rotor - 1] = 1.0
-        fate = self._share()
-        wanted = ROWS[Condition.ROTOR_LOST].action(self._params)
-        needed = Action.NONE if fate is None else _LOSS[fate]
+        self._fate = fate = self._share()
         code = Code.LOSS_NOT_SHARED if fate is None else _LOSS_SAID[fate]
-        action = max(wanted, needed)
-        self._meet(Condition.ROTOR_LOST, (rotor, Told(code)), t_us, told, action)
+        self._meet(
+            Condition.ROTOR_LOST, (rotor, Told(code)), t_us, told, self._loss_action(fate),
+            at_once=fate is Fate.LANDS,
+        )  # fmt: skip
 
     @property
     def station_lost_us(self) -> int:
@@ -632,7 +647,6 @@ class StateMachine:
 
     def _action_due(self, t_us: int, wall_s: float, told: list[Told]) -> None:
         """Go on from the Hold before an action, unless what called for it is over."""
-        self._acts_us = math.inf
         mode = self._take_worst(t_us, at_once=True)
         if mode is not None:
             self._tell_action(mode, told)
@@ -643,6 +657,8 @@ class StateMachine:
         On the ground a vehicle holds in place of a return. A landing goes on in place of one. In the
         air it holds for COM_FAIL_ACT_T before it returns or lands, unless `at_once`.
         """
+        if at_once:
+            self._acts_us = math.inf
         worst = max(self._active.values(), default=Action.NONE)
         if worst >= Action.DISARM:
             self.terminated |= worst is Action.TERMINATE

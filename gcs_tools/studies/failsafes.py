@@ -74,7 +74,7 @@ WORDS: dict[Condition, tuple[str, str]] = {
         "the charge does not last for the way home, 1.1 times its time and 100 s", "at two looks a second apart; not on the way home or down",
     ),
     Condition.ROTOR_LOST: (
-        "a rotor has less than half of the speed that is wanted, or an injected failure has stopped it", "at every look for FD_ACT_MOT_TOUT, where more than FD_ACT_MOT_THR of full speed is wanted; an order at the next tick",
+        "a rotor has less than half of the speed that is wanted, or an injected failure has stopped it", "at every look for FD_ACT_MOT_TOUT, where more than FD_ACT_MOT_THR of full speed is wanted; an order at the next tick, each further one a look later",
     ),
     Condition.POSITION_JUMPED: (
         "the position jumps by more than 1 m", "at the tick: the law flies by the velocity until it is back",

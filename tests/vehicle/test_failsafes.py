@@ -449,6 +449,47 @@ def test_two_lost_rotors_of_eight_land_it_and_four_terminate_it(vehicle, params)
     assert vehicle.terminated
 
 
+def order(vehicle, *rotors, t_us=LOSS_US, lost=True):
+    """Tell of rotors that are stopped or turn again, fly for two looks, and return the codes."""
+    for rotor in rotors:
+        vehicle.tell_rotor(rotor, lost=lost)
+    return [code for _, code in fly(vehicle, t_us + TICK, t_us + (1 + len(rotors)) * LOOK_US)]
+
+
+def test_a_share_that_is_asked_for_after_the_loss_is_acted_on(vehicle, params):
+    order(vehicle, 1, 3)
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    told = order(vehicle, t_us=LOSS_US + 10 * LOOK_US)
+    assert told == [Code.ROTOR_LOST, Code.FAILSAFE_MODE]
+    assert vehicle.mode is Mode.LAND
+    assert params.law.rotors.w[0] == params.law.rotors.w[2] == 0.0
+    assert vehicle.lost_rotors == (1, 3)
+    params.set("MR_F_M", 1.5, True)
+    assert order(vehicle, t_us=LOSS_US + 20 * LOOK_US) == [], "another parameter tells nothing"
+
+
+def test_a_rotor_that_turns_again_takes_its_action_back(vehicle, params):
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    order(vehicle, 1, 3)
+    assert vehicle.mode is Mode.LAND
+    assert order(vehicle, 3, t_us=LOSS_US + 10 * LOOK_US, lost=False) == []
+    assert vehicle.mode is Mode.LAND, "it goes on until another mode is chosen"
+    assert vehicle.select(Mode.HOLD, LOSS_US + 20 * LOOK_US, 0.0).granted
+    # a milder action than Land is the most severe that is called for now
+    assert vehicle.find(Condition.FENCE_BREACHED, (), LOSS_US + 20 * LOOK_US)
+    assert vehicle.mode is Mode.HOLD
+
+
+def test_a_vehicle_that_cannot_fly_on_does_not_wait_before_it_lands(vehicle, params):
+    params.set("CA_FAILURE_MODE", 1.0, True)
+    params.set("COM_FAIL_ACT_T", 5.0, True)
+    params.set("COM_ACT_FAIL_ACT", 3.0, True)
+    assert order(vehicle, 1) == [Code.ROTOR_LOST, Code.FAILSAFE_LATER], "it returns later"
+    told = order(vehicle, 3, t_us=LOSS_US + 10 * LOOK_US)
+    assert told == [Code.ROTOR_LOST, Code.FAILSAFE_MODE]
+    assert vehicle.mode is Mode.LAND
+
+
 def test_an_order_is_told_at_the_next_tick(vehicle, params):
     params.set("CA_FAILURE_MODE", 1.0, True)
     fly(vehicle, TICK, LOSS_US)
@@ -495,3 +536,7 @@ def test_a_charge_that_does_not_last_for_the_way_home_is_acted_on(params, act, m
     }[act]  # fmt: skip
     assert all(1_000_000 <= at_us - 3_000_000 <= 2_000_000 + 2 * LOOK_US for at_us, _ in told)
     assert vehicle.mode is mode
+    # the pilot's mode is flown, and the same charge does not act again
+    assert vehicle.select(Mode.HOLD, 6_000_000, 0.0).granted
+    assert fly(vehicle, 6_002_000, 12_000_000) == []
+    assert vehicle.mode is Mode.HOLD
