@@ -31,7 +31,7 @@ from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
 from fcu.interface.status_texts import ROOM
-from fcu.laws import actuation, loader, rotor_loss
+from fcu.laws import loader, rotor_loss
 from fcu.laws.face import Pace
 from fcu.laws.loader import Law
 from fcu.laws.mmrac.types import Params
@@ -457,11 +457,6 @@ class Parameters:
         """What modes that lead the vehicle have to know of the law."""
         pace: Pace = self._module.pace(self.settings, self._tables)
         return pace
-
-    @property
-    def rotor_lag(self) -> float:
-        """The lag of the rotors that the law believes in, s."""
-        return actuation.rotor_lag(self.law)
 
     @property
     def weight(self) -> float:

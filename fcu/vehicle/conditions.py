@@ -37,8 +37,10 @@ NEAR = 2.0  # m: an old setpoint farther from the vehicle than this is not gone 
 RISES = 0.1  # m: a place so far above the vehicle is a take-off
 ATTITUDE = 1.0  # Setpoint.level: above it body rates are flown, and any attitude is right
 SETTLED_US = 2e6 * LASTS_S  # in the air, until what was smoothed on the ground is forgotten
-SLOW = 0.5  # of the speed that is wanted of a rotor: one that is healthy has more within 0.7 of its lag
-ROTOR_LAGS = 1.5  # believed lags for which a rotor is slow before it is lost, at least
+SLOW = 0.5  # of the speed that is wanted of a rotor
+# 1/s, of the least speed that counts: a rotor that lags by a second, which is slower than any, gains
+# twice as much while it is slow
+GAINS = 0.5 * (1.0 - SLOW)
 BATTERY_HELD_US = 1_000_000  # ten reports: one that is wrong does not land a vehicle
 CHARGE_US = 1_000_000  # between looks at the way home, each after a report or more of the battery
 
@@ -287,7 +289,7 @@ class Values(NamedTuple):
     FD_FAIL_R_TTRI: float
     FD_FAIL_P_TTRI: float
     FD_ACT_MOT_THR: float
-    FD_ACT_MOT_TOUT: float  # at least ROTOR_LAGS of the believed lag
+    FD_ACT_MOT_TOUT: float
     MR_GUARD_ACT: float
 
 
@@ -323,7 +325,8 @@ class RotorWatch(NamedTuple):
 
     wanted: Rotors  # thrust that the law wanted of each at the last tick, N
     Omega_max: Rotors  # full speed, rad/s, believed
-    slow_us: Rotors  # since when a rotor is slower than wanted; NaN: it is not
+    slow_us: Rotors  # since when a rotor is slower than wanted and gains nothing; NaN: it is not
+    slow_Omega: Rotors  # its speed then, rad/s
     lost: Rotors  # 1: it is lost, and was told
     told: Rotors  # 1: an order says that it is lost
 
@@ -384,12 +387,13 @@ _pack_beliefs = packer(Watch, "beliefs")
 _pack_value = packer(Watch, "value")
 _unpack_limits = unpacker(PlanLimits)
 ROTORS = len(Rotors._fields)
-_WANTED, _FULL_SPEED, _SLOW, _LOST, _TOLD, _C_T = (
+_WANTED, _FULL_SPEED, _SLOW, _SLOW_SPEED, _LOST, _TOLD, _C_T = (
     slice_of(Watch, name).start
     for name in (
         "rotors.wanted",
         "rotors.Omega_max",
         "rotors.slow_us",
+        "rotors.slow_Omega",
         "rotors.lost",
         "rotors.told",
         "c_T",
@@ -457,21 +461,25 @@ def lost_rotor(watch, buffer, state, t_us):
     """Number of a rotor that is lost and was not told yet, from 1. 0: none is. Keeps `slow_us` in the buffer.
 
     watch : Watch, of `buffer`.  state : float64[size(VehicleState)].
-    A rotor is lost if it has less than SLOW of the speed that is wanted of it, for FD_ACT_MOT_TOUT.
+    A rotor is lost if it has less than SLOW of the speed that is wanted of it for FD_ACT_MOT_TOUT, and
+    gains none. A healthy one gains (wanted - Omega) / lag.
     """
     found, values = 0, watch.values
     for i in range(ROTORS):
         if found == 0 and buffer[_TOLD + i] != 0.0 and watch.armed != 0.0:
             found = i + 1
         wanted = math.sqrt(maximum(buffer[_WANTED + i], 0.0) / maximum(buffer[_C_T + i], 1e-12))
-        counts = (
-            wanted > values.FD_ACT_MOT_THR * buffer[_FULL_SPEED + i] and buffer[_LOST + i] == 0.0
-        )
-        if not (counts and watch.armed != 0.0 and state[_OMEGA + i] < SLOW * wanted):
+        least, speed = values.FD_ACT_MOT_THR * buffer[_FULL_SPEED + i], state[_OMEGA + i]
+        counts = wanted > least and buffer[_LOST + i] == 0.0 and watch.armed != 0.0
+        for_us = t_us - buffer[_SLOW + i]
+        if not (counts and speed < SLOW * wanted):
             buffer[_SLOW + i] = math.nan
-        elif math.isnan(buffer[_SLOW + i]):
-            buffer[_SLOW + i] = t_us
-        elif found == 0 and t_us - buffer[_SLOW + i] >= 1e3 * values.FD_ACT_MOT_TOUT:
+        elif math.isnan(for_us) or (
+            for_us >= 1e3 * values.FD_ACT_MOT_TOUT
+            and speed - buffer[_SLOW_SPEED + i] > GAINS * 1e-6 * for_us * least
+        ):
+            buffer[_SLOW + i], buffer[_SLOW_SPEED + i] = t_us, speed
+        elif found == 0 and for_us >= 1e3 * values.FD_ACT_MOT_TOUT:
             found = i + 1
     return found
 

@@ -39,7 +39,6 @@ from fcu.vehicle.conditions import (
     MODES,
     NEAR,
     NO_MODEL,
-    ROTOR_LAGS,
     ROWS,
     Action,
     Clears,
@@ -112,7 +111,6 @@ _FENCE, _FENCE_PREDICTS = slice_of(Watch, "fence"), column_of(Watch, "fence.pred
 _ROTORS_LOST, _SLOW_US, _FULL_SPEED = (
     slice_of(Watch, f"rotors.{name}") for name in ("lost", "slow_us", "Omega_max")
 )
-_ROTOR_TIME = column_of(Watch, "values.FD_ACT_MOT_TOUT")
 _ROTORS_TOLD, _LOOK = slice_of(Watch, "rotors.told"), column_of(Watch, "due.look_us")
 _CHARGE_DUE = column_of(Watch, "charge_us")
 _C_T, _DUE = slice_of(Watch, "c_T"), slice_of(Watch, "due")
@@ -352,7 +350,6 @@ class StateMachine:
         p, watch = self._params, self.watch
         watch[_LOST] = self.lost_us
         watch[_VALUES] = [p[name] for name in Values._fields]
-        watch[_ROTOR_TIME] = max(p["FD_ACT_MOT_TOUT"], 1e3 * ROTOR_LAGS * p.rotor_lag)
         looks = p["COM_FLTT_LOW_ACT"] > 0.0
         watch[_CHARGE_DUE] = min(watch[_CHARGE_DUE], 0.0) if looks else math.inf
         if self.lost_rotors:
