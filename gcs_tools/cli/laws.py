@@ -221,7 +221,7 @@ def _flown(parts: list[Part], asked: Asked, log: Console) -> tuple[list[Row], li
                 error = kept.first_error if kept.worst_exit else ""
                 found = None
                 if asked.out is not None:
-                    found, _, _ = write_results(part.campaign, kept, path, out)
+                    found, _, _ = write_results(part.campaign, kept, path, out, page=False)
                 seconds = time.monotonic() - began
                 told_of += cases(part.campaign, found, error, seconds)
     return rows, told_of
