@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from fcu.guard import margin, wrench
-from fcu.guard.governor import BRAKING, SLOWEST, speeds
+from fcu.guard.governor import BRAKING, SLOWEST, speeds, taken_back
 from fcu.kernel.algebra import maximum, minimum, select
 from fcu.kernel.compile import kernel
 
@@ -54,11 +54,11 @@ def at_most_s(params, law, far, speed, acceleration, moves, down, moves_down):
     fastest, brake = speeds(known)
     sinks = maximum(margin.sinking(known), SLOWEST) - maximum(moves_down, 0.0)
     top, near = fastest - moves, ARRIVED_M - off_at_most(params, law)
-    a = brake / BRAKING
     lifted = (
         params.m_min * law.g - params.c_D * params.w_max * params.w_max
     )  # N, hover in an updraft
     j = wrench.jerk(params, law, maximum(lifted, law.limits.T_min))
+    a = taken_back(brake, law.f_m / (2.0 * law.zeta_m), j) / BRAKING
     # until nothing accelerates any more
     t_0 = acceleration / j
     v_0 = speed + 0.5 * acceleration * t_0

@@ -50,6 +50,16 @@ def speeds(known):
 
 
 @kernel
+def taken_back(brake, c, j):
+    """Of a deceleration (m/s^2), as much as a jerk j (m/s^3) takes back where the speed fades with c (1/s).
+
+    There the deceleration changes with c times itself. More of it overshoots the setpoint, and may swing about it
+    without end.
+    """
+    return minimum(brake, j / c)
+
+
+@kernel
 def sunk(known, v):
     """A velocity (m/s, E) that leads down no faster than a tilt steers there."""
     return Vec3(v.x, v.y, maximum(v.z, -maximum(margin.sinking(known), SLOWEST)))
@@ -81,6 +91,7 @@ def wanted(law, known, setpoint, r_m, v_m, j):
     to_go = setpoint.r_c - r_m
     far = norm(to_go)
     c = f_m / (2.0 * zeta_m)
+    brake = taken_back(brake, c, j)
     v_to = (approach(c, brake, far) / (far + 1e-30)) * to_go
     v_wanted = sunk(known, shortened(setpoint.v_c + v_to, top))
     short_by = v_wanted - v_m

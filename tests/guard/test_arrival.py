@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fcu.guard import arrival
+from fcu.guard import admission, arrival, governor, margin, wrench
+from fcu.interface.messages import Setpoint
+from fcu.kernel.algebra import Vec3
+from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rows import column
 from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
@@ -70,3 +73,35 @@ def test_nor_has_one_that_the_wind_keeps_the_vehicle_off(settings_of):
 
 def test_without_a_guard_nothing_is_stated():
     assert arrives_s(prepared("urban_step", ['law.guard="warn"'])[1]) is None
+
+
+FAST = {
+    "f_m": 3.0,
+    "zeta_m": 0.6,
+    "gamma": 1795.0,
+    "guard_wind_m_s": 0.2,
+    "c_angle": 13.0,
+    "c_rate": 24.4,
+}
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0, -48.9), (20.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
+def test_a_reference_brakes_no_harder_than_its_jerk_takes_back(settings_of, way):
+    """Braking with 1.44 m/s^2, which (34) takes back with 3.6 m/s^3 where there are 2.4, it came 0.9 m too far."""
+    law, params = settings_of(guard="govern", **FAST)
+    _, brake = governor.speeds(margin.known(params, law))
+    c = law.f_m / (2.0 * law.zeta_m)
+    assert c * brake > 1.4 * wrench.jerk(params, law, np.inf)
+    to, still, reference = np.array(way), Vec3(0.0, 0.0, 0.0), np.zeros(9)
+    setpoint = to_buffer(Setpoint(Vec3(*way), still, still, 0.0, 0.0))
+    off, each_s = [], 0.1
+    for _ in range(300):
+        off.append(reference[:3] - to)
+        admission.follow(
+            to_buffer(params), to_buffer(law), setpoint, round(each_s / law.h), reference
+        )
+    far = float(np.linalg.norm(to))
+    outside = np.flatnonzero(np.linalg.norm(off, axis=1) >= arrival.ARRIVED_M)
+    stated = arrival.at_most_s(params, law, far, 0.0, 0.0, 0.0, max(-way[2], 0.0), 0.0)
+    assert (outside[-1] + 1) * each_s < stated < 30.0
+    assert (off @ to).max() / far < 0.5
