@@ -43,7 +43,8 @@ def speeds(known):
     usable = R - kept - known.z_0 + known.z_1 * known.w_max - known.noise
     root = math.sqrt(known.z_1 * known.z_1 + 4.0 * known.c_D * maximum(usable, 0.0))
     x = (root - known.z_1) / (2.0 * known.c_D)
-    x = minimum(x, math.sqrt(known.lean / known.c_D))  # beyond it a tilt does not steer
+    # beyond it a tilt does not steer, or has no torque for a gust
+    x = minimum(x, math.sqrt(minimum(known.lean, known.lean_turns) / known.c_D))
     top = maximum(x - known.w_max, SLOWEST)
     brake = (kept + 0.5 * known.c_D * (top + known.w_max) * top) / known.m_max
     return top, BRAKING * maximum(brake, 0.1)

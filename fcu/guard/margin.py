@@ -48,6 +48,15 @@ class Known(NamedTuple):
     noise: float  # N, what noise of the measurement takes, in hover
     lift: float  # N, greatest drag from below under which a tilt steers, with torque for a gust
     lean: float  # N, greatest drag from anywhere under which it does
+    lean_turns: float  # N, greatest level drag beside which it has torque for a gust along that
+
+
+@kernel
+def leant(params, law):
+    """The greatest drag (N) in air from anywhere but below under which a tilt steers, whatever torque that leaves."""
+    weight = params.m_min * law.g
+    k = maximum(params.lift, NEAR_NOTHING) / maximum(weight - params.lift, NEAR_NOTHING)
+    return weight / math.sqrt(1.0 / (k * k) + 0.5)
 
 
 @kernel
@@ -63,8 +72,6 @@ def known(params, law):
     noise, hover = params.noise_force, params.m_max * law.g
     more = (params.noise_top - noise) / maximum(law.limits.T_max - hover, 1.0)
     top = (law.limits.T_max + more * (hover + noise)) / (1.0 + more)
-    weight = params.m_min * law.g
-    k = maximum(params.lift, NEAR_NOTHING) / maximum(weight - params.lift, NEAR_NOTHING)
     return Known(
         T_min=law.limits.T_min,
         T_max=law.limits.T_max,
@@ -81,7 +88,8 @@ def known(params, law):
         z_1=per_rate * per_speed,
         noise=noise,
         lift=minimum(params.lift, params.lift_turns),
-        lean=weight / math.sqrt(1.0 / (k * k) + 0.5),
+        lean=leant(params, law),
+        lean_turns=params.lean_turns,
     )  # (30)
 
 

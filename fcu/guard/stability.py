@@ -66,6 +66,7 @@ class Hover(NamedTuple):
     J: tuple[float, ...]  # kg m^2, three body axes
     T_0: float = math.nan  # N, its thrust; nan: its weight. Less of it where the air rises
     turns: bool = False  # whether the drag that carries the rest of its weight turns with the body
+    side: float = math.nan  # N, to the side over a tilt, of one that leans
 
     def thrust(self, g: float) -> float:
         """Its total thrust, N."""
@@ -73,6 +74,8 @@ class Hover(NamedTuple):
 
     def pull(self, g: float) -> float:
         """Acceleration to the side over the tilt, m/s^2."""
+        if not math.isnan(self.side):
+            return self.side / self.m
         return g if self.turns else self.thrust(g) / self.m
 
 

@@ -40,6 +40,7 @@ class GuardParams(NamedTuple):
     lift_turns: (
         float  # N, greatest drag from below beside which a tilt has torque for a gust (`torque`)
     )
+    lean_turns: float  # N, greatest level drag beside which it has torque for a gust along that
     T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
 
 

@@ -54,7 +54,7 @@ def rising(speed: float, to: list[float], duration_s: float, *more: str) -> Scen
 def loose(scene: Scenario) -> Settings:
     """Its settings, with tilts that are taken to steer almost whatever the drag."""
     most = stability.CARRIED * 7.0 * scene.law.g
-    guard = scene.guard._replace(lift=most, lift_turns=most)
+    guard = scene.guard._replace(lift=most, lift_turns=most, lean_turns=math.inf)
     return scene.settings._replace(guard=guard)
 
 

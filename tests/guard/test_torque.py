@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fcu.guard import margin, stability, torque, wrench
+import fcu
+from fcu.guard import governor, margin, stability, torque, wrench
 from fcu.guard.stability import INPUTS, LAGS, Hover
+from fcu.interface.airframe import airframe, load
 from fcu.kernel.algebra import Vec3, dot, norm
 from fcu.kernel.rows import column
+from fcu.process.settings import settings
 from fcu.process.tick import Tick
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import scenario
@@ -269,6 +273,64 @@ def test_reversals_where_no_gust_is_believed_saturate_nothing():
     }) == NOTHING  # fmt: skip
 
 
+# --- at speed, in level air
+
+
+def shipped(name):
+    """The law's parameters and the guard's of an airframe file, at 500 Hz."""
+    tables = load(Path(fcu.__file__).with_name("airframes") / f"{name}.toml")
+    return settings(airframe(tables["rotors"], name), tables, 500.0, {})
+
+
+def test_a_hexacopter_flies_no_faster_than_leaves_torque_for_a_gust_along_the_way():
+    """At the 5 m/s of before a computed wind asked for torque that 1.3 N more of thrust would hold."""
+    law, guard = shipped("hexa")
+    assert guard.lean_turns < margin.leant(guard, law)
+    top, _ = governor.speeds(margin.known(guard, law))
+    for faster, low, high in ((0.0, 0.97, 1.0), (0.06, 1.0, 1.03)):
+        asked, holds = torque.for_gust(guard, law, guard.w_max + top + faster)
+        assert low < asked / (torque.NOT_REACHED_LEVEL * holds) <= high
+    free, _ = governor.speeds(margin.known(guard._replace(lean_turns=math.inf), law))
+    assert 3.8 < top < free - 0.9
+
+
+@pytest.mark.parametrize("name", ["quad", "racer", "s1000", "x8"])
+def test_other_vehicles_are_as_fast_as_their_force_lets_them(name):
+    law, guard = shipped(name)
+    free = guard._replace(lean_turns=math.inf)
+    assert governor.speeds(margin.known(guard, law)) == governor.speeds(margin.known(free, law))
+
+
+def test_a_vehicle_that_leans_is_in_balance_and_a_gust_turns_its_drag_as_counted():
+    law, guard = shipped("hexa")
+    m, c, u = guard.m_min, guard.c_D, guard.w_max + 4.0
+    T, side, gusts = torque.leaning(guard, law, u)
+    cosine = T / (m * law.g)  # the drag lies across the thrust, which carries what is left
+    sine = math.sqrt(1.0 - cosine * cosine)
+    across = c * (u * cosine) ** 2
+    assert T * sine == pytest.approx(across * cosine)  # level
+    assert T * cosine + across * sine == pytest.approx(m * law.g)  # upright
+
+    def aside(more):
+        """Force along the thrust's normal of before, tilted by so much more."""
+        lean = math.asin(sine) + more
+        along = c * (u * math.cos(lean)) ** 2
+        return T * math.sin(more) - along * math.cos(more) + across
+
+    assert aside(1e-6) / 1e-6 == pytest.approx(side, rel=1e-4)
+    after = c * ((u + 1e-6) * cosine) ** 2
+    # of a gust along the way, the part across the thrust
+    assert (after - across) / 1e-6 == pytest.approx(gusts, rel=1e-4)
+
+
+def test_where_a_gust_takes_nothing_a_vehicle_is_as_fast_as_a_tilt_steers(settings_of):
+    for told in (settings_of(**SOFT, guard_wind_rate_m_s2=0.1), settings_of(prediction="demanded")):
+        assert told.guard.lean_turns == margin.leant(told.guard, told.law)
+    told = settings_of(**SOFT, guard_wind_rate_m_s2=60.0)
+    top, _ = governor.speeds(margin.known(told.guard, told.law))
+    assert top == pytest.approx(governor.SLOWEST, abs=1e-9)
+
+
 # --- on the way down
 
 
@@ -299,27 +361,46 @@ def test_the_greatest_speed_downwards_is_where_a_gust_takes_what_is_counted_on(s
     assert beyond > torque.NOT_REACHED * left
 
 
+def torques(law, loop, a):
+    """N m, of each tick, through the matrix: of drag that accelerates with a, m/s^2."""
+    pushed = np.zeros(len(loop.A))
+    pushed[:2] = 0.5 * law.h**2, law.h
+    x, found = np.zeros(len(loop.A)), []
+    for each in a:
+        found.append(float(loop.C[1] @ x))
+        x = loop.A @ x + pushed * each
+    return np.array(found)
+
+
 def test_a_gust_that_is_timed_for_it_asks_for_no_more_than_is_counted(settings_of):
     """Through the matrix, tick by tick: drag whose acceleration changes with 1 m/s^3."""
     told = settings_of(**SOFT)
     law, (loop, _) = told.law, pitch(told, max(LAGS))
-    pushed = np.zeros(len(loop.A))
-    pushed[:2] = 0.5 * law.h**2, law.h
-
-    def torques(a):
-        x, found = np.zeros(len(loop.A)), []
-        for each in a:
-            found.append(float(loop.C[1] @ x))
-            x = loop.A @ x + pushed * each
-        return np.array(found)
-
     n, bound = 2000, torque.per_gust(law, loop)
-    step = torques(np.ones(n))
+    step = torques(law, loop, np.ones(n))
     step -= step[-1]
     worst = np.cumsum(-np.sign(step[::-1])) * law.h
-    assert 0.99 * bound < np.abs(torques(worst)).max() <= bound * (1.0 + 1e-6)
+    assert 0.99 * bound < np.abs(torques(law, loop, worst)).max() <= bound * (1.0 + 1e-6)
     random = np.cumsum(np.random.default_rng(1).choice([-1.0, 1.0], n)) * law.h
-    assert np.abs(torques(random)).max() < 0.6 * bound
+    assert np.abs(torques(law, loop, random)).max() < 0.6 * bound
+
+
+def test_a_gust_that_has_little_to_swing_by_asks_for_less(settings_of):
+    """Drag within 1 m/s^2: at a low rate that binds nothing, at a high one it is all that counts."""
+    told = settings_of(**SOFT)
+    law, (loop, _) = told.law, pitch(told, max(LAGS))
+    assert torque.per_swing(law, loop, 0.1) == pytest.approx(0.1 * torque.per_gust(law, loop))
+    each = np.diff(torques(law, loop, np.ones(2000)))
+    wanted, most, plain = np.sign(each[::-1]), [], torque.per_gust(law, loop)
+    for rate, part in ((2.0, 1.0), (10.0, 1.0), (50.0, 0.5), (1e6, 1e-3)):
+        a = [0.0]
+        for to in wanted:
+            a.append(a[-1] + max(-rate * law.h, min(rate * law.h, to - a[-1])))
+        bound = torque.per_swing(law, loop, rate)
+        most.append(np.abs(torques(law, loop, a)).max() / bound)
+        assert bound <= part * rate * plain
+    assert max(most) <= 1.0 + 1e-6
+    assert most[-1] > 0.98
 
 
 def test_where_a_gust_takes_nothing_a_vehicle_sinks_as_a_tilt_steers(settings_of):

@@ -159,6 +159,7 @@ def test_everything_is_drawn_within_the_beliefs():
             "policy": 0.0,
             "lift": 0.0,
             "lift_turns": 0.0,
+            "lean_turns": 0.0,
             "swinging": 0.0,
             "T_turns": 0.0,
             "w_max": 0.0,
