@@ -37,7 +37,9 @@ NOT_YET = {
 # The L1 norm of a gust over what a wind makes of it: a wind has no more than its greatest speed to swing
 # by. How much was set by computed winds (gcs_tools/gusts).
 NOT_REACHED = 1.6
-NOT_REACHED_LEVEL = 1.3  # the same of level air and a gust along it
+# The same of level air and a gust along it, by the loop of a vehicle that leans and of one upright. The lesser counts:
+# a loop that leans swings on with quick gains, as no wind that was flown makes it.
+NOT_REACHED_LEANING, NOT_REACHED_UPRIGHT = 1.3, 1.12
 HALVINGS = 8
 LEVELS = 17  # at which a response is split
 WAYS = 64  # directions of a torque
@@ -208,11 +210,15 @@ def leaning(params: GuardParams, law: Params, u: float) -> Leaning:
 
 
 def for_gust(params: GuardParams, law: Params, u: float) -> tuple[float, float]:
-    """Torque (N m) that a gust along level air of u (m/s) asks of the least mass, at most, and that its thrust holds."""
+    """What a gust along level air of u (m/s) asks of the least mass, over NOT_REACHED, and what its thrust holds, N m."""
     T, side, gusts = leaning(params, law, u)
     swing = gusts * params.w_max / params.m_min  # m/s^2
     rate = params.w_dot_max / max(params.w_max, 1e-9)  # 1/s
-    asked = max(swing * per_swing(law, loop, rate) for loop in light_tilts(params, law, T, side))
+    leans, upright = (
+        max(swing * per_swing(law, loop, rate) for loop in light_tilts(params, law, T, pull))
+        for pull in (side, math.nan)
+    )
+    asked = min(leans / NOT_REACHED_LEANING, upright / NOT_REACHED_UPRIGHT)
     return asked, holding(law, T)
 
 
@@ -230,7 +236,7 @@ def lean_turns(params: GuardParams, law: Params) -> float:
     def turns(u: float) -> bool:
         """True where the level air past it has u, m/s, and it still has that torque."""
         asked, holds = for_gust(params, law, u)
-        return holds > 0.0 and asked <= NOT_REACHED_LEVEL * holds
+        return asked <= holds
 
     u = greatest(low, high, turns)
     return most if u == high else params.c_D * u * u
