@@ -210,7 +210,7 @@ def leaning(params: GuardParams, law: Params, u: float) -> Leaning:
 
 
 def for_gust(params: GuardParams, law: Params, u: float) -> tuple[float, float]:
-    """What a gust along level air of u (m/s) asks of the least mass, over NOT_REACHED, and what its thrust holds, N m."""
+    """Torque (N m) that a gust along level air of u (m/s) asks of the least mass, over NOT_REACHED, and that its thrust holds."""
     T, side, gusts = leaning(params, law, u)
     swing = gusts * params.w_max / params.m_min  # m/s^2
     rate = params.w_dot_max / max(params.w_max, 1e-9)  # 1/s
