@@ -327,6 +327,7 @@ class RotorWatch(NamedTuple):
     Omega_max: Rotors  # full speed, rad/s, believed
     slow_us: Rotors  # since when a rotor is slower than wanted and gains nothing; NaN: it is not
     slow_Omega: Rotors  # its speed then, rad/s
+    seen_Omega: Rotors  # speeds at the look before, rad/s
     lost: Rotors  # 1: it is lost, and was told
     told: Rotors  # 1: an order says that it is lost
 
@@ -387,13 +388,14 @@ _pack_beliefs = packer(Watch, "beliefs")
 _pack_value = packer(Watch, "value")
 _unpack_limits = unpacker(PlanLimits)
 ROTORS = len(Rotors._fields)
-_WANTED, _FULL_SPEED, _SLOW, _SLOW_SPEED, _LOST, _TOLD, _C_T = (
+_WANTED, _FULL_SPEED, _SLOW, _SLOW_SPEED, _SEEN, _LOST, _TOLD, _C_T = (
     slice_of(Watch, name).start
     for name in (
         "rotors.wanted",
         "rotors.Omega_max",
         "rotors.slow_us",
         "rotors.slow_Omega",
+        "rotors.seen_Omega",
         "rotors.lost",
         "rotors.told",
         "c_T",
@@ -462,9 +464,13 @@ def lost_rotor(watch, buffer, state, t_us):
 
     watch : Watch, of `buffer`.  state : float64[size(VehicleState)].
     A rotor is lost if it has less than SLOW of the speed that is wanted of it for FD_ACT_MOT_TOUT, and
-    gains none. A healthy one gains (wanted - Omega) / lag.
+    gains none. A healthy one gains (wanted - Omega) / lag. Speeds that are all as at the look before are
+    of a state that stands still, which says nothing of rotors.
     """
-    found, values = 0, watch.values
+    found, values, stands = 0, watch.values, True
+    for i in range(ROTORS):
+        stands = stands and state[_OMEGA + i] == buffer[_SEEN + i]
+        buffer[_SEEN + i] = state[_OMEGA + i]
     for i in range(ROTORS):
         if found == 0 and buffer[_TOLD + i] != 0.0 and watch.armed != 0.0:
             found = i + 1
@@ -472,7 +478,7 @@ def lost_rotor(watch, buffer, state, t_us):
         least, speed = values.FD_ACT_MOT_THR * buffer[_FULL_SPEED + i], state[_OMEGA + i]
         counts = wanted > least and buffer[_LOST + i] == 0.0 and watch.armed != 0.0
         for_us = t_us - buffer[_SLOW + i]
-        if not (counts and speed < SLOW * wanted):
+        if stands or not (counts and speed < SLOW * wanted):
             buffer[_SLOW + i] = math.nan
         elif math.isnan(for_us) or (
             for_us >= 1e3 * values.FD_ACT_MOT_TOUT

@@ -53,8 +53,17 @@ def fly(vehicle, from_us, to_us, what=None):
     return [
         (t_us, told.code)
         for t_us in range(from_us, to_us + 1, TICK)
-        for told in vehicle.observe(state() if what is None else what, t_us, t_us * 1e-6)
+        for told in vehicle.observe(
+            moving(state() if what is None else what, t_us), t_us, t_us * 1e-6
+        )
     ]
+
+
+def moving(row, t_us):
+    """The state, with a rotor's speed that is another at each tick, as in flight."""
+    row = row.copy()
+    row[slice_of(VehicleState, "Omega").stop - 1] += 1e-9 * t_us
+    return row
 
 
 # --- a ground station
@@ -415,6 +424,18 @@ def test_one_that_stands_turns_too_slowly_or_runs_down_is_lost(vehicle, turns):
     ((at_us, code),) = found
     assert code == Code.ROTOR_LOST
     assert 100_000 <= at_us - slow_us <= 100_000 + 2 * LOOK_US
+
+
+def test_a_state_that_stands_still_says_nothing_of_rotors(vehicle):
+    """A rotor pauses for 60 ms, and within that the state freezes for 0.2 s: it is healthy."""
+    vehicle.watch[WANTED] = 8.2e-5 * HOVER * HOVER
+    frozen = moving(without(3), 1_060_000)
+    for t_us in range(TICK, 3_000_000, TICK):
+        row = moving(without(3) if 1_000_000 <= t_us < 1_060_000 else state(), t_us)
+        if 1_060_000 <= t_us < 1_260_000:
+            row = frozen
+        assert not vehicle.observe(row, t_us, t_us * 1e-6)
+    assert vehicle.lost_rotors == ()
 
 
 def test_told_the_law_gives_it_no_work_and_flies_on(vehicle, params):

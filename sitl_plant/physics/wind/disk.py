@@ -110,7 +110,8 @@ def touches(of, airframe, origin, r_E, R_EB, radius):
         arm, c_T = hub(airframe, i)
         if c_T > 0.0:
             length = math.sqrt(arm.x * arm.x + arm.y * arm.y)
-            tip = origin + r_E + rotate(R_EB, ((length + radius) / length) * arm)
+            out = 1.0 + radius / length if length > 0.0 else 1.0
+            tip = origin + r_E + rotate(R_EB, out * arm)
             if tip.z < field.height(of, tip.x, tip.y):
                 return True
     return False

@@ -106,8 +106,10 @@ def _place(axis, per_m, at):
     """As `place`, without a search where the places stand evenly."""
     if per_m == 0.0:
         return _place_of_uneven(axis, at)
-    last = axis.shape[0] - 1
-    steps = min(max((at - axis[0]) * per_m, 0.0), float(last))
+    last, steps = axis.shape[0] - 1, (at - axis[0]) * per_m
+    if not steps > 0.0:  # nor NaN
+        return 0, 0.0
+    steps = min(steps, float(last))
     i = min(int(steps), last - 1)
     return i, steps - i
 
