@@ -7,16 +7,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from fcu.interface import input_file
 from fcu.interface.input_file import TomlError
-from gcs_tools.missions.fields import NotNegative, Positive, Table
+from gcs_tools.missions.fields import NotNegative, Positive, Table, wrong
 
 SHIPPED = Path(__file__).resolve().with_name("procedure.toml")
 MOST_BYTES = input_file.MIB // 4
 
-Range = Annotated[tuple[Positive, Positive], Field(strict=False)]
+
+def _rising(of: tuple[float, float]) -> tuple[float, float]:
+    """Check two numbers. Raises a PydanticCustomError."""
+    if of[0] > of[1]:
+        raise wrong((), f"least and greatest, got {of[0]:g} and {of[1]:g}")
+    return of
+
+
+Range = Annotated[tuple[Positive, Positive], Field(strict=False), AfterValidator(_rising)]
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Count = Annotated[int, Field(ge=1, le=1000)]
 

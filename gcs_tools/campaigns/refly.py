@@ -25,6 +25,7 @@ class Numbered:
     mission: str  # a file, that holds the mission with all that was set and drawn
     trajectory_sha256: str  # as the campaign flew it; empty: it has not, or not to its end
     ended: str
+    success: bool | None  # as the campaign counted it; None: it has not been flown there
     script: Mission | None = None  # the mission itself, if it runs a script: beside its own file
 
     def command(self) -> str:
@@ -84,5 +85,6 @@ def numbered(name: str, into: str) -> Numbered:
         str(path),
         row.get("trajectory_sha256") or "",
         row.get("ended") or "",
+        row.get("success"),
         None if variant.folder is None else replace(drawn, folder=variant.folder),
     )

@@ -64,6 +64,7 @@ class Store:
         self.outcome = np.full((len(campaign.variants), campaign.n), UNKNOWN, dtype=np.int8)
         self.metric = np.full(self.outcome.shape, math.nan)  # that flights are ranked by
         self.worst_exit, self.first_error = 0, ""
+        self.errors: dict[str, str] = {}  # the first of each law that has one
         folder.mkdir(parents=True, exist_ok=True)
         about = self._about(fingerprint)
         found = folder / JSON
@@ -186,6 +187,10 @@ class Store:
         if row.exit_code > self.worst_exit or (row.exit_code and not self.first_error):
             self.worst_exit = max(self.worst_exit, row.exit_code)
             self.first_error = f"flight {row.number}: {row.error}"
+        if row.exit_code:
+            self.errors.setdefault(
+                self._campaign.labels[row.law], f"flight {row.number}: {row.error}"
+            )
 
     def _note(self, table: Any) -> None:
         labels = {label: i for i, label in enumerate(self._campaign.labels)}
@@ -393,7 +398,9 @@ def _read(path: Path, wanted: Any) -> Any:
         data = path.read_bytes()
         if (named := _PART.fullmatch(path.name)) and named["digest"] != _digest(data):
             raise ValueError("they are damaged")
-        table = parquet.read_table(BytesIO(data), page_checksum_verification=True)
+        table = parquet.read_table(
+            BytesIO(data), page_checksum_verification=True, use_threads=False, pre_buffer=False
+        )
         if _identity(table.schema) != _identity(wanted):
             raise ValueError("they are of another campaign")
         table = table.select(wanted.names).cast(wanted).replace_schema_metadata(wanted.metadata)
@@ -405,8 +412,9 @@ def _read(path: Path, wanted: Any) -> Any:
     except (pyarrow.ArrowException, OSError, KeyError, ValueError, RecursionError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise  # of the disk; pyarrow's own, of damaged bytes, has none
+        why = "they are damaged" if isinstance(error, pyarrow.ArrowException | OSError) else error
         raise Refused(
-            f"{path}: not flights of this campaign ({error}): remove it, and they are flown again"
+            f"{path}: not flights of this campaign ({why}): remove it, and they are flown again"
         ) from error
     return table
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,8 +81,11 @@ def verdict(campaign: Campaign, found: Analysis) -> list[Shown]:
     ]  # fmt: skip
 
 
-def cases(campaign: Campaign, found: Analysis | None, error: str, seconds: float) -> list[Case]:
-    """A test case a law, for JUnit.  error : why the campaign has no verdict."""
+def cases(
+    campaign: Campaign, found: Analysis | None, error: str | Mapping[str, str], seconds: float
+) -> list[Case]:
+    """A test case a law, for JUnit.  error : why the campaign, or a law, has no verdict."""
+    errors = error if isinstance(error, Mapping) else dict.fromkeys(campaign.labels, error)
     shown = {each.law: each for each in verdict(campaign, found)} if found is not None else {}
     alone = len(campaign.labels) == 1
     return [
@@ -89,8 +93,10 @@ def cases(campaign: Campaign, found: Analysis | None, error: str, seconds: float
             "campaigns",
             campaign.name if alone else f"{campaign.name} {law}",
             seconds,
-            failure="" if error or law not in shown or shown[law].passed else str(shown[law]),
-            error=error,
+            failure=""
+            if errors.get(law) or law not in shown or shown[law].passed
+            else str(shown[law]),
+            error=errors.get(law, ""),
             text=campaign.document.title,
         )
         for law in campaign.labels
@@ -98,7 +104,11 @@ def cases(campaign: Campaign, found: Analysis | None, error: str, seconds: float
 
 
 def junit(
-    campaign: Campaign, found: Analysis | None, error: str, seconds: float, path: Path
+    campaign: Campaign,
+    found: Analysis | None,
+    error: str | Mapping[str, str],
+    seconds: float,
+    path: Path,
 ) -> None:
     """Write JUnit XML of one campaign. Arguments as for `cases`. Raises OSError."""
     text = junit_report.document("gcs campaign", cases(campaign, found, error, seconds), seconds)

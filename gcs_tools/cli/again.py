@@ -60,7 +60,11 @@ class Again:
                 )
                 click.echo(f"{named}: nothing to compare with ({why})", err=True)
             elif flown == found.trajectory_sha256:
-                click.echo(f"{named}: the same trajectory to the bit ({flown[:12]})", err=True)
+                counted = "a success" if found.success else "a failure"
+                click.echo(
+                    f"{named}: the same trajectory to the bit ({flown[:12]}), there counted as {counted}",
+                    err=True,
+                )
             elif flown:
                 click.echo(
                     f"Error: {named}: another trajectory ({flown[:12]}, there"

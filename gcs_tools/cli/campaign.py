@@ -32,6 +32,8 @@ from gcs_tools.cli.output import Failure, print_json, print_line
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
 
     from gcs_tools.campaigns.analysis import Analysis
@@ -213,7 +215,7 @@ def _flown(asked: Asked, log: Console) -> int:
 
 def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began: float) -> int:
     found, shown, content = write_results(of, kept, path, out, asked.report)
-    _junit(asked, of, found, kept.first_error if kept.worst_exit else "", began)
+    _junit(asked, of, found, kept.errors, began)
     if asked.as_json:
         print_json(content)
     else:
@@ -255,7 +257,9 @@ def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: P
     return OK
 
 
-def _junit(asked: Asked, of: Campaign, found: Analysis | None, error: str, began: float) -> None:
+def _junit(
+    asked: Asked, of: Campaign, found: Analysis | None, error: str | Mapping[str, str], began: float
+) -> None:
     if asked.junit is not None:
         from gcs_tools.campaigns.verdict import junit
 

@@ -113,7 +113,8 @@ def _worst(campaign: Campaign, laws: tuple[OfLaw, ...], out: Path) -> Iterator[s
     law = next((each for each in named if not each.worst[0].success), named[0])
     worst = law.worst[0]
     again = command(out, worst.number, law.law if len(laws) > 1 else "")
-    what = "largest error" if worst.success else f"worst failure, ended by {worst.ended}"
+    of = f" of {law.law}" if len(laws) > 1 else ""
+    what = f"largest error{of}" if worst.success else f"worst failure{of}, ended by {worst.ended}"
     allowed = "" if campaign.variants[0].mission.flight.script is None else " --allow-commands"
     yield f"Fly again ({what}): {again}{allowed}"
 

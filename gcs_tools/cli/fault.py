@@ -28,7 +28,7 @@ GIVEN = [name for name, spec in SPECS.items() if spec.kind not in {*LINK, Kind.G
 @click.option("--much", type=float, help="How much, in the unit that the list names.")
 @click.option(
     "--for", "for_s", type=click.FloatRange(0.0), default=0.0,
-    help="Simulation time in seconds; default: until gcs fault clear.",
+    help="Simulation time in seconds; 0, the default: until gcs fault clear.",
 )  # fmt: skip
 @click.option("--enable", is_flag=True, help="Set SYS_FAILURE_EN to 1 first.")
 @arguments.UP_TIMEOUT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import tempfile
 import time
@@ -99,7 +100,11 @@ def compare_laws(asked: Asked) -> int:
     except RunningError as error:
         raise Failure(error, INFRASTRUCTURE) from error
     except OSError as error:
-        raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
+        where = f"{error.filename}: {error.strerror}"
+        if error.errno not in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
+            raise Failure(where, USAGE) from error
+        kept = "" if asked.out is None else "; flights are kept: the same command goes on"
+        raise Failure(where + kept, INFRASTRUCTURE) from error
     if asked.as_json:
         print_json(results.content(found))
     else:
@@ -218,12 +223,11 @@ def _flown(parts: list[Part], asked: Asked, log: Console) -> tuple[list[Row], li
                 path = kept.finish(ending.n or part.campaign.n)
                 before += kept.flown
                 rows += comparing.rows(part, analysis.read(path))
-                error = kept.first_error if kept.worst_exit else ""
                 found = None
                 if asked.out is not None:
                     found, _, _ = write_results(part.campaign, kept, path, out, page=False)
                 seconds = time.monotonic() - began
-                told_of += cases(part.campaign, found, error, seconds)
+                told_of += cases(part.campaign, found, kept.errors, seconds)
     return rows, told_of
 
 
@@ -257,7 +261,10 @@ def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str
             entrants.append(made)
     named = [(each.label, each.airframe) for each in entrants]
     if several := [name for name in named if named.count(name) > 1]:
-        raise EntrantError(f"two laws are called {several[0][0]}, or two airframes {several[0][1]}")
+        label, airframe = several[0]
+        one_name = len(set(asked.airframes)) > len({each.airframe for each in entrants})
+        what = f"airframes are called {airframe}" if one_name else f"laws are called {label}"
+        raise EntrantError(f"two {what}: give one of the files another name")
     return entrants, used
 
 
@@ -269,12 +276,13 @@ def _print(found: Comparison, console: Console) -> None:
 
     airframes = dict.fromkeys(each.airframe for each in found.entrants)
     n = len(found.seeds)
-    console.print(
-        Text(f"{len(found.rows)} flights: {n} seed{'s' if n > 1 else ''} of each mission", style="dim")
-    )  # fmt: skip
+    flights = f"{len(found.rows)} flight{'s' if len(found.rows) > 1 else ''}"
+    seeds = f"{n} seeds" if n > 1 else "one seed, so no intervals"
+    console.print(Text(f"{flights}: {seeds} of each mission", style="dim"))
+    means = "error, mm RMS after the transient" + ("; ± half of the 95 % interval" if n > 1 else "")
     for airframe in airframes:
         console.print()
-        console.print(Text(airframe, style="bold"), Text("error, mm RMS after the transient; ± half of the 95 % interval", style="dim"))  # fmt: skip
+        console.print(Text(airframe, style="bold"), Text(means, style="dim"))
         console.print(_errors(found, airframe))
         console.print()
         console.print(_overall(found, airframe))
@@ -407,8 +415,11 @@ def _interval(interval: Interval, factor: float, form: str) -> str:
 
 def _share(interval: Interval) -> str:
     """A share is far from the middle of its interval."""
-    value, low, high = (100.0 * number for number in interval)
-    return f"{value:.2g} ({low:.2g}-{high:.2g})"
+    value, low, high = (
+        f"{100.0 * number:.2g}" if number < 0.095 else f"{100.0 * number:.0f}"
+        for number in interval
+    )
+    return f"{value} ({low}-{high})"
 
 
 def _draw(found: Comparison, path: Path) -> None:

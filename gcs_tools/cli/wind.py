@@ -30,6 +30,7 @@ START_S = "wind.field.start_s"
 SCALE = "wind.field.scale"
 PLACE = "wind.field.origin_m"
 AFTER = "wind.field.after"
+FILE = "wind.field.file"
 
 
 MOST_PLACES = 20_000  # of a flight that are looked at
@@ -75,8 +76,8 @@ def _opened(file: Path) -> tuple[Field, dict[str, Any]]:
         raise Failure(error, USAGE) from error
 
 
-def _way(run: Path, origin: tuple[float, float, float] | None) -> Way:
-    """The places of a flight in the field. Raises Failure, BadParameter."""
+def _way(run: Path, origin: tuple[float, float, float] | None, file: Path) -> Way:
+    """The places of a flight in the field of a file. Raises Failure, BadParameter."""
     import numpy as np
 
     _check_origin(origin)
@@ -91,10 +92,12 @@ def _way(run: Path, origin: tuple[float, float, float] | None) -> Way:
         key: value["value"] if isinstance(value, dict) else value
         for key, value in json.loads(found.metadata.get(VALUES, "{}")).items()
     }
-    place = origin or told.get(PLACE)
+    flew_in = Path(str(told.get(FILE) or "")).stem
+    place = origin or (told.get(PLACE) if flew_in == file.resolve().stem else None)
     if place is None:
+        where = f"another field ({flew_in})" if flew_in else "no field"
         raise click.BadParameter(
-            f"{run}: its mission flew in no field: say where its origin lies in this one (--origin X Y Z)",
+            f"{run}: its mission flew in {where}: say where its origin lies in this one (--origin X Y Z)",
             param_hint="'--along'",
         )
     if len(found.plant) < 2:
@@ -115,7 +118,7 @@ def _check_origin(origin: tuple[float, float, float] | None) -> None:
 
 
 def _placed(
-    along: Path | None, origin: tuple[float, float, float] | None, field: Field
+    along: Path | None, origin: tuple[float, float, float] | None, field: Field, file: Path
 ) -> Way | None:
     """The flight in the field, of which a part at least is in it. Raises Failure, UsageError."""
     from gcs_tools.wind_fields.sample import is_known
@@ -124,7 +127,7 @@ def _placed(
         if origin is not None:
             raise click.UsageError("--origin says where a flight lies: name it (--along RUN)")
         return None
-    way = _way(along, origin)
+    way = _way(along, origin, file)
     if not is_known(field, way.r).any():
         raise Failure(
             f"{along}: no part of the flight is in the field: where does it begin? (--origin X Y Z)",
@@ -153,7 +156,7 @@ def check(
 
     field, about = _opened(file)
     rows = summary(field, about)
-    way = _placed(along, origin, field)
+    way = _placed(along, origin, field, file)
     if way is not None:
         found = met(field, way.t, way.r, way.scale, way.repeats)
         rows["along"] = found.numbers() if as_json else found.lines()
@@ -204,7 +207,7 @@ def show(
         raise click.BadParameter(
             f"{at_s:g} s: the field lasts from 0 to {field.t[-1]:g} s", param_hint="'--at'"
         )
-    way = _placed(along, origin, field)
+    way = _placed(along, origin, field, file)
     path = np.zeros((0, 3)) if way is None else way.r
     low, high = float(field.bounds[4]), float(field.bounds[5])
     if height is not None and not low <= height <= high:

@@ -26,6 +26,8 @@ class FlightInField(NamedTuple):
     unresolved_m_s: float  # their speed
     unresolved_m_s2: float  # their change as the vehicle meets it
     outside: float  # share of the flight that is outside the field, or in its buildings
+    after_s: float  # time of the flight after the last time of the field, which holds on
+    jump_m_s: float  # of the wind where the field begins anew, in no rate
 
     @property
     def guard_wind_m_s(self) -> float:
@@ -40,13 +42,16 @@ class FlightInField(NamedTuple):
     def lines(self) -> list[str]:
         """For people."""
         part = "a part" if self.outside < 0.01 else f"{self.outside:.0%}"
+        known = "the part of the flight in the field" if self.outside else "this flight"
         return [
             *([f"{part} of it is outside the field or in a building, where nothing is known"] if self.outside else []),
+            *([f"{self.after_s:.3g} s of it are after the field's last time, which holds there"] if self.after_s else []),
+            *([f"the wind jumps by {self.jump_m_s:.3g} m/s where the field begins anew: no rate covers it"] if self.jump_m_s else []),
             f"the wind reaches {self.wind_m_s:.3g} m/s and changes by up to {self.rate_m_s2:.3g} m/s^2",
             f"in {self.lasts_s:.3g} s at up to {self.fastest_m_s:.3g} m/s over ground",
-            f"eddies below {self.eddy_m:.3g} m are not in the field: by Kolmogorov's law of 2/3 they add",
+            f"eddies below {self.eddy_m:.3g} m are not in the field: they add, by a law of 2/3,",
             f"{self.unresolved_m_s:.3g} m/s, and {self.unresolved_m_s2:.3g} m/s^2 down to {SMALLEST_M:g} m",
-            f"guard_wind_m_s {self.guard_wind_m_s:.3g} and guard_wind_rate_m_s2 {self.guard_wind_rate_m_s2:.3g} cover this flight",
+            f"guard_wind_m_s {self.guard_wind_m_s:.3g} and guard_wind_rate_m_s2 {self.guard_wind_rate_m_s2:.3g} cover {known}",
         ]  # fmt: skip
 
     def numbers(self) -> dict[str, float]:
@@ -85,7 +90,12 @@ def along(
     known = is_known(field, r)
     v_air = met(r)
     v = np.diff(r, axis=0) / np.diff(t)[:, None]
-    rate = np.linalg.norm(np.diff(v_air, axis=0), axis=1) / np.diff(t)
+    change = np.linalg.norm(np.diff(v_air, axis=0), axis=1)
+    ends, lasts = float(field.t[-1]), float(field.t[-1] - field.t[0])
+    again = np.zeros(len(change), dtype=bool)
+    if repeats and lasts > 0.0:
+        again = np.diff(np.where(t > ends, np.floor((t - field.t[0]) / lasts), 0.0)) > 0.0
+    rate = np.where(again, 0.0, change / np.diff(t))
     past = np.linalg.norm(v_air[1:] - v, axis=1).max()  # air that passes the vehicle
     coarsest, speed, gradient = 0.0, 0.0, 0.0
     for i, axis in enumerate((field.u.x, field.v.y, field.w.z)):
@@ -96,9 +106,9 @@ def along(
         left_out = eddy > SMALLEST_M
         for sign in (-1.0, 1.0):
             aside = r + sign * eddy[:, None] * np.eye(3)[i]
-            change = left_out * np.linalg.norm(met(aside) - v_air, axis=1)
-            speed = max(speed, float(change.max()))
-            smallest = change / eddy * (eddy / SMALLEST_M) ** (2.0 / 3.0)
+            differs = left_out * np.linalg.norm(met(aside) - v_air, axis=1)
+            speed = max(speed, float(differs.max()))
+            smallest = differs / eddy * (eddy / SMALLEST_M) ** (2.0 / 3.0)
             gradient = max(gradient, float(smallest.max()))
     return FlightInField(
         lasts_s=float(t[-1] - t[0]),
@@ -108,5 +118,7 @@ def along(
         eddy_m=coarsest,
         unresolved_m_s=speed,
         outside=float(np.mean(~known)),
+        after_s=0.0 if repeats or lasts == 0.0 else max(float(t[-1]) - ends, 0.0),
+        jump_m_s=float(change[again].max(initial=0.0)),
         unresolved_m_s2=gradient * past,
     )

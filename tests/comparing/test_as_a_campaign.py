@@ -88,6 +88,7 @@ def test_what_a_mission_says_of_its_vehicle_is_not_drawn(tmp_path, hover):
         ("[seeds]", '[draw]\n"plant.mass_kg" = { uniform = [7.0, 8.0] }\n[seeds]', "seeds: expected neither"),
         ('"law.f_m" = 0.8', '"plant.mass_kg" = 8.0', "laws: expected keys of [law] alone"),
         ("far_m = 5.0", "far_m = 0.0", "seeds.far_m"),
+        ("[0.75, 1.25]", "[1.25, 0.75]", "least and greatest, got 1.25 and 0.75"),
         ("far_m = 5.0\n", "", "seeds.far_m"),
         ("far_m = 5.0", "far_m = 5.0\nfar = 5.0", "seeds.far"),
     ],

@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from subprocess import PIPE, Popen
 
@@ -202,11 +203,14 @@ def test_a_law_that_raises_loses_that_flight_alone(tmp_path, cascade, hover):
     low = tmp_path / "low.toml"
     low.write_text(hover.read_text().replace("0.2]", "0.0]").replace("A hover", "Low"))
     done = gcs(
-        "compare", tmp_path / "raises.py", "--missions", f"{low},{hover}", "--seeds", "0..0",
-        "--json",
+        "compare", "px4", tmp_path / "raises.py", "--missions", f"{low},{hover}", "--seeds", "0..0",
+        "--json", "--junit", tmp_path / "j.xml",
     )  # fmt: skip
     assert done.exit_code == 2
-    found = {each["mission"]: each for each in json.loads(done.stdout)["flights"]}
+    blamed = {c.get("name") for c in ET.parse(tmp_path / "j.xml").iter("testcase") if len(c)}
+    assert blamed == {"s1000-hover raises"}  # px4 has done nothing
+    flights = json.loads(done.stdout)["flights"]
+    found = {each["mission"]: each for each in flights if each["law"] == "raises"}
     assert found["low"]["why_lost"] == ""
     assert found["hover"]["why_lost"].startswith("raised: ")
     last = done.stderr.splitlines()[-1]

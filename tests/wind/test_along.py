@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -84,14 +85,14 @@ def test_a_coarse_axis_hides_no_eddies_of_a_fine_one():
     assert found.unresolved_m_s2 >= np.abs(over).max() / 40.0 * 40.0 ** (2 / 3) * 5.0
 
 
-def test_a_field_that_begins_anew_is_met_so_and_its_jump_counts():
+def test_a_field_that_begins_anew_is_met_so_and_its_jump_is_told():
     t = np.linspace(0.0, 5.0, 501)
     r = np.tile([20.0, 30.0, 10.0], (501, 1))
     held, again = along(sheared(3), t, r), along(sheared(3), t, r, repeats=True)
     assert held.rate_m_s2 == pytest.approx(2.0)
-    assert again.rate_m_s2 == pytest.approx(
-        4.0 / 0.01, rel=0.02
-    )  # from 4 m/s more to none in a step
+    assert again.rate_m_s2 == pytest.approx(2.0)
+    assert again.jump_m_s == pytest.approx(4.0, abs=0.1)  # from 4 m/s more to none in a step
+    assert (held.after_s, held.jump_m_s, again.after_s) == (3.0, 0.0, 0.0)
     for at in (1.5, 2.0, 2.5, 4.7):
         k, f = kernels.time_in(sheared(3).t, at, True)
         np.testing.assert_allclose(
@@ -99,6 +100,24 @@ def test_a_field_that_begins_anew_is_met_so_and_its_jump_counts():
             kernels.velocity(sheared(3), Vec3(*r[0]), k, f),
             atol=1e-12,
         )
+
+
+def test_a_flight_in_another_field_is_asked_where_it_lies(tmp_path, monkeypatch):
+    from gcs_tools.cli import wind as command
+    from gcs_tools.recording import reader
+
+    told = {"wind.field.file": "two.field", "wind.field.origin_m": [1.0, 2.0, 3.0]}
+    rows = {"state.r_E": np.zeros((3, 3)), "t": np.arange(3.0)}
+
+    class Found:
+        metadata = {reader.VALUES: json.dumps(told)}  # noqa: RUF012
+        plant = type("Rows", (dict,), {"__len__": lambda _: 3})(rows)
+        complete = True
+
+    monkeypatch.setattr(reader, "read", lambda _: Found)
+    assert command._way(tmp_path, None, tmp_path / "two.field").r[0].tolist() == [1.0, 2.0, 3.0]
+    with pytest.raises(click.BadParameter, match=r"flew in another field \(two\)"):
+        command._way(tmp_path, None, tmp_path / "street.field")
 
 
 def test_the_stated_rate_covers_the_gradient_of_every_place():
