@@ -87,7 +87,6 @@ def test_what_the_page_says_of_every_airframe_is_so(airframe, mission, tmp_path)
 @pytest.mark.parametrize(("mission", "airframe", "item", "off_m"), [
     ("urban_step", "hexa", "reference_error_rms_settled_m", 0.0156),
     ("square_and_land", "quad", "item 3 (follow): setpoint_error_max_m", 0.54),
-    ("square_and_land", "hexa", "item 3 (follow): setpoint_error_max_m", 0.55),
 ])  # fmt: skip
 def test_what_a_mission_of_the_s1000_misses_with_others_is_what_the_page_says(
     mission, airframe, item, off_m, tmp_path
