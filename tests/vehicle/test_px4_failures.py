@@ -119,6 +119,16 @@ class Session(MemoryFlight):
         off = max(min(to_line(r, *way) for way in ways) for r in flown)
         return off, max(abs(r.z - ALTITUDE) for r in flown)
 
+    def keeps_the_square_and_returns(self, name, before=0.0):
+        """PX4's limits of both. `before`: distance from the altitude that counts as the square's, m."""
+        off, height = self.fly_square()
+        assert off < 5.0
+        assert max(before, height) < 4.0
+        self.script.return_home()
+        took = self.disarmed_s(WITHIN_S)
+        assert self.off_home() < 5.0
+        print_row(name, off_track_m=off, off_height_m=max(before, height), disarmed_s=took, off_home_m=self.off_home())  # fmt: skip
+
     def off_home(self):
         return math.hypot(self.now.r_E.x, self.now.r_E.y)
 
@@ -161,13 +171,7 @@ def test_remove_one_motor(airframe):
         flight.up()
         flight.fail(Type.OFF, 1)
         flight.wait(1.0)
-        off, height = flight.fly_square()
-        assert off < 5.0
-        assert height < 4.0
-        flight.script.return_home()
-        took = flight.disarmed_s(WITHIN_S)
-        assert flight.off_home() < 5.0
-        print_row(f"Remove one motor, {airframe}", off_track_m=off, off_height_m=height, disarmed_s=took, off_home_m=flight.off_home())  # fmt: skip
+        flight.keeps_the_square_and_returns(f"Remove one motor, {airframe}")
 
     Session(lead, airframe, **FAILS).fly()
 
@@ -210,13 +214,8 @@ def test_remove_and_restore_every_motor_once(airframe, motors):
                 flight.fail(type_, motor)
                 flight.wait(1.0)
         before = max(abs(r.z - ALTITUDE) for r in flight.track[-20 * motors :])
-        off, height = flight.fly_square()
-        assert max(before, height) < 4.0
-        assert off < 5.0
-        flight.script.return_home()
-        took = flight.disarmed_s(WITHIN_S)
-        assert flight.off_home() < 5.0
-        print_row(f"Remove and restore every motor once, {airframe}", off_track_m=off, off_height_m=max(before, height), disarmed_s=took, off_home_m=flight.off_home())  # fmt: skip
+        name = f"Remove and restore every motor once, {airframe}"
+        flight.keeps_the_square_and_returns(name, before)
 
     Session(lead, airframe, **FAILS).fly()
 
