@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -128,6 +128,12 @@ def fault(table: Mapping[str, Any]) -> Fault:
         until_us=NEVER_US if for_s is None else since_us + float(round(1e6 * for_s)),
         size=_size(table),
     )
+
+
+def hears(faults: Iterable[Fault], time_us: float) -> bool:
+    """Return true if none of the faults keeps the vehicle from hearing its mission's setpoints at a time."""
+    lost = (each for each in faults if each.kind == Kind.GROUND_LOST)
+    return not any(each.since_us <= time_us < each.until_us for each in lost)
 
 
 def _size(table: Mapping[str, Any]) -> Size:

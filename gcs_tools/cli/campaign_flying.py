@@ -86,7 +86,7 @@ def first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
             continue
         whole = asked_for.document.fly == VEHICLE
         try:  # faults that a law alone cannot fly are flown by a whole vehicle
-            law_alone.warm_up(replace(scene, faults=()) if whole else scene)
+            law_alone.warm_up(replace(scene, faults=(), parameters={}) if whole else scene)
         except LawError as error:
             raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
         lanes = in_lanes and not whole

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcu.guard.gains import FLY, unstable
 from fcu.interface.airframe import AirframeFile
-from fcu.interface.faults import LINK, OF_AUTOPILOT, SPECS, Fault, Kind, fault
+from fcu.interface.faults import LINK, OF_AUTOPILOT, SPECS, Fault, Kind, fault, hears
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.parameter import flat
 from fcu.interface.status_texts import words
@@ -76,7 +76,6 @@ class Scenario:
     parameters: Mapping[str, float] = field(
         default_factory=dict
     )  # the vehicle's, by MAVLink's names
-    unheard: tuple[tuple[float, float], ...] = ()  # us: from when until when no setpoint is heard
     flies_unstable: bool = False  # gains that the rule of stability refuses are flown, for a study
 
     @property
@@ -89,8 +88,7 @@ class Scenario:
 
     def hears(self, tick: int) -> bool:
         """Return true if the vehicle hears the setpoint that is sent at a tick."""
-        t_us = tick * self.period_us
-        return not any(since_us <= t_us < until_us for since_us, until_us in self.unheard)
+        return hears(self.faults, tick * self.period_us)
 
     @property
     def kinds(self) -> Kinds:
@@ -179,6 +177,7 @@ def scenario(mission: Mission) -> Scenario:
         arena_m=flight.arena_m,
         airframe=mission.airframe,
     )
+    _refuse_lost_ground(mission)
     vehicle = mission.airframe
     made = Scenario(
         flown=mission.flown,
@@ -201,7 +200,6 @@ def scenario(mission: Mission) -> Scenario:
         legs=legs(flight),
         controller=mission.controller,
         parameters=mission.parameters,
-        unheard=_unheard(mission),
         **_of_a_script(mission),
         flies_unstable=getattr(mission.law, "unstable_gains", None) == FLY,
     )
@@ -223,17 +221,14 @@ def refuse_faults_of_autopilot(mission: Mission) -> None:
     _refuse_faults(mission, OF_AUTOPILOT, why)
 
 
-def _unheard(mission: Mission) -> tuple[tuple[float, float], ...]:
-    """The times in which a mission's ground link is lost. Raises MissionError if nobody could lose it."""
+def _refuse_lost_ground(mission: Mission) -> None:
+    """Raise MissionError for a lost ground link of a mission whose setpoints another program sends."""
     table = mission.flight
-    lost = [each for each in mission.plant.faults if SPECS[each.kind].kind is Kind.GROUND_LOST]
-    if lost and (table.items or table.script is not None or mission.controller):
+    if table.items or table.script is not None or mission.controller:
         _refuse_faults(
             mission, {Kind.GROUND_LOST}, "needs a mission of setpoints: of items, a script or another"
             " controller take MAV_CMD_INJECT_FAILURE, mavlink_signal off",
         )  # fmt: skip
-    times = [fault(each.model_dump()) for each in lost]
-    return tuple((each.since_us, each.until_us) for each in times)
 
 
 def _refuse_faults(mission: Mission, kinds: Container[Kind], why: str) -> None:

@@ -24,6 +24,7 @@ import numpy as np
 
 from fcu.interface import input_file
 from fcu.interface.event_log import Event
+from fcu.interface.faults import fault, hears
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
@@ -168,6 +169,12 @@ class Judged(NamedTuple):
         )
         told_of = vehicle_told(said, sim_time)
         if whole:
+            faults = [fault(each.model_dump()) for each in mission.plant.faults]
+            period_us = round(1e6 / rate_hz)
+
+            def heard(tick: int) -> bool:
+                return hears(faults, tick * period_us)
+
             stood = (
                 accepted(mission.flight, *told)
                 if scripted
@@ -175,7 +182,7 @@ class Judged(NamedTuple):
             )
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
-                () if scripted else changed(wanted, told[1]), good_endings(mission.flight), flight.law_has,
+                () if scripted else changed(wanted, told[1], heard), good_endings(mission.flight), flight.law_has,
             )  # fmt: skip
             judged += judge_vehicle(mission.expectations(), told_of)
             judged += judge_faults(mission.plant.faults, sim_time)

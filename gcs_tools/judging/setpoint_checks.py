@@ -7,6 +7,7 @@ setpoint that it limits or refuses is another one there than the mission's.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain, pairwise
 
@@ -176,16 +177,19 @@ def _away(plant: Table, row: int, place: Vec3) -> float:
     return away if math.isfinite(away) else math.inf
 
 
-def changed(asked: Asked, fcu: Table) -> list[Changed]:
+def changed(
+    asked: Asked, fcu: Table, hears: Callable[[int], bool] = lambda tick: True
+) -> list[Changed]:
     """Setpoints that were flown as others; of those for one place, and of a curve, the first.
 
     fcu : what the controller told, of a law that was flying or not.
+    hears : whether the vehicle hears a setpoint that is sent at a tick.
     """
     flying, rate_hz = fcu.take(is_up(fcu, "engaged")), asked.flight.rate_hz
     ticks = np.empty(len(flying), np.int64)
     for block in blocks(len(flying)):
         ticks[block] = np.rint(flying.take(block)["t"] * rate_hz)
-    sent = asked.sent()
+    sent = [each for each in asked.sent() if hears(each.tick)]
     sent_at = np.fromiter((each.tick for each in sent), np.int64, len(sent))
     at = np.searchsorted(ticks, sent_at)
     there = at < len(ticks)

@@ -345,6 +345,8 @@ def test_a_law_that_raises_is_exit_code_2_before_anything_is_flown(tmp_path):
 def test_a_whole_vehicle_flies_faults_that_a_law_alone_does_not(tmp_path):
     words = "campaign", "state_outage", "--flights", "12"
     assert gcs(*words, "--out", tmp_path / "vehicle").exit_code == 0
+    words = "campaign", "ground_outage", "--flights", "4"
+    assert gcs(*words, "--out", tmp_path / "with parameters").exit_code == 0
     text = (ROOT / "missions" / "campaigns" / "state_outage.toml").read_text()
     (tmp_path / "alone.toml").write_text(text.replace("flights = 300", 'flights = 2\nfly = "law"'))
     found = gcs("campaign", tmp_path / "alone.toml", "--out", tmp_path / "alone")

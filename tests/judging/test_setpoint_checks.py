@@ -144,6 +144,13 @@ def test_a_setpoint_that_is_flown_as_another_one_is_told_once(column, value, sai
     assert [each.at_s for each in changed(swinging, fcu)] == [10.0]  # of those sent since
 
 
+def test_a_setpoint_that_the_vehicle_does_not_hear_is_not_changed() -> None:
+    _, fcu = rows(20.0)
+    told = flight([0.0, 0, 0, 0], [10.0, 5, 0, 0], [15.0, 0, 0, 0])
+    assert [each.at_s for each in changed(told, fcu)] == [10.0]
+    assert changed(told, fcu, lambda tick: tick != round(10.0 * told.flight.rate_hz)) == []
+
+
 def test_what_the_wire_rounds_is_as_asked_for() -> None:
     _, fcu = rows(20.0)
     place = 12345.678
