@@ -8,8 +8,8 @@ phases of the wind and noise on the state, and takes the rotors in turn. Without
 allocation gives the rotor its share as before. Told, the vehicle finds the loss by the rotor's speed. By order
 it hears of it from MAV_CMD_INJECT_FAILURE, which it passes on.
 
-A flight flies on if it ends in the air within NEAR of its setpoint, upright, and not landing. It lands if it
-ends on the ground without a crash. All else is lost.
+A flight flies on if it ends in the air within NEAR of its setpoint, upright, and not landing. It is away if it
+ends like that farther from its setpoint. It lands if it ends on the ground without a crash. All else is lost.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ ROTORS = {"s1000": 8, "hexa": 6, "x8": 8}
 SCENES = ("hover", "wind", "step")
 LAWS = ("mmrac", "px4", "se3", "indi", "l1")
 TELLS = ("untold", "found", "order")
+ENDS = ("flies on", "away", "lands", "lost")
 FAULTS: dict[str, dict[str, Any]] = {
     "off": {"kind": "motor_off"},
     "weak 0.75": {"kind": "motor_weak", "effectiveness": 0.75},
@@ -74,7 +75,7 @@ class Outcome(NamedTuple):
 
     rotor: int
     at_s: float
-    end: str  # "flies on", "lands" or "lost"
+    end: str  # of ENDS
     away_m: float  # farthest from the setpoint after the loss, until it landed or the flight ended
     told_s: float  # from the loss until it was told; NaN: it was not
 
@@ -165,8 +166,10 @@ def _end(plant: Rows, to_x: float, landing: bool) -> str:
         return "lost"
     if last[_ON_GROUND] > 0.5:
         return "lands" if landing else "lost"
+    if landing:
+        return "lost"  # it has had more than enough time
     away = float(np.linalg.norm(last[_R] - np.array([to_x, 0.0, HIGH_M])))
-    return "flies on" if away < NEAR and not landing else "lost"
+    return "flies on" if away < NEAR else "away"
 
 
 def _farthest(plant: Rows, at_tick: int, to_x: float) -> float:
