@@ -38,7 +38,8 @@ from tests.process.script import Script
 SIGNALS = ("KILL", "STOP", "PAUSE", "TERM", "INT", "HUP")
 OURS = ("runner", "fcu", "sitl_plant", "publisher")
 PROGRAMS, VICTIMS = ("fly", "up"), (*OURS, "script", "station")
-PHASES = ("start-up", "arming", "flight", "plan", "landing", "closing")
+PHASES = ("start-up", "handshake", "armed", "flight", "plan", "landing", "closing")
+STARTS = PHASES[:2]
 PAUSED_S = 3.0  # wall: shorter than anybody's patience with a process that is silent
 SUSPENDED_S = 6.5  # wall: longer than anybody's patience with a process that is silent
 WITHIN_S = 30.0  # wall, from the signal to the end
@@ -70,8 +71,8 @@ ended = "landed"
 HOP = Path(__file__).parents[1] / "scripts" / "hop.py"
 HOVERED_S = {"landing": "0", "closing": "0"}  # wall, by the script; long enough for any other phase
 ENOUGH_S = "12"
-SAID = {"arming": "armed", "flight": "up", "landing": "up", "closing": "landed"}  # by the script
-LANDING_TOLD = words(Told(Code.SETPOINT_INTO_GROUND))
+SAID = {"armed": "armed", "flight": "up", "landing": "up", "closing": "landed"}  # by the script
+LANDING_TOLD, ARMED_TOLD = (words(Told(code)) for code in (Code.SETPOINT_INTO_GROUND, Code.ARMED))
 ROOT = Path(__file__).parents[2]
 HALF_A_MEGABYTE = 1 << 19
 
@@ -110,12 +111,12 @@ class GroundScript(Script):
 
     def reach(self, phase: str) -> None:
         """Bring a vehicle that is up to a phase, from the ground."""
-        if phase in ("start-up", "closing"):
+        if phase == "closing":
             return
         standby = mavlink.MAV_STATE_STANDBY
         self.first("HEARTBEAT", lambda m: m.system_status == standby)
         self._ask(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-        if phase == "arming":
+        if phase == "armed":
             return
         start = self.first("LOCAL_POSITION_NED").z
         self._ask(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, *[float("nan")] * 3, 2.0)
@@ -165,6 +166,9 @@ def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
         until(begun, "a process")
         return
     if trial.program == "up":
+        if trial.phase == "handshake":
+            program.started()
+            return
         program.says("ready: ")
         script = GroundScript(instance)
         try:
@@ -184,8 +188,10 @@ def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
     def recorded() -> bool:
         return file.exists() and file.stat().st_size > HALF_A_MEGABYTE
 
-    if trial.phase == "arming":
+    if trial.phase == "handshake":
         until(lambda: said("waiting for the plant"), "a flight controller that is ready")
+    elif trial.phase == "armed":
+        until(lambda: said(ARMED_TOLD), "an armed vehicle")
     else:
         until(recorded, "a recording")
         if trial.phase == "landing":
@@ -297,7 +303,7 @@ def _goes_on(trial: Trial, program: Program, folder: Path) -> None:
     """See that the flight does: it is longer than it was, or still being started, or has ended."""
     file = folder / "run" / "flight.mcap"
     if trial.program == "up":
-        program.says("ready: ") if trial.phase == "start-up" else _wait(program, 0.5)
+        program.says("ready: ") if trial.phase in STARTS else _wait(program, 0.5)
         return
     size = file.stat().st_size if file.exists() else 0
     grown = size + HALF_A_MEGABYTE
@@ -329,12 +335,12 @@ def expected(trial: Trial) -> set[int]:
     if trial.victim == "runner":
         if trial.name == "KILL":
             return {-signal.SIGKILL}
-        if trial.name == "PAUSE" and trial.phase != "start-up":
+        if trial.name == "PAUSE" and trial.phase not in STARTS:
             return {stopped}
         if trial.number == signal.SIGSTOP:  # they may take it for dead, and say so
             return {stopped, 3, *({0} if trial.program == "up" else ())}
         # of a start that is over at once it is told after it
-        return {stopped, 130} if trial.phase == "start-up" else {stopped}
+        return {stopped, 130} if trial.phase in STARTS else {stopped}
     if trial.phase == "closing":
         return {stopped}
     if trial.victim in ("publisher", "station"):
@@ -383,10 +389,12 @@ def trials(
 
 
 def _is_one(trial: Trial) -> bool:
-    """True if there is such a trial: plans and scripts are of missions, and a script flies no plan."""
+    """Return true if there is such a trial: plans and scripts are of missions, and a script flies no plan."""
     if trial.phase == "plan" and (trial.program == "up" or trial.victim == "script"):
         return False
-    return trial.victim != "script" or trial.program == "fly"
+    if trial.victim == "script":  # it is started when both are ready
+        return trial.program == "fly" and trial.phase != "handshake"
+    return True
 
 
 def _choice(names: Sequence[str], what: str) -> click.Option:

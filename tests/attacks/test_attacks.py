@@ -89,7 +89,7 @@ def test_the_same_seed_gives_the_same():
 @pytest.mark.parametrize(
     ("program", "victim", "name", "phase"),
     [
-        ("fly", "publisher", "STOP", "flight"), ("fly", "fcu", "STOP", "arming"),
+        ("fly", "publisher", "STOP", "flight"), ("fly", "fcu", "STOP", "handshake"),
         ("fly", "sitl_plant", "INT", "closing"), ("up", "runner", "KILL", "landing"),
         ("fly", "fcu", "PAUSE", "plan"), ("fly", "script", "KILL", "flight"),
         ("fly", "station", "KILL", "plan"),
