@@ -20,6 +20,7 @@ SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says
 LEAD = 0.3  # rad: so far the commanded yaw runs ahead of the vehicle at most
 PART_LED = 0.1  # of the jerk, for what is fed forward; half of it is there for what closes a way
 BRAKING = 0.6  # of the deceleration there is: the model lags behind the speed it is to have
+PART_BRAKED = 0.4  # of what a jerk takes back: the braking is led with half of it, and not fed forward
 
 
 @kernel
@@ -54,10 +55,10 @@ def speeds(known):
 def taken_back(brake, c, j):
     """Of a deceleration (m/s^2), as much as a jerk j (m/s^3) takes back where the speed fades with c (1/s).
 
-    There the deceleration changes with c times itself. More of it overshoots the setpoint, and may swing about it
-    without end.
+    There the deceleration changes with c times itself. More than PART_BRAKED of j/c passes the setpoint, and more
+    than j/c may swing about it without end.
     """
-    return minimum(brake, j / c)
+    return minimum(brake, PART_BRAKED * j / c)
 
 
 @kernel

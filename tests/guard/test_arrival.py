@@ -75,23 +75,18 @@ def test_without_a_guard_nothing_is_stated():
     assert arrives_s(prepared("urban_step", ['law.guard="warn"'])[1]) is None
 
 
-FAST = {
-    "f_m": 3.0,
-    "zeta_m": 0.6,
-    "gamma": 1795.0,
-    "guard_wind_m_s": 0.2,
-    "c_angle": 13.0,
-    "c_rate": 24.4,
-}
+FAST = {"gamma": 1795.0, "guard_wind_m_s": 0.2, "c_angle": 13.0, "c_rate": 24.4}
 
 
 @pytest.mark.parametrize("way", [(0.0, 0.0, -48.9), (20.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
-def test_a_reference_brakes_no_harder_than_its_jerk_takes_back(settings_of, way):
-    """Braking with 1.44 m/s^2, which (34) takes back with 3.6 m/s^3 where there are 2.4, it came 0.9 m too far."""
-    law, params = settings_of(guard="govern", **FAST)
+@pytest.mark.parametrize(("f_m", "zeta_m"), [(3.0, 0.6), (3.0, 1.0), (2.0, 0.6), (2.0, 1.0)])
+def test_a_reference_stops_at_the_setpoint_and_in_time(settings_of, f_m, zeta_m, way):
+    """Braking with all that (34) takes back, or more, passed it by 0.35 to 1.49 m."""
+    law, params = settings_of(guard="govern", f_m=f_m, zeta_m=zeta_m, **FAST)
     _, brake = governor.speeds(margin.known(params, law))
+    j = wrench.jerk(params, law, np.inf)
     c = law.f_m / (2.0 * law.zeta_m)
-    assert c * brake > 1.4 * wrench.jerk(params, law, np.inf)
+    assert c * brake > governor.PART_BRAKED * j  # the jerk is what bounds the braking
     to, still, reference = np.array(way), Vec3(0.0, 0.0, 0.0), np.zeros(9)
     setpoint = to_buffer(Setpoint(Vec3(*way), still, still, 0.0, 0.0))
     off, each_s = [], 0.1
@@ -104,4 +99,4 @@ def test_a_reference_brakes_no_harder_than_its_jerk_takes_back(settings_of, way)
     outside = np.flatnonzero(np.linalg.norm(off, axis=1) >= arrival.ARRIVED_M)
     stated = arrival.at_most_s(params, law, far, 0.0, 0.0, 0.0, max(-way[2], 0.0), 0.0)
     assert (outside[-1] + 1) * each_s < stated < 30.0
-    assert (off @ to).max() / far < 0.5
+    assert (off @ to).max() / far < 0.25
