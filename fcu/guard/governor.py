@@ -20,7 +20,7 @@ SLOWEST = 1.0  # m/s: as fast as this it goes whatever the condition says
 LEAD = 0.3  # rad: so far the commanded yaw runs ahead of the vehicle at most
 PART_LED = 0.1  # of the jerk, for what is fed forward; half of it is there for what closes a way
 BRAKING = 0.6  # of the deceleration there is: the model lags behind the speed it is to have
-PART_BRAKED = 0.4  # of what a jerk takes back: the braking is led with half of it, and not fed forward
+PART_BRAKED = 0.4  # of what a jerk takes back: led with half of it, nothing fed forward
 
 
 @kernel

@@ -37,9 +37,7 @@ class GuardParams(NamedTuple):
     lift: float  # N, greatest drag from below under which a tilt steers (`stability.lift`)
     swinging: float  # 1/s, angular acceleration over the rate of the demand, at most (`torque`)
     spread: float  # 1/m, thrust of the rotor that gives most of it for a torque about a level axis
-    lift_turns: (
-        float  # N, greatest drag from below beside which a tilt has torque for a gust (`torque`)
-    )
+    lift_turns: float  # N, greatest drag from below beside which a tilt has torque for a gust
     lean_turns: float  # N, greatest level drag beside which it has torque for a gust along that
     T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
 

@@ -31,9 +31,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 BALANCED = 1e-6  # N m of a newton of hover: less is no torque
 SAME = 1e-9  # of thrusts over full thrust
-LEAST_TILT = math.radians(
-    5.0
-)  # tilt limit, at least: also of one that carries its weight with none
+LEAST_TILT = math.radians(5.0)  # the tilt limit is not less, though the vehicle may sink
 LEAST_LEFT = 3  # rotors that hold roll and pitch
 
 

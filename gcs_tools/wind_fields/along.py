@@ -49,7 +49,7 @@ class FlightInField(NamedTuple):
             *([f"the wind jumps by {self.jump_m_s:.3g} m/s where the field begins anew: no rate covers it"] if self.jump_m_s else []),
             f"the wind reaches {self.wind_m_s:.3g} m/s and changes by up to {self.rate_m_s2:.3g} m/s^2",
             f"in {self.lasts_s:.3g} s at up to {self.fastest_m_s:.3g} m/s over ground",
-            f"eddies below {self.eddy_m:.3g} m are not in the field: they add, by a law of 2/3,",
+            f"eddies below {self.eddy_m:.3g} m are not in the field: by Kolmogorov they add",
             f"{self.unresolved_m_s:.3g} m/s, and {self.unresolved_m_s2:.3g} m/s^2 down to {SMALLEST_M:g} m",
             f"guard_wind_m_s {self.guard_wind_m_s:.3g} and guard_wind_rate_m_s2 {self.guard_wind_rate_m_s2:.3g} cover {known}",
         ]  # fmt: skip
