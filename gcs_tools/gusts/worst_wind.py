@@ -3,8 +3,9 @@
 A flight is flown at the ends of what is believed of the vehicle, in winds that are steady, turn, or are sums of
 sines. Where one of them brought a limit nearest, the search begins: the flight is linearised about what it did
 (`responses`), a linear program finds the wind that brings the limit nearest at that time (`program`), that wind is
-flown, and so again until nothing is gained. What is told is flown, so it is attained. That nothing is worse is
-not certain, since far from a flight the loop is not linear.
+flown, and so again until nothing is gained. On the way it is moved in time, to where in the flight it is worst.
+What is told is flown, so it is attained. That nothing is worse is not certain, since far from a flight the loop is
+not linear.
 """
 
 from __future__ import annotations
@@ -41,6 +42,10 @@ FIRST_ROUNDS = 3  # of each search: then the best of a limit alone goes on
 BEGUN = {"thrust_up": 1.0, "thrust_down": 1.0, "tilt": 1.0, "torque": 1.0 / 3.0}
 NARROWED, WIDENED, NEARER = 1.0 / 3.0, 2.0, 4  # how far the next may be, and tries of a round
 EARLIEST_S = 1.5  # a wind has so long, at least, to bring a limit near
+FAR_S, NEAR_S = (
+    0.4,
+    0.1,
+)  # steps by which a wind is moved in time: over its part, then about the best
 # that are searched from a flight
 FACETS = {"thrust_up": 1, "thrust_down": 1, "tilt": 1, "torque": 2}
 SUMS = 12  # drawn sums of sines
@@ -249,6 +254,44 @@ def gone_on(scene: Scenario, search: Search, rounds: int) -> Search:
     return search
 
 
+def moved(scene: Scenario, search: Search) -> Search:
+    """The search with its wind moved in time, to where in its part of the flight that is worst.
+
+    A linear program keeps to the moment at which it began. Raises LawError.
+    """
+    if search.found.room < 0.0:  # it has met the limit
+        return search
+    vehicle, of = Vehicle(scene, search.begin.end), LIMITS.index(search.limit)
+    far, near = (round(step_s * scene.rate_hz) for step_s in (FAR_S, NEAR_S))
+    first = max(search.part[0], round(EARLIEST_S * scene.rate_hz))
+    tick = search.found.tick
+
+    def flown(k: int) -> Least:
+        room = vehicle.fly(_later(search.worst, k), search.part[1])[:, of]
+        return vehicle.judged(room, search.part)
+
+    earliest = -((tick - first) // far) * far
+    found = {k: flown(k) for k in range(earliest, search.part[1] - tick, far)}
+    about = min(found, key=lambda k: (found[k].room, abs(k)))
+    found |= {k: flown(k) for k in range(about - far + near, about + far, near)}
+    k = min(found, key=lambda k: (found[k].room, abs(k)))
+    least, wind = found[k], _later(search.worst, k)
+    if least.room >= search.found.room:
+        return search
+    search = replace(search, found=least, worst=wind)
+    if len(vehicle.fly(wind, least.tick + 1)) <= least.tick:  # it ended there
+        return replace(search, over=True)
+    out = outputs(vehicle.flight.law_rows[least.tick : least.tick + 1])[0]
+    values = [facet.value(out) for facet in facets(vehicle.scene, search.limit, out)]
+    facet = int(np.argmin(values))
+    return replace(search, tick=least.tick, facet=facet, value=values[facet], wind=wind, over=False)
+
+
+def _later(wind: Rows, k: int) -> Rows:
+    """A wind (float64[ticks, 3]) that comes k ticks later; what it has no samples for stays as its first or last."""
+    return wind[np.clip(np.arange(len(wind)) - k, 0, len(wind) - 1)]
+
+
 def worst_winds(
     scene: Scenario,
     n: int = 4,
@@ -284,8 +327,9 @@ def worst_winds(
                 best[limit, k] = search
     rest = list(best)
     ended = each(
-        lambda key: gone_on(scene, best[key], ROUNDS - FIRST_ROUNDS), rest, "going on", console
-    )
+        lambda key: gone_on(scene, moved(scene, best[key]), ROUNDS - FIRST_ROUNDS), rest,
+        "going on", console,
+    )  # fmt: skip
     return [_told(scene, flown, k, search) for (_, k), search in zip(rest, ended, strict=True)]
 
 

@@ -23,3 +23,10 @@ def hover():
 @pytest.fixture(scope="session")
 def weakest(hover):
     return next(end for end in ends(hover) if end.mass_kg < 8.0 and end.rotor_lag_s > 0.07)
+
+
+@pytest.fixture(scope="session")
+def level():
+    """Ten metres to the north, and there."""
+    flight = {**HOVER["flight"], "duration_s": 14.0, "setpoints": [[0.0, 10.0, 0.0, 0.0]]}
+    return scenario(from_tables("level", {**HOVER, "flight": flight}))

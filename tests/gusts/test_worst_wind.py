@@ -14,7 +14,15 @@ from gcs_tools.gusts.ends import DRAGS, at, ends
 from gcs_tools.gusts.limits import LIMITS, facets, outputs, rooms
 from gcs_tools.gusts.program import least
 from gcs_tools.gusts.responses import knots, response
-from gcs_tools.gusts.worst_wind import Begin, Vehicle, bounds_of, gone_on, parts_of, searches
+from gcs_tools.gusts.worst_wind import (
+    Begin,
+    Vehicle,
+    bounds_of,
+    gone_on,
+    moved,
+    parts_of,
+    searches,
+)
 
 T = 2000
 
@@ -64,6 +72,23 @@ def test_it_is_worse_than_fifty_that_are_drawn_and_within_what_is_believed(hover
     assert vehicle.judged(vehicle.fly(again, part[1])[:, 3], part).room == pytest.approx(
         found.found.room, abs=1e-3
     )
+
+
+def test_a_wind_is_moved_to_where_in_the_flight_it_is_worst(level, weakest):
+    """A gust against the way, that comes after the vehicle has stopped, is moved to where it is fast."""
+    part, bounds = parts_of(level, 1)[0], bounds_of(level)
+    t = np.arange(level.ticks) / level.rate_hz
+    gust = -np.clip(bounds.rate * (t - 11.0), 0.0, bounds.speed)
+    wind = np.stack([gust, 0.0 * t, 0.0 * t], axis=1)
+    late = searches(level, begin(level, weakest, "late", wind), "tilt", part, 1)[0]
+    late = replace(late, found=Vehicle(level, weakest).judged(
+        Vehicle(level, weakest).fly(wind, part[1])[:, LIMITS.index("tilt")], part
+    ))  # fmt: skip
+    found = moved(level, late)
+    assert found.found.room < late.found.room - 1.0
+    assert found.tick < late.found.tick
+    again = Vehicle(level, weakest).fly(found.worst, part[1])[:, LIMITS.index("tilt")]
+    assert again[found.tick] == found.found.room == pytest.approx(found.value, abs=0.5)
 
 
 def test_the_same_flight_finds_the_same_wind(hover, monkeypatch):
