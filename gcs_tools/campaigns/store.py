@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import itertools
 import json
 import math
 import os
@@ -40,6 +41,7 @@ JSON, TOML, PARTS, PARQUET, LOCK, PROPOSALS = (
 _PART = re.compile(r"[0-9]{8,18}-(?P<digest>[0-9a-f]{16})\.parquet")
 PART_S = 1.0  # wall: what a crash may lose
 MOST_PARTS = 200  # more are joined to one
+LINE_MOST = 60  # characters of a file's line that a message shows
 UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
 OWN = ("number", "law", "seed", "success", "ended", "missed", "error", "exit_code", "sim_time_s", "ticks",
        "trajectory_sha256")  # fmt: skip
@@ -228,11 +230,32 @@ class Store:
             raise Refused(f"{self.folder / JSON}: not a campaign's ({error})") from error
         if not same:
             raise Refused(
-                f"{self.folder}: another campaign was flown here (its file, a mission, a law or an"
-                " airframe has changed); name a new folder with --out"
+                f"{self.folder}: another campaign was flown here: {self._other(there, about)};"
+                " name a new folder with --out"
             )
         if other := differences(began, about["fingerprint"]):
             raise Refused(f"{self.folder}: began with {other}: its flights would not be the same")
+
+    def _other(self, there: Mapping[str, Any], about: Mapping[str, Any]) -> str:
+        """Where a campaign that was flown here differs from this one first, in words."""
+        try:
+            was = (self.folder / TOML).read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError):
+            was = []
+        now = self._campaign.text.splitlines()
+        for i, (old, new) in enumerate(itertools.zip_longest(was, now, fillvalue="")):
+            if was and old != new:
+                return f"line {i + 1} of its file is {_cut(old)}, here {_cut(new)}"
+        old, new = (dict(each.get("changes", {})) for each in (there, about))
+        for key in ("seed", "set", "flights"):
+            if old.get(key) != new[key]:
+                return f"its {key} is {old.get(key)}, here {new[key]}"
+        return "a mission, a law or an airframe has changed since"
+
+
+def _cut(line: str) -> str:
+    """A line of a file, to be read in a sentence."""
+    return repr(line if len(line) <= LINE_MOST else f"{line[: LINE_MOST - 3]}...")
 
 
 def parts(folder: Path) -> list[Path]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from gcs_tools.campaigns.running import Progress
     from gcs_tools.campaigns.statistics import Interval
     from gcs_tools.judging.junit_report import Case
+    from gcs_tools.missions.mission import Mission
     from gcs_tools.pictures.plot.laws import Mark
 
 PICTURE = "results.png"
@@ -153,7 +155,7 @@ def _probe(folder: Path) -> None:
 
 
 def _compared(asked: Asked, log: Console) -> tuple[Comparison, list[Case]]:
-    from gcs_tools.campaigns import comparing, margins, procedure
+    from gcs_tools.campaigns import comparing, margins, procedure, results
     from gcs_tools.campaigns.entrant import EntrantError, refusal
     from gcs_tools.campaigns.results import Comparison
     from gcs_tools.missions.mission import load, shipped
@@ -161,7 +163,7 @@ def _compared(asked: Asked, log: Console) -> tuple[Comparison, list[Case]]:
     how = procedure.read(asked.procedure or procedure.SHIPPED)
     entrants, used = _entrants(asked, log)
     names = [each for name in asked.missions for each in shipped(name) or [name]]
-    missions = [load(name) for name in dict.fromkeys(names)]
+    missions = [load(name) for name in _once(names, log)]
     several = [m.name for m in missions if sum(o.name == m.name for o in missions) > 1]
     if several:
         raise EntrantError(f"two missions are called {several[0]}")
@@ -170,6 +172,8 @@ def _compared(asked: Asked, log: Console) -> tuple[Comparison, list[Case]]:
             log.print(
                 f"{each.label} on {each.airframe}: {why}; its flights count as lost", markup=False
             )
+    if asked.out is not None:
+        _check_same(asked.out / results.JSON, entrants, missions, asked.seeds)
     parts = comparing.campaigns(entrants, missions, asked.seeds, how)
     rows, cases = _flown(parts, asked, log)
     lost_at = margins.margins(entrants, how, log) if asked.margins else []
@@ -178,6 +182,43 @@ def _compared(asked: Asked, log: Console) -> tuple[Comparison, list[Case]]:
         entrants, used, missions, list(asked.seeds), asked.settings, how, rows, found, lost_at
     )
     return compared, cases
+
+
+def _once(names: Sequence[str], log: Console) -> list[str]:
+    """Names without those that come again, which are told."""
+    found = list(dict.fromkeys(names))
+    for name in found:
+        if names.count(name) > 1:
+            log.print(f"{name}: given more than once, flown once", markup=False)
+    return found
+
+
+def _check_same(
+    results: Path, entrants: list[Entrant], missions: list[Mission], seeds: range
+) -> None:
+    """Raise CampaignError where the folder has the results of another comparison, which these would replace."""
+    from gcs_tools.campaigns.campaign_file import CampaignError
+
+    try:
+        there = json.loads(results.read_text(encoding="utf-8"))
+        was = {
+            "laws": {(each["law"], each["airframe"]) for each in there["laws"]},
+            "missions": {each["mission"] for each in there["missions"]},
+            "seeds": set(there["seeds"]),
+        }
+    except FileNotFoundError:
+        return
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise CampaignError(f"{results}: not the results of a comparison ({error})") from error
+    now = {
+        "laws": {(each.label, each.airframe) for each in entrants},
+        "missions": {mission.name for mission in missions},
+        "seeds": set(seeds),
+    }
+    if other := [name for name in now if now[name] != was[name]]:
+        raise CampaignError(
+            f"{results}: of other {' and '.join(other)}; name a new folder with --out"
+        )
 
 
 def _flown(parts: list[Part], asked: Asked, log: Console) -> tuple[list[Row], list[Case]]:
@@ -248,8 +289,9 @@ def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str
 
     files = gains_file.folder(asked.gains) if asked.gains is not None else []
     entrants, used = [], {}
-    for airframe in dict.fromkeys(asked.airframes or (DEFAULT_AIRFRAME,)):
-        for law in dict.fromkeys(asked.laws):
+    laws = _once(asked.laws, log)
+    for airframe in _once(asked.airframes or (DEFAULT_AIRFRAME,), log):
+        for law in laws:
             made = entrant(law, airframe, settings=asked.settings)
             gains = gains_file.of(files, law, made.airframe)
             if gains is not None:

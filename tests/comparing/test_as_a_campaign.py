@@ -178,7 +178,11 @@ def test_another_comparison_is_refused_in_the_folder_of_one(compared):
     changed = tuple(2 if part == 3 else part for part in command)
     done = gcs(*changed, folder / "out")
     assert done.exit_code == 2
-    assert "another campaign was flown here" in done.stderr.replace("\n", " ")
+    assert "results.json: of other seeds; name a new folder" in done.stderr.replace("\n", " ")
+    part = folder / "out" / "flights" / "s1000-hover"
+    done = gcs("campaign", part / "campaign.toml", "--seed", 7, "--out", part)
+    assert done.exit_code == 2
+    assert "another campaign was flown here: its" in done.stderr.replace("\n", " ")
 
 
 @pytest.mark.slow
