@@ -74,7 +74,7 @@ WORDS: dict[Condition, tuple[str, str]] = {
         "the charge does not last for the way home, 1.1 times its time and 100 s", "at two looks a second apart; not on the way home or down",
     ),
     Condition.ROTOR_LOST: (
-        "a rotor has less than half of the speed that is wanted, or an injected failure has stopped it", "at every look for FD_ACT_MOT_TOUT, where more than FD_ACT_MOT_THR of full speed is wanted; an order at the next tick, each further one a look later",
+        "a rotor has less than half of the speed that is wanted and gains none, or an injected failure has stopped it", "at every look for FD_ACT_MOT_TOUT, where more than FD_ACT_MOT_THR of full speed is wanted; an order at the next tick, each further one a look later",
     ),
     Condition.POSITION_JUMPED: (
         "the position jumps by more than 1 m", "at the tick: the law flies by the velocity until it is back",
@@ -96,10 +96,17 @@ WORDS: dict[Condition, tuple[str, str]] = {
 
 CLEARS = {
     Clears.AT_ONCE: "at once",
-    Clears.GONE: "when it is gone",
     Clears.CHOSEN: "when a mode is chosen, or disarmed",
     Clears.DISARMED: "when disarmed",
     Clears.NEVER: "by a reset",
+}
+GONE = {
+    Condition.ROTOR_LOST: "when an order that stopped it is taken back; found by its speed, by a reset",
+    Condition.FENCE_BREACHED: "inside again",
+    Condition.POSITION_JUMPED: "at the first position without the jump",
+    Condition.STATE_STUCK: "at the first state that differs",
+    Condition.STATE_LOST: "at the first valid state",
+    Condition.PLANT_SILENT: "at the next datagram",
 }
 
 
@@ -356,8 +363,9 @@ def table() -> list[str]:
     for condition, row in ROWS.items():
         cause, detector = WORDS[condition]
         name = condition.name.lower().replace("_", " ")
+        clears = GONE[condition] if row.clears is Clears.GONE else CLEARS[row.clears]
         found.append(
-            f"| {name} | {cause} | {detector} | {actions(row)} | {row.severity} | {CLEARS[row.clears]} |"
+            f"| {name} | {cause} | {detector} | {actions(row)} | {row.severity} | {clears} |"
         )
     return found
 

@@ -1,7 +1,7 @@
 """A rotor is lost in flight: does the vehicle fly on, land, or is it lost, with and without being told?
 
     python -m gcs_tools.studies.rotor_loss                 every vehicle, scene and law (--seeds N a cell)
-    python -m gcs_tools.studies.rotor_loss --page          writes the table of docs/failsafes.md
+    python -m gcs_tools.studies.rotor_loss --page          writes their rows into the table of docs/failsafes.md
 
 Each flight is a whole vehicle with its simulator, in process and in lockstep. The seed draws the moment, the
 phases of the wind and noise on the state, and takes the rotors in turn. Without being told (CA_FAILURE_MODE 0)
@@ -18,6 +18,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
+from itertools import product
 from typing import Any, NamedTuple
 
 import click
@@ -33,13 +34,14 @@ from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.mission import Mission, from_tables
 from gcs_tools.recording.table import Rows
-from gcs_tools.studies.failsafes import PAGE, written
+from gcs_tools.studies.failsafes import BEGIN, END, PAGE, written
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
 ROTORS = {"s1000": 8, "hexa": 6, "x8": 8}
 SCENES = ("hover", "wind", "step")
-LAWS = ("mmrac", "px4", "se3", "indi", "l1")
+WARNS = "mmrac-warn"  # M-MRAC whose guard governs nothing, as the paper flies
+LAWS = ("mmrac", WARNS, "px4", "se3", "indi", "l1")
 TELLS = ("untold", "found", "order")
 ENDS = ("flies on", "away", "lands", "lost")
 FAULTS: dict[str, dict[str, Any]] = {
@@ -95,7 +97,7 @@ def mission(cell: Cell, seed: int, rotor: int, at_s: float) -> Mission:
             "duration_s": ENDS_S, "rate_hz": RATE_HZ, "seed": seed, "ground_z_m": 0.0,
             "start": {"position_m": [0.0, 0.0, HIGH_M]}, "setpoints": setpoints,
         },
-        "law": {"module": cell.law},
+        "law": {"module": "mmrac", "guard": "warn"} if cell.law == WARNS else {"module": cell.law},
         "plant": {"noise": {"position_m": 0.002, "rate_rad_s": 0.01}},
         "vehicle": {"params": {
             "CA_FAILURE_MODE": float(cell.tells != "untold"),
@@ -179,12 +181,12 @@ def _farthest(plant: Rows, at_tick: int, to_x: float) -> float:
 
 
 HEAD = (
-    "| vehicle | scene | law | told | flies on | lands | lost | found after, s |",
-    "|---|---|---|---|---|---|---|---|",
+    "| vehicle | scene | law | told | flies on | away | lands | lost | worst rotor | found after, s |",
+    "|---|---|---|---|---|---|---|---|---|---|",
 )
 OF_FAULTS = (
-    "| vehicle | scene | law | rotor | flies on | lost | found | after, s |",
-    "|---|---|---|---|---|---|---|---|",
+    "| vehicle | scene | law | rotor | flies on | away | lost | found | after, s |",
+    "|---|---|---|---|---|---|---|---|---|",
 )
 
 
@@ -201,12 +203,38 @@ def line(cell: Cell, found: list[Outcome]) -> str:
     if cell.fault != "off":
         return (
             f"| {cell.airframe} | {cell.scene} | {cell.law} | {cell.fault} | {part('flies on')} |"
-            f" {part('lost')} | {len(told)} of {n} | {after} |"
+            f" {part('away')} | {part('lost')} | {len(told)} of {n} | {after} |"
         )
-    return (
-        f"| {cell.airframe} | {cell.scene} | {cell.law} | {cell.tells} |"
-        f" {part('flies on')} | {part('lands')} | {part('lost')} | {after} |"
-    )
+    parts = " | ".join(map(part, ENDS))
+    return f"| {cell.airframe} | {cell.scene} | {cell.law} | {cell.tells} | {parts} | {worst(found)} | {after} |"
+
+
+def worst(found: list[Outcome]) -> str:
+    """Flights of the rotor that is worst to lose in which the vehicle flew on or landed, and that rotor."""
+    ends = {rotor: [each.end for each in found if each.rotor == rotor] for rotor in range(1, 9)}
+    good = {
+        rotor: (sum(end in ("flies on", "lands") for end in its), len(its))
+        for rotor, its in ends.items()
+        if its
+    }
+    rotor = min(good, key=lambda each: good[each][0] / good[each][1])
+    kept, n = good[rotor]
+    return f"{kept} of {n}" if kept == n else f"{kept} of {n} ({rotor})"
+
+
+def merged(page: str, lines: list[str]) -> list[str]:
+    """Lines of the table of a page, with those that were flown in their place."""
+    _, _, rest = page.partition(BEGIN.format("rotors"))
+    table = rest.partition(END)[0].splitlines()[3:]
+    rows = {_names(each): each for each in [*table, *lines] if each.startswith("| ")}
+    cells = product(LAWS, ROTORS, SCENES, TELLS)
+    keys = ((airframe, scene, law, told) for law, airframe, scene, told in cells)
+    return [*HEAD, *(rows[key] for key in keys if key in rows)]
+
+
+def _names(row: str) -> tuple[str, ...]:
+    """The cell that a row of the table is of."""
+    return tuple(row.removeprefix("| ").split(" | ", 4)[:4])
 
 
 @click.command()
@@ -218,7 +246,7 @@ def line(cell: Cell, found: list[Outcome]) -> str:
     "--told", "tells", multiple=True, type=click.Choice(TELLS), help="default: untold, found"
 )
 @click.option("--fault", default="off", show_default=True, type=click.Choice([*FAULTS]))
-@click.option("--page", is_flag=True, help="write the table into docs/failsafes.md")
+@click.option("--page", is_flag=True, help="write the rows into docs/failsafes.md")
 def main(
     seeds: int, airframes: tuple[str, ...], scenes: tuple[str, ...], laws: tuple[str, ...],
     tells: tuple[str, ...], fault: str, page: bool,
@@ -226,7 +254,8 @@ def main(
     """Fly every cell, and print the table."""
     if fault != "off" and (page or "order" in tells):
         raise click.UsageError("--fault goes with neither --page nor --told order")
-    lines = [*(HEAD if fault == "off" else OF_FAULTS)]
+    lines: list[str] = []
+    print(*(HEAD if fault == "off" else OF_FAULTS), sep="\n")
     for law in laws or LAWS:
         for airframe in airframes or ROTORS:
             for scene in scenes or SCENES:
@@ -236,7 +265,8 @@ def main(
                     lines.append(line(cell, found))
                     print(lines[-1], flush=True)
     if page:
-        PAGE.write_text(written(PAGE.read_text(), "rotors", lines))
+        text = PAGE.read_text()
+        PAGE.write_text(written(text, "rotors", merged(text, lines)))
 
 
 def _drop(_rows: object) -> None:
