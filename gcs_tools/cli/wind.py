@@ -144,7 +144,7 @@ def _placed(
 def check(
     file: Path, along: Path | None, origin: tuple[float, float, float] | None, as_json: bool
 ) -> None:
-    """Tell what a FIELD is: a file of PALM, QES-Winds, RotorS or CSV, or a packed field.
+    """Tell what a FIELD is: a file of PALM, QES-Winds, OpenFOAM (VTK), RotorS or CSV, or a packed field.
 
     With --along also which beliefs (guard_wind_m_s, guard_wind_rate_m_s2) a flight through it needs, with what the
     grid of the field leaves out.

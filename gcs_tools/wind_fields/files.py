@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from fcu.interface import input_file
-from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table
+from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, vtk, vtk_file
 from gcs_tools.wind_fields.grid import Grid, wrong
 
-KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), RotorS text, CSV"
+KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), RotorS text, VTK (legacy, .vtu, .vti), CSV"
 MOST_MIB = 2048  # of a text
 
 
@@ -23,6 +23,8 @@ def read(path: Path) -> Grid:
             if qes.fits(contents):
                 return qes.read(contents, source)
             raise wrong(source, f"a NetCDF file of none of the kinds that are known: {KNOWN}")
+        if vtk_file.is_vtk(path):
+            return vtk.read(path)
         text = input_file.text(path, MOST_MIB * input_file.MIB)
     except OSError as error:
         raise wrong(source, error.strerror or str(error)) from error
