@@ -159,6 +159,8 @@ def _show(found: Envelope, console: Console) -> None:
     for each in found.unflyable:
         expected = " (expected)" if each.expected else ""
         console.print(Text(f"Not flown as written{expected}: {each.text}.", style="yellow"))
+    if found.wind_within:
+        console.print(f"{found.wind_within[:1].upper()}{found.wind_within[1:]}.")
     for remark in found.remarks:
         console.print(Text(f"Not covered: {remark}.", style="yellow"))
     console.print()

@@ -26,6 +26,7 @@ from fcu.process.settings import PARAMETERS, Settings, derived
 from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.belief_check import inertias
+from gcs_tools.judging.layers_check import layers_wind
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
 from gcs_tools.missions.asked import PLANS, asked
 from gcs_tools.missions.flight_table import Flight
@@ -37,6 +38,7 @@ LOOK_S = 0.005  # step of the look ahead
 MOST, CLOSE = 1e3, 1e-3  # of a search: the largest value, and its relative accuracy
 SMALLER = 0.98  # what is tried next of a value that almost would do
 TOLD_APART = 1.3  # greatest over least mass believed, for which the condition's constants are
+SLOWEST_M_S = 0.1  # that a guard is taken to fly
 STILL = Vec3(0.0, 0.0, 0.0)
 WAYS = {"up": (0.0, 0.0, 1.0), "to the side": (1.0, 0.0, 0.0), "down": (0.0, 0.0, -1.0)}
 
@@ -164,6 +166,9 @@ class Envelope:
     beliefs: tuple[Belief, ...]
     noise: Noise | None  # None: none is believed
     plan: tuple[PlanMargin, ...] = ()  # of each item of a plan to which the vehicle flies
+    wind_within: str = (
+        ""  # that the wind of a mission with layers is believed; empty: it is not, or it has none
+    )
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -204,6 +209,17 @@ def way(scene: Scenario, settings: Settings | None = None, scale: float = 1.0) -
         start.r_E, start.v_E, rows,
     )  # fmt: skip
     return rows
+
+
+def _along(scene: Scenario) -> tuple[Rows, Rows, Rows]:
+    """Times (s, (n,)), places and velocities (m, m/s, (n, 3), E) of the mission's way, no faster than its guard flies it."""
+    v = way(scene)[:, 5:8]
+    places = np.array(scene.begin.r_E) + LOOK_S * np.cumsum(v, axis=0)
+    slower = np.ones(len(v))
+    if scene.guard.policy == GOVERN:
+        most = max(speed(scene.settings, along, "").exact for along in WAYS.values())
+        slower = np.maximum(np.linalg.norm(v, axis=1) / max(most, SLOWEST_M_S), 1.0)
+    return LOOK_S * np.cumsum(slower), places, v / slower[:, None]
 
 
 def tightest(
@@ -580,9 +596,17 @@ def lack(settings: Settings) -> str:
     return f"{key} takes most; enough is {' or '.join(would)}"
 
 
-def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
-    """Where the mission's own truth lies beyond what the guard is told to believe."""
-    guard, wind, plant = scene.guard, mission.wind, scene.world.params
+class MissionWind(NamedTuple):
+    """The mission's own wind: the greatest of all its parts at once."""
+
+    speed_m_s: float
+    rate_m_s2: float
+    of: str  # of what it is made along the way; empty without layers
+
+
+def mission_wind(mission: Mission, scene: Scenario) -> MissionWind:
+    """The mission's own wind. Of layers that at the places of its way."""
+    wind = mission.wind
     swing, rate = np.array(wind.amplitude_m_s), np.array(wind.frequency_rad_s)
     steady = np.abs(wind.steady_m_s) + np.abs(swing)
     most = float(np.linalg.norm(np.maximum(steady, steady + np.abs(wind.step_m_s))))
@@ -592,19 +616,38 @@ def beyond(mission: Mission, scene: Scenario) -> tuple[str, ...]:
         most += float(np.linalg.norm(air, axis=1).max())
         changes = np.linalg.norm(np.diff(air, axis=0), axis=1) / np.diff(t)
         fastest += float(changes.max(initial=0.0))
+    if scene.layers is None:
+        return MissionWind(most, fastest, "")
+    layers = layers_wind(mission, scene.layers, *_along(scene))
+    said = f" along its way ({', '.join(layers.parts)})"
+    return MissionWind(most + layers.speed_m_s, fastest + layers.rate_m_s2, said)
+
+
+def within(of: MissionWind, scene: Scenario) -> str:
+    """The sentence that the wind of a mission with layers is believed. Empty: it is not, or it has no layers."""
+    guard = scene.guard
+    if not of.of or of.speed_m_s > guard.w_max or of.rate_m_s2 > guard.w_dot_max:
+        return ""
+    return (
+        f"its wind, up to {of.speed_m_s:.3g} m/s{of.of}, changing by up to {of.rate_m_s2:.3g} m/s^2, is within"
+        f" guard_wind_m_s {guard.w_max:.3g} and guard_wind_rate_m_s2 {guard.w_dot_max:.3g}"
+    )
+
+
+def beyond(mission: Mission, scene: Scenario, air: MissionWind) -> tuple[str, ...]:
+    """Where the mission's own truth lies beyond what the guard is told to believe."""
+    guard, wind, plant = scene.guard, mission.wind, scene.world.params
     masses = dict.fromkeys((plant.m, plant.m_after))
     found = []
-    if most > guard.w_max:
-        found.append(f"its wind, up to {most:.3g} m/s, is beyond guard_wind_m_s {guard.w_max:.3g}")
-    if scene.layers is not None:
+    if air.speed_m_s > guard.w_max:
         found.append(
-            "its shear, turbulence, gusts or field are not looked at, only the rest of [wind]"
+            f"its wind, up to {air.speed_m_s:.3g} m/s{air.of}, is beyond guard_wind_m_s {guard.w_max:.3g}"
         )
     if wind.step_at_s is not None:
         found.append("its wind steps, faster than any guard_wind_rate_m_s2")
-    elif fastest > guard.w_dot_max:
+    elif air.rate_m_s2 > guard.w_dot_max:
         found.append(
-            f"its wind, changing by up to {fastest:.3g} m/s^2, is beyond guard_wind_rate_m_s2"
+            f"its wind, changing by up to {air.rate_m_s2:.3g} m/s^2, is beyond guard_wind_rate_m_s2"
             f" {guard.w_dot_max:.3g}"
         )
     for mass in masses:
@@ -665,7 +708,8 @@ def envelope(mission: Mission, plan: tuple[PlanMargin, ...] = ()) -> Envelope:
                 least.margin_n, least.at_s, least.acceleration, least.velocity
             )
     holds = worst.margin >= 0.0
-    remarks = beyond(mission, scene)
+    air = mission_wind(mission, scene)
+    remarks = beyond(mission, scene, air)
     plans_alone = bool(scene.legs) and all(leg.kind in PLANS for leg in scene.legs)
     if plans_alone:
         remarks += ("take-off, descent, jumps and returns of the plan are not looked at",)
@@ -736,6 +780,7 @@ def envelope(mission: Mission, plan: tuple[PlanMargin, ...] = ()) -> Envelope:
         refused="" if plans_alone else refusal(scene),
         unstable=channel,
         remarks=remarks,
+        wind_within=within(air, scene),
         unflyable=() if plans_alone else unflyable(mission, scene),
         beliefs=beliefs(mission, settings),
         noise=noise_of(settings),
