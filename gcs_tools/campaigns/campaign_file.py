@@ -44,6 +44,7 @@ from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.procedure import Draws as SeedRanges
 from gcs_tools.campaigns.rare import Mixture
 from gcs_tools.campaigns.seed_draws import SeedDraws
+from gcs_tools.flight.law_alone import PASSED_ON
 from gcs_tools.flight.scenario import refuse_faults_of_autopilot, refuse_link_faults, scenario
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
@@ -138,6 +139,21 @@ class LawEntry(Table):
     set: dict[str, Any] = Field({}, description="dotted key of a mission -> value")
 
 
+class Map(Table):
+    """Success over two drawn quantities, drawn as a map."""
+
+    over: Annotated[tuple[str, str], Field(strict=False)] = Field(
+        description="drawn quantities: across, and up"
+    )
+    up_to: str | None = optional(
+        "a drawn number: shown is up to which of its values all flights succeed; left out: the share that succeeds"
+    )
+    panels: str | None = optional(
+        "a drawn quantity: a panel for each of its values, and one for all"
+    )
+    labels: dict[str, str] = Field({}, description="what axes call a quantity")
+
+
 class Document(Table):
     """A campaign: one mission flown many times with its uncertain values sampled."""
 
@@ -168,6 +184,7 @@ class Document(Table):
     confidence: _Confidence = Field(0.95, description="of all intervals")
     stop: Stop | None = optional("end early")
     expect: Expected | None = optional("exit with 1 unless this is shown")
+    map: Map | None = optional("draw success over two drawn quantities")
     rare: Rare | None = optional("estimate the probability of a rare failure")
     seeds: Seeds | None = optional("draw as laws are compared: flight n has the seed `seed` + n")
 
@@ -212,7 +229,25 @@ class Document(Table):
             raise wrong(("laws",), "one law with [rare]")
         if self.seeds is not None:
             self._check_seeds()
+        if self.map is not None:
+            self._check_map(self.map)
         return self
+
+    def _check_map(self, of: Map) -> None:
+        if self.rare is not None or self.seeds is not None:
+            raise wrong(("map",), "no map beside [rare] or [seeds]")
+        points = {name: [point[name] for point in self.points if name in point] for point in self.points for name in point}  # fmt: skip
+        drawn = {**points, **{name: list(each.choice or ()) for name, each in self.draw.items()}}
+        named = (*of.over, of.up_to, of.panels)
+        for key_, name in zip(("over", "over", "up_to", "panels"), named, strict=True):
+            if name is not None and name not in drawn:
+                raise wrong(("map", key_), f"drawn quantities: {', '.join(drawn)}", name)
+        if len(set(filter(None, named))) < len(list(filter(None, named))):
+            raise wrong(("map",), "quantities that differ")
+        if of.up_to is not None and any(isinstance(v, str | bool | list) for v in drawn[of.up_to]):
+            raise wrong(("map", "up_to"), "a quantity whose values are numbers", of.up_to)
+        if of.panels is not None and not drawn[of.panels]:
+            raise wrong(("map", "panels"), "a quantity drawn with choice", of.panels)
 
     def _check_seeds(self) -> None:
         if self.draw or self.method != RANDOM or self.rare is not None:
@@ -274,6 +309,7 @@ class Variant:
     mission: Mission
     base: Mapping[str, Any]  # the mission's values by key
     folder: Path | None = None  # where its script runs; None: it has none
+    beside: Path = Path()  # the folder of the mission's file, absolute
 
     def told(self) -> dict[str, Any]:
         """The part of it that workers get."""
@@ -346,7 +382,7 @@ class Campaign:
     @property
     def identity(self) -> str:
         """A hash of everything that rows and early end depend on."""
-        left_out = {"title", "expect", "metrics"} | (
+        left_out = {"title", "expect", "metrics", "map"} | (
             {"seeds"} if self.document.seeds is None else set()
         )
         document = self.document.model_dump(mode="json", exclude=left_out)
@@ -440,6 +476,7 @@ def parsed(
     try:
         draws = _draws(document, changes)
         variants = tuple(_variants(document, folder, where, allow_commands, changes))
+        draws = replace(draws, folder=variants[0].beside)
         if document.seeds is not None:
             draws = SeedDraws.of(variants[0].mission, document.seeds, document.seed, document.n)
         campaign = Campaign(name, source, text, document, draws, variants, changes)
@@ -526,7 +563,7 @@ def _variants(
                 ' fly = "vehicle"'
             )
         refuse_link_faults(made)
-        if document.fly == LAW and made.parameters:
+        if document.fly == LAW and made.parameters.keys() - PASSED_ON:
             raise MissionError('fly = "law": [vehicle.params] need a vehicle: fly = "vehicle"')
         if document.fly == LAW:
             refuse_faults_of_autopilot(made)
@@ -540,7 +577,7 @@ def _variants(
         if runs_in is not None:
             made = replace(made, folder=runs_in)
         base = {name: value.value for name, value in made.values_in_force().items()}
-        yield Variant(label, made, base, runs_in)
+        yield Variant(label, made, base, runs_in, mission.folder.absolute())
 
 
 def _mission(name: str, folder: Path) -> Mission:
@@ -647,5 +684,5 @@ def _problems(error: ValidationError, source: str, text: str) -> Iterator[str]:
 
 
 _TABLES: dict[tuple[Any, ...], type[Table]] = {
-    ("stop",): Stop, ("expect",): Expected, ("expect", "success"): ExpectedShare, ("rare",): Rare,
+    ("stop",): Stop, ("map",): Map, ("expect",): Expected, ("expect", "success"): ExpectedShare, ("rare",): Rare,
 }  # fmt: skip

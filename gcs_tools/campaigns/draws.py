@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ RANDOM, HYPERCUBE, SOBOL, GRID, LIST = METHODS = (
     "random", "latin_hypercube", "sobol", "grid", "list",
 )  # fmt: skip
 SEED = "flight.seed"  # of the noise: drawn for every flight, unless the file says otherwise
+FILES = ("wind.file", "wind.field.file")  # keys that name files
 MOST_DIMENSIONS = 1000
 _PART = re.compile(r"([\w-]+)((?:\[[0-9]{1,9}\])*)")
 
@@ -83,6 +85,7 @@ class Draws:
     stage: int = 0  # flights of each stage that looks for rare failures; 0: there are none
     stages: int = 0  # the flights that count come after so many
     proposals: dict[int, Mixture] = field(default_factory=dict)  # of each stage, once it is known
+    folder: Path = Path()  # the mission's, where drawn names of files begin
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,6 +143,8 @@ class Draws:
         relative = {each.name for each, distribution in self.drawn if distribution.relative}
         for name, value in quantities.items():
             at = key(name)
+            if name in FILES and isinstance(value, str):
+                value = str(self.folder / value)
             if name in relative:
                 value = multiplied(name, value, _original(at, base))
             if at.inside:

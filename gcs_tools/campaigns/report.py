@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -53,17 +54,18 @@ td small { display: block; font-size: .78rem; white-space: nowrap; }
 code { font: .86em ui-monospace, "DejaVu Sans Mono", monospace; background: #f5f5f5; padding: .1em .35em;
   border-radius: 4px; user-select: all; white-space: nowrap; }
 th { white-space: nowrap; }
-svg { width: 100%; height: auto; }
+svg, img { width: 100%; height: auto; }
 @media print { body { max-width: none; padding: 0; } h2 { break-after: avoid; } svg { break-inside: avoid; } }
 """
 
 
 def report(
-    campaign: Campaign, found: Analysis, shown: Sequence[Shown], table: Any, folder: Path
-) -> str:
-    """The page. `folder`: the campaign's, as commands on the page name it."""
+    campaign: Campaign, found: Analysis, shown: Sequence[Shown], table: Any, folder: Path,
+    maps: Sequence[Path] = (),
+) -> str:  # fmt: skip
+    """The page.  folder : the campaign's, as commands on the page name it.  maps : pictures, which the page then holds."""
     flights = {law: Flights(table, law) for law in campaign.labels}
-    body = "\n".join(_body(campaign, found, shown, flights, folder))
+    body = "\n".join(_body(campaign, found, shown, flights, folder, maps))
     return _page(campaign, body)
 
 
@@ -123,7 +125,7 @@ def _rare_body(campaign: Campaign, found: RareFound, folder: Path) -> Iterator[s
 
 def _body(
     campaign: Campaign, found: Analysis, shown: Sequence[Shown], flights: Mapping[str, Flights],
-    folder: Path,
+    folder: Path, maps: Sequence[Path],
 ) -> Iterator[str]:  # fmt: skip
     several = len(found.laws) > 1
     yield f"<h1>{escape(campaign.document.title)}</h1>"
@@ -133,6 +135,9 @@ def _body(
         state, word = ("met", "Met") if each.passed else ("missed", "Missed")
         yield f'<div class="verdict {state}"><b>{word}.</b> {escape(str(each))}.</div>'
     at_each_look = partial(interval, confidence=found.looks.confidence(found.confidence))
+    for path in maps:
+        picture = base64.b64encode(path.read_bytes()).decode()
+        yield f'<p><img alt="map" src="data:image/png;base64,{picture}"></p>'
     yield plot.shrinking({law: of.success for law, of in flights.items()}, at_each_look)
     yield f"<p><small>{_of_the_interval(campaign, found)}</small></p>"
     if found.differences:

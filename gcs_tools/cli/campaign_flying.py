@@ -151,12 +151,13 @@ def bar(
 def write_results(
     of: Campaign, kept: Store, path: Path, out: Path, page: bool = True
 ) -> tuple[Analysis, list[Shown], dict[str, Any]]:
-    """Write result.json and the page. Return what the flights say. Raises OSError.
+    """Write result.json, the page and a map that is asked for. Return what the flights say. Raises OSError.
 
     path : the file of the flights.  out : the folder.
     """
     from fcu.interface import whole_file
     from gcs_tools.campaigns import analysis as analyse
+    from gcs_tools.campaigns import maps
     from gcs_tools.campaigns.verdict import verdict
 
     table = analyse.read(path)
@@ -183,7 +184,8 @@ def write_results(
     if page:
         from gcs_tools.campaigns.report import report
 
-        html = report(of, found, shown, table, out).encode()
+        pictures = maps.save(of, table, out)
+        html = report(of, found, shown, table, out, pictures).encode()
         whole_file.write(out / REPORT, html, follow=False)
     return found, shown, content
 

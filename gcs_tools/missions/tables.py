@@ -259,6 +259,13 @@ class Wind(Table):
         inside = at[2] < roof - ROOF_M and roof > field.top.min()
         return f"the flight begins {at[2]:g} m up, in a building of {roof:g} m" if inside else ""
 
+    def roofs(self) -> tuple[Any, Any, Any] | None:
+        """Edges of cells to East and North (m, of the field), and the height of ground and buildings in each. None without a field."""
+        if self._field is None:
+            return None
+        field = opened(self._field).field
+        return field.top_x, field.top_y, field.top
+
     @property
     def field_ends_s(self) -> float | None:
         """Time of the flight (s) at which its field ends. None without a field, and where something follows."""

@@ -8,14 +8,18 @@ ground. The air that houses keep out goes around and over them, so a street's mo
 speeds up over roofs. It has neither wakes nor the vortex of a street: no momentum is conserved.
 
     python -m gcs_tools.studies.street_field missions/street.field
+    python -m gcs_tools.studies.street_field missions/street --directions 4      # from_000.field, from_090.field, ...
+
+With directions, each field has 1 m/s at 10 m above open ground, so that the `scale` of a mission is that speed.
 """
 
 from __future__ import annotations
 
-import sys
+import math
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
@@ -27,6 +31,9 @@ Array = np.ndarray[Any, Any]
 CELL_M = 4.0
 CELLS = 60, 30, 15  # to East, to North, up
 WIND_M_S = 4.5, 2.6  # to East and North, 10 m above open ground: from west-southwest
+STEP_M_S = (
+    2.0**-14
+)  # of the values for directions: files of few digits are small when they are packed
 ROUGHNESS_M = 0.5  # of a suburb's ground
 # west, east, south and north wall, and the roof's height, m
 BUILDINGS = (
@@ -64,8 +71,11 @@ def speed_factor(z: Array, in_canopy: bool) -> Array:
     return found
 
 
-def undisturbed(solid: Array) -> list[Array]:
-    """The wind (u, v, w on the faces of cells) that begins, as if walls let it through."""
+def undisturbed(solid: Array, wind: tuple[float, float]) -> list[Array]:
+    """The wind (u, v, w on the faces of cells) that begins, as if walls let it through.
+
+    wind : to East and North at 10 m above open ground, m/s.
+    """
     nz, ny, nx = solid.shape
     z = (np.arange(nz) + 0.5) * CELL_M
     west, east, south, north = (
@@ -73,7 +83,7 @@ def undisturbed(solid: Array) -> list[Array]:
     )
     made = []
     for speed, shape, faces_x, faces_y in (
-        (WIND_M_S[0], (nz, ny, nx + 1), True, False), (WIND_M_S[1], (nz, ny + 1, nx), False, True),
+        (wind[0], (nz, ny, nx + 1), True, False), (wind[1], (nz, ny + 1, nx), False, True),
     ):  # fmt: skip
         x = (np.arange(shape[2]) + (0.0 if faces_x else 0.5)) * CELL_M
         y = (np.arange(shape[1]) + (0.0 if faces_y else 0.5)) * CELL_M
@@ -133,10 +143,14 @@ def without_divergence(velocity: list[Array], faces: list[Array], solid: Array) 
     return found
 
 
-def street() -> Grid:
-    """The field, as a file would have it."""
+def street(wind: tuple[float, float] = WIND_M_S, step: float = 0.0) -> Grid:
+    """The field, as a file would have it.
+
+    wind : to East and North at 10 m above open ground, m/s.  step : to whose multiples values are rounded, m/s. 0 rounds none.
+    """
     solid = solid_cells()
-    u, v, w = without_divergence(undisturbed(solid), open_faces(solid), solid)
+    found = without_divergence(undisturbed(solid, wind), open_faces(solid), solid)
+    u, v, w = [np.rint(part / step) * step for part in found] if step else found
     nz, ny, nx = solid.shape
     at = {n: (np.arange(n) + 0.5) * CELL_M for n in (nx, ny, nz)}
     faces = {n: np.arange(n + 1) * CELL_M for n in (nx, ny, nz)}
@@ -153,5 +167,19 @@ def street() -> Grid:
     )  # fmt: skip
 
 
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--directions", "n", type=click.IntRange(1, 360), help="a field for each of so many, of 1 m/s, in the folder OUT")  # fmt: skip
+def main(out: Path, n: int | None) -> None:
+    """Make the field of the missions, or fields for several directions of the wind."""
+    if n is None:
+        pack(street(), out)
+        return
+    for from_deg in (360.0 * k / n for k in range(n)):
+        a = math.radians(from_deg)  # of the compass: from North by East
+        wind = -math.sin(a), -math.cos(a)
+        pack(street(wind, STEP_M_S), out / f"from_{from_deg:03.0f}.field")
+
+
 if __name__ == "__main__":
-    pack(street(), Path(sys.argv[1]))
+    main()
