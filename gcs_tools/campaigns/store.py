@@ -237,7 +237,7 @@ class Store:
             raise Refused(f"{self.folder}: began with {other}: its flights would not be the same")
 
     def _other(self, there: Mapping[str, Any], about: Mapping[str, Any]) -> str:
-        """Where a campaign that was flown here differs from this one first, in words."""
+        """The first difference between a campaign that was flown here and this one, in words."""
         try:
             was = (self.folder / TOML).read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError):
@@ -246,10 +246,10 @@ class Store:
         for i, (old, new) in enumerate(itertools.zip_longest(was, now, fillvalue="")):
             if was and old != new:
                 return f"line {i + 1} of its file is {_cut(old)}, here {_cut(new)}"
-        old, new = (dict(each.get("changes", {})) for each in (there, about))
+        before, after = (dict(each.get("changes", {})) for each in (there, about))
         for key in ("seed", "set", "flights"):
-            if old.get(key) != new[key]:
-                return f"its {key} is {old.get(key)}, here {new[key]}"
+            if before.get(key) != after[key]:
+                return f"its {key} is {before.get(key)}, here {after[key]}"
         return "a mission, a law or an airframe has changed since"
 
 

@@ -288,7 +288,7 @@ def moved(scene: Scenario, search: Search) -> Search:
 
 
 def _later(wind: Rows, k: int) -> Rows:
-    """A wind (float64[ticks, 3]) that comes k ticks later; what it has no samples for stays as its first or last."""
+    """A wind (float64[ticks, 3]) that comes k ticks later. Where it has no samples, its first or last one stays."""
     return wind[np.clip(np.arange(len(wind)) - k, 0, len(wind) - 1)]
 
 
