@@ -76,9 +76,20 @@ def read_wind(path: Path) -> Rows:
 
     Raises SamplesError.
     """
-    rows = read(path, WIND, WIND_SAMPLES, WIND_MOST_M_S, WIND_MIB)
+    return checked_wind(read(path, WIND, WIND_SAMPLES, WIND_MOST_M_S, WIND_MIB), path)
+
+
+def checked_wind(rows: Rows, path: Path) -> Rows:
+    """Return float64[n, 4] of a file of wind. Raises SamplesError unless they are samples that rise in time."""
     if not len(rows):
         raise SamplesError(f"{path}: expected a sample or more")
+    bad = np.flatnonzero(
+        ~np.isfinite(rows).all(axis=1) | (np.abs(rows[:, 1:]) > WIND_MOST_M_S).any(axis=1)
+    )
+    if len(bad):
+        raise SamplesError(
+            f"{path}: expected finite numbers, up to {WIND_MOST_M_S:g} m/s, in sample {int(bad[0]) + 1}"
+        )
     t = rows[:, 0]
     early = np.flatnonzero(np.diff(t) <= 0.0)
     if len(early):

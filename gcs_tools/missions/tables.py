@@ -34,6 +34,7 @@ from fcu.process.settings import PARAMETERS
 from fcu.vehicle.modes import Mode
 from gcs_tools.judging.failsafes import FAILSAFES, NO_FAILSAFE
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S
+from gcs_tools.missions import parquet_samples
 from gcs_tools.missions.bounds import LIMITS
 from gcs_tools.missions.fields import (
     ZERO,
@@ -199,7 +200,7 @@ class Wind(Table):
     )
 
     file: str | None = optional(
-        f"velocity of the air over time, added to the rest: CSV with columns {', '.join(samples_file.WIND)}"
+        f"velocity of the air over time, added to the rest: CSV or Parquet with columns {', '.join(samples_file.WIND)}"
     )
 
     shear: Annotated[Literal["log", "power"], one_of("log", "power")] | None = optional(
@@ -308,7 +309,9 @@ class Wind(Table):
         folder = (info.context or {}).get(FOLDER)
         if self.file is not None and folder is not None:
             try:
-                self._samples = samples_file.read_wind(folder / self.file)
+                path = folder / self.file
+                reads = parquet_samples if path.suffix in parquet_samples.SUFFIXES else samples_file
+                self._samples = reads.read_wind(path)
             except samples_file.SamplesError as error:
                 raise because(("file",), str(error)) from None
         if self.field is not None and folder is not None:

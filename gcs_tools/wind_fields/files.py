@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from fcu.interface import input_file
-from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, vtk, vtk_file
+from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, udales, vtk, vtk_file
 from gcs_tools.wind_fields.grid import Grid, wrong
 
-KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), RotorS text, VTK (legacy, .vtu, .vti), CSV"
+KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), uDALES (NetCDF), RotorS text, VTK (legacy, .vtu, .vti), CSV"
 MOST_MIB = 2048  # of a text
 
 
@@ -22,6 +22,8 @@ def read(path: Path) -> Grid:
                 return palm.read(contents, source)
             if qes.fits(contents):
                 return qes.read(contents, source)
+            if udales.fits(contents):
+                return udales.read(contents, path)
             raise wrong(source, f"a NetCDF file of none of the kinds that are known: {KNOWN}")
         if vtk_file.is_vtk(path):
             return vtk.read(path)

@@ -109,3 +109,27 @@ def test_a_wind_beyond_what_is_believed_is_told_before_the_flight(tmp_path: Path
     remarks = envelope(load(written(tmp_path, gust))).remarks
     assert any("up to 22 m/s, is beyond guard_wind_m_s 12" in remark for remark in remarks)
     assert any("up to 42 m/s^2, is beyond guard_wind_rate_m_s2 20" in remark for remark in remarks)
+
+
+def test_a_parquet_file_is_the_same_wind_as_its_csv(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    from gcs_tools.missions import parquet_samples
+
+    rows = np.array([[0.0, 1.0, 2.0, 3.0], [2.5, -1.0, 0.5, 0.0]])
+    columns = dict(zip(("t_s", "x_m_s", "y_m_s", "z_m_s"), rows.T, strict=True))
+    parquet.write_table(pyarrow.table({"other": ["a", "b"], **columns}), tmp_path / "w.parquet")
+    np.testing.assert_array_equal(parquet_samples.read_wind(tmp_path / "w.parquet"), rows)
+    parquet.write_table(pyarrow.table({**columns, "t_s": [1.0, 1.0]}), tmp_path / "w.parquet")
+    with pytest.raises(SamplesError, match="expected a time after 1 s"):
+        parquet_samples.read_wind(tmp_path / "w.parquet")
+    parquet.write_table(pyarrow.table({**columns, "x_m_s": [None, 1.0]}), tmp_path / "w.parquet")
+    with pytest.raises(SamplesError, match="finite numbers"):
+        parquet_samples.read_wind(tmp_path / "w.parquet")
+    parquet.write_table(pyarrow.table({"t_s": [0.0]}), tmp_path / "w.parquet")
+    with pytest.raises(SamplesError, match="x_m_s, y_m_s, z_m_s missing"):
+        parquet_samples.read_wind(tmp_path / "w.parquet")
+    (tmp_path / "w.parquet").write_text("nothing")
+    with pytest.raises(SamplesError, match="expected a Parquet file"):
+        parquet_samples.read_wind(tmp_path / "w.parquet")

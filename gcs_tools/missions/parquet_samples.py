@@ -1,0 +1,38 @@
+"""Samples of wind over time from a Parquet file: the columns of its CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fcu.interface.samples_file import WIND, WIND_SAMPLES, SamplesError, checked_wind
+
+Rows = np.ndarray[Any, np.dtype[np.float64]]
+
+SUFFIXES = (".parquet", ".pq")
+
+
+def read_wind(path: Path) -> Rows:
+    """Read float64[n, 4] of a file of wind: s, and m/s to East, North and Up. Raises SamplesError."""
+    try:
+        from pyarrow import ArrowException, parquet
+    except ImportError as error:
+        raise SamplesError(f"{path}: Parquet needs pyarrow: pip install pyarrow") from error
+    try:
+        of = parquet.ParquetFile(path)
+        lacking = [name for name in WIND if name not in of.schema_arrow.names]
+        if lacking:
+            raise SamplesError(
+                f"{path}: expected columns {', '.join(WIND)}; {', '.join(lacking)} missing"
+            )
+        if of.metadata.num_rows > WIND_SAMPLES:
+            raise SamplesError(f"{path}: more than {WIND_SAMPLES} samples")
+        table = of.read(columns=list(WIND))
+        rows = np.stack([np.asarray(table[name].cast("double")) for name in WIND], axis=-1)
+    except (ArrowException, OSError, ValueError) as error:
+        if isinstance(error, SamplesError):
+            raise
+        raise SamplesError(f"{path}: expected a Parquet file of numbers ({error})") from error
+    return checked_wind(rows.astype(np.float64), path)

@@ -1,0 +1,69 @@
+"""uDALES' field dumps, in the layout of its source: tiles, faces, buildings with and without a mask."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.io import netcdf_file
+
+from gcs_tools.wind_fields.files import read
+from gcs_tools.wind_fields.grid import packable
+from sitl_plant.physics.wind.packed_field import FieldError
+
+N, D = 8, 2.0
+HOUSE = np.s_[:3, 3:5, 2:6]  # of cells z, y, x: 6 m high, on both tiles
+
+
+def dump(folder, with_mask=True):
+    """Two tiles in x, of 3 m/s to East that grows with height, around a house."""
+    solid = np.zeros((N, N, N), dtype=bool)
+    solid[HOUSE] = True
+    u = np.tile(3.0 + np.arange(N)[:, None, None], (1, N, N)).astype(np.float32)
+    u[solid | np.roll(solid, 1, axis=2)] = 0.0
+    v = np.full((N, N, N), 0.5, dtype=np.float32)
+    v[solid | np.roll(solid, 1, axis=1)] = 0.0
+    w = np.zeros((N, N, N), dtype=np.float32)
+    for tile in (0, 1):
+        here = slice(4 * tile, 4 * tile + 4)
+        with netcdf_file(folder / f"fielddump.{tile:03d}.000.007.nc", "w", version=2) as file:
+            file.createDimension("time", None)
+            axes = {"zt": D * (np.arange(N) + 0.5), "zm": D * np.arange(N), "yt": D * (np.arange(N) + 0.5),
+                    "ym": D * np.arange(N), "xt": D * (np.arange(N) + 0.5)[here], "xm": D * np.arange(N)[here]}  # fmt: skip
+            time = file.createVariable("time", "f", ("time",))
+            time.units = b"s"
+            for name, values in axes.items():
+                file.createDimension(name, len(values))
+                file.createVariable(name, "f", (name,))[:] = values
+            given = [
+                ("u", ("zt", "yt", "xm"), u),
+                ("v", ("zt", "ym", "xt"), v),
+                ("w", ("zm", "yt", "xt"), w),
+            ]
+            if with_mask:
+                given.append(("mask_c", ("zt", "yt", "xt"), (~solid).astype(np.float32)))
+            for name, dims, values in given:
+                of = file.createVariable(name, "f", ("time", *dims))
+                of[:] = np.stack([values, 2.0 * values if name in "uvw" else values])[..., here]
+                of.units = b"m/s" if name in "uvw" else b"M"
+            time[:] = [10.0, 20.0]
+    return folder / "fielddump.000.000.007.nc"
+
+
+@pytest.mark.parametrize("with_mask", [True, False])
+def test_tiles_are_joined_and_the_house_stands(tmp_path, with_mask):
+    field = packable(read(dump(tmp_path, with_mask)))
+    assert field.t.tolist() == [0.0, 10.0]
+    np.testing.assert_allclose(field.u.x, D * np.arange(N))
+    assert field.u.v[0, 5, 0, 7] == 8.0 and field.u.v[1, 5, 0, 7] == 16.0
+    assert field.top.max() == pytest.approx(6.0)
+    np.testing.assert_array_equal(np.argwhere(field.top > 1.0), np.argwhere(np.pad(np.ones((2, 4)), ((3, 3), (2, 2)))))  # fmt: skip
+
+
+def test_a_tile_that_is_missing_is_told(tmp_path):
+    path = dump(tmp_path)
+    for tile in (0, 1):
+        source = tmp_path / f"fielddump.{tile:03d}.000.007.nc"
+        (tmp_path / f"fielddump.{tile:03d}.001.007.nc").write_bytes(source.read_bytes())
+    (tmp_path / "fielddump.001.001.007.nc").unlink()
+    with pytest.raises(FieldError, match="3 tiles of 2 x 2"):
+        read(path)
