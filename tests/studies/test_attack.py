@@ -33,9 +33,12 @@ from gcs_tools.studies.attack.draws import (
     drawn,
     parsed,
 )
+from gcs_tools.studies.attack.eddies import eddies
 from gcs_tools.studies.attack.search import search
 from gcs_tools.studies.attack.verdict import LOST_M, chance, held, limits, verdict
 from gcs_tools.studies.attack.wind import KINDS, pushes
+from gcs_tools.wind_fields.check import divergence
+from gcs_tools.wind_fields.grid import pack
 from sitl_plant.physics.types import PlantRecord
 
 UNGUARDED = How(policy="warn")
@@ -388,3 +391,23 @@ def test_a_manoeuvre_that_refuses_is_made_smaller_until_nothing_is_refused(name)
     assert scale == 1.0 or refusal(larger) != ""
     times = scene.sent_at / scene.rate_hz
     assert (times[0], times[1]) == (0.0, FIRST_S)
+
+
+def test_a_field_of_eddies_is_free_of_divergence_and_of_up_to_one_metre_a_second(tmp_path):
+    field = pack(eddies(), tmp_path / "e.field")
+    assert divergence(field) < 1e-6
+    speeds = [np.abs(part.v).max() for part in (field.u, field.v, field.w)]
+    assert 0.5 < max(speeds) <= 1.2
+
+
+def test_in_a_field_a_flight_has_no_other_wind_and_a_place_inside(tmp_path):
+    pack(eddies(), tmp_path / "e.field")
+    for u in (0.0, 0.5, 1.0):
+        n = numbers(wind_share=u, wind_azimuth=u, wind_height=u, wind_speed=u, believed_wind=1.0)
+        found = attack(n, How(field=str(tmp_path / "e.field")))
+        layer = found.scene.layers.field
+        assert layer.scale == pytest.approx(max(WIND_M_S * u, 1e-3))
+        assert all(400.0 <= at <= 500.0 for at in layer.origin_m[:2])
+        assert 449.0 <= layer.origin_m[2] <= 500.0
+        assert found.gust.kind == 0.0 and found.wind == "field"
+        assert tuple(found.scene.world.params.wind.steady) == (0.0, 0.0, 0.0)

@@ -102,12 +102,14 @@ def unused(given: set[str], settings: tuple[str, ...], noise: str, flight: str |
         return f"{told(min(lost))}: there is no noise; add --noise bounded or --noise gaussian"
     if "manoeuvres" in given and "compute" not in given:
         return "--manoeuvre: expected with --computed"
-    if "compute" in given and (lost := given & {"n", "seed", "noise", "as_shipped", "out"}):
+    if "compute" in given and (
+        lost := given & {"n", "seed", "noise", "as_shipped", "out", "field"}
+    ):
         return f"{told(min(lost))}: the manoeuvres of --computed are not drawn; leave it out"
     if "n" in given and given & {"flight", "look"}:
         return "--flights: only a campaign has it; leave it out with --flight and with --search"
     if flight is not None and not flight.isdecimal():
-        of_file = {"seed", "noise", "part", "unknown", "as_shipped", "settings"}
+        of_file = {"seed", "noise", "part", "unknown", "as_shipped", "settings", "field"}
         if lost := given & of_file:
             return f"{told(min(lost))}: {flight} says how it was flown; leave the option out"
     for key in written:
@@ -239,6 +241,7 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
 @click.option("--unknown", is_flag=True, help="the guard believes in no noise")
 @click.option("--as-shipped", is_flag=True, help="the law with its defaults: draw plant, wind and setpoints alone")  # fmt: skip
 @click.option("--set", "settings", multiple=True, metavar="TABLE.KEY=VALUE", help="a value of a mission, over what is drawn")  # fmt: skip
+@click.option("--field", type=click.Path(exists=True, file_okay=False), help="a packed field of up to 1 m/s is the wind, scaled to what is believed (attack.eddies makes one)")  # fmt: skip
 @click.option("--flight", metavar="NUMBER|FILE[:RANK]", help="fly one again: of the seed, or of a search's --out")  # fmt: skip
 @click.option("--search", "look", type=click.IntRange(128), metavar="N", help="an optimiser looks for the worst within N flights")  # fmt: skip
 @click.option("--computed", "compute", is_flag=True, help="a few manoeuvres, each in the worst wind for each limit, which is computed")  # fmt: skip
@@ -247,7 +250,7 @@ def shown(policies: tuple[str, ...], how: How, flight: str, seed: int, out: Path
 @click.option("--json", "as_json", is_flag=True, help="a JSON object on standard output")
 def main(
     policies: tuple[str, ...], n: int, seed: int, noise: str, part: float, unknown: bool, as_shipped: bool,
-    settings: tuple[str, ...], flight: str | None, look: int | None,
+    settings: tuple[str, ...], field: str | None, flight: str | None, look: int | None,
     compute: bool, manoeuvres: tuple[str, ...], out: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Attack the guard from inside its beliefs; exit 1 if a flight contradicts it."""
@@ -271,6 +274,7 @@ def main(
             unknown=unknown,
             as_shipped=as_shipped,
             settings=parsed(settings),
+            field=field or "",
         )
         if flight is not None:
             contradicts = shown(policies, how, flight, seed, out, as_json)

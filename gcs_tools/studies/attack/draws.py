@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,8 @@ from gcs_tools.campaigns.flights import Random
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.mission import from_tables, load, override
 from gcs_tools.studies.attack.wind import KINDS, OWN, Gust
+from sitl_plant.physics.wind.layers import FieldLayer, Layers
+from sitl_plant.physics.wind.packed_field import opened
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Tables = dict[str, Any]
@@ -34,6 +37,10 @@ NOISES = ("none", "bounded", "gaussian")
 FIRST_S, ATTACK_S = 2.0, 12.0  # when the setpoints of an attack begin, and for how long they come
 STREAM_S = 0.05  # between two setpoints of a stream
 NEAREST_M = 0.1  # of the last setpoint: a reference model that is so near has settled
+ASIDE_M, BELOW_M = (
+    400.0,
+    450.0,
+)  # that a field reaches beyond a flight's beginning: a moving setpoint that is not followed by another leads far
 TRIES = 1000  # draws of one flight, all refused by the rule of gains: nothing to fly
 WIND_M_S, WIND_M_S2 = 12.0, 20.0  # the greatest guard_wind_m_s, guard_wind_rate_m_s2
 MORE_S = 16.0  # s: given to each flight beyond that; what is governed may overshoot, what was swept along settles late
@@ -91,6 +98,7 @@ class How(NamedTuple):
     unknown: bool = False  # the guard believes in no noise
     as_shipped: bool = False  # the law as it is, whatever was drawn of it
     settings: Mapping[tuple[str, ...], Any] = {}  # of a mission, over what was drawn
+    field: str = ""  # a packed field of wind of up to 1 m/s, in place of the drawn winds
 
 
 @dataclass(frozen=True)
@@ -432,6 +440,16 @@ def lifted(n: Numbers) -> Numbers:
     )
 
 
+def place_in(n: Numbers, how: How) -> FieldLayer:
+    """A place of the field from which no setpoint leads out of it, and the greatest wind there."""
+    b = opened(Path(how.field)).field.bounds
+    low = np.array([b[0] + ASIDE_M, b[2] + ASIDE_M, b[4] + BELOW_M])
+    high = np.array([b[1] - ASIDE_M, b[3] - ASIDE_M, b[5] - ASIDE_M])
+    at = low + np.array([n.wind_share, n.wind_azimuth, n.wind_height]) * (high - low)
+    greatest = ends(n.wind_speed, 0.0, WIND_M_S if how.as_shipped else wind_of(n))
+    return FieldLayer(str(how.field), (at[0], at[1], at[2]), scale=max(greatest, 1e-3))
+
+
 def attack(n: Numbers, how: How) -> Attack | None:
     """The flight that the numbers make; None if a vehicle would refuse its gains, or `gcs envelope` would
     say of hover that they are not certain there, whatever noise there is (`flies_there`).
@@ -439,8 +457,13 @@ def attack(n: Numbers, how: How) -> Attack | None:
     kind, drawn_as = one_of(n.setpoints, SETPOINTS), n
     if kind == "descent":
         n = lifted(n)
+    in_field = n
+    if how.field:
+        n = n._replace(wind=0.0, wind_speed=0.0)  # no wind of its own
     given = tables(n, how)
     scene = scenario(from_tables("drawn", given))
+    if how.field:
+        scene = replace(scene, layers=Layers(field=place_in(in_field, how)))
     law = scene.law
     if unstable(law, scene.guard) or not (how.as_shipped or flies_there(scene)):
         return None
@@ -462,7 +485,7 @@ def attack(n: Numbers, how: How) -> Attack | None:
         gust=gust_of(n, WIND_M_S if how.as_shipped else wind_of(n)),
         noise=noise_of(scene, how.noise),
         setpoints=kind,
-        wind=one_of(n.wind, KINDS),
+        wind="field" if how.field else one_of(n.wind, KINDS),
     )
 
 

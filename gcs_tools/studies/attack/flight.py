@@ -130,7 +130,7 @@ def fly(scene: Scenario, gust: Gust, noise: Rows, refuses: bool = True, told: bo
     demanded now.
     """
     alone, law = law_alone.flight(scene)
-    simulator = Simulator(scene.world, law_alone.SYSTEM, wind=scene.wind)
+    simulator = Simulator(scene.world, law_alone.SYSTEM, wind=scene.wind, layers=scene.layers)
     plant = simulator.plant._replace(noise=noise)
     plant.progress[NOISE_AT] = 0.0
     plant_rows = np.zeros((scene.ticks, WIDTH))
