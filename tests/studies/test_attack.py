@@ -19,7 +19,7 @@ from gcs_tools.flight import law_alone
 from gcs_tools.gusts import worst_wind
 from gcs_tools.gusts.ends import ends
 from gcs_tools.judging.preflight_check import refusal
-from gcs_tools.studies.attack import computed, report
+from gcs_tools.studies.attack import computed, eddies, report
 from gcs_tools.studies.attack.__main__ import campaign, flown, main, show
 from gcs_tools.studies.attack.draws import (
     FIRST_S,
@@ -33,7 +33,6 @@ from gcs_tools.studies.attack.draws import (
     drawn,
     parsed,
 )
-from gcs_tools.studies.attack.eddies import eddies
 from gcs_tools.studies.attack.search import search
 from gcs_tools.studies.attack.verdict import LOST_M, chance, held, limits, verdict
 from gcs_tools.studies.attack.wind import KINDS, pushes
@@ -393,21 +392,28 @@ def test_a_manoeuvre_that_refuses_is_made_smaller_until_nothing_is_refused(name)
     assert (times[0], times[1]) == (0.0, FIRST_S)
 
 
-def test_a_field_of_eddies_is_free_of_divergence_and_of_up_to_one_metre_a_second(tmp_path):
-    field = pack(eddies(), tmp_path / "e.field")
+@pytest.fixture
+def coarse(monkeypatch):
+    """Make fields of eddies of 20 cells of 50 m along each axis."""
+    monkeypatch.setattr(eddies, "CELL_M", 50.0)
+    monkeypatch.setattr(eddies, "CELLS", (20, 20, 20))
+
+
+def test_a_field_of_eddies_is_free_of_divergence_and_of_up_to_one_metre_a_second(tmp_path, coarse):
+    field = pack(eddies.eddies(), tmp_path / "e.field")
     assert divergence(field) < 1e-6
     speeds = [np.abs(part.v).max() for part in (field.u, field.v, field.w)]
     assert 0.5 < max(speeds) <= 1.2
 
 
-def test_in_a_field_a_flight_has_no_other_wind_and_a_place_inside(tmp_path):
-    pack(eddies(), tmp_path / "e.field")
+def test_in_a_field_a_flight_has_no_other_wind_and_a_place_inside(tmp_path, coarse):
+    pack(eddies.eddies(), tmp_path / "e.field")
     for u in (0.0, 0.5, 1.0):
         n = numbers(wind_share=u, wind_azimuth=u, wind_height=u, wind_speed=u, believed_wind=1.0)
         found = attack(n, How(field=str(tmp_path / "e.field")))
         layer = found.scene.layers.field
         assert layer.scale == pytest.approx(max(WIND_M_S * u, 1e-3))
-        assert all(400.0 <= at <= 500.0 for at in layer.origin_m[:2])
-        assert 449.0 <= layer.origin_m[2] <= 500.0
+        assert all(400.0 <= at <= 600.0 for at in layer.origin_m[:2])
+        assert 449.0 <= layer.origin_m[2] <= 600.0
         assert found.gust.kind == 0.0 and found.wind == "field"
         assert tuple(found.scene.world.params.wind.steady) == (0.0, 0.0, 0.0)
