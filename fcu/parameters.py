@@ -11,12 +11,8 @@ of the start leaves Settings as they were handed over, to the bit.
 
 from __future__ import annotations
 
-import difflib
 import math
-import os
-import re
 import stat
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -27,8 +23,10 @@ import numpy as np
 from fcu.guard import stability
 from fcu.guard.gains import RULE, has_rule
 from fcu.guard.types import GuardParams
-from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
+from fcu.interface.files import toml_file, whole_file
+from fcu.interface.files.spelling import suggestion
+from fcu.interface.files.toml_file import FileError
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
 from fcu.interface.status_texts import ROOM
 from fcu.laws import loader, rotor_loss
@@ -55,7 +53,6 @@ __all__ = [
 
 DOES_NOT_EXIST, OUT_OF_RANGE = "DOES_NOT_EXIST", "VALUE_OUT_OF_RANGE"
 READ_ONLY, PERMISSION_DENIED = "READ_ONLY", "PERMISSION_DENIED"
-MOST_BYTES = input_file.MIB // 4  # of a file of parameters
 P = Parameter
 
 
@@ -332,8 +329,7 @@ def _unknown(name: str, table: Mapping[str, Entry], flown: Law) -> str:
         if name in (part.name for part in row.parts):
             key = f"[law] {row.key} (--set law.{row.key}=)" if row.key else "the airframe's file"
             return f"a parameter of the law: set {key}"
-    close = difflib.get_close_matches(name.upper(), table, n=1)
-    return f"no such parameter{f' (did you mean {close[0]}?)' if close else ''}"
+    return f"no such parameter{suggestion(name.upper(), table)}"
 
 
 def parsed(written: Iterable[str]) -> dict[str, float]:
@@ -671,26 +667,7 @@ class Parameters:
         What a link points to is replaced, not the link; the file's mode is kept.
         """
         text = self.text() if text is None else text
-        path = path.resolve()
-        folder = path.parent
-        mode = path.stat().st_mode & 0o777 if path.exists() else 0o644
-        handle, name = tempfile.mkstemp(dir=folder, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                os.fchmod(handle, mode)
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
-        if os.name == "posix":  # the name too must reach the disk
-            at = os.open(folder, os.O_RDONLY)
-            try:
-                os.fsync(at)
-            finally:
-                os.close(at)
+        whole_file.write(path, text.encode())
 
     def _read(self, path: Path) -> None:
         try:
@@ -698,24 +675,20 @@ class Parameters:
                 raise ParamsFileError(f"{path}: there is no folder {path.parent}")
             if not stat.S_ISREG(path.stat().st_mode):
                 raise ParamsFileError(f"{path}: not a file")
-            text = input_file.text(path, MOST_BYTES)
-            given = input_file.toml(text)
         except FileNotFoundError:
             return
         except OSError as error:
             raise ParamsFileError(f"{path}: {error.strerror}") from error
-        except UnicodeDecodeError as error:
-            raise ParamsFileError(f"{path}: not UTF-8") from error
-        except ParamsFileError:
-            raise
-        except (ValueError, RecursionError) as error:  # TOML's, of Python's limits too
-            raise ParamsFileError(f"{path}: {error}") from error
+        try:
+            file = toml_file.read(path)
+        except FileError as error:
+            raise ParamsFileError(str(error)) from error
         values: dict[str, float] = {}
-        for name, value in given.items():
-            where = f"{path}:{_line(text, name)}: {name}"
+        for name, value in file.tables.items():
+            where = f"{file.where(name)}: {name}"
             p = self._table.get(name)
             if p is None:
-                raise ParamsFileError(f"{where}: no such parameter")
+                raise ParamsFileError(f"{where}: {_unknown(name, self._table, self.flown)}")
             if p.row.read_only:
                 raise ParamsFileError(f"{where}: read only: {p.sentence}")
             if isinstance(value, bool) or not isinstance(value, int | float):
@@ -733,7 +706,7 @@ class Parameters:
             self._adopt(values)
         except Refused:
             name, why = self._one_too_many(values)
-            where = f"{path}:{_line(text, name)}: {name} {_number(values[name])}"
+            where = f"{file.where(name)}: {name} {_number(values[name])}"
             rule = RULE if isinstance(why, Unstable) else ""
             raise ParamsFileError(f"{where} refused: {why}{rule}") from why
 
@@ -749,9 +722,3 @@ class Parameters:
             except Refused as refused:
                 name, why = name or each, refused
         return name, why
-
-
-def _line(text: str, name: str) -> int:
-    """Number of the line that sets `name` (or 1, for a name written in an unusual way)."""
-    found = re.search(rf"^[ \t]*[\"'\[]*{re.escape(name)}\b", text, re.MULTILINE)
-    return 1 if found is None else text.count("\n", 0, found.start()) + 1

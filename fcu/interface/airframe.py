@@ -8,8 +8,6 @@ docs/airframes.md describes the file.
 
 from __future__ import annotations
 
-import difflib
-import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,15 +17,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface import input_file
-from fcu.interface.input_file import TomlError
-from fcu.interface.toml_lines import KeyPath, lines, nearest
+from fcu.interface.files import input_file, toml_file
+from fcu.interface.files.spelling import suggestion_or_list
+from fcu.interface.files.toml_file import FileError, TomlFile
+from fcu.interface.files.toml_lines import KeyPath
+from fcu.interface.files.toml_lines import lines as toml_lines
 from fcu.kernel.algebra import Rotors, Vec3
 
-MOST_BYTES = input_file.MIB // 4  # of a file
 ROTORS = len(Rotors._fields)  # columns of every row; an airframe may have fewer rotors
 FEWEST = 4  # rotors
-G = 9.81  # m/s^2
+G = 9.81  # m/s^2, of the paper: what laws believe and the plant's is
+STANDARD_GRAVITY = 9.80665  # m/s^2, of PX4: what its parameters of tilt and acceleration mean
 HOVERS = 1.2  # full thrust over the greatest believed weight, at least
 APART = 1e-3  # least singular value of what the rotors do over the greatest, each axis scaled to 1
 LEAST_SHARE = 0.02  # of the load of the most loaded rotor in hover
@@ -333,7 +333,7 @@ def checked(tables: dict[str, Any], source: str) -> tuple[Airframe, dict[str, An
     """
     for name, table in tables.items():
         if name != LAW and name not in KEYS:
-            known = meant(name, (*KEYS, LAW))
+            known = suggestion_or_list(name, (*KEYS, LAW))
             raise AirframeError(
                 f"{source}: {input_file.shown(name)[1:-1]}: no such table{known}", (name,)
             )
@@ -342,7 +342,7 @@ def checked(tables: dict[str, Any], source: str) -> tuple[Airframe, dict[str, An
             raise AirframeError(said, (name,))
         for key in table if name != LAW else ():
             if key not in KEYS[name]:
-                known = meant(key, KEYS[name])
+                known = suggestion_or_list(key, KEYS[name])
                 said = f"{source}: [{name}] {input_file.shown(key)[1:-1]}: no such key{known}"
                 raise AirframeError(said, (name, key))
     for name in ("vehicle", "rotors", "limits", "air", "battery"):
@@ -379,14 +379,6 @@ def checked(tables: dict[str, Any], source: str) -> tuple[Airframe, dict[str, An
     return made, {**tables, "mavlink": {"type": kind, "autostart": autostart, **mavlink}}
 
 
-def meant(word: Any, known: tuple[str, ...], most: int = 20) -> str:
-    """What to say after a word that is none of those that are known; of more than `most` not all."""
-    close = difflib.get_close_matches(str(word), known, n=1)
-    if close:
-        return f" (did you mean {close[0]}?)"
-    return f"; there are {', '.join(known)}" if len(known) <= most else ""
-
-
 @dataclass(frozen=True)
 class AirframeFile:
     """An airframe file that may be flown."""
@@ -420,7 +412,7 @@ class AirframeFile:
     @cached_property
     def lines(self) -> dict[KeyPath, int]:
         """Line of each table and key."""
-        return lines(self.text)
+        return toml_lines(self.text)
 
 
 def find(name_or_file: str, folder: Path | None = None) -> Path:
@@ -431,9 +423,9 @@ def find(name_or_file: str, folder: Path | None = None) -> Path:
     if name_or_file in SHIPPED:
         return SHIPPED[name_or_file]
     if not name_or_file.endswith(".toml"):
-        known = tuple(SHIPPED)
+        known = suggestion_or_list(name_or_file, SHIPPED)
         raise AirframeError(
-            f"{input_file.shown(name_or_file)[1:-1]}: no such airframe{meant(name_or_file, known)}"
+            f"{input_file.shown(name_or_file)[1:-1]}: no such airframe{known}"
             " (a file of yours ends with .toml)"
         )
     return ((folder or Path()) / name_or_file).absolute()
@@ -441,26 +433,18 @@ def find(name_or_file: str, folder: Path | None = None) -> Path:
 
 def read(path: Path = OCTO) -> AirframeFile:
     """An airframe file. Raises AirframeError, with the line where there is one."""
-    text = _text(path)
-    tables = _parsed(path, text)
+    file = _read(path)
     try:
-        made, tables = checked(tables, str(path))
+        made, tables = checked(file.tables, str(path))
     except AirframeError as error:
-        line = nearest(lines(text), error.at)
-        if line is None:
-            raise
         said = str(error).removeprefix(str(path))
-        raise AirframeError(f"{path}:{line}{said}", error.at) from error
-    return AirframeFile(path, _digest(text), made, tables, text)
+        raise AirframeError(f"{file.where(*error.at)}{said}", error.at) from error
+    return AirframeFile(path, file.sha256, made, tables, file.text)
 
 
 def digest(path: Path) -> str:
     """The hash of the text of a file, in hex. Raises AirframeError."""
-    return _digest(_text(path))
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+    return _read(path).sha256
 
 
 def believed(path: Path = OCTO) -> tuple[Airframe, dict[str, Any]]:
@@ -487,22 +471,11 @@ def believed_body(path: Path = OCTO) -> tuple[Interval, tuple[Interval, ...]]:
 
 def load(path: Path) -> dict[str, Any]:
     """The tables of an airframe TOML. Raises AirframeError when it cannot be read."""
-    return _parsed(path, _text(path))
+    return _read(path).tables
 
 
-def _text(path: Path) -> str:
+def _read(path: Path) -> TomlFile:
     try:
-        return input_file.text(path, MOST_BYTES)
-    except OSError as error:
-        raise AirframeError(f"{path}: {error.strerror}") from error
-    except ValueError as error:  # no UTF-8, or a name that no file can have
-        reason = getattr(error, "reason", error)
-        raise AirframeError(f"{path}: expected UTF-8 text ({reason})") from error
-
-
-def _parsed(path: Path, text: str) -> dict[str, Any]:
-    try:
-        return input_file.toml(text)
-    except TomlError as error:
-        where = path if error.line is None else f"{path}:{error.line}"
-        raise AirframeError(f"{where}: {error}") from error
+        return toml_file.read(path)
+    except FileError as error:
+        raise AirframeError(str(error)) from error

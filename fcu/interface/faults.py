@@ -13,7 +13,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fcu.interface import input_file
+from fcu.interface.files import input_file
 from fcu.kernel.buffers import columns, from_buffer, to_buffer
 
 NEVER_US = 1e18  # simulation time that no flight reaches (finite, so that JSON can hold it)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from fcu.interface.airframe import PINNED, AirframeError
-from fcu.interface.input_file import shown
+from fcu.interface.files.input_file import shown
 from fcu.kernel.buffers import from_buffer, size
 
 Value = float | str | tuple[float, ...]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface import input_file
+from fcu.interface.files import input_file
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -7,7 +7,6 @@ around whichever law.
 from __future__ import annotations
 
 import ast
-import difflib
 import importlib
 import inspect
 import re
@@ -22,6 +21,7 @@ from typing import Any
 
 from numba.core.errors import NumbaError
 
+from fcu.interface.files.spelling import suggestion
 from fcu.kernel import buffers, compile
 from fcu.laws import own_file, parameters, seam, unguarded
 from fcu.laws.allocation import RotorParams
@@ -134,10 +134,8 @@ def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
             return _shipped(str(name))
         if str(name).endswith(".py"):
             return _own((folder or Path()) / name)
-    close = difflib.get_close_matches(str(name), SHIPPED, n=1)
-    meant = f" (did you mean {close[0]}?)" if close else ""
     raise LawError(
-        f"{name}: no such law{meant}; expected {', '.join(SHIPPED)}, or a file of your own, FILE.py"
+        f"{name}: no such law{suggestion(name, SHIPPED)}; expected {', '.join(SHIPPED)}, or a file of your own, FILE.py"
     )
 
 

@@ -22,7 +22,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fcu.interface import foreign_code, input_file
+from fcu.interface import foreign_code
+from fcu.interface.files import input_file
 from fcu.kernel import compile
 from fcu.laws import seam
 

@@ -8,10 +8,11 @@ from typing import Any
 
 from fcu.guard.gains import unstable, why_refused
 from fcu.interface import airframe as airframes
-from fcu.interface.airframe import LAW, PINNED, AirframeError, AirframeFile, meant
+from fcu.interface.airframe import LAW, PINNED, AirframeError, AirframeFile
+from fcu.interface.files.spelling import suggestion
+from fcu.interface.files.toml_lines import nearest
 from fcu.interface.handover import HandoverError, load
 from fcu.interface.parameter import ParameterError, flat
-from fcu.interface.toml_lines import nearest
 from fcu.laws.loader import Law
 
 
@@ -56,7 +57,7 @@ def pinned(file: AirframeFile, law: Law) -> AirframeFile:
     for key, value in values.items():
         at = where(*key.split("."))
         if key not in rows:
-            raise AirframeError(f"{at} {key}: no such law parameter{meant(key, tuple(rows), 1)}")
+            raise AirframeError(f"{at} {key}: no such law parameter{suggestion(key, rows)}")
         try:
             rows[key].numbers(value)
         except ParameterError as error:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard.admission import Pace
+from fcu.interface.airframe import STANDARD_GRAVITY
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3, hypot, maximum, minimum, norm, select, select3
@@ -41,7 +42,6 @@ AT_CENTER = 0.1  # m from the centre of a circle, within which the heading is th
 HOME_CLOSE = 2.0  # m across: no need to climb for the way home
 Around = Callable[[Vec3, Vec3], list[Vec3]]  # the places of a way from one to another, m, E
 FOREVER_S = 1e9  # so long a plan waits that is not to go on
-STANDARD_GRAVITY = 9.80665  # m/s^2
 SLOW_BELOW = 5.0  # m above home: from there a landing is slow
 
 

@@ -11,13 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from fcu.interface.airframe import STANDARD_GRAVITY
 from fcu.interface.messages import AttitudeRequest, PositionRequest, Setpoint
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.rotations import euler, matrix, wrap
 from fcu.laws.setpoint import carried
 from fcu.parameters import Parameters
-from fcu.vehicle.plans import STANDARD_GRAVITY, STILL, Pose, at, length, tilted
+from fcu.vehicle.plans import STILL, Pose, at, length, tilted
 
 APART_US, APART_S = 500_000, 0.5  # of two setpoints that make a stream
 SILENT_US = 500_000  # after so long another sender's setpoints count

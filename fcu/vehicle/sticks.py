@@ -15,12 +15,13 @@ from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
+from fcu.interface.airframe import STANDARD_GRAVITY
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.rotations import matrix, wrap
 from fcu.parameters import Parameters
 from fcu.vehicle.modes import Mode
-from fcu.vehicle.plans import STANDARD_GRAVITY, STILL, PlanLimits, Pose, at
+from fcu.vehicle.plans import STILL, PlanLimits, Pose, at
 from fcu.vehicle.setpoints import ATTITUDE, RATES, Clocks, Owner, Throttle, is_lost, turned
 
 STEP_US = 20_000  # between two setpoints that are laid down from sticks

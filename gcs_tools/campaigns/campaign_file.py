@@ -7,7 +7,6 @@ What is wrong with a file is said with its line, its key and what was expected t
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from collections import Counter
@@ -20,13 +19,14 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from fcu.interface import input_file
 from fcu.interface.airframe import AirframeError
-from fcu.interface.input_file import TomlError
+from fcu.interface.files import toml_file
+from fcu.interface.files.input_file import MIB
+from fcu.interface.files.spelling import suggestion
+from fcu.interface.files.toml_file import FileError
 from fcu.interface.parameter import ParameterError
-from fcu.interface.toml_lines import lines, nearest
 from gcs_tools.campaigns.batch import VEHICLE
-from gcs_tools.campaigns.distributions import KINDS, Distribution
+from gcs_tools.campaigns.distributions import Distribution
 from gcs_tools.campaigns.draws import (
     GRID,
     LIST,
@@ -49,6 +49,7 @@ from gcs_tools.flight.scenario import refuse_faults_of_autopilot, refuse_link_fa
 from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
+from gcs_tools.missions import problems
 from gcs_tools.missions.fields import Positive, Table, one_line, optional, wrong
 from gcs_tools.missions.mission import (
     Mission,
@@ -62,7 +63,7 @@ from gcs_tools.missions.mission import (
 )
 
 FOLDER = "campaigns"  # of the shipped ones, among the missions
-MOST_BYTES = input_file.MIB
+MOST_BYTES = MIB
 MOST_FLIGHTS = 1_000_000
 MOST_LAWS = 20
 LAW = "law"
@@ -72,8 +73,7 @@ TELLING = "setpoint_error_rms_settled_m"  # what flights are ranked by, if a fil
 
 def _metric(name: str) -> str:
     if name not in METRICS:
-        close = difflib.get_close_matches(name, METRICS, n=1)
-        raise wrong((), f"a metric (did you mean {close[0]}?)" if close else "a metric", name)
+        raise wrong((), f"a metric{suggestion(name, METRICS)}", name)
     return name
 
 
@@ -415,8 +415,7 @@ def path_of(name: str) -> Path:
             f'{name} is a mission: a campaign is a file that names it (mission = "{name}"), as'
             " gcs campaign --help shows"
         )
-    close = difflib.get_close_matches(name, shipped(), n=1)
-    meant = f" (did you mean {close[0]}?)" if close else ""
+    meant = suggestion(name, shipped())
     raise CampaignError(f"{name}: no such campaign{meant}; there are {', '.join(shipped())}")
 
 
@@ -438,11 +437,9 @@ def read(
     """
     path = path_of(str(name))
     try:
-        text = input_file.text(path, MOST_BYTES)
-    except OSError as error:
-        raise CampaignError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise CampaignError(f"{path}: expected UTF-8 text ({error.reason})") from error
+        text = toml_file.text_of(path, MOST_BYTES)
+    except FileError as error:
+        raise CampaignError(str(error)) from error
     return parsed(text, str(path), path.parent, path.stem, changes, allow_commands)
 
 
@@ -452,16 +449,10 @@ def parsed(
 ) -> Campaign:  # fmt: skip
     """The campaign of a text. `folder`: where relative names in it begin. Raises CampaignError."""
     try:
-        given = input_file.toml(text)
-    except TomlError as error:
-        line = "" if error.line is None else f":{error.line}"
-        raise CampaignError(f"{source}{line}: {error}") from error
-    found = lines(text)
-
-    def where(*path: str | int) -> str:
-        line = nearest(found, path)
-        return source if line is None else f"{source}:{line}"
-
+        file = toml_file.parsed(text, source)
+    except FileError as error:
+        raise CampaignError(str(error)) from error
+    given, where = file.tables, file.where
     if isinstance(given.get("draw"), dict):
         drawn = list(_flat(given["draw"]))
         given["draw"] = dict(drawn)
@@ -472,7 +463,8 @@ def parsed(
     try:
         document = Document.model_validate(given)
     except ValidationError as error:
-        raise CampaignError("\n".join(_problems(error, source, text))) from error
+        said = problems.told(error, Document, source, file.lines, ("str", LawEntry.__name__))
+        raise CampaignError(said) from error
     try:
         draws = _draws(document, changes)
         variants = tuple(_variants(document, folder, where, allow_commands, changes))
@@ -645,44 +637,3 @@ def _hint(draws: Draws) -> str:
         if open_ended
         else ""
     )
-
-
-def _problems(error: ValidationError, source: str, text: str) -> Iterator[str]:
-    found = lines(text)
-    problems = error.errors(include_url=False)[:20]
-    wrong_items = {problem["loc"][:-1] for problem in problems}
-    for problem in problems:
-        if problem["type"] == "too_short" and problem["loc"] in wrong_items:
-            continue  # of its items, which are wrong themselves
-        context: Mapping[str, Any] = problem.get("ctx", {})
-        path = tuple(part for part in problem["loc"] if part not in ("str", "LawEntry"))
-        got = problem["input"]
-        if problem["type"] == "mission":
-            path, got = (*path, *context["key"]), context.get("got")
-            said = f"expected {context['expected']}" + ("" if got is None else f", got {got!r}")
-        elif problem["type"] == "extra_forbidden":
-            known = Distribution if path[0] == "draw" else _TABLES.get(path[:-1], Document)
-            close = difflib.get_close_matches(str(path[-1]), known.model_fields, n=1)
-            meant = (
-                f"did you mean {close[0]}?"
-                if close
-                else f"there are {', '.join(known.model_fields)}"
-            )
-            said = f"no such key ({meant})"
-        elif problem["type"] == "model_type" and path[0] == "draw":
-            said = f"expected a distribution, a table with one of {', '.join(KINDS)}, got {got!r}"
-        elif problem["type"] == "missing":
-            said = "is missing"
-        else:
-            said = f"{problem['msg'][:1].lower()}{problem['msg'][1:]}, got {str(got)[:60]}"
-        line = nearest(found, path) or nearest(
-            found, (path[0], *str(path[-1]).split(".")) if path else ()
-        )
-        where = source if line is None else f"{source}:{line}"
-        name = ".".join(map(str, path))
-        yield f"{where}: {name}: {said}" if name else f"{where}: {said}"
-
-
-_TABLES: dict[tuple[Any, ...], type[Table]] = {
-    ("stop",): Stop, ("map",): Map, ("expect",): Expected, ("expect", "success"): ExpectedShare, ("rare",): Rare,
-}  # fmt: skip

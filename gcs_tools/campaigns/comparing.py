@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fcu.interface.files.input_file import written
 from gcs_tools.campaigns import score, statistics
 from gcs_tools.campaigns.campaign_file import Campaign, Changes, parsed, settings
 from gcs_tools.campaigns.entrant import Entrant
@@ -24,7 +25,7 @@ from gcs_tools.campaigns.procedure import Objective, Procedure
 from gcs_tools.campaigns.score import NAMES, Score, cost
 from gcs_tools.campaigns.statistics import Interval
 from gcs_tools.missions import mission as mission_file
-from gcs_tools.missions.mission import Mission, written
+from gcs_tools.missions.mission import Mission
 
 
 class Row(NamedTuple):

@@ -10,15 +10,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fcu.interface import input_file
-from fcu.interface.input_file import TomlError
+from fcu.interface.files import toml_file
+from fcu.interface.files.input_file import written
+from fcu.interface.files.toml_file import FileError
 from fcu.interface.parameter import flat
 from gcs_tools.campaigns.entrant import Entrant
 from gcs_tools.campaigns.procedure import Procedure
 from gcs_tools.campaigns.tuning import Tuned
-from gcs_tools.missions.mission import load, written
+from gcs_tools.missions.mission import load
 
-MOST_BYTES = input_file.MIB // 4
 _TOLD = ("law", "law_digest", "airframe")
 
 
@@ -80,14 +80,9 @@ def text(entrant: Entrant, tuned: Tuned, procedure: Procedure) -> str:
 def read(path: Path) -> Gains:
     """A file of gains. Raises GainsError."""
     try:
-        tables = input_file.toml(input_file.text(path, MOST_BYTES))
-    except OSError as error:
-        raise GainsError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise GainsError(f"{path}: expected UTF-8 text ({error.reason})") from error
-    except TomlError as error:
-        where = path if error.line is None else f"{path}:{error.line}"
-        raise GainsError(f"{where}: {error}") from error
+        tables = toml_file.read(path).tables
+    except FileError as error:
+        raise GainsError(str(error)) from error
     law, provenance = tables.get("law"), tables.get("provenance")
     if not isinstance(law, dict) or not isinstance(provenance, dict):
         raise GainsError(f"{path}: expected [law] and [provenance], as gcs tune writes them")

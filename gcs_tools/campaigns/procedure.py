@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from fcu.interface import input_file
-from fcu.interface.input_file import TomlError
+from fcu.interface.files import toml_file
+from fcu.interface.files.toml_file import FileError
+from gcs_tools.missions import problems
 from gcs_tools.missions.fields import NotNegative, Positive, Table, wrong
 
 SHIPPED = Path(__file__).resolve().with_name("procedure.toml")
-MOST_BYTES = input_file.MIB // 4
 
 
 def _rising(of: tuple[float, float]) -> tuple[float, float]:
@@ -94,7 +93,7 @@ class _Document(Table):
 class Procedure:
     """What stands in the file."""
 
-    sha256: str  # of its bytes
+    sha256: str  # of its text
     draws: Draws
     objective: Objective
     search: Search
@@ -106,32 +105,15 @@ class Procedure:
 def read(path: Path = SHIPPED) -> Procedure:
     """The procedure of a file. Raises ProcedureError."""
     try:
-        data = input_file.content(path, MOST_BYTES)
-        found = _Document.model_validate(input_file.toml(data.decode()))
-    except OSError as error:
-        raise ProcedureError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ProcedureError(f"{path}: expected UTF-8 text ({error.reason})") from error
-    except TomlError as error:
-        raise ProcedureError(f"{path}: {error}") from error
+        file = toml_file.read(path)
+    except FileError as error:
+        raise ProcedureError(str(error)) from error
+    try:
+        found = _Document.model_validate(file.tables)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise ProcedureError(f"{path}: {key}: {first['msg']}") from error
-    for name, (low, high) in _ranges(found):
-        if low > high:
-            raise ProcedureError(f"{path}: {name}: expected the least first, then the most")
+        raise ProcedureError(problems.told(error, _Document, str(path), file.lines)) from error
     if not found.search.multiples[0] <= 1.0 <= found.search.multiples[1]:
         raise ProcedureError(
-            f"{path}: search.multiples: expected 1 between them: a search begins at the defaults"
+            f"{file.where('search', 'multiples')}: [search] multiples: expected 1 between them: a search begins at the defaults"
         )
-    return Procedure(sha256=hashlib.sha256(data).hexdigest(), **dict(found))
-
-
-def _ranges(found: _Document) -> list[tuple[str, tuple[float, float]]]:
-    margins = found.margins
-    return [
-        ("draws.rotor_lag", found.draws.rotor_lag),
-        ("search.multiples", found.search.multiples),
-        *((f"margins.{name}", getattr(margins, name)) for name in ("delay_s", "lag", "mass", "wind")),
-    ]  # fmt: skip
+    return Procedure(sha256=file.sha256, **dict(found))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from os.path import isfile
 from pathlib import Path
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.campaigns import store
 from gcs_tools.campaigns.campaign_file import CampaignError
 from gcs_tools.missions.mission import Mission, MissionError, as_toml, with_values

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.files.input_file import written
 from gcs_tools.campaigns.analysis import LIKELY, Analysis, Difference, Flights, OfLaw, Quantile
 from gcs_tools.campaigns.batch import VEHICLE
 from gcs_tools.campaigns.campaign_file import Campaign
@@ -22,7 +23,6 @@ from gcs_tools.campaigns.statistics import interval
 from gcs_tools.campaigns.store import DRAWN
 from gcs_tools.campaigns.verdict import Shown
 from gcs_tools.judging.metrics import SETTLE_S
-from gcs_tools.missions.mission import written
 from gcs_tools.pictures.plot import campaign as plot
 from gcs_tools.pictures.plot.campaign import Panel
 

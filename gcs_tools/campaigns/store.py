@@ -25,14 +25,14 @@ from typing import Any
 
 import numpy as np
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
+from fcu.interface.files.input_file import written
 from gcs_tools.campaigns.batch import Row
 from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, Changes, parsed
 from gcs_tools.campaigns.rare import Mixture
 from gcs_tools.campaigns.score import COLUMNS
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 from gcs_tools.judging.metrics import METRICS
-from gcs_tools.missions.mission import written
 
 SCHEMA_VERSION = 1
 JSON, TOML, PARTS, PARQUET, LOCK, PROPOSALS = (

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.campaigns.analysis import Analysis
 from gcs_tools.campaigns.campaign_file import MOST_FLIGHTS, Campaign
 from gcs_tools.campaigns.statistics import at_least

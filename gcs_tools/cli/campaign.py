@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import errno
 import json
 import time
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fcu.interface.files.spelling import suggestion
 from gcs_tools.cli import arguments
 from gcs_tools.cli.campaign_flying import (
     JOBS,
@@ -70,9 +70,8 @@ def _metrics(
     found = tuple(filter(None, (name.strip() for name in (names or "").split(","))))
     for name in found:
         if name not in METRICS:
-            close = difflib.get_close_matches(name, METRICS, n=1)
-            meant = f"did you mean {close[0]}?" if close else "docs/missions.md lists them"
-            raise click.BadParameter(f"{name}: no such metric ({meant})")
+            meant = suggestion(name, METRICS) or " (docs/missions.md lists them)"
+            raise click.BadParameter(f"{name}: no such metric{meant}")
     return found
 
 
@@ -229,7 +228,7 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
 
 
 def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: Path) -> int:
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from gcs_tools.campaigns.report import rare_report
 
     content = {

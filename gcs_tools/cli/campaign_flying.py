@@ -155,7 +155,7 @@ def write_results(
 
     path : the file of the flights.  out : the folder.
     """
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from gcs_tools.campaigns import analysis as analyse
     from gcs_tools.campaigns import maps
     from gcs_tools.campaigns.verdict import verdict

@@ -69,7 +69,7 @@ class Asked:
 
 def compare_laws(asked: Asked) -> int:
     """Fly, write and show a comparison. Return the exit code."""
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from fcu.laws.loader import LawError
     from gcs_tools.campaigns import results
     from gcs_tools.campaigns.campaign_file import CampaignError
@@ -135,7 +135,7 @@ def compare_laws(asked: Asked) -> int:
 
 def _write(found: Comparison, asked: Asked) -> None:
     """The files that were asked for. Raises OSError."""
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from gcs_tools.campaigns import results
 
     if asked.out is not None:
@@ -465,7 +465,7 @@ def _share(interval: Interval) -> str:
 
 
 def _draw(found: Comparison, path: Path) -> None:
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from gcs_tools.pictures.plot.laws import draw
 
     kind = path.suffix.lower().removeprefix(".")

@@ -103,7 +103,7 @@ def _draw(readings: Readings, svg: Path) -> None:
 
     from rich.console import Console
 
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from gcs_tools.pictures.monitor.screen import screen
 
     canvas = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO(), highlight=False)

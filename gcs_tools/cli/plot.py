@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from fcu.interface.files.spelling import suggestion
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json, print_line
 from gcs_tools.exit_codes import OK, USAGE
@@ -44,11 +44,8 @@ def _known(what: tuple[str, ...], there: tuple[str, ...]) -> tuple[str, ...]:
     """The names themselves. Raises click.BadParameter for one that is not there."""
     for name in what:
         if name not in there:
-            close = difflib.get_close_matches(name, there, n=1)
-            meant = f" (did you mean {close[0]}?)" if close else ""
-            raise click.BadParameter(
-                f"no figure {name!r}{meant}; there are {', '.join(there)}", param_hint="'--what'"
-            )
+            known = f"{suggestion(name, there)}; there are {', '.join(there)}"
+            raise click.BadParameter(f"no figure {name!r}{known}", param_hint="'--what'")
     return what
 
 

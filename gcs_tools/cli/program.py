@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import errno
 import os
 import sys
@@ -13,6 +12,7 @@ from typing import Any
 
 import click
 
+from fcu.interface.files.spelling import suggestion_or_list
 from fcu.interface.ports import table
 from gcs_tools.cli import guardian
 from gcs_tools.cli.output import is_unread, silence, write_anywhere
@@ -50,9 +50,8 @@ class Program(click.Group):
         """The command that is named; of a name that is none, which one it is close to."""
         names = self.list_commands(context)
         if args and args[0] not in names and not args[0].startswith("-"):
-            close = difflib.get_close_matches(args[0], names, n=1)
-            meant = f" (did you mean {close[0]}?)" if close else f"; there are {', '.join(names)}"
-            context.fail(f"No such command {args[0]!r}{meant}")
+            known = suggestion_or_list(args[0], names, most=len(names))
+            context.fail(f"No such command {args[0]!r}{known}")
         return super().resolve_command(context, args)
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:

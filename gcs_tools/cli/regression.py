@@ -25,7 +25,7 @@ def compare_with_baseline(
     compared: tuple[str, ...], exact: bool, tolerance: float, junit: Path | None, as_json: bool
 ) -> int:
     """Judge the flights below RUN by those below BASELINE. Raises Failure."""
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from gcs_tools.campaigns.regression import RegressionError, held_against
     from gcs_tools.judging import junit_report
     from gcs_tools.judging.comparison import CompareError, all_flown, below

@@ -44,7 +44,7 @@ def tune(
     tracking error over training flights. The gains that are best in validation flights are written to
     a file that `gcs compare --gains` takes, and whose [law] a mission may have.
     """
-    from fcu.interface import whole_file
+    from fcu.interface.files import whole_file
     from fcu.laws.loader import LawError
     from gcs_tools.campaigns import gains_file, procedure, tuning
     from gcs_tools.campaigns.entrant import EntrantError, entrant, warm_up

@@ -23,6 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fcu.interface.airframe import AirframeError, AirframeFile
+from fcu.interface.files.input_file import written
 from fcu.interface.link import PortBusy
 from fcu.interface.parameter import ParameterError
 from fcu.interface.ports import NoFreeInstance
@@ -79,7 +80,6 @@ from gcs_tools.missions.mission import (
     with_controller,
     with_law,
     with_parameter,
-    written,
 )
 from gcs_tools.missions.other_file import meant
 from gcs_tools.recording import light

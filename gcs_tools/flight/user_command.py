@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import shlex
@@ -12,6 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fcu.interface.files.spelling import closest
 from gcs_tools.flight.processes import SUSPENDED, Child, is_stopped
 
 _WORD = re.compile(r"\{([a-z_]+)\}")
@@ -44,10 +44,10 @@ def command_words(text: str, names: Collection[str], folder: Path = Path()) -> t
         raise CommandError(f"{text!r}: expected text without null characters")
     _is_there(words, folder)
     for name in (name for word in words for name in _WORD.findall(word)):
-        close = difflib.get_close_matches(name, names, n=1)
-        if name not in names and close:
+        close = closest(name, names)
+        if name not in names and close is not None:
             raise CommandError(
-                f"{{{name}}}: did you mean {{{close[0]}}}? Expected one of {', '.join(names)}"
+                f"{{{name}}}: did you mean {{{close}}}? Expected one of {', '.join(names)}"
             )
     for name in (name for word in words for name in _OPEN.findall(word)):
         if name in names:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from fcu.interface.parameter import ParameterError
 from fcu.interface.samples_file import wind_text
 from gcs_tools.flight import law_alone

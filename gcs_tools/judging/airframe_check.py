@@ -6,7 +6,6 @@ vehicle that the simulator plays. The gains are M-MRAC's, as they are without a 
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -16,6 +15,7 @@ import numpy as np
 
 from fcu.guard import governor, margin, stability, wrench
 from fcu.interface.airframe import LAW, PINNED, AirframeFile, full_thrust
+from fcu.interface.files.spelling import suggestion
 from fcu.interface.parameter import default
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.laws import loader, scales
@@ -188,9 +188,10 @@ def _doubts(file: AirframeFile) -> Iterator[str]:
         )
     for name in file.tables.get(LAW, {}):
         if name not in loader.SHIPPED:
-            hint = difflib.get_close_matches(name, loader.SHIPPED, n=1)
-            meant = f"; did you mean {hint[0]}?" if hint else ""
-            yield f"[law.{name}] is read for a law of yours called {name}, and no other{meant}"
+            yield (
+                f"[law.{name}] is read for a law of yours called {name}, and no other"
+                f"{suggestion(name, loader.SHIPPED)}"
+            )
 
 
 def _rotors(file: AirframeFile) -> tuple[Rotor, ...]:

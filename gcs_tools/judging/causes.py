@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from fcu.interface.files.input_file import written
 from gcs_tools.judging.metrics import EngagedTicks, blocks, is_up
 from gcs_tools.judging.setpoint_checks import Standing
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.mission import Mission, Value, is_foreseen, written
+from gcs_tools.missions.mission import Mission, Value, is_foreseen
 from gcs_tools.missions.trajectory import last_change_s, positions_at
 from gcs_tools.recording.table import Rows
 

@@ -18,6 +18,7 @@ import numpy as np
 from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
 from fcu.guard.parameters import GOVERN, REFUSE, WARN
 from fcu.guard.stability import LAGS, recovers, rotor_lag, unstable
+from fcu.interface.files.input_file import written
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
@@ -30,7 +31,7 @@ from gcs_tools.judging.layers_check import layers_wind
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
 from gcs_tools.missions.asked import PLANS, asked
 from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.mission import Mission, setpoint_at, written
+from gcs_tools.missions.mission import Mission, setpoint_at
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -18,6 +18,7 @@ import numpy as np
 from fcu.guard import admission
 from fcu.guard.gains import why_refused
 from fcu.guard.parameters import REFUSE
+from fcu.interface.files.input_file import written
 from fcu.interface.messages import PositionRequest, Setpoint
 from fcu.interface.status_texts import Code, Told, lacks, words
 from fcu.kernel.algebra import Vec3
@@ -36,7 +37,7 @@ from gcs_tools.flight.scenario import Scenario
 from gcs_tools.judging.expectations import LIMITED
 from gcs_tools.judging.item_checks import good_endings
 from gcs_tools.judging.setpoint_checks import coordinates, grounded
-from gcs_tools.missions.mission import Mission, written
+from gcs_tools.missions.mission import Mission
 
 
 class Looked(NamedTuple):

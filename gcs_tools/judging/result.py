@@ -22,9 +22,9 @@ from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from fcu.interface import input_file
 from fcu.interface.event_log import Event
 from fcu.interface.faults import fault, hears
+from fcu.interface.files import input_file, whole_file
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 from gcs_tools.judging import junit_report
 from gcs_tools.judging.causes import causes
@@ -129,7 +129,7 @@ class Result:
         for name, value in _numbers("", content):
             if not math.isfinite(value):
                 raise ResultError(f"{path}: {name} is {value}, results are finite")
-        _replace(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        _write(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 class Judged(NamedTuple):
@@ -300,36 +300,12 @@ def reserved(folder: Path) -> Iterator[None]:
         yield
 
 
-def _replace(path: Path, text: str) -> None:
+def _write(path: Path, text: str) -> None:
     """Write a file so that `path` is always either the old one or the whole new one."""
-    temporary: str | None = None
-    path = path.resolve()  # what a link points to is replaced, not the link
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with open(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide it from others
-        os.replace(temporary, path)
-        temporary = None
-        _sync_folder(path.parent)
+        whole_file.write(path, text.encode())
     except OSError as error:
         raise ResultError(f"{path}: {error.strerror}") from error
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the new name durable, where folders can be opened (not on Windows)."""
-    if os.name != "posix":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def read(path: Path) -> Result:
@@ -420,7 +396,7 @@ def junit(results: Iterable[Result], path: Path, are_scripts: bool = False) -> N
     Raises ResultError if it cannot be written.
     """
     command, kind = ("gcs test", "scripts") if are_scripts else ("gcs fly", "missions")
-    _replace(path, junit_report.document(command, (_case(each, kind) for each in results)))
+    _write(path, junit_report.document(command, (_case(each, kind) for each in results)))
 
 
 def _case(result: Result, kind: str) -> Case:

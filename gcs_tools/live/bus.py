@@ -21,7 +21,8 @@ from typing import Any, NoReturn
 
 import zenoh
 
-from fcu.interface import input_file, topics
+from fcu.interface import topics
+from fcu.interface.files import input_file
 from fcu.interface.link import HOST
 from fcu.interface.ports import INSTANCES
 

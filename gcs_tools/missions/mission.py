@@ -8,45 +8,44 @@ What is wrong with a file is said with its line, its key and what was expected t
 from __future__ import annotations
 
 import copy
-import difflib
 import json
 import math
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from os.path import exists, isdir, isfile
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
-from fcu.interface import input_file
 from fcu.interface.airframe import AirframeFile
-from fcu.interface.input_file import TomlError
-from fcu.interface.toml_lines import KeyPath, lines, nearest
+from fcu.interface.files import input_file, toml_file
+from fcu.interface.files.input_file import TomlError, shortened, written
+from fcu.interface.files.spelling import suggestion
+from fcu.interface.files.toml_file import FileError, place
+from fcu.interface.files.toml_lines import KeyPath
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from fcu.parameters import GivenError, chosen
 from fcu.process.configuration import ConfigurationError, read_airframe
-from gcs_tools.judging.metrics import RENAMED
-from gcs_tools.missions import items, plan_file
+from gcs_tools.missions import items, plan_file, problems
 from gcs_tools.missions.fields import Table
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.plan_file import PlanError
-from gcs_tools.missions.tables import Document, Plant, Vehicle, Wind, document
+from gcs_tools.missions.tables import Plant, Vehicle, Wind, document
 from gcs_tools.missions.trajectory import last_change_s, setpoint_at, setpoint_times
 
 __all__ = [
     "Mission", "MissionError", "Value", "as_toml", "folder", "from_tables", "is_foreseen", "last_change_s", "load",
     "override", "refuse_script", "setpoint_at", "setpoint_times", "with_airframe", "with_controller", "with_law",
-    "written",
 ]  # fmt: skip
 
 
 MOST_BYTES = 2 * input_file.MIB  # of a file: room for some 40,000 setpoints
-TOLD = 20  # problems of a file at most, each a line
 
 
 class MissionError(ValueError):
@@ -172,7 +171,9 @@ def _path(name: str) -> Path:
         )
     inside = [path for each in folders for path in shipped(each)]
     meant = [path for path in inside if path.rpartition("/")[2] == name]
-    hint = f" (did you mean {meant[0]}?)" if meant else _meant(name, [*known, *inside, *folders])
+    hint = (
+        f" (did you mean {meant[0]}?)" if meant else suggestion(name, [*known, *inside, *folders])
+    )
     also = "" if of else "".join(f", {each}/..." for each in folders)
     raise MissionError(f"{name}: no such mission{hint}; there are {', '.join(known)}{also}")
 
@@ -183,11 +184,6 @@ def _shown(path: Path) -> str:
         return str(path.resolve().relative_to(Path.cwd()))
     except (ValueError, RuntimeError, OSError):  # or it is a link to itself
         return str(path)
-
-
-def _meant(word: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(word, known, n=1)
-    return f" (did you mean {close[0]}?)" if close else ""
 
 
 # --- checking
@@ -205,14 +201,13 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
         for setting in settings:
             mission = override(mission, setting)
         return mission
+    text = ""
     try:
-        text = input_file.text(path, MOST_BYTES)
-        given = input_file.toml(text)
-    except OSError as error:
-        raise MissionError(f"{source}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise MissionError(f"{source}: expected UTF-8 text ({error.reason})") from error
-    except TomlError as error:
+        text = toml_file.text_of(path, MOST_BYTES, source)
+        file = toml_file.parsed(text, source)
+    except FileError as error:
+        if not text:
+            raise MissionError(str(error)) from error
         if plan_file.looks_like_one(text):
             ends = " or ".join(plan_file.SUFFIXES)
             raise MissionError(f"{source}: a plan: its name has to end in {ends}") from error
@@ -221,9 +216,8 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
             raise MissionError(
                 f"{source}: expected a mission or a plan, a file whose name ends in one of {ends}"
             ) from error
-        where = source if error.line is None else f"{source}:{error.line}"
-        raise MissionError(f"{where}: {error}") from error
-    mission = _checked(path.stem, source, path.parent, given, {}, text)
+        raise MissionError(str(error)) from error
+    mission = _checked(path.stem, source, path.parent, file.tables, {}, file.lines)
     for setting in settings:
         mission = override(mission, setting)
     return mission
@@ -276,7 +270,7 @@ def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
     """
     key, value, written = parsed_setting(setting, option)
     said = setting if option == "--set" else written  # an option of its own has its value alone
-    return with_values(mission, {key: value}, option, _short(said))
+    return with_values(mission, {key: value}, option, shortened(said))
 
 
 def with_parameter(mission: Mission, written: str) -> Mission:
@@ -287,9 +281,9 @@ def with_parameter(mission: Mission, written: str) -> Mission:
             raise ValueError
         number = float(value)
     except ValueError:
-        said = f"--param {_short(written)}: expected NAME=VALUE with a number"
+        said = f"--param {shortened(written)}: expected NAME=VALUE with a number"
         raise MissionError(said) from None
-    return with_values(mission, {f"vehicle.params.{name}": number}, "--param", _short(written))
+    return with_values(mission, {f"vehicle.params.{name}": number}, "--param", shortened(written))
 
 
 def parsed_setting(setting: str, option: str = "--set") -> tuple[str, Any, str]:
@@ -303,12 +297,12 @@ def parsed_setting(setting: str, option: str = "--set") -> tuple[str, Any, str]:
         if not re.fullmatch(r"[A-Za-z_][\w-]*", written):
             quoted = f"{key}=" + json.dumps(written)
             raise MissionError(
-                f"{option} {_short(setting)}: expected a TOML value, got {_short(written)} (a text"
-                f" stands in quotes: {_short(shlex.quote(quoted))})"
+                f"{option} {shortened(setting)}: expected a TOML value, got {shortened(written)} (a text"
+                f" stands in quotes: {shortened(shlex.quote(quoted))})"
             ) from error
         value = written
     if key.count(".") >= input_file.DEEPEST:
-        raise MissionError(f"{option} {_short(setting)}: expected TABLE.KEY=VALUE")
+        raise MissionError(f"{option} {shortened(setting)}: expected TABLE.KEY=VALUE")
     return key, value, written
 
 
@@ -429,7 +423,7 @@ def with_controller(mission: Mission, command: tuple[str, ...]) -> Mission:
 
 
 def _check_fence(
-    parameters: Mapping[str, float], flight: Flight, source: str, found: dict[KeyPath, int]
+    parameters: Mapping[str, float], flight: Flight, source: str, found: Mapping[KeyPath, int]
 ) -> None:
     """Raise MissionError where no breach of a fence would be told, whatever is flown."""
     has_own = flight.script is not None or any(item.kind == "plan" for item in flight.items)
@@ -440,17 +434,22 @@ def _check_fence(
         return
     else:
         why = f"the flight has no fence (a plan's, or [vehicle.params] {' or '.join(limits)})"
-    line = nearest(found, ("expect", "fence_breached"))
-    where = source if line is None else f"{source}:{line}"
-    raise MissionError(f"{where}: [expect] fence_breached: {why}")
+    at = place(source, found, ("expect", "fence_breached"))
+    raise MissionError(f"{at}: [expect] fence_breached: {why}")
 
 
 def _checked(
     name: str, source: str, folder: Path, given: dict[str, Any], changed: Mapping[KeyPath, str],
-    text: str = "", flown: Law | None = None, airframe: AirframeFile | None = None,
+    found: Mapping[KeyPath, int] = MappingProxyType({}), flown: Law | None = None, airframe: AirframeFile | None = None,
 ) -> Mission:  # fmt: skip
-    """Checked tables. `flown`, `airframe`: if they are read already: a mission flies what it was read with."""
-    found = lines(text)
+    """Check tables, whose keys stand on the lines `found`.
+
+    flown, airframe : if they are read already: a mission flies what it was read with.
+    """
+
+    def where(*path: str | int) -> str:
+        return place(source, found, path)
+
     module = given["law"].get("module") if isinstance(given.get("law"), dict) else None
     try:
         if flown is None:
@@ -461,44 +460,31 @@ def _checked(
         for table in ("rotor_loss", "faults"):
             for i, loss in enumerate(getattr(tables.plant, table)):
                 if (loss.rotor or 0) > airframe.rotors.n:
-                    line = nearest(found, ("plant", table, i, "rotor"))
-                    where = source if line is None else f"{source}:{line}"
                     raise MissionError(
-                        f"{where}: [plant] {table}[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
+                        f"{where('plant', table, i, 'rotor')}: [plant] {table}[{i}].rotor: expected 1 to {airframe.rotors.n}, the"
                         f" rotors of {airframe.name}, got {loss.rotor}"
                     )
         for i, each in enumerate(tables.plant.faults):
             if (late := each.delay_s) is not None and round(late * tables.flight.rate_hz) == 0:
-                line = nearest(found, ("plant", "faults", i, "delay_s"))
-                where = source if line is None else f"{source}:{line}"
                 raise MissionError(
-                    f"{where}: [plant] faults[{i}].delay_s: a delay of {late:g} s changes nothing: expected a"
+                    f"{where('plant', 'faults', i, 'delay_s')}: [plant] faults[{i}].delay_s: a delay of {late:g} s changes nothing: expected a"
                     f" tick or more ({1.0 / tables.flight.rate_hz:g} s)"
                 )
         parameters = chosen(tables.vehicle.params, flown, airframe.tables)
         if tables.expect.fence_breached is not None:  # type: ignore[attr-defined]
             _check_fence(parameters, tables.flight, source, found)
     except GivenError as error:
-        line = nearest(found, ("vehicle", "params", error.name))
-        where = source if line is None else f"{source}:{line}"
-        raise MissionError(f"{where}: [vehicle.params] {error}") from error
+        at = where("vehicle", "params", error.name)
+        raise MissionError(f"{at}: [vehicle.params] {error}") from error
     except OSError as error:  # of a law whose name no file can have
-        line = nearest(found, ("law", "module"))
-        where = source if line is None else f"{source}:{line}"
-        raise MissionError(f"{where}: [law] module: {error.filename}: {error.strerror}") from error
+        at = where("law", "module")
+        raise MissionError(f"{at}: [law] module: {error.filename}: {error.strerror}") from error
     except ConfigurationError as error:
-        line = nearest(found, ("airframe",))
-        where = source if line is None else f"{source}:{line}"
-        raise MissionError(f"{where}: airframe: {error}") from error
+        raise MissionError(f"{where('airframe')}: airframe: {error}") from error
     except LawError as error:
-        line = nearest(found, ("law", "module"))
-        where = source if line is None else f"{source}:{line}"
-        raise MissionError(f"{where}: [law] module: {error}") from error
+        raise MissionError(f"{where('law', 'module')}: [law] module: {error}") from error
     except ValidationError as error:
-        told = list(_problems(error, kind, source, found))
-        if more := len(told) - TOLD:
-            told[TOLD:] = [f"{source}: and {more} more"] if more > 0 else []
-        raise MissionError("\n".join(told)) from error
+        raise MissionError(problems.told(error, kind, source, found)) from error
     return Mission(
         name=name,
         source=source,
@@ -517,154 +503,3 @@ def _checked(
         lines=found,
         parameters=parameters,
     )
-
-
-# --- what is wrong, in words
-
-_EXPECTED = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "finite_number": "a finite number",
-    "string_type": "a text",
-    "bool_type": "true or false",
-    "model_type": "a table",
-    "tuple_type": "an array",
-    "greater_than": "a number > {gt:g}",
-    "greater_than_equal": "a number >= {ge:g}",
-    "less_than": "a number < {lt:g}",
-    "less_than_equal": "a number <= {le:g}",
-    "literal_error": "{expected}",
-    "too_short": "{min_length} elements or more",
-    "mission": "{expected}",
-}
-_NOTHING = object()
-
-
-def _problems(
-    error: ValidationError, kind_of: type[Document], source: str, found: dict[KeyPath, int]
-) -> Iterator[str]:
-    """One line for each problem, in the order of the file. `kind_of`: what it should have been."""
-    placed = []
-    problems = error.errors(include_url=False)
-    lacking: dict[KeyPath, int] = {}  # by array: the last index that it lacks
-    for problem in problems:
-        if problem["type"] == "missing" and isinstance(last := problem["loc"][-1], int):
-            array = problem["loc"][:-1]
-            lacking[array] = max(last, lacking.get(array, 0))
-    for problem in problems:
-        path: KeyPath = problem["loc"]
-        path = path[:-1] if path[-1:] == ("[key]",) else path
-        context, got = problem.get("ctx", {}), problem["input"]
-        kind = problem["type"]
-        if kind in ("mission", "because"):
-            path, got = (*path, *context["key"]), context.get("got")
-            got = _NOTHING if got is None else got
-        if kind == "extra_forbidden":
-            if path[0] == "expect" and (now := RENAMED.get(str(path[-1]))) is not None:
-                said = f"this metric is called {now} now (docs/missions.md)"
-            else:
-                known = _known(path[:-1], kind_of)
-                said = f"no such key{_elsewhere(path, kind_of) or _meant(str(path[-1]), known)}"
-        elif kind == "missing":
-            said = "is missing"
-            if isinstance(path[-1], int):  # one such problem for each number
-                if len(got) < path[-1]:
-                    continue
-                path = path[:-1]
-                said = f"expected {lacking[path] + 1} numbers, got {_written(got)}"
-        elif kind == "too_long":
-            what = "numbers" if context["max_length"] <= 10 else "elements at most"
-            said = f"expected {context['max_length']} {what}, got {_written(got)}"
-        elif kind == "because":
-            said = context["why"]
-        else:
-            expected = _EXPECTED.get(kind, problem["msg"]).format(**context)
-            said = f"expected {expected}"
-            said += "" if got is _NOTHING else f", got {_written(got)}"
-        path = _as_written(_untagged(path), found)
-        line = nearest(found, path)
-        where = source if line is None else f"{source}:{line}"
-        placed.append((line or 0, f"{where}: {_key(path, got)}: {said}"))
-    return (text for _, text in sorted(placed, key=lambda item: item[0]))
-
-
-def _as_written(path: KeyPath, found: dict[KeyPath, int]) -> KeyPath:
-    """The key that a file has for one that is derived of it: `plan` is short for an item."""
-    is_short = path[:3] == ("flight", "items", 0) and ("flight", "plan") in found
-    return ("flight", "plan") if is_short else path
-
-
-def _key(path: KeyPath, got: Any) -> str:
-    """`[flight] setpoints[0].at_s`; `title` and tables themselves stand alone."""
-    text = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path[1:]).removeprefix(".")
-    if text:
-        return f"[{path[0]}] {text}"
-    known = Document.model_fields.get(str(path[0]))
-    is_table = isinstance(got, dict) if known is None else any(_models(known.annotation))
-    return f"[{path[0]}]" if is_table else str(path[0])
-
-
-def _elsewhere(path: KeyPath, kind: type[Document]) -> str:
-    """Where a key is that was given without its table."""
-    if len(path) == 1:
-        for name, field in kind.model_fields.items():
-            for model in _models(field.annotation):
-                if path[0] in model.model_fields:
-                    return f" (did you mean {field.alias or name}.{path[0]}?)"
-    return ""
-
-
-def _known(path: KeyPath, kind: type[Document]) -> list[str]:
-    """The keys of the table at `path`."""
-    model: Any = kind
-    several: list[Any] = []
-    for name in path:
-        if isinstance(name, str) and not name.isdecimal():  # the number of an item of a plan
-            tagged = [each for each in several if name in _kinds(each)]
-            if tagged:
-                model = tagged[0]
-                continue
-            several = list(_models(model.model_fields[name].annotation))
-            model = several[0]
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def _kinds(model: Any) -> tuple[str, ...]:
-    """The kinds of a table that is one of several."""
-    kind = model.model_fields.get("kind")
-    return () if kind is None else getattr(kind.annotation, "__args__", ())
-
-
-def _untagged(path: KeyPath) -> KeyPath:
-    """A path without the kind that stands between an item and its key."""
-    tagged = len(path) > 3 and path[:2] == ("flight", "items") and path[3] in items.KINDS
-    return (*path[:3], *path[4:]) if tagged else path
-
-
-def _models(kind: Any) -> Iterator[type[BaseModel]]:
-    """The tables in an annotation: of `X | None`, of `tuple[X, ...]`, annotated or not."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        yield kind
-    for part in getattr(kind, "__args__", ()):
-        yield from _models(part)
-
-
-def written(value: Any) -> str:
-    """A value as TOML has it on one line; a table inside braces."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(written, value)) + "]"
-    try:
-        return json.dumps(value, ensure_ascii=False)
-    except TypeError:
-        return str(value)
-
-
-def _written(value: Any) -> str:
-    """The same, cut where it is long."""
-    return _short(written(value))
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:57]}..."

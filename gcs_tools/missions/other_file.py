@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fcu.interface import input_file
 from fcu.interface.airframe import SHIPPED as AIRFRAMES
-from fcu.interface.input_file import TomlError
+from fcu.interface.files import toml_file
+from fcu.interface.files.toml_file import FileError
 from fcu.laws.loader import SHIPPED as LAWS
 
-MOST_BYTES = input_file.MIB // 4  # of an airframe file
 OF_AN_AIRFRAME = {"vehicle", "rotors"}  # tables that no mission has
 EXAMPLE = "gust_step"
 
@@ -36,7 +35,7 @@ def _is_airframe(name: str) -> bool:
     if not name.endswith(".toml"):
         return False
     try:
-        tables = input_file.toml(input_file.text(Path(name), MOST_BYTES))
-    except (OSError, UnicodeDecodeError, TomlError):
+        tables = toml_file.read(Path(name)).tables
+    except FileError:
         return False
     return tables.keys() >= OF_AN_AIRFRAME and "flight" not in tables

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fcu.interface import input_file
+from fcu.interface.files import input_file, toml_file
+from fcu.interface.files.toml_file import FileError
 from fcu.mavlink.plan_messages import PlanItem, item_of
 
 SUFFIXES = (".plan", ".waypoints")
@@ -150,11 +151,9 @@ def read(path: Path) -> PlanFile:
     A byte order mark at its begin, as editors on Windows write it, is passed over.
     """
     try:
-        text = input_file.text(path, MOST_BYTES).removeprefix(input_file.MARK)
-    except OSError as error:
-        raise PlanError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise PlanError(f"{path}: expected UTF-8 text ({error.reason})") from error
+        text = toml_file.text_of(path, MOST_BYTES).removeprefix(input_file.MARK)
+    except FileError as error:
+        raise PlanError(str(error)) from error
     try:
         return _waypoints(text) if text.startswith(HEADER) else _plan(text)
     except PlanError as error:

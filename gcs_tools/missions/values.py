@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from fcu.interface.airframe import PINNED
+from fcu.interface.files.toml_lines import KeyPath
 from fcu.interface.parameter import default
-from fcu.interface.toml_lines import KeyPath
 from gcs_tools.missions.mission import Mission, Value
 from sitl_plant.physics.truth import truth
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.airframe import AirframeError
-from fcu.interface.input_file import TomlError
+from fcu.interface.files.input_file import TomlError
 from fcu.mavlink.px4_modes import AutoMode, MainMode
 from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
 from gcs_tools.recording.plans import PlanHistory

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcu.interface import input_file
 from fcu.interface.airframe import Airframe, believed, checked
+from fcu.interface.files import input_file
 from gcs_tools.pictures.plot.style import INK, THREE
 from gcs_tools.recording.schema import TIMING, TRUTH
 from gcs_tools.recording.table import Rows

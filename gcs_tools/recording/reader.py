@@ -23,7 +23,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.event_log import Event
-from fcu.interface.input_file import opened
+from fcu.interface.files.input_file import opened
 from gcs_tools.recording import events, notebook, old_names
 from gcs_tools.recording.layout import LayoutError, decode, encode
 from gcs_tools.recording.records import MAGIC_BYTES, records, whole_records

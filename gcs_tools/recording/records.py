@@ -18,7 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from fcu.interface.input_file import MIB
+from fcu.interface.files.input_file import MIB
 
 TIMES = 50  # a file unpacks to so many times its size at most; flights to less than 3 times
 LONGEST = 256 * MIB  # of a record

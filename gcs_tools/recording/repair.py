@@ -7,9 +7,7 @@ that look for the index at the end of a file (Foxglove, PlotJuggler) then open i
 from __future__ import annotations
 
 import fcntl
-import os
 import struct
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +18,8 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
-from fcu.interface.input_file import opened
+from fcu.interface.files import whole_file
+from fcu.interface.files.input_file import opened
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.records import records, whole_records
 
@@ -88,16 +87,11 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
 
 def _mended(file: BinaryIO, path: Path, target: Path) -> Recovered:
     end, whole = whole_records(file)
-    handle, name = tempfile.mkstemp(dir=target.absolute().parent, prefix=f".{target.name}.")
-    part = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            writer = Writer(stream, chunk_size=256 * 1024, compression=CompressionType.LZ4)
-            copy = _Copy(writer)
-            damage = _copied(records(file, end), copy, path)
-            writer.finish()
-            stream.flush()
-            os.fsync(stream.fileno())
+    with whole_file.part(target) as part:
+        writer = Writer(part.file, chunk_size=256 * 1024, compression=CompressionType.LZ4)
+        copy = _Copy(writer)
+        damage = _copied(records(file, end), copy, path)
+        writer.finish()
         first, last = (1e-9 * t for t in (copy.times[0], copy.times[-1]))
         done = Recovered(copy.messages, first, last, whole and not damage, damage)
         if damage and target is path:
@@ -106,10 +100,7 @@ def _mended(file: BinaryIO, path: Path, target: Path) -> Recovered:
                 "what lies before can be had with --out FILE"
             )
         if not (done.complete and target is path):
-            os.chmod(part, path.stat().st_mode & 0o777)
-            os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)
+            part.put_in_place(path.stat().st_mode & 0o777)
     return done
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fcu.interface import input_file
+from fcu.interface.files import input_file
 from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, udales, vtk, vtk_file
 from gcs_tools.wind_fields.grid import Grid, wrong
 

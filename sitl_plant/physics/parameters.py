@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fcu.interface.airframe import ROTORS, AirframeError, airframe, shares
+from fcu.interface.airframe import ROTORS, AirframeError, G, airframe, shares
 from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.rotations import from_euler
@@ -15,7 +15,6 @@ from sitl_plant.physics.truth import Truth
 from sitl_plant.physics.types import GroundParams, PlantParams, WindParams
 from sitl_plant.physics.wind.sines import Phases, phases
 
-G = 9.81  # m/s^2
 NEVER = 1e18  # s: time of an event that does not happen (finite, so that JSON can hold it)
 STEP = 0.001  # s: the longest integration step
 

@@ -22,10 +22,10 @@ from fcu.interface.airframe import (
     drag,
     is_number,
     load,
-    meant,
     number_in,
     wrong,
 )
+from fcu.interface.files.spelling import suggestion_or_list
 
 HERE = Path(__file__).resolve().parents[1] / "airframes"
 SUFFIX = ".truth.toml"  # in the place of .toml
@@ -168,13 +168,13 @@ def _checked(tables: Mapping[str, Any], source: str) -> Mapping[str, Any]:
     }  # fmt: skip
     for name, table in tables.items():
         if name not in known:
-            raise AirframeError(f"{source}: {name}: no such table{meant(name, tuple(known))}")
+            raise AirframeError(f"{source}: {name}: no such table{suggestion_or_list(name, known)}")
         if not isinstance(table, dict):
             raise AirframeError(f"{source}: {name}: expected a table")
         for key in table:
             if key not in known[name]:
                 raise AirframeError(
-                    f"{source}: [{name}] {key}: no such key{meant(key, known[name])}"
+                    f"{source}: [{name}] {key}: no such key{suggestion_or_list(key, known[name])}"
                 )
         for key in table.keys() & _TABLES.get(name, {}).keys():
             number_in(source, table, name, key, *_TABLES[name][key])

@@ -54,7 +54,7 @@ def test_choices_and_whole_numbers_have_their_shares():
         ("{ uniform = [0.0, 1e308] }", "uniform"),
         ("{ integer = [0, 9223372036854775807] }", "integer"),
         ("{ log_normal = [1.0, 1e3] }", "low and high bound a normal distribution"),
-        ("3.0", "expected a distribution"),
+        ("3.0", "expected a table, got 3.0 (a table of uniform, "),
         ("{ uniform = [-1.0, 2.0] }", "expected a number > 0, got -1"),
         ("{ normal = [1.0, 0.5] }", "low and high bound a normal distribution"),
     ],
@@ -87,7 +87,7 @@ def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):
         ('mission = "hovr.toml"', "drawn.toml:4: mission: hovr.toml"),
         ('airframe = "s100"', "drawn.toml:5: airframe: s100: no such airframe"),
         ('laws = ["mmrac", "mrac"]', "drawn.toml:5: laws[1]: [law] module: mrac: no such law"),
-        ("stop = { width = 2.0 }", "less than 1"),
+        ("stop = { width = 2.0 }", "[stop] width: expected a number < 1, got 2.0"),
         ('laws = [{ law = "mmrac", label = "../x" }]', "label"),
         (
             'method = "sobol"\nrare = { metric = "setpoint_error_max_m", limit = 2.0 }',

@@ -13,7 +13,7 @@ from subprocess import PIPE, Popen
 
 import pytest
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.campaigns import comparing, gains_file, results
 from gcs_tools.campaigns.comparing import Row
 from gcs_tools.campaigns.procedure import read
@@ -274,12 +274,12 @@ def test_a_file_of_gains_that_is_none_is_refused(tmp_path, text, said):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("seeds = [1, 2, 3, 4, 5]", "seeds = []"), "search.seeds"),
-        (("multiples = [0.25, 4.0]", "multiples = [4.0, 0.25]"), "search.multiples"),
-        (("multiples = [0.25, 4.0]", "multiples = [2.0, 4.0]"), "search.multiples"),
-        (("lost = 8.0", "lost = -8.0"), "objective.lost"),
-        (("lost = 8.0", "loss = 8.0"), "objective.lost"),
-        (("factor = 1.5", "factor = 1.0"), "margins.factor"),
+        (("seeds = [1, 2, 3, 4, 5]", "seeds = []"), "[search] seeds"),
+        (("multiples = [0.25, 4.0]", "multiples = [4.0, 0.25]"), "[search] multiples"),
+        (("multiples = [0.25, 4.0]", "multiples = [2.0, 4.0]"), "[search] multiples"),
+        (("lost = 8.0", "lost = -8.0"), "[objective] lost"),
+        (("lost = 8.0", "loss = 8.0"), "[objective] lost"),
+        (("factor = 1.5", "factor = 1.0"), "[margins] factor"),
     ],
 )
 def test_a_procedure_that_cannot_be_followed_is_refused(tmp_path, change, said):
@@ -302,7 +302,7 @@ def never(path, *_):
 @pytest.mark.slow
 def test_what_a_full_disk_takes_is_shown(tmp_path, cascade, hover, short, monkeypatch):
     out = tmp_path / "new" / "gains.toml"
-    monkeypatch.setattr("fcu.interface.whole_file.write", never)
+    monkeypatch.setattr("fcu.interface.files.whole_file.write", never)
     done = gcs("tune", cascade, "--procedure", short, "--out", out)
     assert done.exit_code == 2
     assert f"{out}: No space left on device" in done.stderr.replace("\n", "")
@@ -313,7 +313,7 @@ def test_what_a_full_disk_takes_is_shown(tmp_path, cascade, hover, short, monkey
     def full_in_the_end(path, *what, **how):
         return never(path) if path.name == results.JSON else write(path, *what, **how)
 
-    monkeypatch.setattr("fcu.interface.whole_file.write", full_in_the_end)
+    monkeypatch.setattr("fcu.interface.files.whole_file.write", full_in_the_end)
     done = gcs("compare", cascade, "--missions", hover, "--seeds", 2, "--out", tmp_path / "out")
     assert done.exit_code == 2
     assert "No space left on device" in done.stderr

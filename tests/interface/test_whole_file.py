@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 
 
 @pytest.fixture
@@ -37,3 +37,17 @@ def test_a_picture_is_written_through_a_link(tmp_path):
     whole_file.write(tmp_path / "link.png", b"picture")
     assert os.readlink(tmp_path / "link.png") == "x.png"
     assert (tmp_path / "x.png").read_bytes() == b"picture"
+
+
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path):
+    (tmp_path / "x.toml").write_bytes(b"before")
+    (tmp_path / "x.toml").chmod(0o640)
+    whole_file.write(tmp_path / "x.toml", b"after")
+    assert (tmp_path / "x.toml").stat().st_mode & 0o777 == 0o640
+    assert [p.name for p in tmp_path.iterdir()] == ["x.toml"]
+
+
+def test_a_part_that_is_not_put_in_place_leaves_nothing(tmp_path):
+    with whole_file.part(tmp_path / "x") as new:
+        new.file.write(b"half")
+    assert list(tmp_path.iterdir()) == []

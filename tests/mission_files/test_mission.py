@@ -113,7 +113,7 @@ REFUSED = [
     ("20.0", "20.0\nstart = { on_ground = 1 }", 4, "[flight] start.on_ground: expected true or"),
     ("20.0", "20.0\nground_z_m = 1.0", 2, "[flight] start.position_m[2]: expected a height above"),
     ("20.0", "20.0\ncurve = { kind = 'circle' }", 4, "curve.kind: expected figure_eight, got circle"),
-    ("20.0", "nan", 3, "[flight] duration_s: expected a finite number, got NaN"),
+    ("20.0", "nan", 3, "[flight] duration_s: expected a finite number, got nan"),
     ("20.0", "true", 3, "[flight] duration_s: expected a number, got true"),
     ("20.0", "1e9", 3, "[flight] duration_s: expected a number <= 3600, got 1000000000.0"),
     ("f_m = 1.0", "f_m = 0", 9, "[law] f_m: expected a number >= 0.1, got 0"),

@@ -5,7 +5,7 @@ import tomllib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fcu.interface.toml_lines import lines, nearest
+from fcu.interface.files.toml_lines import lines, nearest
 
 AWKWARD = '''# [not.a.table]
 a = 1 # b = 2

@@ -326,7 +326,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(params, tmp_pat
         ("MR_GAMMA = 'x'", "p.toml:1: MR_GAMMA: expected a number, 1 to 1000000"),
         ("MAV_TYPE = 2", "p.toml:1: MAV_TYPE: read only"),
         ("[MR_GAMMA]\nx = 1", "p.toml:1: MR_GAMMA: expected a number"),
-        ("MR_GAMMA = ", "p.toml: Invalid value"),
+        ("MR_GAMMA = ", "p.toml:1: Invalid value"),
         (
             "MR_M_MIN = 3.0\nMR_M_MAX = 2.0",
             "p.toml:2: MR_M_MAX 2 refused: MR_M_MIN 3 must be below MR_M_MAX 2",

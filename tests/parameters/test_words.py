@@ -7,7 +7,7 @@ import math
 import pytest
 
 from fcu.interface.airframe import AirframeError, airframe, read
-from fcu.interface.input_file import shown
+from fcu.interface.files.input_file import shown
 from fcu.interface.parameter import ParameterError
 from fcu.process.settings import PARAMETERS
 from gcs_tools.missions.mission import MissionError, load

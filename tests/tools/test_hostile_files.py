@@ -15,9 +15,9 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, Writer
 
-from fcu.interface import input_file
 from fcu.interface.airframe import believed
-from fcu.interface.toml_lines import lines
+from fcu.interface.files import input_file
+from fcu.interface.files.toml_lines import lines
 from fcu.laws.loader import LawError
 from fcu.laws.loader import load as load_law
 from fcu.parameters import Parameters, ParamsFileError
@@ -104,8 +104,8 @@ finally:
 
 READ = """
 import sys
-from fcu.interface.input_file import toml
-from fcu.interface.toml_lines import lines
+from fcu.interface.files.input_file import toml
+from fcu.interface.files.toml_lines import lines
 text = sys.stdin.read()
 print(len(toml(text)), lines(text).popitem()[1])
 """

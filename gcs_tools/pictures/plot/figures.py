@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.pictures.plot import estimates, limits, prediction, timing, tracking, wind
 from gcs_tools.pictures.plot import overview as flight
 from gcs_tools.pictures.plot.numbers import Numbers

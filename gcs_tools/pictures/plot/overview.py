@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.plot.numbers import Numbers, length, percent, rms, said

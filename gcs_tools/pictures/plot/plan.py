@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.pictures.plot import style
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fcu.interface import whole_file
+from fcu.interface.files import whole_file
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:

@@ -7,13 +7,13 @@ python -m gcs_tools.studies.figures --numbers --write docs/paper.md
 
 from __future__ import annotations
 
-import difflib
 import json
 import sys
 from pathlib import Path
 
 import click
 
+from fcu.interface.files.spelling import suggestion
 from gcs_tools.cli.output import silence
 from gcs_tools.studies.figures.page import PageError, check, written
 
@@ -26,8 +26,7 @@ def _names(
 ) -> tuple[str, ...]:
     for name in value:
         if name not in NAMES:
-            close = difflib.get_close_matches(name, NAMES, n=1)
-            meant = f" (did you mean {close[0]}?)" if close else ""
+            meant = suggestion(name, NAMES)
             raise click.BadParameter(f"no figure {name!r}{meant}; there are {', '.join(NAMES)}")
     return tuple(dict.fromkeys(value)) or NAMES
 

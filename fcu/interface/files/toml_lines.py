@@ -1,6 +1,6 @@
-"""Which line of a TOML text each key and each array element stands on.
+"""Lines of a TOML text, by key and array element.
 
-`tomllib` parses TOML and forgets where it was; a message about a mission file should name
+`tomllib` parses TOML and forgets where it was. A message about a mission file should name
 the line. This walks a text that `tomllib` has accepted already, so it only has to find
 its way, not to judge.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping
 
 KeyPath = tuple[str | int, ...]
 
@@ -26,7 +27,7 @@ _BARE = re.compile(r"[^,\]}#\n]*")
 
 
 class _Walk:
-    """One pass over the text; `found` fills up as it goes."""
+    """One pass over the text. `found` fills up as it goes."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -147,8 +148,8 @@ def lines(text: str) -> dict[KeyPath, int]:
     return walk.found
 
 
-def nearest(found: dict[KeyPath, int], path: KeyPath) -> int | None:
-    """Line of `path`, or of the closest thing that holds it; None where nothing does."""
+def nearest(found: Mapping[KeyPath, int], path: KeyPath) -> int | None:
+    """Line of `path`, or of the closest thing that holds it. None where nothing does."""
     for length in range(len(path), 0, -1):
         if path[:length] in found:
             return found[path[:length]]

@@ -36,17 +36,22 @@ _DOTTED = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
 
 def shown(value: Any) -> str:
     """A value of a file as TOML writes it, on one line and cut where it is long, for a message."""
-    plain = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in _toml(value))
-    text = "".join(plain)
+    plain = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in written(value))
+    return shortened("".join(plain))
+
+
+def shortened(text: str) -> str:
+    """A text for a message, cut where it is long."""
     return text if len(text) <= LONG else f"{text[: LONG - 3]}..."
 
 
-def _toml(value: Any) -> str:
+def written(value: Any) -> str:
+    """A value as TOML has it on one line, in full. A table stands inside braces."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
+        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, str | bool):
+        return "[" + ", ".join(map(written, value)) + "]"
+    if isinstance(value, str | bool | None):
         return json.dumps(value, ensure_ascii=False)
     return str(value)
 
@@ -83,7 +88,7 @@ def opened(path: Path) -> BinaryIO:
 
 
 def content(path: Path, most: int) -> bytes:
-    """What is in a regular file. Raises OSError, also when that is more than `most` bytes."""
+    """Content of a regular file. Raises OSError, also when that is more than `most` bytes."""
     with opened(path) as file:
         data = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else None
     if data is None or len(data) > most:
