@@ -89,6 +89,7 @@ schemas: setup  ## written again: the schemas of recordings and missions, the pa
 	@.venv/bin/python -m gcs_tools.recording.schema docs/schemas
 	@.venv/bin/python -m gcs_tools.missions.schema
 	@.venv/bin/python -m fcu.parameters_page docs/parameters.md
+	@.venv/bin/python -m fcu.messages_page docs/mavlink.md
 	@.venv/bin/python -m gcs_tools.library.page docs/python.md
 	@.venv/bin/python -m tests.rooms.readme_imports
 	@.venv/bin/python -m tests.parameters.defaults

@@ -113,7 +113,7 @@ def main(
     from fcu.process.law_compiler import law_compiler
     from fcu.process.loop import INFRASTRUCTURE, Loop, say
     from fcu.process.reporting import Reporter, row_width
-    from fcu.services.streams import Identity
+    from fcu.services.view import Identity
 
     write = partial(event_log.write, fd=events_fd)
     try:
@@ -180,7 +180,7 @@ def load(law: Law) -> None:
     from fcu.process.configuration import read_airframe, read_settings
     from fcu.process.loop import Loop
     from fcu.process.reporting import Reporter, row_width
-    from fcu.services.streams import Identity
+    from fcu.services.view import Identity
 
     vehicle = read_airframe(law)
     identity = Identity(1, Autopilot.PX4, Origin(0.0, 0.0, 0.0), vehicle.drag)

@@ -49,7 +49,7 @@ from fcu.process.reporting import Reporter
 from fcu.process.tick import State
 from fcu.services.ground_port import GroundPort
 from fcu.services.station import Bind, Listen, Station
-from fcu.services.streams import Identity
+from fcu.services.view import Identity
 from fcu.vehicle.conditions import ROWS, Condition
 from fcu.vehicle.modes import Mode
 from fcu.vehicle.position_filter import PositionFilter

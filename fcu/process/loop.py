@@ -33,8 +33,8 @@ from fcu.process.reporting import Reporter
 from fcu.services import tcp_socket
 from fcu.services.command_protocol import Failure
 from fcu.services.ground_port import GroundPort
-from fcu.services.streams import Identity
 from fcu.services.tcp_socket import TcpSocket
+from fcu.services.view import Identity
 from fcu.vehicle.conditions import ROWS, Condition
 from fcu.vehicle.conditions import Row as ConditionRow
 from fcu.vehicle.state_machine import StateMachine

@@ -7,17 +7,13 @@ an answer, not for a feature.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
-from importlib.metadata import version
 
 from fcu.interface.status_texts import Code, Told
 from fcu.mavlink import replies
 from fcu.mavlink.definitions import (
     SERIAL_REPLY,
     SERIAL_RESPOND,
-    Autopilot,
-    Capability,
     CommandId,
     Packed,
     ParameterError,
@@ -37,48 +33,18 @@ from fcu.mavlink.requests import (
 )
 from fcu.services.command_protocol import Request, Spec, Verdict, denied
 from fcu.services.ground_port import GroundPort, Link
-from fcu.services.streams import (
-    AVAILABLE_MODES,
-    FASTEST_HZ,
-    HOME_POSITION,
-    STREAMS,
-    Streams,
-    View,
-    available_modes,
-    heartbeat,
-)
+from fcu.services.messages import ANSWERS, GROUPS, STREAMS
+from fcu.services.streams import FASTEST_HZ, Streams
+from fcu.services.view import View
 
-HEARTBEAT, AUTOPILOT_VERSION, MESSAGE_INTERVAL, PROTOCOL_VERSION = (
+HEARTBEAT, AUTOPILOT_VERSION, HOME_POSITION, MESSAGE_INTERVAL, PROTOCOL_VERSION = (
     definition(name).id
-    for name in ("HEARTBEAT", "AUTOPILOT_VERSION", "MESSAGE_INTERVAL", "PROTOCOL_VERSION")
-)
-CAPABILITIES = (
-    Capability.MISSION_INT | Capability.COMMAND_INT | Capability.PARAM_ENCODE_BYTEWISE
-    | Capability.SET_ATTITUDE_TARGET | Capability.SET_POSITION_TARGET_LOCAL_NED
-    | Capability.SET_POSITION_TARGET_GLOBAL_INT | Capability.FLIGHT_TERMINATION
-    | Capability.MAVLINK2 | Capability.MISSION_FENCE | Capability.MISSION_RALLY
+    for name in (
+        "HEARTBEAT", "AUTOPILOT_VERSION", "HOME_POSITION", "MESSAGE_INTERVAL", "PROTOCOL_VERSION",
+    )
 )  # fmt: skip
-VERSION = version(
-    "m-mrac"
-)  # once: it searches files, and leaves cycles that nobody collects in flight
 FTP_NAK, FTP_UNKNOWN_COMMAND = 129, 7
 NO_CONSOLE = "This vehicle has no console.\n"
-
-# REQUEST_DATA_STREAM's groups; 0 is all. What a script's setpoints are judged by stays.
-_GROUPS = {
-    1: (), 2: (24, 245, 1), 3: (), 6: (32, 33), 10: (30, 31), 11: (74,), 12: (),
-}  # fmt: skip
-
-
-# The PX4 whose modes, commands and parameters these are: stations and scripts choose by it how they
-# talk, and warn of an old one.
-PX4_VERSION = "1.16.0"
-
-
-def software_version(version: str) -> int:
-    """A version as AUTOPILOT_VERSION has it: major, minor, patch, and 255 for a release."""
-    major, minor, patch = (int(part) for part in version.split(".")[:3])
-    return major << 24 | minor << 16 | patch << 8 | 255
 
 
 class Information:
@@ -131,33 +97,13 @@ class Information:
 
     def message(self, number: int, which: int) -> Sequence[Packed] | None:
         """One message of the vehicle as it is now; empty if not yet, None if it has none such."""
-        view = self._view
-        if number == AVAILABLE_MODES:
-            return available_modes(which) or None
-        if number == PROTOCOL_VERSION:
-            return [replies.protocol_version()]
         if number == MESSAGE_INTERVAL:
             return [self._interval_of(which)] if which in STREAMS else None
-        if number not in STREAMS and number not in (HEARTBEAT, AUTOPILOT_VERSION):
+        if number in ANSWERS:
+            return ANSWERS[number].build(self._view, which)
+        if number not in STREAMS:
             return None
-        if view is None:
-            return []
-        if number == HEARTBEAT:
-            v = view.vehicle
-            return [heartbeat(v, int(view.params["MAV_TYPE"]), view.identity.autopilot)]
-        if number == AUTOPILOT_VERSION:
-            git = hashlib.sha256(VERSION.encode()).digest()[:8]
-            as_px4 = view.identity.autopilot == Autopilot.PX4
-            presented, own = (
-                software_version(PX4_VERSION if as_px4 else VERSION),
-                software_version(VERSION),
-            )
-            return [
-                replies.autopilot_version(
-                    CAPABILITIES, presented, own, git, view.identity.system_id
-                )
-            ]
-        return STREAMS[number].build(view)
+        return [] if self._view is None else STREAMS[number].build(self._view)
 
     def _set_interval(self, request: Request) -> Verdict:
         number, us = int(request.parameter(1)), request.parameter(2)
@@ -220,7 +166,7 @@ class Information:
     def _stream(self, message: StreamRequest) -> None:
         """REQUEST_DATA_STREAM: a rate for a group. All (0) sets none: defaults are enough."""
         hz = float(message.rate_hz) if message.start else 0.0
-        for number in _GROUPS.get(message.stream, ()):
+        for number in GROUPS.get(message.stream, ()):
             self._streams.set_rate(self._port, self._link, number, hz)
 
 

@@ -19,7 +19,15 @@ from fcu.interface.link import Datagrams
 from fcu.interface.ports import Ports, owner
 from fcu.interface.status_texts import Code, Told
 from fcu.kernel.buffers import size
-from fcu.mavlink.definitions import GCS, CommandId, MissionResult, MissionType, Result, Severity
+from fcu.mavlink.definitions import (
+    GCS,
+    CommandId,
+    MissionResult,
+    MissionType,
+    Result,
+    Severity,
+    definition,
+)
 from fcu.mavlink.failures import Signal
 from fcu.mavlink.geodesy import Geodetic, Origin, to_local
 from fcu.mavlink.ground_link import GroundMessage
@@ -48,6 +56,7 @@ from fcu.services.command_protocol import (
 )
 from fcu.services.ground_port import PEERS, GroundPort, Link
 from fcu.services.information import Information
+from fcu.services.messages import STREAMS
 from fcu.services.offboard import OffboardProtocol
 from fcu.services.parameter_protocol import ParameterProtocol
 from fcu.services.plan_items import (
@@ -62,17 +71,9 @@ from fcu.services.plan_items import (
 from fcu.services.plan_protocol import PlanProtocol, Taking
 from fcu.services.plan_record import PlanRecord
 from fcu.services.sticks import StickProtocol
-from fcu.services.streams import (
-    CURRENT_MODE,
-    HOME_POSITION,
-    STREAMS,
-    Counters,
-    Identity,
-    Row,
-    Streams,
-    View,
-)
+from fcu.services.streams import Streams
 from fcu.services.tcp_socket import TcpSocket
+from fcu.services.view import Counters, Identity, Row, View
 from fcu.services.wind import Wind
 from fcu.vehicle.conditions import ROWS
 from fcu.vehicle.feasibility_check import Shortfall
@@ -94,6 +95,9 @@ class Say(Protocol):
 
 AT_A_TIME = 250  # items of a plan whose steps are found between two ticks
 WIND_S = 0.05  # wall: between two looks at the wind
+CURRENT_MODE, HOME_POSITION = (
+    STREAMS[definition(name).id] for name in ("CURRENT_MODE", "HOME_POSITION")
+)  # sent at once when they change
 
 SEVERITIES = {  # of what happens by itself; else INFO
     **{row.code: Severity[row.severity] for row in ROWS.values()},
@@ -264,14 +268,14 @@ class Station:
             self.streams.send(view, now)
             if self._home_told != self._vehicle.home_changed:
                 self._home_told = self._vehicle.home_changed
-                self.streams.broadcast(*STREAMS[HOME_POSITION].build(view))
+                self.streams.broadcast(*HOME_POSITION.build(view))
             reached = self._plans.reached()
             if reached or self._plan_told != self._vehicle.mission.changed:
                 self._plan_told = self._vehicle.mission.changed
                 self.streams.broadcast(*reached, self._plans.current())
             if self._mode_told is not self._vehicle.mode:
                 self._mode_told = self._vehicle.mode
-                self.streams.broadcast(*STREAMS[CURRENT_MODE].build(view))
+                self.streams.broadcast(*CURRENT_MODE.build(view))
         for port in self.ports:
             self._parameters.pace(port, now)
         self._now = decides

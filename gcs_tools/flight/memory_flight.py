@@ -33,7 +33,7 @@ from fcu.mavlink.plant_link import LONGEST, fault_in_words
 from fcu.parameters import Parameters
 from fcu.process.autopilot import TIMES, Autopilot, Lost
 from fcu.process.reporting import Reporter, row_width
-from fcu.services.streams import Identity
+from fcu.services.view import Identity
 from gcs_tools.flight.ground_script import ME, Vehicle
 from gcs_tools.flight.interrupts import interrupts_wait
 from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, RAISED, together

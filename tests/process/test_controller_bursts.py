@@ -24,7 +24,7 @@ from fcu.parameters import Parameters
 from fcu.process.configuration import read_settings
 from fcu.process.loop import Loop
 from fcu.process.reporting import Reporter, row_width
-from fcu.services.streams import Identity
+from fcu.services.view import Identity
 from gcs_tools.flight.ground_script import Vehicle, VehicleError
 from gcs_tools.recording.schema import Kinds
 from sitl_plant.burst import WIDTH

@@ -25,7 +25,7 @@ from fcu.process import loop
 from fcu.process.autopilot import JUMPS, LATEST_US, Autopilot, Lost
 from fcu.process.reporting import Reporter, row_width
 from fcu.process.settings import settings
-from fcu.services.streams import Identity
+from fcu.services.view import Identity
 
 PERIOD_US = 2000
 SPIN = (1.0, -1.0) * 4

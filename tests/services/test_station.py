@@ -18,8 +18,9 @@ from fcu.mavlink.definitions import Autopilot
 from fcu.mavlink.geodesy import Origin
 from fcu.parameters import Parameters
 from fcu.process.settings import settings
+from fcu.services.messages import STREAMS
 from fcu.services.station import Station
-from fcu.services.streams import STREAMS, Identity
+from fcu.services.view import Identity
 from fcu.vehicle.state_machine import StateMachine
 
 AT = ports(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from pathlib import Path
 from types import SimpleNamespace
 
 import pymavlink.dialects.v20.all as mavlink
@@ -14,9 +15,10 @@ from fcu.interface.messages import Battery
 from fcu.laws import loader
 from fcu.mavlink.definitions import definition
 from fcu.mavlink.framing import framed
+from fcu.messages_page import written
 from fcu.parameters import Parameters
 from fcu.process.configuration import read_airframe, read_settings
-from fcu.services.streams import STREAMS
+from fcu.services.messages import ANSWERS, GROUPS, STREAMS
 
 CELL_V = 3.8
 
@@ -76,3 +78,13 @@ def test_a_rotor_that_turns_twice_as_fast_draws_eight_times_the_current():
         assert rpm == [955, 1910, 955, 1910]  # rad/s times 30 / pi
         assert volts == [22.0] * 4
         assert amperes == pytest.approx([1.0, 8.0, 1.0, 8.0])
+
+
+def test_the_page_has_the_table_of_messages():
+    page = (Path(__file__).parents[2] / "docs/mavlink.md").read_text(encoding="utf-8")
+    assert written(page) == page, "run: make schemas"
+
+
+def test_each_group_of_old_stations_has_messages_that_are_streams():
+    assert {number for group in GROUPS.values() for number in group} <= set(STREAMS)
+    assert not set(STREAMS) & set(ANSWERS)
