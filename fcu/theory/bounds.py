@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from fcu.guard.responses import Decay, Matrix, gain
 from fcu.theory.projection import MARGIN
-from fcu.theory.responses import Decay, Matrix, gain
 
 Form = Literal["repaired", "printed"]
 Number = float | Matrix

@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcu.guard.hover import Budget
+from fcu.guard.responses import Matrix, peak
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.linear_loop import (
     LoopBounds,
@@ -24,14 +26,12 @@ from fcu.theory.linear_loop import (
 )
 from fcu.theory.region import (
     Adaptation,
-    Budget,
     Reference,
     Sizes,
     Theorem,
     adaptive_budget,
     theorem,
 )
-from fcu.theory.responses import Matrix, peak
 
 ROUNDS, SLACK = 30, 5e-3  # iterations; relative increase of the assumed bounds per iteration
 PRECISION = 1e-4  # of the largest start, relative

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcu.guard.responses import Matrix, Norm, decay, gain, peak
 from fcu.theory.control_difference import ControlDifference
-from fcu.theory.responses import Matrix, Norm, decay, gain, peak
 
 
 class NoBoundError(ValueError):

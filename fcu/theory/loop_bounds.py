@@ -27,11 +27,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcu.guard.responses import Matrix, decay, gain, peak
 from fcu.laws.mmrac.types import Params
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.linear_loop import Loop, NoBoundError
 from fcu.theory.octocopter import position_model
-from fcu.theory.responses import Matrix, decay, gain, peak
 
 ROUNDS = 60  # iterations; the iteration converges geometrically or diverges
 SLACK = 1e-3  # relative increase of the assumed bounds over the found bounds, per iteration

@@ -18,10 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcu.guard.hover import Budget, largest
+from fcu.guard.responses import Matrix
 from fcu.theory.bounds import Form
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.linear_loop import NoBoundError
-from fcu.theory.responses import Matrix
 
 
 class Sizes(NamedTuple):
@@ -47,40 +48,6 @@ class Reference(NamedTuple):
     x_m: float
     r: float
     g: float = 0.0  # |g(x_m)|
-
-
-class Budget(NamedTuple):
-    """Part of the limit that each term uses, in the units of u. Paper (24), (25), (31)."""
-
-    limit: float  # v*
-    reference: float  # to hold the reference state: |K| |x_m|
-    nonlinearity: float  # |K_0| |g(x_m)|
-    command: float  # |Lambda^-1| |r|
-    disturbance: float  # d*
-    initial_error: float  # gamma_A (|K| + lambda_g |K_0|) |e(0)|
-    tracking_error: float = 0.0  # contribution of adaptation to e; not in the paper
-    learning: float = 0.0  # beta_1
-    lasting_error: float = 0.0  # beta_2 gamma^(-1/2)
-
-    @property
-    def used(self) -> float:
-        """The sum of the terms."""
-        return sum(self[1:])
-
-    @property
-    def margin(self) -> float:
-        """Limit minus used; the condition holds if the margin is not negative."""
-        return self.limit - self.used
-
-    @property
-    def holds(self) -> bool:
-        """Whether the condition holds."""
-        return self.margin >= 0.0
-
-    @property
-    def largest(self) -> str:
-        """Name of the largest term."""
-        return max(self._fields[1:], key=lambda name: float(getattr(self, name)))
 
 
 def limit(channels: Matrix, form: Form = "repaired") -> float:
@@ -201,23 +168,3 @@ def theorem(
         return Theorem(positive, rho_1, rho_2, rho_2 / gamma_A, e_0)
     e_0_most = largest(admitted, precision)
     return Theorem(positive, rho_1, gamma_A * e_0_most, e_0_most, e_0)
-
-
-SMALLEST, FARTHEST = 1e-12, 1e6  # ends of the search for the largest start or step
-
-
-def largest(admitted: Callable[[float], bool], precision: float = 1e-9) -> float:
-    """A value that is admitted while one `precision` (relative) above it is not; 0 if 0 is not.
-
-    Searches from SMALLEST to FARTHEST. The largest of all if every value below an admitted one is
-    admitted too.
-    """
-    low, high = 0.0, 1.0
-    if not admitted(low):
-        return 0.0
-    while admitted(high) and high < FARTHEST:
-        low, high = high, 2.0 * high
-    while high - low > precision * high and high > SMALLEST:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if admitted(middle) else (low, middle)
-    return low

@@ -81,10 +81,10 @@ def envelope(
     """
     if not worst and (given := _given("parts", "winds")):
         raise click.UsageError(f"--{given}: expected with --worst-wind")
+    from fcu.guard.responses import UnstableError
     from fcu.interface.airframe import AirframeError
     from fcu.interface.parameter import ParameterError
     from fcu.kernel.compile import is_cached
-    from fcu.theory.responses import UnstableError
     from gcs_tools.cli.terminal import PipedConsole
     from gcs_tools.judging.envelope import envelope as envelope_of
     from gcs_tools.missions.mission import (
@@ -161,8 +161,9 @@ def _show(found: Envelope, console: Console) -> None:
         console.print(Text(f"Not flown as written{expected}: {each.text}.", style="yellow"))
     if found.wind_within:
         console.print(f"{found.wind_within[:1].upper()}{found.wind_within[1:]}.")
-    for remark in found.remarks:
-        console.print(Text(f"Not covered: {remark}.", style="yellow"))
+    for gap in found.uncovered:
+        remedy = f" ({gap.remedy})" if gap.remedy else ""
+        console.print(Text(f"Not covered: {gap.said}{remedy}.", style="yellow"))
     console.print()
 
     of = "At its tightest, as given" if found.governed else "At its tightest"

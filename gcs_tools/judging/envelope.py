@@ -16,20 +16,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.guard import admission, arrival, foreseen, margin, noise, wrench
+from fcu.guard.hover import Air, ball_budget, theorem_budget
 from fcu.guard.parameters import GOVERN, REFUSE, WARN
-from fcu.guard.stability import LAGS, recovers, rotor_lag, unstable
+from fcu.guard.stability import LAGS, rotor_lag, unstable
 from fcu.interface.files.input_file import written
 from fcu.interface.messages import Setpoint
 from fcu.interface.parameter import ParameterError
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.process.settings import PARAMETERS, Settings, derived
-from fcu.theory.hover import Air, ball_budget, theorem_budget
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.judging.belief_check import inertias
 from gcs_tools.judging.layers_check import layers_wind
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
-from gcs_tools.missions.asked import PLANS, asked
+from gcs_tools.judging.uncovered import NOISES, MissionWind, Uncovered, is_plans, uncovered
+from gcs_tools.missions.asked import asked
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, setpoint_at
 
@@ -38,7 +38,6 @@ Rows = np.ndarray[Any, np.dtype[np.float64]]
 LOOK_S = 0.005  # step of the look ahead
 MOST, CLOSE = 1e3, 1e-3  # of a search: the largest value, and its relative accuracy
 SMALLER = 0.98  # what is tried next of a value that almost would do
-TOLD_APART = 1.3  # greatest over least mass believed, for which the condition's constants are
 SLOWEST_M_S = 0.1  # that a guard is taken to fly
 STILL = Vec3(0.0, 0.0, 0.0)
 WAYS = {"up": (0.0, 0.0, 1.0), "to the side": (1.0, 0.0, 0.0), "down": (0.0, 0.0, -1.0)}
@@ -162,7 +161,8 @@ class Envelope:
     unstable: (
         str  # the channel that is unstable with the gains, which a vehicle refuses; empty: none
     )
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...]  # sentences of what is not covered
+    uncovered: tuple[Uncovered, ...]  # the same as rows: name, numbers, what to do
     unflyable: tuple[Unflyable, ...]  # setpoints that cannot be flown as written
     beliefs: tuple[Belief, ...]
     noise: Noise | None  # None: none is believed
@@ -175,6 +175,7 @@ class Envelope:
         """Plain values."""
         return {
             **asdict(self), "terms": {**self.terms._asdict(), "left": self.terms.left},
+            "uncovered": [each._asdict() for each in self.uncovered],
         }  # fmt: skip
 
 
@@ -497,7 +498,7 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
     """All that the guard counts on, as it stands."""
     guard, rotors, lag = settings.guard, settings.law.rotors, rotor_lag(settings.law)
     kind = "Gaussian, sigma" if guard.gaussian > 0.5 else "a bound"
-    told = dict(zip(_NOISES, noise.amounts(guard).tolist(), strict=True))
+    told = dict(zip(NOISES, noise.amounts(guard).tolist(), strict=True))
     return (
         Belief("mass", f"{guard.m_min:g} to {guard.m_max:g}", "kg", "guard_mass_kg"),
         Belief("inertia, level; yaw", f"{guard.J_tilt:g}; {guard.J_yaw:g}", "kg m^2",
@@ -510,7 +511,7 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
         Belief("delay to the rotor", f"{guard.delay_s:g}", "s", "guard_delay_s"),
         Belief("noise, its amounts are", kind, "", "guard_noise"),
         *(Belief(f"noise of {what}", f"{told[key]:.3g}", unit, key)
-          for key, (what, unit) in _NOISES.items()),
+          for key, (what, unit) in NOISES.items()),
         Belief("control rate", f"{mission.flight.rate_hz:g}", "Hz", "flight.rate_hz"),
     )  # fmt: skip
 
@@ -521,12 +522,6 @@ def _spread(values: Sequence[float]) -> str:
     return f"{least:g}" if least == most else f"{least:g} to {most:g}"
 
 
-_NOISES = {
-    "guard_noise_position_m": ("position", "m"),
-    "guard_noise_velocity_m_s": ("velocity", "m/s"),
-    "guard_noise_attitude_rad": ("attitude", "rad"),
-    "guard_noise_rate_rad_s": ("body rates", "rad/s"),
-}
 _FIELDS = ("noise_r", "noise_v", "noise_q", "noise_w")
 
 
@@ -574,7 +569,7 @@ def lack(settings: Settings) -> str:
         return float(wrench.disturbed(only, guard.m_min * law.g))
 
     field = max(_FIELDS, key=alone)
-    key = list(_NOISES)[_FIELDS.index(field)]
+    key = list(NOISES)[_FIELDS.index(field)]
     now = float(getattr(guard, field))
 
     def smaller(amount: float) -> bool:
@@ -595,14 +590,6 @@ def lack(settings: Settings) -> str:
     if not would:
         return f"{key} takes most; neither less of it nor a lower gamma is enough alone"
     return f"{key} takes most; enough is {' or '.join(would)}"
-
-
-class MissionWind(NamedTuple):
-    """The mission's own wind: the greatest of all its parts at once."""
-
-    speed_m_s: float
-    rate_m_s2: float
-    of: str  # of what it is made along the way; empty without layers
 
 
 def mission_wind(mission: Mission, scene: Scenario) -> MissionWind:
@@ -635,61 +622,6 @@ def within(of: MissionWind, scene: Scenario) -> str:
     )
 
 
-def beyond(mission: Mission, scene: Scenario, air: MissionWind) -> tuple[str, ...]:
-    """Where the mission's own truth lies beyond what the guard is told to believe."""
-    guard, wind, plant = scene.guard, mission.wind, scene.world.params
-    masses = dict.fromkeys((plant.m, plant.m_after))
-    found = []
-    if air.speed_m_s > guard.w_max:
-        found.append(
-            f"its wind, up to {air.speed_m_s:.3g} m/s{air.of}, is beyond guard_wind_m_s {guard.w_max:.3g}"
-        )
-    if wind.step_at_s is not None:
-        found.append("its wind steps, faster than any guard_wind_rate_m_s2")
-    elif air.rate_m_s2 > guard.w_dot_max:
-        found.append(
-            f"its wind, changing by up to {air.rate_m_s2:.3g} m/s^2, is beyond guard_wind_rate_m_s2"
-            f" {guard.w_dot_max:.3g}"
-        )
-    for mass in masses:
-        if not guard.m_min <= mass <= guard.m_max:
-            found.append(
-                f"its mass, {mass:.3g} kg, is not in guard_mass_kg"
-                f" [{guard.m_min:.3g}, {guard.m_max:.3g}]"
-            )
-    found += inertias(mission)
-    if (drag := max(plant.c_D)) > guard.c_D:
-        found.append(f"its drag, {drag:.3g} N/(m/s)^2, is beyond guard_drag {guard.c_D:.3g}")
-    white, sizes = scene.world.noise, noise.amounts(guard)
-    most_of = (
-        1.0 if guard.gaussian > 0.5 else noise.SIGMAS
-    )  # of a spread, for it to be within a bound
-    for (key, (what, unit)), has, told in zip(_NOISES.items(), white, sizes.tolist(), strict=True):
-        if most_of * has > told * (1.0 + 1e-6):
-            spread = "a spread" if most_of == 1.0 else "six times a spread"
-            found.append(
-                f"its noise of {what}, {spread} of {has:.3g} {unit}, is beyond {key} {told:.3g}"
-            )
-    if (delay_s := scene.world.delay_ticks / scene.rate_hz) > guard.delay_s + 1e-9:
-        found.append(f"its delay, {delay_s:.3g} s, is beyond guard_delay_s {guard.delay_s:.3g}")
-    if guard.m_max > TOLD_APART * guard.m_min:
-        found.append(
-            f"guard_mass_kg [{guard.m_min:.3g}, {guard.m_max:.3g}] is wider than the 30 % for which"
-            " the condition is derived"
-        )
-    bounds = scene.law.bounds
-    if bounds.m_min > guard.m_min or bounds.m_max < guard.m_max:
-        found.append(
-            f"the mass estimate is kept in [{bounds.m_min:.3g}, {bounds.m_max:.3g}] kg, which does not"
-            " hold all of guard_mass_kg (set bounds.m_min and bounds.m_max too)"
-        )
-    if mission.plant.rotor_loss:
-        found.append("it loses a rotor, which no condition knows")
-    if mission.plant.faults:
-        found.append("it has faults to order ([[plant.faults]]), which no condition knows")
-    return tuple(found)
-
-
 def envelope(mission: Mission, plan: tuple[PlanMargin, ...] = ()) -> Envelope:
     """What the condition says of a mission.  plan : the margins along its plan, if it has one.
 
@@ -710,52 +642,12 @@ def envelope(mission: Mission, plan: tuple[PlanMargin, ...] = ()) -> Envelope:
             )
     holds = worst.margin >= 0.0
     air = mission_wind(mission, scene)
-    remarks = beyond(mission, scene, air)
-    plans_alone = bool(scene.legs) and all(leg.kind in PLANS for leg in scene.legs)
-    if plans_alone:
-        remarks += ("take-off, descent, jumps and returns of the plan are not looked at",)
-    elif scene.legs:
-        remarks += (
-            "each item is looked at from rest where the one before ends, at times that are foreseen; take-off,"
-            " landing and the way home, which the vehicle leads itself, are not",
-        )
-    if law.achieved < 0.5:
-        remarks += (
-            "it flies the printed law, which winds up when it saturates: the condition is that of"
-            " the law with what was achieved",
-        )
+    told = uncovered(mission, scene, settings, air)
+    plans_alone = is_plans(tuple(leg.kind for leg in scene.legs))
     channel = unstable(law, guard)
     if channel and guard.delay_s > 0.0:
         channel += f" (with guard_delay_s {guard.delay_s:g})"
-    spare = float(wrench.spare(guard, law))
-    calm = float(wrench.spare(guard._replace(w_max=0.0), law))
-    if calm < 0.0 and not noise.amounts(guard).any():
-        remarks += (
-            f"with rotor lags up to {LAGS[1] * rotor_lag(law):.3g} s and the masses of guard_mass_kg these"
-            " gains leave roll and pitch no torque for the slowest change of the reference: torque may"
-            " saturate",
-        )
-    elif spare < 0.0 and not noise.amounts(guard).any():
-        remarks += (
-            f"the gusts that are believed (guard_wind_m_s, guard_wind_rate_m_s2) take {-spare:.1f} N m"
-            " more than roll and pitch have in hover",
-        )
     known = margin.known(guard, law)
-    if (down := float(margin.sinking(known))) < 0.0:
-        remarks += (
-            f"in a wind from below above {guard.w_max + down:.1f} m/s (guard_wind_m_s {guard.w_max:g}) roll"
-            " and pitch are unstable with these gains, or nearly",
-        )
-    if (lags := float(foreseen.lags(law))) > foreseen.QUICKEST and law.achieved > 0.5:
-        remarks += (
-            f"its reference model is too quick for attitude and rates (2 zeta_m f_m (1/c_angle + 1/c_rate) is"
-            f" {lags:.2g}, above {foreseen.QUICKEST:g}): torque of roll and pitch may saturate",
-        )
-    if down >= 0.0 and not recovers(law, guard, guard.c_D * guard.w_max**2):
-        remarks += (
-            f"once a rotor has been at a limit, in wind near guard_wind_m_s {guard.w_max:g}, as a take-over"
-            " there may bring about, roll and pitch need not settle again with these gains",
-        )
     at_rest = margin.condition(known, STILL, STILL, 0.0)
     return Envelope(
         mission=mission.name,
@@ -780,7 +672,8 @@ def envelope(mission: Mission, plan: tuple[PlanMargin, ...] = ()) -> Envelope:
         governed=guard.policy == GOVERN and not (holds or channel) and bool(at_rest > 0.0),
         refused="" if plans_alone else refusal(scene),
         unstable=channel,
-        remarks=remarks,
+        remarks=tuple(each.said for each in told),
+        uncovered=told,
         wind_within=within(air, scene),
         unflyable=() if plans_alone else unflyable(mission, scene),
         beliefs=beliefs(mission, settings),

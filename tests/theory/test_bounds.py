@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from fcu.guard.responses import decay_pair
 from fcu.theory.bounds import (
     Assumed,
     Blocks,
@@ -22,7 +23,6 @@ from fcu.theory.bounds import (
     tracking_bound,
 )
 from fcu.theory.projection import Ball, symmetric_box
-from fcu.theory.responses import decay_pair
 
 PAPER = Assumed(
     Unknown(2.0, 0.3, error=4.0), 0.5, Theta=Unknown(3.0, 0.4, error=6.0),

@@ -10,10 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from fcu.guard import margin
-from fcu.interface.airframe import airframe
-from fcu.kernel.algebra import Vec3
-from fcu.process.settings import settings
-from fcu.theory.hover import (
+from fcu.guard.hover import (
     Air,
     K,
     ball,
@@ -23,6 +20,9 @@ from fcu.theory.hover import (
     theorem_budget,
     unit_step,
 )
+from fcu.interface.airframe import airframe
+from fcu.kernel.algebra import Vec3
+from fcu.process.settings import settings
 from fcu.theory.linear_loop import bounds
 from fcu.theory.loop_bounds import position_loop, stiffness
 from tests.theory.conftest import OCTO

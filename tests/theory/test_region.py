@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from fcu.guard.responses import peak
 from fcu.theory.control_difference import ControlDifference
 from fcu.theory.guarantee import Assumptions, Model, attraction, guarantee, starting
 from fcu.theory.linear_loop import NoBoundError
@@ -21,7 +22,6 @@ from fcu.theory.region import (
     limit,
     theorem,
 )
-from fcu.theory.responses import peak
 from fcu.theory.systems import ReferenceModel
 
 SIZES = Sizes(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from fcu.guard.responses import UnstableError, decay, decay_pair, gain, peak
 from fcu.theory.control_difference import control_gain, prediction_gain
-from fcu.theory.responses import UnstableError, decay, decay_pair, gain, peak
 
 TIGHT = 2e-3
 

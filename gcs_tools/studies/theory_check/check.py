@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcu.guard.responses import gain, peak
 from fcu.theory.arrays import Array, frobenius
 from fcu.theory.bounds import prediction_bound
 from fcu.theory.guarantee import Assumptions, Guarantee, Model, guarantee
 from fcu.theory.linear_loop import LoopBounds, Moving, NoBoundError, Start, bounds, loop
 from fcu.theory.region import Reference, Sizes
-from fcu.theory.responses import gain, peak
 from fcu.theory.simulate import Run, simulate, step_for
 from fcu.theory.systems import sat, symmetric
 from gcs_tools.studies.theory_check.draws import Draw, Rng, draw, shape

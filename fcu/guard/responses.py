@@ -27,7 +27,7 @@ WELL_CONDITIONED = (
 
 
 class UnstableError(ValueError):
-    """A system without a bound; the message has its slowest rate and the requested rate."""
+    """A system without a bound. The message has its slowest rate and the requested rate."""
 
 
 class _Stretch(NamedTuple):
@@ -138,7 +138,7 @@ def _answer(M: Matrix, E: Matrix, C: Matrix, norm: Norm) -> _Modes | _Powers:
 
 
 def _stretches(answer: _Modes | _Powers) -> Any:
-    """Start and end of time intervals; each is as long as all intervals before it."""
+    """Start and end of time intervals. Each is as long as all intervals before it."""
     start, end = 0.0, 1.0 / answer.fastest
     while True:
         yield start, end
@@ -217,7 +217,7 @@ class Decay(NamedTuple):
 
 
 def decay_pair(A: Matrix, lambda_A: float | None = None) -> Decay:
-    """A valid pair for a Hurwitz A (n x n); gamma_A is tight for lambda_A (1/s) to TOLERANCE.
+    """A valid pair for a Hurwitz A (n x n). gamma_A is tight for lambda_A (1/s) to TOLERANCE.
 
     lambda_A must be below the rate of the slowest mode (default: nine tenths of that rate).
     gamma_A is the largest norm of exp((A + lambda_A I) t). Raises UnstableError.

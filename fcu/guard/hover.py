@@ -23,9 +23,44 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
+from fcu.guard.responses import Matrix, gain, peak
 from fcu.laws.mmrac.types import Params
-from fcu.theory.region import Budget, largest
-from fcu.theory.responses import Matrix, gain, peak
+
+SMALLEST, FARTHEST = 1e-12, 1e6  # ends of the search for the largest start or step
+
+
+class Budget(NamedTuple):
+    """Part of the limit that each term uses, in the units of u. Paper (24), (25), (31)."""
+
+    limit: float  # v*
+    reference: float  # to hold the reference state: |K| |x_m|
+    nonlinearity: float  # |K_0| |g(x_m)|
+    command: float  # |Lambda^-1| |r|
+    disturbance: float  # d*
+    initial_error: float  # gamma_A (|K| + lambda_g |K_0|) |e(0)|
+    tracking_error: float = 0.0  # contribution of adaptation to e; not in the paper
+    learning: float = 0.0  # beta_1
+    lasting_error: float = 0.0  # beta_2 gamma^(-1/2)
+
+    @property
+    def used(self) -> float:
+        """The sum of the terms."""
+        return sum(self[1:])
+
+    @property
+    def margin(self) -> float:
+        """Limit minus used. The condition holds if the margin is not negative."""
+        return self.limit - self.used
+
+    @property
+    def holds(self) -> bool:
+        """True if the condition holds."""
+        return self.margin >= 0.0
+
+    @property
+    def largest(self) -> str:
+        """Name of the largest term."""
+        return max(self._fields[1:], key=lambda name: float(getattr(self, name)))
 
 
 class Air(NamedTuple):
@@ -141,6 +176,23 @@ def _reference(params: Params) -> Matrix:
     return np.array(states)
 
 
+def largest(admitted: Callable[[float], bool], precision: float = 1e-9) -> float:
+    """Search for a value that is admitted while one `precision` (relative) above it is not. 0 if 0 is not.
+
+    Searches from SMALLEST to FARTHEST. The largest of all if every value below an admitted one is
+    admitted too.
+    """
+    low, high = 0.0, 1.0
+    if not admitted(low):
+        return 0.0
+    while admitted(high) and high < FARTHEST:
+        low, high = high, 2.0 * high
+    while high - low > precision * high and high > SMALLEST:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if admitted(middle) else (low, middle)
+    return low
+
+
 def largest_step(condition: Callable[[float], Budget]) -> float:
-    """Largest step (m) whose `Budget` holds, or 0; condition : function from step to Budget."""
+    """Largest step (m) whose `Budget` holds, or 0. condition : function from step to Budget."""
     return largest(lambda step: condition(step).holds)
