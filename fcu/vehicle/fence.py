@@ -27,7 +27,7 @@ class Way(NamedTuple):
     radius: float = 0.0
 
 
-class Limits(NamedTuple):
+class FenceLimits(NamedTuple):
     """Distances from home at which the vehicle may be. Inf: as far as it likes."""
 
     across: float = math.inf
@@ -57,7 +57,7 @@ class Fence:
 
     def __init__(self) -> None:
         self.areas = ()
-        self.limits = Limits()
+        self.limits = FenceLimits()
         self.home = Vec3(0.0, 0.0, 0.0)
         self.is_breached = False
         self.breaches = 0
@@ -84,7 +84,7 @@ class Fence:
     @property
     def is_set(self) -> bool:
         """Tell whether there is any place where the vehicle must not be."""
-        return bool(self.areas) or self.limits != Limits()
+        return bool(self.areas) or self.limits != FenceLimits()
 
     def margin(self, r: Vec3) -> Margin:
         """The margin of a place."""

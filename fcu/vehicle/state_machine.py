@@ -52,7 +52,7 @@ from fcu.vehicle.conditions import (
     warm_up,
 )
 from fcu.vehicle.feasibility_check import FeasibilityCheck, Shortfall
-from fcu.vehicle.fence import Fence, Limits
+from fcu.vehicle.fence import Fence, FenceLimits
 from fcu.vehicle.follow import FOLLOW_US, Follower, Report, Target
 from fcu.vehicle.landing import Approach, LandedDetector, TouchdownDetector
 from fcu.vehicle.mission import Do, Mission, Step, first_place, is_finite, outside, placed
@@ -360,7 +360,7 @@ class StateMachine:
         watch[_FULL_SPEED] = to_buffer(p.law.rotors.Omega_max)
         watch[_ANYWHERE], watch[_LAG] = landing.anywhere_us(p.pace.f_m), 2.0 / p.pace.f_m
         across, up = p["GF_MAX_HOR_DIST"], p["GF_MAX_VER_DIST"]
-        self.fence.limits = Limits(across or math.inf, up or math.inf)
+        self.fence.limits = FenceLimits(across or math.inf, up or math.inf)
         self._write_mode()
         self._look_at_fence_anew()
 

@@ -18,7 +18,7 @@ from fcu.interface.parameter import ParameterError
 from fcu.laws.loader import LawError
 from gcs_tools.campaigns import score
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
-from gcs_tools.flight import several
+from gcs_tools.flight import law_flights
 from gcs_tools.flight.arrival import arrival
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.processes import InfrastructureError
@@ -35,7 +35,7 @@ VEHICLE = "vehicle"  # a campaign's `fly`; else the law alone
 REJECTED, ABORTED = "rejected", "aborted"  # ends of a flight that did not fly, or not to its end
 
 
-class Asked(NamedTuple):
+class OrderedFlight(NamedTuple):
     """A flight that is to be flown."""
 
     number: int
@@ -63,18 +63,18 @@ class Row(NamedTuple):
 class _Ready(NamedTuple):
     """A flight that may fly."""
 
-    asked: Asked
+    asked: OrderedFlight
     mission: Mission
     scene: Scenario
 
 
-def fly_batch(plan: str, asked: Sequence[Asked]) -> list[Row]:
+def fly_batch(plan: str, asked: Sequence[OrderedFlight]) -> list[Row]:
     """Fly each, and give their rows in order. What a flight can do is in its row; nothing of that is raised.
 
     plan : Campaign.plan().
     """
     fly, n, missions, far_m = _loaded(plan)
-    made = [_ready(Asked(*one), missions[one[1]], far_m is not None) for one in asked]
+    made = [_ready(OrderedFlight(*one), missions[one[1]], far_m is not None) for one in asked]
     ready = [one for one in made if isinstance(one, _Ready)]
     flown = _vehicles(ready) if fly == VEHICLE else _laws(ready, n * len(missions))
     rows = {ready[i].asked[:2]: _judged(ready[i], how, far_m) for i, how in flown}
@@ -96,14 +96,14 @@ def _loaded(plan: str) -> tuple[str, int, tuple[Mission, ...], float | None]:
     return tables["fly"], tables["flights"], missions, tables.get("far_m")
 
 
-def ended_its_process(plan: str, asked: Asked, how: str) -> Row:
+def ended_its_process(plan: str, asked: OrderedFlight, how: str) -> Row:
     """The row of a flight that has ended the process that flew it.  how : in words."""
     mission = _loaded(plan)[2][asked.law]
     seed = int(asked.values.get("flight.seed", mission.flight.seed))
     return _lost(asked, seed, ABORTED, f"the law {how}", INFRASTRUCTURE)
 
 
-def _ready(asked: Asked, base: Mission, scored: bool) -> _Ready | Row:
+def _ready(asked: OrderedFlight, base: Mission, scored: bool) -> _Ready | Row:
     """The flight, or the row of one that is rejected: of one that is scored, for its gains alone."""
     try:
         mission = with_values(base, asked.values, "draw")
@@ -150,7 +150,7 @@ def _judged(
     )  # fmt: skip
 
 
-def _lost(asked: Asked, seed: int, ended: str, why: str, exit_code: int) -> Row:
+def _lost(asked: OrderedFlight, seed: int, ended: str, why: str, exit_code: int) -> Row:
     first = why.partition("\n")[0]
     return Row(asked.number, asked.law, seed, False, ended, first, exit_code, 0.0, 0, "", {})
 
@@ -177,7 +177,7 @@ def _vehicles(
 
 def _laws(flights: Sequence[_Ready], n: int) -> Iterator[tuple[int, Flown | LawError]]:
     """Each flown by the law without an autopilot, in lanes if `n` flights in all repay it."""
-    for i, flown in several.each([scene for _, _, scene in flights], in_all=n):
+    for i, flown in law_flights.each([scene for _, _, scene in flights], in_all=n):
         yield i, flown if isinstance(flown, LawError) else Flown(flown.plant, flown.law)
 
 

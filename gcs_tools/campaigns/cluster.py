@@ -18,7 +18,7 @@ from typing import Any
 from distributed import Client
 from distributed.scheduler import KilledWorker
 
-from gcs_tools.campaigns.batch import Asked, Row, fly_batch
+from gcs_tools.campaigns.batch import OrderedFlight, Row, fly_batch
 from gcs_tools.campaigns.fingerprint import fingerprint
 from gcs_tools.campaigns.running import RunningError
 from gcs_tools.campaigns.store import differences
@@ -34,7 +34,7 @@ class _Batch:
     """A batch on its way."""
 
     plan: str
-    asked: list[Asked]
+    asked: list[OrderedFlight]
     told: Future[list[Row]] = field(default_factory=Future)
     sent: Any = None  # Dask's future; None: it waits for a worker
     to: frozenset[str] = frozenset()  # addresses of workers that may fly it
@@ -55,7 +55,7 @@ class Cluster:
         self._looked_at = -LOOK_S
         self._alone_since = time.monotonic()
 
-    def submit(self, plan: str, batch: Sequence[Asked]) -> Future[list[Row]]:
+    def submit(self, plan: str, batch: Sequence[OrderedFlight]) -> Future[list[Row]]:
         """Fly a batch on some worker."""
         made = _Batch(plan, list(batch))
         self._batches.append(made)
@@ -77,7 +77,7 @@ class Cluster:
                 )
         return sum(self._threads.values())
 
-    def apart(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+    def apart(self, plan: str, asked: Sequence[OrderedFlight]) -> Iterator[list[Row]]:
         """Raise RunningError: of a worker elsewhere nobody here knows what it has died of."""
         raise RunningError("a worker process was killed")
 

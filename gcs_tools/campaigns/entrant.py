@@ -12,7 +12,7 @@ from fcu.interface.parameter import Parameter, ParameterError, flat
 from fcu.laws import loader
 from fcu.laws.loader import Law, LawError
 from gcs_tools.campaigns.procedure import Draws
-from gcs_tools.campaigns.seed_draws import Stream, drawn
+from gcs_tools.campaigns.seed_draws import Stream, sampled
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.preflight_check import refused_gains
@@ -112,7 +112,7 @@ def free(law: Law) -> tuple[Parameter, ...]:
 
 
 @dataclass(frozen=True)
-class Flight:
+class EntrantFlight:
     """One flight of an entrant."""
 
     entrant: Entrant
@@ -120,10 +120,10 @@ class Flight:
     stream: Stream
     seed: int
 
-    def drawn(self, draws: Draws) -> Mission:
+    def sampled(self, draws: Draws) -> Mission:
         """The mission as the seed draws it. Raises EntrantError."""
         try:
-            return drawn(self.mission, draws, self.stream, self.seed)
+            return sampled(self.mission, draws, self.stream, self.seed)
         except (MissionError, AirframeError) as error:
             raise EntrantError(str(error)) from error
 

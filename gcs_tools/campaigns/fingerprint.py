@@ -11,7 +11,7 @@ import platform
 from importlib.metadata import version
 
 from fcu.kernel import compile
-from gcs_tools.campaigns.batch import VEHICLE, Asked, fly_batch
+from gcs_tools.campaigns.batch import VEHICLE, OrderedFlight, fly_batch
 
 PROBE = {
     "title": "A short flight whose every bit is compared.",
@@ -33,7 +33,7 @@ PROBE = {
 def fingerprint() -> dict[str, str]:
     """Versions, a hash of the sources, and of a short flight that is flown for it."""
     plan = json.dumps({"name": "probe", "fly": VEHICLE, "flights": 1, "laws": [{"given": PROBE}]})
-    flown = repr(fly_batch(plan, [Asked(0, 0, {})]))  # every digit, of metrics too
+    flown = repr(fly_batch(plan, [OrderedFlight(0, 0, {})]))  # every digit, of metrics too
     python = ".".join(platform.python_version_tuple()[:2])
     names = ("m-mrac", "numba", "numpy")
     return {

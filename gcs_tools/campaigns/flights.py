@@ -1,6 +1,6 @@
 """Many flights in this process: drawn from a seed, flown on threads, with progress for who waits.
 
-tables, rejected = drawn(draw, lambda given: not unstable(scenario(mission(given)).law), 2000)
+tables, rejected = accepted_draws(draw, lambda given: not unstable(scenario(mission(given)).law), 2000)
 results = list(each(fly, tables))
 results = list(flown(lambda given: [Asked(scenario(mission(given)), look)], tables))  # in lanes
 """
@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from fcu.laws.loader import LawError
-from gcs_tools.flight import several
+from gcs_tools.flight import law_flights
+from gcs_tools.flight.law_flights import EVERYTHING, Keep
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.flight.several import EVERYTHING, Keep
 from gcs_tools.recording.table import Table
 
 Random = np.random.Generator
@@ -31,14 +31,14 @@ LEAST, MOST = 16, 64
 CHUNKS = 3  # a thread, where that makes neither fewer items of a chunk nor more
 
 
-class Flight(NamedTuple):
+class LawFlight(NamedTuple):
     """A flight that is over, of a law alone."""
 
     scene: Scenario
     plant: Table  # what was kept of its rows, of PlantRecord
     law: Table  # of the law's Tick
     ticks: int  # that the law flew
-    ended: int  # as several.Flown
+    ended: int  # as law_flights.LawFlown
 
     @property
     def lasted(self) -> bool:
@@ -46,14 +46,14 @@ class Flight(NamedTuple):
         return self.ticks == self.scene.ticks
 
 
-class Asked(NamedTuple, Generic[Found]):
+class LawFlightOrder(NamedTuple, Generic[Found]):
     """A flight that is to be flown, and what is looked for in it."""
 
     scene: Scenario
-    look: Callable[[Flight], Found]
+    look: Callable[[LawFlight], Found]
 
 
-def drawn(
+def accepted_draws(
     draw: Callable[[Random], Item], accepts: Callable[[Item], bool], n: int, seed: int = 1
 ) -> tuple[list[Item], int]:
     """The first `n` draws that are accepted, and how many were rejected before the last of them."""
@@ -110,7 +110,7 @@ def chunked(
 
 
 def flown(
-    make: Callable[[Item], Sequence[Asked[Found]]], items: Sequence[Item], keep: Keep = EVERYTHING,
+    make: Callable[[Item], Sequence[LawFlightOrder[Found]]], items: Sequence[Item], keep: Keep = EVERYTHING,
     what: str = "flying", console: Console | None = None,
 ) -> Iterator[list[Found]]:  # fmt: skip
     """For each item what is found in the flights that `make` makes of it; in lanes where that can be.
@@ -129,7 +129,7 @@ def flown(
 
 
 def fly(
-    asked: Sequence[Asked[Found]], keep: Keep = EVERYTHING, in_all: float | None = None,
+    asked: Sequence[LawFlightOrder[Found]], keep: Keep = EVERYTHING, in_all: float | None = None,
     on_error: Callable[[LawError], Found] | None = None,
 ) -> list[Found]:  # fmt: skip
     """What is found in each of the flights, on this thread; rows are dropped once they are looked at.
@@ -138,12 +138,12 @@ def fly(
     on_error : what is found in a flight whose law raises. Default: raise its LawError.
     """
     scenes, found = [one.scene for one in asked], dict[int, Found]()
-    for i, flight in several.each(scenes, keep, in_all=in_all):
+    for i, flight in law_flights.each(scenes, keep, in_all=in_all):
         if isinstance(flight, LawError):
             if on_error is None:
                 raise flight
             found[i] = on_error(flight)
             continue
-        plant, law = several.tables(scenes[i], flight, keep)
-        found[i] = asked[i].look(Flight(scenes[i], plant, law, flight.ticks, flight.ended))
+        plant, law = law_flights.tables(scenes[i], flight, keep)
+        found[i] = asked[i].look(LawFlight(scenes[i], plant, law, flight.ticks, flight.ended))
     return [found[i] for i in range(len(asked))]

@@ -18,7 +18,7 @@ from gcs_tools.campaigns import score
 from gcs_tools.campaigns.entrant import Entrant, EntrantError, scene
 from gcs_tools.campaigns.flights import each
 from gcs_tools.campaigns.procedure import Procedure
-from gcs_tools.campaigns.seed_draws import Stream, drawn
+from gcs_tools.campaigns.seed_draws import Stream, sampled
 from gcs_tools.missions.mission import Mission, MissionError, load, with_values
 
 UNITS = {"delay": "s", "lag": "s", "mass": "kg", "wind": "m/s"}
@@ -55,7 +55,9 @@ def margin(
     """
     how = procedure.margins
     mission = entrant.mission(load(how.mission))
-    flights = [drawn(mission, procedure.draws, Stream.TEST, seed) for seed in range(how.seeds + 1)]
+    flights = [
+        sampled(mission, procedure.draws, Stream.TEST, seed) for seed in range(how.seeds + 1)
+    ]
 
     size = _size(mission, quantity)
 

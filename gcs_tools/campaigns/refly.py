@@ -57,7 +57,7 @@ def numbered(name: str, into: str) -> Numbered:
     found = _NAMED.fullmatch(name)
     assert found is not None
     folder, number = Path(found["folder"]), int(found["number"])
-    campaign = store.again(folder, unchanged=True, allow_commands=True)  # `gcs fly` asks
+    campaign = store.reopened(folder, unchanged=True, allow_commands=True)  # `gcs fly` asks
     label = found["law"] or campaign.labels[0]
     if label not in campaign.labels:
         raise CampaignError(f"{name}: no such law; there are {', '.join(campaign.labels)}")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_tools.judging.comparison import RECORDING, RESULT, Flown, unequal
+from gcs_tools.judging.comparison import RECORDING, RESULT, ComparedFlight, unequal
 from gcs_tools.judging.first_difference import Parted, first_difference
 from gcs_tools.judging.junit_report import Case
 from gcs_tools.judging.metrics import FLOORS, METRICS
@@ -100,8 +100,8 @@ class Held:
 
 
 def held_against(
-    flights: Sequence[Flown],
-    baseline: Sequence[Flown],
+    flights: Sequence[ComparedFlight],
+    baseline: Sequence[ComparedFlight],
     exact: bool = False,
     tolerance: float = TOLERANCE,
 ) -> list[Held]:
@@ -136,7 +136,9 @@ def held_against(
     return found
 
 
-def _changed(mine: Sequence[Flown], theirs: Sequence[Flown]) -> dict[str, list[str]]:
+def _changed(
+    mine: Sequence[ComparedFlight], theirs: Sequence[ComparedFlight]
+) -> dict[str, list[str]]:
     """Values and versions in force that differ, of the first flight of each."""
     one, other = mine[0], theirs[0]
     values = {key: value for key, value in unequal([one, other]).items() if key not in _NOT_TOLD}
@@ -149,10 +151,10 @@ def _changed(mine: Sequence[Flown], theirs: Sequence[Flown]) -> dict[str, list[s
 
 
 def _pairs(
-    mission: str, mine: Sequence[Flown], theirs: Sequence[Flown]
-) -> list[tuple[Flown, Flown]]:
+    mission: str, mine: Sequence[ComparedFlight], theirs: Sequence[ComparedFlight]
+) -> list[tuple[ComparedFlight, ComparedFlight]]:
     """Flights with the same seed. Empty unless each of the flights has one. Raises RegressionError."""
-    of_seed: dict[int | None, Flown] = {}
+    of_seed: dict[int | None, ComparedFlight] = {}
     for each in theirs:
         if each.seed in of_seed:
             raise RegressionError(
@@ -164,7 +166,7 @@ def _pairs(
     return [(each, of_seed[each.seed]) for each in mine]
 
 
-def _is_by_wall(flight: Flown) -> bool:
+def _is_by_wall(flight: ComparedFlight) -> bool:
     """True of a flight by a script that kept the wall's clock: another with its seed is another flight."""
     if flight.by_wall:
         return True
@@ -172,7 +174,9 @@ def _is_by_wall(flight: Flown) -> bool:
     return script != "None" and flight.values.get("flight.pace") != HELD
 
 
-def _failures(mine: Sequence[Flown], theirs: Sequence[Flown], paired: bool) -> list[str]:
+def _failures(
+    mine: Sequence[ComparedFlight], theirs: Sequence[ComparedFlight], paired: bool
+) -> list[str]:
     """Flights that fail and passed with the same seed, or that fail more often than those of other seeds."""
     passed = [each.passed is not False for each in theirs]
     if not paired and not all(passed):
@@ -195,7 +199,7 @@ def _is_more_often(now: int, flights: int, was: int, baseline: int) -> bool:
 
 
 def _by_metrics(
-    mission: str, mine: Sequence[Flown], theirs: Sequence[Flown], tolerance: float
+    mission: str, mine: Sequence[ComparedFlight], theirs: Sequence[ComparedFlight], tolerance: float
 ) -> Held:
     by_wall = any(map(_is_by_wall, (*mine, *theirs)))
     pairs = [] if by_wall else _pairs(mission, mine, theirs)
@@ -273,7 +277,7 @@ def _is_beyond_chance(
     return bool(found.pvalue < rare)
 
 
-def _values(name: str, flights: Sequence[Flown]) -> list[float]:
+def _values(name: str, flights: Sequence[ComparedFlight]) -> list[float]:
     """The values of a metric, of the flights that have one."""
     return [value for each in flights if (value := each.metrics.get(name)) is not None]
 
@@ -309,7 +313,10 @@ def _limit(
 
 
 def _exactly(
-    mission: str, mine: Sequence[Flown], theirs: Sequence[Flown], _tolerance: float
+    mission: str,
+    mine: Sequence[ComparedFlight],
+    theirs: Sequence[ComparedFlight],
+    _tolerance: float,
 ) -> Held:
     pairs = _pairs(mission, mine, theirs)
     if not pairs:

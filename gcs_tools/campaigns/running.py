@@ -26,7 +26,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gcs_tools.campaigns.batch import Asked, Row, ended_its_process, fly_batch
+from gcs_tools.campaigns.batch import OrderedFlight, Row, ended_its_process, fly_batch
 from gcs_tools.campaigns.campaign_file import Campaign
 from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.statistics import Share, share
@@ -37,7 +37,7 @@ BATCH = 8  # flights of each law that a worker is sent at once, to fly side by s
 AHEAD = 3  # batches that wait or fly, for each worker
 LOOK_S = 0.2  # wall: between two looks for an interruption
 
-Told = Callable[["Progress"], None]
+Told = Callable[["CampaignProgress"], None]
 
 
 class RunningError(Exception):
@@ -47,13 +47,13 @@ class RunningError(Exception):
 class Workers(Protocol):
     """What flies batches."""
 
-    def submit(self, plan: str, batch: Sequence[Asked]) -> Future[list[Row]]:
+    def submit(self, plan: str, batch: Sequence[OrderedFlight]) -> Future[list[Row]]:
         """Fly a batch, some time."""
 
     def count(self) -> int:
         """How many there are at the moment."""
 
-    def apart(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+    def apart(self, plan: str, asked: Sequence[OrderedFlight]) -> Iterator[list[Row]]:
         """Fly what a worker has died of, apart. One that dies of a flight makes that a lost one.
 
         Raises RunningError where it was no flight's doing.
@@ -61,7 +61,7 @@ class Workers(Protocol):
 
 
 @dataclass(frozen=True)
-class Progress:
+class CampaignProgress:
     """How far a campaign is."""
 
     flown: int  # flights of all laws
@@ -158,7 +158,7 @@ def run(
     However it ends, the flights that are there by then are on disk, if it can be written to.
     """
     plan, batches = campaign.plan(), _batches(campaign, store, ending.numbers)
-    pending: dict[Future[list[Row]], list[Asked]] = {}
+    pending: dict[Future[list[Row]], list[OrderedFlight]] = {}
     total = len(campaign.variants) * campaign.n
     with interrupts_wait() as interrupts:
         try:
@@ -172,7 +172,7 @@ def run(
                     done, _ = wait(pending)  # it has broken for all
                 ended = [(future, pending.pop(future)) for future in done]
                 store.add(row for future in done if not _failure(future) for row in future.result())
-                left: list[Asked] = []
+                left: list[OrderedFlight] = []
                 for future, batch in ended:
                     failure = _failure(future)
                     if isinstance(failure, BrokenProcessPool):
@@ -184,7 +184,7 @@ def run(
                         store.add(rows)
                         interrupts.look()
                 if done:
-                    told(Progress(store.flown, total, ending.so_far()))
+                    told(CampaignProgress(store.flown, total, ending.so_far()))
                 interrupts.look()
         finally:
             for future in pending:
@@ -196,17 +196,19 @@ def _failure(future: Future[list[Row]]) -> BaseException | None:
     return CancelledError() if future.cancelled() else future.exception()
 
 
-def _batches(campaign: Campaign, store: Store, numbers: range) -> Iterator[list[Asked]]:
+def _batches(campaign: Campaign, store: Store, numbers: range) -> Iterator[list[OrderedFlight]]:
     """The flights that are missing, in the order of their numbers."""
     laws = range(len(campaign.variants))
-    batch: list[Asked] = []
+    batch: list[OrderedFlight] = []
     missing = ~store.whole[numbers.start : numbers.stop]
     for number in (numbers.start + np.flatnonzero(missing)).tolist():
         quantities = campaign.draws.quantities(number)
         for law in laws:
             if store.outcome[law, number] < 0:
                 base = campaign.variants[law].base
-                batch.append(Asked(number, law, campaign.draws.values(number, quantities, base)))
+                batch.append(
+                    OrderedFlight(number, law, campaign.draws.values(number, quantities, base))
+                )
         if len(batch) >= BATCH * len(laws):
             yield batch
             batch = []
@@ -226,7 +228,7 @@ class Processes:
         self._workers = set[Any]()  # all that there were
         self._pool = _pool(n)
 
-    def submit(self, plan: str, batch: Sequence[Asked]) -> Future[list[Row]]:
+    def submit(self, plan: str, batch: Sequence[OrderedFlight]) -> Future[list[Row]]:
         """Fly a batch in one of them."""
         try:
             told = self._pool.submit(fly_batch, plan, batch)
@@ -240,7 +242,7 @@ class Processes:
         """How many there are."""
         return self._n
 
-    def apart(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+    def apart(self, plan: str, asked: Sequence[OrderedFlight]) -> Iterator[list[Row]]:
         """Fly what was on its way when a worker died: in halves, until a flight that ends its process is found.
 
         Raises RunningError where a worker was killed from outside.
@@ -249,7 +251,7 @@ class Processes:
         self._pool = _pool(self._n)
         yield from self._halves(plan, asked)
 
-    def _halves(self, plan: str, asked: Sequence[Asked]) -> Iterator[list[Row]]:
+    def _halves(self, plan: str, asked: Sequence[OrderedFlight]) -> Iterator[list[Row]]:
         told = self.submit(plan, asked)
         try:
             yield told.result()

@@ -15,15 +15,15 @@ import numpy as np
 
 from fcu.laws.loader import LawError
 from gcs_tools.campaigns import flights
-from gcs_tools.campaigns.flights import Asked, Flight
+from gcs_tools.campaigns.flights import LawFlight, LawFlightOrder
 from gcs_tools.campaigns.procedure import Objective
 from gcs_tools.exit_codes import OK, USAGE
-from gcs_tools.flight import several
+from gcs_tools.flight import law_flights
+from gcs_tools.flight.law_flights import Keep
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.flight.several import Keep
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
-from gcs_tools.missions.asked import asked
 from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.timeline import timeline
 from gcs_tools.recording.table import Rows
 from sitl_plant.physics import dynamics
 
@@ -93,7 +93,7 @@ def window(mission: Mission) -> tuple[float, float | None]:
     own = mission.expectations().get(ERROR)
     if isinstance(own, dict) and "from" in own:
         return float(own["from"]), own.get("to")
-    return asked(mission.flight).last_change_s + SETTLE_S, None
+    return timeline(mission.flight).last_change_s + SETTLE_S, None
 
 
 def fly(scene: Scenario, mission: Mission, far_m: float) -> Score:
@@ -112,7 +112,7 @@ def fly_several(
     in_all : how many flights these are some of; default: there are no others.
     """
     allowed = [
-        Asked(scene, partial(_score, mission=mission, far_m=far_m))
+        LawFlightOrder(scene, partial(_score, mission=mission, far_m=far_m))
         for scene, mission in of
         if not scene.unstable
     ]
@@ -123,16 +123,16 @@ def fly_several(
 
 def of_rows(scene: Scenario, mission: Mission, plant: Rows, law: Rows, far_m: float) -> Score:
     """Score a flight by its rows (as of `law_alone.fly`)."""
-    flown = several.of_rows(scene, plant, law, KEPT)
-    tables = several.tables(scene, flown, KEPT)
-    return _score(Flight(scene, *tables, flown.ticks, flown.ended), mission, far_m)
+    flown = law_flights.of_rows(scene, plant, law, KEPT)
+    tables = law_flights.tables(scene, flown, KEPT)
+    return _score(LawFlight(scene, *tables, flown.ticks, flown.ended), mission, far_m)
 
 
-def _score(flown: Flight, mission: Mission, far_m: float) -> Score:
+def _score(flown: LawFlight, mission: Mission, far_m: float) -> Score:
     if not flown.lasted:
         return lost(ENDINGS[flown.ended])
     scene = flown.scene
-    wanted = asked(mission.flight)
+    wanted = timeline(mission.flight)
     flight = EngagedTicks.of(
         flown.plant, flown.law,
         wanted.last_change_s + SETTLE_S, wanted.positions_at,

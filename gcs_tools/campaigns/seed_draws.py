@@ -1,6 +1,6 @@
 """What a seed draws of a mission, alike for every law: noise, wind, and the vehicle within what is believed.
 
-    flown = drawn(mission, procedure.draws, Stream.TEST, 17)
+    flown = sampled(mission, procedure.draws, Stream.TEST, 17)
 
 A drawn mission is a mission: its values in force say what was drawn, and `gcs fly --set` flies it again.
 The numbers depend on stream, seed and the mission's name alone, so that laws meet the same flights, and
@@ -47,7 +47,7 @@ class Beliefs(NamedTuple):
         return cls(mass, inertia, airframe.rotors.rotor_lag)
 
 
-def drawn(mission: Mission, draws: Draws, stream: Stream, seed: int) -> Mission:
+def sampled(mission: Mission, draws: Draws, stream: Stream, seed: int) -> Mission:
     """The mission as a seed draws it; with seed 0 as written. Raises MissionError, AirframeError."""
     if seed == 0:
         return mission

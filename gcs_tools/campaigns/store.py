@@ -297,7 +297,7 @@ def differences(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
     )
 
 
-def again(
+def reopened(
     folder: Path, unchanged: bool = False, allow_commands: bool = False,
     metrics: tuple[str, ...] = (),
 ) -> Campaign:  # fmt: skip

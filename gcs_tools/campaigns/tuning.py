@@ -17,7 +17,7 @@ import numpy as np
 from fcu.interface.airframe import AirframeError
 from fcu.interface.parameter import Parameter, ParameterError
 from gcs_tools.campaigns import score
-from gcs_tools.campaigns.entrant import Entrant, EntrantError, Flight, free, scene
+from gcs_tools.campaigns.entrant import Entrant, EntrantError, EntrantFlight, free, scene
 from gcs_tools.campaigns.flights import each
 from gcs_tools.campaigns.procedure import Objective, Procedure, Search, Set
 from gcs_tools.campaigns.score import REFUSED, Score, cost, lost
@@ -116,7 +116,7 @@ class Flights:
         self._far_m = procedure.objective.far_m
         missions = [entrant.mission(load(name)) for name in of.missions]
         flights = [
-            Flight(entrant, mission, stream, seed).drawn(procedure.draws)
+            EntrantFlight(entrant, mission, stream, seed).sampled(procedure.draws)
             for mission in missions
             for seed in range(1, of.seeds + 1)
         ]

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Asked:
+class CampaignOptions:
     """The command line."""
 
     name: str
@@ -121,7 +121,7 @@ def campaign(
     from gcs_tools.flight.run_folder import UsageError
 
     need(*NEEDED)
-    asked = Asked(
+    asked = CampaignOptions(
         name, out, flights, seed, settings, metrics, jobs, scheduler, wait_s, junit, report,
         allow_commands, as_json,
     )  # fmt: skip
@@ -136,7 +136,7 @@ def campaign(
         raise Failure(f"{error.filename or 'campaign'}: {error.strerror or error}") from error
 
 
-def _flown(asked: Asked, log: Console) -> int:
+def _flown(asked: CampaignOptions, log: Console) -> int:
     """Fly, keep, analyse, tell; the exit code. Raises CampaignError, UsageError, OSError, Failure."""
     from fcu.kernel.compile import is_cached
     from gcs_tools.campaigns import campaign_file, rare_flying, refly, store
@@ -158,7 +158,7 @@ def _flown(asked: Asked, log: Console) -> int:
                 f"{folder}: a campaign that continues keeps its folder and its flights (leave out"
                 f" {', '.join(given)})"
             )
-        again = store.again(folder, allow_commands=asked.allow_commands, metrics=asked.metrics)
+        again = store.reopened(folder, allow_commands=asked.allow_commands, metrics=asked.metrics)
         asked_for, out = again, folder
     else:
         changes = campaign_file.Changes(
@@ -212,7 +212,9 @@ def _flown(asked: Asked, log: Console) -> int:
         return _tell(asked, asked_for, kept, out, path, began)
 
 
-def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began: float) -> int:
+def _tell(
+    asked: CampaignOptions, of: Campaign, kept: Store, out: Path, path: Path, began: float
+) -> int:
     found, shown, content = write_results(of, kept, path, out, asked.report)
     _junit(asked, of, found, kept.errors, began)
     if asked.as_json:
@@ -227,7 +229,9 @@ def _tell(asked: Asked, of: Campaign, kept: Store, out: Path, path: Path, began:
     return int(content["exit_code"])
 
 
-def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: Path) -> int:
+def _tell_rare(
+    asked: CampaignOptions, of: Campaign, kept: Store, found: RareFound, out: Path
+) -> int:
     from fcu.interface.files import whole_file
     from gcs_tools.campaigns.report import rare_report
 
@@ -257,7 +261,11 @@ def _tell_rare(asked: Asked, of: Campaign, kept: Store, found: RareFound, out: P
 
 
 def _junit(
-    asked: Asked, of: Campaign, found: Analysis | None, error: str | Mapping[str, str], began: float
+    asked: CampaignOptions,
+    of: Campaign,
+    found: Analysis | None,
+    error: str | Mapping[str, str],
+    began: float,
 ) -> None:
     if asked.junit is not None:
         from gcs_tools.campaigns.verdict import junit

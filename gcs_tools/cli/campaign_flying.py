@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from gcs_tools.campaigns.analysis import Analysis
     from gcs_tools.campaigns.campaign_file import Campaign
-    from gcs_tools.campaigns.running import Progress, Workers
+    from gcs_tools.campaigns.running import CampaignProgress, Workers
     from gcs_tools.campaigns.statistics import Share
     from gcs_tools.campaigns.store import Store
     from gcs_tools.campaigns.verdict import Shown
@@ -74,7 +74,7 @@ def first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
     from fcu.laws.loader import LawError
     from gcs_tools.campaigns.batch import VEHICLE
     from gcs_tools.campaigns.campaign_file import CampaignError
-    from gcs_tools.flight import law_alone, several
+    from gcs_tools.flight import law_alone, law_flights
     from gcs_tools.flight.forking import load
     from gcs_tools.flight.scenario import scenario
 
@@ -90,12 +90,12 @@ def first_flight(asked_for: Campaign, in_lanes: bool, log: Console) -> None:
         except LawError as error:
             raise CampaignError(f"{asked_for.source}: {variant.label}: {error}") from error
         lanes = in_lanes and not whole
-        if lanes and several.repays(scene, asked_for.in_all or asked_for.n):
-            if not several.is_compiled(scene.flown.package, told=True):
+        if lanes and law_flights.repays(scene, asked_for.in_all or asked_for.n):
+            if not law_flights.is_compiled(scene.flown.package, told=True):
                 log.print(
                     f"compiling {variant.label} for lanes, once for this version (a minute or two)"
                 )
-            several.warm_up([scene, scene])
+            law_flights.warm_up([scene, scene])
 
 
 def workers(
@@ -116,7 +116,7 @@ def workers(
 @contextmanager
 def bar(
     log: Console, total: int, labels: Sequence[str] = ()
-) -> Iterator[Callable[[Progress], None]]:
+) -> Iterator[Callable[[CampaignProgress], None]]:
     """Show flights, and the interval of success as it shrinks. Off a terminal print a line every LINE_S."""
     from rich.progress import (
         BarColumn,

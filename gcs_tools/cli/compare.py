@@ -14,7 +14,7 @@ from gcs_tools.cli.output import Failure, print_json
 from gcs_tools.exit_codes import OK, USAGE
 
 if TYPE_CHECKING:
-    from gcs_tools.judging.comparison import Flown
+    from gcs_tools.judging.comparison import ComparedFlight
 
 LETTERS = "ABCD"  # that stand for flights above their columns
 COLUMNS = len(LETTERS)  # flights with a column each; of more, least, mean and most
@@ -86,13 +86,13 @@ def compare(
     if is_judged and (missions or figure is not None):
         raise click.UsageError("--fail and --exact compare RUN with BASELINE, and draw nothing")
     if missions:
-        from gcs_tools.cli.laws import Asked, compare_laws
+        from gcs_tools.cli.laws import CompareOptions, compare_laws
 
         names = [name for each in missions for name in each.split(",") if name]
         if not names:
             raise click.UsageError("--missions: expected the name of a mission, got none")
         return compare_laws(
-            Asked(
+            CompareOptions(
                 compared,
                 names,
                 seeds,
@@ -161,7 +161,7 @@ def _compare_runs(runs: tuple[Path, ...], figure: Path | None, as_json: bool) ->
     return OK
 
 
-def _json(flights: list[Flown]) -> dict[str, Any]:
+def _json(flights: list[ComparedFlight]) -> dict[str, Any]:
     from gcs_tools.judging.comparison import difference, shown, unequal
 
     first, *others = flights
@@ -180,7 +180,7 @@ def _json(flights: list[Flown]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _print(flights: list[Flown]) -> None:
+def _print(flights: list[ComparedFlight]) -> None:
     from rich.table import Table
     from rich.text import Text
 

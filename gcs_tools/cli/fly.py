@@ -62,7 +62,7 @@ def fly(
     5 s are expected to be reached, whether [expect] says so or not.
     """
     with interrupts_wait():  # what an interruption has begun is told in full
-        from gcs_tools.cli.again import Again
+        from gcs_tools.cli.campaign_refly import CampaignFlights
         from gcs_tools.cli.terminal import Terminal
         from gcs_tools.flight.display import Display
         from gcs_tools.flight.run import fly_missions
@@ -72,7 +72,7 @@ def fly(
 
         published = speed is not None and controller is None
         try:
-            again = Again([each for name in missions for each in members(name)])
+            again = CampaignFlights([each for name in missions for each in members(name)])
             results = fly_missions(
                 again.missions, speed=speed, seed=seed, rate_hz=rate_hz, out=out, law=law, airframe=airframe,
                 settings=settings, params=params, in_process=in_process, instance=instance, display=Display() if as_json else Terminal(),

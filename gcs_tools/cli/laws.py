@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from gcs_tools.campaigns.gains_file import Gains
     from gcs_tools.campaigns.margins import Margin
     from gcs_tools.campaigns.results import Comparison
-    from gcs_tools.campaigns.running import Progress
+    from gcs_tools.campaigns.running import CampaignProgress
     from gcs_tools.campaigns.statistics import Interval
     from gcs_tools.judging.junit_report import Case
     from gcs_tools.missions.mission import Mission
@@ -47,7 +47,7 @@ FLIGHTS = (
 
 
 @dataclass(frozen=True)
-class Asked:
+class CompareOptions:
     """The command line."""
 
     laws: tuple[str, ...]
@@ -67,7 +67,7 @@ class Asked:
     as_json: bool
 
 
-def compare_laws(asked: Asked) -> int:
+def compare_laws(asked: CompareOptions) -> int:
     """Fly, write and show a comparison. Return the exit code."""
     from fcu.interface.files import whole_file
     from fcu.laws.loader import LawError
@@ -133,7 +133,7 @@ def compare_laws(asked: Asked) -> int:
     return OK
 
 
-def _write(found: Comparison, asked: Asked) -> None:
+def _write(found: Comparison, asked: CompareOptions) -> None:
     """The files that were asked for. Raises OSError."""
     from fcu.interface.files import whole_file
     from gcs_tools.campaigns import results
@@ -154,7 +154,7 @@ def _probe(folder: Path) -> None:
     tried.unlink()
 
 
-def _compared(asked: Asked, log: Console) -> tuple[Comparison, list[Case]]:
+def _compared(asked: CompareOptions, log: Console) -> tuple[Comparison, list[Case]]:
     from gcs_tools.campaigns import comparing, margins, procedure, results
     from gcs_tools.campaigns.entrant import EntrantError, refusal
     from gcs_tools.campaigns.results import Comparison
@@ -221,7 +221,7 @@ def _check_same(
         )
 
 
-def _flown(parts: list[Part], asked: Asked, log: Console) -> tuple[list[Row], list[Case]]:
+def _flown(parts: list[Part], asked: CompareOptions, log: Console) -> tuple[list[Row], list[Case]]:
     """Fly the campaigns of a comparison, one after the other. Return the rows, and the cases for JUnit.
 
     Raises CampaignError, RunningError, OSError.
@@ -250,7 +250,7 @@ def _flown(parts: list[Part], asked: Asked, log: Console) -> tuple[list[Row], li
                 kept = store.Store(out, part.campaign, {**ours, **of_the_draws()})
                 ending = Ending.of(part.campaign, kept)
 
-                def at(progress: Progress, before: int = before) -> None:
+                def at(progress: CampaignProgress, before: int = before) -> None:
                     told(replace(progress, flown=before + progress.flown, shares=()))
 
                 try:
@@ -282,7 +282,9 @@ def _folder(out: Path | None) -> Iterator[Path]:
         yield Path(folder)
 
 
-def _entrants(asked: Asked, log: Console) -> tuple[list[Entrant], dict[tuple[str, str], Gains]]:
+def _entrants(
+    asked: CompareOptions, log: Console
+) -> tuple[list[Entrant], dict[tuple[str, str], Gains]]:
     """Every law on every airframe, and the files of gains that they fly with, by law and airframe."""
     from gcs_tools.campaigns import gains_file
     from gcs_tools.campaigns.entrant import DEFAULT_AIRFRAME, EntrantError, entrant

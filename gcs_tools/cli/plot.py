@@ -149,7 +149,7 @@ def draw_several(
     """Draw recordings over each other to `path` as `kind`; the metrics of each. Raises Failure."""
     from gcs_tools.judging.comparison import distinct
     from gcs_tools.judging.recorded_flight import engaged_ticks
-    from gcs_tools.pictures.plot.several import save
+    from gcs_tools.pictures.plot.overlays import save
     from gcs_tools.recording.reader import RecordingError, read
 
     flights, remarks = {}, []
@@ -234,7 +234,7 @@ def _draw(
 
 def _remarks(recording: Recording) -> tuple[str, ...]:
     """What is not whole about a recording."""
-    from gcs_tools.recording.light import EVERY
+    from gcs_tools.recording.retention import EVERY
 
     remarks = []
     if not recording.complete:

@@ -1,6 +1,6 @@
 """Ticks of a simulator and of a law in one process, without the datagrams between them.
 
-The same ticks to the bit as `joined.together`, for flights of which nobody reads the datagrams: what the
+The same ticks to the bit as `vehicle_loop.together`, for flights of which nobody reads the datagrams: what the
 plant link rounds, and what it refuses, is worked out on the values (`plant_link.state_received`,
 `controls_received`), and neither bytes nor checksums are made of them.
 """
@@ -14,7 +14,7 @@ from fcu.kernel.compile import kernel
 from fcu.laws.face import SharedTick
 from fcu.mavlink.plant_link import controls_received, state_received
 from fcu.process.burst import decide, unpack_course
-from gcs_tools.flight.joined import ENDED, LEFT, NOISE, RAISED, TICKS
+from gcs_tools.flight.vehicle_loop import ENDED, LEFT, NOISE, RAISED, TICKS
 from sitl_plant.burst import NO_NOISE, advance, observe
 from sitl_plant.physics import dynamics
 

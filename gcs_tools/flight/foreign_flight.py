@@ -42,8 +42,8 @@ from gcs_tools.flight.processes import (
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.flight.user_command import Leashed, command_words, filled, names_one_of
 from gcs_tools.flight.wire_flight import DRAIN_S, WireFlight
-from gcs_tools.missions.asked import PlanProgress
 from gcs_tools.missions.plan_file import PlanFile
+from gcs_tools.missions.timeline import PlanProgress
 from gcs_tools.recording.schema import AskedTick
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics import dynamics

@@ -46,8 +46,8 @@ from fcu.mavlink.telemetry import (
     ground_heartbeat,
 )
 from gcs_tools.flight.interrupts import interrupts_wait
-from gcs_tools.missions.asked import PlanProgress
 from gcs_tools.missions.plan_file import PlanFile
+from gcs_tools.missions.timeline import PlanProgress
 
 FORCE_REBOOT = 20190226.0  # MAVLink's REBOOT_SHUTDOWN_CONDITIONS_FORCE
 ME = Source(255, 190)  # a ground station, as MAVLink numbers them
@@ -371,7 +371,7 @@ def distance(a: Vec3, b: Vec3) -> float:
     return math.dist(a, b)
 
 
-class Progress:
+class MissionProgress:
     """Why a vehicle that was sent somewhere does not go there any more."""
 
     def __init__(self) -> None:
@@ -434,7 +434,7 @@ def _fly_to(
     vehicle: Vehicle, target: Vec3, yaw_deg: float | None, tell: Callable[[str], None],
     within_s: float,
 ) -> LocalPosition:  # fmt: skip
-    watch = Progress()
+    watch = MissionProgress()
     start = vehicle.position()
     armed = vehicle.heartbeat().armed
     if not armed:
@@ -472,7 +472,7 @@ def _place(r: Vec3) -> str:
 
 
 def _wait_until_at(
-    vehicle: Vehicle, goal: Vec3, watch: Progress, within_s: float,
+    vehicle: Vehicle, goal: Vec3, watch: MissionProgress, within_s: float,
     stream: Callable[[], None] = lambda: None,
 ) -> LocalPosition:  # fmt: skip
     began = vehicle.position()

@@ -16,7 +16,10 @@ from fcu.kernel.algebra import Vec3
 from fcu.mavlink.geodesy import Origin, to_geodetic
 from gcs_tools.flight.ground_script import SLOW_M_S, Refused
 from gcs_tools.flight.scenario import Scenario
-from gcs_tools.missions.asked import (
+from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.items import Plan
+from gcs_tools.missions.plan_file import PlanFile
+from gcs_tools.missions.timeline import (
     LANDS,
     PLANS,
     Begun,
@@ -26,9 +29,6 @@ from gcs_tools.missions.asked import (
     on_path,
     path_ticks,
 )
-from gcs_tools.missions.flight_table import Flight
-from gcs_tools.missions.items import Plan
-from gcs_tools.missions.plan_file import PlanFile
 
 LOOK_S = 0.1  # simulation time between two looks
 ASK_S = 0.5  # simulation time between two questions how far a plan is flown

@@ -26,8 +26,8 @@ from fcu.process.burst import Course, Flight
 from fcu.vehicle.conditions import Due, Watch
 from fcu.vehicle.position_filter import Filtered
 from gcs_tools.flight.closed_loop import closed
-from gcs_tools.flight.joined import ENDED, NOISE, RAISED, TICKS
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.vehicle_loop import ENDED, NOISE, RAISED, TICKS
 from gcs_tools.judging.metrics import SETTLE_S
 from sitl_plant.burst import WIDTH
 from sitl_plant.physics.parameters import start_state

@@ -36,10 +36,10 @@ from fcu.process.reporting import Reporter, row_width
 from fcu.services.view import Identity
 from gcs_tools.flight.ground_script import ME, Vehicle
 from gcs_tools.flight.interrupts import interrupts_wait
-from gcs_tools.flight.joined import BEGUN, ENDED, FILTERED, LEFT, RAISED, together
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import OF_MISSIONS, Scenario
 from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
+from gcs_tools.flight.vehicle_loop import BEGUN, ENDED, FILTERED, LEFT, RAISED, together
 from sitl_plant import burst
 from sitl_plant.burst import WIDTH, Progress
 from sitl_plant.simulator import Simulator

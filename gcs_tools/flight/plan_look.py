@@ -178,14 +178,14 @@ def margins(mission: Mission) -> tuple[PlanMargin, ...]:
     return tuple(found[number] for number in sorted(found))
 
 
-class Flown(NamedTuple):
+class FlownWay(NamedTuple):
     """The way of a flight from above, east and north of a plan's home, m, and what is to be known of it."""
 
     way: list[tuple[float, float]]
     notes: list[str]
 
 
-def flown_way(recording: Path, plan: PlanFile) -> Flown:
+def flown_way(recording: Path, plan: PlanFile) -> FlownWay:
     """The way of a flight over a plan. Raises RecordingError, PlanError.
 
     The flight's own plan says where on Earth it was. Without one it begins at home.
@@ -209,7 +209,7 @@ def flown_way(recording: Path, plan: PlanFile) -> Flown:
         same = to_local(about, items.x * 1e-7, items.y * 1e-7, 0.0)
         x, y = items.place.x - same.x, items.place.y - same.y
     every = max(1, len(r) // DRAWN)
-    return Flown(
+    return FlownWay(
         [(float(east) - x, float(north) - y) for east, north in r[::every].tolist()], notes
     )
 

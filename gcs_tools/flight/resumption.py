@@ -18,8 +18,8 @@ from fcu.process import burst
 from fcu.process.burst import Course
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.closed_loop import closed
-from gcs_tools.flight.joined import ENDED, RAISED, TICKS
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.vehicle_loop import ENDED, RAISED, TICKS
 from sitl_plant.burst import NOISE_AT, WIDTH, air_by_tick
 from sitl_plant.simulator import Simulator
 

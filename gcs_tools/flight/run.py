@@ -82,7 +82,7 @@ from gcs_tools.missions.mission import (
     with_parameter,
 )
 from gcs_tools.missions.other_file import meant
-from gcs_tools.recording import light
+from gcs_tools.recording import retention
 from gcs_tools.recording.events import logged
 from gcs_tools.recording.reader import (
     AIRFRAME,
@@ -182,7 +182,7 @@ def fly_missions(
     zenoh: Zenoh | None = None,
     jobs: int | None = None,
     figure: str | None = None,
-    record: str = light.FULL,
+    record: str = retention.FULL,
     controller: str | None = None,
     controller_timeout_s: float = OPENS_S,
     overwrite: bool = False,
@@ -204,7 +204,7 @@ def fly_missions(
     none; hash and verdict are of all ticks in any case.  `overwrite`: `out` may hold the results of an
     earlier run, which are removed.  `allow_commands`: run the command of a mission that names one.
     """
-    for name, given, allowed in (("figure", figure, FIGURES), ("record", record, light.MODES)):
+    for name, given, allowed in (("figure", figure, FIGURES), ("record", record, retention.MODES)):
         if given is not None and given not in allowed:
             raise UsageError(f"{name} {given!r}: expected one of {', '.join(allowed)}")
     if in_process:
@@ -638,7 +638,7 @@ class _Run:
         """
         flown, exit_code, error = _nothing(), OK, None
         try:
-            with light.recorder(
+            with retention.recorder(
                 self._record, self.folder / RECORDING, self._metadata(), self._scene.kinds,
                 self._scene.rate_hz,
             ) as recorder:  # fmt: skip

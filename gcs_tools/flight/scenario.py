@@ -26,10 +26,10 @@ from fcu.mavlink.setpoints import nonsense, setpoint_through_the_wire
 from gcs_tools.flight.asleep import AVAILABLE
 from gcs_tools.flight.user_command import SCRIPT_WORDS, CommandError, command_words
 from gcs_tools.judging.metrics import SETTLE_S
-from gcs_tools.missions.asked import Leg, Sent, asked, foreseen, legs, same
+from gcs_tools.missions.cache_key import CacheKey
 from gcs_tools.missions.flight_table import AFTER_SCRIPT_S, HELD, Flight
 from gcs_tools.missions.mission import Mission, MissionError
-from gcs_tools.missions.same import Same
+from gcs_tools.missions.timeline import Leg, Sent, cache_key, foreseen, legs, timeline
 from gcs_tools.recording.schema import UNTOLD, Kinds
 from sitl_plant.physics import tick
 from sitl_plant.physics.wind.layers import Layers
@@ -84,7 +84,7 @@ class Scenario:
         if self.settings is None or self.flies_unstable:
             return ""
         key = self.flown.identity, to_buffer(self.settings).tobytes().hex()
-        return _unstable(self.flown, Same(self.settings, *key))
+        return _unstable(self.flown, CacheKey(self.settings, *key))
 
     def hears(self, tick: int) -> bool:
         """Return true if the vehicle hears the setpoint that is sent at a tick."""
@@ -133,12 +133,12 @@ class _Script(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _shared(asks: Same[Flight]) -> _Script:
+def _shared(asks: CacheKey[Flight]) -> _Script:
     return _script(asks.of)
 
 
 def _script(flight: Flight) -> _Script:
-    begin, sent = foreseen(flight) if flight.items else (None, asked(flight).sent())
+    begin, sent = foreseen(flight) if flight.items else (None, timeline(flight).sent())
     decoded = [setpoint_through_the_wire(each.setpoint) for each in sent]
     for each, flown in zip(sent, decoded, strict=True):
         if why := nonsense(flown):
@@ -161,7 +161,7 @@ def scenario(mission: Mission) -> Scenario:
     """
     flight = mission.flight
     start = flight.start.model_dump(exclude_none=True)
-    script = _script(flight) if flight.items else _shared(same(flight))
+    script = _script(flight) if flight.items else _shared(cache_key(flight))
     begin, sent, setpoints, wrong = script
     if wrong:
         raise MissionError(f"{mission.source}: [flight] {wrong}")
@@ -260,7 +260,7 @@ def _of_a_script(mission: Mission) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=16)
-def _unstable(flown: Law, settings: Same[Any]) -> str:
+def _unstable(flown: Law, settings: CacheKey[Any]) -> str:
     return unstable(flown, settings.of)
 
 
@@ -274,14 +274,14 @@ def with_gains(made: Scenario, mission: Mission, gains: Mapping[str, Any]) -> Sc
     return other
 
 
-def _law_of(mission: Mission) -> Same[Mission]:
+def _law_of(mission: Mission) -> CacheKey[Mission]:
     """A key that is equal for missions whose law is told the same."""
     vehicle = mission.airframe.identity, str(mission.airframe.path), str(mission.flight.rate_hz)
-    return Same(mission, mission.flown.identity, *vehicle, mission.law.model_dump_json())
+    return CacheKey(mission, mission.flown.identity, *vehicle, mission.law.model_dump_json())
 
 
 @lru_cache(maxsize=16)
-def _chosen(law: Same[Mission]) -> Any:
+def _chosen(law: CacheKey[Mission]) -> Any:
     return _settings(law.of, {})
 
 

@@ -27,7 +27,7 @@ from gcs_tools.flight.item_script import SEND_AGAIN_S, Flyer, ItemScript, Seen
 from gcs_tools.flight.processes import InfrastructureError, Rows, Take
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.judging.script_check import ScriptFlown
-from gcs_tools.missions.asked import LANDS, Begun
+from gcs_tools.missions.timeline import LANDS, Begun
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 

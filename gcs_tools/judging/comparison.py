@@ -25,7 +25,7 @@ class CompareError(ValueError):
 
 
 @dataclass(frozen=True)
-class Flown:
+class ComparedFlight:
     """One of the flights."""
 
     name: str  # of its run, with as much of its path as tells it from the others
@@ -57,7 +57,7 @@ class Spread:
     most_of: str  # the flight with the greatest
 
 
-def flown(path: Path) -> Flown:
+def flown(path: Path) -> ComparedFlight:
     """One flight. Raises CompareError."""
     found = path / RESULT if path.is_dir() else path
     if found.suffix == ".json":
@@ -72,12 +72,12 @@ def flown(path: Path) -> Flown:
         raise CompareError(str(error)) from error
 
 
-def _of_result(path: Path, file: Path) -> Flown:
+def _of_result(path: Path, file: Path) -> ComparedFlight:
     read = result.read(file)
     values = {key: str(value.value) for key, value in read.values.items()}
     name = file.resolve().parent.name
     sha = read.trajectory_sha256
-    return Flown(
+    return ComparedFlight(
         name, path, read.mission, read.passed, dict(read.metrics), values, sha, read.seed,
         read.error or read.ended, dict(read.versions),
         tuple(str(each) for each in read.expectations if each.is_missed) if not read.error else (),
@@ -85,7 +85,7 @@ def _of_result(path: Path, file: Path) -> Flown:
     )  # fmt: skip
 
 
-def _of_recording(path: Path, file: Path) -> Flown:
+def _of_recording(path: Path, file: Path) -> ComparedFlight:
     recording = reader.read(file)
     told = recording.metadata
     in_force = reader.values_told(told)
@@ -97,7 +97,7 @@ def _of_recording(path: Path, file: Path) -> Flown:
     versions = {
         key.removeprefix(_VERSION): value for key, value in told.items() if key.startswith(_VERSION)
     }
-    return Flown(
+    return ComparedFlight(
         name, path, told.get("mission", ""), None, metrics, values, "",
         int(seed) if seed.isdecimal() else None, "", versions,
     )  # fmt: skip
@@ -114,7 +114,7 @@ def below(path: Path) -> list[Path]:
     return found
 
 
-def all_flown(paths: Sequence[Path]) -> list[Flown]:
+def all_flown(paths: Sequence[Path]) -> list[ComparedFlight]:
     """Each of them, with a name that no other has. Raises CompareError."""
     found = [flown(path) for path in paths]
     names = distinct([_place(each.path) for each in found])
@@ -141,18 +141,18 @@ def distinct(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def shown(flights: Sequence[Flown]) -> list[str]:
+def shown(flights: Sequence[ComparedFlight]) -> list[str]:
     """The metrics that one of the flights has a value of."""
     return [name for name in METRICS if any(f.metrics.get(name) is not None for f in flights)]
 
 
-def difference(name: str, first: Flown, other: Flown) -> float | None:
+def difference(name: str, first: ComparedFlight, other: ComparedFlight) -> float | None:
     """The other's metric minus the first's; None where one has none."""
     a, b = first.metrics.get(name), other.metrics.get(name)
     return None if a is None or b is None else b - a
 
 
-def spread(name: str, flights: Sequence[Flown]) -> Spread:
+def spread(name: str, flights: Sequence[ComparedFlight]) -> Spread:
     """Of a metric that one has a value of, at least."""
     known = [(value, f.name) for f in flights if (value := f.metrics.get(name)) is not None]
     values = [value for value, _ in known]
@@ -160,7 +160,7 @@ def spread(name: str, flights: Sequence[Flown]) -> Spread:
     return Spread(min(values), sum(values) / len(values), most, of)
 
 
-def unequal(flights: Sequence[Flown]) -> dict[str, list[str]]:
+def unequal(flights: Sequence[ComparedFlight]) -> dict[str, list[str]]:
     """Key -> what each flight was flown with, where that differs; empty: a flight has no such key."""
     keys = dict.fromkeys(key for f in flights for key in f.values)
     told = {key: [f.values.get(key, "") for f in flights] for key in keys}

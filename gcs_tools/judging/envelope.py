@@ -29,9 +29,9 @@ from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.layers_check import layers_wind
 from gcs_tools.judging.preflight_check import Unflyable, looks, refusal, unflyable
 from gcs_tools.judging.uncovered import NOISES, MissionWind, Uncovered, is_plans, uncovered
-from gcs_tools.missions.asked import asked
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, setpoint_at
+from gcs_tools.missions.timeline import timeline
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -485,7 +485,7 @@ def arrivals(flight: Flight, scene: Scenario) -> tuple[Arrival, ...]:
     if guard.policy != GOVERN or not keeps or flight.items:  # an item waits for its end
         return ()
     found, before = [], scene.begin.r_E
-    for at_s, until_s, r, _ in asked(flight).places():
+    for at_s, until_s, r, _ in timeline(flight).places():
         far, down = math.dist(before, r), before.z - r.z
         within = float(arrival.at_most_s(guard, law, far, 0.0, 0.0, 0.0, down, 0.0))
         stands_s = min(until_s, flight.duration_s) - at_s

@@ -20,9 +20,9 @@ from gcs_tools.judging.expectations import (
     judge_metric,
 )
 from gcs_tools.judging.metrics import REACHED_M, SETTLE_S, EngagedTicks, on_ground
-from gcs_tools.missions.asked import LANDS, Begun, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import lands
+from gcs_tools.missions.timeline import LANDS, Begun, legs
 from gcs_tools.recording.plans import PlanHistory
 from gcs_tools.recording.table import Table
 

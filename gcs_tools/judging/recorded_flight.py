@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks
-from gcs_tools.missions.asked import asked, read_begun
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.paths import PathError
+from gcs_tools.missions.timeline import read_begun, timeline
 from gcs_tools.recording.reader import Recording, values_told
 
 _ASKED = (
@@ -40,7 +40,7 @@ def engaged_ticks(recording: Recording) -> EngagedTicks:
         return EngagedTicks.of(recording.plant, recording.fcu)
     try:
         begun = read_begun(flight, recording.events)
-        wanted = asked(flight, begun)
+        wanted = timeline(flight, begun)
         settled_from_s = wanted.last_change_s + SETTLE_S
     except PathError:  # of a file that is elsewhere
         return EngagedTicks.of(recording.plant, recording.fcu)

@@ -44,9 +44,9 @@ from gcs_tools.judging.metrics import SETTLE_S, EngagedTicks, NotFinite, blocks
 from gcs_tools.judging.script_check import ScriptFlown
 from gcs_tools.judging.setpoint_checks import Standing, accepted, changed, standing
 from gcs_tools.judging.vehicle_warnings import Warned, warnings
-from gcs_tools.missions.asked import Begun, asked, legs
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.mission import Mission, Value
+from gcs_tools.missions.timeline import Begun, legs, timeline
 from gcs_tools.recording import notebook
 from gcs_tools.recording.plans import PlanHistory
 from gcs_tools.recording.schema import UNTOLD
@@ -154,7 +154,7 @@ class Judged(NamedTuple):
         missed: Standing | None = None
         tick = UNTOLD.tick if mission.controller else mission.flown.ticks.Tick
         told = Table.of(PlantRecord, plant), Table.of(tick, fcu)
-        wanted = asked(mission.flight, begun)
+        wanted = timeline(mission.flight, begun)
         scripted = (
             mission.flight.script is not None
         )  # which is held against what the vehicle accepted

@@ -16,8 +16,8 @@ import numpy as np
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S, Flags, blocks, is_up
-from gcs_tools.missions.asked import Asked
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.timeline import Timeline
 from gcs_tools.recording.table import HALF_US, Table
 
 _COMPARED = (
@@ -106,7 +106,7 @@ def _far(asked: object, flown: object) -> bool:
     return bool((np.abs(a - b) > _ROUNDED + _ROUNDED_PART * np.abs(a)).any())
 
 
-def standing(asked: Asked, plant: Table, was_cut: bool = False) -> list[Standing]:
+def standing(asked: Timeline, plant: Table, was_cut: bool = False) -> list[Standing]:
     """Each place of a mission that stood for SETTLE_S, or was to be held, in a flight of which `plant` is the truth.
 
     was_cut : the flight ended badly. Places that would have stood, had it gone on, are infinitely far then.
@@ -178,7 +178,7 @@ def _away(plant: Table, row: int, place: Vec3) -> float:
 
 
 def changed(
-    asked: Asked, fcu: Table, hears: Callable[[int], bool] = lambda tick: True
+    asked: Timeline, fcu: Table, hears: Callable[[int], bool] = lambda tick: True
 ) -> list[Changed]:
     """Setpoints that were flown as others; of those for one place, and of a curve, the first.
 

@@ -14,8 +14,8 @@ from fcu.guard.stability import LAGS, recovers, rotor_lag
 from fcu.process.settings import Settings
 from gcs_tools.flight.scenario import Scenario
 from gcs_tools.judging.belief_check import inertias
-from gcs_tools.missions.asked import PLANS
 from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.timeline import PLANS
 
 TOLD_APART = 1.3  # greatest over least mass believed, for which the condition's constants are
 NOISES = {  # key -> what it is of, unit

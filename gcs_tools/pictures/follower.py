@@ -9,7 +9,7 @@ from fcu.interface.options import LATEST_S
 from gcs_tools.live.samples import Sample
 from gcs_tools.live.subscriber import Subscriber, printable
 from gcs_tools.pictures.history import WINDOW_S, FlightHistory, ground_z
-from gcs_tools.pictures.quantities import SHOWN, Limits
+from gcs_tools.pictures.quantities import SHOWN, ShownLimits
 from gcs_tools.recording import events
 from gcs_tools.recording.layout import LayoutError, decode
 from gcs_tools.recording.reader import values_told
@@ -69,6 +69,6 @@ class Follower:
             raise LayoutError(f"{topic}: not a simulation time")
         if topic == PARAMS:
             self.params = dict(zip(rows.names, rows.rows[-1].tolist(), strict=True))
-            self.flight.limits = Limits.of(self.params)
+            self.flight.limits = ShownLimits.of(self.params)
         else:
             self.flight.append(topic, rows)

@@ -16,7 +16,7 @@ import numpy as np
 from fcu.interface.airframe import AirframeError
 from fcu.interface.files.input_file import TomlError
 from fcu.mavlink.px4_modes import AutoMode, MainMode
-from gcs_tools.pictures.quantities import DERIVED, XYZ, Limits, Quantity, kept, parts, told
+from gcs_tools.pictures.quantities import DERIVED, XYZ, Quantity, ShownLimits, kept, parts, told
 from gcs_tools.recording.plans import PlanHistory
 from gcs_tools.recording.reader import AIRFRAME_FILE, RecordingError, read, values_told
 from gcs_tools.recording.schema import FCU, PLANT_TIMING, STATUS, TIMING, TRUTH, WIND
@@ -107,7 +107,7 @@ class FlightHistory:
         keep_s : the newest seconds that are kept; infinite for a flight that is over.
         """
         self.title = title
-        self.limits = Limits.believed()
+        self.limits = ShownLimits.believed()
         self.ground_z: float | None = None  # m; None until it is known
         self.buildings: list[Box] = []  # of the wind that it flies in
         self.plans = PlanHistory()
@@ -116,7 +116,7 @@ class FlightHistory:
         self._topic_of = {name: topic for topic, names in kept(topics).items() for name in names}
 
     @classmethod
-    def of(cls, title: str, tables: Mapping[str, Table], limits: Limits) -> FlightHistory:
+    def of(cls, title: str, tables: Mapping[str, Table], limits: ShownLimits) -> FlightHistory:
         """A flight that is over: the rows of each topic, or of what tells of several."""
         flight = cls(title, {topic: rows.names for topic, rows in tables.items()}, math.inf)
         flight.limits = limits
@@ -223,9 +223,13 @@ def recorded(path: Path) -> FlightHistory:
         raise RecordingError(f"{path}: nothing was recorded of this flight")
     try:
         if text := recording.metadata.get(AIRFRAME_FILE):
-            limits = Limits.of_airframe(text)
+            limits = ShownLimits.of_airframe(text)
         else:
-            limits = Limits.believed() if recording.params is None else Limits.of(recording.params)
+            limits = (
+                ShownLimits.believed()
+                if recording.params is None
+                else ShownLimits.of(recording.params)
+            )
     except (AirframeError, TomlError) as error:
         raise RecordingError(f"{path}: {error}") from error
     tables = {TRUTH: recording.plant, FCU: recording.fcu, **recording.reports}

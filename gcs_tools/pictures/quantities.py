@@ -33,7 +33,7 @@ def parts(name: str, of: Sequence[str] = XYZ) -> tuple[str, ...]:
     return tuple(f"{name}.{part}" for part in of)
 
 
-class Limits(NamedTuple):
+class ShownLimits(NamedTuple):
     """What the controller keeps to, or believes it does, and its rotors. SI units, rad."""
 
     T_min: float
@@ -45,7 +45,7 @@ class Limits(NamedTuple):
     gravity: float  # that s_v_hat has to find: none, but for the prediction as printed
 
     @classmethod
-    def of(cls, params: Mapping[str, float]) -> Limits:
+    def of(cls, params: Mapping[str, float]) -> ShownLimits:
         """Those of a law's parameters, by name; of what it does not have, not a number."""
 
         def told(name: str) -> float:
@@ -59,17 +59,17 @@ class Limits(NamedTuple):
         )  # fmt: skip
 
     @classmethod
-    def believed(cls) -> Limits:
+    def believed(cls) -> ShownLimits:
         """Those of the airframe file, as long as a flight has not said others."""
         return cls._of_file(*believed())
 
     @classmethod
-    def of_airframe(cls, text: str) -> Limits:
+    def of_airframe(cls, text: str) -> ShownLimits:
         """Those of the text of an airframe file. Raises AirframeError, TomlError."""
         return cls._of_file(*checked(input_file.toml(text), "airframe"))
 
     @classmethod
-    def _of_file(cls, rotors: Airframe, tables: Mapping[str, Any]) -> Limits:
+    def _of_file(cls, rotors: Airframe, tables: Mapping[str, Any]) -> ShownLimits:
         limits, n = tables["limits"], rotors.n
         return cls(
             float(limits["thrust_min_n"]), float(limits["thrust_max_n"]),
@@ -113,7 +113,7 @@ class Quantity(NamedTuple):
     truth_is: str = "truth"
     asked: tuple[str, ...] = ()  # a column for each: the setpoint
     digits: int = 2  # behind the point
-    limits: Callable[[Limits], Ends] = lambda limits: ()
+    limits: Callable[[ShownLimits], Ends] = lambda limits: ()
     panel: str = ""  # of the monitor; "": none
     short: str = ""  # what the monitor calls it, before a label
     size: bool = False  # the monitor shows its length, not its components
@@ -188,7 +188,7 @@ class Derived(NamedTuple):
     of: Callable[..., Rows]  # (limits, the columns, each (n,)) -> (n,)
 
 
-def _distance(_limits: Limits, *both: Rows) -> Rows:
+def _distance(_limits: ShownLimits, *both: Rows) -> Rows:
     """Between two points, of the components of the one and then of the other."""
     half = len(both) // 2
     distance: Rows = np.sqrt(sum(np.square(np.subtract(both[:half], both[half:]))))
@@ -198,7 +198,7 @@ def _distance(_limits: Limits, *both: Rows) -> Rows:
 def _turning(of: Callable[[Rows], Rows]) -> Callable[..., Rows]:
     """A value of the speeds of the rotors that ever turn: others are absent, or their flight is over."""
 
-    def speed(_limits: Limits, *Omega: Rows) -> Rows:
+    def speed(_limits: ShownLimits, *Omega: Rows) -> Rows:
         each = np.stack(Omega)
         turn = (each > 0.0).any(axis=1)
         return of(each[turn] if turn.any() else each)
@@ -206,13 +206,13 @@ def _turning(of: Callable[[Rows], Rows]) -> Callable[..., Rows]:
     return speed
 
 
-def _roll(_limits: Limits, w: Rows, x: Rows, y: Rows, z: Rows) -> Rows:
+def _roll(_limits: ShownLimits, w: Rows, x: Rows, y: Rows, z: Rows) -> Rows:
     """Of a quaternion, in degrees."""
     roll: Rows = DEGREES * np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return roll
 
 
-def _pitch(_limits: Limits, w: Rows, x: Rows, y: Rows, z: Rows) -> Rows:
+def _pitch(_limits: ShownLimits, w: Rows, x: Rows, y: Rows, z: Rows) -> Rows:
     """Of a quaternion, in degrees; nose down is positive, as body y points left."""
     pitch: Rows = DEGREES * np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     return pitch

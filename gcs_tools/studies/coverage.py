@@ -39,7 +39,7 @@ from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.judging.envelope import WAYS
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.studies.attack.draws import Attack, Numbers, anywhere, between, ends, scaled
-from gcs_tools.studies.attack.flight import Flown, fly
+from gcs_tools.studies.attack.flight import AttackFlown, fly
 from gcs_tools.studies.attack.verdict import verdict
 from gcs_tools.studies.attack.wind import PUSHING, SQUARE, TURNING, Gust
 
@@ -52,7 +52,7 @@ TOLD = column_of(Beginning, "present.told")
 STATE, GUARD, SEEN = (slice_of(Tick, of) for of in ("state", "guard_state", "measured"))
 
 
-class World(NamedTuple):
+class CoverageWorld(NamedTuple):
     """What is true."""
 
     mass: float  # kg
@@ -64,7 +64,7 @@ class World(NamedTuple):
 class Case(NamedTuple):
     """A world, a law and what is believed, and where to."""
 
-    world: World
+    world: CoverageWorld
     law: Mapping[str, Any]  # of a mission
     way: tuple[float, float, float]
     at_s: float = HOVER_S
@@ -75,10 +75,10 @@ def pushing(speed: float, rate: float) -> Gust:
     return Gust(kind=PUSHING, speed=speed, rate=rate, every=1.0, along=Vec3(1.0, 0.0, 0.0))
 
 
-def worlds(rate: float) -> list[World]:
+def worlds(rate: float) -> list[CoverageWorld]:
     """Twelve: the masses, half and all of the drag, half and all of the wind."""
     return [
-        World(m, (c, c, c), pushing(w, rate))
+        CoverageWorld(m, (c, c, c), pushing(w, rate))
         for m, c, w in product((7.0, 8.0, 9.0), (0.075, 0.15), (6.0, 12.0))
     ]
 
@@ -106,7 +106,7 @@ def scene_of(case: Case, sent: Sequence[tuple[float, Vec3]]) -> Scenario:
     return scenario(from_tables("coverage", tables))
 
 
-def flown(case: Case, scene: Scenario, **how: bool) -> tuple[Flown, bool]:
+def flown(case: Case, scene: Scenario, **how: bool) -> tuple[AttackFlown, bool]:
     """The flight, and whether it saturated nothing from `at_s` on and has arrived."""
     found = fly(scene, case.world.gust, np.zeros((scene.ticks, 12)), **how)
     told = Attack(Numbers(*[0.0] * len(Numbers._fields)), {}, scene, case.world.gust, np.zeros((0, 12)), "", "")  # fmt: skip
@@ -165,7 +165,7 @@ def look_of(case: Case) -> Look:
     return Look(to_buffer(scene.guard), to_buffer(scene.law), begins)
 
 
-class Found(NamedTuple):
+class CoverageFound(NamedTuple):
     """Of one case: the largest steps, m."""
 
     safe: float
@@ -175,7 +175,7 @@ class Found(NamedTuple):
     unsound: bool  # the admitted step, flown, is not safe
 
 
-def found(case: Case) -> Found:
+def found(case: Case) -> CoverageFound:
     """Look and fly."""
     look = look_of(case)
 
@@ -187,7 +187,7 @@ def found(case: Case) -> Found:
 
     steps = {condition: admitted(condition) for condition in CONDITIONS}
     sound = steps["both"] == 0.0 or safe(case, steps["both"])
-    return Found(largest(lambda far: safe(case, far), MOST_M), **steps, unsound=not sound)
+    return CoverageFound(largest(lambda far: safe(case, far), MOST_M), **steps, unsound=not sound)
 
 
 def cases(rate: float, law: Mapping[str, Any], masses: float | None = None) -> list[Case]:
@@ -201,7 +201,7 @@ def cases(rate: float, law: Mapping[str, Any], masses: float | None = None) -> l
     return made
 
 
-def ratio(of: Sequence[Found], condition: str) -> float:
+def ratio(of: Sequence[CoverageFound], condition: str) -> float:
     """Part of what is safe that is admitted, on average."""
     return float(np.mean([getattr(f, condition) / f.safe for f in of if f.safe > 0.0]))
 
@@ -221,7 +221,7 @@ def scaled_by(k: float, sent: Sequence[tuple[float, Vec3]]) -> list[tuple[float,
     return [(at, k * r) for at, r in sent]
 
 
-def sequence(case: Case, seed: int) -> Found:
+def sequence(case: Case, seed: int) -> CoverageFound:
     """The largest scales of a sequence: safe, and all of it admitted in the air, one after the other."""
     sent = points(case, seed)
 
@@ -237,10 +237,10 @@ def sequence(case: Case, seed: int) -> Found:
 
     prior, both = admitted(False), admitted(True)
     sound = both == 0.0 or arrives(both)
-    return Found(largest(arrives, MOST_M, ROUGH), prior, math.nan, both, unsound=not sound)
+    return CoverageFound(largest(arrives, MOST_M, ROUGH), prior, math.nan, both, unsound=not sound)
 
 
-def numbered(asked: Sequence[Case], k: int) -> Found:
+def numbered(asked: Sequence[Case], k: int) -> CoverageFound:
     """The sequence number k, in its case."""
     return sequence(asked[k], k)
 
@@ -272,7 +272,10 @@ def anywhere_in(seed: int) -> Case:
         law["guard_mass_kg"] = [max(0.97 * mass, 0.1), 1.03 * mass]
     x, y, z = anywhere(random).tolist()
     return Case(
-        World(mass, drag, gust, between(u[13], 0.03, 0.08)), law, (x, y, z), 2.0 + 3.0 * u[14]
+        CoverageWorld(mass, drag, gust, between(u[13], 0.03, 0.08)),
+        law,
+        (x, y, z),
+        2.0 + 3.0 * u[14],
     )
 
 

@@ -22,9 +22,9 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.process.settings import Settings
-from gcs_tools.campaigns.flights import Asked, Flight, each, flown, fly
+from gcs_tools.campaigns.flights import LawFlight, LawFlightOrder, each, flown, fly
+from gcs_tools.flight.law_flights import Keep
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, largest, step, with_guard
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.studies.guard_check import SATURATED, saturated
@@ -39,7 +39,7 @@ MOST_M = 80.0  # of a search
 KEPT = Keep(plant=(), law=SATURATED)
 
 
-class World(NamedTuple):
+class MapWorld(NamedTuple):
     """One of the flights that a step has to be safe in."""
 
     mass: float  # kg
@@ -47,14 +47,16 @@ class World(NamedTuple):
     at_s: float  # when the step comes
 
 
-PAPER = [World(8.0, PAPER_WIND, at) for at in PHASES_S]
+PAPER = [MapWorld(8.0, PAPER_WIND, at) for at in PHASES_S]
 BELIEFS = [
-    *(World(m, {"steady_m_s": side}, HOVER_S) for m, side in product((7.0, 9.0), SIDES)),
-    *(World(m, PAPER_WIND, at) for m, at in product((7.0, 9.0), PHASES_S[::2])),
+    *(MapWorld(m, {"steady_m_s": side}, HOVER_S) for m, side in product((7.0, 9.0), SIDES)),
+    *(MapWorld(m, PAPER_WIND, at) for m, at in product((7.0, 9.0), PHASES_S[::2])),
 ]
 
 
-def asked(world: World, f_m: float, way: Sequence[float], far: float) -> Asked[bool]:
+def flight_order(
+    world: MapWorld, f_m: float, way: Sequence[float], far: float
+) -> LawFlightOrder[bool]:
     """A hover in a world, and a step of `far` (m) along `way`: does thrust or tilt meet a limit then?"""
     to = [far * x for x in way]
     tables = {
@@ -71,19 +73,19 @@ def asked(world: World, f_m: float, way: Sequence[float], far: float) -> Asked[b
         "expect": {},
     }
 
-    def look(flight: Flight) -> bool:
+    def look(flight: LawFlight) -> bool:
         begun = round(world.at_s * flight.scene.rate_hz)
         return not flight.lasted or bool(saturated(flight.law)[begun:].any())
 
-    return Asked(scenario(from_tables("step", tables)), look)
+    return LawFlightOrder(scenario(from_tables("step", tables)), look)
 
 
-def saturates(world: World, f_m: float, way: Sequence[float], far: float) -> bool:
+def saturates(world: MapWorld, f_m: float, way: Sequence[float], far: float) -> bool:
     """Whether thrust or tilt meets a limit from the step on."""
-    return fly([asked(world, f_m, way, far)], KEPT)[0]
+    return fly([flight_order(world, f_m, way, far)], KEPT)[0]
 
 
-def safe_step(worlds: Sequence[World], f_m: float, way: Sequence[float]) -> float:
+def safe_step(worlds: Sequence[MapWorld], f_m: float, way: Sequence[float]) -> float:
     """The largest step (m) that saturates in none of the worlds."""
     worst = list(worlds)  # one by one: most steps that are too far saturate in the first
 
@@ -129,7 +131,7 @@ def with_f_m(settings: Settings, f_m: float) -> Settings:
 def curve(name: str, f_m: Sequence[float]) -> Curve:
     """Fly and compute one direction."""
     way = WAYS[name]
-    base = asked(PAPER[0], 1.0, way, 0.0).scene.settings
+    base = flight_order(PAPER[0], 1.0, way, 0.0).scene.settings
     told = with_guard(base, m_min=8.0, m_max=8.0, w_max=11.67, w_dot_max=18.5)
     found = [step(with_f_m(base, f), way, name) for f in f_m]
     return Curve(
@@ -145,9 +147,9 @@ def curve(name: str, f_m: Sequence[float]) -> Curve:
 def successes(names: Sequence[str], f_m: Sequence[float], steps: Sequence[float]) -> Array:
     """Part of the flights of all beliefs that saturate nothing: by direction, step and f_m."""
 
-    def of_beliefs(of: tuple[str, float, float]) -> list[Asked[bool]]:
+    def of_beliefs(of: tuple[str, float, float]) -> list[LawFlightOrder[bool]]:
         name, f, far = of
-        return [asked(world, f, WAYS[name], far) for world in BELIEFS]
+        return [flight_order(world, f, WAYS[name], far) for world in BELIEFS]
 
     every = list(product(names, f_m, steps))  # settings that are alike one after the other
     found = flown(of_beliefs, every, KEPT, "steps", Console(stderr=True))

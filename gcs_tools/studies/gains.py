@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.guard.stability import unstable
-from gcs_tools.campaigns.flights import Asked, Flight, flown
+from gcs_tools.campaigns.flights import LawFlight, LawFlightOrder, flown
+from gcs_tools.flight.law_flights import Keep
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.flight.several import Keep
 from gcs_tools.judging.envelope import WAYS, step
 from gcs_tools.missions.mission import load
 
@@ -57,12 +57,12 @@ class Flew(NamedTuple):
     there_s: float  # when it is near the setpoint, and stays
 
 
-def asked(
+def flight_order(
     mission: str, settings: Sequence[str], since_s: float = SETTLED, reference: str = MODEL
-) -> Asked[Flew]:
+) -> LawFlightOrder[Flew]:
     """A mission, and the error about `reference` from `since_s` on."""
 
-    def look(flight: Flight) -> Flew:
+    def look(flight: LawFlight) -> Flew:
         if not flight.lasted:
             return Flew(np.inf, np.inf)
         rate, r = flight.scene.rate_hz, flight.plant["state.r_E"]
@@ -73,7 +73,7 @@ def asked(
             float(np.sqrt(np.mean(settled**2))), float((far[-1] + 1) / rate if len(far) else 0.0)
         )
 
-    return Asked(scenario(load(mission, settings)), look)
+    return LawFlightOrder(scenario(load(mission, settings)), look)
 
 
 def chosen(gains: tuple[float, float]) -> tuple[str, ...]:
@@ -82,15 +82,15 @@ def chosen(gains: tuple[float, float]) -> tuple[str, ...]:
     return f"law.f_m={f_m}", f"law.gamma={gamma}"
 
 
-def flights(gains: tuple[float, float]) -> list[Asked[Flew]]:
+def flights(gains: tuple[float, float]) -> list[LawFlightOrder[Flew]]:
     """What is flown with one pair."""
     pair = chosen(gains)
     return [
-        asked("urban_step", (*pair, *LONG)),
-        asked("noisy_state", (*pair, *LONG)),
-        asked("package_drop", pair, 14.0),
-        asked("figure_eight", pair, 10.0, COMMAND),
-        *(asked("urban_step", (*pair, *LONG, f"plant.rotor_lag_s={lag}")) for lag in LAGS_S),
+        flight_order("urban_step", (*pair, *LONG)),
+        flight_order("noisy_state", (*pair, *LONG)),
+        flight_order("package_drop", pair, 14.0),
+        flight_order("figure_eight", pair, 10.0, COMMAND),
+        *(flight_order("urban_step", (*pair, *LONG, f"plant.rotor_lag_s={lag}")) for lag in LAGS_S),
     ]
 
 

@@ -25,9 +25,9 @@ from fcu.guard.stability import unstable
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from fcu.process.settings import Settings
-from gcs_tools.campaigns.flights import Asked, Flight, Random, drawn, flown
+from gcs_tools.campaigns.flights import LawFlight, LawFlightOrder, Random, accepted_draws, flown
+from gcs_tools.flight.law_flights import Keep
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.flight.several import Keep
 from gcs_tools.missions.mission import from_tables
 from gcs_tools.recording.table import Table
 
@@ -41,7 +41,7 @@ LAST_S, NEAR = 1.0, 0.3  # s, m: arrived
 COARSE_S = 0.005  # step of the look ahead
 
 
-class Flown(NamedTuple):
+class GuardFlight(NamedTuple):
     """One flight: what the condition said of its two ways, and what came of them."""
 
     inside: tuple[bool, bool]  # up to the end of each of the two ways, ungoverned
@@ -127,7 +127,7 @@ def foreseen_n(settings: Settings, sent: Sequence[Setpoint]) -> list[float]:
     ]
 
 
-def look(flight: Flight) -> Flown:
+def look(flight: LawFlight) -> GuardFlight:
     """What came of a flight of two setpoints."""
     scene, law = flight.scene, flight.law
     rate = scene.rate_hz
@@ -140,7 +140,7 @@ def look(flight: Flight) -> Flown:
     whole = flight.lasted
     away = np.linalg.norm(law["measured.r_E"] - law["setpoint.r_c"], axis=1)
     reachable = foreseen_n(scene.settings, [scene.sent[0], scene.sent[-1]])
-    return Flown(
+    return GuardFlight(
         inside=(reachable[0] >= 0.0, min(reachable) >= 0.0),
         saturated=(bool(limited[ways[0]].any()), bool(limited[ways[1]].any()) or not whole),
         at_start=bool(limited[:settled].any()),
@@ -154,13 +154,13 @@ def look(flight: Flight) -> Flown:
     )
 
 
-def pair(tables: dict[str, Any]) -> list[Asked[Flown]]:
+def pair(tables: dict[str, Any]) -> list[LawFlightOrder[GuardFlight]]:
     """The same drawn flight as it is asked, and governed."""
     warn, govern = (
         from_tables("drawn", {**tables, "law": {**tables["law"], "guard": policy}})
         for policy in ("warn", "govern")
     )
-    return [Asked(scenario(warn), look), Asked(scenario(govern), look)]
+    return [LawFlightOrder(scenario(warn), look), LawFlightOrder(scenario(govern), look)]
 
 
 class Check(NamedTuple):
@@ -203,7 +203,7 @@ def stable(tables: dict[str, Any]) -> bool:
 
 def check(n: int, seed: int = 1, console: Console | None = None) -> Check:
     """Fly `n` draws under both policies."""
-    draws, refused = drawn(draw, stable, n, seed)
+    draws, refused = accepted_draws(draw, stable, n, seed)
     pairs = list(flown(pair, draws, KEPT, console=console))
     warned, governed = ([p[i] for p in pairs] for i in (0, 1))
     ways = [

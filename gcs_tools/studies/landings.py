@@ -70,7 +70,7 @@ class Landing(NamedTuple):
         return [name for name, is_so in found.items() if is_so]
 
 
-def drawn(number: int) -> tuple[str, dict[str, Any]]:
+def sampled_landing(number: int) -> tuple[str, dict[str, Any]]:
     """The airframe and the tables of a flight, by its number alone."""
     random = np.random.default_rng((29, number))
     name = list(SHIPPED)[number % len(SHIPPED)]
@@ -124,7 +124,7 @@ def drawn(number: int) -> tuple[str, dict[str, Any]]:
 
 def fly(number: int) -> Landing:
     """Fly one landing."""
-    name, tables = drawn(number)
+    name, tables = sampled_landing(number)
     scene = scenario(with_airframe(from_tables(f"landing {number}", tables), name))
     flight = MemoryFlight(scene, None, (_drop, _drop))
     flown = flight.fly()

@@ -21,7 +21,7 @@ import numpy as np
 
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.lanes import WIDTH
-from gcs_tools.flight import several
+from gcs_tools.flight import law_flights
 from gcs_tools.flight.run import prepared
 from gcs_tools.flight.scenario import Scenario
 from sitl_plant.physics.dynamics import CRASHED, DIVERGED
@@ -44,7 +44,7 @@ BASES = (  # (mission, overrides): a law, an airframe, a policy
 NOISE = 0.01, 0.02, 0.004, 0.01  # m, m/s, rad, rad/s
 
 
-class Found(NamedTuple):
+class LanesFound(NamedTuple):
     """What came of it."""
 
     flights: int
@@ -62,7 +62,9 @@ def bases(laws: tuple[str, ...]) -> tuple[Scenario, ...]:
     return (*found, *[prepared("gust_step", [], law=law)[1] for law in laws])
 
 
-def drawn(number: int, seed: int, duration_s: float, laws: tuple[str, ...] = ()) -> Scenario:
+def sampled_scenario(
+    number: int, seed: int, duration_s: float, laws: tuple[str, ...] = ()
+) -> Scenario:
     """Flight `number` of a seed."""
     random = np.random.default_rng([seed, number])
     scene = bases(laws)[random.integers(len(bases(laws)))]
@@ -114,23 +116,23 @@ def drawn(number: int, seed: int, duration_s: float, laws: tuple[str, ...] = ())
 
 def check(
     n: int, seed: int = 1, duration_s: float = 2.0, width: int = WIDTH, laws: Sequence[str] = ()
-) -> Found:
+) -> LanesFound:
     """Fly `n` draws in both ways."""
     different: list[int] = []
     ticks = in_lanes = crashed = diverged = 0
     for first in range(0, n, BATCH):
         numbers = range(first, min(first + BATCH, n))
-        scenes = [drawn(i, seed, duration_s, tuple(laws)) for i in numbers]
-        flown = several.fly(scenes, width=width, in_all=several.ALWAYS)
+        scenes = [sampled_scenario(i, seed, duration_s, tuple(laws)) for i in numbers]
+        flown = law_flights.fly(scenes, width=width, in_all=law_flights.ALWAYS)
         for i, scene, one in zip(numbers, scenes, flown, strict=True):
-            other = several.by_itself(scene)
+            other = law_flights.by_itself(scene)
             same = (one.plant.tobytes(), one.law.tobytes(), one.ticks, one.ended) == (
                 other.plant.tobytes(), other.law.tobytes(), other.ticks, other.ended,
             )  # fmt: skip
             different += [] if same else [i]
             ticks, in_lanes = ticks + one.ticks, in_lanes + one.in_lanes
             crashed, diverged = crashed + (one.ended == CRASHED), diverged + (one.ended == DIVERGED)
-    return Found(n, ticks, in_lanes, crashed, diverged, tuple(different))
+    return LanesFound(n, ticks, in_lanes, crashed, diverged, tuple(different))
 
 
 @click.command()
@@ -153,7 +155,7 @@ def main(
     sys.exit(1 if found.different else 0)
 
 
-def _lines(found: Found) -> Iterator[str]:
+def _lines(found: LanesFound) -> Iterator[str]:
     yield f"{found.flights} flights of {found.ticks} ticks, {found.in_lanes} in lanes"
     yield f"{found.crashed} hit the ground, {found.diverged} left their arena"
     if found.different:

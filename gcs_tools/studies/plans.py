@@ -55,7 +55,7 @@ print(1e6 * took / flown.ticks)
 """
 
 
-def drawn(items: int) -> tuple[Step, ...]:
+def sampled_plan(items: int) -> tuple[Step, ...]:
     """A plan of so many items, of places up to 200 m away."""
     rng = random.Random(SEED)
     up = Step(Do.TAKE_OFF, Vec3(0.0, 0.0, 5.0))
@@ -77,7 +77,7 @@ def looks() -> int:
     vehicle.observe(state, 0, 0.0)
     print("items    looks    median, ms    99 %, ms    longest, ms    in all, ms")
     for items in ITEMS:
-        steps, times = drawn(items), []
+        steps, times = sampled_plan(items), []
         look = vehicle.look_along(steps)
         while True:
             began = time.perf_counter()

@@ -20,9 +20,9 @@ from rich.console import Console
 
 from fcu.guard.stability import unstable
 from fcu.process.settings import Settings
-from gcs_tools.campaigns.flights import Asked, Flight, Random, drawn, flown
+from gcs_tools.campaigns.flights import LawFlight, LawFlightOrder, Random, accepted_draws, flown
+from gcs_tools.flight.law_flights import Keep
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.flight.several import Keep
 from gcs_tools.missions.fields import RATES
 from gcs_tools.missions.mission import Mission, load, override
 
@@ -127,7 +127,7 @@ def gentle(mission: Mission) -> Mission:
     return still(mission)
 
 
-def flies(flight: Flight, wind: bool) -> bool:
+def flies(flight: LawFlight, wind: bool) -> bool:
     """Whether a flight ends at its reference and at rest, as far as the wind lets it."""
     if not flight.lasted:
         return False
@@ -148,15 +148,15 @@ class Seen(NamedTuple):
     well: bool
 
 
-def asked(scene: Scenario, wind: bool) -> Asked[Seen]:
+def flight_order(scene: Scenario, wind: bool) -> LawFlightOrder[Seen]:
     """Whether a scene flies."""
-    return Asked(scene, lambda flight: Seen(flight.scene.settings, flies(flight, wind)))
+    return LawFlightOrder(scene, lambda flight: Seen(flight.scene.settings, flies(flight, wind)))
 
 
-def three(mission: Mission) -> list[Asked[Seen]]:
+def three(mission: Mission) -> list[LawFlightOrder[Seen]]:
     """A mission in still air, in wind, and gently."""
     calm, windy, small = (scenario(m) for m in (still(mission), mission, gentle(mission)))
-    return [asked(calm, False), asked(windy, True), asked(small, False)]
+    return [flight_order(calm, False), flight_order(windy, True), flight_order(small, False)]
 
 
 def points(missions: Sequence[Mission]) -> list[Point]:
@@ -218,8 +218,10 @@ def fly_random(mission: Mission, n: int) -> tuple[int, int, list[float]]:
             changed = override(changed, f"law.{name}={value!r}")
         return scenario(changed)
 
-    scenes, refused = drawn(draw, lambda scene: not unstable(scene.law, scene.guard), n)
-    found = flown(lambda scene: [asked(scene, False)], scenes, KEPT, console=Console(stderr=True))
+    scenes, refused = accepted_draws(draw, lambda scene: not unstable(scene.law, scene.guard), n)
+    found = flown(
+        lambda scene: [flight_order(scene, False)], scenes, KEPT, console=Console(stderr=True)
+    )
     bad = [seen.settings.law.f_m for (seen,) in found if not seen.well]
     return refused, len(bad), bad
 

@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import law_alone, law_flights
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.mission import load
 from sitl_plant.physics.wind.packed_field import FORMAT
@@ -90,7 +90,7 @@ def lanes(of: Scenario) -> Callable[[], object]:
         replace(of, layers=None if of.layers is None else of.layers._replace(seed=n))
         for n in range(LANES)
     ]
-    return lambda: several.fly(scenes, in_all=1e9)
+    return lambda: law_flights.fly(scenes, in_all=1e9)
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from gcs_tools.campaigns.batch import fly_batch
-from gcs_tools.flight import several
+from gcs_tools.flight import law_flights
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, with_values
 from tests.campaign.conftest import HOVER
@@ -46,16 +46,16 @@ def drawn(make):
 def test_lanes_change_no_row(drawn, monkeypatch):
     plan, asked = drawn
     flown = []
-    beside = several._beside
+    beside = law_flights._beside
 
     def counted(scenes, *rest):
         found = beside(scenes, *rest)
         flown.extend(found.values())
         return found
 
-    monkeypatch.setattr(several, "_beside", counted)
-    few, many = ({**json.loads(plan), "flights": n} for n in (1, int(several.REPAID)))
-    monkeypatch.setattr(several, "is_compiled", lambda *kind: False)
+    monkeypatch.setattr(law_flights, "_beside", counted)
+    few, many = ({**json.loads(plan), "flights": n} for n in (1, int(law_flights.REPAID)))
+    monkeypatch.setattr(law_flights, "is_compiled", lambda *kind: False)
     one_by_one = fly_batch(json.dumps(few), asked)
     assert not flown
     in_lanes = fly_batch(json.dumps(many), asked)

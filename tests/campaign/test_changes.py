@@ -76,7 +76,7 @@ def test_a_folder_keeps_what_was_changed(file, tmp_path):
     )  # fmt: skip
     first = gcs("campaign", file, *changed, "--out", out, "--json")
     told = json.loads(first.stdout)
-    again = store.again(out, unchanged=True)
+    again = store.reopened(out, unchanged=True)
     assert again.changes.seed == 7
     assert again.changes.set == {"plant.mass_kg": 7, "flight.duration_s": 0.5}
     assert [each["name"] for each in told["laws"][0]["metrics"]] == ["setpoint_error_max_m"]
@@ -103,4 +103,4 @@ def test_a_folder_with_changes_that_are_none_is_refused(file, tmp_path, changes)
     about = json.loads(path.read_text())
     path.write_text(json.dumps({**about, "changes": changes}))
     with pytest.raises(CampaignError):
-        store.again(tmp_path / "o")
+        store.reopened(tmp_path / "o")

@@ -205,7 +205,7 @@ def test_damaged_files_of_a_campaign_are_refused(make, folder, tmp_path, monkeyp
         Store(out, campaign, HERE)
     (out / stores.PROPOSALS).write_text('{"0": 3}')
     with pytest.raises(CampaignError, match="proposals"):
-        stores.again(out)
+        stores.reopened(out)
 
 
 def test_a_campaign_that_was_changed_since_is_not_blamed_on_the_machine(
@@ -213,14 +213,14 @@ def test_a_campaign_that_was_changed_since_is_not_blamed_on_the_machine(
 ):
     monkeypatch.chdir(folder)
     Store(tmp_path / "out", make(), HERE)
-    assert stores.again(tmp_path / "out", unchanged=True).n == 20
+    assert stores.reopened(tmp_path / "out", unchanged=True).n == 20
     text = (tmp_path / "out" / stores.TOML).read_text()
     (tmp_path / "out" / stores.TOML).write_text(text.replace("1.2]", "1.3]"))
     with pytest.raises(CampaignError, match="has changed since it was flown"):
-        stores.again(tmp_path / "out", unchanged=True)
+        stores.reopened(tmp_path / "out", unchanged=True)
     (tmp_path / "out" / stores.JSON).write_text("[" * 200_000)
     with pytest.raises(CampaignError, match="not a campaign's"):
-        stores.again(tmp_path / "out")
+        stores.reopened(tmp_path / "out")
 
 
 def test_two_processes_do_not_fly_one_folder(tmp_path):
@@ -273,8 +273,8 @@ def test_values_that_do_not_go_together_are_a_flight_that_failed(make):
 
 def test_a_folder_without_a_campaign_is_said(tmp_path):
     with pytest.raises(CampaignError, match="No such file"):
-        stores.again(tmp_path)
+        stores.reopened(tmp_path)
     (tmp_path / "campaign.json").write_text("{}")
     (tmp_path / "campaign.toml").write_text("")
     with pytest.raises(CampaignError, match="not a campaign's"):
-        stores.again(tmp_path)
+        stores.reopened(tmp_path)

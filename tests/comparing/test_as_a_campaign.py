@@ -61,7 +61,7 @@ def campaign(folder: Path, text: str = SEEDS):
 def test_the_draws_of_seeds_are_those_of_a_comparison(tmp_path, hover):
     made = campaign(tmp_path)
     mission = load(hover)
-    of_seed = seed_draws.drawn(mission, read().draws, Stream.TEST, 3 + 2)
+    of_seed = seed_draws.sampled(mission, read().draws, Stream.TEST, 3 + 2)
     values = made.draws.values(2, made.draws.quantities(2), made.variants[0].base)
     in_force = of_seed.values_in_force()
     assert {key: in_force[key].value for key in values} == values

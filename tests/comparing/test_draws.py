@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs_tools.campaigns import procedure
-from gcs_tools.campaigns.seed_draws import Beliefs, Stream, drawn
+from gcs_tools.campaigns.seed_draws import Beliefs, Stream, sampled
 from gcs_tools.flight import law_alone
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import scenario
@@ -17,13 +17,13 @@ DRAWS = procedure.read().draws
 
 def test_seed_0_is_the_mission_as_written():
     mission = load("benchmark/gusts")
-    assert drawn(mission, DRAWS, Stream.TEST, 0) is mission
+    assert sampled(mission, DRAWS, Stream.TEST, 0) is mission
 
 
 def test_what_is_drawn_lies_within_what_the_airframe_believes():
     mission = load("benchmark/gusts")
     beliefs = Beliefs.of(mission.airframe)
-    flown = [drawn(mission, DRAWS, Stream.TEST, seed) for seed in range(1, 41)]
+    flown = [sampled(mission, DRAWS, Stream.TEST, seed) for seed in range(1, 41)]
     masses = [each.plant.mass_kg for each in flown]
     low, high = beliefs.mass
     assert low <= min(masses) < low + 0.2 * (high - low) < high - 0.2 * (high - low) < max(masses) <= high  # fmt: skip
@@ -39,8 +39,8 @@ def test_what_is_drawn_lies_within_what_the_airframe_believes():
 
 def test_another_law_meets_the_same_draw(cascade):
     mission = load("benchmark/drop")
-    other = drawn(with_law(mission, cascade), DRAWS, Stream.TEST, 7)
-    own = drawn(mission, DRAWS, Stream.TEST, 7)
+    other = sampled(with_law(mission, cascade), DRAWS, Stream.TEST, 7)
+    own = sampled(mission, DRAWS, Stream.TEST, 7)
     assert own.flown is not other.flown
     assert (own.plant, own.wind, own.flight) == (other.plant, other.wind, other.flight)
 
@@ -48,7 +48,7 @@ def test_another_law_meets_the_same_draw(cascade):
 def test_streams_missions_and_seeds_draw_apart():
     drop, gusts = load("benchmark/drop"), load("benchmark/gusts")
     seeds = {
-        drawn(mission, DRAWS, stream, seed).flight.seed
+        sampled(mission, DRAWS, stream, seed).flight.seed
         for mission in (drop, gusts)
         for stream in Stream
         for seed in range(1, 101)
@@ -58,14 +58,14 @@ def test_streams_missions_and_seeds_draw_apart():
 
 def test_what_a_mission_says_of_the_plant_stays():
     mission = override(load("benchmark/drop"), "plant.mass_kg=7.25")
-    found = drawn(mission, DRAWS, Stream.TEST, 3)
+    found = sampled(mission, DRAWS, Stream.TEST, 3)
     assert found.plant.mass_kg == 7.25
     assert found.plant.mass_change == mission.plant.mass_change
     assert found.plant.rotor_lag_s is not None
 
 
 def test_the_values_in_force_say_what_was_drawn():
-    found = drawn(load("benchmark/drop"), DRAWS, Stream.TEST, 3)
+    found = sampled(load("benchmark/drop"), DRAWS, Stream.TEST, 3)
     values = found.values_in_force()
     assert values["plant.mass_kg"].origin == "seed 3"
     assert values["plant.mass_kg"].value == found.plant.mass_kg
@@ -76,7 +76,7 @@ def test_the_values_in_force_say_what_was_drawn():
 @pytest.mark.parametrize("name", ["benchmark/noise", "benchmark/figure_eight"])
 def test_a_drawn_flight_is_the_vehicles_bit_for_bit(name):
     mission = override(load(name), "flight.duration_s=4")
-    scene = scenario(drawn(mission, DRAWS, Stream.TEST, 2))
+    scene = scenario(sampled(mission, DRAWS, Stream.TEST, 2))
     plant, fcu = law_alone.fly(scene)
     flown = MemoryFlight(scene, None, (lambda rows: None, lambda rows: None)).fly()
     assert len(plant) == 2000

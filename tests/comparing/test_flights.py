@@ -7,10 +7,10 @@ import threading
 import numpy as np
 import pytest
 
-from gcs_tools.campaigns.flights import Asked, chunked, drawn, each, flown, fly
-from gcs_tools.flight import law_alone, several
+from gcs_tools.campaigns.flights import LawFlightOrder, accepted_draws, chunked, each, flown, fly
+from gcs_tools.flight import law_alone, law_flights
+from gcs_tools.flight.law_flights import Keep
 from gcs_tools.flight.run import prepared
-from gcs_tools.flight.several import Keep
 from gcs_tools.recording.table import Table
 
 
@@ -19,14 +19,14 @@ def uniform(random):
 
 
 def test_a_seed_draws_the_same_and_counts_what_is_rejected():
-    kept, rejected = drawn(uniform, lambda x: x < 0.5, 100, seed=7)
+    kept, rejected = accepted_draws(uniform, lambda x: x < 0.5, 100, seed=7)
     assert len(kept) == 100
     assert max(kept) < 0.5
-    assert drawn(uniform, lambda x: x < 0.5, 100, seed=7) == (kept, rejected)
-    everything, none = drawn(uniform, lambda x: True, 100 + rejected, seed=7)
+    assert accepted_draws(uniform, lambda x: x < 0.5, 100, seed=7) == (kept, rejected)
+    everything, none = accepted_draws(uniform, lambda x: True, 100 + rejected, seed=7)
     assert none == 0
     assert [x for x in everything if x < 0.5] == kept
-    assert drawn(uniform, lambda x: x < 0.5, 100, seed=8)[0] != kept
+    assert accepted_draws(uniform, lambda x: x < 0.5, 100, seed=8)[0] != kept
 
 
 def test_results_come_in_the_order_of_the_items():
@@ -82,22 +82,22 @@ def seen(flight):
 @pytest.mark.parametrize("in_lanes", [False, True])
 def test_what_is_found_stands_at_its_item_and_is_that_of_each_flight_alone(monkeypatch, in_lanes):
     flew = []
-    each_of = several.each
+    each_of = law_flights.each
 
     def told(*arguments, **more):
         for i, one in each_of(*arguments, **more):
             flew.append(one.in_lanes)
             yield i, one
 
-    monkeypatch.setattr(several, "each", told)
-    monkeypatch.setattr(several, "is_compiled", lambda *kind: in_lanes)
+    monkeypatch.setattr(law_flights, "each", told)
+    monkeypatch.setattr(law_flights, "is_compiled", lambda *kind: in_lanes)
 
     def flights_of(f_m):
         return 8 * (round(10.0 * f_m) % 3)  # whole groups of lanes, 4 or 8 wide
 
     def asked(f_m):
         scenes = (scene_of(f_m, 0.1 + 0.02 * n) for n in range(flights_of(f_m)))
-        return [Asked(scene, seen) for scene in scenes]
+        return [LawFlightOrder(scene, seen) for scene in scenes]
 
     items = [0.8 + 0.1 * i for i in range(4)]
     found = list(flown(asked, items, Keep(plant=(), law=NAMES)))
@@ -113,10 +113,10 @@ def test_what_is_found_stands_at_its_item_and_is_that_of_each_flight_alone(monke
 def test_a_study_is_flown_in_lanes_if_all_of_it_repays_them(monkeypatch, items, in_lanes):
     """Not each chunk of it: none has more than 100 ticks."""
     beside = []
-    monkeypatch.setattr(several, "REPAID", 150)
-    monkeypatch.setattr(several, "is_compiled", lambda *kind: False)
-    monkeypatch.setattr(several, "_beside", lambda scenes, *more: beside.extend(scenes) or {})
-    one = Asked(scene_of(1.0, 0.01), lambda flight: flight.ticks)
+    monkeypatch.setattr(law_flights, "REPAID", 150)
+    monkeypatch.setattr(law_flights, "is_compiled", lambda *kind: False)
+    monkeypatch.setattr(law_flights, "_beside", lambda scenes, *more: beside.extend(scenes) or {})
+    one = LawFlightOrder(scene_of(1.0, 0.01), lambda flight: flight.ticks)
     assert list(flown(lambda item: [one, one], range(items))) == [[5, 5]] * items
     assert len(beside) == in_lanes
 
@@ -126,4 +126,4 @@ def test_a_flight_that_fails_is_raised():
         raise ValueError("seen")
 
     with pytest.raises(ValueError, match="seen"):
-        list(flown(lambda item: [Asked(scene_of(1.0, 0.01), look)], range(3)))
+        list(flown(lambda item: [LawFlightOrder(scene_of(1.0, 0.01), look)], range(3)))

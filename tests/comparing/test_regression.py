@@ -13,14 +13,16 @@ import pytest
 
 import gcs_tools
 from gcs_tools.campaigns.regression import RegressionError, held_against
-from gcs_tools.judging.comparison import Flown
+from gcs_tools.judging.comparison import ComparedFlight
 from tests.command_line import gcs
 
 METRIC, FLOOR = "setpoint_error_rms_m", "margin_min_n"
-FLIGHT = Flown("a", Path("a"), "hop", True, {METRIC: 1.0, FLOOR: 10.0}, {}, "aa", 1, "time")
+FLIGHT = ComparedFlight(
+    "a", Path("a"), "hop", True, {METRIC: 1.0, FLOOR: 10.0}, {}, "aa", 1, "time"
+)
 
 
-def flights(values: dict[int, float], metric: str = METRIC) -> list[Flown]:
+def flights(values: dict[int, float], metric: str = METRIC) -> list[ComparedFlight]:
     return [
         replace(FLIGHT, name=str(seed), seed=seed, metrics={**FLIGHT.metrics, metric: value})
         for seed, value in values.items()
@@ -169,7 +171,7 @@ def test_shares_of_time_that_are_mostly_0_raise_no_false_alarm():
     random = np.random.default_rng(2)
     name = "torque_saturated_fraction"
 
-    def drawn(first: int) -> list[Flown]:
+    def drawn(first: int) -> list[ComparedFlight]:
         shares = np.where(random.random(50) < 0.05, random.exponential(1e-3, 50), 0.0)
         return flights(dict(enumerate(shares.tolist(), first)), name)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gcs_tools.campaigns import score
+from gcs_tools.flight.law_flights import EVERYTHING
 from gcs_tools.flight.scenario import scenario
-from gcs_tools.flight.several import EVERYTHING
 from gcs_tools.missions.mission import load, override, with_law
 
 SETTINGS = {

@@ -15,7 +15,7 @@ from fcu.process.settings import settings
 from gcs_tools.campaigns.flights import fly
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import load, override
-from gcs_tools.studies.stability_map import KEPT, asked, gentle, points
+from gcs_tools.studies.stability_map import KEPT, flight_order, gentle, points
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.001, 0.05, 0.3])
@@ -131,7 +131,7 @@ def test_rule_agrees_with_flights_of_a_plant_that_reports_late(settings, ticks, 
         mission = override(mission, f"{key}={value!r}")
     scene = scenario(gentle(mission))
     assert (unstable(scene.law, scene.guard) == "") is accepted
-    assert fly([asked(scene, False)], KEPT)[0].well is does
+    assert fly([flight_order(scene, False)], KEPT)[0].well is does
 
 
 def test_a_delay_counts_in_whole_ticks_rounded_up(law):

@@ -6,8 +6,8 @@ import numpy as np
 
 from fcu.kernel.buffers import columns, size
 from gcs_tools.judging.item_checks import unfinished
-from gcs_tools.missions.asked import Begun, PlanProgress
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.timeline import Begun, PlanProgress
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
 

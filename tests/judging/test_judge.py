@@ -12,8 +12,8 @@ from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size
 from fcu.process.tick import Tick
 from gcs_tools.judging.result import Result, judge
-from gcs_tools.missions.asked import Begun, asked
 from gcs_tools.missions.mission import Mission, load, override, with_law
+from gcs_tools.missions.timeline import Begun, timeline
 from gcs_tools.recording.table import Rows
 from sitl_plant.physics.types import PlantRecord
 from tests.judging.test_metrics import put
@@ -105,7 +105,7 @@ def test_a_path_that_was_missed_is_told_when_and_by_how_much(
     path = (0, 0), (1, 200), (2, 300)  # take-off, to its begin, along it
     places = Vec3(0.0, 0.0, 3.0), Vec3(0.0, 0.0, 3.0), Vec3(5.0, 0.0, 3.0)
     begun = tuple(Begun(*leg, place) for leg, place in zip(path, places, strict=True))
-    put(plant, PlantRecord, "state.r_E", asked(mission.flight, begun).positions_at(plant[:, 0]))
+    put(plant, PlantRecord, "state.r_E", timeline(mission.flight, begun).positions_at(plant[:, 0]))
     plant[600:, columns(PlantRecord).index("state.r_E.y")] += off_m
     plant[600, columns(PlantRecord).index("state.r_E.y")] *= 1.25
     found = judged(mission, plant, fcu, begun=begun, ended="done")

@@ -15,7 +15,7 @@ from fcu.guard.gains import deciding
 from fcu.interface import handover
 from fcu.laws import loader
 from fcu.process.configuration import ConfigurationError, read_airframe, read_settings
-from gcs_tools.campaigns.batch import Asked, fly_batch
+from gcs_tools.campaigns.batch import OrderedFlight, fly_batch
 from gcs_tools.campaigns.campaign_file import CampaignError, read
 from gcs_tools.flight.run import UsageError, fly_missions, prepared
 from gcs_tools.flight.scenario import scenario
@@ -152,7 +152,7 @@ def test_a_campaign_of_gains_that_are_all_refused_does_not_start(tmp_path: Path)
 def test_a_drawn_gain_that_is_refused_is_a_named_loss(fly: str) -> None:
     given = json.loads(json.dumps(load("gust_step").given))
     plan = json.dumps({"fly": fly, "flights": 1, "name": "gust_step", "laws": [{"given": given}]})
-    (row,) = fly_batch(plan, [Asked(0, 0, {"law.f_m": 5.0})])
+    (row,) = fly_batch(plan, [OrderedFlight(0, 0, {"law.f_m": 5.0})])
     assert (row.ended, row.success, row.exit_code) == ("rejected", False, 0)
     assert "pitch unstable with f_m = 5.0 (draw)" in row.error
 

@@ -13,8 +13,8 @@ from fcu.kernel.buffers import columns, size
 from fcu.process.tick import Tick
 from gcs_tools.judging.expectations import ExpectError, judge_each
 from gcs_tools.judging.setpoint_checks import Standing, changed, standing
-from gcs_tools.missions.asked import Asked, asked
 from gcs_tools.missions.flight_table import Flight
+from gcs_tools.missions.timeline import Timeline, timeline
 from gcs_tools.recording.table import Table
 from sitl_plant.physics.types import PlantRecord
 
@@ -22,8 +22,8 @@ RATE = 100
 EIGHT = {"kind": "figure_eight", "size_m": [16.0, 8.0], "speed_max_m_s": 5.0}
 
 
-def flight(*setpoints: list[float], **keys: Any) -> Asked:
-    return asked(
+def flight(*setpoints: list[float], **keys: Any) -> Timeline:
+    return timeline(
         Flight.model_validate(
             {"duration_s": 20.0, "rate_hz": RATE, "setpoints": list(setpoints), **keys}
         )

@@ -119,7 +119,7 @@ def test_a_wheel_and_its_checkout_have_one_fingerprint(tmp_path: Path) -> None:
 
 def test_kernels_of_studies_have_a_folder_of_their_own() -> None:
     ours, studies = (
-        compile._folder("gcs_tools.flight.joined"),
+        compile._folder("gcs_tools.flight.vehicle_loop"),
         compile._folder("gcs_tools.studies.gains"),
     )
     assert ours is not None and studies is not None

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from gcs_tools.missions.asked import foreseen, legs
 from gcs_tools.missions.mission import MissionError, load
+from gcs_tools.missions.timeline import foreseen, legs
 
 HEAD = """title = "Items."
 [flight]

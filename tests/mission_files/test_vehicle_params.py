@@ -10,7 +10,7 @@ from fcu.parameters import GivenError, Parameters, chosen, parsed
 from fcu.process.configuration import read_airframe, read_settings
 from gcs_tools.campaigns import campaign_file
 from gcs_tools.campaigns.campaign_file import CampaignError
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import law_alone, law_flights
 from gcs_tools.flight.scenario import refuse_link_faults, scenario
 from gcs_tools.missions.mission import (
     MissionError,
@@ -204,7 +204,7 @@ def test_flights_in_lanes_refuse_what_is_of_an_autopilot(write, more):
     text = TEXT.partition("[vehicle.params]")[0]
     mission = load(write(f"{text}[vehicle.params]\n{more}\n" if more else text + fault))
     scenes = [scenario(mission)] * WIDTH
-    results = [found for _, found in several.each(scenes, in_all=several.ALWAYS)]
+    results = [found for _, found in law_flights.each(scenes, in_all=law_flights.ALWAYS)]
     assert len(results) == WIDTH
     assert all(isinstance(found, loader.LawError) for found in results)
 

@@ -10,7 +10,7 @@ import pytest
 
 from fcu.interface.samples_file import SamplesError, read_wind, write_wind
 from fcu.kernel.rows import column
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import law_alone, law_flights
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import envelope
 from gcs_tools.missions.mission import MissionError, load
@@ -66,7 +66,7 @@ def test_flights_with_samples_of_wind_fly_beside_others_to_the_same_bits(tmp_pat
     """Beside flights without samples too."""
     scene = scenario(load(written(tmp_path, GUST)))
     calm = replace(scene, wind=None)
-    found = several.fly([calm, scene, calm, scene])
+    found = law_flights.fly([calm, scene, calm, scene])
     alone = law_alone.fly(scene)[0]
     assert [f.plant.tobytes() == alone.tobytes() for f in found] == [False, True, False, True]
 

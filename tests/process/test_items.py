@@ -18,8 +18,8 @@ from gcs_tools.flight.run import UsageError
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.judging.result import Result
-from gcs_tools.missions.asked import ITEM_BEGUN, asked
 from gcs_tools.missions.mission import load
+from gcs_tools.missions.timeline import ITEM_BEGUN, timeline
 from gcs_tools.recording.reader import read
 
 HEAD = """title = "Items."
@@ -206,8 +206,8 @@ def test_time_on_the_ground_counts_in_no_margin(tmp_path: Path) -> None:
 def test_what_is_told_of_no_item_asks_for_no_place() -> None:
     """A recording that was cut short may tell of no item."""
     flight = load("square_and_land").flight
-    assert np.isnan(asked(flight).positions_at(np.array([0.0, 5.0]))).all()
-    assert list(asked(flight).places()) == list(asked(flight).sent()) == []
+    assert np.isnan(timeline(flight).positions_at(np.array([0.0, 5.0]))).all()
+    assert list(timeline(flight).places()) == list(timeline(flight).sent()) == []
 
 
 DEAD = "".join(

@@ -29,8 +29,8 @@ from fcu.process.settings import Settings
 from fcu.process.tick import Tick
 from gcs_tools.judging.metrics import metrics
 from gcs_tools.judging.recorded_flight import flight_of
-from gcs_tools.missions.asked import ITEM_BEGUN, read_begun
 from gcs_tools.missions.mission import load
+from gcs_tools.missions.timeline import ITEM_BEGUN, read_begun
 from gcs_tools.recording import events, old_names, schema
 from gcs_tools.recording.layout import decode, encode, layout
 from gcs_tools.recording.mcap_file import RecordingFile, block_of

@@ -30,8 +30,8 @@ from gcs_tools.studies.attack.draws import (
     NoFlightError,
     Numbers,
     attack,
-    drawn,
     parsed,
+    sampled_attack,
 )
 from gcs_tools.studies.attack.search import search
 from gcs_tools.studies.attack.verdict import LOST_M, chance, held, limits, verdict
@@ -77,15 +77,19 @@ def shortened(found, seconds):
 
 def test_a_flight_of_a_seed_is_the_same_whoever_flies_it():
     how = How(noise="bounded")
-    once, again = (flown(shortened(drawn(3, 5, how), 4.0)) for _ in range(2))
+    once, again = (flown(shortened(sampled_attack(3, 5, how), 4.0)) for _ in range(2))
     assert once.fcu.tobytes() == again.fcu.tobytes()
     assert once.plant.tobytes() == again.plant.tobytes()
-    assert drawn(3, 6, how).numbers != drawn(3, 5, how).numbers != drawn(4, 5, how).numbers
+    assert (
+        sampled_attack(3, 6, how).numbers
+        != sampled_attack(3, 5, how).numbers
+        != sampled_attack(4, 5, how).numbers
+    )
     assert campaign(How(), 3, 2) == campaign(How(), 3, 2)
 
 
 def test_policies_fly_the_same_draws():
-    govern, refuse = (drawn(1, 2, How(policy=policy)) for policy in ("govern", "refuse"))
+    govern, refuse = (sampled_attack(1, 2, How(policy=policy)) for policy in ("govern", "refuse"))
     assert govern.numbers == refuse.numbers
     assert govern.scene.sent == refuse.scene.sent
     assert govern.scene.world == refuse.scene.world
@@ -134,7 +138,7 @@ def test_a_flipping_wind_is_met_head_on(way, towards):
     ],
 )
 def test_a_pushing_wind_drives_the_demand_to_its_nearest_limit(demand, towards):
-    settings = drawn(1, 0, How(as_shipped=True)).scene.settings
+    settings = sampled_attack(1, 0, How(as_shipped=True)).scene.settings
     known = margin.known(settings.guard, settings.law)
     demand, way = Vec3(*demand), pushes(known, Vec3(*demand))
     assert way == pytest.approx(towards, abs=1e-4)
@@ -145,15 +149,15 @@ def test_a_pushing_wind_drives_the_demand_to_its_nearest_limit(demand, towards):
 
 def test_a_reference_that_swings_about_its_setpoint_is_not_late():
     """With 2.4 m/s^3 of jerk and f_m 2.6 it passes its setpoint by 1 m, and stood still 13.5 s later."""
-    found = drawn(1, 8816, How())
+    found = sampled_attack(1, 8816, How())
     assert 0.5 < verdict(found, flown(found)).took < 1.0
 
 
 def test_everything_is_drawn_within_the_beliefs():
     vehicle, drag = believed()[1]["vehicle"], believed()[1]["air"]["drag"]
-    shipped = drawn(1, 0, How(as_shipped=True)).scene
+    shipped = sampled_attack(1, 0, How(as_shipped=True)).scene
     for k in range(60):
-        found = drawn(1, k, How())
+        found = sampled_attack(1, k, How())
         scene = found.scene
         plant, guard, initial = scene.world.params, scene.guard, scene.law.initial
         # the gains', and what is drawn
@@ -181,12 +185,12 @@ def test_everything_is_drawn_within_the_beliefs():
         assert np.all(np.diff(scene.sent_at) > 0)
         assert scene.sent_at[-1] < scene.ticks
         assert all(abs(x) < 0.5 * LOST_M for s in scene.sent for x in s.r_c) or len(scene.sent) == 2
-    law = drawn(1, 7, How(as_shipped=True)).scene.law
+    law = sampled_attack(1, 7, How(as_shipped=True)).scene.law
     assert law == shipped.law
 
 
 def test_bounded_noise_is_within_one_sigma_and_fills_it():
-    found = drawn(1, 3, How(noise="bounded"))
+    found = sampled_attack(1, 3, How(noise="bounded"))
     scale = found.scene.world.noise_scale
     assert scale == pytest.approx(np.repeat([0.01, 0.02, np.radians(0.2), 0.01], 3))
     part = np.abs(found.noise / scale)
@@ -206,7 +210,7 @@ def test_room_is_where_the_allocation_begins_to_give_up():
     """Below a quarter of full thrust. Above it, both limits of a rotor may be met with room before either."""
     flags = rooms = 0
     for k in range(6):
-        found = drawn(1, k, UNGUARDED)
+        found = sampled_attack(1, k, UNGUARDED)
         rows = flown(shortened(found, 8.0)).fcu
         met = limits(found.scene, rows)
         thrust = column(Tick, rows, "outputs.T_c") + column(Tick, rows, "state.memory.T_trim")
@@ -232,7 +236,7 @@ def test_an_unguarded_law_is_contradicted():
 @pytest.mark.parametrize("kind", ["bounded", "gaussian"])
 def test_noise_that_is_drawn_is_believed_unless_it_is_to_be_unknown(kind):
     how = How(noise=kind, part=0.25)
-    known, unknown = drawn(1, 0, how), drawn(1, 0, how._replace(unknown=True))
+    known, unknown = sampled_attack(1, 0, how), sampled_attack(1, 0, how._replace(unknown=True))
     scene = known.scene
     np.testing.assert_allclose(np.repeat(noise.amounts(scene.guard), 3), scene.world.noise_scale)
     assert scene.guard.gaussian == (kind == "gaussian")
@@ -246,14 +250,14 @@ def test_noise_that_saturates_a_guard_that_does_not_know_of_it_does_not_where_it
     """The same flight, with the noise of noisy_state, with and without the belief."""
     saturated = {}
     for unknown in (True, False):
-        found = drawn(1, 74, How(noise="bounded", unknown=unknown))
+        found = sampled_attack(1, 74, How(noise="bounded", unknown=unknown))
         saturated[unknown] = verdict(found, flown(found)).saturated
     assert saturated == {True: True, False: False}
 
 
 def test_a_chance_is_told_where_there_is_room_for_the_noise():
     def of(part, kind):
-        scene = drawn(1, 6, How(noise=kind, part=part)).scene
+        scene = sampled_attack(1, 6, How(noise=kind, part=part)).scene
         return held(scene), chance(scene)
 
     assert of(1.0, "gaussian") == (False, 1.0)
@@ -264,7 +268,7 @@ def test_a_chance_is_told_where_there_is_room_for_the_noise():
 
 
 def test_a_flight_that_is_lost_counts_whatever_its_limits():
-    found = shortened(drawn(1, 0, How()), 4.0)
+    found = shortened(sampled_attack(1, 0, How()), 4.0)
     rows = flown(found)
     said = verdict(found, rows._replace(fcu=rows.fcu[:-1], plant=rows.plant[:-1]))
     assert said.lost
@@ -279,7 +283,7 @@ def test_upper_limits_are_those_of_clopper_and_pearson(count, limit):
 
 def test_gains_that_are_never_stable_fly_nothing():
     with pytest.raises(NoFlightError):
-        drawn(1, 0, How(settings=parsed([UNSTABLE])))
+        sampled_attack(1, 0, How(settings=parsed([UNSTABLE])))
 
 
 def test_a_search_finds_what_is_worse_than_what_it_begins_with_and_it_flies_again(tmp_path):
@@ -314,7 +318,7 @@ def test_the_command_answers_by_its_exit_code(tmp_path):
     assert one.exit_code == 0, one.output
     names = table.read_text().splitlines()[0].split(",")
     ticks = np.loadtxt(table, delimiter=",", skiprows=1)
-    assert ticks.shape == (drawn(1, 2, How()).scene.ticks, len(names))
+    assert ticks.shape == (sampled_attack(1, 2, How()).scene.ticks, len(names))
     assert {"t", "margin", "room", "air_z", "m_hat"} <= set(names)
 
 

@@ -13,8 +13,8 @@ FINE = Landing(0, "quad", "mmrac", True, "landed", 2.6, 0.7, 0.0, 0.1)
 
 
 def test_a_number_is_one_flight_and_all_kinds_are_drawn():
-    made = [landings.drawn(number) for number in range(50)]
-    assert repr(made) == repr([landings.drawn(number) for number in range(50)])
+    made = [landings.sampled_landing(number) for number in range(50)]
+    assert repr(made) == repr([landings.sampled_landing(number) for number in range(50)])
     assert {name for name, _ in made} == {"s1000", "hexa", "quad", "x8", "racer"}
     assert {tables["law"]["module"] for _, tables in made} == set(LAWS)
     starts = ["on_ground" in tables["flight"]["start"] for _, tables in made]

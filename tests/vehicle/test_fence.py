@@ -12,7 +12,7 @@ from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
 from fcu.services.plan_items import MOST_ITEMS
 from fcu.vehicle.areas import Disc, Polygon
-from fcu.vehicle.fence import Breach, Fence, Limits, Way
+from fcu.vehicle.fence import Breach, Fence, FenceLimits, Way
 from fcu.vehicle.mission import Do, Step
 from fcu.vehicle.modes import Mode
 from tests.vehicle.flown import Flown, at
@@ -39,7 +39,7 @@ def depth(area, x, y):
 
 def fence(*areas, limits=None):
     made = Fence()
-    made.areas, made.limits = areas, limits or Limits()
+    made.areas, made.limits = areas, limits or FenceLimits()
     return made
 
 
@@ -59,8 +59,8 @@ def fence(*areas, limits=None):
             (Polygon(True, ((0.0, 0.0), (0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 8.0))),), None,
             (4.0, 3.0, 0.0), 3.0, Breach.BORDER,
         ),
-        ((), Limits(across=30.0, up=10.0), (0.0, 0.0, 12.0), -2.0, Breach.HIGHEST),
-        ((), Limits(across=30.0, up=10.0), (32.0, 0.0, 2.0), -2.0, Breach.BORDER),
+        ((), FenceLimits(across=30.0, up=10.0), (0.0, 0.0, 12.0), -2.0, Breach.HIGHEST),
+        ((), FenceLimits(across=30.0, up=10.0), (32.0, 0.0, 2.0), -2.0, Breach.BORDER),
     ],
 )  # fmt: skip
 def test_the_margin_of_a_place(areas, limits, place, margin, border):
@@ -84,7 +84,7 @@ def drawn(rng):
         else:
             corners = [(rng.uniform(-40, 40), rng.uniform(-40, 40)) for _ in range(rng.randint(3, 7))]  # fmt: skip
             areas.append(Polygon(inclusion, tuple(corners)))
-    return fence(*areas, limits=Limits(rng.uniform(30, 60), rng.uniform(10, 30)))
+    return fence(*areas, limits=FenceLimits(rng.uniform(30, 60), rng.uniform(10, 30)))
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -245,8 +245,8 @@ def test_a_way_does_not_bend_farther_from_home_than_the_fence_allows():
     wall = Polygon(False, ((-2.0, -30.0), (2.0, -30.0), (2.0, 45.0), (-2.0, 45.0)))
     start, end = Vec3(-20.0, 20.0, 5.0), Vec3(20.0, 20.0, 5.0)
     assert fence(wall).way(start, end)[0].y > 45.0
-    assert fence(wall, limits=Limits(across=40.0)).way(start, end)[0].y < -30.0
-    assert fence(wall, limits=Limits(across=32.0)).way(start, end) is None
+    assert fence(wall, limits=FenceLimits(across=40.0)).way(start, end)[0].y < -30.0
+    assert fence(wall, limits=FenceLimits(across=32.0)).way(start, end) is None
 
 
 @pytest.mark.parametrize("near", [0.9, 0.5, 0.1, 0.001])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs_tools.pictures.history import FlightHistory, TopicHistory, value
-from gcs_tools.pictures.quantities import SHOWN, Limits, kept
+from gcs_tools.pictures.quantities import SHOWN, ShownLimits, kept
 from gcs_tools.pictures.view.charts import places, seeded, stretches, thinned
 from gcs_tools.recording.reader import RecordingError
 from gcs_tools.recording.schema import TOPICS
@@ -159,7 +159,7 @@ def test_a_recorded_flight_has_the_limits_that_it_was_flown_with(recording):
     from gcs_tools.pictures.history import recorded
 
     flight = recorded(recording.path)
-    assert flight.limits == Limits.believed()  # paper_nominal changes none
+    assert flight.limits == ShownLimits.believed()  # paper_nominal changes none
     assert flight.ground_z == -10.0
     assert flight.span == tuple(recording.plant["t"][[0, -1]])
 

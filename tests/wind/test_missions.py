@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fcu.kernel.rows import column
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import law_alone, law_flights
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.missions.mission import MissionError, load
 from sitl_plant.physics.types import PlantRecord
@@ -101,7 +101,7 @@ def test_vehicles_in_lanes_meet_the_air_that_they_meet_alone(tmp_path):
         scenes = [
             replace(scene, layers=layers and layers._replace(seed=seed)) for seed in range(1, 5)
         ]
-        found = several.fly(scenes)
+        found = law_flights.fly(scenes)
         for each, flown in zip(scenes, found, strict=True):
             assert flown.plant.tobytes() == law_alone.fly(each)[0].tobytes()
 
@@ -109,11 +109,11 @@ def test_vehicles_in_lanes_meet_the_air_that_they_meet_alone(tmp_path):
 def test_a_building_in_the_way_ends_a_flight_and_so_does_the_end_of_a_field(tmp_path):
     a_field(tmp_path)
     field = 'field = { file = "f", origin_m = [28.0, 30.0, 3.0] }\n'
-    assert several.by_itself(scenario(mission(tmp_path, field))).ended == 0
+    assert law_flights.by_itself(scenario(mission(tmp_path, field))).ended == 0
     into = 'field = { file = "f", origin_m = [31.4, 30.0, 3.0] }\n'  # its rotors reach the wall
-    assert several.by_itself(scenario(mission(tmp_path, into))).ended == 3
+    assert law_flights.by_itself(scenario(mission(tmp_path, into))).ended == 3
     out = 'field = { file = "f", origin_m = [28.0, 59.99, 3.0] }\nsteady_m_s = [0.0, 12.0, 0.0]\n'
-    assert several.by_itself(scenario(mission(tmp_path, out))).ended == 4
+    assert law_flights.by_itself(scenario(mission(tmp_path, out))).ended == 4
 
 
 @pytest.mark.parametrize(

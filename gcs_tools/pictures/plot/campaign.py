@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gcs_tools.pictures.plot.several import COLOURS
+from gcs_tools.pictures.plot.overlays import COLOURS
 from gcs_tools.pictures.plot.style import GREY, INK, LIMIT, MUTED, STYLE, legend, logarithmic
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ import numpy as np
 from fcu.kernel.algebra import Vec3
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import Envelope, step, terms, way
-from gcs_tools.missions.asked import foreseen, legs
 from gcs_tools.missions.mission import Mission
+from gcs_tools.missions.timeline import foreseen, legs
 from gcs_tools.pictures.plot import style
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING, NamedTuple
 
-from gcs_tools.pictures.plot.several import COLOURS
+from gcs_tools.pictures.plot.overlays import COLOURS
 from gcs_tools.pictures.plot.style import GREY, STYLE, legend, logarithmic
 
 if TYPE_CHECKING:

@@ -36,8 +36,8 @@ from gcs_tools.pictures.quantities import (
     OF_TRUTH,
     QUANTITIES,
     WHOLE,
-    Limits,
     Quantity,
+    ShownLimits,
 )
 from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Table
@@ -184,7 +184,7 @@ def flight_figure(
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     flown = EngagedTicks.of(plant, fcu, settle_from_s)
-    flight = FlightHistory.of(title, {TRUTH: flown.plant, FCU: flown.fcu}, Limits.of(params))
+    flight = FlightHistory.of(title, {TRUTH: flown.plant, FCU: flown.fcu}, ShownLimits.of(params))
     with rc_context(STYLE):
         figure = Figure(figsize=SIZE, layout=ConstrainedLayoutEngine(h_pad=0.09, w_pad=0.12))
         _overview(figure, flight, flown.settle_from_s, title)

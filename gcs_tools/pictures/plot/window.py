@@ -10,7 +10,7 @@ import numpy as np
 from gcs_tools.judging.metrics import EngagedTicks
 from gcs_tools.judging.recorded_flight import engaged_ticks
 from gcs_tools.pictures.history import FlightHistory
-from gcs_tools.pictures.quantities import BY_TITLE, Limits
+from gcs_tools.pictures.quantities import BY_TITLE, ShownLimits
 from gcs_tools.recording.reader import Recording, values_told
 from gcs_tools.recording.schema import FCU, TRUTH
 from gcs_tools.recording.table import Rows, Table
@@ -59,7 +59,7 @@ class Window:
         tables = {TRUTH: flight.plant, FCU: flight.fcu, **reports}
         return cls(
             flight=flight,
-            history=FlightHistory.of("", tables, Limits.of(recording.params or {})),
+            history=FlightHistory.of("", tables, ShownLimits.of(recording.params or {})),
             plant=flight.plant,
             fcu=flight.fcu,
             taken_over_s=float(whole.t[0]) if len(whole.t) else np.inf,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_tools.pictures.quantities import Limits
+from gcs_tools.pictures.quantities import ShownLimits
 from gcs_tools.recording.table import Rows
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def about_z(angle: float) -> tuple[float, float, float, float]:
 class Multicopter:
     """The vehicle in the scene, at the node `name`."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, limits: Limits) -> None:
+    def __init__(self, scene: viser.SceneApi, name: str, limits: ShownLimits) -> None:
         """`limits`: of the flight, with where its rotors are."""
         self._of = limits.x, limits.y
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
@@ -90,7 +90,7 @@ class Multicopter:
             box(f"foot_{side}", DARK, (0.36, 0.025, 0.025), (0.0, 1.17 * y, -0.29))
         self._shares: list[Colour] = []
 
-    def is_of(self, limits: Limits) -> bool:
+    def is_of(self, limits: ShownLimits) -> bool:
         """Whether its rotors are where these are."""
         return self._of == (limits.x, limits.y)
 

@@ -31,10 +31,10 @@ from gcs_tools.studies.attack.draws import (
     NoFlightError,
     Numbers,
     attack,
-    drawn,
     parsed,
+    sampled_attack,
 )
-from gcs_tools.studies.attack.flight import Flown, fly
+from gcs_tools.studies.attack.flight import AttackFlown, fly
 from gcs_tools.studies.attack.search import Search, search
 from gcs_tools.studies.attack.verdict import DEFINITIONS, Verdict, verdict
 
@@ -53,7 +53,7 @@ FIXED = {  # what a study says itself of a mission
 }
 
 
-def flown(found: Attack) -> Flown:
+def flown(found: Attack) -> AttackFlown:
     """A drawn flight."""
     return fly(found.scene, found.gust, found.noise)
 
@@ -62,7 +62,7 @@ def campaign(how: How, flights: int, seed: int, console: Console | None = None) 
     """The verdict of each flight, by number, from 0."""
 
     def one(number: int) -> Verdict:
-        found = drawn(seed, number, how)
+        found = sampled_attack(seed, number, how)
         return verdict(found, flown(found))
 
     first = one(0)  # compiles, on one thread
@@ -183,7 +183,7 @@ def computed(policies: tuple[str, ...], how: How, names: tuple[str, ...], as_jso
 def chosen(flight: str, policy: str, how: How, seed: int) -> Attack:
     """A flight by its number, or FILE:RANK of what a search has written. Raises ClickException."""
     if flight.isdecimal():
-        return drawn(seed, int(flight), how._replace(policy=policy))
+        return sampled_attack(seed, int(flight), how._replace(policy=policy))
     name, _, rank = flight.rpartition(":")
     name, rank = (name, rank) if name and rank.isdecimal() else (flight, "0")
     try:

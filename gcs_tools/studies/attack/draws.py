@@ -489,7 +489,7 @@ def attack(n: Numbers, how: How) -> Attack | None:
     )
 
 
-def drawn(seed: int, number: int, how: How) -> Attack:
+def sampled_attack(seed: int, number: int, how: How) -> Attack:
     """Flight `number` of a seed: the first draw whose gains are stable. Raises NoFlightError."""
     random = np.random.default_rng([seed, number])
     for _ in range(TRIES):

@@ -27,8 +27,8 @@ from fcu.mavlink.plant_link import LONGEST
 from fcu.process import burst
 from fcu.process.tick import Tick, beginning
 from gcs_tools.flight import law_alone
-from gcs_tools.flight.joined import ENDED, RAISED, TICKS, together
 from gcs_tools.flight.scenario import Scenario
+from gcs_tools.flight.vehicle_loop import ENDED, RAISED, TICKS, together
 from gcs_tools.studies.attack.wind import OWN, Gust, blown, wanted
 from sitl_plant.burst import NOISE_AT, WIDTH
 from sitl_plant.physics.types import PlantParams, PlantRecord
@@ -63,7 +63,7 @@ class Script(NamedTuple):
     beginning: Rows  # float64[BEGINNING], scratch
 
 
-class Flown(NamedTuple):
+class AttackFlown(NamedTuple):
     """A flight: rows of plant and law, one a tick, and what became of the setpoints."""
 
     plant: Rows  # float64[n, size(PlantRecord)]
@@ -89,7 +89,7 @@ def fits(script, i, flight):
 def attacked(flight, law, plant, datagram, plant_rows, fcu_rows, script, gust):
     """Fly all rows; returns how many ticks were flown, why no more (TICKS: all), and what that leaves.
 
-    flight, law, plant, datagram, plant_rows, fcu_rows : as for `joined.together`.
+    flight, law, plant, datagram, plant_rows, fcu_rows : as for `vehicle_loop.together`.
     """
     h = script.law[0]
     known = margin.known(_unpack_guard(script.guard), _unpack_law(script.law))
@@ -123,7 +123,9 @@ def attacked(flight, law, plant, datagram, plant_rows, fcu_rows, script, gust):
     return len(fcu_rows), TICKS, 0
 
 
-def fly(scene: Scenario, gust: Gust, noise: Rows, refuses: bool = True, told: bool = True) -> Flown:
+def fly(
+    scene: Scenario, gust: Gust, noise: Rows, refuses: bool = True, told: bool = True
+) -> AttackFlown:
     """Fly a scene in a wind.  noise : float64[scene.ticks, 12], of each report.  Raises LawError.
 
     refuses : whether a guard with that policy does.  told : whether its look ahead is told what is
@@ -156,4 +158,4 @@ def fly(scene: Scenario, gust: Gust, noise: Rows, refuses: bool = True, told: bo
         raise LawError(burst.what_was_raised(law, alone, fcu_rows[ticks]))
     if why not in (TICKS, ENDED):
         raise LawError(f"tick {ticks}: {why}, {left}")
-    return Flown(plant_rows[:ticks, : size(PlantRecord)], fcu_rows[:ticks], script.admitted)
+    return AttackFlown(plant_rows[:ticks, : size(PlantRecord)], fcu_rows[:ticks], script.admitted)

@@ -11,7 +11,7 @@ from rich.table import Table
 from fcu.kernel.rows import column
 from fcu.process.tick import Tick
 from gcs_tools.studies.attack.draws import Attack
-from gcs_tools.studies.attack.flight import Flown, Rows
+from gcs_tools.studies.attack.flight import AttackFlown, Rows
 from gcs_tools.studies.attack.verdict import away, limits, transient_s
 from sitl_plant.physics.types import PlantRecord
 
@@ -49,7 +49,7 @@ class Second(NamedTuple):
     governed: float  # part of the ticks
 
 
-def events(attack: Attack, flown: Flown) -> list[Event]:
+def events(attack: Attack, flown: AttackFlown) -> list[Event]:
     """Every limit that was met, by time."""
     scene, rows = attack.scene, flown.fcu
     begun = round(transient_s(scene) * scene.rate_hz)
@@ -66,7 +66,7 @@ def events(attack: Attack, flown: Flown) -> list[Event]:
     return sorted(found, key=lambda event: event.from_s)
 
 
-def columns(attack: Attack, flown: Flown) -> dict[str, Rows]:
+def columns(attack: Attack, flown: AttackFlown) -> dict[str, Rows]:
     """Time histories by name, float64[ticks] each: SI, Earth axes but for torque and rates (body)."""
     rows, met = flown.fcu, limits(attack.scene, flown.fcu)
     found = {
@@ -99,7 +99,7 @@ def columns(attack: Attack, flown: Flown) -> dict[str, Rows]:
     return found
 
 
-def seconds(attack: Attack, flown: Flown) -> list[Second]:
+def seconds(attack: Attack, flown: AttackFlown) -> list[Second]:
     """The flight in parts of EACH_S."""
     c, each = columns(attack, flown), round(EACH_S * attack.scene.rate_hz)
 
@@ -130,7 +130,7 @@ def seconds(attack: Attack, flown: Flown) -> list[Second]:
     ]
 
 
-def write(attack: Attack, flown: Flown, path: Path) -> None:
+def write(attack: Attack, flown: AttackFlown, path: Path) -> None:
     """Every tick as a line of CSV."""
     found = columns(attack, flown)
     rows = np.stack(list(found.values()), axis=1)

@@ -25,7 +25,7 @@ REFUSED = 1e6  # N: of gains that are not stable, which are not flown
 WORST = -1e6  # N: of a flight that has no least
 
 
-class Found(NamedTuple):
+class SearchFound(NamedTuple):
     """The worst flight of a pair of setpoints and wind."""
 
     numbers: Numbers
@@ -36,21 +36,21 @@ class Search(NamedTuple):
     """What a search found, worst first, one for each pair of setpoints and wind."""
 
     flights: int
-    found: list[Found]
+    found: list[SearchFound]
 
 
 def search(how: How, flights: int, seed: int, console: Console | None = None) -> Search:
     """Look for the worst within so many flights (no fewer than two populations)."""
-    worst: dict[tuple[str, str], Found] = {}
+    worst: dict[tuple[str, str], SearchFound] = {}
     flown = 0
 
-    def look(x: Array) -> tuple[float, Found | None]:
+    def look(x: Array) -> tuple[float, SearchFound | None]:
         numbers = Numbers(*map(float, x))
         chosen = attack(numbers, how)
         if chosen is None:
             return REFUSED, None
         said = verdict(chosen, fly(chosen.scene, chosen.gust, chosen.noise))
-        return max(said.least_n, WORST), Found(numbers, said)
+        return max(said.least_n, WORST), SearchFound(numbers, said)
 
     def looked(points: Iterable[Array], what: str) -> list[float]:
         nonlocal flown

@@ -16,7 +16,7 @@ from gcs_tools.flight.scenario import Scenario
 from gcs_tools.gusts import worst_wind
 from gcs_tools.gusts.limits import outputs, torque_room
 from gcs_tools.studies.attack.draws import Attack
-from gcs_tools.studies.attack.flight import Flown, Rows
+from gcs_tools.studies.attack.flight import AttackFlown, Rows
 
 LOST_M = 50.0  # from the setpoint in force when the flight ends
 LAST_S = 1.0  # so long it stays there
@@ -36,7 +36,7 @@ A flight contradicts the guard if it is saturated, lost or late, or has not arri
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
-class Limits(NamedTuple):
+class VerdictLimits(NamedTuple):
     """At each tick: which limits are met, and how far the others are."""
 
     force: Flags  # thrust or tilt at a limit, or the demand beyond them
@@ -118,14 +118,14 @@ def room(scene: Scenario, rows: Rows) -> Rows:
     return torque_room(scene, outputs(rows))
 
 
-def limits(scene: Scenario, rows: Rows) -> Limits:
+def limits(scene: Scenario, rows: Rows) -> VerdictLimits:
     """Of rows of a law's Tick."""
     up = {
         of: column(Tick, rows, f"outputs.saturation.{of}") > 0.5
         for of in ("thrust", "tilt", "torque", "yaw")
     }
     margin = column(Tick, rows, "guard.margin.force")
-    return Limits(
+    return VerdictLimits(
         force=up["thrust"] | up["tilt"] | (margin < 0.0) | ~np.isfinite(margin),
         torque=up["torque"],
         yaw=up["yaw"],
@@ -140,7 +140,7 @@ def away(rows: Rows) -> Rows:
     return np.asarray(np.linalg.norm(off, axis=1))
 
 
-def took(attack: Attack, flown: Flown) -> float:
+def took(attack: Attack, flown: AttackFlown) -> float:
     """From the last setpoint accepted until the vehicle stays near it, over what the guard states."""
     scene, rows = attack.scene, flown.fcu
     accepted = np.flatnonzero(flown.admitted > 0.5)
@@ -186,7 +186,7 @@ def _stated_s(scene: Scenario, off: Rows, behind: Rows, a_m: Rows, moves: Rows) 
     )
 
 
-def verdict(attack: Attack, flown: Flown, from_s: float | None = None) -> Verdict:
+def verdict(attack: Attack, flown: AttackFlown, from_s: float | None = None) -> Verdict:
     """What came of a flight.  from_s : judged from then on (s); None: after the transient."""
     scene, rows = attack.scene, flown.fcu
     begun = round((transient_s(scene) if from_s is None else from_s) * scene.rate_hz)

@@ -142,16 +142,16 @@ def beside(scene: Scenario, repeats: int, alone: float) -> Iterator[Figure]:
     from functools import partial
 
     from fcu.kernel.lanes import WIDTH
-    from gcs_tools.flight import several
+    from gcs_tools.flight import law_flights
 
     def varied(i: int) -> Scenario:
         world = scene.world
         params = world.params._replace(m=world.params.m + 0.05 * i)
         return replace(scene, world=world._replace(params=params, seed=float(i)))
 
-    fly = partial(several.fly, in_all=several.ALWAYS)
-    scenes, nothing = [varied(i) for i in range(WIDTH)], several.Keep(plant=(), law=())
-    hashed = several.Keep(law=())  # what a trajectory hash takes, and a verdict by the truth
+    fly = partial(law_flights.fly, in_all=law_flights.ALWAYS)
+    scenes, nothing = [varied(i) for i in range(WIDTH)], law_flights.Keep(plant=(), law=())
+    hashed = law_flights.Keep(law=())  # what a trajectory hash takes, and a verdict by the truth
     n = len(scenes) * scene.ticks
     label = f"the same, {WIDTH} flights beside each other, "
     lanes = 1e-6 / per_call_s(lambda: fly(scenes, nothing), n, repeats)
@@ -159,7 +159,7 @@ def beside(scene: Scenario, repeats: int, alone: float) -> Iterator[Figure]:
     yield Figure("lanes_mticks_s", f"{label}no rows kept (million ticks/s)", lanes, goal)
     for key, words, keep in (
         ("lanes_plant_rows_mticks_s", "the simulator's rows kept", hashed),
-        ("lanes_all_rows_mticks_s", "all rows kept", several.EVERYTHING),
+        ("lanes_all_rows_mticks_s", "all rows kept", law_flights.EVERYTHING),
     ):
         taken = per_call_s(partial(fly, scenes, keep), n, repeats)
         yield Figure(key, f"{label}{words} (million ticks/s)", 1e-6 / taken)
@@ -170,7 +170,7 @@ def beside(scene: Scenario, repeats: int, alone: float) -> Iterator[Figure]:
         )  # fmt: skip
     yield Figure("lanes_two_cores_mticks_s", f"{label}two cores (million ticks/s)", 1e-6 / two)
     for key, words, keep in (
-        ("flight_mb", "memory of a flight, all rows kept (MB)", several.EVERYTHING),
+        ("flight_mb", "memory of a flight, all rows kept (MB)", law_flights.EVERYTHING),
         ("flight_plant_rows_mb", "of which the simulator's (MB)", hashed),
     ):
         flown = fly(scenes[:2], keep)[0]
@@ -230,7 +230,7 @@ def in_memory(scene: Scenario, repeats: int) -> Iterator[Figure]:
     """The whole vehicle in this process: as many kinds of flight as over the wire."""
     from fcu.kernel.buffers import to_buffer
     from gcs_tools.flight.memory_flight import MemoryFlight
-    from gcs_tools.recording.light import FULL, NONE, recorder
+    from gcs_tools.recording.retention import FULL, NONE, recorder
     from gcs_tools.recording.schema import OURS
 
     def fly(flight: Scenario, mode: str) -> float:

@@ -43,7 +43,7 @@ CASES = {
 
 
 @dataclass(frozen=True)
-class Flown:
+class FigureFlight:
     """A flight, by rows at the ticks at which the law was flying."""
 
     case: Case
@@ -66,13 +66,13 @@ class Flown:
         return f"gcs fly {self.case.mission}{settings}"
 
 
-def fly(case: Case) -> Flown:
+def fly(case: Case) -> FigureFlight:
     """Fly one. Raises MissionError."""
     mission = load(case.mission, case.settings)
     scene = scenario(mission)
     plant, fcu = law_alone.fly(scene)
     ended = dynamics.ENDED.get(Table.of(PlantRecord, plant)["ended"][-1], "")
     flight = EngagedTicks.of(Table.of(PlantRecord, plant), Table.of(Tick, fcu))
-    return Flown(
+    return FigureFlight(
         case, scene.law, flight, flight.plant, flight.fcu, ended, mission.flight.duration_s
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs_tools.pictures.plot.style import DASHED, GREY, INK, LIMIT, STYLE, TIME
 from gcs_tools.studies.figures import rows
-from gcs_tools.studies.figures.cases import Flown
+from gcs_tools.studies.figures.cases import FigureFlight
 from gcs_tools.studies.figures.numbers import QUANTITIES, ended
 from gcs_tools.studies.figures.rows import Legend, Row
 
@@ -36,19 +36,19 @@ class Figure:
     group: str  # of flights
     rows: tuple[Row, ...]
     legend: Legend
-    number: Callable[[Flown], str]  # the one that matters, above a flight's column
+    number: Callable[[FigureFlight], str]  # the one that matters, above a flight's column
 
 
-def _said(group: str, key: str, flown: Flown) -> str:
+def _said(group: str, key: str, flown: FigureFlight) -> str:
     """One number of the page's tables, as it stands there."""
     quantity = next(q for q in QUANTITIES[group] if q.key == key)
     return quantity.said(quantity.of(flown))
 
 
-def _of(text: str, group: str) -> Callable[[Flown], str]:
+def _of(text: str, group: str) -> Callable[[FigureFlight], str]:
     """`text` with each {key} replaced by that number; how the flight ended, if it did not last."""
 
-    def number(flown: Flown) -> str:
+    def number(flown: FigureFlight) -> str:
         if flown.ended:
             return ended(flown)
         found = {q.key: _said(group, q.key, flown) for q in QUANTITIES[group]}
@@ -57,11 +57,11 @@ def _of(text: str, group: str) -> Callable[[Flown], str]:
     return number
 
 
-def _limited(group: str, which: str) -> Callable[[Flown], str]:
+def _limited(group: str, which: str) -> Callable[[FigureFlight], str]:
     """How long at a limit, over the whole flight and from a time on."""
     late = "2" if group == "fast" else "1"
 
-    def number(flown: Flown) -> str:
+    def number(flown: FigureFlight) -> str:
         whole, rest = (_said(group, f"{which}_at_limit{part}_percent", flown) for part in ("", f"_from_{late}_s"))  # fmt: skip
         return f"at a limit {whole} of the flight, {rest} from {late} s on"
 
@@ -106,7 +106,7 @@ def write(path: Path, size: tuple[float, float], draw: Callable[[Picture], None]
     path.write_bytes(drawn.getvalue())
 
 
-def save(name: str, flights: Sequence[Flown], path: Path) -> None:
+def save(name: str, flights: Sequence[FigureFlight], path: Path) -> None:
     """Draw one of FIGURES of its flights, the same bytes for the same flights. Raises OSError."""
     what = FIGURES[name]
     size = (COLUMN * len(flights), ROW * sum(row.height for row in what.rows) + REST)
@@ -114,7 +114,7 @@ def save(name: str, flights: Sequence[Flown], path: Path) -> None:
     write(path, size, lambda picture: _lay_out(picture, title, what, flights))
 
 
-def _lay_out(picture: Picture, title: str, what: Figure, flights: Sequence[Flown]) -> None:
+def _lay_out(picture: Picture, title: str, what: Figure, flights: Sequence[FigureFlight]) -> None:
     """Each flight a column with its number above, each quantity a row."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -148,7 +148,7 @@ def _lay_out(picture: Picture, title: str, what: Figure, flights: Sequence[Flown
     picture.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
-def _draw(axes: Axes, row: Row, flown: Flown) -> None:
+def _draw(axes: Axes, row: Row, flown: FigureFlight) -> None:
     """One row of one flight; what comes after the end of a flight that did not last is grey."""
     until = flown.duration_s if row.until is None else row.until
     if row.log:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.recording.table import Rows
-from gcs_tools.studies.figures.cases import CASES, Flown
+from gcs_tools.studies.figures.cases import CASES, FigureFlight
 
 Value = float | str | None  # None: without meaning for that flight
 
@@ -29,12 +29,12 @@ class Quantity:
     key: str  # with its unit
     figure: int  # of the paper
     label: str
-    measure: Callable[[Flown], Value]
+    measure: Callable[[FigureFlight], Value]
     digits: int  # after the point
     unit: str
     of_diverged: bool = False  # a flight that diverged has it too
 
-    def of(self, flown: Flown) -> Value:
+    def of(self, flown: FigureFlight) -> Value:
         """Measured, in `unit`; None for what has no meaning or is not finite."""
         if flown.ended and not self.of_diverged:
             return None
@@ -50,15 +50,17 @@ class Quantity:
         return f"{value:.{self.digits}f}{'' if self.unit == '°' else ' '}{self.unit}"
 
 
-def _metric(name: str, t_from: float | None = None, scale: float = 1.0) -> Callable[[Flown], Value]:
-    def measure(flown: Flown) -> Value:
+def _metric(
+    name: str, t_from: float | None = None, scale: float = 1.0
+) -> Callable[[FigureFlight], Value]:
+    def measure(flown: FigureFlight) -> Value:
         value = flown.flight.metric(name, t_from)
         return None if value is None else scale * value
 
     return measure
 
 
-def late(flown: Flown, t_from: float) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def late(flown: FigureFlight, t_from: float) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """bool (n,): the ticks from t_from (s) on."""
     return flown.t >= t_from - 1e-6
 
@@ -68,7 +70,7 @@ def norm(parts: Sequence[Rows]) -> Rows:
     return np.sqrt(sum(np.square(part) for part in parts))
 
 
-def angle_errors(flown: Flown, axes: str) -> list[Rows]:
+def angle_errors(flown: FigureFlight, axes: str) -> list[Rows]:
     """Angle minus its command, rad, the short way round, each (n,)."""
     pairs = zip(
         flown.fcu.axes("outputs.angles", axes), flown.fcu.axes("outputs.angles_c", axes),
@@ -77,46 +79,48 @@ def angle_errors(flown: Flown, axes: str) -> list[Rows]:
     return [(flown_to - asked + math.pi) % (2.0 * math.pi) - math.pi for flown_to, asked in pairs]
 
 
-def differences(flown: Flown, name: str, other: str) -> list[Rows]:
+def differences(flown: FigureFlight, name: str, other: str) -> list[Rows]:
     """One Vec3 of the law's rows minus another, each component (n,)."""
     return [
         a - b for a, b in zip(flown.fcu.axes(name), flown.fcu.axes(other), strict=True)
     ]  # fmt: skip
 
 
-def _rms(parts: Callable[[Flown], list[Rows]], scale: float) -> Callable[[Flown], Value]:
+def _rms(
+    parts: Callable[[FigureFlight], list[Rows]], scale: float
+) -> Callable[[FigureFlight], Value]:
     """RMS of a vector's length from SETTLED_S on, scaled."""
 
-    def measure(flown: Flown) -> Value:
+    def measure(flown: FigureFlight) -> Value:
         size = norm(parts(flown))[late(flown, SETTLED_S)]
         return scale * math.sqrt(float(np.mean(size * size)))
 
     return measure
 
 
-def _thrust(which: Callable[[Rows], Rows]) -> Callable[[Flown], Value]:
+def _thrust(which: Callable[[Rows], Rows]) -> Callable[[FigureFlight], Value]:
     return lambda flown: float(which(flown.fcu["outputs.T_c"][late(flown, FIRST_S)]))
 
 
-def gone_from(flown: Flown) -> float | None:
+def gone_from(flown: FigureFlight) -> float | None:
     """Time (s) from which the distance stays below GONE of what it was at first; None: never."""
     error = flown.flight.reference_error
     return _below_from(flown, error, GONE * float(error[0]))
 
 
-def there_from(flown: Flown) -> float | None:
+def there_from(flown: FigureFlight) -> float | None:
     """Time (s) from which the vehicle stays within THERE_M of the setpoint; None: never."""
     return _below_from(flown, flown.flight.setpoint_error, THERE_M)
 
 
-def _below_from(flown: Flown, error: Rows, limit: float) -> float | None:
+def _below_from(flown: FigureFlight, error: Rows, limit: float) -> float | None:
     above = np.flatnonzero(~(error < limit))
     if not len(above):
         return float(flown.t[0])
     return None if above[-1] + 1 == len(error) else float(flown.t[above[-1] + 1])
 
 
-def ended(flown: Flown) -> str:
+def ended(flown: FigureFlight) -> str:
     """How a flight ended, in words."""
     last = float(flown.t[-1])
     if flown.ended:
@@ -194,7 +198,7 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
 }  # fmt: skip
 
 
-def measured(flights: dict[str, list[Flown]]) -> dict[str, dict[str, dict[str, Value]]]:
+def measured(flights: dict[str, list[FigureFlight]]) -> dict[str, dict[str, dict[str, Value]]]:
     """Group, title of a case, key: the number. Unrounded, for machines."""
     return {
         group: {
@@ -208,7 +212,7 @@ def measured(flights: dict[str, list[Flown]]) -> dict[str, dict[str, dict[str, V
     }  # fmt: skip
 
 
-def table(group: str, flights: Sequence[Flown]) -> list[list[str]]:
+def table(group: str, flights: Sequence[FigureFlight]) -> list[list[str]]:
     """A head and rows, as printed: figure, quantity, one column a case, last the command."""
     rows = [["Fig.", "measured", *(flown.case.title for flown in flights)]]
     for quantity in QUANTITIES[group]:

@@ -26,7 +26,7 @@ from gcs_tools.pictures.plot.style import (
 )
 from gcs_tools.pictures.quantities import ENU
 from gcs_tools.recording.table import Rows
-from gcs_tools.studies.figures.cases import Flown
+from gcs_tools.studies.figures.cases import FigureFlight
 from gcs_tools.studies.figures.numbers import FIRST_S, MILLI, SETTLED_S, norm
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Row:
     """One row of a figure."""
 
     label: str  # with its unit
-    draw: Callable[[Axes, Flown], None]
+    draw: Callable[[Axes, FigureFlight], None]
     height: float = 1.0  # against other rows
     span: tuple[float, float] | None = None  # shown, if it is not to follow from the data
     log: bool = False
@@ -53,7 +53,7 @@ def mark(axes: Axes, t: float) -> None:
 
 
 def _position(axis: int) -> Row:
-    def draw(axes: Axes, flown: Flown) -> None:
+    def draw(axes: Axes, flown: FigureFlight) -> None:
         colour, of = THREE[axis], "xyz"[axis]
         line(axes, flown.t, flown.fcu[f"setpoint.r_c.{of}"], color=colour, **DOTTED)
         line(axes, flown.t, flown.fcu[f"outputs.reference.r_m.{of}"], color=colour, **WIDE)
@@ -62,11 +62,11 @@ def _position(axis: int) -> Row:
     return Row(f"{ENU[axis]}, m", draw)
 
 
-def _distance(axes: Axes, flown: Flown) -> None:
+def _distance(axes: Axes, flown: FigureFlight) -> None:
     line(axes, flown.t, np.maximum(flown.flight.reference_error, 1e-4), color=INK, linewidth=0.9)
 
 
-def _known(axes: Axes, flown: Flown) -> None:
+def _known(axes: Axes, flown: FigureFlight) -> None:
     """With it, what it would be were the vehicle known: e(t) = exp(At) e(0) (23), of (34)."""
     mark(axes, SETTLED_S)
     f, zeta, t = flown.law.f_m, flown.law.zeta_m, flown.t
@@ -77,7 +77,7 @@ def _known(axes: Axes, flown: Flown) -> None:
     _distance(axes, flown)
 
 
-def _thrust(axes: Axes, flown: Flown) -> None:
+def _thrust(axes: Axes, flown: FigureFlight) -> None:
     mark(axes, FIRST_S)
     line(axes, flown.t, flown.fcu["outputs.T_achieved"], color=MUTED, **WIDE)
     line(axes, flown.t, flown.fcu["outputs.T_c"], color=X)
@@ -85,14 +85,14 @@ def _thrust(axes: Axes, flown: Flown) -> None:
     flagged(axes, flown.t, flown.fcu["outputs.saturation.thrust"], "")
 
 
-def _delta_u(axes: Axes, flown: Flown) -> None:
+def _delta_u(axes: Axes, flown: FigureFlight) -> None:
     mark(axes, FIRST_S)
     size = norm(flown.fcu.axes("internals.achieved.delta_u"))
     line(axes, flown.t, np.maximum(size, 1e-2), color=INK, linewidth=0.9)
     flagged(axes, flown.t, flown.fcu["outputs.saturation.thrust"], "")
 
 
-def _mass(axes: Axes, flown: Flown) -> None:
+def _mass(axes: Axes, flown: FigureFlight) -> None:
     bounds = flown.law.bounds
     line(axes, flown.t, flown.plant["m"], color=MUTED, **WIDE)
     line(axes, flown.t, flown.fcu["state.estimates.m_hat"], color=X)
@@ -103,7 +103,7 @@ def _mass(axes: Axes, flown: Flown) -> None:
 def _angle(axis: int) -> Row:
     name = ("roll", "pitch", "yaw")[axis]
 
-    def draw(axes: Axes, flown: Flown) -> None:
+    def draw(axes: Axes, flown: FigureFlight) -> None:
         mark(axes, FIRST_S)
         angle, asked = (
             np.degrees(flown.fcu[f"outputs.{of}.{'xyz'[axis]}"]) for of in ("angles", "angles_c")
@@ -120,7 +120,7 @@ def _angle(axis: int) -> Row:
 
 
 def _velocity(axis: int) -> Row:
-    def draw(axes: Axes, flown: Flown) -> None:
+    def draw(axes: Axes, flown: FigureFlight) -> None:
         colour, of = THREE[axis], "xyz"[axis]
         line(axes, flown.t, flown.fcu[f"outputs.reference.v_m.{of}"], color=INK, **DOTTED)
         line(axes, flown.t, flown.fcu[f"measured.v_E.{of}"], color=colour, **WIDE)
@@ -132,7 +132,7 @@ def _velocity(axis: int) -> Row:
 def _rate(axis: int) -> Row:
     span = ((-4.0, 4.0), (-3.0, 3.0), (-1.0, 1.5))[axis]
 
-    def draw(axes: Axes, flown: Flown) -> None:
+    def draw(axes: Axes, flown: FigureFlight) -> None:
         colour, of = THREE[axis], "xyz"[axis]
         asked = flown.fcu[f"outputs.w_c.{of}"]
         line(axes, flown.t, asked, color=INK, **DOTTED)
@@ -150,8 +150,8 @@ def _rate(axis: int) -> Row:
     return Row(f"{'pqr'[axis]}, rad/s", draw, span=span)
 
 
-def _error(name: str) -> Callable[[Axes, Flown], None]:
-    def draw(axes: Axes, flown: Flown) -> None:
+def _error(name: str) -> Callable[[Axes, FigureFlight], None]:
+    def draw(axes: Axes, flown: FigureFlight) -> None:
         size: Rows = MILLI * norm(flown.fcu.axes(f"internals.prediction.{name}"))
         line(axes, flown.t, np.maximum(size, 1e-3), color=INK, linewidth=0.9)
 

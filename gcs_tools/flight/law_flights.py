@@ -35,8 +35,8 @@ __all__ = [
     "ALWAYS",
     "EVERYTHING",
     "REPAID",
-    "Flown",
     "Keep",
+    "LawFlown",
     "each",
     "fly",
     "groups",
@@ -58,7 +58,7 @@ _never: set[tuple[str, bool]] = set()
 _ready: set[tuple[str, bool]] = set()  # packages of laws that are compiled
 
 
-class Flown(NamedTuple):
+class LawFlown(NamedTuple):
     """One flight: what was asked for of its rows, and how it ended."""
 
     plant: Rows  # (n, columns), of PlantRecord
@@ -73,7 +73,7 @@ def fly(
     keep: Keep = EVERYTHING,
     width: int = WIDTH,
     in_all: float | None = None,
-) -> list[Flown]:
+) -> list[LawFlown]:
     """Fly each of the scenes; the result of each, in their order. On one core, without the GIL.
 
     width : of the lanes, 8 or 4: what suits this machine.  in_all : how many flights these are some of,
@@ -83,7 +83,7 @@ def fly(
     for flown in found.values():
         if isinstance(flown, LawError):
             raise flown
-    return [flown for _, flown in sorted(found.items()) if isinstance(flown, Flown)]
+    return [flown for _, flown in sorted(found.items()) if isinstance(flown, LawFlown)]
 
 
 def each(
@@ -91,7 +91,7 @@ def each(
     keep: Keep = EVERYTHING,
     width: int = WIDTH,
     in_all: float | None = None,
-) -> Iterator[tuple[int, Flown | LawError]]:
+) -> Iterator[tuple[int, LawFlown | LawError]]:
     """Number and result of each of the scenes, group by group, in any order: what goes wrong is its own.
 
     Arguments as for `fly`.
@@ -209,7 +209,7 @@ def _groups(scenes: Sequence[Scenario], width: int) -> Iterator[list[int]]:
             yield numbers[at : at + width]
 
 
-def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
+def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, LawFlown]:
     """The flights of a group, those that could be flown in lanes."""
     alike = _alike(scenes, range(len(scenes)))
     law = scenes[0].flown.package, alike
@@ -230,21 +230,21 @@ def _beside(scenes: list[Scenario], keep: Keep, width: int) -> dict[int, Flown]:
         return {}
     each = {lane: group.flown(lane) for lane in range(len(scenes))}
     return {
-        lane: Flown(*flown, in_lanes=True) for lane, flown in each.items() if flown[3] != REFUSED
+        lane: LawFlown(*flown, in_lanes=True) for lane, flown in each.items() if flown[3] != REFUSED
     }
 
 
-def by_itself(scene: Scenario, keep: Keep = EVERYTHING) -> Flown:
+def by_itself(scene: Scenario, keep: Keep = EVERYTHING) -> LawFlown:
     """One flight, by `law_alone.fly`. Raises LawError."""
     return of_rows(scene, *law_alone.fly(scene), keep)
 
 
-def of_rows(scene: Scenario, plant: Rows, law: Rows, keep: Keep = EVERYTHING) -> Flown:
+def of_rows(scene: Scenario, plant: Rows, law: Rows, keep: Keep = EVERYTHING) -> LawFlown:
     """One flight by its rows, of which `keep` is kept.  plant, law : as of `law_alone.fly`."""
     ended = int(plant[-1, _ENDED]) if len(plant) else int(dynamics.FLYING)
     of_plant = keep.columns(PlantRecord, keep.plant)
     of_law = keep.columns(scene.flown.ticks.Tick, keep.law)
-    return Flown(
+    return LawFlown(
         plant=plant if keep == EVERYTHING else np.ascontiguousarray(plant[:: keep.every, of_plant]),
         law=law if keep == EVERYTHING else np.ascontiguousarray(law[:: keep.every, of_law]),
         ticks=len(law),
@@ -253,7 +253,7 @@ def of_rows(scene: Scenario, plant: Rows, law: Rows, keep: Keep = EVERYTHING) ->
     )
 
 
-def tables(scene: Scenario, flown: Flown, keep: Keep = EVERYTHING) -> tuple[Table, Table]:
+def tables(scene: Scenario, flown: LawFlown, keep: Keep = EVERYTHING) -> tuple[Table, Table]:
     """The rows of a flight of `scene`, of the plant and of the law, with the names of what was kept."""
     ticks = scene.flown.ticks.Tick
     return (

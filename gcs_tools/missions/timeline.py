@@ -18,10 +18,10 @@ from fcu.interface.event_log import Event
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3
 from gcs_tools.judging.metrics import SETTLE_S
+from gcs_tools.missions.cache_key import CacheKey
 from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import Follow, GoTo, Hold, Land, Plan, Return, TakeOff
 from gcs_tools.missions.paths import Path
-from gcs_tools.missions.same import Same
 from gcs_tools.missions.trajectory import (
     last_change_s,
     positions_at,
@@ -50,7 +50,7 @@ class Sent(NamedTuple):
     setpoint: Setpoint
 
 
-class Asked(Protocol):
+class Timeline(Protocol):
     """What was asked for over the time of a flight."""
 
     @property
@@ -99,17 +99,17 @@ class Timed:
 
     def sent(self) -> Sequence[Sent]:
         """As Asked has it."""
-        return _sent(same(self.flight))
+        return _sent(cache_key(self.flight))
 
 
-def same(flight: Flight) -> Same[Flight]:
+def cache_key(flight: Flight) -> CacheKey[Flight]:
     """A key that is equal for what asks the same, whatever its seed; not of items, which follow files."""
     assert not flight.items
-    return Same(flight, flight.model_dump_json(exclude={"seed"}))
+    return CacheKey(flight, flight.model_dump_json(exclude={"seed"}))
 
 
 @lru_cache(maxsize=16)
-def _sent(asks: Same[Flight]) -> tuple[Sent, ...]:
+def _sent(asks: CacheKey[Flight]) -> tuple[Sent, ...]:
     flight = asks.of
     return tuple(Sent(k, setpoint_at(flight, k / flight.rate_hz)) for k in setpoint_times(flight))
 
@@ -292,7 +292,7 @@ def path_ticks(leg: Leg, begin: int, flight: Flight) -> Iterable[int]:
     yield end
 
 
-def asked(flight: Flight, begun: tuple[Begun, ...] = ()) -> Asked:
+def timeline(flight: Flight, begun: tuple[Begun, ...] = ()) -> Timeline:
     """What a flight was asked for. `begun`: the legs of its items, if it has items."""
     return Itinerary(flight, begun) if flight.items else Timed(flight)
 

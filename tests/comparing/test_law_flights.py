@@ -13,7 +13,7 @@ from fcu.kernel.lanes import WIDTH
 from fcu.kernel.rows import column_of
 from fcu.laws.loader import LawError
 from fcu.process.tick import Tick
-from gcs_tools.flight import law_alone, several
+from gcs_tools.flight import law_alone, law_flights
 from gcs_tools.flight.run import prepared
 from gcs_tools.studies import lanes_check
 from sitl_plant.physics.dynamics import CRASHED, DIVERGED, FLYING
@@ -29,7 +29,7 @@ def scene():
 
 def fly(scenes, *keep):
     """In lanes, compiled or not."""
-    return several.fly(scenes, *keep, in_all=several.ALWAYS)
+    return law_flights.fly(scenes, *keep, in_all=law_flights.ALWAYS)
 
 
 def varied(scene, n):
@@ -61,9 +61,9 @@ def test_drawn_flights_have_the_bits_of_each_by_itself():
 
 @pytest.mark.slow
 def test_in_four_lanes_too():
-    scenes = [lanes_check.drawn(i, SEED, 1.5) for i in range(3 * DRAWN)]
+    scenes = [lanes_check.sampled_scenario(i, SEED, 1.5) for i in range(3 * DRAWN)]
     alike = [s for s in scenes if s.settings == scenes[0].settings]  # one law is compiled for it
-    flown = several.fly(alike, width=4, in_all=several.ALWAYS)
+    flown = law_flights.fly(alike, width=4, in_all=law_flights.ALWAYS)
     assert sum(one.in_lanes for one in flown) > 0.8 * len(alike) > 12
     assert {one.ended for one in flown} == {FLYING, CRASHED, DIVERGED}
     for one, scene in zip(flown, alike, strict=True):
@@ -106,7 +106,7 @@ def test_what_is_chosen_by_a_word_parts_groups_and_no_lanes():
         for f_m in (0.8, 1.0)
         for settings in chosen
     ]
-    groups = several.groups(scenes, in_all=several.ALWAYS)
+    groups = law_flights.groups(scenes, in_all=law_flights.ALWAYS)
     assert sorted(map(sorted, groups)) == [[0, 3], [1, 4], [2, 5]]
     for one, each in zip(fly(scenes), scenes, strict=True):
         assert one.in_lanes
@@ -115,7 +115,7 @@ def test_what_is_chosen_by_a_word_parts_groups_and_no_lanes():
 
 def test_branches_that_not_all_lanes_take_are_flown_one_by_one(monkeypatch):
     """What a law is told to predict with is asked in an `if`; here nobody knows that it is chosen."""
-    monkeypatch.setattr(several, "_choices", lambda scene: ())
+    monkeypatch.setattr(law_flights, "_choices", lambda scene: ())
     scenes = [
         prepared("paper_nominal", ["flight.duration_s=0.2", *settings])[1]
         for settings in ([], ['law.prediction="demanded"'])
@@ -161,7 +161,7 @@ def test_one_that_falls_on_the_ground(scene):
 
 
 def test_a_part_of_the_rows(scene):
-    keep = several.Keep(plant=("state.r_E", "ended"), law=("outputs.T_c", "command"), every=7)
+    keep = law_flights.Keep(plant=("state.r_E", "ended"), law=("outputs.T_c", "command"), every=7)
     scenes = varied(scene, 3)
     for one, each in zip(fly(scenes, keep), scenes, strict=True):
         plant, law = law_alone.fly(each)
@@ -169,17 +169,17 @@ def test_a_part_of_the_rows(scene):
         assert np.array_equal(one.plant, plant[::7, at])
         assert one.law.shape == (-(-len(law) // 7), 9)
         assert np.array_equal(one.law[:, 0], law[::7, column_of(Tick, "outputs.T_c")])
-        alone = several.by_itself(each, keep)
+        alone = law_flights.by_itself(each, keep)
         assert one.plant.tobytes() == alone.plant.tobytes()
         assert one.law.tobytes() == alone.law.tobytes()
 
 
 def test_what_is_kept_has_its_names(scene):
-    keep = several.Keep(plant=("ended",), law=("setpoint.r_c", "outputs.T_c"))
-    whole = several.Flown(*law_alone.fly(scene), scene.ticks, FLYING, False)
-    every = several.tables(scene, whole)
-    for one in (*fly(varied(scene, 2), keep)[:1], several.by_itself(scene, keep)):
-        plant, law = several.tables(scene, one, keep)
+    keep = law_flights.Keep(plant=("ended",), law=("setpoint.r_c", "outputs.T_c"))
+    whole = law_flights.LawFlown(*law_alone.fly(scene), scene.ticks, FLYING, False)
+    every = law_flights.tables(scene, whole)
+    for one in (*fly(varied(scene, 2), keep)[:1], law_flights.by_itself(scene, keep)):
+        plant, law = law_flights.tables(scene, one, keep)
         assert plant.names == ("ended",)
         assert law.names == ("setpoint.r_c.x", "setpoint.r_c.y", "setpoint.r_c.z", "outputs.T_c")
         for name in law.names:
@@ -191,28 +191,28 @@ def test_rows_have_room(scene, monkeypatch):
     flown = fly(scenes)
     kept = flown[0].plant.nbytes + flown[0].law.nbytes
     for room, together in ((9 * kept, True), (1.5 * kept, False)):
-        monkeypatch.setattr(several, "ROOM", int(room))
+        monkeypatch.setattr(law_flights, "ROOM", int(room))
         again = fly(scenes)
         assert [one.in_lanes for one in again] == [together] * 8
         assert [one.plant.tobytes() for one in again] == [one.plant.tobytes() for one in flown]
 
 
 def test_no_rows_at_all(scene):
-    one, _ = fly(varied(scene, 2), several.Keep(plant=(), law=()))
+    one, _ = fly(varied(scene, 2), law_flights.Keep(plant=(), law=()))
     assert one.plant.shape[1] == one.law.shape[1] == 0
     assert one.ticks == scene.ticks
 
 
 def test_a_field_that_there_is_not_is_named(scene):
     with pytest.raises(AttributeError, match="no_such"):
-        fly(varied(scene, 2), several.Keep(plant=("state.no_such",)))
+        fly(varied(scene, 2), law_flights.Keep(plant=("state.no_such",)))
 
 
 def test_a_state_that_no_controller_would_read_is_told(scene):
     scenes = varied(scene, 2)
     start = scenes[1].world.start._replace(q_EB=scenes[1].world.start.q_EB.scaled(1.2))
     scenes[1] = replace(scenes[1], world=scenes[1].world._replace(start=start))
-    found = dict(several.each(scenes, in_all=several.ALWAYS))
+    found = dict(law_flights.each(scenes, in_all=law_flights.ALWAYS))
     same(found[0], scenes[0])
     assert isinstance(found[1], LawError)
     with pytest.raises(LawError, match="unit quaternion"):
@@ -222,7 +222,7 @@ def test_a_state_that_no_controller_would_read_is_told(scene):
 def test_the_groups_have_alike_settings_where_these_fill_lanes(scene):
     other = prepared("paper_nominal", ["flight.duration_s=0.4", "law.f_m=0.7"])[1]
     scenes = [scene, other] * 5 + [replace(scene, period_us=scene.period_us + 1)]
-    groups = list(several.groups(scenes, width=4, in_all=several.ALWAYS))
+    groups = list(law_flights.groups(scenes, width=4, in_all=law_flights.ALWAYS))
     assert sorted(i for group in groups for i in group) == list(range(11))
     assert groups[:2] == [[0, 2, 4, 6], [1, 3, 5, 7]]
     assert sorted(map(sorted, groups[2:])) == [[8, 9], [10]]
@@ -232,7 +232,7 @@ def test_flights_of_one_length_share_lanes(scene):
     """A lane whose flight is over waits for the longest."""
     scenes = varied(scene, 16)
     scenes = [replace(one, ticks=one.ticks // (1 + i % 2)) for i, one in enumerate(scenes)]
-    groups = several.groups(scenes, width=8, in_all=several.ALWAYS)
+    groups = law_flights.groups(scenes, width=8, in_all=law_flights.ALWAYS)
     assert list(groups) == [[*range(1, 16, 2)], [*range(0, 16, 2)]]
 
 
@@ -240,18 +240,20 @@ def test_flights_of_one_length_share_lanes(scene):
 def compiled(monkeypatch):
     """The kernels of lanes that are in the cache: none but what a test adds."""
     found = set()
-    monkeypatch.setattr(several, "_ready", set())
-    monkeypatch.setattr(several, "is_cached", lambda name, package="fcu", told=True: name in found)
+    monkeypatch.setattr(law_flights, "_ready", set())
+    monkeypatch.setattr(
+        law_flights, "is_cached", lambda name, package="fcu", told=True: name in found
+    )
     return found
 
 
 def test_lanes_are_compiled_for_flights_that_repay_it(scene, compiled):
     scenes = varied(scene, 4)
-    repaid = several.REPAID / scene.ticks
-    assert len(list(several.groups(scenes))) == 4
-    assert len(list(several.groups(scenes, in_all=0.9 * repaid))) == 4
-    assert len(list(several.groups(scenes, in_all=1.1 * repaid))) == 1
-    assert [one.in_lanes for one in several.fly(scenes)] == [False] * 4
+    repaid = law_flights.REPAID / scene.ticks
+    assert len(list(law_flights.groups(scenes))) == 4
+    assert len(list(law_flights.groups(scenes, in_all=0.9 * repaid))) == 4
+    assert len(list(law_flights.groups(scenes, in_all=1.1 * repaid))) == 1
+    assert [one.in_lanes for one in law_flights.fly(scenes)] == [False] * 4
 
 
 def test_ticks_are_counted_for_each_law_and_kind_of_settings(scene, compiled):
@@ -261,25 +263,25 @@ def test_ticks_are_counted_for_each_law_and_kind_of_settings(scene, compiled):
         for f_m in (0.6, 0.7)
     ]
     scenes = [*varied(scene, 8), *others]
-    repaid = several.REPAID / scene.ticks
-    groups = several.groups(scenes, width=8, in_all=2.0 * repaid)
+    repaid = law_flights.REPAID / scene.ticks
+    groups = law_flights.groups(scenes, width=8, in_all=2.0 * repaid)
     assert sorted(map(sorted, groups)) == [[0, 1, 2, 3, 4, 5, 6, 7], [8], [9]]
 
 
 def test_lanes_that_are_compiled_fly_any_flights(scene, compiled):
     scenes = varied(scene, 4)
     compiled |= {"fcu.process.tick.lanes_each_at", "lane_flights.burst"}
-    assert len(list(several.groups(scenes))) == 4  # their settings are alike
+    assert len(list(law_flights.groups(scenes))) == 4  # their settings are alike
     compiled |= {"fcu.process.tick.lanes_at"}
-    assert len(list(several.groups(scenes))) == 1
+    assert len(list(law_flights.groups(scenes))) == 1
 
 
 def test_whoever_waits_for_no_lanes_is_still_told_of_what_is_compiled(scene, tmp_path, monkeypatch):
     """Asking whether they are there is no word to the user."""
-    monkeypatch.setattr(several, "_ready", set())
+    monkeypatch.setattr(law_flights, "_ready", set())
     monkeypatch.setattr(cache, "_told", set())
     monkeypatch.setitem(compile._folders, "fcu", cache.Folder(tmp_path))
-    assert len(list(several.groups(varied(scene, 4)))) == 4
+    assert len(list(law_flights.groups(varied(scene, 4)))) == 4
     assert cache._told == set()
 
 
@@ -299,5 +301,5 @@ def test_two_versions_of_a_law_share_no_lanes(tmp_path):
         file.write_text(Path("tests/own_law/plain_cascade.py").read_text() + version)
         scenes += [prepared("gust_step", ["flight.duration_s=0.1"], law=str(file))[1]] * 4
     assert scenes[0].flown.source == scenes[4].flown.source
-    groups = several.groups(scenes, in_all=several.ALWAYS)
+    groups = law_flights.groups(scenes, in_all=law_flights.ALWAYS)
     assert sorted(map(sorted, groups)) == [[0, 1, 2, 3], [4, 5, 6, 7]]

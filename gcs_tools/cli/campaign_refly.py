@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FOLDER = "again"  # in a campaign's folder: missions of its flights
 
 
-class Again:
+class CampaignFlights:
     """The missions of a command line, those of the form CAMPAIGN#NUMBER as files."""
 
     def __init__(self, names: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 Value = TypeVar("Value")
 
 
-class Same(Generic[Value]):
+class CacheKey(Generic[Value]):
     """A value as the key of a cache: equal to another of which the same is told.
 
     Numbers are told as text or bytes: 0.0 equals -0.0, and flies to other bits.
@@ -21,4 +21,4 @@ class Same(Generic[Value]):
         return hash(self._told)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Same) and self._told == other._told
+        return isinstance(other, CacheKey) and self._told == other._told
