@@ -25,7 +25,7 @@ from fcu.interface.airframe import AirframeFile
 from fcu.interface.event_log import Event
 from fcu.interface.files.input_file import opened
 from gcs_tools.recording import events, notebook, old_names
-from gcs_tools.recording.layout import LayoutError, decode, encode
+from gcs_tools.recording.layout import LayoutError, decode
 from gcs_tools.recording.records import MAGIC_BYTES, records, whole_records
 from gcs_tools.recording.schema import FCU, PARAMS, PLANT, TOPICS, TRUTH, Topic
 from gcs_tools.recording.table import Rows, Table
@@ -153,9 +153,7 @@ class _Contents:
         for name, channel in self.channels.items():
             schema = self.schemas[channel.schema_id]
             of_row: Mapping[str, str] = channel.metadata
-            if self.version in old_names.WITHOUT_ROWS:
-                of_row = old_names.ROWS.get(name, {})
-            elif not of_row and name in TOPICS:  # a copy by a tool that does not keep it
+            if not of_row and name in TOPICS:  # a copy by a tool that does not keep it
                 of_row = TOPICS[name].metadata
             topic = Topic.described(name, schema.name, schema.data, of_row)
             if topic.has_layout:  # others have words, or are somebody else's
@@ -178,16 +176,6 @@ class _Contents:
         """The same, of a topic that is of no row."""
         ours = topic.name in TOPICS and (self.is_of_our_law or topic.name not in OF_A_LAW)
         return TOPICS[topic.name].columns if ours else []
-
-    def present_names(self, topic: Topic) -> list[str]:
-        """The columns of a topic, called what this version calls them."""
-        if self.version not in old_names.WITHOUT_ROWS:
-            return topic.columns
-        if topic.name == PARAMS:
-            return [old_names.of_params(name) for name in topic.columns]
-        if topic.row == FCU:
-            return [old_names.of_tick(name) for name in topic.columns]
-        return topic.columns
 
 
 class _Part(NamedTuple):
@@ -213,7 +201,7 @@ def _part(contents: _Contents, topic: Topic) -> _Part:
         rows = decode(topic.layout, [message.data for message in messages])
     except LayoutError as error:
         raise LayoutError(f"{topic.name}: {error}") from error
-    return _Part(sequence, Table(rows, contents.present_names(topic)))
+    return _Part(sequence, Table(rows, topic.columns))
 
 
 def _filled(table: Table, known: list[str]) -> Table:
@@ -299,26 +287,7 @@ def messages(path: Path) -> tuple[dict[str, str], dict[str, Topic], dict[str, Me
         if contents.is_old and events.TOPIC in found:
             told = [*map(events.encode, _events(contents))]
             found[events.TOPIC] = found[events.TOPIC]._replace(data=told)
-        if contents.version in old_names.WITHOUT_ROWS:
-            beside = {name: found[name] for name in found if name not in topics}
-            topics, found = TOPICS, {**_as_present(contents, topics), **beside}
     return contents.metadata, topics, found
-
-
-def _as_present(contents: _Contents, topics: Mapping[str, Topic]) -> dict[str, Messages]:
-    """What is on file, in messages of this version's topics."""
-    rows = {row: _together(contents, [*topics.values()], row) for row in (PLANT, FCU)}
-    found = {}
-    for topic in TOPICS.values():
-        if not topic.row and topic.name not in topics:
-            continue
-        sequence, table = rows.get(topic.row) or _beside(contents, topics[topic.name])
-        time_ns = np.rint(table["t"] * 1e9).astype(np.uint64)
-        values = np.stack([table[name] for name in topic.columns], axis=1)
-        found[topic.name] = Messages(
-            topic.encoding, sequence, time_ns, encode(topic.layout, values)
-        )  # fmt: skip
-    return found
 
 
 def _opened(path: Path) -> tuple[_Contents, bool]:

@@ -18,7 +18,6 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from fcu.guard.types import GuardInternals, GuardParams, GuardState
 from fcu.interface.event_log import Event, event
 from fcu.interface.messages import VehicleState
 from fcu.interface.status_texts import Code, Told
@@ -27,12 +26,11 @@ from fcu.kernel.buffers import columns, size
 from fcu.kernel.rows import column
 from fcu.process.settings import Settings
 from fcu.process.tick import Tick
-from gcs_tools.judging.metrics import metrics
 from gcs_tools.judging.recorded_flight import flight_of
 from gcs_tools.missions.mission import load
 from gcs_tools.missions.timeline import ITEM_BEGUN, read_begun
 from gcs_tools.recording import events, old_names, schema
-from gcs_tools.recording.layout import decode, encode, layout
+from gcs_tools.recording.layout import encode
 from gcs_tools.recording.mcap_file import RecordingFile, block_of
 from gcs_tools.recording.reader import RecordingError, messages, read, values_told
 from gcs_tools.recording.schema import TOPICS, Declaration, FcuRow, Kinds, PlantRow, topic_of
@@ -291,73 +289,15 @@ def test_refusals_name_the_file_and_the_reason(tmp_path: Path) -> None:
         read(path)
 
 
-def as_written(path: Path) -> dict[str, float]:
-    """Every number of the last message of each topic, by topic and the name in its schema."""
-    found = {}
-    with path.open("rb") as file:
-        for kind, channel, message in make_reader(file).iter_messages():
-            assert kind is not None
-            if kind.name.startswith(schema.PACKAGE):
-                form = layout(kind.data, kind.name)
-                values = zip(form.names, decode(form, [message.data])[0].tolist(), strict=True)
-                found |= {f"{channel.topic} {name}": value for name, value in values}
-    return found
-
-
-@pytest.mark.parametrize("version", old_names.WITHOUT_ROWS[1:])
-def test_an_older_recording_is_read_by_present_names(version: str) -> None:
-    """Five ticks of paper_nominal as older versions wrote them: every number, and no other."""
-    path = Path(__file__).with_name(f"version_{version}.mcap")
-    recording = read(path)
-    assert recording.complete and len(recording.fcu) == len(recording.plant) == 5
-    assert recording.params is not None
-    for name, value in as_written(path).items():
-        topic, field = name.split(" ")
-        of_row = old_names.ROWS[topic]
-        old = field if field in of_row["own"].split() else of_row["prefix"] + field
-        if topic == schema.PARAMS:
-            new = old_names.of_params(old)
-            found = recording.params.get(new, value)  # their time is not among them
-        else:
-            new = old if topic == schema.TRUTH else old_names.of_tick(old)
-            tables = {"plant": recording.plant, "fcu": recording.fcu}
-            found = tables.get(of_row.get("row", ""), recording.reports.get(topic))[new][-1]  # type: ignore[index]
-        assert np.float64(found).tobytes() == np.float64(value).tobytes(), name
-    assert set(columns(Tick)) <= set(recording.fcu.names)
-    assert set(columns(Settings)) <= set(recording.params)
-
-
-def test_what_version_2_did_not_have_is_not_a_number() -> None:
-    recording = read(Path(__file__).with_name("version_2.mcap"))
-    assert recording.params is not None
-    unknown = {name for name in recording.fcu.names if np.isnan(recording.fcu[name]).all()}
-    assert {".".join(name.split(".")[:2]) for name in unknown} == {
-        *(f"guard_state.{name}" for name in GuardState._fields),
-        *(f"guard.{name}" for name in GuardInternals._fields),
-        "internals.demand",
-        "outputs.saturation",
-    }
-    assert {name for name in unknown if name.startswith("outputs.")} == {"outputs.saturation.yaw"}
-    assert {name for name in unknown if name.startswith("internals.")} == {
-        f"internals.demand.T_0.{axis}" for axis in "xyz"
-    }
-    assert all(np.isnan(recording.params[f"guard.{name}"]) for name in columns(GuardParams))
-    found = metrics(recording.plant, recording.fcu)
-    assert found["thrust_saturated_fraction"] == 0.0
-    assert found["governed_fraction"] is found["margin_min_n"] is None
-
-
-@pytest.mark.parametrize("version", old_names.WITHOUT_ROWS[1:])
-def test_an_older_recording_is_replayed_in_present_messages(version: str) -> None:
-    path = Path(__file__).with_name(f"version_{version}.mcap")
-    recording = read(path)
-    _, topics, found = messages(path)
-    assert topics == TOPICS
-    for topic in (t for t in topics.values() if t.row == schema.FCU):
-        said = found[topic.name]
-        assert said.time_ns.tolist() == [0, 2_000_000, 4_000_000, 6_000_000, 8_000_000]
-        rows = np.stack([recording.fcu[name] for name in topic.columns], axis=1)
-        assert decode(topic.layout, said.data).tobytes() == rows.tobytes()
+@pytest.mark.parametrize("version", ["1", "3"])
+def test_a_recording_from_before_the_first_release_is_refused(tmp_path: Path, version: str) -> None:
+    path = tmp_path / "flight.mcap"
+    text = Path(__file__).with_name("version_4.mcap").read_bytes()
+    key = b"schema_version\x01\x00\x00\x00"
+    assert key + b"4" in text
+    path.write_bytes(text.replace(key + b"4", key + version.encode()))
+    with pytest.raises(RecordingError, match=f"recording version {version}; this program reads 5"):
+        read(path)
 
 
 def test_version_4_told_events_and_values_in_sentences() -> None:
