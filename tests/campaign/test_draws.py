@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy import stats
 
 from gcs_tools.campaigns.campaign_file import CampaignError, read
 from gcs_tools.campaigns.distributions import Distribution
+from gcs_tools.campaigns.draws import Draws
 
 U = (np.arange(20_000) + 0.5) / 20_000
 
@@ -168,6 +170,24 @@ def test_a_layout_has_a_flight_in_every_part(make, method):
     masses = np.array([draws.quantities(n)["plant.mass_kg"] for n in range(16)])
     parts = np.floor((masses - 0.8) / 0.4 * 16).astype(int)
     assert sorted(parts) == list(range(16))
+
+
+def test_layouts_miss_a_mean_by_less_than_random_draws():
+    """The figures of docs/campaigns.md: four quantities, 256 flights, 20 seeds, printed with pytest -s."""
+    x = np.linspace(0.0, 1.0, 100_001)
+    mean = np.exp(-2.0 * (x - 0.3) ** 2).mean() ** 4
+    four = tuple((SimpleNamespace(name=str(i)), None) for i in range(4))
+    missed = {}
+    for method in ("random", "latin_hypercube", "sobol"):
+        found = []
+        for seed in range(20):
+            draws = Draws(method, seed, 256, four, (), True)
+            parts = np.array([draws._parts(number) for number in range(256)])
+            found.append(np.exp(-2.0 * (parts - 0.3) ** 2).prod(axis=1).mean() / mean - 1.0)
+        missed[method] = float(np.sqrt(np.mean(np.square(found))))
+    print(missed)
+    assert 20.0 * missed["sobol"] < missed["random"] < 0.06
+    assert missed["sobol"] < missed["latin_hypercube"] < 0.5 * missed["random"]
 
 
 def test_random_draws_are_those_of_any_number_of_flights(make):
