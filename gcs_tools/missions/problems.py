@@ -81,8 +81,8 @@ def told(
         elif kind == "because":
             said = context["why"]
         else:
-            known = _EXPECTED.get(kind)  # else in pydantic's words
-            said = f"expected {known.format(**context)}" if known else _lower(problem["msg"])
+            form = _EXPECTED.get(kind)  # else in pydantic's words
+            said = f"expected {form.format(**context)}" if form else _lower(problem["msg"])
             said += "" if got is _NOTHING else f", got {shown(got)}"
             if kind == "model_type" and (keys := _known(path, model)):
                 said += f" (a table of {', '.join(keys)})"
