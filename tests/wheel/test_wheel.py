@@ -28,7 +28,9 @@ def test_nothing_of_the_checkout_is_imported(bare: Bare, tmp_path: Path) -> None
     assert done.stdout.split() == [
         str(bare.packages / name) for name in ("fcu", "gcs_tools", "sitl_plant")
     ]
-    assert bare.run(tmp_path, "python", "-c", "import gcs_tools.studies").returncode == 1
+    for left_out in ("gcs_tools.studies", "fcu.theory"):
+        assert bare.run(tmp_path, "python", "-c", f"import {left_out}").returncode == 1
+    assert bare.run(tmp_path, "python", "-c", "import gcs_tools.judging.envelope").returncode == 0
 
 
 def test_the_wheel_uses_what_the_checkout_has_compiled(bare: Bare, tmp_path: Path) -> None:
