@@ -71,6 +71,7 @@ TEXTS = {
     "hexadecimal": f"{HOVER}\n[law]\nf_m = 0x{DIGITS}\n",
     "dots": f"{'a.' * 500_000}b = 1\n{HOVER}",
     "quoted dots": f"{chr(34)}a{chr(34)}." * 300_000 + f"b = 1\n{HOVER}",
+    "dots after five quotes": f'x = {{ a = """b""""", {"a." * 200_000}b = 1 }}\n{HOVER}',
     "byte order mark": f"\ufeff{HOVER}",
 }
 LONG = 400_000  # characters: whoever looks from each at all that follow takes minutes
@@ -189,6 +190,16 @@ def test_what_is_long_is_read_at_once(kind):
         check=False, preexec_fn=limited, timeout=180,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "1 1\n"), done.stderr
+
+
+@pytest.mark.parametrize("text", ['\\"', '"""a', "'''a", '"\\\n', "'a\n"])
+def test_texts_without_an_end_are_searched_once(text):
+    """In a process of its own, of so much processor time and no more."""
+    done = subprocess.run(
+        [sys.executable, "-c", READ], input=text * (LONG // len(text)), capture_output=True, text=True,
+        check=False, preexec_fn=limited, timeout=180,
+    )  # fmt: skip
+    assert "TomlError" in done.stderr, done.returncode
 
 
 @pytest.mark.parametrize("value", [f"{BRACKETS}{']' * 5000}", DIGITS, f"0x{DIGITS}"])

@@ -21,12 +21,13 @@ LONG = 60  # characters of a value in a message
 DEEPEST = 32  # tables and arrays within one another, names with dots between them
 MARK = "\ufeff"  # a byte order mark, which TOML does not know
 
-# What is not to be searched for dots: strings and comments. Possessive: nothing is tried twice.
+# What is not to be searched for dots: strings and comments. Possessive: nothing is tried twice. A string that does
+# not end is one too, up to the end of its line or of the file: a search from each quote takes the square.
 _APART = re.compile(
-    r'"""(?:[^"\\]++|\\.|"(?!""))*+"""'
-    r"|'''(?:[^']++|'(?!''))*+'''"
-    r'|"(?:[^"\\\n]++|\\.)*+"'
-    r"|'[^'\n]*+'"
+    r'"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{3,5}+)?+'
+    r"|'''(?:[^']++|'(?!''))*+(?:'{3,5}+)?+"
+    r'|"(?:[^"\\\n]++|\\[^\n])*+"?+'
+    r"|'[^'\n]*+'?+"
     r"|#[^\n]*+",
     re.DOTALL,
 )
