@@ -52,8 +52,13 @@ def test_a_cell_has_the_greatest_value_up_to_which_all_flights_succeed(tmp_path)
     np.testing.assert_array_equal(every.none, [[False, True], [False, True], [False, False]])
     np.testing.assert_array_equal(first.cells, every.cells)
     assert first.title == "law.guard warn" and found.levels == (1.0, 2.0, 3.0)
-    (path,) = maps.save(campaign, flown, tmp_path)
-    assert path.read_bytes().startswith(b"\x89PNG")
+    letter, out = tmp_path / "letter", tmp_path / "out"
+    letter.write_text("dear")
+    out.mkdir()
+    (out / "map.png").symlink_to(letter)
+    (path,) = maps.save(campaign, flown, out)
+    assert path.read_bytes().startswith(b"\x89PNG") and not path.is_symlink()
+    assert letter.read_text() == "dear"
 
 
 def test_without_a_third_quantity_a_cell_has_the_share_that_succeeds(tmp_path):
@@ -69,7 +74,7 @@ def test_without_a_third_quantity_a_cell_has_the_share_that_succeeds(tmp_path):
         (MAP.replace("azimuth_deg", "azimut"), "drawn quantities"),
         (MAP + 'up_to = "plant.mass_kg"\n', "quantities that differ"),
         (MAP + 'panels = "law.f_m"\n', "drawn with choice"),
-        ("[map]\n", "map.over: is missing"),
+        ("[map]\n", r"\[map\] over: is missing"),
     ],
 )
 def test_a_map_of_what_is_not_drawn_is_refused(tmp_path, map_of, said):

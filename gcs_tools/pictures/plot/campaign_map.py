@@ -59,7 +59,7 @@ class Roofs(NamedTuple):
 
 
 def save(title: str, of: Drawn, roofs: Roofs | None, path: Path) -> None:
-    """Draw a map. Raises OSError."""
+    """Draw a map, in place of what is at `path`, be it a link. Raises OSError."""
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
@@ -105,7 +105,7 @@ def save(title: str, of: Drawn, roofs: Roofs | None, path: Path) -> None:
             bar.ax.tick_params(length=0)
         bar.set_label(textwrap.fill(f"{of.label}; grey: none", 46), fontsize=8.5)
         figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
-        style.save(figure, path)
+        style.save(figure, path, follow=False)
 
 
 def _draw(

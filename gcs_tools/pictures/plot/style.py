@@ -59,12 +59,15 @@ STYLE: Any = {
 TIME = "simulation time, s"
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure to a .png, .svg or .pdf, the same bytes each time, whole or not at all. Raises OSError."""
+def save(figure: Figure, path: Path, follow: bool = True) -> None:
+    """Write a figure to a .png, .svg or .pdf, the same bytes each time, whole or not at all. Raises OSError.
+
+    follow : as for whole_file.part.
+    """
     kind, picture = path.suffix.lower().removeprefix("."), BytesIO()
     metadata = {"Software": None} if kind == "png" else None
     figure.savefig(picture, format=kind, dpi=110, metadata=metadata)
-    whole_file.write(path, picture.getvalue())
+    whole_file.write(path, picture.getvalue(), follow)
 
 
 def logarithmic(axes: Axes, *which: Literal["x", "y"]) -> None:
