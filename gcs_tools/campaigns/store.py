@@ -73,7 +73,7 @@ class Store:
         if found.exists():
             self._compare(about)
         elif any(each.name != LOCK for each in folder.iterdir()):
-            raise Refused(f"--out {folder}: the folder is not empty (name a new or an empty one)")
+            raise not_empty(folder)
         else:
             whole_file.write(folder / TOML, campaign.text.encode())
             whole_file.write(found, (json.dumps(about, indent=1) + "\n").encode())
@@ -253,6 +253,11 @@ class Store:
         return "a mission, a law or an airframe has changed since"
 
 
+def not_empty(folder: Path) -> Refused:
+    """The error of a folder that holds something else."""
+    return Refused(f"--out {folder}: the folder is not empty (name a new or an empty one)")
+
+
 def _cut(line: str) -> str:
     """A line of a file, to be read in a sentence."""
     return repr(line if len(line) <= LINE_MOST else f"{line[: LINE_MOST - 3]}...")
@@ -347,8 +352,11 @@ def _plain_name(name: object) -> str:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """While one process flies a campaign in a folder, no other does. Raises Refused, OSError."""
+def locked(folder: Path, what: str = "campaign") -> Iterator[None]:
+    """While one process flies a campaign in a folder, no other does. Raises Refused, OSError.
+
+    what : the name of what is flown there, for the message.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     # a link in a stranger's folder would have another file emptied
     flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
@@ -368,7 +376,7 @@ def locked(folder: Path) -> Iterator[None]:
         except OSError as error:
             if error.errno not in (errno.EACCES, errno.EAGAIN):
                 raise
-            raise Refused(f"{folder}: another process flies a campaign in this folder") from error
+            raise Refused(f"{folder}: another process flies a {what} in this folder") from error
         yield
 
 

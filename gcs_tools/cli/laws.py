@@ -8,10 +8,10 @@ import math
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gcs_tools.cli.campaign_flying import (
     NEEDED,
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from gcs_tools.campaigns.entrant import Entrant
     from gcs_tools.campaigns.gains_file import Gains
     from gcs_tools.campaigns.margins import Margin
+    from gcs_tools.campaigns.procedure import Procedure
     from gcs_tools.campaigns.results import Comparison
     from gcs_tools.campaigns.running import CampaignProgress
     from gcs_tools.campaigns.statistics import Interval
@@ -67,8 +68,24 @@ class CompareOptions:
     as_json: bool
 
 
+class _Comparison(NamedTuple):
+    """A comparison read and checked, before anything is written."""
+
+    how: Procedure
+    entrants: list[Entrant]
+    tuned: dict[tuple[str, str], Gains]
+    missions: list[Mission]
+    parts: list[Part]
+
+
 def compare_laws(asked: CompareOptions) -> int:
     """Fly, write and show a comparison. Return the exit code."""
+    with ExitStack() as held:
+        return _compare_laws(asked, held)
+
+
+def _compare_laws(asked: CompareOptions, held: ExitStack) -> int:
+    """The same.  held : holds the folder until all is written."""
     from fcu.interface.files import whole_file
     from fcu.laws.loader import LawError
     from gcs_tools.campaigns import results
@@ -87,9 +104,9 @@ def compare_laws(asked: CompareOptions) -> int:
     log = PipedConsole(stderr=True, highlight=False)
     began = time.monotonic()
     try:
-        if asked.out is not None:
-            _probe(asked.out)
-        found, cases = _compared(asked, log)
+        read = _read(asked, log)
+        folder = held.enter_context(_folder(asked, read))
+        found, cases = _compared(asked, read, folder, log)
     except (
         CampaignError,
         EntrantError,
@@ -139,25 +156,18 @@ def _write(found: Comparison, asked: CompareOptions) -> None:
     from gcs_tools.campaigns import results
 
     if asked.out is not None:
-        whole_file.write(asked.out / results.JSON, results.as_json(found).encode())
-        whole_file.write(asked.out / results.PARQUET, results.as_parquet(found))
-        _draw(found, asked.out / PICTURE)
+        text, table = results.as_json(found).encode(), results.as_parquet(found)
+        whole_file.write(asked.out / results.JSON, text, follow=False)
+        whole_file.write(asked.out / results.PARQUET, table, follow=False)
+        _draw(found, asked.out / PICTURE, follow=False)
     if asked.figure is not None:
         _draw(found, asked.figure)
 
 
-def _probe(folder: Path) -> None:
-    """Make the folder, and raise OSError now for one that could not be written in minutes."""
-    folder.mkdir(parents=True, exist_ok=True)
-    tried = folder / ".results"
-    tried.touch()
-    tried.unlink()
-
-
-def _compared(asked: CompareOptions, log: Console) -> tuple[Comparison, list[Case]]:
-    from gcs_tools.campaigns import comparing, margins, procedure, results
+def _read(asked: CompareOptions, log: Console) -> _Comparison:
+    """Read what is compared. Raises the errors that `_compare_laws` tells."""
+    from gcs_tools.campaigns import comparing, procedure
     from gcs_tools.campaigns.entrant import EntrantError, refusal
-    from gcs_tools.campaigns.results import Comparison
     from gcs_tools.missions.mission import load, shipped
 
     how = procedure.read(asked.procedure or procedure.SHIPPED)
@@ -172,10 +182,21 @@ def _compared(asked: CompareOptions, log: Console) -> tuple[Comparison, list[Cas
             log.print(
                 f"{each.label} on {each.airframe}: {why}; its flights count as lost", markup=False
             )
-    if asked.out is not None:
-        _check_same(asked.out / results.JSON, entrants, missions, asked.seeds)
     parts = comparing.campaigns(entrants, missions, asked.seeds, how)
-    rows, cases = _flown(parts, asked, log)
+    for part in parts:
+        check_laws(part.campaign)
+    return _Comparison(how, entrants, used, missions, parts)
+
+
+def _compared(
+    asked: CompareOptions, read: _Comparison, folder: Path, log: Console
+) -> tuple[Comparison, list[Case]]:
+    """Fly it.  folder : of its campaigns."""
+    from gcs_tools.campaigns import comparing, margins
+    from gcs_tools.campaigns.results import Comparison
+
+    how, entrants, used, missions, parts = read
+    rows, cases = _flown(parts, asked, folder, log)
     lost_at = margins.margins(entrants, how, log) if asked.margins else []
     found = comparing.summary(rows, how.objective)
     compared = Comparison(
@@ -191,6 +212,45 @@ def _once(names: Sequence[str], log: Console) -> list[str]:
         if names.count(name) > 1:
             log.print(f"{name}: given more than once, flown once", markup=False)
     return found
+
+
+@contextmanager
+def _folder(asked: CompareOptions, read: _Comparison) -> Iterator[Path]:
+    """Yield the folder of the campaigns, in which no other process flies. Without --out it is removed afterwards.
+
+    Raises CampaignError for a folder that holds something else, OSError now for one that cannot be written.
+    """
+    from gcs_tools.campaigns import results, store
+
+    if asked.out is None:
+        with tempfile.TemporaryDirectory(prefix="gcs-compare-") as folder:
+            yield Path(folder)
+        return
+    _check_parts(asked.out, read.parts)  # a folder of something else gets no lock
+    with store.locked(asked.out, "comparison"):
+        _check_parts(asked.out, read.parts)
+        _check_same(asked.out / results.JSON, read.entrants, read.missions, asked.seeds)
+        yield asked.out / FLIGHTS
+
+
+def _check_parts(out: Path, parts: list[Part]) -> None:
+    """Raise CampaignError for a folder that is neither empty nor this comparison's."""
+    from gcs_tools.campaigns import results, store
+
+    if out.exists() and not out.is_dir():
+        raise store.Refused(f"--out {out}: expected a folder")
+    flights, ours = out / FLIGHTS, {part.folder for part in parts}
+    there = {each.name for each in out.iterdir()} if out.exists() else set()
+    begun = {FLIGHTS, results.JSON} & there
+    if there - {store.LOCK} and (not begun or store.JSON in there):
+        raise store.not_empty(out)
+    for each in (flights, *(flights / name for name in ours)):
+        if each.is_symlink():
+            raise store.Refused(f"{each}: expected a folder, not a link: remove it")
+    if FLIGHTS in there and (other := sorted({each.name for each in flights.iterdir()} - ours)):
+        raise store.Refused(
+            f"{flights}: {other[0]} is of another comparison; name a new folder with --out"
+        )
 
 
 def _check_same(
@@ -221,18 +281,18 @@ def _check_same(
         )
 
 
-def _flown(parts: list[Part], asked: CompareOptions, log: Console) -> tuple[list[Row], list[Case]]:
+def _flown(
+    parts: list[Part], asked: CompareOptions, folder: Path, log: Console
+) -> tuple[list[Row], list[Case]]:
     """Fly the campaigns of a comparison, one after the other. Return the rows, and the cases for JUnit.
 
-    Raises CampaignError, RunningError, OSError.
+    folder : theirs. Raises CampaignError, RunningError, OSError.
     """
     from gcs_tools.campaigns import analysis, comparing, store
     from gcs_tools.campaigns.fingerprint import fingerprint, of_the_draws
     from gcs_tools.campaigns.running import Ending, run
     from gcs_tools.campaigns.verdict import cases
 
-    for part in parts:
-        check_laws(part.campaign)
     for part in {part.airframe: part for part in parts}.values():
         first_flight(part.campaign, asked.scheduler is None, log)
     rows: list[Row] = []
@@ -240,7 +300,6 @@ def _flown(parts: list[Part], asked: CompareOptions, log: Console) -> tuple[list
     ours, before = fingerprint(), 0
     total = sum(len(part.campaign.variants) * part.campaign.n for part in parts)
     with (
-        _folder(asked.out) as folder,
         workers(asked.scheduler, asked.jobs, asked.wait_s, ours, log) as flying,
         bar(log, total) as told,
     ):
@@ -270,16 +329,6 @@ def _flown(parts: list[Part], asked: CompareOptions, log: Console) -> tuple[list
                 seconds = time.monotonic() - began
                 told_of += cases(part.campaign, found, kept.errors, seconds)
     return rows, told_of
-
-
-@contextmanager
-def _folder(out: Path | None) -> Iterator[Path]:
-    """Yield the folder of the campaigns. Without --out it is removed afterwards."""
-    if out is not None:
-        yield out / FLIGHTS
-        return
-    with tempfile.TemporaryDirectory(prefix="gcs-compare-") as folder:
-        yield Path(folder)
 
 
 def _entrants(
@@ -466,12 +515,13 @@ def _share(interval: Interval) -> str:
     return f"{value} ({low}-{high})"
 
 
-def _draw(found: Comparison, path: Path) -> None:
+def _draw(found: Comparison, path: Path, follow: bool = True) -> None:
     from fcu.interface.files import whole_file
     from gcs_tools.pictures.plot.laws import draw
 
     kind = path.suffix.lower().removeprefix(".")
-    whole_file.write(path, draw([_mark(cell) for cell in found.summary.cells], kind))
+    picture = draw([_mark(cell) for cell in found.summary.cells], kind)
+    whole_file.write(path, picture, follow)
 
 
 def _mark(cell: Cell) -> Mark:

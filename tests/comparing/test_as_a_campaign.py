@@ -21,7 +21,7 @@ from gcs_tools.campaigns.entrant import entrant
 from gcs_tools.campaigns.procedure import read
 from gcs_tools.campaigns.running import Ending, RunningError, processes, run
 from gcs_tools.campaigns.seed_draws import Stream
-from gcs_tools.campaigns.store import Store
+from gcs_tools.campaigns.store import Store, locked
 from gcs_tools.missions.mission import load
 from tests.command_line import gcs
 
@@ -83,14 +83,14 @@ def test_what_a_mission_says_of_its_vehicle_is_not_drawn(tmp_path, hover):
 @pytest.mark.parametrize(
     ("was", "now", "said"),
     [
-        ('fly = "law"', 'fly = "vehicle"', 'seeds: expected fly = "law"'),
-        ("[seeds]", "[success]\nsetpoint_error_final_m = 0.1\n[seeds]", "seeds: expected no"),
-        ("[seeds]", '[draw]\n"plant.mass_kg" = { uniform = [7.0, 8.0] }\n[seeds]', "seeds: expected neither"),
-        ('"law.f_m" = 0.8', '"plant.mass_kg" = 8.0', "laws: expected keys of [law] alone"),
-        ("far_m = 5.0", "far_m = 0.0", "seeds.far_m"),
+        ('fly = "law"', 'fly = "vehicle"', '[seeds]: expected fly = "law"'),
+        ("[seeds]", "[success]\nsetpoint_error_final_m = 0.1\n[seeds]", "[seeds]: expected no"),
+        ("[seeds]", '[draw]\n"plant.mass_kg" = { uniform = [7.0, 8.0] }\n[seeds]', "[seeds]: expected neither"),
+        ('"law.f_m" = 0.8', '"plant.mass_kg" = 8.0', "expected keys of [law] alone"),
+        ("far_m = 5.0", "far_m = 0.0", "[seeds] far_m"),
         ("[0.75, 1.25]", "[1.25, 0.75]", "least and greatest, got 1.25 and 0.75"),
-        ("far_m = 5.0\n", "", "seeds.far_m"),
-        ("far_m = 5.0", "far_m = 5.0\nfar = 5.0", "seeds.far"),
+        ("far_m = 5.0\n", "", "[seeds] far_m"),
+        ("far_m = 5.0", "far_m = 5.0\nfar = 5.0", "[seeds] far"),
     ],
 )  # fmt: skip
 def test_seeds_beside_what_does_not_go_with_them_are_refused(tmp_path, hover, was, now, said):
@@ -165,11 +165,44 @@ def test_a_comparison_that_was_interrupted_goes_on_to_the_same_bytes(compared, t
     kept = tmp_path / "out" / "flights" / "s1000-hover"
     before = (kept / "flights.parquet").read_bytes()
     (tmp_path / "out" / results.JSON).unlink()
+    (tmp_path / "letter").write_text("dear")
+    for name in ("results.png", results.PARQUET):
+        (tmp_path / "out" / name).unlink()
+        (tmp_path / "out" / name).symlink_to(tmp_path / "letter")
     again = gcs(*command, tmp_path / "out")
     assert again.exit_code == 0, again.output
+    assert (tmp_path / "letter").read_text() == "dear"
     assert (kept / "flights.parquet").read_bytes() == before
     for name in (results.JSON, results.PARQUET):
         assert (tmp_path / "out" / name).read_bytes() == (folder / "out" / name).read_bytes()
+
+
+def test_two_comparisons_do_not_fly_in_one_folder_at_once(tmp_path, hover):
+    out = tmp_path / "out"
+    with locked(out, "comparison"):
+        done = gcs("compare", "mmrac", "--missions", hover, "--out", out)
+    assert done.exit_code == 2
+    assert "another process flies a comparison in this folder" in done.stderr.replace("\n", " ")
+    assert [path.name for path in out.iterdir()] == [".lock"]
+
+
+@pytest.mark.parametrize(
+    ("holds", "said"),
+    [
+        ("letter", "not empty"),
+        ("campaign.json", "not empty"),
+        ("result.json", "not empty"),
+        ("flights/s1000-drop/campaign.json", "s1000-drop is of another comparison"),
+    ],
+)
+def test_a_comparison_is_not_flown_in_a_folder_of_something_else(tmp_path, hover, holds, said):
+    held = tmp_path / "out" / holds
+    held.parent.mkdir(parents=True)
+    held.write_text("dear")
+    done = gcs("compare", "mmrac", "--missions", hover, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert said in done.stderr.replace("\n", " ")
+    assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == [held]
 
 
 @pytest.mark.slow

@@ -222,7 +222,7 @@ def test_a_law_that_raises_loses_that_flight_alone(tmp_path, cascade, hover):
     ("arguments", "said"),
     [
         (["compare", "mrac", "--missions", "benchmark"], "did you mean mmrac?"),
-        (["compare", "mmrac", "--missions", "benchmark/step"], "did you mean benchmark/steps?"),
+        (["compare", "mmrac", "--missions", "benchmark/step", "--out", "o"], "did you mean benchmark/steps?"),
         (["compare", "mmrac", "--missions", "square_and_land"], "flown by a whole vehicle"),
         (["compare", "mmrac", "--missions", "benchmark", "--seeds", "0"], "from one to"),
         (["compare", "mmrac", "--missions", "benchmark", "--seeds", "4..2"], "from one to"),
@@ -242,7 +242,7 @@ def test_a_law_that_raises_loses_that_flight_alone(tmp_path, cascade, hover):
         (["tune", "mmrac", "--procedure", "nowhere"], "nowhere"),
         (["tune"], "Missing argument"),
     ],
-)
+)  # fmt: skip
 def test_a_command_line_that_cannot_be_done_is_refused(arguments, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = gcs(*arguments)
