@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from fcu.interface.files import input_file
 from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, udales, vtk, vtk_file
 from gcs_tools.wind_fields.grid import Grid, wrong
@@ -12,6 +14,7 @@ KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), uDALES (NetCDF), RotorS text, VTK 
 MOST_MIB = 2048  # of a text
 
 
+@np.errstate(all="ignore")  # `packable` checks values, and tells of them in words
 def read(path: Path) -> Grid:
     """A field as a file has it. Raises FieldError."""
     source = str(path)

@@ -15,6 +15,8 @@ from sitl_plant.physics.wind.packed_field import FASTEST_M_S, FieldError, save
 Array = np.ndarray[Any, Any]
 
 FILLS = (-999999.0, -9999.0)  # of PALM, new and old
+FARTHEST_M = 1e8  # of a place: map projections with the number of their zone reach 6e7
+CLOSEST_M, CLOSEST_S = 1e-6, 1e-6  # of two places, and of two times
 METRES = {"m", "meter", "meters", "metre", "metres"}
 METRES_A_SECOND = {"m/s", "m s-1", "m s^-1", "ms-1", "m s**-1", "meter second-1"}
 SECONDS = {"s", "second", "seconds"}
@@ -59,6 +61,17 @@ def check_units(source: str, name: str, units: Any, known: set[str]) -> None:
         raise wrong(source, f"{name} is in {said!r}: expected {sorted(known)[0]}; convert it first")
 
 
+def check_places(source: str, what: str, places: Array) -> None:
+    """Raise FieldError for places that are not finite, or farther than any on Earth."""
+    if not np.isfinite(places).all():
+        raise wrong(source, f"{what}: expected finite places")
+    if places.size and (farthest := float(np.abs(places).max())) > FARTHEST_M:
+        raise wrong(
+            source,
+            f"{what}: expected places up to {FARTHEST_M:g} m, got {farthest:g}: are they in m?",
+        )
+
+
 def edges(centres: Array) -> Array:
     """Edges of cells between their centres, the outer ones as far out as the next is in."""
     if len(centres) == 1:
@@ -70,9 +83,10 @@ def edges(centres: Array) -> Array:
 def repaired(grid: Grid) -> Grid:
     """Check a grid, turn axes that fall, and begin time at 0. Raises FieldError."""
     t = np.asarray(grid.t, dtype=np.float64)
-    if not len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
+    if not len(t) or not np.isfinite(t).all() or (np.diff(t) < CLOSEST_S).any():
         raise wrong(
-            grid.source, "times are missing, or do not rise: expected one or more that rise"
+            grid.source,
+            f"times are missing, or do not rise: expected one or more, {CLOSEST_S:g} s apart or farther",
         )
     if len(t) > 1 and t[0] != 0.0:
         grid.notes.append(f"time begins at {t[0]:g} s: counted from there")
@@ -86,10 +100,13 @@ def repaired(grid: Grid) -> Grid:
                     grid.source,
                     f"{name} has {part.v.shape} values, and {len(places)} places along {axis}",
                 )
+            check_places(grid.source, axis, places)
             steps = np.diff(places)
-            if not np.isfinite(places).all() or not ((steps > 0.0).all() or (steps < 0.0).all()):
+            if not ((steps > 0.0).all() or (steps < 0.0).all()):
+                raise wrong(grid.source, f"the places along {axis} neither rise nor fall")
+            if len(steps) and np.abs(steps).min() < CLOSEST_M:
                 raise wrong(
-                    grid.source, f"the places along {axis} neither rise nor fall, or are not finite"
+                    grid.source, f"{axis}: expected places {CLOSEST_M:g} m apart, or farther"
                 )
             if len(steps) and steps[0] < 0.0:
                 part.v = np.flip(part.v, axis=number)
@@ -172,6 +189,7 @@ def heights(grid: Grid) -> tuple[Array, Array, Array]:
     return edges(x), edges(y), np.where(any_solid, tops[highest], ground).astype(np.float32)
 
 
+@np.errstate(all="ignore")  # values are checked, and told of in words
 def packable(grid: Grid) -> Field:
     """The field as the simulator takes it. Raises FieldError."""
     grid = repaired(grid)

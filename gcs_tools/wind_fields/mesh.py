@@ -64,6 +64,12 @@ def mesh(points: Array, cells: Cells) -> Mesh:
                 continue  # points, lines and surfaces
             raise ValueError(f"cells of VTK's type {kind}")
         k = 1 + max(max(face) for face in FACES[kind])
+        n_corners = cells.first[which + 1] - cells.first[which]
+        if (n_corners != k).any():
+            i = int(np.argmax(n_corners != k))
+            raise ValueError(
+                f"cell {which[i]} of VTK's type {kind} has {n_corners[i]} corners: expected {k}"
+            )
         of_cell = cells.corners[cells.first[which][:, None] + np.arange(k)]
         corner.append(of_cell.ravel())
         corner_cell.append(np.repeat(which, k))

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.wind_fields import mesh as meshes
-from gcs_tools.wind_fields.grid import Grid, Part, wrong
+from gcs_tools.wind_fields.grid import Grid, Part, check_places, wrong
 from gcs_tools.wind_fields.vtk_file import POLYHEDRON, Contents
 from gcs_tools.wind_fields.vtk_file import read as contents_of
+from sitl_plant.physics.wind.packed_field import FieldError
 
 Array = np.ndarray[Any, Any]
 
@@ -33,10 +34,10 @@ def read(path: Path) -> Grid:
         if contents.points is None or contents.cells is None:
             raise wrong(source, "it has no cells: expected those of a volume")
         return _resampled(contents, source)
-    except ValueError as error:
-        if type(error).__name__ == "FieldError":
-            raise
-        raise wrong(source, str(error)[:200]) from error
+    except FieldError:
+        raise
+    except (ValueError, LookupError, TypeError, OverflowError, MemoryError) as error:
+        raise wrong(source, str(error)[:200] or type(error).__name__) from error
 
 
 def _vectors(of: dict[str, Array], n: int) -> tuple[str, Array] | None:
@@ -80,13 +81,15 @@ def _units(name: str) -> str:
 def _resampled(contents: Contents, source: str) -> Grid:
     points, cells = contents.points, contents.cells
     assert points is not None and cells is not None
-    if not np.isfinite(points).all():
-        raise wrong(source, "it has points that are not finite")
+    check_places(source, "points", points)
     made = meshes.mesh(points, cells)
     at_points = _vectors(contents.of_points, len(points))
     of_cells = _vectors(contents.of_cells, len(cells.types))
     if at_points is None and of_cells is None:
         raise _lacking(contents, source)
+    for each in (at_points, of_cells):
+        if each is not None and np.isinf(each[1]).any():
+            raise wrong(source, f"{each[0]} has values that are not finite")
     volumes = np.isin(cells.types, [*meshes.FACES, POLYHEDRON])
     if volumes.sum() != len(made.centre):
         raise wrong(source, "it has cells without a volume")
@@ -101,10 +104,13 @@ def _resampled(contents: Contents, source: str) -> Grid:
     low, high = points[made.corner].min(axis=0), points[made.corner].max(axis=0)
     step = float(np.quantile(made.size, FINE))
     step = max(step, float(np.prod((high - low) / MOST ** (1 / 3)) ** (1 / 3)))
+    along = np.maximum(np.rint((high - low) / step), 1)
+    if not np.prod(along) <= 2 * MOST:
+        raise wrong(source, f"cells of {step:.3g} m are too fine for its extent")
     axes = [
         a + (b - a) * (np.arange(n) + 0.5) / n
-        for a, b, n in zip(low, high, np.maximum(np.rint((high - low) / step), 1).astype(int), strict=True)
-    ]  # fmt: skip
+        for a, b, n in zip(low, high, along.astype(int), strict=True)
+    ]
     x, y, z = axes
     places = np.stack([of.ravel() for of in np.meshgrid(z, y, x, indexing="ij")][::-1], axis=-1)
     cell = meshes.cells_at(made, places)

@@ -8,13 +8,16 @@ from __future__ import annotations
 import base64
 import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 
+from fcu.interface.files import input_file
 from gcs_tools.wind_fields.grid import wrong
+from sitl_plant.physics.wind.packed_field import FieldError
 
 Array = np.ndarray[Any, Any]
 
@@ -50,38 +53,76 @@ class Contents(NamedTuple):
 
 
 POLYHEDRON = 42
+LEAST = 3  # corners of a face
+MOST_AXIS = 10_000_000  # places along an axis of a regular grid
 
 
 def is_vtk(path: Path) -> bool:
     """Return true if a file begins as VTK's do. Raises OSError."""
-    with path.open("rb") as file:
+    with input_file.opened(path) as file:
         head = file.read(_HEAD)
     return head.startswith(_LEGACY) or _XML in head
 
 
 def read(path: Path) -> Contents:
     """A whole file. Raises FieldError, OSError."""
-    data, source = path.read_bytes(), str(path)
+    with input_file.opened(path) as file:
+        data, source = file.read(), str(path)
     try:
         return _legacy(data, source) if data.startswith(_LEGACY) else _xml(data, source)
+    except FieldError:
+        raise
     except (
-        ValueError, IndexError, KeyError, TypeError, OverflowError, MemoryError, ElementTree.ParseError, zlib.error,
+        ValueError, LookupError, TypeError, OverflowError, MemoryError, ElementTree.ParseError, zlib.error,
     ) as error:  # fmt: skip
-        if type(error).__name__ == "FieldError":
-            raise
         raise wrong(
             source, f"damaged, or no VTK file: {type(error).__name__}: {str(error)[:120]}"
         ) from error
 
 
 def polyhedron(stream: Array) -> list[Array]:
-    """The faces of a polyhedron: how many there are, then corners of each after their number."""
+    """The faces of a polyhedron: how many there are, then corners of each after their number.
+
+    Raises ValueError.
+    """
     found, at = [], 1
-    for _ in range(int(stream[0])):
-        n = int(stream[at])
+    for _ in range(int(stream[0]) if len(stream) else 0):
+        n = int(stream[at]) if at < len(stream) else 0
+        if n < LEAST or at + 1 + n > len(stream):
+            raise ValueError(f"a polyhedron has a face of {n} corners")
         found.append(np.asarray(stream[at + 1 : at + 1 + n]))
         at += 1 + n
+    if not found:
+        raise ValueError("a polyhedron has no faces")
     return found
+
+
+def _as(kind: str, values: Array) -> Array:
+    """Numbers of a text as those of a kind. Raises ValueError for what it cannot hold."""
+    dtype = np.dtype(kind)
+    if dtype.kind in "iu":
+        info = np.iinfo(dtype)
+        inside = (values >= info.min) & (values <= info.max) & (values == np.floor(values))
+        if not inside.all():
+            raise ValueError(f"{values[~inside][0]:g} is no whole number of {dtype.name}")
+    return values.astype(dtype)
+
+
+def _check_cells(cells: Cells) -> None:
+    """Raise ValueError for cells that contradict one another, or have parts of corners."""
+    for what, of in (("types", cells.types), ("corners", cells.corners), ("offsets", cells.first)):
+        if of.dtype.kind not in "iu":
+            raise ValueError(f"{what} of cells are {of.dtype.name}: expected whole numbers")
+    n, ends = len(cells.types), cells.first[1:]
+    if len(ends) != n:
+        raise ValueError(f"{len(ends)} offsets of {n} cells")
+    if (np.diff(cells.first) < 0).any():
+        raise ValueError("offsets of cells fall")
+    if n and ends[-1] != len(cells.corners):
+        raise ValueError(f"the last cell ends at corner {ends[-1]} of {len(cells.corners)}")
+    without = set(np.flatnonzero(cells.types == POLYHEDRON).tolist()) - cells.faces.keys()
+    if without:
+        raise ValueError(f"cell {min(without)} is a polyhedron without faces")
 
 
 # --- legacy
@@ -129,7 +170,7 @@ class _Text:
         if len(words) > n:
             raise ValueError(f"more than {n} numbers of {kind} in its lines")
         self.at = end
-        return np.array(words, dtype=np.float64).astype(dtype)
+        return _as(dtype.str, np.array(words, dtype=np.float64))
 
 
 def _legacy(data: bytes, source: str) -> Contents:
@@ -189,7 +230,7 @@ def _legacy(data: bytes, source: str) -> Contents:
             raise ValueError(f"{line[:40]!r} is not expected there")
     regular = None
     if dims is not None and origin is not None and spacing is not None:
-        regular = _places(origin, spacing, dims)
+        regular = _places(origin, spacing, [0] * len(dims), dims)
     elif axes:
         regular = axes["x"], axes["y"], axes["z"]
     cells = None
@@ -198,8 +239,18 @@ def _legacy(data: bytes, source: str) -> Contents:
     return Contents(points, cells, regular, values["POINT_DATA"], values["CELL_DATA"])
 
 
-def _places(origin: Any, spacing: Any, dims: Any) -> tuple[Array, Array, Array]:
-    x, y, z = (o + s * np.arange(n) for o, s, n in zip(origin, spacing, dims, strict=True))
+def _places(
+    origin: Sequence[float], spacing: Sequence[float], first: Sequence[int], end: Sequence[int]
+) -> tuple[Array, Array, Array]:
+    """Places of a regular grid. Raises ValueError unless there are three axes of one place or more."""
+    if [len(origin), len(spacing), len(first), len(end)] != [3, 3, 3, 3]:
+        raise ValueError("expected three numbers of its origin, its spacing and its places")
+    for a, b in zip(first, end, strict=True):
+        if not 1 <= b - a <= MOST_AXIS:
+            raise ValueError(f"{b - a} places along an axis: expected 1 to {MOST_AXIS}")
+    x, y, z = (
+        o + s * np.arange(a, b) for o, s, a, b in zip(origin, spacing, first, end, strict=True)
+    )
     return x, y, z
 
 
@@ -212,7 +263,7 @@ def _cells_of(stream: Array, types: Array, n: int) -> Cells:
     at, given = 0, stream.tolist()
     faces = {}
     for i, kind in enumerate(types.tolist()):
-        size = given[at]
+        size = given[at] if at < len(given) else 0
         if size < 1 or at + 1 + size > len(given):
             raise ValueError(f"cell {i} has {size} numbers")
         starts[i] = at + 1
@@ -222,8 +273,11 @@ def _cells_of(stream: Array, types: Array, n: int) -> Cells:
         at += 1 + size
     keep = np.ones(len(stream), dtype=bool)
     keep[starts - 1] = False
-    keep[at:] = False
-    return Cells(types, stream[keep], first, faces)
+    if at != len(given):
+        raise ValueError(f"cells of {at} numbers in all, and not of {len(given)}")
+    cells = Cells(types, stream[keep], first, faces)
+    _check_cells(cells)
+    return cells
 
 
 # --- XML
@@ -259,28 +313,38 @@ def _xml(data: bytes, source: str) -> Contents:
     if kind == "UnstructuredGrid":
         of = {str(each.get("Name")): reader.read(each) for each in piece.findall("Cells/DataArray")}
         (points,) = (reader.read(each) for each in piece.findall("Points/DataArray"))
-        types, offsets = of["types"].ravel(), of["offsets"].ravel().astype(np.int64)
+        lacking = [name for name in ("types", "offsets", "connectivity") if name not in of]
+        if lacking:
+            raise ValueError(f"its cells lack {', '.join(lacking)}")
+        types, offsets = of["types"].ravel(), of["offsets"].ravel()
+        for name, found in (("NumberOfPoints", points), ("NumberOfCells", types)):
+            if (said := piece.get(name)) is not None and int(said) != len(found):
+                raise ValueError(f"{name} is {said}, and there are {len(found)}")
         faces, ends = of.get("faces"), of.get("faceoffsets")
         polyhedra = {}
         if faces is not None and ends is not None and faces.size:
             ends, stream = ends.ravel(), faces.ravel()
             before = 0
+            if stream.dtype.kind not in "iu":
+                raise ValueError(f"faces are {stream.dtype.name}: expected whole numbers")
             for i in np.flatnonzero(ends >= 0).tolist():
                 polyhedra[i] = polyhedron(stream[before : int(ends[i])])
                 before = int(ends[i])
-        first = np.concatenate(([0], offsets))
+        first = np.concatenate((np.zeros(1, dtype=offsets.dtype), offsets))
+        if first.dtype.kind in "iu":
+            first = first.astype(np.int64)
         cells = Cells(types, of["connectivity"].ravel(), first, polyhedra)
+        _check_cells(cells)
         return Contents(points, cells, None, *values)
     extent = [int(x) for x in str(piece.get("Extent") or grid.get("WholeExtent")).split()]
     axes: Any
     if kind == "RectilinearGrid":
         axes = tuple(reader.read(each).ravel() for each in piece.findall("Coordinates/DataArray"))
+        if len(axes) != 3:
+            raise ValueError(f"coordinates of {len(axes)} axes: expected three")
     else:
         origin, spacing = ([float(x) for x in str(grid.get(name)).split()] for name in ("Origin", "Spacing"))  # fmt: skip
-        axes = tuple(
-            o + s * np.arange(a, b + 1)
-            for o, s, a, b in zip(origin, spacing, extent[::2], extent[1::2], strict=True)
-        )
+        axes = _places(origin, spacing, extent[::2], [last + 1 for last in extent[1::2]])
     return Contents(None, None, axes, *values)
 
 
@@ -300,9 +364,12 @@ class _Arrays:
         dtype = np.dtype(self.order + TYPES[str(of.get("type"))])
         way, width = of.get("format"), int(of.get("NumberOfComponents") or 1)
         if way == "ascii":
-            found = np.array((of.text or "").split(), dtype=np.float64).astype(dtype)
+            found = _as(dtype.str, np.array((of.text or "").split(), dtype=np.float64))
         elif way == "appended":
-            found = np.frombuffer(self._bytes(self.appended[int(of.get("offset") or 0) :], self.encoding), dtype)  # fmt: skip
+            start = int(of.get("offset") or 0)
+            if not 0 <= start < len(self.appended):
+                raise ValueError(f"an array begins at {start} of {len(self.appended)} bytes")
+            found = np.frombuffer(self._bytes(self.appended[start:], self.encoding), dtype)
         else:
             found = np.frombuffer(self._bytes("".join((of.text or "").split()).encode(), "base64"), dtype)  # fmt: skip
         return found.reshape(-1, width)
@@ -312,10 +379,15 @@ class _Arrays:
 
         def decoded(n: int, at: int) -> tuple[bytes, int]:
             """So many bytes from a place of `data`, and where what follows begins."""
+            end = at + n if encoding == "raw" else at + 4 * -(-n // 3)
+            if n < 0 or end > len(data):
+                raise ValueError(f"an array ends before its {n} bytes")
             if encoding == "raw":
-                return data[at : at + n], at + n
-            end = at + 4 * -(-n // 3)
-            return base64.b64decode(data[at:end])[:n], end
+                return data[at:end], end
+            try:
+                return base64.b64decode(data[at:end], validate=True)[:n], end
+            except ValueError as error:
+                raise ValueError(f"an array is no base64 ({error})") from error
 
         if not self.compressor:
             head, at = decoded(size, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import h5netcdf
@@ -252,3 +253,13 @@ def test_a_file_is_checked_and_packed_for_a_mission(tmp_path):
     assert gcs("pack", str(path), str(out)).exit_code == 2  # it is there
     (tmp_path / "no.nc").write_text("nothing")
     assert gcs("check", str(tmp_path / "no.nc")).exit_code == 2
+
+
+@pytest.mark.parametrize(("scale", "said"), [
+    (1e308, "x: expected places up to"), (5e-324, "x: expected places 1e-06 m apart"), (math.nan, "finite"),
+])  # fmt: skip
+def test_places_that_are_nowhere_are_errors_and_not_warnings(tmp_path, scale, said):
+    rows = [f"{x * scale},{y},{z},1,0,0" for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    (tmp_path / "x.csv").write_text("\n".join(["x_m,y_m,z_m,u_m_s,v_m_s,w_m_s", *rows]))
+    with pytest.raises(FieldError, match=said):
+        packable(read(tmp_path / "x.csv"))

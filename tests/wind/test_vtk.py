@@ -162,3 +162,75 @@ def test_a_file_without_a_velocity_or_a_volume_is_refused(tmp_path):
     (tmp_path / "g.vtk").write_text("# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n")
     with pytest.raises(FieldError, match="POLYDATA: expected UNSTRUCTURED_GRID"):
         read(tmp_path / "g.vtk")
+
+
+POINTS = "0 0 0 1 0 0 1 1 0 0 1 0 0 0 1 1 0 1 1 1 1 0 1 1"
+CUBE = {"points": POINTS, "cells": "8 0 1 2 3 4 5 6 7", "type": "12", "wind": "1 0 0 " * 8}
+
+
+def legacy_cube(folder, **changed):
+    """A file of one cell."""
+    of = {**CUBE, **changed}
+    (folder / "cube.vtk").write_text(
+        "# vtk DataFile Version 2.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 8 double\n"
+        f"{of['points']}\nCELLS 1 {len(of['cells'].split())}\n{of['cells']}\nCELL_TYPES 1\n{of['type']}\n"
+        f"POINT_DATA 8\nVECTORS U float\n{of['wind']}\n"
+    )
+    return folder / "cube.vtk"
+
+
+def ascii_array(name, kind, values, width=1):
+    return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">{values}</DataArray>'
+
+
+def xml_cube(folder, corners="0 1 2 3 4 5 6 7", offsets="8", types="12", kind="Int32", n=1, head="", wind=None, faces=None):  # fmt: skip
+    """A file of one cell, with the faces that are given."""
+    more = "" if faces is None else ascii_array("faces", "Int64", faces[0]) + ascii_array("faceoffsets", "Int64", faces[1])  # fmt: skip
+    wind = ascii_array("U", "Float32", "1 0 0 " * 8, 3) if wind is None else wind
+    (folder / "cube.vtu").write_text(
+        f'{head}<VTKFile type="UnstructuredGrid" byte_order="LittleEndian"><UnstructuredGrid>'
+        f'<Piece NumberOfPoints="8" NumberOfCells="{n}"><PointData>{wind}</PointData>'
+        f"<Points>{ascii_array('Points', 'Float32', POINTS, 3)}</Points>"
+        f"<Cells>{ascii_array('connectivity', kind, corners)}{ascii_array('offsets', 'Int32', offsets)}"
+        f"{ascii_array('types', 'UInt8', types)}{more}</Cells></Piece></UnstructuredGrid></VTKFile>"
+    )
+    return folder / "cube.vtu"
+
+
+def test_the_cube_is_a_field_in_both_formats(tmp_path):
+    for path in (legacy_cube(tmp_path), xml_cube(tmp_path)):
+        assert packable(read(path)).u.v.ravel().tolist() == [1.0]
+
+
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"cells": "3 2147483647 -1 0", "type": "42"}, "a face of -1 corners"),  # went round for ever
+    ({"cells": "1 0", "type": "42"}, "no faces"), ({"cells": "8 3 0 3 0 1 2 1 3", "type": "42"}, "a face of 0 corners"),
+    ({"cells": "4 0 1 2 3"}, "cell 0 of VTK's type 12 has 4 corners: expected 8"),
+    ({"cells": "8 0 1 2 3 4 5 nan 7"}, "nan is no whole number"), ({"cells": "8 0 1 2 3 4 5 6 7 9"}, "cells of 9 numbers"),
+    ({"points": POINTS.replace("1 1 1", "1e308 1e308 1")}, "expected places up to"),
+    ({"points": POINTS.replace("1 1 1", "nan 1 1")}, "expected finite places"),
+    ({"wind": "inf 0 0 " * 8}, "values that are not finite"),
+])  # fmt: skip
+def test_cells_that_cannot_be_are_refused_with_a_reason(tmp_path, changed, said):
+    with pytest.raises(FieldError, match=said):
+        packable(read(legacy_cube(tmp_path, **changed)))
+
+
+def binary(text: str) -> str:
+    return f'<DataArray type="Float32" Name="U" NumberOfComponents="3" format="binary">{text}</DataArray>'
+
+
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"types": "42", "faces": ("9000000000000 -1", "2")}, "a face of -1 corners"),
+    ({"types": "42"}, "polyhedron without faces"), ({"types": "42", "faces": ("1 3 0 1 2", "-1")}, "polyhedron without faces"),
+    ({"corners": "0 1 2 3"}, "ends at corner 8 of 4"), ({"offsets": "9999"}, "ends at corner 9999 of 8"),
+    ({"offsets": "8 -5 3", "types": "12 12 12", "n": 3}, "offsets of cells fall"),
+    ({"types": "12 12 12", "n": 3}, "1 offsets of 3 cells"), ({"n": 2}, "NumberOfCells is 2, and there are 1"),
+    ({"kind": "Float64"}, "corners of cells are float64"), ({"corners": "0 1 2 3 4 5 6 99"}, "corners that are no points"),
+    ({"head": '<?xml version="1.0" encoding="bogus"?>'}, "unknown encoding"),
+    ({"head": '<?xml version="1.0" encoding="hex"?>'}, "not a text encoding"),
+    ({"wind": binary("!!!!$$$$%%%%====garbage")}, "no base64"), ({"wind": binary("")}, "ends before its 4 bytes"),
+])  # fmt: skip
+def test_arrays_that_contradict_one_another_are_refused_with_a_reason(tmp_path, changed, said):
+    with pytest.raises(FieldError, match=said):
+        packable(read(xml_cube(tmp_path, **changed)))
