@@ -68,6 +68,7 @@ MOST_FLIGHTS = 1_000_000
 MOST_LAWS = 20
 LAW = "law"
 FLOWN = (VEHICLE, LAW)
+NO_IDENTITY = {"title", "expect", "metrics", "map"}  # keys that change no flight
 TELLING = "setpoint_error_rms_settled_m"  # what flights are ranked by, if a file does not say
 
 
@@ -382,9 +383,7 @@ class Campaign:
     @property
     def identity(self) -> str:
         """A hash of everything that rows and early end depend on."""
-        left_out = {"title", "expect", "metrics", "map"} | (
-            {"seeds"} if self.document.seeds is None else set()
-        )
+        left_out = NO_IDENTITY | ({"seeds"} if self.document.seeds is None else set())
         document = self.document.model_dump(mode="json", exclude=left_out)
         text = json.dumps([document, self.n, self._plan(self.n)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import itertools
 import json
 import math
 import os
@@ -20,15 +19,23 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fcu.interface.files import whole_file
-from fcu.interface.files.input_file import written
+from fcu.interface.files import input_file, whole_file
+from fcu.interface.files.input_file import TomlError, shown, written
 from gcs_tools.campaigns.batch import Row
-from gcs_tools.campaigns.campaign_file import Campaign, CampaignError, Changes, parsed
+from gcs_tools.campaigns.campaign_file import (
+    NO_IDENTITY,
+    Campaign,
+    CampaignError,
+    Changes,
+    Document,
+    parsed,
+)
 from gcs_tools.campaigns.rare import Mixture
 from gcs_tools.campaigns.score import COLUMNS
 from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
@@ -41,6 +48,7 @@ JSON, TOML, PARTS, PARQUET, LOCK, PROPOSALS = (
 _PART = re.compile(r"[0-9]{8,18}-(?P<digest>[0-9a-f]{16})\.parquet")
 PART_S = 1.0  # wall: what a crash may lose
 MOST_PARTS = 200  # more are joined to one
+DEFAULT_SEED = Document.model_fields["seed"].default
 LINE_MOST = 60  # characters of a file's line that a message shows
 UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
 OWN = ("number", "law", "seed", "success", "ended", "missed", "error", "exit_code", "sim_time_s", "ticks",
@@ -239,18 +247,55 @@ class Store:
     def _other(self, there: Mapping[str, Any], about: Mapping[str, Any]) -> str:
         """The first difference between a campaign that was flown here and this one, in words."""
         try:
-            was = (self.folder / TOML).read_text(encoding="utf-8").splitlines()
+            was = (self.folder / TOML).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError):
-            was = []
-        now = self._campaign.text.splitlines()
-        for i, (old, new) in enumerate(itertools.zip_longest(was, now, fillvalue="")):
-            if was and old != new:
-                return f"line {i + 1} of its file is {_cut(old)}, here {_cut(new)}"
-        before, after = (dict(each.get("changes", {})) for each in (there, about))
-        for key in ("seed", "set", "flights"):
-            if before.get(key) != after[key]:
-                return f"its {key} is {before.get(key)}, here {after[key]}"
+            was = ""
+        now = self._campaign.text
+        try:
+            texts = [input_file.toml(was), input_file.toml(now)]
+        except TomlError:  # the file there was changed by hand
+            texts = []
+            for i, (old, new) in enumerate(zip_longest(was.split("\n"), now.split("\n"), fillvalue="")):  # fmt: skip
+                if was and old != new:
+                    return f"line {i + 1} of its file is {_cut(old)}, here {_cut(new)}"
+        changes = [dict(each.get("changes", {})) for each in (there, about)]
+        for tables, changed in zip(texts, changes, strict=False):
+            told = {k: changed[k] for k in ("flights", "seed") if changed.get(k) is not None}
+            tables |= {**told, "--set": changed.get("set", {})}
+            for key in NO_IDENTITY:
+                tables.pop(key, None)
+        if texts and (other := _first_difference(*(dict(_leaves(each)) for each in texts))):
+            return other
         return "a mission, a law or an airframe has changed since"
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of a TOML file by their dotted keys. A table in quotes and dots is one without."""
+    if isinstance(value, Mapping) and value:
+        for key, each in value.items():
+            yield from _leaves(each, f"{path}.{key}" if path else key)
+    elif isinstance(value, list) and not all(isinstance(each, int | float) for each in value):
+        for i, each in enumerate(value):
+            yield from _leaves(each, f"{path}[{i}]")
+    elif value != {}:
+        yield path, value
+
+
+def _first_difference(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """The first key whose values differ, with both, in words. Empty: no key differs."""
+    for key in {**was, **now}:
+        old, new = (shown(each[key]) if key in each else "" for each in (was, now))
+        if old == new:
+            continue
+        if key == "flights" and old and new:
+            return f"it has {old} flights, here {new} are asked for"
+        if key == "seed":
+            return f"its seed is {old or DEFAULT_SEED}, here {new or DEFAULT_SEED}"
+        named = key.replace("--set.", "--set ")
+        if not old:
+            return f"it has no {named}, here it is {new}"
+        return f"its {named} is {old}, here " + (new or "there is none")
+    return ""
 
 
 def not_empty(folder: Path) -> Refused:

@@ -104,3 +104,32 @@ def test_a_folder_with_changes_that_are_none_is_refused(file, tmp_path, changes)
     path.write_text(json.dumps({**about, "changes": changes}))
     with pytest.raises(CampaignError):
         store.reopened(tmp_path / "o")
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "changes", "said"),
+    [
+        ("", "", Changes(flights=30), "it has 3 flights, here 30 are asked for"),
+        ("", "", Changes(seed=7), "its seed is 5, here 7"),
+        ("seed = 5\n", "", Changes(), "its seed is 5, here 1"),
+        ("", "", Changes(set={"plant.mass_kg": 7.0}), "it has no --set plant.mass_kg, here it is 7.0"),
+        ("flights = 3", "# more\nflights = 4", Changes(), "it has 3 flights, here 4 are asked for"),
+        ("0.0, 360.0", "0.0, 180.0", Changes(), r"its draw.wind.azimuth_deg.uniform is [0.0, 360.0], here [0.0, 180.0]"),
+        ('set = { "plant.mass_kg" = 8.0 }\n', "", Changes(), "its set.plant.mass_kg is 8.0, here there is none"),
+        ('"mmrac", {', '"se3", {', Changes(), 'its laws[0] is "mmrac", here "se3"'),
+    ],
+)  # fmt: skip
+def test_another_campaign_in_a_folder_is_told_by_the_first_key_that_differs(
+    file, tmp_path, was, now, changes, said
+):
+    store.Store(tmp_path / "o", read(file), {})
+    file.write_text(file.read_text().replace(was, now, 1) if was else file.read_text())
+    with pytest.raises(store.Refused) as refused:
+        store.Store(tmp_path / "o", read(file, changes), {})
+    assert f"another campaign was flown here: {said};" in str(refused.value)
+
+
+def test_a_comment_and_a_title_may_change_in_a_file_whose_campaign_goes_on(file, tmp_path):
+    store.Store(tmp_path / "o", read(file), {})
+    file.write_text("# better\n" + file.read_text().replace('"t"', '"another"', 1))
+    store.Store(tmp_path / "o", read(file), {})
