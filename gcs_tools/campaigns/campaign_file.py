@@ -22,7 +22,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from fcu.interface.airframe import AirframeError
 from fcu.interface.files import toml_file
 from fcu.interface.files.input_file import MIB
-from fcu.interface.files.spelling import suggestion
+from fcu.interface.files.spelling import suggestion, suggestion_or_list
 from fcu.interface.files.toml_file import FileError
 from fcu.interface.parameter import ParameterError
 from gcs_tools.campaigns.batch import VEHICLE
@@ -50,7 +50,7 @@ from gcs_tools.judging.metrics import FLOORS, METRICS
 from gcs_tools.judging.preflight_check import refused_gains
 from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions import problems
-from gcs_tools.missions.fields import Positive, Table, one_line, optional, wrong
+from gcs_tools.missions.fields import Positive, Table, because, one_line, optional, wrong
 from gcs_tools.missions.mission import (
     Mission,
     MissionError,
@@ -232,6 +232,8 @@ class Document(Table):
             self._check_seeds()
         if self.map is not None:
             self._check_map(self.map)
+        if twice := [name for name, n in Counter(self.metrics or ()).items() if n > 1]:
+            raise because(("metrics",), f"{twice[0]} is there twice")
         return self
 
     def _check_map(self, of: Map) -> None:
@@ -243,6 +245,10 @@ class Document(Table):
         for key_, name in zip(("over", "over", "up_to", "panels"), named, strict=True):
             if name is not None and name not in drawn:
                 raise wrong(("map", key_), f"drawn quantities: {', '.join(drawn)}", name)
+        for name in of.labels:
+            if name not in drawn:
+                why = f"not drawn{suggestion_or_list(name, drawn)}"
+                raise because(("map", "labels", name), why)
         if len(set(filter(None, named))) < len(list(filter(None, named))):
             raise wrong(("map",), "quantities that differ")
         if of.up_to is not None and any(isinstance(v, str | bool | list) for v in drawn[of.up_to]):
@@ -421,9 +427,12 @@ def path_of(name: str) -> Path:
 def settings(written: Sequence[str]) -> dict[str, Any]:
     """Dotted key of a mission -> value, of TABLE.KEY=VALUE each. Raises CampaignError."""
     try:
-        return {key: value for key, value, _ in map(parsed_setting, written)}
+        given = [(key, value) for key, value, _ in map(parsed_setting, written)]
     except MissionError as error:
         raise CampaignError(str(error)) from error
+    if twice := [key for key, n in Counter(key for key, _ in given).items() if n > 1]:
+        raise CampaignError(f"--set {twice[0]}: given twice")
+    return dict(given)
 
 
 def read(
@@ -462,7 +471,9 @@ def parsed(
     try:
         document = Document.model_validate(given)
     except ValidationError as error:
-        said = problems.told(error, Document, source, file.lines, ("str", LawEntry.__name__))
+        options = {name: f"--{name}" for name in changes.of_document()}
+        branches = ("str", LawEntry.__name__)
+        said = problems.told(error, Document, source, file.lines, branches, options)
         raise CampaignError(said) from error
     try:
         draws = _draws(document, changes)

@@ -7,11 +7,13 @@ is its distribution's quantile there.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from fcu.interface.files.input_file import written
 from gcs_tools.missions.fields import Number, Table, optional, wrong
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
@@ -62,6 +64,10 @@ class Distribution(Table):
             raise wrong((kind, 1), "a standard deviation >= 0", value[1])
         if kind == "triangular" and not value[0] <= value[1] <= value[2]:
             raise wrong((kind,), "[least, most likely, most]", list(value))
+        if kind == "choice" and (twice := _twice(value)) is not None:
+            raise wrong(
+                (kind,), f"values that differ ({written(twice)} is there twice)", list(value)
+            )
         if self.weights is not None and (kind != "choice" or len(self.weights) != len(value)):
             raise wrong(("weights",), "as many weights as there are choices")
         if self.weights is not None and not 0.0 < sum(self.weights) < math.inf:
@@ -175,6 +181,17 @@ class Distribution(Table):
         if scale == 0.0:
             return float(low <= location <= high)
         return float(ndtr((high - location) / scale) - ndtr((low - location) / scale))
+
+
+def _twice(values: Sequence[Any]) -> Any:
+    """The first value that was there before: 1 and 1.0 are one. None: all differ."""
+    seen: set[Any] = set()
+    for value in values:
+        same = (float(value),) if _is_number(value) and abs(value) < 2**53 else written(value)
+        if same in seen:
+            return value
+        seen.add(same)
+    return None
 
 
 def _is_number(value: Any) -> bool:

@@ -72,6 +72,8 @@ def _metrics(
         if name not in METRICS:
             meant = suggestion(name, METRICS) or " (docs/missions.md lists them)"
             raise click.BadParameter(f"{name}: no such metric{meant}")
+        if found.count(name) > 1:
+            raise click.BadParameter(f"{name}: given twice")
     return found
 
 

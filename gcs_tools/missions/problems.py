@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -36,11 +37,12 @@ _NOTHING = object()
 
 def told(
     error: ValidationError, model: type[BaseModel], source: str, found: Mapping[KeyPath, int],
-    branches: Collection[str] = (),
+    branches: Collection[str] = (), options: Mapping[str, str] = MappingProxyType({}),
 ) -> str:  # fmt: skip
     """One line for each problem, in the order of the file.
 
     model : what the tables should have been. found : the lines of the file.
+    options : by key of the file: the option of a command line that was given in its place.
     branches : names that pydantic puts into a path for the types that a value may have.
     """
     placed = []
@@ -89,6 +91,9 @@ def told(
         path = _as_written(_untagged(path), found)
         line = nearest(found, path) or nearest(found, _undotted(path))
         where = source if line is None else f"{source}:{line}"
+        if (option := options.get(str(path[0]))) is not None:
+            placed.append((0, f"{option}: {said}"))
+            continue
         placed.append((line or 0, f"{where}: {_key(path, got, model)}: {said}"))
     lines = [text for _, text in sorted(placed, key=lambda item: item[0])]
     if (more := len(lines) - MOST) > 0:

@@ -133,3 +133,21 @@ def test_a_comment_and_a_title_may_change_in_a_file_whose_campaign_goes_on(file,
     store.Store(tmp_path / "o", read(file), {})
     file.write_text("# better\n" + file.read_text().replace('"t"', '"another"', 1))
     store.Store(tmp_path / "o", read(file), {})
+
+
+def test_what_is_given_twice_is_refused(file):
+    with pytest.raises(CampaignError, match=r"--set plant\.mass_kg: given twice"):
+        settings(["plant.mass_kg=7", "plant.mass_kg = 8"])
+    metrics = 'metrics = ["tilt_max_deg", "tilt_max_deg"]'
+    file.write_text(file.read_text().replace("seed = 5", metrics))
+    with pytest.raises(CampaignError, match=r"c\.toml:5: metrics: tilt_max_deg is there twice"):
+        read(file)
+
+
+def test_a_number_of_flights_of_the_command_line_is_not_blamed_on_the_file(file):
+    grid = 'method = "grid"\nseed = 5'
+    text = file.read_text().replace("flights = 3\nseed = 5", grid)
+    file.write_text(text.replace("360.0]", "360.0], levels = 4"))
+    with pytest.raises(CampaignError) as refused:
+        read(file, Changes(flights=6))
+    assert str(refused.value) == "--flights: expected a multiple of the 4 points, got 6"

@@ -50,6 +50,7 @@ def test_choices_and_whole_numbers_have_their_shares():
         ("{ normal = [1.0, -1.0] }", "a standard deviation >= 0"),
         ("{ normal = [1.0, 0.1], low = 50.0 }", "a distribution that reaches"),
         ("{ choice = [] }", "plant.mass_kg"),
+        ("{ choice = [7, 8.0, 7.0], weights = [1, 2, 3] }", "values that differ (7.0 is there twice)"),
         ("{ choice = [1.0, 2.0], weights = [1.0] }", "as many weights"),
         ("{ choice = [1.0, 2.0], weights = [1e308, 1e308] }", "a sum that is a number"),
         ("{ uniform = [1.0, inf] }", "finite"),
@@ -60,11 +61,15 @@ def test_choices_and_whole_numbers_have_their_shares():
         ("{ uniform = [-1.0, 2.0] }", "expected a number > 0, got -1"),
         ("{ normal = [1.0, 0.5] }", "low and high bound a normal distribution"),
     ],
-)
+)  # fmt: skip
 def test_a_distribution_that_cannot_be_drawn_is_said(make, given, said):
     with pytest.raises(CampaignError, match=r"drawn\.toml") as error:
         make(draw=f'"plant.mass_kg" = {given}')
     assert said in str(error.value)
+
+
+def test_true_and_1_are_two_choices():
+    assert Distribution.model_validate({"choice": [True, 1, "1", [1], [2]]}).choice is not None
 
 
 def test_an_unknown_quantity_is_named_with_the_one_that_is_meant(make):

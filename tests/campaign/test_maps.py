@@ -74,9 +74,10 @@ def test_without_a_third_quantity_a_cell_has_the_share_that_succeeds(tmp_path):
         (MAP.replace("azimuth_deg", "azimut"), "drawn quantities"),
         (MAP + 'up_to = "plant.mass_kg"\n', "quantities that differ"),
         (MAP + 'panels = "law.f_m"\n', "drawn with choice"),
+        (MAP + 'labels = { "plant.mas_kg" = "kg" }\n', r"toml:11: .*not drawn \(did you mean plant.mass_kg\?\)"),
         ("[map]\n", r"\[map\] over: is missing"),
     ],
-)
+)  # fmt: skip
 def test_a_map_of_what_is_not_drawn_is_refused(tmp_path, map_of, said):
     with pytest.raises(CampaignError, match=said):
         made(TEXT + map_of, tmp_path)
