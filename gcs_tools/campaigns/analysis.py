@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.files import input_file
 from gcs_tools.campaigns.campaign_file import Campaign
 from gcs_tools.campaigns.looks import Looks
 from gcs_tools.campaigns.statistics import Share, share
@@ -151,7 +152,8 @@ def read(path: Path) -> Any:
     """The table of a campaign's flights. Raises OSError."""
     from pyarrow import parquet
 
-    return parquet.read_table(path)
+    with input_file.opened(path) as file:
+        return parquet.read_table(file)
 
 
 def analysis(campaign: Campaign, table: Any) -> Analysis:

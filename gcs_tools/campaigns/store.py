@@ -49,6 +49,7 @@ _PART = re.compile(r"[0-9]{8,18}-(?P<digest>[0-9a-f]{16})\.parquet")
 PART_S = 1.0  # wall: what a crash may lose
 MOST_PARTS = 200  # more are joined to one
 DEFAULT_SEED = Document.model_fields["seed"].default
+TEXT_MOST = 64 * input_file.MIB  # of a file of the folder that is no table
 LINE_MOST = 60  # characters of a file's line that a message shows
 UNKNOWN, FAILURE, SUCCESS = -1, 0, 1
 OWN = ("number", "law", "seed", "success", "ended", "missed", "error", "exit_code", "sim_time_s", "ticks",
@@ -232,7 +233,7 @@ class Store:
 
     def _compare(self, about: Mapping[str, Any]) -> None:
         try:
-            there = json.loads((self.folder / JSON).read_text(encoding="utf-8"))
+            there = json.loads(_text(self.folder / JSON))
             same, began = there["identity"] == about["identity"], dict(there["fingerprint"])
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise Refused(f"{self.folder / JSON}: not a campaign's ({error})") from error
@@ -247,7 +248,7 @@ class Store:
     def _other(self, there: Mapping[str, Any], about: Mapping[str, Any]) -> str:
         """The first difference between a campaign that was flown here and this one, in words."""
         try:
-            was = (self.folder / TOML).read_text(encoding="utf-8")
+            was = _text(self.folder / TOML)
         except (OSError, UnicodeDecodeError):
             was = ""
         now = self._campaign.text
@@ -301,6 +302,11 @@ def _first_difference(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 def not_empty(folder: Path) -> Refused:
     """The error of a folder that holds something else."""
     return Refused(f"--out {folder}: the folder is not empty (name a new or an empty one)")
+
+
+def _text(path: Path) -> str:
+    """A file of a campaign's folder. Raises OSError, UnicodeDecodeError."""
+    return input_file.text(path, TEXT_MOST)
 
 
 def _cut(line: str) -> str:
@@ -358,7 +364,7 @@ def reopened(
     allow_commands : as for `campaign_file.read`.
     """
     try:
-        about = json.loads((folder / JSON).read_text(encoding="utf-8"))
+        about = json.loads(_text(folder / JSON))
         source, name = Path(about["source"]), _plain_name(about["name"])
         # older folders keep the number of flights alone
         changes = Changes(**about.get("changes", {"flights": about["flights"]}))
@@ -368,7 +374,7 @@ def reopened(
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise CampaignError(f"{folder / JSON}: not a campaign's ({error})") from error
     try:
-        text = (folder / TOML).read_text(encoding="utf-8")
+        text = _text(folder / TOML)
     except (OSError, UnicodeDecodeError) as error:
         raise CampaignError(f"{folder / TOML}: {error}") from error
     campaign = parsed(
@@ -381,7 +387,7 @@ def reopened(
     if (folder / PROPOSALS).exists():
         d = len(campaign.draws.drawn)
         try:
-            told = json.loads((folder / PROPOSALS).read_text(encoding="utf-8"))
+            told = json.loads(_text(folder / PROPOSALS))
             mixtures = {int(k): Mixture.of(each, d) for k, each in told.items()}
         except (ValueError, TypeError, AttributeError, RecursionError) as error:
             raise CampaignError(f"{folder / PROPOSALS}: not a campaign's ({error})") from error
@@ -471,7 +477,8 @@ def _read(path: Path, wanted: Any) -> Any:
     from pyarrow import compute, parquet
 
     try:
-        data = path.read_bytes()
+        with input_file.opened(path) as file:
+            data = file.read()
         if (named := _PART.fullmatch(path.name)) and named["digest"] != _digest(data):
             raise ValueError("they are damaged")
         table = parquet.read_table(
@@ -486,6 +493,8 @@ def _read(path: Path, wanted: Any) -> Any:
         if len(table) and (compute.min(table["number"]).as_py() < 0 or codes - set(_CODES)):
             raise ValueError("a number or an exit_code that no flight has")
     except (pyarrow.ArrowException, OSError, KeyError, ValueError, RecursionError) as error:
+        if isinstance(error, OSError) and error.errno in (errno.EINVAL, errno.EISDIR):
+            raise Refused(f"{path}: {error.strerror}") from error  # a folder, a pipe
         if isinstance(error, OSError) and error.errno is not None:
             raise  # of the disk; pyarrow's own, of damaged bytes, has none
         why = "they are damaged" if isinstance(error, pyarrow.ArrowException | OSError) else error

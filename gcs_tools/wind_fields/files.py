@@ -9,6 +9,7 @@ import numpy as np
 from fcu.interface.files import input_file
 from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, udales, vtk, vtk_file
 from gcs_tools.wind_fields.grid import Grid, wrong
+from sitl_plant.physics.wind.packed_field import FieldError
 
 KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), uDALES (NetCDF), RotorS text, VTK (legacy, .vtu, .vti), CSV"
 MOST_MIB = 2048  # of a text
@@ -31,10 +32,14 @@ def read(path: Path) -> Grid:
         if vtk_file.is_vtk(path):
             return vtk.read(path)
         text = input_file.text(path, MOST_MIB * input_file.MIB)
-    except OSError as error:
-        raise wrong(source, error.strerror or str(error)) from error
+    except FieldError:
+        raise
+    except OSError as error:  # also of a file beside it
+        raise wrong(str(error.filename or source), error.strerror or str(error)) from error
     except UnicodeDecodeError as error:
         raise wrong(source, f"expected one of {KNOWN}") from error
+    except (ValueError, LookupError, TypeError, OverflowError, MemoryError) as error:
+        raise wrong(source, f"its values are no field: {error or type(error).__name__}") from error
     if rotors_text.fits(text):
         return rotors_text.read(text, source)
     if table.fits(text):

@@ -54,9 +54,10 @@ def wrong(source: str, what: str) -> FieldError:
 
 def check_units(source: str, name: str, units: Any, known: set[str]) -> None:
     """Raise FieldError for a unit that is stated and is another than expected."""
-    said = (
-        units.decode(errors="replace") if isinstance(units, bytes) else str(units or "")
-    ).strip()
+    if isinstance(units, np.ndarray) and units.size == 1:
+        units = units.ravel()[0]
+    text = units.decode(errors="replace") if isinstance(units, bytes) else str(units)
+    said = "" if units is None else text.strip()
     if said and said.lower() not in known:
         raise wrong(source, f"{name} is in {said!r}: expected {sorted(known)[0]}; convert it first")
 

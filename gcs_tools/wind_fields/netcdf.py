@@ -8,18 +8,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.files import input_file
 from sitl_plant.physics.wind.packed_field import FieldError
 
 _HDF5 = b"\x89HDF"
 _CLASSIC = b"CDF"
+ELSEWHERE = "leads to another file: expected values in the file itself (h5repack IN OUT)"
 
 
 class Variable(NamedTuple):
     """A variable, read."""
 
+    name: str
     dimensions: tuple[str, ...]
-    values: np.ndarray[Any, Any]
+    data: np.ndarray[Any, Any]
     attributes: dict[str, Any]
+
+    @property
+    def values(self) -> np.ndarray[Any, Any]:
+        """Its numbers. Raises ValueError where it has something else."""
+        if self.data.dtype.kind not in "biuf":
+            raise ValueError(f"{self.name} has no real numbers ({self.data.dtype})")
+        return self.data
 
 
 class Contents(NamedTuple):
@@ -31,13 +41,13 @@ class Contents(NamedTuple):
 
 def is_netcdf(path: Path) -> bool:
     """Return true if a file begins as NetCDF does. Raises OSError."""
-    with path.open("rb") as file:
+    with input_file.opened(path) as file:
         return file.read(4).startswith((_HDF5, _CLASSIC))
 
 
 def read(path: Path) -> Contents:
     """A whole file. Raises FieldError, OSError."""
-    with path.open("rb") as file:
+    with input_file.opened(path) as file:
         begins = file.read(4)
     try:
         return _netcdf4(path) if begins == _HDF5 else _classic(path)
@@ -56,7 +66,7 @@ def _classic(path: Path) -> Contents:
         warnings.simplefilter("ignore")  # of values that are still looked at
         with netcdf_file(path, "r", mmap=False) as file:
             found = {
-                name: Variable(of.dimensions, np.array(of[:]), dict(of._attributes))
+                name: Variable(name, of.dimensions, np.array(of[:]), dict(of._attributes))
                 for name, of in file.variables.items()
             }
             return Contents(found, dict(file._attributes))
@@ -70,13 +80,20 @@ def _netcdf4(path: Path) -> Contents:
             f"{path}: NetCDF-4 needs h5py: pip install 'm-mrac[city]', or nccopy -k classic IN OUT"
         ) from error
     with h5py.File(path, "r") as file:
-        found = {
-            name: Variable(
-                tuple(_dimension(of, i) for i in range(of.ndim)), np.array(of[...]), dict(of.attrs)
-            )
-            for name, of in file.items()
-            if isinstance(of, h5py.Dataset)
-        }
+        found = {}
+        for name in file:
+            link = file.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                raise FieldError(f"{path}: {input_file.plain(name)} {ELSEWHERE}")
+            if not isinstance(link, h5py.HardLink):  # of NetCDF-4 none is
+                continue
+            of = file[name]
+            if not isinstance(of, h5py.Dataset):
+                continue
+            if of.external or of.is_virtual:
+                raise FieldError(f"{path}: {input_file.plain(name)} {ELSEWHERE}")
+            dimensions = tuple(_dimension(of, i) for i in range(of.ndim))
+            found[name] = Variable(name, dimensions, np.array(of[...]), dict(of.attrs))
         return Contents(found, dict(file.attrs))
 
 

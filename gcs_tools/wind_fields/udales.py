@@ -67,11 +67,14 @@ def read(contents: Contents, path: Path) -> Grid:
         shapes = {of.variables[name].values.shape[:2] for of in tiles.values()}
         if len(shapes) != 1:
             raise wrong(source, f"{name} has other times or heights in other tiles")
-        rows = [
-            np.concatenate([tiles[x, y].variables[name].values for x in x_numbers], axis=3)
-            for y in y_numbers
-        ]
-        return np.concatenate(rows, axis=2)
+        try:
+            rows = [
+                np.concatenate([tiles[x, y].variables[name].values for x in x_numbers], axis=3)
+                for y in y_numbers
+            ]
+            return np.concatenate(rows, axis=2)
+        except ValueError as error:
+            raise wrong(source, f"{name} of its tiles does not fit together: {error}") from error
 
     parts = {}
     for name in ("u", "v", "w"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -54,6 +55,20 @@ def test_a_flipped_bit_of_the_flights_is_refused_or_changes_no_row(make, tmp_pat
             refused += 1
         whole[bit // 8] ^= 1 << bit % 8
     assert refused > FLIPS // 3
+
+
+@pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir])
+def test_flights_that_are_no_file_are_refused_without_waiting(make, tmp_path, kind):
+    campaign, out = make("flights = 40"), tmp_path / "out"
+    finished(campaign, out, Fake(invented))
+    (out / PARQUET).unlink()
+    kind(out / PARQUET)
+    with pytest.raises(Refused, match=PARQUET):
+        Store(out, campaign, HERE)
+    (out / "campaign.toml").unlink()
+    kind(out / "campaign.toml")
+    with pytest.raises(CampaignError, match=r"campaign\.toml"):
+        stores.reopened(out)
 
 
 @pytest.mark.parametrize("name", ["../../../else", "/tmp/else", "a/b", "..", "", 3, None])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,3 +134,20 @@ def test_a_parquet_file_is_the_same_wind_as_its_csv(tmp_path):
     (tmp_path / "w.parquet").write_text("nothing")
     with pytest.raises(SamplesError, match="expected a Parquet file"):
         parquet_samples.read_wind(tmp_path / "w.parquet")
+    parquet.write_table(
+        pyarrow.Table.from_arrays([*map(pyarrow.array, rows.T), pyarrow.array(rows[:, 0])], [*columns, "t_s"]),
+        tmp_path / "w.parquet",
+    )  # fmt: skip
+    with pytest.raises(SamplesError, match="expected one column t_s, got 2"):
+        parquet_samples.read_wind(tmp_path / "w.parquet")
+    parquet.write_table(
+        pyarrow.table({**columns, "x_m_s": ["\x1b[2J", "1"]}), tmp_path / "w.parquet"
+    )
+    with pytest.raises(SamplesError) as error:
+        parquet_samples.read_wind(tmp_path / "w.parquet")
+    assert str(error.value).isprintable()
+    for kind in (os.mkfifo, os.mkdir):
+        (tmp_path / "w.parquet").unlink()
+        kind(tmp_path / "w.parquet")
+        with pytest.raises(SamplesError, match=r"w\.parquet: "):
+            parquet_samples.read_wind(tmp_path / "w.parquet")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -216,6 +217,15 @@ def test_a_packed_field_of_values_that_are_no_wind_is_damaged(tmp_path, value):
     u[0, 1, 1, 1] = value
     save(tmp_path / "f", made._replace(u=made.u._replace(v=u)), {})
     with pytest.raises(FieldError, match=r"u\.npy has values that are not finite, or beyond 150"):
+        opened(tmp_path / "f")
+
+
+@pytest.mark.parametrize("name", ["about.json", "axes.npz", "u.npy"])
+def test_a_packed_field_of_a_pipe_is_refused_without_waiting(tmp_path, name):
+    save(tmp_path / "f", linear(), {})
+    (tmp_path / "f" / name).unlink()
+    os.mkfifo(tmp_path / "f" / name)
+    with pytest.raises(FieldError, match="not a device or a pipe"):
         opened(tmp_path / "f")
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 
 import h5netcdf
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -263,3 +265,54 @@ def test_places_that_are_nowhere_are_errors_and_not_warnings(tmp_path, scale, sa
     (tmp_path / "x.csv").write_text("\n".join(["x_m,y_m,z_m,u_m_s,v_m_s,w_m_s", *rows]))
     with pytest.raises(FieldError, match=said):
         packable(read(tmp_path / "x.csv"))
+
+
+@pytest.mark.parametrize("name", ["x.nc", "x.vtu", "x.csv"])
+@pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir])
+def test_what_is_no_file_is_refused_without_waiting(tmp_path, name, kind):
+    kind(tmp_path / name)
+    with pytest.raises(FieldError, match=name):
+        read(tmp_path / name)
+
+
+def _outside(file, folder):
+    del file["u"]
+    (folder / "secret").write_bytes(b"s" * 4 * N**3)
+    file.create_dataset("u", (1, N, N, N), "f4", external=[(str(folder / "secret"), 0, 4 * N**3)])
+
+
+def _linked(file, folder):
+    del file["u"]
+    file["u"] = h5py.ExternalLink(str(folder / "pipe"), "/u")
+
+
+def _virtual(file, folder):
+    del file["u"]
+    layout = h5py.VirtualLayout((1, N, N, N), "f4")
+    layout[:] = h5py.VirtualSource(str(folder / "secret"), "u", (1, N, N, N))
+    file.create_virtual_dataset("u", layout)
+
+
+def _of(value):
+    def replaced(file, folder):
+        del file["u"]
+        file.create_dataset("u", data=np.full((1, N, N, N), value))
+
+    return replaced
+
+
+def _units(file, folder):
+    file["u"].attrs["units"] = np.array([1, 2, 3])
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (_outside, "u leads to another file"), (_linked, "u leads to another file"), (_virtual, "u leads to another file"),
+    (_of(b"x"), "u has no real numbers"), (_of(1j), "u has no real numbers"), (_units, r"u is in '\[1 2 3\]'"),
+])  # fmt: skip
+def test_values_that_are_elsewhere_or_no_numbers_are_refused(tmp_path, change, said):
+    path = qes(tmp_path / "q.nc", workspace=False)
+    os.mkfifo(tmp_path / "pipe")
+    with h5py.File(path, "r+") as file:
+        change(file, tmp_path)
+    with pytest.raises(FieldError, match=said):
+        read(path)

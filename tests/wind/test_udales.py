@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from scipy.io import netcdf_file
@@ -66,4 +68,29 @@ def test_a_tile_that_is_missing_is_told(tmp_path):
         (tmp_path / f"fielddump.{tile:03d}.001.007.nc").write_bytes(source.read_bytes())
     (tmp_path / "fielddump.001.001.007.nc").unlink()
     with pytest.raises(FieldError, match="3 tiles of 2 x 2"):
+        read(path)
+
+
+@pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir, lambda path: path.write_text("x_m\n")])
+def test_a_tile_that_is_no_file_of_wind_is_refused_without_waiting(tmp_path, kind):
+    path = dump(tmp_path)
+    other = tmp_path / "fielddump.001.000.007.nc"
+    other.unlink()
+    kind(other)
+    with pytest.raises(FieldError, match=other.name):
+        read(path)
+
+
+def test_tiles_of_other_sizes_are_refused(tmp_path):
+    path = dump(tmp_path)
+    with netcdf_file(path, "r", mmap=False) as file:
+        sizes = {name: 3 if name[0] == "y" else n for name, n in file.dimensions.items()}
+        made = [(name, of.dimensions, np.array(of[:])) for name, of in file.variables.items()]
+    with netcdf_file(tmp_path / "fielddump.001.000.007.nc", "w", version=2) as file:
+        for name, n in sizes.items():
+            file.createDimension(name, n)
+        for name, dims, values in made:
+            places = tuple(slice(3 if d[0] == "y" else None) for d in dims)
+            file.createVariable(name, "f", dims)[:] = values[places]
+    with pytest.raises(FieldError, match="u of its tiles does not fit together"):
         read(path)

@@ -37,8 +37,17 @@ _DOTTED = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
 
 def shown(value: Any) -> str:
     """A value of a file as TOML writes it, on one line and cut where it is long, for a message."""
-    plain = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in written(value))
-    return shortened("".join(plain))
+    return shortened(plain(written(value)))
+
+
+def plain(text: str, kept: str = "") -> str:
+    """A text of a file for a message. What a terminal would act on is escaped.
+
+    kept : characters that are left as they are, as the end of a line.
+    """
+    return "".join(
+        c if c.isprintable() or c in kept else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def shortened(text: str) -> str:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.files import input_file
 from sitl_plant.physics.wind.field import Component, Field, component_on, frozen
 
 AXES = ("x", "y", "z")
@@ -55,13 +56,17 @@ def opened(path: Path) -> Packed:
 @lru_cache(maxsize=8)
 def _mapped(path: Path, _written: int) -> Packed:
     try:
-        about = json.loads((path / "about.json").read_text())
+        with input_file.opened(path / "about.json") as file:
+            about = json.load(file)
         if not isinstance(about, dict) or about.get("format") != FORMAT:
             raise FieldError(f"{path}: expected a packed field of format {FORMAT}: pack it again")
         notes = about.get("notes", [])
         if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
             raise ValueError("the notes of about.json are no texts")
-        with (path / "axes.npz").open("rb") as file, np.load(file, allow_pickle=False) as axes:
+        with (
+            input_file.opened(path / "axes.npz") as file,
+            np.load(file, allow_pickle=False) as axes,
+        ):
             found = {name: axes[name] for name in axes.files}
         _check_axes(found)
         parts = {name: _component(path, name, found) for name in "uvw"}
@@ -99,6 +104,7 @@ def _check_axes(axes: dict[str, Any]) -> None:
 
 def _component(path: Path, name: str, axes: dict[str, Any]) -> Component:
     places = [axes[f"{name}_{axis}"] for axis in AXES]
+    input_file.opened(path / f"{name}.npy").close()  # a pipe is never mapped
     values = np.load(path / f"{name}.npy", mmap_mode="r", allow_pickle=False)
     shape = (len(axes["t"]), *(len(of) for of in reversed(places)))
     if values.shape != shape or values.dtype != np.float32 or not values.flags.c_contiguous:
