@@ -44,7 +44,7 @@ def _origin(_context: click.Context, _option: click.Parameter, value: str) -> tu
 @click.version_option(package_name="m-mrac")
 @click.option(
     "--instance",
-    type=click.IntRange(0, INSTANCES - 1),
+    type=options.WholeNumber(0, INSTANCES - 1),
     help=f"Instance number, 0 to {INSTANCES - 1}; default: the first that is free.",
 )
 @click.option(

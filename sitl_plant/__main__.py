@@ -21,7 +21,7 @@ except KeyboardInterrupt:
     epilog=f"\b\n{table()}\n\nExit codes: 0 stopped or flight ended, 2 usage error, 3 controller link or port failed."
 )
 @click.version_option(package_name="m-mrac")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help=f"Instance number, 0 to {INSTANCES - 1}; default: the first that is free.")  # fmt: skip
+@click.option("--instance", type=options.WholeNumber(0, INSTANCES - 1), help=f"Instance number, 0 to {INSTANCES - 1}; default: the first that is free.")  # fmt: skip
 @click.option("--world", "world_file", type=click.Path(path_type=Path), help="JSON file that describes vehicle and world (default: the airframe on the ground in still air).")  # fmt: skip
 @options.AIRFRAME
 @click.option("--wind", "wind_file", type=click.Path(path_type=Path), help="CSV file of the velocity of the air over time (columns t_s, x_m_s, y_m_s, z_m_s), added to that of the world.")  # fmt: skip

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fcu.interface import options
+from fcu.interface.options import Number, WholeNumber
 from fcu.interface.ports import INSTANCES
 
 if TYPE_CHECKING:
@@ -48,18 +49,18 @@ def instance(said: str, **more: Any) -> Decorator:
     """--instance; `said`: what holds without it."""
     return click.option(
         "--instance",
-        type=click.IntRange(0, INSTANCES - 1),
+        type=WholeNumber(0, INSTANCES - 1),
         help=f"Instance number, 0 to {INSTANCES - 1}; default: {said}.",
         **more,
     )
 
 
 TIMEOUT = click.option(
-    "--timeout", "timeout_s", type=click.FloatRange(min=0.0), metavar="S",
+    "--timeout", "timeout_s", type=Number(min=0.0), metavar="S",
     help="Seconds to wait for a vehicle; then exit with 3.",
 )  # fmt: skip
 UP_TIMEOUT = click.option(
-    "--timeout", "timeout_s", type=click.FloatRange(min=0.0), default=10.0, show_default=True, metavar="S",
+    "--timeout", "timeout_s", type=Number(min=0.0), default=10.0, show_default=True, metavar="S",
     help="Seconds to wait until a vehicle is up and ready; then exit with 3.",
 )  # fmt: skip
 FREE_INSTANCE = instance("the first that is free")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from fcu.interface.files.spelling import suggestion
+from fcu.interface.options import WholeNumber
 from gcs_tools.cli import arguments
 from gcs_tools.cli.campaign_flying import (
     JOBS,
@@ -96,8 +97,8 @@ shown; 2 invalid command line, campaign or law; 3 a flight or what flies it fail
 )
 @click.argument("name", metavar="FILE")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Results folder. If it already holds this campaign, continue it. Default: a new one in runs/.")  # fmt: skip
-@click.option("--flights", type=click.IntRange(1), metavar="N", help="Flights of each law, in place of the file's.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0, 2**53 - 1), metavar="N", help="Seed of the draws, in place of the file's.")  # fmt: skip
+@click.option("--flights", type=WholeNumber(1), metavar="N", help="Flights of each law, in place of the file's.")  # fmt: skip
+@click.option("--seed", type=WholeNumber(0, 2**53 - 1), metavar="N", help="Seed of the draws, in place of the file's.")  # fmt: skip
 @arguments.SETTINGS
 @click.option("--metrics", callback=_metrics, metavar="NAME,...", help="Metrics to show; flights are ranked by the first. Default: the file's, or all that differ.")  # fmt: skip
 @JOBS

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from fcu.interface.options import Number, WholeNumber
 from gcs_tools.cli.output import Failure
 from gcs_tools.exit_codes import MISSED, OK, USAGE
 
@@ -31,9 +32,9 @@ LINE_S = 10.0  # wall: between two lines off a terminal about how far a campaign
 RESULT, REPORT = "result.json", "report.html"
 ADDRESS = re.compile(r"(tcp|tls)://[^\s/]+:[0-9]{1,5}")  # of a scheduler
 
-JOBS = click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; default: as many as cores.")  # fmt: skip
+JOBS = click.option("-j", "--jobs", type=WholeNumber(1), metavar="N", help="Worker processes; default: as many as cores.")  # fmt: skip
 SCHEDULER = click.option("--scheduler", metavar="ADDRESS", help="Fly on the workers of a Dask scheduler: tcp://HOST:8786.")  # fmt: skip
-WAIT = click.option("--wait", "wait_s", type=click.FloatRange(min=0.0), default=300.0, show_default=True, metavar="S", help="Seconds to wait for a worker of the scheduler; then exit with 3.")  # fmt: skip
+WAIT = click.option("--wait", "wait_s", type=Number(min=0.0), default=300.0, show_default=True, metavar="S", help="Seconds to wait for a worker of the scheduler; then exit with 3.")  # fmt: skip
 
 
 def check_address(scheduler: str | None) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from fcu.interface.options import Number
 from gcs_tools.cli import arguments
 from gcs_tools.cli.campaign_flying import JOBS, SCHEDULER, WAIT
 from gcs_tools.cli.output import Failure, print_json
@@ -54,7 +55,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--figure", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Draw the errors of all RUNs (needs their recordings), or LAWs.")  # fmt: skip
 @click.option("--fail", is_flag=True, help="Exit with 1 when RUN is worse than BASELINE: two runs, or two folders with runs.")  # fmt: skip
 @click.option("--exact", is_flag=True, help="Exit with 1 when a flight of RUN differs from that of BASELINE by a bit; tells where it differs first.")  # fmt: skip
-@click.option("--tolerance", type=click.FloatRange(0.0, 10.0), metavar="PART", help="With --fail, part by which a metric may be worse in flights of the same seeds; default: 0.005.")  # fmt: skip
+@click.option("--tolerance", type=Number(0.0, 10.0), metavar="PART", help="With --fail, part by which a metric may be worse in flights of the same seeds; default: 0.005.")  # fmt: skip
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="With --fail, --exact or --missions, also write a JUnit report.")  # fmt: skip
 @JOBS
 @SCHEDULER

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fcu.interface.options import WholeNumber
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json, print_line
 from gcs_tools.exit_codes import OK, USAGE
@@ -63,7 +64,7 @@ ALONE = {  # by what is changed
 @arguments.SETTINGS
 @arguments.FIGURE
 @click.option("--worst-wind", "worst", is_flag=True, help="Compute the wind that brings each limit nearest, within what is believed, and the room that it leaves.")  # fmt: skip
-@click.option("--parts", type=click.IntRange(1, 20), default=3, show_default=True, help="With --worst-wind: into how many parts the flight is divided, each with winds of its own.")  # fmt: skip
+@click.option("--parts", type=WholeNumber(1, 20), default=3, show_default=True, help="With --worst-wind: into how many parts the flight is divided, each with winds of its own.")  # fmt: skip
 @click.option("--winds", type=click.Path(file_okay=False, path_type=Path), metavar="FOLDER", help="With --worst-wind: write each wind as CSV, and a mission that flies it.")  # fmt: skip
 @arguments.as_json("Print the result as JSON (keys: gcs_tools/judging/README.md).")
 def envelope(

@@ -8,6 +8,7 @@ import time
 import click
 
 from fcu.interface.faults import LINK, SPECS, Kind
+from fcu.interface.options import Number, WholeNumber
 from fcu.interface.ports import ports
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import MEET_S, up_by, wait_ready
@@ -23,11 +24,11 @@ GIVEN = [name for name, spec in SPECS.items() if spec.kind not in {*LINK, Kind.G
 )
 @click.argument("name", required=False, type=click.Choice([*GIVEN, CLEAR]))
 @click.option(
-    "--rotor", type=click.IntRange(1, 8), help="Of motor_... and clear; default: all rotors."
+    "--rotor", type=WholeNumber(1, 8), help="Of motor_... and clear; default: all rotors."
 )
 @click.option("--much", type=float, help="How much, in the unit that the list names.")
 @click.option(
-    "--for", "for_s", type=click.FloatRange(0.0), default=0.0,
+    "--for", "for_s", type=Number(0.0), default=0.0,
     help="Simulation time in seconds; 0, the default: until gcs fault clear.",
 )  # fmt: skip
 @click.option("--enable", is_flag=True, help="Set SYS_FAILURE_EN to 1 first.")

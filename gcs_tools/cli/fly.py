@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from fcu.interface.options import Number, WholeNumber
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json, report_rejected
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
@@ -32,7 +33,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @arguments.LAW
 @arguments.AIRFRAME
 @click.option("--controller", metavar="COMMAND", help="Run COMMAND in place of the flight controller (docs/flight-controller-of-your-own.md).")  # fmt: skip
-@click.option("--controller-timeout", "controller_timeout_s", type=click.FloatRange(min=0.0, min_open=True), default=30.0, show_default=True, metavar="S", help="Seconds within which COMMAND opens its port.")  # fmt: skip
+@click.option("--controller-timeout", "controller_timeout_s", type=Number(min=0.0, min_open=True), default=30.0, show_default=True, metavar="S", help="Seconds within which COMMAND opens its port.")  # fmt: skip
 @arguments.SETTINGS
 @arguments.PARAMS
 @click.option(
@@ -45,7 +46,7 @@ from gcs_tools.flight.interrupts import interrupts_wait
 @click.option("--publish/--no-publish", default=None, help="Publish every tick on Zenoh; default: only if --speed is not max.")  # fmt: skip
 @arguments.ZENOH
 @arguments.FREE_INSTANCE
-@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Missions to fly at a time; default: as many as cores, or 1 with --speed, --instance or publishing.")  # fmt: skip
+@click.option("-j", "--jobs", type=WholeNumber(1), metavar="N", help="Missions to fly at a time; default: as many as cores, or 1 with --speed, --instance or publishing.")  # fmt: skip
 @click.option("--figure", type=click.Choice(["always", "failed", "never"]), help="Flights to draw flight.png of; default: always for one mission, failed for several.")  # fmt: skip
 @click.option("--record", type=click.Choice(["full", "light", "none"]), default="full", show_default=True, help="Ticks in flight.mcap: all, 100 a second, or no file. The verdict always uses every tick.")  # fmt: skip
 def fly(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fcu.interface.options import Number
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import watched
 from gcs_tools.cli.output import Failure, print_json
@@ -33,8 +34,8 @@ LOOK_S = 0.02  # wall: between two looks for what has come
 @click.option("--once", is_flag=True, help="Print one picture and exit; needs no terminal.")
 @click.option("--svg", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write one picture as SVG and exit.")  # fmt: skip
 @arguments.as_json("Print the numbers of one picture as JSON and exit.")
-@click.option("--for", "for_s", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to watch, or to listen before a single picture; default: until Ctrl-C, or --after.")  # fmt: skip
-@click.option("--after", "seconds", type=click.FloatRange(min=0.1), default=2.0, show_default=True, metavar="S", help="Seconds to listen before a single picture.")  # fmt: skip
+@click.option("--for", "for_s", type=Number(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to watch, or to listen before a single picture; default: until Ctrl-C, or --after.")  # fmt: skip
+@click.option("--after", "seconds", type=Number(min=0.1), default=2.0, show_default=True, metavar="S", help="Seconds to listen before a single picture.")  # fmt: skip
 @arguments.TIMEOUT
 @arguments.LIVE_INSTANCE
 @arguments.ZENOH

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from fcu.interface.options import WholeNumber
 from fcu.interface.ports import INSTANCES
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure
@@ -16,7 +17,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 
 @click.command()
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), default=0, show_default=True, help=f"Instance number, 0 to {INSTANCES - 1}.")  # fmt: skip
+@click.option("--instance", type=WholeNumber(0, INSTANCES - 1), default=0, show_default=True, help=f"Instance number, 0 to {INSTANCES - 1}.")  # fmt: skip
 @click.option("--run", metavar="NAME", help="Run name in the Zenoh keys; default: the time.")
 @arguments.LAW
 @arguments.AIRFRAME

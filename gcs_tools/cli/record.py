@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from fcu.interface.options import Number
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import watched
 from gcs_tools.cli.output import Failure, print_json
@@ -14,7 +15,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
 
 @click.command()
 @click.argument("out", type=click.Path(path_type=Path, dir_okay=False))
-@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to record; default: until the vehicle ends, or Ctrl-C.")  # fmt: skip
+@click.option("--for", "seconds", type=Number(min=0.0, min_open=True), metavar="S", help="Seconds of simulation time to record; default: until the vehicle ends, or Ctrl-C.")  # fmt: skip
 @arguments.TIMEOUT
 @arguments.as_json("Print a summary as JSON.")
 @arguments.LIVE_INSTANCE

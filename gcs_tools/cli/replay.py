@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from fcu.interface import options
+from fcu.interface.options import WholeNumber
 from fcu.interface.ports import INSTANCES
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 @click.option("--to", "t_to", type=float, default=options.LATEST_S, callback=options.time_s, metavar="S", help="Simulation time of the last tick, s.")  # fmt: skip
 @click.option("--loop", is_flag=True, help="Repeat until Ctrl-C.")
 @click.option("--wait", is_flag=True, help="Wait for a subscriber before the first tick.")
-@click.option("--instance", type=click.IntRange(0, INSTANCES - 1), help=f"Instance number to publish as, 0 to {INSTANCES - 1}; default: the first that nobody publishes.")  # fmt: skip
+@click.option("--instance", type=WholeNumber(0, INSTANCES - 1), help=f"Instance number to publish as, 0 to {INSTANCES - 1}; default: the first that nobody publishes.")  # fmt: skip
 @arguments.ZENOH
 def replay(
     recording: Path, speed: float | None, t_from: float, t_to: float, loop: bool, wait: bool,

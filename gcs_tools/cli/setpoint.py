@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from fcu.interface.options import Number
 from fcu.interface.ports import ports, running_instances
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import up_by, wait_ready
@@ -27,7 +28,7 @@ NO_AUTOPILOT = 8  # HEARTBEAT.autopilot of who is no vehicle
     "--yaw-deg", type=float, help="Yaw from East, counter-clockwise, deg; default: unchanged."
 )
 @arguments.UP_TIMEOUT
-@click.option("--within", "within_s", type=click.FloatRange(min=0.0), default=60.0, show_default=True, metavar="S", help="Seconds of simulation time within which the vehicle is to arrive; then exit with 3.")  # fmt: skip
+@click.option("--within", "within_s", type=Number(min=0.0), default=60.0, show_default=True, metavar="S", help="Seconds of simulation time within which the vehicle is to arrive; then exit with 3.")  # fmt: skip
 @arguments.as_json("Print the final position as JSON.")
 @arguments.instance("the first that runs")
 def setpoint(

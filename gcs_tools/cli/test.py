@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from fcu.interface.options import Number
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure, print_json, report_rejected
 from gcs_tools.exit_codes import INFRASTRUCTURE, INTERRUPTED, USAGE
@@ -29,7 +30,7 @@ LIMITS = {f"{what}_saturated_fraction": 0.0 for what in ("thrust", "tilt", "torq
 @click.argument("script_arguments", nargs=-1, type=click.UNPROCESSED, metavar="[ARGS]...")
 @arguments.wall_speed("1")
 @click.option("--held", is_flag=True, help="Let time stand until SCRIPT has answered, in place of --speed: twice flown, it is the same flight.")  # fmt: skip
-@click.option("--duration", "duration_s", type=click.FloatRange(0.01, 3600.0), default=300.0, show_default=True, metavar="S", help="Simulated seconds within which the script has to end.")  # fmt: skip
+@click.option("--duration", "duration_s", type=Number(0.01, 3600.0), default=300.0, show_default=True, metavar="S", help="Simulated seconds within which the script has to end.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results; default: a new one in runs/.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="DIR may hold an earlier run, which is removed.")
 @click.option("--junit", type=click.Path(path_type=Path), callback=arguments.new_file, metavar="FILE", help="Also write a JUnit report.")  # fmt: skip

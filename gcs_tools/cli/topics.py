@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from fcu.interface.options import Number
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import watched
 from gcs_tools.cli.output import print_json
@@ -13,7 +14,7 @@ from gcs_tools.exit_codes import INFRASTRUCTURE, OK
 
 
 @click.command()
-@click.option("--for", "seconds", type=click.FloatRange(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="Seconds to listen, and to wait for a vehicle.")  # fmt: skip
+@click.option("--for", "seconds", type=Number(min=0.0, min_open=True), default=2.0, show_default=True, metavar="S", help="Seconds to listen, and to wait for a vehicle.")  # fmt: skip
 @arguments.TIMEOUT
 @arguments.as_json("Print the table as JSON.")
 @arguments.LIVE_INSTANCE

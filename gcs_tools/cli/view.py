@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fcu.interface.options import WholeNumber
 from gcs_tools.cli import arguments
 from gcs_tools.cli.live_vehicle import watched
 from gcs_tools.cli.output import Failure
@@ -24,7 +25,7 @@ FIRST_PORT = 8080
 @click.argument(
     "recording", required=False, type=click.Path(path_type=Path), callback=arguments.recording
 )
-@click.option("--port", type=click.IntRange(1, 65535), metavar="N", help=f"TCP port of the page; default: {FIRST_PORT}, or the next free one.")  # fmt: skip
+@click.option("--port", type=WholeNumber(1, 65535), metavar="N", help=f"TCP port of the page; default: {FIRST_PORT}, or the next free one.")  # fmt: skip
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
 @arguments.TIMEOUT
 @arguments.LIVE_INSTANCE

@@ -24,6 +24,7 @@ import click
 import numpy as np
 
 from fcu.interface.event_log import Event
+from fcu.interface.files.spelling import suggestion
 from fcu.interface.messages import Setpoint
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
@@ -403,12 +404,19 @@ def written(text: str, name: str, lines: Sequence[str]) -> str:
 @click.option("--conditions", is_flag=True, help="write that of conditions, and fly nothing")
 def main(seeds: int, only: str | None, page: bool, conditions: bool) -> None:
     """Fly every case, and print the table. Exit code 1: a flight did not keep a promise."""
+    if only not in (None, *(case.name for case in CASES)):
+        names = [case.name for case in CASES]
+        raise click.BadParameter(
+            f"{only}: no such case{suggestion(only, names)}; there are {'; '.join(names)}",
+            param_hint="--case",
+        )
     if page or conditions:
         PAGE.write_text(written(PAGE.read_text(), "conditions", table()))
     if conditions:
         return
     cases = [case for case in CASES if only in (None, case.name)]
     outcomes = {}
+    print(*HEAD, sep="\n", flush=True)
     for i, case in enumerate(cases):
         outcomes[i] = [fly(case, seed) for seed in range(1, seeds + 1)]
         wrong = [each for each in outcomes[i] if not each.keeps(case)]

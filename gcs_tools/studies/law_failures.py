@@ -24,7 +24,7 @@ from fcu.kernel.rows import slice_of
 from fcu.laws.face import SharedTick
 from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import Scenario, scenario
-from gcs_tools.missions.mission import load, override
+from gcs_tools.missions.mission import MissionError, load, override
 from gcs_tools.recording.table import Rows
 from gcs_tools.studies.failsafes import PAGE, written
 from sitl_plant.physics.types import PlantRecord
@@ -136,7 +136,13 @@ def line(name: str, found: list[Outcome]) -> str:
 @click.option("--page", is_flag=True, help="write the table into docs/failsafes.md")
 def main(seeds: int, each_tick: bool, only: tuple[str, ...], page: bool) -> None:
     """Fly every failure, and print the table. Exit code 1: a flight did not go on."""
+    try:
+        for name in only:
+            load(name)
+    except MissionError as error:
+        raise click.BadParameter(str(error), param_hint="--mission") from error
     lines, kept = [*HEAD], True
+    print(*HEAD, sep="\n", flush=True)
     for name in only or MISSIONS:
         found = list(at_each_tick(name) if each_tick else drawn(name, seeds))
         lines.append(line(name, found))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+from click.testing import CliRunner
+
 from fcu.vehicle.conditions import ROWS
-from gcs_tools.studies import failsafes
+from gcs_tools.studies import failsafes, law_failures
 
 
 def test_the_table_of_conditions_is_that_of_the_rows():
@@ -18,3 +21,16 @@ def test_every_case_was_measured_and_kept():
     for case in failsafes.CASES:
         [row] = [line for line in lines if line.startswith(f"| {case.name} |")]
         assert row.endswith(f"| {failsafes.SEEDS} of {failsafes.SEEDS} |"), row
+
+
+@pytest.mark.parametrize(
+    ("study", "words", "said"),
+    [
+        (failsafes, ("--case", "rotr lost"), "(did you mean rotor lost?); there are offboard; "),
+        (law_failures, ("--mission", "gust_stp"), "no such mission (did you mean gust_step?)"),
+    ],
+)
+def test_a_study_says_what_it_has_in_place_of_what_it_has_not(study, words, said):
+    done = CliRunner().invoke(study.main, words)
+    assert done.exit_code == 2
+    assert said in " ".join(done.stderr.split())

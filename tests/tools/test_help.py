@@ -28,6 +28,21 @@ def test_a_speed_that_is_refused_is_not_offered() -> None:
     assert ", or max" in gcs("fly", "--speed", "x", "hover").output
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("campaign paper_noise --flights abc", "'abc': expected a whole number >= 1"),
+        ("campaign paper_noise --seed -1", "'-1': expected a whole number from 0 to 9007199254740991"),
+        ("record --for 0", "'0': expected a number > 0"),
+        ("test --duration x tests", "'x': expected a number from 0.01 to 3600"),
+    ],
+)  # fmt: skip
+def test_a_number_that_is_refused_comes_with_those_that_are_expected(words: str, said: str) -> None:
+    done = gcs(*words.split())
+    assert done.exit_code == 2
+    assert said in done.stderr
+
+
 @pytest.mark.parametrize("program", [fcu, plant])
 def test_nor_is_one_of_the_other_programs(program: click.Command) -> None:
     said = CliRunner().invoke(program, ["--help"])
