@@ -26,6 +26,7 @@ class Numbered:
     trajectory_sha256: str  # as the campaign flew it; empty: it has not, or not to its end
     ended: str
     success: bool | None  # as the campaign counted it; None: it has not been flown there
+    is_compared: bool = False  # it is of a comparison, which expects nothing of a flight
     script: Mission | None = None  # the mission itself, if it runs a script: beside its own file
 
     def command(self) -> str:
@@ -66,6 +67,9 @@ def numbered(name: str, into: str) -> Numbered:
     variant = campaign.variants[campaign.labels.index(label)]
     quantities = campaign.draws.quantities(number)
     values = campaign.draws.values(number, quantities, variant.base)
+    is_compared = campaign.document.seeds is not None
+    if is_compared:  # what the mission expects is of its own law
+        values = {**values, "expect": {"reached": False}}
     try:
         drawn = with_values(variant.mission, values, "draw")
     except MissionError as error:
@@ -86,5 +90,6 @@ def numbered(name: str, into: str) -> Numbered:
         row.get("trajectory_sha256") or "",
         row.get("ended") or "",
         row.get("success"),
+        is_compared,
         None if variant.folder is None else replace(drawn, folder=variant.folder),
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gcs_tools.cli.output import Failure
-from gcs_tools.exit_codes import INFRASTRUCTURE, OK, USAGE
+from gcs_tools.exit_codes import INFRASTRUCTURE, MISSED, OK, USAGE
 
 if TYPE_CHECKING:
     from gcs_tools.campaigns.refly import Numbered
@@ -44,9 +44,12 @@ class CampaignFlights:
             raise Failure(f"{error.filename}: {error.strerror}", USAGE) from error
         return found.mission if found.script is None else found.script
 
-    def compared(self, results: Sequence[Result]) -> int:
-        """Say of each flight whether it is that of its campaign, to the bit; the exit code of that."""
-        code = OK
+    def compared(self, results: Sequence[Result]) -> list[int]:
+        """Say of each flight whether it is that of its campaign, to the bit. Return all exit codes.
+
+        A flight of a comparison that is the same ends with 0, whatever became of it.
+        """
+        codes = [each.exit_code for each in results]
         for place, found in self._numbered.items():
             if place >= len(results):
                 continue
@@ -61,15 +64,18 @@ class CampaignFlights:
                 click.echo(f"{named}: nothing to compare with ({why})", err=True)
             elif flown == found.trajectory_sha256:
                 counted = "a success" if found.success else "a failure"
+                more = "; in a comparison nothing is expected" if found.is_compared else ""
                 click.echo(
-                    f"{named}: the same trajectory to the bit ({flown[:12]}), there counted as {counted}",
+                    f"{named}: the same trajectory to the bit ({flown[:12]}), there counted as {counted}{more}",
                     err=True,
                 )
+                if found.is_compared and codes[place] == MISSED:
+                    codes[place] = OK
             elif flown:
                 click.echo(
                     f"Error: {named}: another trajectory ({flown[:12]}, there"
                     f" {found.trajectory_sha256[:12]}): other sources, or another machine",
                     err=True,
                 )
-                code = INFRASTRUCTURE
-        return code
+                codes[place] = max(codes[place], INFRASTRUCTURE)
+        return codes

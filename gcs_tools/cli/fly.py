@@ -85,12 +85,13 @@ def fly(
             names = [called(each) for name in missions for each in members(name)]
             report_rejected(names, error, junit)
             raise Failure(error, USAGE) from error
-        code = max((r.exit_code for r in results), default=INTERRUPTED)
+        codes = [r.exit_code for r in results]
         if not (settings or params or law or airframe or controller) and (seed, rate_hz) == (
             None,
             None,
         ):
-            code = max(code, again.compared(results))
+            codes = again.compared(results)
+        code = max(codes, default=INTERRUPTED)
         if junit is not None:
             try:
                 result.junit(results, junit)

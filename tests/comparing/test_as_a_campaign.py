@@ -148,13 +148,17 @@ def compared(tmp_path_factory, cascade):
 
 
 @pytest.mark.slow
-def test_a_flight_of_a_comparison_flies_again_to_the_bit(compared, tmp_path, monkeypatch):
+def test_a_flight_of_a_comparison_flies_again_to_the_bit_and_nothing_is_expected_of_it(
+    compared, tmp_path, monkeypatch
+):
     folder, _ = compared
     monkeypatch.chdir(tmp_path)
-    done = gcs(
-        "fly", f"{folder / 'out' / 'flights' / 's1000-hover'}#2:plain_cascade", "--in-process"
-    )
+    flight = f"{folder / 'out' / 'flights' / 's1000-hover'}#2:plain_cascade"
+    done = gcs("fly", flight, "--in-process", "--figure", "never")
     assert "the same trajectory to the bit" in done.stderr
+    assert "in a comparison nothing is expected" in done.stderr
+    assert "setpoint_error_rms_m" not in done.stdout
+    assert done.exit_code == 0
 
 
 @pytest.mark.slow
