@@ -22,6 +22,7 @@ import numpy as np
 
 from fcu.guard import stability
 from fcu.guard.gains import RULE, has_rule
+from fcu.guard.parameters import WARN
 from fcu.guard.types import GuardParams
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.files import toml_file, whole_file
@@ -156,7 +157,7 @@ VEHICLE: tuple[Parameter, ...] = (
         P("", "FD_FAIL_P_TTRI", 0.3, 0.02, 5.0, "s", "for so long the pitch is beyond FD_FAIL_P"),
         P("", "COM_LKDOWN_TKO", 3.0, -1.0, 5.0, "s", "time since arming in which a lost attitude disarms"),
         P("", "CBRK_FLIGHTTERM", 121212.0, 0.0, 121212.0, "", "0: a lost attitude or state terminates the flight; 121212: warns", values=(0.0, 121212.0), integer=True),
-        P("", "CA_FAILURE_MODE", 0.0, 0.0, 1.0, "", "a rotor that is lost: 0 gets its share of the work as before, 1 gets none", values=(0.0, 1.0), integer=True),
+        P("", "CA_FAILURE_MODE", 1.0, 0.0, 1.0, "", "a rotor that is lost: 0 gets its share of the work as before, 1 gets none", values=(0.0, 1.0), integer=True),
         P("", "COM_ACT_FAIL_ACT", 0.0, 0.0, 4.0, "", "a rotor is lost: 0 warn, 1 hold, 2 land, 3 return, 4 terminate", values=(0.0, 1.0, 2.0, 3.0, 4.0), integer=True),
         P("", "FD_ACT_MOT_THR", 0.2, 0.0, 1.0, "", "wanted speed over full speed above which a rotor may be found lost"),
         P("", "FD_ACT_MOT_TOUT", 100.0, 10.0, 10000.0, "ms", "for so long it has less than half of the speed", integer=True),
@@ -385,6 +386,13 @@ def _number(value: float) -> str:
     return f"{value:.9g}"
 
 
+def _warning(settings: Any) -> Any:
+    """The settings, of a guard that only warns."""
+    if (guard := getattr(settings, "guard", None)) is None:
+        return settings
+    return settings._replace(guard=guard._replace(policy=WARN))
+
+
 class Follower(Protocol):
     """An object that works with values of parameters."""
 
@@ -430,7 +438,8 @@ class Parameters:
         self._fixed = {"MAV_SYS_ID": float(system_id)}
         self._changed: dict[str, float] = {}  # what differs from the law and the defaults
         self._chosen = settings  # as they were chosen
-        self._lost: frozenset[int] = frozenset()  # rotors that the law gives no work
+        self._lost: frozenset[int] = frozenset()  # rotors
+        self._shared = True  # the law gives these no work
         self.settings = settings  # in force: of what is left of the vehicle
         self.followers: WeakSet[Follower] = WeakSet()  # told of every change
         # what starts unstable, or unable to hover, may fly on, for a study
@@ -513,23 +522,33 @@ class Parameters:
 
     # --- rotors that are lost
 
-    def lose(self, rotors: Iterable[int]) -> Fate:
+    @property
+    def is_guarded(self) -> bool:
+        """True while a guard holds what is flown inside its beliefs, rather than warn."""
+        guard = getattr(self.settings, "guard", None)
+        return guard is not None and guard.policy != WARN
+
+    def lose(self, rotors: Iterable[int], shared: bool = True) -> Fate:
         """Have the law share its work among the rotors that are not lost. Returns what they can do.
 
-        rotors : numbers of all that are lost, from 1. Where the others do not hold roll and pitch the
-        law goes on as it was.
+        rotors : numbers of all that are lost, from 1. Where the others do not hold roll and pitch, or with
+        `shared` false, the law goes on as it was.
         """
-        self._lost = frozenset(rotors)
+        self._lost, self._shared = frozenset(rotors), shared
         fate, self.settings = self.of_what_is_left(self._module, self._chosen)
         return fate
 
     def of_what_is_left(self, module: Any, settings: Any) -> tuple[Fate, Any]:
         """The Fate of the vehicle without the lost rotors, and settings of a law for it.
 
-        module : the law's `fcu.process.settings`, of which `settings` are.
+        module : the law's `fcu.process.settings`, of which `settings` are. A guard only warns where what it
+        believes is void: nobody takes over the work of the lost, or the others leave hover no room. It would
+        promise nothing there, and hold the reference back or have it go with a vehicle that is driven away.
         """
         if not self._lost:
             return Fate.FLIES, settings
+        if not self._shared:
+            return Fate.FLIES, _warning(settings)
         law, heaviest = settings.law, G * float(self._tables["vehicle"]["mass_kg"][1])
         fate, rotors, limits = rotor_loss.without(
             law.rotors, law.limits, self._lost, self.weight, heaviest
@@ -537,7 +556,9 @@ class Parameters:
         if fate is Fate.FALLS:
             return fate, settings
         law = law._replace(rotors=rotors, limits=limits)
-        return fate, module.derived(settings._replace(law=law))
+        left = module.derived(settings._replace(law=law))
+        has_room = getattr(left, "guard", None) is None or left.guard.hover > 0.0
+        return fate, left if has_room else _warning(left)
 
     # --- what is in force
 

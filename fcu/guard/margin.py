@@ -187,6 +187,13 @@ def condition(known, a, v, beta):
 
 
 @kernel
+def at_rest(params, law):
+    """By how much (N) the condition holds in hover, the take-over forgotten."""
+    still = Vec3(0.0, 0.0, 0.0)
+    return condition(known(params, law), still, still, 0.0)
+
+
+@kernel
 def beta_1(params, law, v):
     """Control difference (N) at take-over at v (m/s, E) at most. Paper (30), beta_1.
 

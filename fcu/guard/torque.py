@@ -33,6 +33,7 @@ NOT_YET = {
     "T_turns": math.inf,
     "lift_turns": 0.0,
     "lean_turns": 0.0,
+    "hover": 0.0,
 }  # before `derived`
 # The L1 norm of a gust over what a wind makes of it: a wind has no more than its greatest speed to swing
 # by. How much was set by computed winds (gcs_tools/gusts).
@@ -251,4 +252,5 @@ def derived(params: GuardParams, law: Params) -> GuardParams:
         lift_turns=lift_turns(params, law),
         lean_turns=lean_turns(params, law),
     )
-    return params._replace(T_turns=float(wrench.turns_up_to(params, law)))
+    params = params._replace(T_turns=float(wrench.turns_up_to(params, law)))
+    return params._replace(hover=float(margin.at_rest(params, law)))

@@ -40,6 +40,7 @@ class GuardParams(NamedTuple):
     lift_turns: float  # N, greatest drag from below beside which a tilt has torque for a gust
     lean_turns: float  # N, greatest level drag beside which it has torque for a gust along that
     T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
+    hover: float  # N, by how much the condition holds in hover (`margin.at_rest`)
 
 
 class Signs(NamedTuple):

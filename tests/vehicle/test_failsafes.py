@@ -382,6 +382,7 @@ def lose(vehicle, rotor=3, share=0.0, to_us=LOSS_US + 400_000):
     ("act", "mode"), [(0, None), (1, Mode.HOLD), (2, Mode.LAND), (3, Mode.RETURN)]
 )
 def test_a_rotor_that_stands_is_found_lost_after_its_time(vehicle, params, act, mode):
+    params.set("CA_FAILURE_MODE", 0.0, True)
     params.set("COM_ACT_FAIL_ACT", float(act), True)
     if mode is Mode.HOLD:
         vehicle.select(Mode.POSITION, 0, 0.0)
@@ -389,10 +390,12 @@ def test_a_rotor_that_stands_is_found_lost_after_its_time(vehicle, params, act, 
     at_us, code = told[0]
     assert code is Code.ROTOR_LOST
     assert 100_000 <= at_us - LOSS_US <= 100_000 + 2 * LOOK_US
-    assert [code for _, code in told[1:]] == ([] if mode is None else [Code.FAILSAFE_MODE])
+    acts = [] if mode is None else [Code.FAILSAFE_MODE]
+    assert [code for _, code in told[1:]] == [*acts, Code.GUARD_WARNS]
     assert vehicle.mode is (mode or Mode.HOLD)
     assert vehicle.lost_rotors == (3,)
-    assert params.law.rotors.w == (1.0,) * 8, "CA_FAILURE_MODE is 0"
+    assert params.law.rotors.w == (1.0,) * 8
+    assert not params.is_guarded, "the vehicle is not the one that is believed in"
 
 
 def test_a_rotor_that_is_slow_for_less_or_has_more_than_half_is_not_lost(vehicle):
@@ -421,7 +424,8 @@ def test_one_that_stands_turns_too_slowly_or_runs_down_is_lost(vehicle, turns):
         (t_us, code) for t_us in range(TICK, 1_000_000, TICK)
         for _, code in fly(vehicle, t_us, t_us, without(3, turns(t_us * 1e-6)))
     ]  # fmt: skip
-    ((at_us, code),) = found
+    (at_us, code), (_, warns) = found
+    assert warns is Code.GUARD_WARNS
     assert code == Code.ROTOR_LOST
     assert 100_000 <= at_us - slow_us <= 100_000 + 2 * LOOK_US
 
@@ -439,28 +443,28 @@ def test_a_state_that_stands_still_says_nothing_of_rotors(vehicle):
 
 
 def test_told_the_law_gives_it_no_work_and_flies_on(vehicle, params):
-    params.set("CA_FAILURE_MODE", 1.0, True)
     whole = params.settings
-    assert [code for _, code in lose(vehicle)] == [Code.ROTOR_LOST]
+    assert [code for _, code in lose(vehicle)] == [Code.ROTOR_LOST, Code.GUARD_WARNS]
     assert (vehicle.mode, vehicle.armed) == (Mode.HOLD, True)
     assert params.law.rotors.w[2] == 0.0
     assert params.law.limits.T_max < whole.law.limits.T_max
-    assert params.guard != whole.guard
+    assert params.guard.hover < 0.0 < whole.guard.hover
+    assert not params.is_guarded, "seven rotors leave hover no room"
     params.set("MR_F_M", 1.5, True)
     assert (params.law.f_m, params.law.rotors.w[2]) == (1.5, 0.0), "a parameter keeps the loss"
     assert vehicle.tell_rotor(3, lost=False) == Told(Code.ROTOR_BACK, (3,))
     assert params.law.rotors == whole.law.rotors
+    assert params.is_guarded
     assert vehicle.lost_rotors == ()
 
 
 def test_two_lost_rotors_of_eight_land_it_and_four_terminate_it(vehicle, params):
-    params.set("CA_FAILURE_MODE", 1.0, True)
     fly(vehicle, TICK, LOSS_US)
     for rotor in (1, 5):
         vehicle.tell_rotor(rotor, lost=True)
     codes = [code for _, code in fly(vehicle, LOSS_US + TICK, LOSS_US + 2 * LOOK_US)]
-    assert codes == [Code.ROTOR_LOST, Code.ROTOR_LOST, Code.FAILSAFE_MODE] or codes == [
-        Code.ROTOR_LOST, Code.FAILSAFE_MODE, Code.ROTOR_LOST,
+    assert codes == [
+        Code.ROTOR_LOST, Code.FAILSAFE_MODE, Code.GUARD_WARNS, Code.ROTOR_LOST,
     ]  # fmt: skip
     assert vehicle.mode is Mode.LAND
     for rotor in (2, 3, 4, 6):
@@ -478,6 +482,7 @@ def order(vehicle, *rotors, t_us=LOSS_US, lost=True):
 
 
 def test_a_share_that_is_asked_for_after_the_loss_is_acted_on(vehicle, params):
+    params.set("CA_FAILURE_MODE", 0.0, True)
     order(vehicle, 1, 3)
     params.set("CA_FAILURE_MODE", 1.0, True)
     told = order(vehicle, t_us=LOSS_US + 10 * LOOK_US)
@@ -490,7 +495,6 @@ def test_a_share_that_is_asked_for_after_the_loss_is_acted_on(vehicle, params):
 
 
 def test_a_rotor_that_turns_again_takes_its_action_back(vehicle, params):
-    params.set("CA_FAILURE_MODE", 1.0, True)
     order(vehicle, 1, 3)
     assert vehicle.mode is Mode.LAND
     assert order(vehicle, 3, t_us=LOSS_US + 10 * LOOK_US, lost=False) == []
@@ -502,20 +506,21 @@ def test_a_rotor_that_turns_again_takes_its_action_back(vehicle, params):
 
 
 def test_a_vehicle_that_cannot_fly_on_does_not_wait_before_it_lands(vehicle, params):
-    params.set("CA_FAILURE_MODE", 1.0, True)
     params.set("COM_FAIL_ACT_T", 5.0, True)
     params.set("COM_ACT_FAIL_ACT", 3.0, True)
-    assert order(vehicle, 1) == [Code.ROTOR_LOST, Code.FAILSAFE_LATER], "it returns later"
+    assert order(vehicle, 1) == [
+        Code.ROTOR_LOST, Code.FAILSAFE_LATER, Code.GUARD_WARNS,
+    ], "it returns later"  # fmt: skip
     told = order(vehicle, 3, t_us=LOSS_US + 10 * LOOK_US)
     assert told == [Code.ROTOR_LOST, Code.FAILSAFE_MODE]
     assert vehicle.mode is Mode.LAND
 
 
 def test_an_order_is_told_at_the_next_tick(vehicle, params):
-    params.set("CA_FAILURE_MODE", 1.0, True)
     fly(vehicle, TICK, LOSS_US)
     vehicle.tell_rotor(7, lost=True)
-    assert fly(vehicle, LOSS_US + TICK, LOSS_US + LOOK_US) == [(LOSS_US + TICK, Code.ROTOR_LOST)]
+    told = fly(vehicle, LOSS_US + TICK, LOSS_US + LOOK_US)
+    assert told == [(LOSS_US + TICK, code) for code in (Code.ROTOR_LOST, Code.GUARD_WARNS)]
     assert params.law.rotors.w[6] == 0.0
 
 
@@ -528,7 +533,6 @@ def test_a_vehicle_with_a_lost_rotor_is_not_armed(vehicle):
 
 
 def test_a_reset_has_every_rotor_turn_again(params):
-    params.set("CA_FAILURE_MODE", 1.0, True)
     whole = params.settings
     params.lose((2,))
     assert params.settings is not whole
