@@ -386,11 +386,16 @@ def _number(value: float) -> str:
     return f"{value:.9g}"
 
 
+def _guard_of(settings: Any) -> GuardParams | None:
+    """The parameters of the guard. None: the law has none."""
+    guard = getattr(settings, "guard", None)
+    return guard if isinstance(guard, GuardParams) else None
+
+
 def _warning(settings: Any) -> Any:
     """The settings, of a guard that only warns."""
-    if (guard := getattr(settings, "guard", None)) is None:
-        return settings
-    return settings._replace(guard=guard._replace(policy=WARN))
+    guard = _guard_of(settings)
+    return settings if guard is None else settings._replace(guard=guard._replace(policy=WARN))
 
 
 class Follower(Protocol):
@@ -525,7 +530,7 @@ class Parameters:
     @property
     def is_guarded(self) -> bool:
         """True while a guard holds what is flown inside its beliefs, rather than warn."""
-        guard = getattr(self.settings, "guard", None)
+        guard = _guard_of(self.settings)
         return guard is not None and guard.policy != WARN
 
     def lose(self, rotors: Iterable[int], shared: bool = True) -> Fate:
@@ -557,8 +562,8 @@ class Parameters:
             return fate, settings
         law = law._replace(rotors=rotors, limits=limits)
         left = module.derived(settings._replace(law=law))
-        has_room = getattr(left, "guard", None) is None or left.guard.hover > 0.0
-        return fate, left if has_room else _warning(left)
+        guard = _guard_of(left)
+        return fate, left if guard is None or guard.hover > 0.0 else _warning(left)
 
     # --- what is in force
 
