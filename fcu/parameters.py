@@ -22,7 +22,7 @@ import numpy as np
 
 from fcu.guard import stability
 from fcu.guard.gains import RULE, has_rule
-from fcu.guard.parameters import WARN
+from fcu.guard.parameters import GOVERN, WARN
 from fcu.guard.types import GuardParams
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.files import toml_file, whole_file
@@ -392,10 +392,17 @@ def _guard_of(settings: Any) -> GuardParams | None:
     return guard if isinstance(guard, GuardParams) else None
 
 
-def _warning(settings: Any) -> Any:
-    """The settings, of a guard that only warns."""
-    guard = _guard_of(settings)
-    return settings if guard is None else settings._replace(guard=guard._replace(policy=WARN))
+def _without_promise(left: Any, whole: Any) -> Any:
+    """Settings without some rotors, of a guard that promises nothing and keeps to the speeds of the whole vehicle."""
+    guard, before = _guard_of(left), _guard_of(whole)
+    if guard is None or before is None:
+        return left
+    return left._replace(
+        guard=guard._replace(
+            policy=min(guard.policy, GOVERN), promises=0.0,
+            top=before.top, brake=before.brake, down=before.down,
+        )
+    )  # fmt: skip
 
 
 class Follower(Protocol):
@@ -528,10 +535,10 @@ class Parameters:
     # --- rotors that are lost
 
     @property
-    def is_guarded(self) -> bool:
-        """True while a guard holds what is flown inside its beliefs, rather than warn."""
+    def is_promised(self) -> bool:
+        """True while a guard keeps what is flown inside what it believes, rather than warn."""
         guard = _guard_of(self.settings)
-        return guard is not None and guard.policy != WARN
+        return guard is not None and guard.policy != WARN and guard.promises > 0.0
 
     def lose(self, rotors: Iterable[int], shared: bool = True) -> Fate:
         """Have the law share its work among the rotors that are not lost. Returns what they can do.
@@ -546,14 +553,14 @@ class Parameters:
     def of_what_is_left(self, module: Any, settings: Any) -> tuple[Fate, Any]:
         """The Fate of the vehicle without the lost rotors, and settings of a law for it.
 
-        module : the law's `fcu.process.settings`, of which `settings` are. A guard only warns where what it
-        believes is void: nobody takes over the work of the lost, or the others leave hover no room. It would
-        promise nothing there, and hold the reference back or have it go with a vehicle that is driven away.
+        module : the law's `fcu.process.settings`, of which `settings` are. Without a rotor the vehicle is not
+        the one that a guard believes in. It promises nothing, and holds the reference to the speeds of the whole
+        vehicle and to a jerk alone: one that refuses, too.
         """
         if not self._lost:
             return Fate.FLIES, settings
         if not self._shared:
-            return Fate.FLIES, _warning(settings)
+            return Fate.FLIES, _without_promise(settings, settings)
         law, heaviest = settings.law, G * float(self._tables["vehicle"]["mass_kg"][1])
         fate, rotors, limits = rotor_loss.without(
             law.rotors, law.limits, self._lost, self.weight, heaviest
@@ -562,8 +569,7 @@ class Parameters:
             return fate, settings
         law = law._replace(rotors=rotors, limits=limits)
         left = module.derived(settings._replace(law=law))
-        guard = _guard_of(left)
-        return fate, left if guard is None or guard.hover > 0.0 else _warning(left)
+        return fate, _without_promise(left, settings)
 
     # --- what is in force
 

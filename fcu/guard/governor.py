@@ -35,7 +35,7 @@ def speeds(known):
     """The greatest speed (m/s) of the reference, and the deceleration (m/s^2) it brakes with.
 
     Both from what hover leaves: at that speed, in the direction that suits worst, KEPT of the
-    room is left, which brakes.
+    room is left, which brakes. Without a rotor they are those of the whole vehicle.
     """
     still = Vec3(0.0, 0.0, 0.0)
     R = margin.room(known, still, still)
@@ -48,7 +48,8 @@ def speeds(known):
     x = minimum(x, math.sqrt(minimum(known.lean, known.lean_turns) / known.c_D))
     top = maximum(x - known.w_max, SLOWEST)
     brake = (kept + 0.5 * known.c_D * (top + known.w_max) * top) / known.m_max
-    return top, BRAKING * maximum(brake, 0.1)
+    whole = known.promises > 0.5
+    return select(whole, top, known.top), select(whole, BRAKING * maximum(brake, 0.1), known.brake)
 
 
 @kernel
@@ -145,6 +146,7 @@ def within(known, a, f_v, radius):
 def inside(known, v_m, beta, a, closing):
     """Acceleration a (m/s^2, E) of the reference, or as much as the condition allows of a + closing.
 
+    All of it without a rotor: the reference would go with a vehicle that is driven away.
     v_m : of the reference, m/s, E.  closing : m/s^2, E, what closes the tracking error.
     """
     f_v = margin.dragging(known, v_m)
@@ -152,7 +154,8 @@ def inside(known, v_m, beta, a, closing):
     radius = minimum(
         margin.allowance(known, v_m, beta), (1.0 - margin.KEPT) * maximum(at_rest, 0.0)
     )
-    part = select(at_rest > 0.0, within(known, a + closing, f_v, radius), 1.0)
+    holds = (at_rest > 0.0) & (known.promises > 0.5)
+    part = select(holds, within(known, a + closing, f_v, radius), 1.0)
     return part * (a + closing) - closing
 
 

@@ -49,6 +49,10 @@ class Known(NamedTuple):
     lift: float  # N, greatest drag from below under which a tilt steers, with torque for a gust
     lean: float  # N, greatest drag from anywhere under which it does
     lean_turns: float  # N, greatest level drag beside which it has torque for a gust along that
+    promises: float  # 0: a rotor is lost
+    top: float  # m/s, greatest speed of the reference then
+    brake: float  # m/s^2
+    down: float  # m/s
 
 
 @kernel
@@ -90,6 +94,10 @@ def known(params, law):
         lift=minimum(params.lift, params.lift_turns),
         lean=leant(params, law),
         lean_turns=params.lean_turns,
+        promises=params.promises,
+        top=params.top,
+        brake=params.brake,
+        down=params.down,
     )  # (30)
 
 
@@ -170,9 +178,11 @@ def steered(params):
 def sinking(known):
     """The greatest speed (m/s) downwards at which a tilt steers in the strongest wind from below.
 
-    It has torque there for a gust. Below zero where it does not steer in hover.
+    It has torque there for a gust. Below zero where it does not steer in hover. Without a rotor it is that
+    of the whole vehicle.
     """
-    return math.sqrt(known.lift / known.c_D) - known.w_max
+    believed = math.sqrt(known.lift / known.c_D) - known.w_max
+    return select(known.promises > 0.5, believed, known.down)
 
 
 @kernel
@@ -184,13 +194,6 @@ def condition(known, a, v, beta):
     """
     left = room(known, a, dragging(known, v)) - allowance(known, v, beta)
     return minimum(left, steering(known, v))
-
-
-@kernel
-def at_rest(params, law):
-    """By how much (N) the condition holds in hover, the take-over forgotten."""
-    still = Vec3(0.0, 0.0, 0.0)
-    return condition(known(params, law), still, still, 0.0)
 
 
 @kernel

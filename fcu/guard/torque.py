@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcu.guard import margin, stability, wrench
+from fcu.guard import governor, margin, stability, wrench
 from fcu.guard.governor import SLOWEST
 from fcu.guard.noise import LONGEST, Response, sums
 from fcu.guard.stability import INPUTS, LAGS, OFF, Hover, Loop
@@ -33,7 +33,10 @@ NOT_YET = {
     "T_turns": math.inf,
     "lift_turns": 0.0,
     "lean_turns": 0.0,
-    "hover": 0.0,
+    "promises": 1.0,
+    "top": 0.0,
+    "brake": 0.0,
+    "down": 0.0,
 }  # before `derived`
 # The L1 norm of a gust over what a wind makes of it: a wind has no more than its greatest speed to swing
 # by. How much was set by computed winds (gcs_tools/gusts).
@@ -253,4 +256,8 @@ def derived(params: GuardParams, law: Params) -> GuardParams:
         lean_turns=lean_turns(params, law),
     )
     params = params._replace(T_turns=float(wrench.turns_up_to(params, law)))
-    return params._replace(hover=float(margin.at_rest(params, law)))
+    known = margin.known(params._replace(promises=1.0), law)
+    top, brake = governor.speeds(known)
+    return params._replace(
+        promises=1.0, top=float(top), brake=float(brake), down=float(margin.sinking(known))
+    )

@@ -52,7 +52,7 @@ class Code(Enum):
     LOSS_SHARED = "the others take its share"
     LOSS_LANDS = "the rest cannot fly on, landing"
     LOSS_FALLS = "the rest cannot hold it level"
-    GUARD_WARNS = "Guard only warns: not the vehicle it believes in"
+    GUARD_VOID = "The guard promises nothing without a rotor"
     ROTOR_BACK = "Rotor {:.0f} takes its share again"
     ROTOR_IS_LOST = "rotor {:.0f} is lost"
     BELIEFS_CONTRADICTED = "Assumptions of the guard contradicted"

@@ -428,7 +428,10 @@ class Commands:
         return Verdict(Result.IN_PROGRESS)
 
     def failure_is_over(self) -> list[Told]:
-        """Tell the vehicle of rotors that the plant has stopped, or mended. Returns what it says of them."""
+        """Tell the vehicle of rotors that the plant has stopped, or mended. Returns what it says of them.
+
+        Of one that turns again by itself nothing is told: it is lost if its speed says so.
+        """
         asked, self.failure = self.failure, None
         if asked is None or asked.result is not Result.ACCEPTED:
             return []
@@ -439,6 +442,8 @@ class Commands:
             return []
         rotors = [order.instance] if order.instance else range(1, self._vehicle.rotor_count + 1)
         lost = order.type == failures.Type.OFF
+        if lost and order.for_s > 0.0:
+            return []
         said = [self._vehicle.tell_rotor(rotor, lost) for rotor in rotors]
         return [told for told in said if told is not None]
 

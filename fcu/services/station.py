@@ -106,7 +106,7 @@ SEVERITIES = {  # of what happens by itself; else INFO
     Code.FAILSAFE_MODE: Severity.CRITICAL,
     Code.FAILSAFE_STOPPED: Severity.CRITICAL,
     Code.FAILSAFE_LATER: Severity.CRITICAL,
-    Code.GUARD_WARNS: Severity.WARNING,
+    Code.GUARD_VOID: Severity.WARNING,
     Code.STATE_FAILED: Severity.CRITICAL,
     Code.OFFBOARD_LOST_STOPPED: Severity.CRITICAL,
     Code.STICKS_LOST_STOPPED: Severity.CRITICAL,

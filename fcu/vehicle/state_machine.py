@@ -576,8 +576,9 @@ class StateMachine:
         """Have the law give no work to what is lost. Returns what the vehicle can do. None: as before."""
         if self._params["CA_FAILURE_MODE"] == 0.0:
             self._params.lose(self.lost_rotors, shared=False)
-            return None
-        fate = self._params.lose(self.lost_rotors)
+            fate = None
+        else:
+            fate = self._params.lose(self.lost_rotors)
         self.watch[_LIMITS] = to_buffer(self._limits())
         return fate
 
@@ -608,15 +609,15 @@ class StateMachine:
         rotor = int(self.watch[_VALUE])
         self.watch[_ROTORS_TOLD.start + rotor - 1] = 0.0
         self.watch[_ROTORS_LOST.start + rotor - 1] = 1.0
-        was_guarded = self._params.is_guarded
+        was_promised = self._params.is_promised
         self._fate = fate = self._share()
         code = Code.LOSS_NOT_SHARED if fate is None else _LOSS_SAID[fate]
         self._meet(
             Condition.ROTOR_LOST, (rotor, Told(code)), t_us, told, self._loss_action(fate),
             at_once=fate is Fate.LANDS,
         )  # fmt: skip
-        if was_guarded and not self._params.is_guarded:
-            told.append(Told(Code.GUARD_WARNS))
+        if was_promised and not self._params.is_promised:
+            told.append(Told(Code.GUARD_VOID))
 
     @property
     def station_lost_us(self) -> int:

@@ -263,8 +263,8 @@ def moved(scene: Scenario, search: Search) -> Search:
         return search
     vehicle, of = Vehicle(scene, search.begin.end), LIMITS.index(search.limit)
     far, near = (round(step_s * scene.rate_hz) for step_s in (FAR_S, NEAR_S))
-    first = max(search.part[0], round(EARLIEST_S * scene.rate_hz))
     tick = search.found.tick
+    first = min(max(search.part[0], round(EARLIEST_S * scene.rate_hz)), tick)
 
     def flown(k: int) -> Least:
         room = vehicle.fly(_later(search.worst, k), search.part[1])[:, of]

@@ -168,6 +168,9 @@ def test_everything_is_drawn_within_the_beliefs():
             "lean_turns": 0.0,
             "swinging": 0.0,
             "T_turns": 0.0,
+            "top": 0.0,
+            "brake": 0.0,
+            "down": 0.0,
             "w_max": 0.0,
         }
         assert guard._replace(**told) == shipped.guard._replace(**told)

@@ -391,11 +391,11 @@ def test_a_rotor_that_stands_is_found_lost_after_its_time(vehicle, params, act, 
     assert code is Code.ROTOR_LOST
     assert 100_000 <= at_us - LOSS_US <= 100_000 + 2 * LOOK_US
     acts = [] if mode is None else [Code.FAILSAFE_MODE]
-    assert [code for _, code in told[1:]] == [*acts, Code.GUARD_WARNS]
+    assert [code for _, code in told[1:]] == [*acts, Code.GUARD_VOID]
     assert vehicle.mode is (mode or Mode.HOLD)
     assert vehicle.lost_rotors == (3,)
     assert params.law.rotors.w == (1.0,) * 8
-    assert not params.is_guarded, "the vehicle is not the one that is believed in"
+    assert not params.is_promised, "the vehicle is not the one that is believed in"
 
 
 def test_a_rotor_that_is_slow_for_less_or_has_more_than_half_is_not_lost(vehicle):
@@ -425,7 +425,7 @@ def test_one_that_stands_turns_too_slowly_or_runs_down_is_lost(vehicle, turns):
         for _, code in fly(vehicle, t_us, t_us, without(3, turns(t_us * 1e-6)))
     ]  # fmt: skip
     (at_us, code), (_, warns) = found
-    assert warns is Code.GUARD_WARNS
+    assert warns is Code.GUARD_VOID
     assert code == Code.ROTOR_LOST
     assert 100_000 <= at_us - slow_us <= 100_000 + 2 * LOOK_US
 
@@ -444,17 +444,19 @@ def test_a_state_that_stands_still_says_nothing_of_rotors(vehicle):
 
 def test_told_the_law_gives_it_no_work_and_flies_on(vehicle, params):
     whole = params.settings
-    assert [code for _, code in lose(vehicle)] == [Code.ROTOR_LOST, Code.GUARD_WARNS]
+    assert [code for _, code in lose(vehicle)] == [Code.ROTOR_LOST, Code.GUARD_VOID]
     assert (vehicle.mode, vehicle.armed) == (Mode.HOLD, True)
     assert params.law.rotors.w[2] == 0.0
     assert params.law.limits.T_max < whole.law.limits.T_max
-    assert params.guard.hover < 0.0 < whole.guard.hover
-    assert not params.is_guarded, "seven rotors leave hover no room"
+    assert not params.is_promised
+    assert params.guard.policy == whole.guard.policy
+    of = ("top", "brake", "down")
+    assert [getattr(params.guard, n) for n in of] == [getattr(whole.guard, n) for n in of]
     params.set("MR_F_M", 1.5, True)
     assert (params.law.f_m, params.law.rotors.w[2]) == (1.5, 0.0), "a parameter keeps the loss"
     assert vehicle.tell_rotor(3, lost=False) == Told(Code.ROTOR_BACK, (3,))
     assert params.law.rotors == whole.law.rotors
-    assert params.is_guarded
+    assert params.is_promised
     assert vehicle.lost_rotors == ()
 
 
@@ -464,7 +466,7 @@ def test_two_lost_rotors_of_eight_land_it_and_four_terminate_it(vehicle, params)
         vehicle.tell_rotor(rotor, lost=True)
     codes = [code for _, code in fly(vehicle, LOSS_US + TICK, LOSS_US + 2 * LOOK_US)]
     assert codes == [
-        Code.ROTOR_LOST, Code.FAILSAFE_MODE, Code.GUARD_WARNS, Code.ROTOR_LOST,
+        Code.ROTOR_LOST, Code.FAILSAFE_MODE, Code.GUARD_VOID, Code.ROTOR_LOST,
     ]  # fmt: skip
     assert vehicle.mode is Mode.LAND
     for rotor in (2, 3, 4, 6):
@@ -509,7 +511,7 @@ def test_a_vehicle_that_cannot_fly_on_does_not_wait_before_it_lands(vehicle, par
     params.set("COM_FAIL_ACT_T", 5.0, True)
     params.set("COM_ACT_FAIL_ACT", 3.0, True)
     assert order(vehicle, 1) == [
-        Code.ROTOR_LOST, Code.FAILSAFE_LATER, Code.GUARD_WARNS,
+        Code.ROTOR_LOST, Code.FAILSAFE_LATER, Code.GUARD_VOID,
     ], "it returns later"  # fmt: skip
     told = order(vehicle, 3, t_us=LOSS_US + 10 * LOOK_US)
     assert told == [Code.ROTOR_LOST, Code.FAILSAFE_MODE]
@@ -520,7 +522,7 @@ def test_an_order_is_told_at_the_next_tick(vehicle, params):
     fly(vehicle, TICK, LOSS_US)
     vehicle.tell_rotor(7, lost=True)
     told = fly(vehicle, LOSS_US + TICK, LOSS_US + LOOK_US)
-    assert told == [(LOSS_US + TICK, code) for code in (Code.ROTOR_LOST, Code.GUARD_WARNS)]
+    assert told == [(LOSS_US + TICK, code) for code in (Code.ROTOR_LOST, Code.GUARD_VOID)]
     assert params.law.rotors.w[6] == 0.0
 
 
