@@ -139,7 +139,7 @@ def test_who_has_no_autopilot_refuses_them(write):
         MissionError, match=r"\[vehicle.params\] NAV_DLL_ACT: a controller of your own"
     ):
         with_controller(mission, ("true",))
-    with pytest.raises(loader.LawError, match=r"\[vehicle.params\] NAV_DLL_ACT"):
+    with pytest.raises(loader.LawError, match=r"\[vehicle.params\] COM_OF_LOSS_T is of"):
         law_alone.fly(scenario(mission))
     with pytest.raises(GivenError) as error:
         chosen({"X": 1.0}, mission.flown, mission.airframe.tables)
