@@ -58,7 +58,7 @@ class Airframe(NamedTuple):
 Interval = tuple[float, float]  # least, greatest
 
 
-class AirframeError(ValueError):
+class AirframeError(input_file.PlainError):
     """An airframe that cannot be flown: file, line if known, table, key, what was expected and got."""
 
     def __init__(self, said: str, at: KeyPath = ()) -> None:

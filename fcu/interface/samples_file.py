@@ -21,7 +21,7 @@ WIND_SAMPLES = 100_000
 WIND_MIB = 16
 
 
-class SamplesError(ValueError):
+class SamplesError(input_file.PlainError):
     """A file that does not hold such samples: which, where and why."""
 
 

@@ -32,8 +32,10 @@ _ROOT = Path(__file__).resolve().parents[2]
 _OURS = tuple(_ROOT / package for package in ("fcu", "gcs_tools", "sitl_plant"))
 
 
-class LawError(ValueError):
+class LawError(input_file.PlainError):
     """A law that cannot be flown: file, line or name, and what was expected."""
+
+    KEPT = "\n"
 
 
 def found(path: Path) -> tuple[Path, str, str]:

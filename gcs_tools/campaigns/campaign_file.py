@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from fcu.interface.airframe import AirframeError
-from fcu.interface.files import toml_file
+from fcu.interface.files import input_file, toml_file
 from fcu.interface.files.input_file import MIB
 from fcu.interface.files.spelling import suggestion, suggestion_or_list
 from fcu.interface.files.toml_file import FileError
@@ -83,8 +83,10 @@ _Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 _Confidence = Annotated[float, Field(ge=0.5, le=0.9999)]
 
 
-class CampaignError(ValueError):
+class CampaignError(input_file.PlainError):
     """A campaign that cannot be flown: file, line, key and what was expected."""
+
+    KEPT = "\n"
 
 
 class Stop(Table):

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcu.interface.files import input_file
 from gcs_tools.campaigns.distributions import Distribution, Numbers
 from gcs_tools.campaigns.rare import Mixture
 
@@ -32,7 +33,7 @@ MOST_DIMENSIONS = 1000
 _PART = re.compile(r"([\w-]+)((?:\[[0-9]{1,9}\])*)")
 
 
-class DrawError(ValueError):
+class DrawError(input_file.PlainError):
     """A key or a value that cannot be drawn: which, and why."""
 
 

@@ -15,6 +15,7 @@ from typing import IO, Any
 
 import click
 
+from fcu.interface.files.input_file import plain
 from gcs_tools.exit_codes import INFRASTRUCTURE
 
 # for who cannot show them; any other character is a question mark there
@@ -25,7 +26,7 @@ class Failure(click.ClickException):
     """What ended a command, in words, and its exit code."""
 
     def __init__(self, why: object, exit_code: int = INFRASTRUCTURE) -> None:
-        super().__init__(str(why))
+        super().__init__(plain(str(why), kept="\n"))
         self.exit_code = exit_code  # type: ignore[misc]
 
 

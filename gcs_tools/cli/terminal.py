@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from fcu.interface.files.input_file import plain
 from gcs_tools.cli.output import is_unread, silence
 from gcs_tools.exit_codes import MISSED, OK
 from gcs_tools.flight.display import Display
@@ -137,7 +138,7 @@ class Terminal(Display):
         if result.changes:
             self._out.print(Text(f"changed: {', '.join(result.changes)}"), soft_wrap=True)
         if result.error:
-            self._out.print(Text(result.error, style="red"), soft_wrap=True)
+            self._out.print(Text(plain(result.error, kept="\n"), style="red"), soft_wrap=True)
         if result.expectations:
             table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
             table.add_column("")

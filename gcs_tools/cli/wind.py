@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from fcu.interface.files.input_file import plain
 from gcs_tools.cli import arguments
 from gcs_tools.cli.output import Failure
 from gcs_tools.exit_codes import USAGE
@@ -57,7 +58,7 @@ def _told(out: dict[str, Any], as_json: bool) -> None:
     for key, value in out.items():
         lines = value if isinstance(value, list) else [value]
         for i, line in enumerate(lines):
-            click.echo(f"{key if i == 0 else '':14}{line}")
+            click.echo(f"{key if i == 0 else '':14}{plain(str(line))}")
 
 
 def _opened(file: Path) -> tuple[Field, dict[str, Any]]:

@@ -48,8 +48,10 @@ __all__ = [
 MOST_BYTES = 2 * input_file.MIB  # of a file: room for some 40,000 setpoints
 
 
-class MissionError(ValueError):
+class MissionError(input_file.PlainError):
     """A mission that cannot be flown: file, line, key and what was expected, one line each."""
+
+    KEPT = "\n"
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ _LEADING = 92  # MAV_CMD up to NAV_GUIDED_ENABLE; the next, NAV_DELAY, waits
 _BOUND = f"expected a number from {-_MOST:g} to {_MOST:g}"
 
 
-class PlanError(ValueError):
+class PlanError(input_file.PlainError):
     """A plan file that cannot be read: where, and why."""
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from fcu.interface.files.input_file import shown
+from fcu.interface.files.input_file import plain, shown
 from fcu.interface.files.spelling import suggestion_or_list
 from fcu.interface.files.toml_lines import KeyPath, nearest
 from gcs_tools.judging.metrics import RENAMED
@@ -120,14 +120,15 @@ def _as_written(path: KeyPath, found: Mapping[KeyPath, int]) -> KeyPath:
 
 def _key(path: KeyPath, got: Any, model: type[BaseModel]) -> str:
     """`[flight] setpoints[0].at_s`; `title`, arrays and tables themselves stand alone."""
-    text = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path[1:])
+    text = "".join(f"[{p}]" if isinstance(p, int) else f".{plain(p)}" for p in path[1:])
+    first = plain(str(path[0]))
     if text.startswith("["):
-        return f"{path[0]}{text}"
+        return f"{first}{text}"
     if text:
-        return f"[{path[0]}] {text.removeprefix('.')}"
+        return f"[{first}] {text.removeprefix('.')}"
     known = model.model_fields.get(str(path[0]))
     is_table = isinstance(got, dict) if known is None else any(_models(known.annotation))
-    return f"[{path[0]}]" if is_table else str(path[0])
+    return f"[{first}]" if is_table else first
 
 
 def _elsewhere(path: KeyPath, kind: type[BaseModel]) -> str:

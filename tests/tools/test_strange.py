@@ -110,3 +110,40 @@ def test_a_time_that_is_none_is_refused(recording, option, value):
     done = gcs("replay", recording.path, option, value)
     assert done.exit_code == 2
     assert "expected 0 to 1e+07 s" in done.stderr
+
+
+EVIL = r"\u001b]0;owned\u0007\u009b31m\u202e"
+MISSION = 'title = "A hover."\n[flight]\nduration_s = 0.5\nsetpoints = [[0.0, 0.0, 0.0, 0.0]]\n'
+
+
+@pytest.mark.parametrize("text", [
+    f'{MISSION}"{EVIL}" = 1', f'{MISSION}["{EVIL}"]\na = 1', f'{MISSION}["a\\nerror: x"]\na = 1',
+    f'{MISSION}[expect]\n"{EVIL}" = 1', f'{MISSION}[vehicle.params]\n"{EVIL}" = 1', f'{MISSION}[law]\n"{EVIL}" = 1',
+    f'{MISSION}[wind]\nfile = "{EVIL}.csv"', f'{MISSION}[wind]\nfile = "{EVIL}.parquet"',
+    f'{MISSION}[wind]\nfield = {{ file = "{EVIL}" }}', f'{MISSION}[law]\nmodule = "{EVIL}.py"',
+    f'{MISSION}[law]\nmodule = "{EVIL}"', f'airframe = "{EVIL}.toml"\n{MISSION}',
+    MISSION.replace("setpoints", f'plan = "{EVIL}.plan"\nx'), MISSION.replace("A hover.", EVIL),
+])  # fmt: skip
+def test_names_and_keys_of_a_mission_reach_no_terminal_as_they_are(tmp_path, text):
+    path = tmp_path / "x.toml"
+    path.write_text(text + "\n")
+    for command in ("envelope", "fly"):
+        done = gcs(command, path)
+        assert done.exit_code == 2
+        assert all(line.isprintable() for line in done.stderr.split("\n"))
+        assert "\nerror: x" not in done.stderr
+
+
+@pytest.mark.parametrize("text", [
+    'set = { "XX" = 1 }', 'mission = "XX"', 'mission = "XX.toml"', '[draw]\n"plant.XX" = { uniform = [0.0, 1.0] }',
+    '[draw]\n"XX" = { uniform = [0.0, 1.0] }', 'laws = ["XX"]', 'laws = ["XX.py"]', 'airframe = "XX.toml"', '"XX" = 1',
+])  # fmt: skip
+def test_names_and_keys_of_a_campaign_reach_no_terminal_as_they_are(tmp_path, text):
+    mission = "" if text.startswith("mission") else 'mission = "noisy_state"\n'
+    path = tmp_path / "x.toml"
+    path.write_text(
+        f'title = "Does it?"\nflights = 2\nfly = "law"\n{mission}{text.replace("XX", EVIL)}\n'
+    )
+    done = gcs("campaign", path, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert all(line.isprintable() for line in done.stderr.split("\n"))

@@ -13,7 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from gcs_tools.cli.wind import wind
 from gcs_tools.wind_fields import mesh, vtk, vtk_file
 from gcs_tools.wind_fields.files import read
 from gcs_tools.wind_fields.grid import packable
@@ -234,3 +236,15 @@ def binary(text: str) -> str:
 def test_arrays_that_contradict_one_another_are_refused_with_a_reason(tmp_path, changed, said):
     with pytest.raises(FieldError, match=said):
         packable(read(xml_cube(tmp_path, **changed)))
+
+
+@pytest.mark.parametrize("width", [1, 3])
+def test_the_name_of_an_array_reaches_no_terminal_as_it_is(tmp_path, width):
+    name = "&#x9b;31m&#x202e;X&#10;Error: forged"
+    path = xml_cube(
+        tmp_path, wind=ascii_array(name, "Float32", "1 0 0 " * 8 if width == 3 else "1 " * 8, width)
+    )
+    done = CliRunner().invoke(wind, ["check", str(path)])
+    assert done.exit_code == (0 if width == 3 else 2)
+    assert all(line.isprintable() for line in done.output.split("\n"))
+    assert "\nError: forged" not in done.output

@@ -50,6 +50,15 @@ def plain(text: str, kept: str = "") -> str:
     )
 
 
+class PlainError(ValueError):
+    """An error about a file, whose names and values stand in its message. What a terminal would act on is escaped."""
+
+    KEPT = ""  # characters that stay as they are: the end of a line, where a message has several
+
+    def __str__(self) -> str:
+        return plain(super().__str__(), self.KEPT)
+
+
 def shortened(text: str) -> str:
     """A text for a message, cut where it is long."""
     return text if len(text) <= LONG else f"{text[: LONG - 3]}..."

@@ -26,7 +26,7 @@ FASTEST_M_S = 150.0  # a value beyond it is no wind in m/s
 LOOKED_AT = 8 << 20
 
 
-class FieldError(ValueError):
+class FieldError(input_file.PlainError):
     """A field that cannot be opened or packed: which file, what is wrong, what to do."""
 
 
