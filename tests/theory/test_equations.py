@@ -10,6 +10,7 @@ import fcu
 
 THEORY = Path(fcu.__file__).with_name("theory")
 README = (THEORY / "README.md").read_text(encoding="utf-8")
+BESIDE = [THEORY.parent / "guard" / name for name in ("hover.py", "responses.py")]  # of its README
 MARK = re.compile(r"#\s*\((\d+)\)$")
 
 
@@ -24,7 +25,7 @@ def functions(tree, prefix=""):
 
 def marked():
     found = set()
-    for path in sorted(THEORY.glob("*.py")):
+    for path in [*sorted(THEORY.glob("*.py")), *BESIDE]:
         text = path.read_text(encoding="utf-8")
         spans = list(functions(ast.parse(text)))
         for number, line in enumerate(text.splitlines(), 1):
@@ -48,7 +49,7 @@ def test_every_marked_equation_is_in_the_index_and_every_row_is_marked():
 
 
 def test_equations_cited_are_the_papers():
-    for path in THEORY.glob("*.py"):
+    for path in [*THEORY.glob("*.py"), *BESIDE]:
         for cited in re.findall(r"Paper ([^.\n]*)", path.read_text(encoding="utf-8")):
             assert all(1 <= int(n) <= 45 for n in re.findall(r"\((\d+)\)", cited)), path
 
