@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fcu.guard import governor, margin, stability, wrench
-from fcu.guard.governor import SLOWEST
 from fcu.guard.noise import LONGEST, Response, sums
 from fcu.guard.stability import INPUTS, LAGS, OFF, Hover, Loop
 from fcu.guard.types import GuardParams
@@ -178,7 +177,7 @@ def lift_turns(params: GuardParams, law: Params) -> float:
     the body, may be NOT_REACHED times the torque that the rest of the weight holds. It is no less than
     where the vehicle sinks with SLOWEST, nor more than where a tilt steers (`stability.lift`).
     """
-    low, high = params.w_max + SLOWEST, math.sqrt(params.lift / params.c_D)
+    low, high = params.w_max + governor.SLOWEST, math.sqrt(params.lift / params.c_D)
     if law.achieved < 0.5 or high <= low:
         return params.lift
 
@@ -233,7 +232,7 @@ def lean_turns(params: GuardParams, law: Params) -> float:
     less than at SLOWEST against the greatest wind, nor more than where a tilt steers (`margin.leant`).
     """
     most = float(margin.leant(params, law))
-    low, high = params.w_max + SLOWEST, math.sqrt(most / params.c_D)
+    low, high = params.w_max + governor.SLOWEST, math.sqrt(most / params.c_D)
     if law.achieved < 0.5 or high <= low:
         return most
 

@@ -40,9 +40,7 @@ class GuardParams(NamedTuple):
     lift_turns: float  # N, greatest drag from below beside which a tilt has torque for a gust
     lean_turns: float  # N, greatest level drag beside which it has torque for a gust along that
     T_turns: float  # N, greatest thrust beside which roll and pitch have torque for the least jerk
-    promises: (
-        float  # 1: what is believed holds. 0: a rotor is lost, and only what follows is kept to
-    )
+    promises: float  # 1: what is believed holds; 0: a rotor is lost, and what follows is kept to
     top: float  # m/s, greatest speed of the reference of the whole vehicle (`governor.speeds`)
     brake: float  # m/s^2, that it brakes with
     down: float  # m/s, greatest speed downwards (`margin.sinking`)

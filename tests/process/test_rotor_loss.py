@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from fcu.interface.status_texts import Code, Told, brief
@@ -12,7 +13,7 @@ from fcu.process.baseline import Baseline
 from fcu.process.configuration import read_airframe, read_settings
 from gcs_tools.recording.reader import read
 from gcs_tools.studies.rotor_loss import Cell, Losing, fly, mission, scenario
-from tests.two_ways import fly_both
+from tests import two_ways
 
 pytestmark = pytest.mark.slow  # flies
 
@@ -38,7 +39,7 @@ reached = 1.0
 
 def test_it_is_found_and_flown_on_without_over_the_wire_as_in_process(tmp_path):
     (tmp_path / "lost.toml").write_text(TEXT)
-    for way, result in fly_both(tmp_path / "lost.toml", tmp_path).items():
+    for way, result in two_ways.fly_both(tmp_path / "lost.toml", tmp_path).items():
         rows = read(tmp_path / way / "flight.mcap").fcu
         after = rows["t"] > result.failsafes[0].time_s
         assert (rows["outputs.thrusts.r4"][after] == 0.0).all()
@@ -65,6 +66,62 @@ def test_a_hexacopter_that_is_told_lands(seed):
 def test_a_guard_that_governs_does_not_lead_a_vehicle_away_without_a_rotor(cell):
     """It governed on once: untold 288 of 300 were lost, and told some were 10 m past the setpoint."""
     assert {fly(cell, seed).end for seed in (0, 1, 8)} == {"flies on"}
+
+
+DOWN = """title = "A rotor stops on the way down."
+airframe = "s1000"
+[flight]
+duration_s = 60.0
+ground_z_m = 0.0
+arena_m = 1000.0
+start = { position_m = [0.0, 0.0, 60.0] }
+setpoints = [{ at_s = 0.0, position_m = [0.0, 0.0, 60.0] }, { at_s = 4.0, position_m = [0.0, 0.0, 6.0] }]
+[vehicle.params]
+MR_SP_BELOW = 200.0
+[[plant.faults]]
+kind = "motor_off"
+at_s = 5.5
+rotor = 1
+[wind]
+base = "paper"
+"""
+LATE = """title = "A rotor is found late."
+airframe = "x8"
+[flight]
+duration_s = 30.0
+ground_z_m = 0.0
+start = { position_m = [0.0, 0.0, 10.0] }
+setpoints = [[0.0, 0.0, 0.0, 10.0]]
+[vehicle.params]
+FD_ACT_MOT_TOUT = 700.0
+[[plant.faults]]
+kind = "motor_off"
+at_s = 5.0
+rotor = 1
+"""
+
+
+def flown(text, folder):
+    """(position, velocity), E, of a vehicle, flown in process."""
+    (folder / "m.toml").write_text(text)
+    two_ways.fly(folder / "m.toml", folder, "process")
+    rows = read(folder / "process" / "flight.mcap").plant
+    return rows["state.r_E"], rows["state.v_E"]
+
+
+def test_on_the_way_down_it_sinks_no_faster_than_before(tmp_path):
+    """A guard that let go of the reference at once had it fall at 16.7 m/s to the ground."""
+    r, v = flown(DOWN, tmp_path)
+    assert v[:, 2].min() > -2.0
+    assert r[:, 2].min() > 5.5
+
+
+def test_a_reference_does_not_go_with_a_vehicle_that_is_driven_away(tmp_path):
+    """One that gave way was led 35 m away by the time that the loss was found."""
+    r, _ = flown(LATE, tmp_path)
+    off = np.linalg.norm(r - np.array([0.0, 0.0, 10.0]), axis=1)
+    assert off.max() < 1.5
+    assert off[-1] < 0.05
 
 
 def test_until_a_rotor_is_lost_no_bit_changes():
