@@ -8,6 +8,7 @@ current when it ends. `tick` knows no socket: a flight in one process calls it a
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from traceback import extract_tb
 from typing import Any, NamedTuple
@@ -186,7 +187,8 @@ def tick(flight, law, datagram, length, row, decided_us):
             contradicted = max(contradicted, row[i])
         flight.watch[_CONTRADICTED] = 1.0 if contradicted > 0.5 else 0.0
     for i in range(len(flight.thrusts)):
-        flight.watch[_WANTED + i] = row[_FIRST_THRUST + i]
+        stands = math.isnan(row[_FIRST_COMMAND + i])  # told to stand still: not lost
+        flight.watch[_WANTED + i] = 0.0 if stands else row[_FIRST_THRUST + i]
     length = pack_controls(
         flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],
         course.armed != 0.0, True, True, flight.answer,
